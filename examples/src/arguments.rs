@@ -31,7 +31,7 @@ mod tests {
 
     #[test]
     fn sizes_are_two_positive_numbers() {
-        assert_eq!(parse_size::<u32>("640x360"), Ok([640, 360]));
+        assert_eq!(parse_size::<u32>("640x360"), Ok([640, 360]), "a size in pixels");
         for (text, why) in [
             ("0x0", "at least 1 pixel"),
             ("4x0", "at least 1 pixel"),

@@ -291,13 +291,13 @@ mod tests {
     #[test]
     fn a_description_is_read() {
         let read = parse(GOOD).expect("good");
-        assert_eq!(read.up, Some(Vec3::Y));
-        assert_eq!(read.near, Some(0.2));
-        assert_eq!(read.first_transparent_object, None);
-        assert_eq!(read.walks[0].up, Vec3::Y);
-        assert_eq!(read.walks[0].keys[0].eye, DVec3::new(1.0, 2.0, 3.5));
-        assert_eq!(read.reference[0].objects_visible, [3]);
-        assert_eq!(parse("{}").expect("empty"), Description::default());
+        assert_eq!(read.up, Some(Vec3::Y), "the axis up");
+        assert_eq!(read.near, Some(0.2), "the near plane");
+        assert_eq!(read.first_transparent_object, None, "no object is said to be transparent");
+        assert_eq!(read.walks[0].up, Vec3::Y, "the walk's axis up");
+        assert_eq!(read.walks[0].keys[0].eye, DVec3::new(1.0, 2.0, 3.5), "the first eye");
+        assert_eq!(read.reference[0].objects_visible, [3], "objects visible in the reference");
+        assert_eq!(parse("{}").expect("empty"), Description::default(), "an empty description");
     }
 
     #[test]
@@ -328,8 +328,8 @@ mod tests {
 
     #[test]
     fn deep_nesting_is_an_error() {
-        assert!(parse(&"[".repeat(1_000_000)).is_err());
-        assert!(parse(&"{\"a\":".repeat(1_000_000)).is_err());
+        assert!(parse(&"[".repeat(1_000_000)).is_err(), "a million nested lists");
+        assert!(parse(&"{\"a\":".repeat(1_000_000)).is_err(), "a million nested objects");
     }
 
     proptest::proptest! {
@@ -342,7 +342,7 @@ mod tests {
                 bytes[at] = value;
             }
             if let Ok(read) = Description::parse(&bytes, Path::new("test.json")) {
-                assert!(read.walks.iter().all(|walk| !walk.keys.is_empty() && walk.up.is_normalized()));
+                assert!(read.walks.iter().all(|walk| !walk.keys.is_empty() && walk.up.is_normalized()), "a walk without keys or with an axis of no unit length: {:?}", read.walks);
             }
         }
     }

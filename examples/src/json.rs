@@ -92,7 +92,11 @@ mod tests {
     #[test]
     fn values_are_those_of_serde_json_and_equal_keys_are_refused() {
         let good = r#"{"a": [1, -2, 2.5, 1e30, null, true, "x"], "b": {"a": {}}, "c": 18446744073709551615}"#;
-        assert_eq!(parse(good.as_bytes()).unwrap(), serde_json::from_str::<Value>(good).unwrap());
+        assert_eq!(
+            parse(good.as_bytes()).unwrap(),
+            serde_json::from_str::<Value>(good).unwrap(),
+            "values of this reader and of serde_json"
+        );
         for (wrong, why) in [
             (r#"{"a": 1, "b": 2, "a": 1}"#, "`a` is given twice"),
             (r#"[{"x": {"near": 1, "near": 2}}]"#, "`near` is given twice"),

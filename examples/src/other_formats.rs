@@ -88,6 +88,10 @@ mod tests {
         ] {
             assert!(way(name).contains(part), "{name}: {}", way(name));
         }
-        assert_eq!((way("scene.xyz"), way("scene"), way("scene.glb")), Default::default());
+        assert_eq!(
+            (way("scene.xyz"), way("scene"), way("scene.glb")),
+            Default::default(),
+            "formats that are unknown or read name no way"
+        );
     }
 }

@@ -183,14 +183,25 @@ mod tests {
             out.write_all(&[7; 100_000])?;
             Err(std::io::Error::from(ErrorKind::StorageFull))
         });
-        assert!(failed.unwrap_err().starts_with(&format!("cannot write {}: ", file.display())));
+        assert!(
+            failed.unwrap_err().starts_with(&format!("cannot write {}: ", file.display())),
+            "the error names the file"
+        );
         assert_eq!(
             (std::fs::read(&file).unwrap(), names(&folder)),
-            (b"first".to_vec(), vec!["a.set".to_owned()])
+            (b"first".to_vec(), vec!["a.set".to_owned()]),
+            "a failed write leaves the file, and no other"
         );
         write(&file, b"second").unwrap();
-        assert_eq!((std::fs::read(&file).unwrap(), names(&folder).len()), (b"second".to_vec(), 1));
-        assert!(write(&folder, b"").is_err() && write(&folder.join("none/a.set"), b"").is_err());
+        assert_eq!(
+            (std::fs::read(&file).unwrap(), names(&folder).len()),
+            (b"second".to_vec(), 1),
+            "the file is replaced, and is alone"
+        );
+        assert!(
+            write(&folder, b"").is_err() && write(&folder.join("none/a.set"), b"").is_err(),
+            "a folder, and a file in a folder that does not exist"
+        );
         std::fs::remove_dir_all(&folder).unwrap();
     }
 
@@ -206,22 +217,39 @@ mod tests {
         let there = folder.join("c.set");
         std::fs::set_permissions(&there, PermissionsExt::from_mode(0o640)).unwrap();
         write(&file, b"newer").unwrap();
-        assert_eq!(std::fs::read(&there).unwrap(), b"newer");
-        assert_eq!(there.metadata().unwrap().permissions().mode() & 0o777, 0o640);
-        assert!(file.is_symlink() && folder.join("b.set").is_symlink() && !there.is_symlink());
+        assert_eq!(std::fs::read(&there).unwrap(), b"newer", "the file behind two links");
+        assert_eq!(
+            there.metadata().unwrap().permissions().mode() & 0o777,
+            0o640,
+            "the file keeps its permissions"
+        );
+        assert!(
+            file.is_symlink() && folder.join("b.set").is_symlink() && !there.is_symlink(),
+            "links stay links"
+        );
 
         symlink("/dev/null", folder.join("null")).unwrap();
         write(&folder.join("null"), b"gone").unwrap();
         symlink("/dev/full", folder.join("full")).unwrap();
-        assert!(!Path::new("/dev/full").exists() || write(&folder.join("full"), b"more").is_err());
+        assert!(
+            !Path::new("/dev/full").exists() || write(&folder.join("full"), b"more").is_err(),
+            "a full device is an error"
+        );
         // A socket can be made without a library, and cannot be opened.
         let socket = folder.join("socket");
         let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
-        assert!(write(&socket, b"none").is_err());
-        assert!(socket.metadata().unwrap().file_type().is_socket());
+        assert!(write(&socket, b"none").is_err(), "a socket cannot be written");
+        assert!(socket.metadata().unwrap().file_type().is_socket(), "the socket stays");
         let dev_null = Path::new("/dev/null").metadata().unwrap().file_type();
-        assert!(dev_null.is_char_device() && folder.join("null").is_symlink());
-        assert_eq!(names(&folder), ["a.set", "b.set", "c.set", "full", "null", "socket"]);
+        assert!(
+            dev_null.is_char_device() && folder.join("null").is_symlink(),
+            "the device and the link to it stay"
+        );
+        assert_eq!(
+            names(&folder),
+            ["a.set", "b.set", "c.set", "full", "null", "socket"],
+            "files in the folder"
+        );
         std::fs::remove_dir_all(&folder).unwrap();
     }
 
@@ -230,10 +258,13 @@ mod tests {
         let folder = folder("lock");
         let file = folder.join("a.set");
         let lock = Lock::new(&file).unwrap();
-        assert!(Lock::new(&file).unwrap_err().starts_with("another program is at work on "));
-        assert!(Lock::new(&folder.join("b.set")).is_ok());
+        assert!(
+            Lock::new(&file).unwrap_err().starts_with("another program is at work on "),
+            "a second lock is refused"
+        );
+        assert!(Lock::new(&folder.join("b.set")).is_ok(), "a lock of another file");
         drop(lock);
-        assert!(names(&folder).is_empty());
+        assert!(names(&folder).is_empty(), "a lock leaves no file");
         // A `.part` file left by a killed program stops nobody.
         std::fs::write(beside(&file, ".lock"), b"").unwrap();
         drop(Lock::new(&file).unwrap());
@@ -244,14 +275,18 @@ mod tests {
                 scope.spawn(|| {
                     for _ in 0..500 {
                         let Ok(_lock) = Lock::new(&file) else { continue };
-                        assert_eq!(held.fetch_add(1, std::sync::atomic::Ordering::SeqCst), 0);
+                        assert_eq!(
+                            held.fetch_add(1, std::sync::atomic::Ordering::SeqCst),
+                            0,
+                            "two threads hold the lock"
+                        );
                         taken.fetch_add(1, std::sync::atomic::Ordering::SeqCst);
                         held.fetch_sub(1, std::sync::atomic::Ordering::SeqCst);
                     }
                 });
             }
         });
-        assert!(taken.into_inner() > 3);
+        assert!(taken.into_inner() > 3, "the lock was taken");
         std::fs::remove_dir_all(&folder).unwrap();
     }
 }

@@ -81,11 +81,15 @@ mod tests {
 
     #[test]
     fn units_and_axes_are_read_or_refused() {
-        assert_eq!((parse_unit("mm"), parse_unit("0.5")), (Ok(0.001), Ok(0.5)));
-        assert_eq!(parse_axis("z"), Ok(Vec3::Z));
+        assert_eq!(
+            (parse_unit("mm"), parse_unit("0.5")),
+            (Ok(0.001), Ok(0.5)),
+            "units by name and by number"
+        );
+        assert_eq!(parse_axis("z"), Ok(Vec3::Z), "an axis");
         for wrong in ["", "0", "-1", "nan", "inf", "inch", "1e-300"] {
             assert!(parse_unit(wrong).is_err(), "{wrong}");
         }
-        assert!(parse_axis("-z").is_err());
+        assert!(parse_axis("-z").is_err(), "a negative axis");
     }
 }

@@ -117,7 +117,7 @@ pub struct SourceObject {
 pub struct Surfaces {
     /// Triangles that cover what is behind them.
     pub opaque: usize,
-    /// Triangles through which that is seen.
+    /// Triangles through which what is behind them is seen.
     pub see_through: usize,
     /// Triangles of either kind that are drawn from their front alone.
     pub one_sided: usize,
@@ -133,15 +133,15 @@ impl std::fmt::Display for Surfaces {
 /// What a level says of an object, beyond its shape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Hint {
-    /// It hides what is behind it, although it is glass by its material.
+    /// The object hides what is behind it, although its material is glass.
     Occluder,
-    /// It hides nothing.
+    /// The object hides nothing.
     Detail,
-    /// It is the leaf of a door: it hides nothing in a bake, since it may be open.
+    /// The object is the leaf of a door: it hides nothing in a bake, since the door may be open.
     Door,
-    /// It moves: it hides nothing in a bake, and is visible from everywhere.
+    /// The object moves: it hides nothing in a bake, and is visible from everywhere.
     Mover,
-    /// It is visible from everywhere.
+    /// The object is visible from everywhere.
     NeverCull,
 }
 
@@ -217,7 +217,7 @@ impl SourceObject {
         if self.motion.is_some() { [].into() } else { self.triangles.clone() }
     }
 
-    /// Moves the triangles.
+    /// Moves all triangles of the object by `shift` metres.
     fn move_by(&mut self, shift: DVec3) {
         if let (_, Some(transform)) = self.triangles.view().mesh() {
             self.triangles = self.triangles.placed(DAffine3::from_translation(shift) * transform);
@@ -438,16 +438,16 @@ mod tests {
             [Vec3::new(1.0, f32::NAN, 3.0), Vec3::new(-1.0, 2.0, f32::INFINITY), Vec3::new(0.0, 5.0, 4.0)];
         let object = SourceObject::new("odd", vec![triangle]);
         let (low, high) = object.bounds().expect("each axis has finite values");
-        assert_eq!(low, Vec3::new(-1.0, 2.0, 3.0));
-        assert_eq!(high, Vec3::new(1.0, 5.0, 4.0));
+        assert_eq!(low, Vec3::new(-1.0, 2.0, 3.0), "the lower corner, by axis");
+        assert_eq!(high, Vec3::new(1.0, 5.0, 4.0), "the upper corner, by axis");
         let nothing = SourceObject::new("none", vec![[Vec3::NAN; 3]]);
-        assert_eq!(nothing.bounds(), None);
+        assert_eq!(nothing.bounds(), None, "nothing is finite");
     }
 
     #[test]
     fn hints_are_written_as_they_are_read() {
         for hint in [Hint::Occluder, Hint::Detail, Hint::Door, Hint::Mover, Hint::NeverCull] {
-            assert_eq!(hint.to_string().parse(), Ok(hint));
+            assert_eq!(hint.to_string().parse(), Ok(hint), "the hint from its text");
         }
     }
 }

@@ -167,7 +167,10 @@ mod tests {
                 let view = View::perspective(pose, 1.0, 1.0, 0.01, 100.0).unwrap();
                 pipeline.cull(scene, &view, &mut visible);
                 cache.update(scene, &visible);
-                assert!(visible.iter(scene).all(|id| cache.holds(id)));
+                assert!(
+                    visible.iter(scene).all(|id| cache.holds(id)),
+                    "frame {frame}: a visible object is not in memory"
+                );
                 if frame == 0 {
                     first = cache.traffic().loads;
                 }
@@ -192,7 +195,10 @@ mod tests {
         for view in &world.views {
             pipeline.cull(&world.scene, view, &mut visible);
             cache.update(&world.scene, &visible);
-            assert!(visible.iter(&world.scene).all(|id| cache.holds(id)));
+            assert!(
+                visible.iter(&world.scene).all(|id| cache.holds(id)),
+                "a visible object is not in memory"
+            );
         }
         // All objects are out of view for six frames.
         let away = world.views[0].with_layers(0);
@@ -201,7 +207,11 @@ mod tests {
             cache.update(&world.scene, &visible);
         }
         let traffic = cache.traffic();
-        assert_eq!((traffic.resident, traffic.loads), (0, traffic.unloads));
+        assert_eq!(
+            (traffic.resident, traffic.loads),
+            (0, traffic.unloads),
+            "after six frames all has left: {traffic:?}"
+        );
         assert!(traffic.spared > 0 && traffic.peak > 0 && traffic.loads > 700, "{traffic:?}");
     }
 }

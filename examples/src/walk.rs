@@ -222,38 +222,47 @@ mod tests {
         let walks = [walk(5), walk(1), walk(7)];
         let frames = frames(&walks, 13);
         let keys: Vec<_> = walks.iter().flat_map(|w| &w.keys).copied().collect();
-        assert_eq!(frames.iter().map(|f| f.camera).collect::<Vec<_>>(), keys);
+        assert_eq!(
+            frames.iter().map(|f| f.camera).collect::<Vec<_>>(),
+            keys,
+            "as many frames as keys are the keys"
+        );
     }
 
     #[test]
     fn any_number_of_frames_is_met_and_ends_are_shown() {
         let walks = [walk(4), walk(9)];
         for count in [0, 1, 2, 26, 1000] {
-            assert_eq!(frames(&walks, count).len(), count);
+            assert_eq!(frames(&walks, count).len(), count, "{count} frames");
         }
         let many = frames(&walks, 260);
-        assert_eq!(many[0].camera, walks[0].keys[0]);
-        assert_eq!(many[79].camera, walks[0].keys[3]);
-        assert_eq!(many[80].camera, walks[1].keys[0]);
-        assert_eq!(many[259].camera, walks[1].keys[8]);
-        assert_eq!(many[259].walk, 1);
-        assert!(frames(&[], 10).is_empty());
+        assert_eq!(many[0].camera, walks[0].keys[0], "the first frame is the first key");
+        assert_eq!(many[79].camera, walks[0].keys[3], "the last frame of the first walk is its last key");
+        assert_eq!(many[80].camera, walks[1].keys[0], "the first frame of the second walk is its first key");
+        assert_eq!(many[259].camera, walks[1].keys[8], "the last frame is the last key");
+        assert_eq!(many[259].walk, 1, "the walk of the last frame");
+        assert!(frames(&[], 10).is_empty(), "frames of no walks");
     }
 
     #[test]
     fn positions_outside_stay_at_the_ends() {
         let walk = walk(3);
-        assert_eq!(walk.at(-1.0), Some(walk.keys[0]));
-        assert_eq!(walk.at(f64::NAN), Some(walk.keys[0]));
-        assert_eq!(walk.at(f64::INFINITY), Some(walk.keys[2]));
-        assert_eq!(walk.at(0.5).expect("keys").eye.x, 0.5);
+        assert_eq!(walk.at(-1.0), Some(walk.keys[0]), "a position before the walk");
+        assert_eq!(walk.at(f64::NAN), Some(walk.keys[0]), "a position of NaN");
+        assert_eq!(walk.at(f64::INFINITY), Some(walk.keys[2]), "a position after the walk");
+        assert_eq!(walk.at(0.5).expect("keys").eye.x, 0.5, "halfway to the second key");
     }
 
     #[test]
     fn a_route_that_turns_back_is_not_looked_at_from_on_top() {
         let back = [DVec3::ZERO, DVec3::new(4.0, 0.0, 0.0), DVec3::new(0.0, 0.1, 0.0)];
         for key in along(&back, 50, 2.0) {
-            assert!(key.eye.distance(key.target) >= 1.0 - 1e-9);
+            assert!(
+                key.eye.distance(key.target) >= 1.0 - 1e-9,
+                "the eye {} looks at {} from on top",
+                key.eye,
+                key.target
+            );
         }
     }
 
@@ -262,20 +271,27 @@ mod tests {
         let corner = [DVec3::ZERO, DVec3::new(4.0, 0.0, 0.0), DVec3::new(4.0, 1.0, 0.0)];
         let keys = through(&corner, 1.5, 1.0);
         let eyes: Vec<[f64; 2]> = keys.iter().map(|key| [key.eye.x, key.eye.y]).collect();
-        assert_eq!(eyes, [[0.0, 0.0], [4.0 / 3.0, 0.0], [8.0 / 3.0, 0.0], [4.0, 0.0], [4.0, 1.0]]);
-        assert_eq!(keys[3].target, corner[2]);
-        assert!(through(&corner, 0.0, 1.0).is_empty() && through(&corner[..1], 1.0, 1.0).is_empty());
+        assert_eq!(
+            eyes,
+            [[0.0, 0.0], [4.0 / 3.0, 0.0], [8.0 / 3.0, 0.0], [4.0, 0.0], [4.0, 1.0]],
+            "eyes along a corner, at most 1.5 m apart"
+        );
+        assert_eq!(keys[3].target, corner[2], "the target at the corner is the next vertex");
+        assert!(
+            through(&corner, 0.0, 1.0).is_empty() && through(&corner[..1], 1.0, 1.0).is_empty(),
+            "a step of 0, and a route of one point"
+        );
     }
 
     #[test]
     fn keys_along_a_corner_look_ahead_and_past_the_end() {
         let corner = [DVec3::ZERO, DVec3::ZERO, DVec3::new(4.0, 0.0, 0.0), DVec3::new(4.0, 4.0, 0.0)];
         let keys = along(&corner, 5, 1.0);
-        assert_eq!(keys[1].eye, DVec3::new(2.0, 0.0, 0.0));
-        assert_eq!(keys[2].eye, DVec3::new(4.0, 0.0, 0.0));
-        assert_eq!(keys[2].target, DVec3::new(4.0, 1.0, 0.0));
-        assert_eq!(keys[4].target, DVec3::new(4.0, 5.0, 0.0));
-        assert!(along(&[DVec3::ZERO], 5, 1.0).is_empty());
-        assert!(along(&corner, 5, f64::NAN).is_empty());
+        assert_eq!(keys[1].eye, DVec3::new(2.0, 0.0, 0.0), "a quarter of the way");
+        assert_eq!(keys[2].eye, DVec3::new(4.0, 0.0, 0.0), "half of the way, the corner");
+        assert_eq!(keys[2].target, DVec3::new(4.0, 1.0, 0.0), "from the corner, 1 m ahead");
+        assert_eq!(keys[4].target, DVec3::new(4.0, 5.0, 0.0), "from the end, 1 m past it");
+        assert!(along(&[DVec3::ZERO], 5, 1.0).is_empty(), "a route without length");
+        assert!(along(&corner, 5, f64::NAN).is_empty(), "a distance ahead of NaN");
     }
 }

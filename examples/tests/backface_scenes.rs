@@ -57,7 +57,11 @@ impl Judge {
                 clusters.push((cluster, triangles));
             }
         }
-        assert_eq!(clusters.iter().map(|(_, t)| t.len()).sum::<usize>(), scene.triangle_count());
+        assert_eq!(
+            clusters.iter().map(|(_, t)| t.len()).sum::<usize>(),
+            scene.triangle_count(),
+            "clusters hold all triangles"
+        );
         let planes = clusters.iter().map(|(_, triangles)| planes(triangles)).collect();
         let cones = Cones::new(clusters.iter().map(|(cluster, _)| cluster.cone));
         Self { clusters, cones, planes, bounds: [low.as_dvec3(), high.as_dvec3()] }
@@ -198,7 +202,7 @@ fn a_fifth_of_the_car_is_culled_at_least() {
                 100.0 * culled,
                 100.0 * back
             );
-            assert!(culled >= 0.2 && culled <= back);
+            assert!(culled >= 0.2 && culled <= back, "{name}, {radii} radii: {culled} culled of {back} back");
         }
     }
 }

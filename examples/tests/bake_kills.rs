@@ -25,7 +25,7 @@ fn a_bake_that_is_killed_ten_times_has_the_bytes_of_one_that_is_not() {
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder).unwrap();
     let [whole, killed] = ["whole.pvs", "killed.pvs"].map(|name| folder.join(name));
-    assert!(bake(&whole, "1").wait().unwrap().success());
+    assert!(bake(&whole, "1").wait().unwrap().success(), "the bake that is not killed succeeds");
 
     let state = folder.join("killed.pvs.state");
     let mut random = Random(23);
@@ -45,7 +45,10 @@ fn a_bake_that_is_killed_ten_times_has_the_bytes_of_one_that_is_not() {
         sleep(Duration::from_micros(random.below(30_000) as u64));
         if let Some(status) = running.try_wait().unwrap() {
             // It was quicker, on a machine that is busy with other things. It begins anew.
-            assert!(status.success() && !state.exists());
+            assert!(
+                status.success() && !state.exists(),
+                "the bake that was quicker has succeeded, and removed its state"
+            );
             fs::remove_file(&killed).unwrap();
             states.clear();
             continue;
@@ -62,7 +65,7 @@ fn a_bake_that_is_killed_ten_times_has_the_bytes_of_one_that_is_not() {
     }
     assert!(resumed >= KILLS / 2, "{resumed} of {KILLS} went on");
 
-    assert!(bake(&killed, "2").wait().unwrap().success());
+    assert!(bake(&killed, "2").wait().unwrap().success(), "the bake that was killed succeeds");
     assert!(fs::read(&killed).unwrap() == fs::read(&whole).unwrap(), "other bytes");
     assert!(!state.exists(), "the state is removed when the work is done");
 }

@@ -84,15 +84,27 @@ fn a_set_is_refused_once_a_door_is_cut_into_a_wall() {
     // The report names the version, which the set has.
     let set = visibility_bake::BakedSet::from_bytes(&fs::read(folder.join("wall.set")).unwrap()).unwrap();
     let version = format!("{:016x}", set.version());
-    assert!(text(&baked.stdout).contains(&format!("version of the level: {version}")));
-    assert!(fs::read_to_string(folder.join("report.json")).unwrap().contains(&version));
+    assert!(
+        text(&baked.stdout).contains(&format!("version of the level: {version}")),
+        "the program names the version {version}"
+    );
+    assert!(
+        fs::read_to_string(folder.join("report.json")).unwrap().contains(&version),
+        "the report has the version {version}"
+    );
     // With the cache of the level before the edit, the set is that of a bake without.
     fs::copy(folder.join("door.vscn"), folder.join("wall.vscn")).unwrap();
-    assert!(bake_wall(&folder, "cached.set", &["--cache", "wall.cache"]).status.success());
-    assert!(bake_wall(&folder, "anew.set", &[]).status.success());
+    assert!(
+        bake_wall(&folder, "cached.set", &["--cache", "wall.cache"]).status.success(),
+        "the bake with the old cache succeeds"
+    );
+    assert!(bake_wall(&folder, "anew.set", &[]).status.success(), "the bake without a cache succeeds");
     let [cached, anew, before] =
         ["cached.set", "anew.set", "wall.set"].map(|name| fs::read(folder.join(name)).unwrap());
-    assert!(cached == anew && anew != before);
+    assert!(
+        cached == anew && anew != before,
+        "the cached set is the one without a cache, and not the old one"
+    );
 }
 
 #[test]
@@ -101,12 +113,12 @@ fn one_bake_at_a_time_writes_a_file() {
     write_wall(&folder.join("wall.vscn"), WHOLE);
     let lock = Lock::new(&folder.join("two.set")).unwrap();
     let refused = bake_wall(&folder, "two.set", &[]);
-    assert!(!refused.status.success());
+    assert!(!refused.status.success(), "a bake of a file that is worked on is refused");
     assert!(text(&refused.stderr).contains("another program is at work on "), "{}", text(&refused.stderr));
-    assert!(bake_wall(&folder, "other.set", &[]).status.success());
+    assert!(bake_wall(&folder, "other.set", &[]).status.success(), "a bake of another file succeeds");
     drop(lock);
-    assert!(bake_wall(&folder, "two.set", &[]).status.success());
-    assert_eq!(names(&folder), ["other.set", "two.set", "wall.vscn"]);
+    assert!(bake_wall(&folder, "two.set", &[]).status.success(), "a bake after the lock is gone succeeds");
+    assert_eq!(names(&folder), ["other.set", "two.set", "wall.vscn"], "files left");
 }
 
 #[cfg(unix)]
@@ -122,12 +134,16 @@ fn links_are_followed_and_devices_stay() {
         let baked = bake_wall(&folder, out, &["--memory", "64M"]);
         assert!(baked.status.success(), "{out}: {}", text(&baked.stderr));
     }
-    assert!(folder.join("link.set").is_symlink() && folder.join("null").is_symlink());
-    assert!(fs::metadata("/dev/null").unwrap().file_type().is_char_device());
+    assert!(folder.join("link.set").is_symlink() && folder.join("null").is_symlink(), "links stay links");
+    assert!(fs::metadata("/dev/null").unwrap().file_type().is_char_device(), "the device stays");
     let [real, plain] = ["there/real.set", "plain.set"].map(|name| fs::read(folder.join(name)).unwrap());
-    assert!(real == plain && !real.is_empty());
-    assert_eq!(names(&folder), ["link.set", "null", "plain.set", "there", "wall.vscn"]);
-    assert_eq!(names(&folder.join("there")), ["real.set"]);
+    assert!(real == plain && !real.is_empty(), "the linked set is the plain one");
+    assert_eq!(
+        names(&folder),
+        ["link.set", "null", "plain.set", "there", "wall.vscn"],
+        "files in the folder"
+    );
+    assert_eq!(names(&folder.join("there")), ["real.set"], "files behind the link");
 }
 
 #[test]
@@ -136,7 +152,7 @@ fn more_viewcells_than_can_be_kept_are_refused_with_their_number() {
     let refused = |size: &str, more: &[&str]| {
         let size = [size; 3].join(",");
         let refused = bake(&folder, &[&["plpcity:1,1", "--size", &size, "--out", "a.set"], more].concat());
-        assert!(!refused.status.success());
+        assert!(!refused.status.success(), "a size of {size} is refused");
         text(&refused.stderr)
     };
     for more in [&[][..], &["--over", "0,0,0,100,100,100"]] {
@@ -147,7 +163,7 @@ fn more_viewcells_than_can_be_kept_are_refused_with_their_number() {
     // As many can be kept, but are not made in a second.
     let said = refused("0.0001", &["--time", "1"]);
     assert!(said.starts_with("error: the viewcells were not made in time: larger ones (--size)"), "{said}");
-    assert!(names(&folder).is_empty());
+    assert!(names(&folder).is_empty(), "no file is left");
 }
 
 #[test]
@@ -162,12 +178,16 @@ fn the_last_lines_say_which_viewcells_miss_the_gap() {
         let asked = json["asked_gap"].as_f64().unwrap();
         let cells = json["viewcells"].as_array().unwrap();
         let over = cells.iter().filter(|cell| cell["gap"].as_f64().unwrap() > asked).count();
-        assert_eq!(json["viewcells_over_gap"].as_u64(), Some(over as u64));
+        assert_eq!(
+            json["viewcells_over_gap"].as_u64(),
+            Some(over as u64),
+            "viewcells over the gap, in the report"
+        );
         let line = format!("{over} of {} viewcells miss the gap of ", cells.len());
         assert_eq!(text(&baked.stdout).contains(&line), over > 0, "{}", text(&baked.stdout));
         (over, text(&baked.stdout))
     };
-    assert_eq!(report(&["--gap", "100%"]).0, 0);
+    assert_eq!(report(&["--gap", "100%"]).0, 0, "viewcells over a gap of 100 %");
     let (over, said) = report(&["--gap", "1%", "--time", "0"]);
     assert!(over > 0 && said.contains("the same command goes on"), "{said}");
 }
@@ -193,10 +213,10 @@ fn cameras_outside_all_viewcells_are_counted() {
         assert!(text(&baked.stdout).contains(line), "{}{}", text(&baked.stdout), text(&baked.stderr));
         let report = fs::read_to_string(folder.join("report.json")).unwrap();
         let report: serde_json::Value = serde_json::from_str(&report).unwrap();
-        assert_eq!(report["cameras_inside"].as_u64(), Some(1));
+        assert_eq!(report["cameras_inside"].as_u64(), Some(1), "{cameras}: cameras inside, in the report");
         let arguments = ["wall.vscn", "--cameras", cameras, "--size", "64x36", "--cullers", "baked:wall.set"];
         let walk = run(env!("CARGO_BIN_EXE_walkthrough"), &folder, &arguments);
-        assert!(walk.status.success());
+        assert!(walk.status.success(), "{cameras}: the walk succeeds");
         let said = text(&walk.stderr).contains("wall.set: 1 of 2 cameras are outside all viewcells");
         assert_eq!(said, is_outside, "{}", text(&walk.stderr));
     }
@@ -206,5 +226,8 @@ fn cameras_outside_all_viewcells_are_counted() {
         let baked = bake(&folder, &[&arguments[..], cells].concat());
         (text(&baked.stdout) + &text(&baked.stderr)).contains("--cells free adds all that can be reached")
     };
-    assert!(still(&[]) && !still(&["--cells", "walks"]));
+    assert!(
+        still(&[]) && !still(&["--cells", "walks"]),
+        "the hint at free cells, with and without a word on places"
+    );
 }

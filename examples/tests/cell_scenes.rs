@@ -120,7 +120,7 @@ fn objects_are_those_of_seen_cells_and_fewer() {
     let (graph, settings) = (&cells.graph, settings(&cells.viewcells, CELL_STEPS));
     let baked = cell_rows(graph, settings).unwrap();
     let outcome = objects(&world.scene, graph, &baked, settings).unwrap();
-    assert!(outcome.complete && outcome.fallbacks.is_empty());
+    assert!(outcome.complete && outcome.fallbacks.is_empty(), "all objects are decided");
     let mut by_cells = 0;
     for cell in (0..graph.cell_count() as u32).map(CellId) {
         let row = &outcome.rows[cell.index()];
@@ -132,9 +132,15 @@ fn objects_are_those_of_seen_cells_and_fewer() {
             .collect();
         all.sort_unstable();
         all.dedup();
-        assert!(row.iter().all(|object| all.binary_search(object).is_ok()));
+        assert!(
+            row.iter().all(|object| all.binary_search(object).is_ok()),
+            "{cell:?}: an object outside of the cells seen"
+        );
         // The objects in the cell itself are visible.
-        assert!(graph.objects_in(cell).iter().all(|id| row.binary_search(&(id.index() as u32)).is_ok()));
+        assert!(
+            graph.objects_in(cell).iter().all(|id| row.binary_search(&(id.index() as u32)).is_ok()),
+            "{cell:?}: an object in the cell itself is not seen"
+        );
         by_cells += all.len();
     }
     let mean = by_cells as f64 / graph.cell_count() as f64;
@@ -146,13 +152,16 @@ fn objects_are_those_of_seen_cells_and_fewer() {
 fn sets_are_baked_once_and_compose() {
     let world = World::new(built_in("office:1,4").unwrap(), (64, 36), Some(3)).unwrap();
     let [a, b] = [0, 1].map(|_| sets_of(&world, Origin::Given, Detail::Objects).unwrap());
-    assert!(std::sync::Arc::ptr_eq(&a, &b));
+    assert!(std::sync::Arc::ptr_eq(&a, &b), "sets are baked once");
     let pipelines = cullers::parse("pvs,pvs+hzb,pvs:cells", &world).unwrap();
     let reports: Vec<_> =
         pipelines.into_iter().map(|(name, p)| run(name, p, &world).mean_visible()).collect();
     assert!(reports[1] <= reports[0] && reports[0] <= reports[2], "{reports:?}");
     let outdoors = World::new(built_in("town:1").unwrap(), (64, 36), Some(1)).unwrap();
-    assert!(cullers::parse("pvs", &outdoors).is_err() && cullers::parse("pvs:soon", &world).is_err());
+    assert!(
+        cullers::parse("pvs", &outdoors).is_err() && cullers::parse("pvs:soon", &world).is_err(),
+        "sets of a scene without cells, and an unknown setting"
+    );
 }
 
 /// Checks portal culling on the walks of an office: no false hidden object, and at most 1.3 times as many
@@ -201,7 +210,7 @@ fn cells_are_made_where_a_culler_asks_and_the_scene_brings_none() {
     // A world makes none unless it is asked to.
     let mut world = without_cells(built_in("office:1,2").unwrap(), (64, 36), 1);
     world.makes_cells = false;
-    assert!(cullers::parse("portals", &world).is_err());
+    assert!(cullers::parse("portals", &world).is_err(), "portals of a scene without cells");
 }
 
 #[test]

@@ -157,7 +157,11 @@ fn extensions_that_are_required_are_let_through() {
     }
     let mut file = triangle();
     file.root["extensionsRequired"] = json!(["ABC_other_geometry"]);
-    assert_eq!(file.scene().notes, ["not read: the extension ABC_other_geometry"]);
+    assert_eq!(
+        file.scene().notes,
+        ["not read: the extension ABC_other_geometry"],
+        "the note names the extension"
+    );
 }
 
 #[test]
@@ -172,7 +176,7 @@ fn pictures_and_their_buffers_may_be_missing() {
     let rough = json!({"baseColorTexture": texture});
     file.root["materials"] = json!([{"extensions": extensions, "pbrMetallicRoughness": rough}]);
     file.root["meshes"][0]["primitives"][0]["material"] = json!(0);
-    assert_eq!(points(&file.scene()), CORNERS);
+    assert_eq!(points(&file.scene()), CORNERS, "corners of a triangle whose pictures are missing");
 }
 
 #[test]
@@ -190,8 +194,8 @@ fn what_is_not_read_is_counted() {
     let scene = file.scene();
     let expected =
         "not read: 3 primitives without triangles, 1 hidden node, 1 camera, 2 lights, 1 other scene";
-    assert_eq!(scene.notes, [expected]);
-    assert_eq!(scene.triangle_count(), 1);
+    assert_eq!(scene.notes, [expected], "the note counts what is not read");
+    assert_eq!(scene.triangle_count(), 1, "triangles that are read");
 
     file.root["meshes"][0]["primitives"] = json!([{"attributes": {"POSITION": 0}, "mode": 0}]);
     let path = file.write("points.glb");
@@ -214,18 +218,27 @@ fn whole_numbers_are_positions() {
     let some = signed([0, 1, -1, 32767, -32767, -32768, 300, -2, 5]);
     assert_eq!(
         quantized(some.clone(), 5122, false),
-        [[0.0, 2.0, -2.0], [65534.0, -65534.0, -65536.0], [600.0, -4.0, 10.0]]
+        [[0.0, 2.0, -2.0], [65534.0, -65534.0, -65536.0], [600.0, -4.0, 10.0]],
+        "signed 16-bit numbers, doubled"
     );
     let fractions = quantized(some, 5122, true);
-    assert_eq!(fractions[1], [2.0, -2.0, -2.0]);
-    assert_eq!(fractions[2][0], 2.0 * (300.0 / 32767.0));
+    assert_eq!(fractions[1], [2.0, -2.0, -2.0], "signed 16-bit numbers as fractions, doubled");
+    assert_eq!(fractions[2][0], 2.0 * (300.0 / 32767.0), "signed 16-bit numbers as fractions, doubled");
     let some = unsigned([0, 65535, 1, 0, 0, 0, 0, 0, 0]);
-    assert_eq!(quantized(some.clone(), 5123, true)[0], [0.0, 2.0, 2.0 / 65535.0]);
-    assert_eq!(quantized(some, 5123, false)[0], [0.0, 131_070.0, 2.0]);
+    assert_eq!(
+        quantized(some.clone(), 5123, true)[0],
+        [0.0, 2.0, 2.0 / 65535.0],
+        "unsigned 16-bit numbers as fractions, doubled"
+    );
+    assert_eq!(quantized(some, 5123, false)[0], [0.0, 131_070.0, 2.0], "unsigned 16-bit numbers, doubled");
     let bytes = vec![0, 127, 128, 129, 255, 1, 2, 3, 4];
-    assert_eq!(quantized(bytes.clone(), 5120, true)[0], [0.0, 2.0, -2.0]);
-    assert_eq!(quantized(bytes.clone(), 5120, false)[1], [-254.0, -2.0, 2.0]);
-    assert_eq!(quantized(bytes, 5121, true)[1][1], 2.0);
+    assert_eq!(
+        quantized(bytes.clone(), 5120, true)[0],
+        [0.0, 2.0, -2.0],
+        "signed bytes as fractions, doubled"
+    );
+    assert_eq!(quantized(bytes.clone(), 5120, false)[1], [-254.0, -2.0, 2.0], "signed bytes, doubled");
+    assert_eq!(quantized(bytes, 5121, true)[1][1], 2.0, "unsigned bytes as fractions, doubled");
 }
 
 #[test]
@@ -237,15 +250,26 @@ fn sparse_accessors_replace_elements_of_a_view_or_of_zeros() {
     file.root["accessors"][0]["sparse"] = json!({
         "count": 2, "indices": {"bufferView": indices, "componentType": 5121}, "values": {"bufferView": values}
     });
-    assert_eq!(points(&file.scene()), [[7.0, 8.0, 9.0], CORNERS[1], [4.0, 5.0, 6.0]]);
+    assert_eq!(
+        points(&file.scene()),
+        [[7.0, 8.0, 9.0], CORNERS[1], [4.0, 5.0, 6.0]],
+        "elements 0 and 2 are replaced"
+    );
     file.root["accessors"][0].as_object_mut().expect("an accessor").remove("bufferView");
-    assert_eq!(points(&file.scene()), [[7.0, 8.0, 9.0], [0.0; 3], [4.0, 5.0, 6.0]]);
+    assert_eq!(
+        points(&file.scene()),
+        [[7.0, 8.0, 9.0], [0.0; 3], [4.0, 5.0, 6.0]],
+        "elements 0 and 2 replace zeros"
+    );
     file.root["accessors"][0]["count"] = json!(2);
     let error = file.read().expect_err("beyond").to_string();
     assert!(error.contains("accessor 0: sparse element 2 is beyond its 2 elements"), "{error}");
     // Zeros are no bytes of the file, so there may not be any number of them.
     file.root["accessors"][0] = json!({"componentType": FLOAT, "type": "VEC3", "count": 2_000_000});
-    assert!(file.read().expect_err("many zeros").to_string().contains("without a buffer view"));
+    assert!(
+        file.read().expect_err("many zeros").to_string().contains("without a buffer view"),
+        "too many zeros without a view"
+    );
 }
 
 #[test]
@@ -255,7 +279,7 @@ fn draco_is_named_with_what_to_run() {
     file.root["meshes"][0]["primitives"][0]["extensions"] = extension;
     file.root["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]);
     // Positions that are there uncompressed are read.
-    assert_eq!(points(&file.scene()), CORNERS);
+    assert_eq!(points(&file.scene()), CORNERS, "uncompressed positions are read");
     file.root["accessors"][0].as_object_mut().expect("an accessor").remove("bufferView");
     let error = file.read().expect_err("Draco").to_string();
     assert!(error.contains("Draco") && error.contains("npx @gltf-transform/cli copy"), "{error}");
@@ -271,7 +295,7 @@ fn forged_containers_hierarchies_and_keys_are_refused() {
         bytes[8..12].copy_from_slice(&(length as u32).to_le_bytes());
         parse(&bytes, Path::new("test.glb")).map_err(|error| error.to_string())
     };
-    assert!(with_length(bytes.len()).is_ok());
+    assert!(with_length(bytes.len()).is_ok(), "the true length");
     for length in [12, 16, 20, 20 + text - 4, 20 + text, 28 + text, bytes.len() - 4, bytes.len() + 4] {
         let error = with_length(length).expect_err("another length");
         assert!(error.contains("the header claims"), "{length}: {error}");
@@ -306,7 +330,7 @@ fn pipes_are_not_waited_for() {
         let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
         let _ = std::fs::remove_file(&path);
         let made = std::process::Command::new("mkfifo").arg(&path).status().expect("mkfifo");
-        assert!(made.success());
+        assert!(made.success(), "{name}: the pipe is made");
         let error = if name.ends_with("json") {
             load_walks(&path).expect_err("a pipe").to_string()
         } else {
@@ -330,7 +354,7 @@ fn instances_are_placed_one_by_one() {
     file.root["nodes"][0]["translation"] = json!([0, 0, 5]);
     let scene = file.scene();
     let names: Vec<String> = scene.objects.iter().map(|object| object.name.to_string()).collect();
-    assert_eq!(names, ["it[0]", "it[1]"]);
+    assert_eq!(names, ["it[0]", "it[1]"], "names of instances");
     let is = |at: usize, expected: [[f32; 3]; 3]| {
         for (p, expected) in scene.objects[at].triangles.view().get(0).unwrap().iter().zip(expected) {
             assert!(p.distance(Vec3::from_array(expected)) < 1e-6, "{at}: {p}");
@@ -340,7 +364,10 @@ fn instances_are_placed_one_by_one() {
     is(1, [[10.0, 0.0, 5.0], [10.0, 3.0, 5.0], [8.0, 0.0, 5.0]]);
     let few = file.floats(&[[1.0, 1.0, 1.0]]);
     file.root["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["SCALE"] = json!(few);
-    assert!(file.read().expect_err("1 of 2").to_string().contains("differ in number"));
+    assert!(
+        file.read().expect_err("1 of 2").to_string().contains("differ in number"),
+        "attributes of different lengths"
+    );
 }
 
 #[test]
@@ -381,24 +408,37 @@ fn skinned() -> File {
 fn skins_are_placed_by_their_joints() {
     let scene = skinned().scene();
     // (0, 2, 0) by the first joint is (10, 2, 0), and by the second 2 (1, 2, 0) + (0, 4, 0) = (2, 8, 0).
-    assert_eq!(points(&scene), [[10.0, 0.0, 0.0], [11.0, 0.0, 0.0], [6.0, 5.0, 0.0]]);
+    assert_eq!(
+        points(&scene),
+        [[10.0, 0.0, 0.0], [11.0, 0.0, 0.0], [6.0, 5.0, 0.0]],
+        "corners placed by their joints"
+    );
     let object = &scene.objects[0];
-    assert!(!object.opaque && !object.never_cull);
+    assert!(!object.opaque && !object.never_cull, "a skin hides nothing, and is culled");
     let (low, high) = *object.motion.as_deref().expect("a skin moves");
-    assert!(low.cmple(Vec3::new(6.0, 0.0, 0.0)).all() && high.cmpge(Vec3::new(11.0, 5.0, 0.0)).all());
+    assert!(
+        low.cmple(Vec3::new(6.0, 0.0, 0.0)).all() && high.cmpge(Vec3::new(11.0, 5.0, 0.0)).all(),
+        "the bounds {low} to {high} hold all poses"
+    );
     let mut wrong = skinned();
     wrong.root["skins"][0]["joints"] = json!([1]);
-    assert!(wrong.read().expect_err("a joint too few").to_string().contains("joint 1 is beyond the 1"));
+    assert!(
+        wrong.read().expect_err("a joint too few").to_string().contains("joint 1 is beyond the 1"),
+        "a joint that is missing"
+    );
 }
 
 /// Returns the bounds over all clips of a file's first object.
 fn motion(file: &File) -> (Vec3, Vec3) {
     let scene = file.scene();
     let object = &scene.objects[0];
-    assert!(!object.opaque && !object.never_cull && object.fixed_triangles().is_empty());
+    assert!(
+        !object.opaque && !object.never_cull && object.fixed_triangles().is_empty(),
+        "what moves hides nothing, and has no fixed triangles"
+    );
     let bounds = object.object().bounds;
-    assert!(!object.object().occluder);
-    assert_eq!(object.motion.as_deref(), Some(&(bounds.min, bounds.max)));
+    assert!(!object.object().occluder, "what moves is no occluder");
+    assert_eq!(object.motion.as_deref(), Some(&(bounds.min, bounds.max)), "bounds over all clips");
     (bounds.min, bounds.max)
 }
 
@@ -426,12 +466,12 @@ fn what_a_clip_moves_hides_nothing_and_is_seen_wherever_it_goes() {
     let mut file = door();
     assert_bounds(&file, [[-2.0, -2.0, 0.0], [2.0, 7.0, 0.0]]);
     let ahead = |file: &File| reported(file.scene(), "hzb", DVec3::new(0.0, 0.0, 2.0), DVec3::ZERO);
-    assert_eq!(ahead(&file), [0, 1]);
+    assert_eq!(ahead(&file), [0, 1], "objects seen behind the moving door");
     // From above the closed door, looking up, only the open door could be seen.
     let above =
         |file: &File| reported(file.scene(), "frustum", DVec3::new(0.0, 4.0, 2.0), DVec3::new(0.0, 9.0, 0.0));
-    assert_eq!(above(&file), [0]);
-    assert_eq!(file.scene().notes.len(), 1);
+    assert_eq!(above(&file), [0], "objects seen from above, looking up");
+    assert_eq!(file.scene().notes.len(), 1, "notes of a file with a clip");
     // A clip that keeps the door at rest moves nothing.
     file.root["animations"] = json!(null);
     file.root.as_object_mut().expect("a document").remove("animations");
@@ -439,13 +479,20 @@ fn what_a_clip_moves_hides_nothing_and_is_seen_wherever_it_goes() {
     file.clip(0, "translation", &[0.0, 1.0], values, "STEP");
     let turn = file.floats(&[[0.0, 0.0, 0.0, -1.0], [0.0, 0.0, 0.0, 1.0]]);
     file.clip(0, "rotation", &[0.0, 1.0], turn, "LINEAR");
-    assert_eq!((ahead(&file), above(&file), file.scene().notes), (vec![0], vec![], vec![]));
+    assert_eq!(
+        (ahead(&file), above(&file), file.scene().notes),
+        (vec![0], vec![], vec![]),
+        "a clip that keeps the door at rest: seen ahead, seen above, and notes"
+    );
     // A node that a pointer moves may be anywhere.
     let pointer = json!({"KHR_animation_pointer": {"pointer": "/nodes/0/translation"}});
     let target = json!({"path": "pointer", "extensions": pointer});
     file.root["animations"][0]["channels"][0]["target"] = target;
-    assert!(file.scene().objects[0].never_cull && !file.scene().objects[0].opaque);
-    assert_eq!(ahead(&file), [0, 1]);
+    assert!(
+        file.scene().objects[0].never_cull && !file.scene().objects[0].opaque,
+        "what a pointer moves is never culled, and hides nothing"
+    );
+    assert_eq!(ahead(&file), [0, 1], "objects seen behind what a pointer moves");
 }
 
 #[test]
@@ -500,7 +547,11 @@ fn morph_targets_are_bounded_over_all_weights() {
     let back = file.floats(&[[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, -1.0]]);
     file.root["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": up}, {"POSITION": back}]);
     file.root["meshes"][0]["weights"] = json!([0.5, 0.0]);
-    assert_eq!(points(&file.scene()), [CORNERS[0], [1.0, 1.5, 0.0], CORNERS[2]]);
+    assert_eq!(
+        points(&file.scene()),
+        [CORNERS[0], [1.0, 1.5, 0.0], CORNERS[2]],
+        "corners with half of the first target"
+    );
     assert_bounds(&file, [[0.0, 0.0, -1.0], [1.0, 3.0, 0.0]]);
     let weights = file.floats(&[[0.0], [0.25], [2.0], [-1.0]]);
     file.clip(0, "weights", &[0.0, 1.0], weights, "LINEAR");
@@ -643,10 +694,12 @@ fn edge(x: f64) -> File {
 #[test]
 fn far_from_the_origin_coordinates_are_relative_to_a_point_near_the_content() {
     let (here, far) = (edge(0.0).scene(), edge(3_900_000.0).scene());
-    assert_eq!(here.origin, DVec3::ZERO);
-    assert_eq!(here.notes, Vec::<String>::new());
+    assert_eq!(here.origin, DVec3::ZERO, "the origin of a scene near 0");
+    assert_eq!(here.notes, Vec::<String>::new(), "notes of a scene near 0");
     assert!(
-        far.origin.distance(DVec3::new(3_900_000.0, 0.0, 0.0)) < 40.0 && far.origin == far.origin.round()
+        far.origin.distance(DVec3::new(3_900_000.0, 0.0, 0.0)) < 40.0 && far.origin == far.origin.round(),
+        "the origin {} is whole, and near the content",
+        far.origin
     );
     assert!(far.notes[0].contains("relative to [38999"), "{:?}", far.notes);
     for (a, b) in here.objects.iter().zip(&far.objects) {
@@ -656,10 +709,13 @@ fn far_from_the_origin_coordinates_are_relative_to_a_point_near_the_content() {
         }
     }
     let [eye, target] = [DVec3::new(0.75, 0.0, 2.0), DVec3::new(-9.0, 0.0, -40.0)];
-    assert_eq!(reported(here, "hzb", eye, target), [0, 1]);
+    assert_eq!(reported(here, "hzb", eye, target), [0, 1], "objects seen near 0");
     let there = DVec3::new(3_900_000.0, 0.0, 0.0);
-    assert_eq!(reported(far.clone(), "hzb", eye + there, target + there), [0, 1]);
-    assert!(far.clone().with_walks().walks[0].keys[0].eye.distance(there) < 1000.0);
+    assert_eq!(reported(far.clone(), "hzb", eye + there, target + there), [0, 1], "objects seen at 3,900 km");
+    assert!(
+        far.clone().with_walks().walks[0].keys[0].eye.distance(there) < 1000.0,
+        "the walk is near the content"
+    );
     // Coordinates in the text are more exact than f32: 0.4 m apart at 3,900 km.
     let apart = edge(3_900_000.4).scene();
     let [a, b] = [&far, &apart]
@@ -668,7 +724,7 @@ fn far_from_the_origin_coordinates_are_relative_to_a_point_near_the_content() {
     // A scene around its origin keeps it, however large.
     let mut wide = edge(0.0);
     wide.root["nodes"][0]["scale"] = json!([1000, 1000, 1000]);
-    assert_eq!(wide.scene().origin, DVec3::ZERO);
+    assert_eq!(wide.scene().origin, DVec3::ZERO, "the origin of a large scene around 0");
 }
 
 #[test]
@@ -704,14 +760,28 @@ fn boxed(size: [f32; 3], reading: &Reading) -> SceneSource {
 fn unit_and_axis_up_are_as_told_or_hinted_at() {
     let Arguments { reading } = clap::Parser::parse_from(["", "--unit", "mm", "--up", "z"]);
     let house = boxed([12_000.0, 9_000.0, 6_000.0], &reading);
-    assert_eq!(house.bounds(), Some((Vec3::ZERO, Vec3::new(12.0, 9.0, 6.0))));
-    assert_eq!((house.up, house.notes.len()), (Vec3::Z, 0));
+    assert_eq!(
+        house.bounds(),
+        Some((Vec3::ZERO, Vec3::new(12.0, 9.0, 6.0))),
+        "a house in millimetres with z up"
+    );
+    assert_eq!((house.up, house.notes.len()), (Vec3::Z, 0), "the axis up, and no notes");
     let silent = Reading::default();
     let hint = |size| boxed(size, &silent).notes.join("\n");
-    assert!(hint([12_000.0, 6_000.0, 9_000.0]).ends_with("if it is in mm, say --unit mm"));
-    assert!(hint([1200.0, 600.0, 900.0]).ends_with("if it is in cm, say --unit cm"));
-    assert!(hint([500.0, 300.0, 20.0]).ends_with("if z is up, say --up z"));
-    assert_eq!(hint([12.0, 6.0, 9.0]) + &hint([500.0, 20.0, 300.0]) + &hint([1.7, 1.8, 0.3]), "");
+    assert!(
+        hint([12_000.0, 6_000.0, 9_000.0]).ends_with("if it is in mm, say --unit mm"),
+        "a house in millimetres gets a hint"
+    );
+    assert!(
+        hint([1200.0, 600.0, 900.0]).ends_with("if it is in cm, say --unit cm"),
+        "a house in centimetres gets a hint"
+    );
+    assert!(hint([500.0, 300.0, 20.0]).ends_with("if z is up, say --up z"), "a town on its side gets a hint");
+    assert_eq!(
+        hint([12.0, 6.0, 9.0]) + &hint([500.0, 20.0, 300.0]) + &hint([1.7, 1.8, 0.3]),
+        "",
+        "a house, a town and a person get no hint"
+    );
 }
 
 #[test]
@@ -726,7 +796,11 @@ fn a_house_on_its_side_gets_a_hint() {
         }
         file.scene().notes.join("\n")
     };
-    assert_eq!(notes(8.0, 10, false), "its largest faces are level along z: if z is up, say --up z");
+    assert_eq!(
+        notes(8.0, 10, false),
+        "its largest faces are level along z: if z is up, say --up z",
+        "a house on its side gets a hint"
+    );
     assert_eq!(
         notes(2000.0, 10, false),
         "its largest faces are level along z: if z is up, say --up z\nit is 2000 by 2000 by 900 m: if it is \
@@ -734,7 +808,11 @@ fn a_house_on_its_side_gets_a_hint() {
         "the height is that along z"
     );
     // A house that stands, and a thing of few parts.
-    assert_eq!(notes(8.0, 10, true) + &notes(8.0, 7, false), "");
+    assert_eq!(
+        notes(8.0, 10, true) + &notes(8.0, 7, false),
+        "",
+        "a house that stands, and one of few floors, get no hint"
+    );
 }
 
 #[test]
@@ -761,7 +839,7 @@ fn a_scene_without_nodes_is_empty() {
     file.node(json!({"mesh": mesh}));
     let scenes = file.root["scenes"].as_array_mut().expect("a list");
     scenes.push(json!({"name": "empty"}));
-    assert_eq!(file.scene().triangle_count(), 2);
+    assert_eq!(file.scene().triangle_count(), 2, "triangles of the first scene");
     file.root["scene"] = json!(1);
-    assert_eq!(file.scene().triangle_count(), 0);
+    assert_eq!(file.scene().triangle_count(), 0, "triangles of the empty scene");
 }

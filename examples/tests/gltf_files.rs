@@ -90,16 +90,20 @@ fn extras_of_nodes_are_hints() {
         let object = &hinted(hint.into()).expect("a good file").objects[0];
         (object.opaque, object.door, object.never_cull)
     };
-    assert_eq!(of("occluder"), (true, false, false));
-    assert_eq!(of("detail"), (false, false, false));
-    assert_eq!(of("door"), (true, true, false));
-    assert_eq!(of("mover"), (false, false, true));
-    assert_eq!(of("never-cull"), (true, false, true));
+    for (hint, flags) in [
+        ("occluder", (true, false, false)),
+        ("detail", (false, false, false)),
+        ("door", (true, true, false)),
+        ("mover", (false, false, true)),
+        ("never-cull", (true, false, true)),
+    ] {
+        assert_eq!(of(hint), flags, "opaque, door and never culled by the hint `{hint}`");
+    }
     let error = hinted("moover".into()).expect_err("no hint").to_string();
     assert!(error.contains("node 1") && error.contains("moover"), "{error}");
     // Extras of other tools are theirs.
     for other in [json!(5), json!(null), json!(["visibility"]), json!({"visibility": 3})] {
-        assert!(read(&with("/nodes/1/extras", other)).is_ok());
+        assert!(read(&with("/nodes/1/extras", other)).is_ok(), "extras of other tools are ignored");
     }
 }
 
@@ -118,44 +122,57 @@ fn perspective_cameras_of_nodes_are_walks() {
     nodes.push(json!({"camera": 0, "name": "in no scene"}));
     document["scenes"][0]["nodes"] = json!([0, 2, 3]);
     let scene = read(&document).expect("a good file");
-    assert_eq!(scene.walks.len(), 1);
+    assert_eq!(scene.walks.len(), 1, "walks: perspective cameras of the scene");
     let walk = &scene.walks[0];
-    assert_eq!((&walk.name[..], walk.keys.len()), ("wide", 1));
-    assert!((walk.fov_y_degrees - 1.5_f32.to_degrees()).abs() < 1e-3 && scene.near <= 0.0002);
+    assert_eq!((&walk.name[..], walk.keys.len()), ("wide", 1), "the walk's name and keys");
+    assert!(
+        (walk.fov_y_degrees - 1.5_f32.to_degrees()).abs() < 1e-3 && scene.near <= 0.0002,
+        "field of view of {} degrees, near {}",
+        walk.fov_y_degrees,
+        scene.near
+    );
     let (eye, ahead) = (walk.keys[0].eye, (walk.keys[0].target - walk.keys[0].eye).normalize());
     assert!(eye.distance(DVec3::new(1.0, 2.0, 3.0)) < 1e-9 && ahead.distance(-DVec3::X) < 1e-9, "{ahead}");
-    assert!(walk.up.distance(Vec3::Y) < 1e-6);
-    assert_eq!(scene.notes, ["not read: 1 camera", "walks are the cameras of the file: 1"]);
+    assert!(walk.up.distance(Vec3::Y) < 1e-6, "the walk's axis up is {}", walk.up);
+    assert_eq!(
+        scene.notes,
+        ["not read: 1 camera", "walks are the cameras of the file: 1"],
+        "notes on cameras"
+    );
 }
 
 #[test]
 fn nodes_place_strips_fans_and_lists() {
     let scene = read(&square()).expect("a good file");
-    assert_eq!(scene.up, Vec3::Y);
-    assert_eq!(scene.objects.len(), 1);
-    assert_eq!(scene.objects[0].name.to_string(), "tile");
+    assert_eq!(scene.up, Vec3::Y, "the axis up");
+    assert_eq!(scene.objects.len(), 1, "objects");
+    assert_eq!(scene.objects[0].name.to_string(), "tile", "the object's name is the node's");
     let strip = [[p(10.0, 0.0), p(12.0, 0.0), p(10.0, 2.0)], [p(12.0, 0.0), p(12.0, 2.0), p(10.0, 2.0)]];
-    assert_eq!(scene.objects[0].triangles, strip.into());
-    assert!(scene.walks.is_empty() && scene.near > 0.0);
+    assert_eq!(scene.objects[0].triangles, strip.into(), "triangles of a strip");
+    assert!(scene.walks.is_empty() && scene.near > 0.0, "without cameras there is no walk, but a near plane");
 
     let triangles = |pointer, value| read(&with(pointer, value)).expect(pointer).triangle_count();
-    assert_eq!(triangles("/meshes/0/primitives/0/mode", json!(6)), 2);
-    assert_eq!(triangles("/meshes/0/primitives/0/mode", json!(4)), 1);
-    assert_eq!(triangles("/meshes/0/primitives/0/mode", json!(1)), 0);
+    assert_eq!(triangles("/meshes/0/primitives/0/mode", json!(6)), 2, "triangles of a fan");
+    assert_eq!(triangles("/meshes/0/primitives/0/mode", json!(4)), 1, "triangles of a list");
+    assert_eq!(triangles("/meshes/0/primitives/0/mode", json!(1)), 0, "triangles of lines");
     // Without indices, the vertices are taken in order.
     let bare = json!({"attributes": {"POSITION": 0}, "mode": 5});
-    assert_eq!(triangles("/meshes/0/primitives/0", bare), 2);
+    assert_eq!(triangles("/meshes/0/primitives/0", bare), 2, "triangles of a strip without indices");
     // Two nodes with one mesh are two objects.
     let twice = json!([{"mesh": 0}, {"mesh": 0}]);
     let mut document = with("/nodes", twice);
     document["scenes"] = json!([{"nodes": [0, 1]}]);
-    assert_eq!(read(&document).expect("instances").objects.len(), 2);
+    assert_eq!(read(&document).expect("instances").objects.len(), 2, "objects: two nodes with one mesh");
     // Without scenes, the nodes without a parent are the roots.
     let mut document = square();
     let members = document.as_object_mut().expect("an object");
     members.remove("scene");
     members.remove("scenes");
-    assert_eq!(read(&document).expect("no scenes").objects[0].triangles, strip.into());
+    assert_eq!(
+        read(&document).expect("no scenes").objects[0].triangles,
+        strip.into(),
+        "triangles of a file without scenes"
+    );
 }
 
 #[test]
@@ -163,9 +180,12 @@ fn a_mirrored_node_keeps_its_fronts_in_front() {
     let document = with("/nodes/1/scale", json!([-2.0, 2.0, 2.0]));
     let scene = read(&document).expect("a good file");
     for [a, b, c] in &scene.objects[0].triangles {
-        assert!((b - a).cross(c - a).z > 0.0);
+        assert!((b - a).cross(c - a).z > 0.0, "{a} {b} {c} faces away");
     }
-    assert!(scene.objects[0].triangles.view().get(0).unwrap().contains(&p(8.0, 0.0)));
+    assert!(
+        scene.objects[0].triangles.view().get(0).unwrap().contains(&p(8.0, 0.0)),
+        "a corner of the mirrored node"
+    );
 }
 
 #[test]
@@ -173,7 +193,7 @@ fn blended_and_masked_materials_are_not_opaque() {
     for (mode, opaque) in [("OPAQUE", true), ("MASK", false), ("BLEND", false)] {
         let mut document = with("/meshes/0/primitives/0/material", json!(0));
         document["materials"] = json!([{"alphaMode": mode}]);
-        assert_eq!(read(&document).expect(mode).objects[0].opaque, opaque);
+        assert_eq!(read(&document).expect(mode).objects[0].opaque, opaque, "{mode}");
     }
 }
 
@@ -188,12 +208,12 @@ fn buffers_come_from_data_uris_and_files_beside() {
         parse(document.to_string().as_bytes(), &path)
     };
     let beside = read("my%20square.bin").expect("a file beside");
-    assert_eq!(beside.triangle_count(), 2);
-    assert_eq!(beside.name, "square");
+    assert_eq!(beside.triangle_count(), 2, "triangles of a buffer in a file beside");
+    assert_eq!(beside.name, "square", "the scene's name is the file's");
 
     // Eighty digits give sixty zero bytes.
     let zeros = format!("data:application/octet-stream;base64,{}", "A".repeat(80));
-    assert_eq!(read(&zeros).expect("a data URI").triangle_count(), 2);
+    assert_eq!(read(&zeros).expect("a data URI").triangle_count(), 2, "triangles of a buffer in the text");
 
     for (uri, part) in [
         ("nowhere.bin", "buffer 0: cannot read"),
@@ -275,7 +295,7 @@ fn deep_hierarchies_do_not_overflow_the_stack() {
     let mut nodes: Vec<Value> = (1..DEPTH).map(|next| json!({"children": [next]})).collect();
     nodes.push(json!({"mesh": 0}));
     let scene = read(&with("/nodes", json!(nodes))).expect("deep, but a tree");
-    assert_eq!(scene.objects.len(), 1);
+    assert_eq!(scene.objects.len(), 1, "objects of a deep tree");
 }
 
 #[test]

@@ -140,17 +140,29 @@ fn a_mesh_is_kept_once() {
     let single = file.push("meshes", copy);
     file.node(json!({"mesh": single, "name": "single"}));
     let scene = file.scene();
-    assert_eq!((scene.objects.len(), scene.triangle_count(), scene.instances()), (1201, 12_010, [1200, 1]));
+    assert_eq!(
+        (scene.objects.len(), scene.triangle_count(), scene.instances()),
+        (1201, 12_010, [1200, 1]),
+        "objects, triangles, instances and meshes that they share"
+    );
     let first = &scene.objects[0].triangles;
-    assert!(scene.objects[..1200].iter().all(|object| object.triangles.shares_mesh(first)));
+    assert!(
+        scene.objects[..1200].iter().all(|object| object.triangles.shares_mesh(first)),
+        "instances share the first mesh"
+    );
     assert!(first.mesh_memory() <= 10 * 36 + 100, "{}", first.mesh_memory());
-    assert_eq!(scene.objects[1200].triangles.view().mesh().1, None);
+    assert_eq!(
+        scene.objects[1200].triangles.view().mesh().1,
+        None,
+        "the single mesh has no transform of its own"
+    );
     let world = World::new(with_walk(scene), (64, 36), None).expect("a world");
     assert_eq!(world.scene.mesh_count(), 2, "occluders are prepared once");
     let shared = |index: usize| world.scene.shared_triangles(world.scene.id_at(index)?);
     assert!(
         (0..1200)
-            .all(|index| shared(index).is_some_and(|triangles| triangles.shares_mesh(shared(0).unwrap())))
+            .all(|index| shared(index).is_some_and(|triangles| triangles.shares_mesh(shared(0).unwrap()))),
+        "objects of the scene share the first mesh"
     );
     let header = output::header(&world, &Reading::default());
     assert!(header.contains("1200 objects share 1 meshes"), "{header}");
@@ -160,7 +172,11 @@ fn a_mesh_is_kept_once() {
 fn instances_are_what_nodes_with_their_own_meshes_are() {
     for exact in [true, false] {
         let [shared, own] = [yard(exact), yard(exact).with_own_meshes()].map(|file| with_walk(file.scene()));
-        assert_eq!((shared.instances(), own.instances()), ([300, 1], [0, 0]));
+        assert_eq!(
+            (shared.instances(), own.instances()),
+            ([300, 1], [0, 0]),
+            "exact: {exact}: instances, with shared and with own meshes"
+        );
         let triangles = |scene: &SceneSource| -> Vec<Vec<Triangle>> {
             scene.objects.iter().map(|object| object.triangles.iter().collect()).collect()
         };
@@ -223,9 +239,9 @@ fn a_mirrored_instance_keeps_its_fronts_in_front() {
         .map(|(name, pipeline)| run(name, pipeline, &world))
         .collect();
     let judged = judge(&world, &trials, || ()).expect("few triangles");
-    assert_eq!(judged.exact, [[0], [1], [2], [3]]);
+    assert_eq!(judged.exact, [[0], [1], [2], [3]], "objects visible by frame");
     for verdict in &judged.verdicts {
-        assert_eq!(verdict.false_hidden, 0);
+        assert_eq!(verdict.false_hidden, 0, "false hidden objects: {verdict:?}");
     }
     assert_eq!(trials[2].reported, judged.exact, "Naylor's tree is exact");
 }
@@ -238,9 +254,9 @@ fn deformed_meshes_are_not_shared() {
     file.node(json!({"mesh": 0, "weights": [0.0]}));
     file.node(json!({"mesh": 0, "weights": [1.0]}));
     let scene = file.scene();
-    assert_eq!(scene.instances(), [0, 0]);
+    assert_eq!(scene.instances(), [0, 0], "deformed meshes are not shared");
     let low = |at: usize| scene.objects[at].triangles.bounds().min.y;
-    assert_eq!([low(0), low(1)], [0.0, 4.0]);
+    assert_eq!([low(0), low(1)], [0.0, 4.0], "lower sides of a mesh with and without its target");
 
     // A mesh with joints, by one node with a skin and by two without.
     let mut file = File::new();
@@ -259,10 +275,14 @@ fn deformed_meshes_are_not_shared() {
     file.node(json!({"mesh": 0, "translation": [20, 0, 0]}));
     file.node(json!({"translation": [0, 7, 0]}));
     let scene = file.scene();
-    assert_eq!(scene.instances(), [2, 1]);
+    assert_eq!(scene.instances(), [2, 1], "two of three nodes share a mesh with joints");
     let low = |at: usize| scene.objects[at].triangles.bounds().min;
-    assert_eq!([low(0), low(1), low(2)], [Vec3::Y * 7.0, Vec3::X * 10.0, Vec3::X * 20.0]);
-    assert!(!scene.objects[0].triangles.shares_mesh(&scene.objects[1].triangles));
+    assert_eq!(
+        [low(0), low(1), low(2)],
+        [Vec3::Y * 7.0, Vec3::X * 10.0, Vec3::X * 20.0],
+        "lower corners of the skin and of two instances"
+    );
+    assert!(!scene.objects[0].triangles.shares_mesh(&scene.objects[1].triangles), "the skin shares no mesh");
 }
 
 #[test]
@@ -280,10 +300,18 @@ fn limits_are_of_what_is_kept() {
     let extension = json!({"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": translations}}});
     file.node(json!({"mesh": 0, "extensions": extension}));
     let scene = with_walk(file.scene());
-    assert_eq!((scene.triangle_count(), scene.instances()), (40_000_000, [40_000, 1]));
+    assert_eq!(
+        (scene.triangle_count(), scene.instances()),
+        (40_000_000, [40_000, 1]),
+        "triangles, instances and meshes"
+    );
     let mut world = World::new(scene, (64, 36), Some(1)).expect("a world");
     world.makes_cells = true;
-    assert_eq!(cullers::parse("hzb", &world).expect("it reads shared meshes").len(), 1);
+    assert_eq!(
+        cullers::parse("hzb", &world).expect("it reads shared meshes").len(),
+        1,
+        "the z-buffer reads shared meshes"
+    );
     for name in ["hzb-level", "naylor", "plp:10%", "large-occluders", "horizon", "portals"] {
         let error = cullers::parse(name, &world).err().map(|error| error.to_string()).unwrap_or_default();
         assert!(error.contains("it copies the triangles of each instance"), "{name}: {error}");
@@ -328,7 +356,7 @@ fn an_instance_takes_few_bytes() {
             PEAK.set(LIVE.get());
             let world = World::new(with_walk(scene), (64, 36), Some(1)).expect("a world");
             let [kept, most] = [LIVE.get() - before, PEAK.get() - before];
-            assert_eq!(world.scene.len(), count);
+            assert_eq!(world.scene.len(), count, "by one node: {by_one_node}: objects of the scene");
             [loaded, loading, kept, most].map(|bytes| bytes as f64)
         };
         let (few, many) = (bytes(10_000), bytes(30_000));

@@ -228,7 +228,7 @@ fn triangles_are_decoded() {
         let scene = read(accessor.clone(), positions.clone(), Some((extension.clone(), bytes.clone())))
             .expect("good");
         let indices: Vec<u32> = points(&scene).iter().map(|p| p[0] as u32).collect();
-        assert_eq!(indices, expected);
+        assert_eq!(indices, expected, "stride {stride}: indices decoded");
         for cut in [0, 1, 11, bytes.len() - 1] {
             let error =
                 read(accessor.clone(), positions.clone(), Some((extension.clone(), bytes[..cut].to_vec())));
@@ -257,7 +257,7 @@ fn sequences_are_decoded() {
     let extension = json!({"mode": "INDICES", "byteStride": 4, "count": 6});
     let (accessor, positions) = along_x();
     let scene = read(accessor, positions, Some((extension, bytes))).expect("well encoded");
-    assert_eq!(points(&scene).iter().map(|p| p[0] as u32).collect::<Vec<_>>(), expected);
+    assert_eq!(points(&scene).iter().map(|p| p[0] as u32).collect::<Vec<_>>(), expected, "indices decoded");
 }
 
 #[test]
@@ -273,7 +273,7 @@ fn exponents_are_applied() {
     let encoded = encode(&bytes, 12, 0, &[], |of| of - 1);
     let scene = read(accessor.clone(), (extension.clone(), encoded.clone()), None).expect("well encoded");
     let expected = numbers.map(|(mantissa, exponent)| mantissa as f32 * 2.0f32.powi(exponent));
-    assert_eq!(points(&scene).as_flattened(), expected);
+    assert_eq!(points(&scene).as_flattened(), expected, "numbers decoded");
     let wrong = [("filter", json!("OCTAHEDRAL")), ("count", json!(1u64 << 40)), ("mode", json!("OTHER"))];
     for (key, value) in wrong {
         let mut extension = extension.clone();

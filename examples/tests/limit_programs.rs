@@ -35,10 +35,10 @@ fn glass_hides_no_box_from_the_limit() {
 
 #[test]
 fn the_cost_over_the_ideal_counts_culling_and_what_is_drawn() {
-    assert_eq!(over_ideal(4.0, [10.0, 2000.0], [3.0, 1000.0]), 4.0);
-    assert_eq!(over_ideal(0.0, [3.0, 1000.0], [3.0, 1000.0]), 1.0);
+    assert_eq!(over_ideal(4.0, [10.0, 2000.0], [3.0, 1000.0]), 4.0, "four times as long as the ideal");
+    assert_eq!(over_ideal(0.0, [3.0, 1000.0], [3.0, 1000.0]), 1.0, "the ideal itself");
     // Nothing is visible: the ideal counts as 1 us.
-    assert_eq!(over_ideal(2.0, [5.0, 0.0], [0.0, 0.0]), 7.0);
+    assert_eq!(over_ideal(2.0, [5.0, 0.0], [0.0, 0.0]), 7.0, "a frame in which nothing is visible");
 }
 
 #[test]
@@ -58,7 +58,11 @@ fn walkthrough_says_limit_and_cost_over_the_ideal() {
     assert!(said.contains(" 0.25 ") && said.contains(" frustum: 0 objects were met and hidden\n"), "{said}");
     let line: serde_json::Value =
         serde_json::from_str(&fs::read_to_string(folder.join("out.json")).unwrap()).unwrap();
-    assert_eq!((line["mean_visible"].as_f64(), line["mean_box_limit"].as_f64()), (Some(2.0), Some(1.0)));
+    assert_eq!(
+        (line["mean_visible"].as_f64(), line["mean_box_limit"].as_f64()),
+        (Some(2.0), Some(1.0)),
+        "mean visible triangles and box limit"
+    );
     // Two objects of two triangles each are drawn for one, and culling takes some time.
     assert!(line["over_ideal"].as_f64().unwrap() > 2.004 / 1.002, "{line}");
 }
@@ -71,12 +75,12 @@ fn tradeoff_takes_files_and_tells_scenes_of_one_name_apart() {
     let output = run(env!("CARGO_BIN_EXE_tradeoff"), &folder, &arguments);
     assert!(output.status.success(), "{}", text(&output.stderr));
     let plots = ["a_b-2-overdraw.svg", "a_b-2-wrong-pixels.svg", "a_b-overdraw.svg", "a_b-wrong-pixels.svg"];
-    assert_eq!(names(&folder.join("made")), [&plots[..], &["points.csv"]].concat());
+    assert_eq!(names(&folder.join("made")), [&plots[..], &["points.csv"]].concat(), "files made");
     let points = fs::read_to_string(folder.join("made/points.csv")).unwrap();
     let mut lines = points.lines().map(|line| line.split(',').collect::<Vec<_>>());
     let header = lines.next().unwrap();
     let column = |name: &str| header.iter().position(|&column| column == name).unwrap();
     let rows: Vec<_> = lines.map(|row| [row[0].to_owned(), row[column("box_limit")].to_owned()]).collect();
-    assert_eq!(rows, [["a/b", "1.0"], ["a/b-2", "1.0"]]);
+    assert_eq!(rows, [["a/b", "1.0"], ["a/b-2", "1.0"]], "scene and box limit by row");
     assert!(text(&output.stdout).contains("over the ideal: "), "{}", text(&output.stdout));
 }

@@ -58,9 +58,9 @@ fn eyes(walk: &Walk) -> Vec<DVec3> {
 #[test]
 fn a_walk_leads_through_a_door_and_no_wall() {
     let (house, names) = made(house("IfcDoor a"));
-    assert_eq!(names, ["indoors"]);
-    assert_eq!(house.notes, ["walks are made up: 1 indoors"]);
-    assert!(house.near <= 0.05);
+    assert_eq!(names, ["indoors"], "names of walks");
+    assert_eq!(house.notes, ["walks are made up: 1 indoors"], "the note on walks");
+    assert!(house.near <= 0.05, "the near plane is at {} m", house.near);
     let eyes = eyes(&house.walks[0]);
     assert!(eyes.iter().any(|eye| eye.x < -2.0) && eyes.iter().any(|eye| eye.x > 2.0), "{eyes:?}");
     assert!(eyes.iter().all(|eye| (eye.z - 1.6).abs() < 1e-3 && eye.x < 5.0), "{eyes:?}");
@@ -70,11 +70,14 @@ fn a_walk_leads_through_a_door_and_no_wall() {
                 object.triangles.iter().any(|t| crosses(pair[0], pair[1], t.map(Vec3::as_dvec3)));
             assert!(!is_crossed, "from {} to {} through {}", pair[0], pair[1], object.name);
         }
-        assert!(pair[0].distance(pair[1]) <= 2.5 + 1e-9);
+        assert!(pair[0].distance(pair[1]) <= 2.5 + 1e-9, "{} and {} are too far apart", pair[0], pair[1]);
     }
     // Eyes keep a distance from walls, too.
     let walls = [-5.0, 5.0];
-    assert!(eyes.iter().all(|eye| walls.iter().all(|wall| (eye.x - wall).abs() >= 0.25)));
+    assert!(
+        eyes.iter().all(|eye| walls.iter().all(|wall| (eye.x - wall).abs() >= 0.25)),
+        "an eye is too near to a wall: {eyes:?}"
+    );
 }
 
 #[test]
@@ -95,7 +98,7 @@ fn what_is_no_door_closes_a_room() {
     // A leaf that moves is not there.
     let mut moving = house("plank");
     moving.objects[10].motion = Some(Box::new((Vec3::ZERO, Vec3::ONE)));
-    assert_eq!(made(moving).1, ["indoors"]);
+    assert_eq!(made(moving).1, ["indoors"], "a wall that moves closes no room");
 }
 
 /// Blocks of 10 by 10 by 8 m, closed, 6 m apart.
@@ -121,12 +124,20 @@ fn streets_are_walked_and_roofs_are_not() {
         let mut town = scene(objects);
         town.objects.iter_mut().for_each(|object| object.one_sided = true);
         let (town, names) = made(town);
-        assert_eq!(names, ["outdoors"]);
+        assert_eq!(names, ["outdoors"], "names of walks");
         let eyes = eyes(&town.walks[0]);
         assert!(eyes.iter().all(|eye| (eye.z - 101.6).abs() < 1e-3), "{eyes:?}");
-        assert!(eyes.len() > 10 && !town.floors.is_empty());
+        assert!(
+            eyes.len() > 10 && !town.floors.is_empty(),
+            "{} eyes, {} floors",
+            eyes.len(),
+            town.floors.len()
+        );
         for (floor, free) in &town.floors {
-            assert!((floor.z - 100.0).abs() < 1e-3 && *free >= 1.7);
+            assert!(
+                (floor.z - 100.0).abs() < 1e-3 && *free >= 1.7,
+                "the floor {floor} has {free} m above it"
+            );
             let is_in_block =
                 |x: f64| (0..3).any(|i| (f64::from(i) * 16.0..f64::from(i) * 16.0 + 10.0).contains(&x));
             assert!(!(is_in_block(floor.x) && is_in_block(floor.y)), "{floor}");
@@ -137,20 +148,30 @@ fn streets_are_walked_and_roofs_are_not() {
 #[test]
 fn a_thing_without_inside_is_looked_at_from_around() {
     let (statue, names) = made(scene(vec![("statue", cuboid([10.0; 3], [12.0, 12.0, 15.0]))]));
-    assert_eq!((names, &statue.notes[0][..]), (vec!["around".to_owned()], "walks are made up: 1 around"));
-    assert!(statue.floors.is_empty());
+    assert_eq!(
+        (names, &statue.notes[0][..]),
+        (vec!["around".to_owned()], "walks are made up: 1 around"),
+        "names of walks, and the note"
+    );
+    assert!(statue.floors.is_empty(), "a statue has no floors");
     for CameraKey { eye, target } in &statue.walks[0].keys {
-        assert!(eye.distance(*target) > 2.0 && target.distance(DVec3::new(11.0, 11.0, 12.5)) < 1e-3);
+        assert!(
+            eye.distance(*target) > 2.0 && target.distance(DVec3::new(11.0, 11.0, 12.5)) < 1e-3,
+            "the eye {eye} looks at {target}"
+        );
     }
     let point = made(scene(vec![("point", vec![[Vec3::ONE; 3]])])).0;
-    assert!(point.walks[0].keys.iter().all(|key| key.eye.distance(key.target) > 1e-5));
-    assert!(made(scene(Vec::new())).0.walks.is_empty());
+    assert!(
+        point.walks[0].keys.iter().all(|key| key.eye.distance(key.target) > 1e-5),
+        "eyes keep away from a point"
+    );
+    assert!(made(scene(Vec::new())).0.walks.is_empty(), "an empty scene has no walks");
 }
 
 #[test]
 fn walks_are_the_same_every_time_and_turn_and_move_with_the_scene() {
     let plain = house("Door").with_walks();
-    assert!(plain == house("Door").with_walks());
+    assert!(plain == house("Door").with_walks(), "walks are the same every time");
     let mut turned = house("Door");
     turned.up = Vec3::Y;
     turned.origin = DVec3::new(1e7, 2e7, 3e7);
@@ -161,7 +182,7 @@ fn walks_are_the_same_every_time_and_turn_and_move_with_the_scene() {
     }
     let turned = turned.with_walks();
     for (a, b) in plain.walks.iter().zip(&turned.walks) {
-        assert_eq!(a.keys.len(), b.keys.len());
+        assert_eq!(a.keys.len(), b.keys.len(), "keys of a walk and of the turned one");
         for (a, b) in a.keys.iter().zip(&b.keys) {
             let expected = DVec3::new(a.eye.y, a.eye.z, a.eye.x) + turned.origin;
             assert!(b.eye.distance(expected) < 1e-6, "{} {}", a.eye, b.eye);
@@ -179,16 +200,26 @@ fn walks_that_are_saved_are_those_that_are_read() {
     save.give_whole(&mut first, &reading).unwrap();
     let mut second = house("Door");
     Cameras { cameras: file, save_cameras: None }.give_whole(&mut second, &reading).unwrap();
-    assert_eq!(first.walks.len(), second.walks.len());
+    assert_eq!(first.walks.len(), second.walks.len(), "walks saved and read");
     for (a, b) in first.walks.iter().zip(&second.walks) {
-        assert_eq!((&a.name, a.fov_y_degrees, a.up), (&b.name, b.fov_y_degrees, b.up));
+        assert_eq!(
+            (&a.name, a.fov_y_degrees, a.up),
+            (&b.name, b.fov_y_degrees, b.up),
+            "name, angle and axis up of a walk"
+        );
         for (a, b) in a.keys.iter().zip(&b.keys) {
-            assert!(a.eye.distance(b.eye) < 1e-9 && a.target.distance(b.target) < 1e-9);
+            assert!(
+                a.eye.distance(b.eye) < 1e-9 && a.target.distance(b.target) < 1e-9,
+                "eyes and targets of a walk are the saved ones"
+            );
         }
     }
-    assert!((first.near - second.near).abs() < 1e-6 && second.notes.is_empty());
+    assert!(
+        (first.near - second.near).abs() < 1e-6 && second.notes.is_empty(),
+        "the near plane is saved, and there are no notes"
+    );
     // Cameras of the scene stay.
     let walks = second.walks.clone();
     Cameras::default().give_whole(&mut second, &reading).unwrap();
-    assert!(second.walks == walks && second.notes.is_empty());
+    assert!(second.walks == walks && second.notes.is_empty(), "cameras of the scene stay");
 }

@@ -107,5 +107,9 @@ fn cells_of_the_plan_show_what_the_own_cells_show() {
         hidden += count - own.len();
     }
     println!("{} frames, {count} objects, {hidden} hidden", own.reported.len());
-    assert!(own.reported.len() > 300 && hidden > own.reported.len() * count / 2);
+    assert!(
+        own.reported.len() > 300 && hidden > own.reported.len() * count / 2,
+        "{hidden} objects hidden in {} frames",
+        own.reported.len()
+    );
 }

@@ -30,7 +30,10 @@ fn visible(graph: &CellGraph) -> CellMatrix {
 /// the result is complete and symmetric.
 fn visible_by(graph: &CellGraph, settings: BakerSettings) -> CellMatrix {
     let outcome = bake(graph, settings, 1, |_| {}).unwrap().outcome;
-    assert!(outcome.complete && outcome.fallbacks.is_empty() && outcome.matrix.is_symmetric());
+    assert!(
+        outcome.complete && outcome.fallbacks.is_empty() && outcome.matrix.is_symmetric(),
+        "the bake is complete and symmetric"
+    );
     outcome.matrix
 }
 
@@ -43,7 +46,10 @@ fn no_random_line_passes_between_hidden_cells() {
         // The test in Pluecker space shows only pairs that are shown without it.
         let (matrix, loose) = (visible_by(&graph, EXACT), visible(&graph));
         for a in (0..72).map(CellId) {
-            assert!(matrix.seen_from(a).all(|b| loose.sees(a, b)));
+            assert!(
+                matrix.seen_from(a).all(|b| loose.sees(a, b)),
+                "seed {seed}, {a:?}: a pair that the loose bake hides"
+            );
         }
         // Many pairs are hidden, so errors have a chance to show.
         assert!(matrix.mean_visible() < 50.0, "{}", matrix.mean_visible());
@@ -124,8 +130,16 @@ fn real_maps() {
         let [exact, by_two] = [1, 2].map(|threads| bake(&graph, EXACT, threads, |_| {}).unwrap().outcome);
         assert_eq!(exact, by_two, "{}", path.display());
         let cells = (0..graph.cell_count() as u32).map(CellId);
-        assert!(cells.clone().all(|a| exact.matrix.seen_from(a).all(|b| matrix.sees(a, b))));
-        assert!(exact.complete && exact.matrix.is_symmetric());
+        assert!(
+            cells.clone().all(|a| exact.matrix.seen_from(a).all(|b| matrix.sees(a, b))),
+            "{}: the exact bake shows a pair that the loose one hides",
+            path.display()
+        );
+        assert!(
+            exact.complete && exact.matrix.is_symmetric(),
+            "{}: the bake is complete and symmetric",
+            path.display()
+        );
         let bytes = std::fs::read(path.with_extension("vismat")).unwrap();
         let theirs = CellMatrix::from_bytes(graph.cell_count(), &bytes).unwrap();
         assert!(matrix.count() <= theirs.count(), "{}: {}", path.display(), matrix.mean_visible());
@@ -152,7 +166,7 @@ fn real_maps() {
     }
     let (broken, good) = broken(lines / 20, 99);
     println!("{good} planted chains, {broken} broken");
-    assert_eq!(broken, 0);
+    assert_eq!(broken, 0, "planted chains of doors that are not seen through");
 }
 
 #[test]
@@ -173,12 +187,12 @@ fn stored_sets_say_what_the_matrix_says() {
 #[test]
 fn the_answers_are_what_they_were() {
     let counts = [0, 1, 2, 3].map(|seed| visible(&rooms(8, 2, seed)).count());
-    assert_eq!(counts, [4542, 3520, 4382, 4104]);
+    assert_eq!(counts, [4542, 3520, 4382, 4104], "pairs by seed");
     let exact = [0, 1, 2, 3].map(|seed| {
         let outcome = bake(&rooms(8, 2, seed), EXACT, 1, |_| {}).unwrap().outcome;
         (outcome.matrix.count(), outcome.rejected)
     });
-    assert_eq!(exact, [(4524, 26), (3514, 9), (4380, 8), (4100, 9)]);
+    assert_eq!(exact, [(4524, 26), (3514, 9), (4380, 8), (4100, 9)], "pairs and rejections by seed, exactly");
 }
 
 #[test]
@@ -186,7 +200,7 @@ fn any_number_of_threads_gives_the_same_answer() {
     let graph = rooms(7, 2, 5);
     for settings in [BakerSettings::default(), EXACT] {
         let [one, three] = [1, 3].map(|threads| bake(&graph, settings, threads, |_| {}).unwrap().outcome);
-        assert_eq!(one, three);
+        assert_eq!(one, three, "{settings:?}: by one thread and by three");
     }
 }
 
@@ -196,11 +210,14 @@ fn a_limit_and_a_stop_show_more_never_less_and_say_so() {
     let matrix = visible(&graph);
     let settings = BakerSettings { steps_per_cell: 30, ..BakerSettings::default() };
     let limited = bake(&graph, settings, 1, |_| {}).unwrap().outcome;
-    assert!(limited.complete && !limited.fallbacks.is_empty());
+    assert!(
+        limited.complete && !limited.fallbacks.is_empty(),
+        "the limited bake is complete, and falls back"
+    );
     let baker = visibility_portals::CellBaker::new(&graph, BakerSettings::default()).unwrap();
     let mut stopped = visibility_core::bake::Bake::new(baker);
     let nothing = stopped.clone().finish();
-    assert!(!nothing.complete);
+    assert!(!nothing.complete, "a bake that was not begun is not complete");
     for _ in 0..5 {
         stopped.advance();
     }
@@ -211,13 +228,20 @@ fn a_limit_and_a_stop_show_more_never_less_and_say_so() {
             assert!(
                 limited.matrix.sees(cell, seen)
                     && stopped.matrix.sees(cell, seen)
-                    && nothing.matrix.sees(cell, seen)
+                    && nothing.matrix.sees(cell, seen),
+                "{cell:?} sees {seen:?} less with a limit or a stop"
             );
         }
     }
-    assert!(limited.matrix.count() > matrix.count() && limited.matrix.is_symmetric());
-    assert!(!stopped.complete && stopped.matrix.count() > matrix.count());
+    assert!(
+        limited.matrix.count() > matrix.count() && limited.matrix.is_symmetric(),
+        "the limit shows more, both ways"
+    );
+    assert!(
+        !stopped.complete && stopped.matrix.count() > matrix.count(),
+        "the stop shows more, and is not complete"
+    );
     let mut resumed = resumed;
     while resumed.advance().is_some() {}
-    assert_eq!(resumed.finish().matrix, matrix);
+    assert_eq!(resumed.finish().matrix, matrix, "the resumed bake has the whole result");
 }

@@ -22,22 +22,30 @@ fn sample_sizes_have_their_counts() {
     for (name, expected) in samples {
         let scene = built_in(name).expect(name);
         assert_eq!(counts(&scene), expected, "{name}");
-        assert_eq!(scene.up, Vec3::Z);
+        assert_eq!(scene.up, Vec3::Z, "{name}: the axis up");
         assert_eq!(scene.walks.len(), 3, "{name}");
     }
 }
 
 #[test]
 fn larger_sizes_have_their_counts() {
-    assert_eq!(built_in("plpcity:3,3").expect("small").triangle_count(), 522_504);
-    assert_eq!(counts(&built_in("plpcity:6,6").expect("in bounds")), (21_384, 2_090_016));
-    assert_eq!(counts(&built_in("town:8").expect("in bounds")), (2_357, 1_027_034));
-    assert_eq!(counts(&office(7, 24).expect("in bounds").scene), (4_020, 468_960));
-    assert_eq!(counts(&built_in("forest:1450,226").expect("in bounds")), (1_571, 1_465_488));
+    assert_eq!(built_in("plpcity:3,3").expect("small").triangle_count(), 522_504, "triangles of plpcity:3,3");
+    for (name, expected) in [
+        ("plpcity:6,6", (21_384, 2_090_016)),
+        ("town:8", (2_357, 1_027_034)),
+        ("forest:1450,226", (1_571, 1_465_488)),
+    ] {
+        assert_eq!(counts(&built_in(name).expect(name)), expected, "objects and triangles of {name}");
+    }
+    assert_eq!(
+        counts(&office(7, 24).expect("in bounds").scene),
+        (4_020, 468_960),
+        "objects and triangles of office:7,24"
+    );
     let city = built_in("london:101,101").expect("in bounds");
-    assert_eq!(counts(&city), (249_851 + 101 * 101, 2_518_912));
+    assert_eq!(counts(&city), (249_851 + 101 * 101, 2_518_912), "objects and triangles of london:101,101");
     let buildings = city.objects.iter().filter(|o| o.name != *"ground");
-    assert_eq!(buildings.count(), 249_851);
+    assert_eq!(buildings.count(), 249_851, "buildings of london:101,101");
 }
 
 #[test]
@@ -102,10 +110,10 @@ fn the_sums_of_all_coordinates_are_pinned() {
 #[test]
 fn office_cells_and_portals_fit_together() {
     let office = office(3, 9).expect("in bounds");
-    assert_eq!(office.cells.len(), 3 * (2 + 2 * 9));
+    assert_eq!(office.cells.len(), 3 * (2 + 2 * 9), "cells of three floors");
     // Portals: stairs to corridors, stairs between floors, one door per room, and a doorway at the rooms 4
     // and 8 of each side.
-    assert_eq!(office.portals.len(), 3 + 2 + 3 * 18 + 3 * 4);
+    assert_eq!(office.portals.len(), 3 + 2 + 3 * 18 + 3 * 4, "portals of three floors");
     for portal in &office.portals {
         for cell in portal.cells.map(|cell| &office.cells[cell]) {
             for corner in portal.quad {
@@ -128,15 +136,19 @@ fn office_cells_and_portals_are_the_stored_ones() {
         DVec3::new(number(0), number(1), number(2))
     };
     let office = office(2, 16).expect("in bounds");
-    assert_eq!((office.cells.len(), office.portals.len()), (list("cells").len(), list("portals").len()));
+    assert_eq!(
+        (office.cells.len(), office.portals.len()),
+        (list("cells").len(), list("portals").len()),
+        "cells and portals, made and stored"
+    );
     for (made, stored) in office.cells.iter().zip(list("cells")) {
-        assert_eq!(stored["name"], *made.name);
+        assert_eq!(stored["name"], *made.name, "the cell's name");
         assert!(made.min.distance(point(&stored["min"])) < 1e-9, "{made:?}");
         assert!(made.max.distance(point(&stored["max"])) < 1e-9, "{made:?}");
     }
     for (made, stored) in office.portals.iter().zip(list("portals")) {
-        assert_eq!(stored["cells"], serde_json::json!(made.cells));
-        assert_eq!(stored["door"].as_bool().unwrap_or(false), made.door);
+        assert_eq!(stored["cells"], serde_json::json!(made.cells), "{made:?}: its cells");
+        assert_eq!(stored["door"].as_bool().unwrap_or(false), made.door, "{made:?}: whether it is a door");
         for (i, corner) in made.quad.iter().enumerate() {
             assert!(corner.distance(point(&stored["quad"][i])) < 1e-9, "{made:?}");
         }
@@ -172,9 +184,9 @@ fn walks_follow_the_stored_ones() {
         let path = stored(&format!("{file}.json"));
         let facts = Description::load(&path).expect(file);
         let scene = built_in(name).expect(name);
-        assert_eq!(scene.near, facts.near.expect("a near plane"));
-        assert_eq!(Some(scene.objects.len() as u64), facts.objects);
-        assert_eq!(Some(scene.triangle_count() as u64), facts.triangles);
+        assert_eq!(scene.near, facts.near.expect("a near plane"), "{name}: the near plane");
+        assert_eq!(Some(scene.objects.len() as u64), facts.objects, "{name}: objects");
+        assert_eq!(Some(scene.triangle_count() as u64), facts.triangles, "{name}: triangles");
         for (object, stored) in scene.objects.iter().zip(&facts.object_names) {
             assert_eq!(&object.name.to_string(), stored, "{name}");
         }
@@ -184,12 +196,12 @@ fn walks_follow_the_stored_ones() {
             let stored = DVec3::from_array(stored.expect("bounds"));
             assert!(made.as_dvec3().distance(stored) < 2e-3, "{name}: {made} {stored}");
         }
-        assert_eq!(scene.walks.len(), facts.walks.len());
+        assert_eq!(scene.walks.len(), facts.walks.len(), "{name}: walks");
         for (walk, stored) in scene.walks.iter().zip(&facts.walks) {
-            assert_eq!(walk.name, stored.name);
-            assert_eq!(walk.fov_y_degrees, stored.fov_y_degrees);
-            assert_eq!(walk.up, stored.up);
-            assert_eq!(walk.keys.len(), stored.keys.len());
+            assert_eq!(walk.name, stored.name, "{name}: the walk's name");
+            assert_eq!(walk.fov_y_degrees, stored.fov_y_degrees, "{name}, {}: the angle", walk.name);
+            assert_eq!(walk.up, stored.up, "{name}, {}: the axis up", walk.name);
+            assert_eq!(walk.keys.len(), stored.keys.len(), "{name}, {}: keys", walk.name);
             let (eye, target) = distance(walk, stored);
             println!("{name}, {}: eyes {eye:.3} m, targets {target:.3} m", walk.name);
             assert!(eye < eye_tolerance, "{name}, {}: {eye}", walk.name);

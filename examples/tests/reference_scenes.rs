@@ -20,7 +20,7 @@ fn check(mut source: SceneSource, description: &Description) {
     source.objects.iter_mut().for_each(|object| object.see_through = false);
     let walks = source.walks.clone();
     for (walk, reference) in walks.into_iter().zip(&description.reference) {
-        assert_eq!(walk.name, reference.walk);
+        assert_eq!(walk.name, reference.walk, "the walk of the reference");
         source.walks = vec![walk];
         let world = World::new(source.clone(), (640, 360), None).unwrap();
         let (name, pipeline) = cullers::parse("frustum", &world).unwrap().remove(0);

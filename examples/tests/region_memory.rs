@@ -12,7 +12,7 @@ fn a_worker_beside_the_scene_has_a_few_mebibytes() {
     for (name, size, most) in scenes {
         let world = world(built_in(name).unwrap());
         let viewcells = cells::along_walks(&world, 4, size);
-        assert!(viewcells.len() > 2);
+        assert!(viewcells.len() > 2, "{name}: {} viewcells", viewcells.len());
         let mut first = ExtendedProjectionCuller::new();
         first.sync(&world.scene);
         let before = LIVE.get();

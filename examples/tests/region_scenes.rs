@@ -43,7 +43,7 @@ fn run(source: SceneSource, count: usize, effort: Effort, verdict: &mut Verdict)
             let (sampled, _) = judge.sample(&cell).unwrap();
             let judged = Judged { cell, sampled, trials: Vec::new() };
             for (name, method) in &mut methods {
-                assert_eq!(method.accuracy(), Accuracy::Conservative);
+                assert_eq!(method.accuracy(), Accuracy::Conservative, "{name} is conservative");
                 let trial = trial::run(name, method.as_mut(), &world.scene, &judged.cell);
                 let lost = judged.sampled_and_left_out(&trial);
                 if !lost.is_empty() {
@@ -106,16 +106,36 @@ fn what_is_left_out_is_false_hidden_narrow_or_sampled_by_rounding_alone() {
     };
     let none = Vec::new();
     // A crack of .03 mm: within six times the clearance of .1 mm, and not within that of a clearance of 0.
-    assert_eq!(found(3e-5, "exact", None), (vec![2], none.clone(), vec![2]));
-    assert_eq!(found(3e-5, "exact:0", None), (none.clone(), none.clone(), none.clone()));
+    assert_eq!(
+        found(3e-5, "exact", None),
+        (vec![2], none.clone(), vec![2]),
+        "a crack of .03 mm, with a clearance"
+    );
+    assert_eq!(
+        found(3e-5, "exact:0", None),
+        (none.clone(), none.clone(), none.clone()),
+        "a crack of .03 mm, without a clearance"
+    );
     // A crack of 3 mm passes lines of sight that `exact` finds, and few rays do not.
-    assert_eq!(found(3e-3, "exact", None), (none.clone(), none.clone(), none.clone()));
-    assert_eq!(found(3e-3, "rays:1", None), (vec![1, 2], vec![1, 2], none.clone()));
+    assert_eq!(found(3e-3, "exact", None), (none.clone(), none.clone(), none.clone()), "a crack of 3 mm");
+    assert_eq!(
+        found(3e-3, "rays:1", None),
+        (vec![1, 2], vec![1, 2], none.clone()),
+        "a crack of 3 mm, by few rays"
+    );
     // A line that a method took for one of sight, and that a closed wall blocks.
     let through = [DVec3::ZERO, DVec3::new(8.0, 0.1, 0.1)];
-    assert_eq!(found(0.0, "exact", Some(through)), (vec![2], none.clone(), none.clone()));
+    assert_eq!(
+        found(0.0, "exact", Some(through)),
+        (vec![2], none.clone(), none.clone()),
+        "a line through the closed wall"
+    );
     let along_the_seam = [DVec3::new(0.0, 0.25, 0.0), DVec3::new(8.0, 0.25, 0.1)];
-    assert_eq!(found(0.0, "exact", Some(along_the_seam)), (vec![2], none.clone(), none));
+    assert_eq!(
+        found(0.0, "exact", Some(along_the_seam)),
+        (vec![2], none.clone(), none),
+        "a line along the closed wall's seam"
+    );
 }
 
 /// Tests that a method with a bound on its time ends, and reports what it has not decided.
@@ -128,8 +148,11 @@ fn a_method_that_is_stopped_reports_what_is_open() {
     exact.set_stop(Box::new(|| true));
     let stopped = trial::run("exact", exact.as_mut(), &world.scene, &cell);
     let sandwich = stopped.sandwich.unwrap();
-    assert!(whole.sandwich.unwrap().hidden > 100 && sandwich.hidden == 0 && sandwich.open > 100);
-    assert_eq!(stopped.reported.len(), world.scene.len());
+    assert!(
+        whole.sandwich.unwrap().hidden > 100 && sandwich.hidden == 0 && sandwich.open > 100,
+        "a stopped method leaves all open: {sandwich:?}"
+    );
+    assert_eq!(stopped.reported.len(), world.scene.len(), "a stopped method reports all");
 }
 
 #[test]

@@ -32,7 +32,11 @@ fn objects_one_by_one_are_those_of_the_whole_and_take_little_memory() {
         PEAK.set(before);
         let rest = open_by_object(name, &Reading::default(), &mut |_, object| {
             let other = expected.next().expect(name);
-            assert_eq!((&object.name, object.opaque, object.door), (&other.name, other.opaque, other.door));
+            assert_eq!(
+                (&object.name, object.opaque, object.door),
+                (&other.name, other.opaque, other.door),
+                "{name}: name and flags of an object"
+            );
             let bits = |object: &SourceObject| {
                 let points = object.triangles.iter().flatten();
                 points.fold(0u64, |hash, p| {

@@ -160,7 +160,10 @@ fn object_space() {
     // More regions than can exist, in a scene of one box because each region takes time.
     let mut small = Scene::new();
     small.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
-    assert!(ShadowFrusta::new(&small, Occluders::new(&small), usize::MAX, usize::MAX).regions() <= 1 << 16);
+    assert!(
+        ShadowFrusta::new(&small, Occluders::new(&small), usize::MAX, usize::MAX).regions() <= 1 << 16,
+        "at most 65536 regions"
+    );
 }
 
 /// Device for hardware occlusion queries that never answers.
@@ -184,16 +187,16 @@ fn plans() {
         let cell = Viewcell::from_box(DVec3::new(-2.0, -2.0, 1.0), DVec3::new(2.0, 2.0, 2.0));
         let mut culler = VirtualOccluderCuller::new(UpAxis::Z).with_max(count);
         culler.cull(&world.scene, &cell, &mut VisibleSet::new());
-        assert!(culler.occluders().len() <= count);
+        assert!(culler.occluders().len() <= count, "{count}: virtual occluders");
         check_memory("virtual occluders");
         let mut culler = VirtualSweepCuller::new().with_max(count);
         culler.cull(&world.scene, &cell, &mut VisibleSet::new());
-        assert!(culler.last().unwrap().occluders().len() <= count);
+        assert!(culler.last().unwrap().occluders().len() <= count, "{count}: virtual occluders of a sweep");
         // Along one side only: in a cube of viewpoints the greatest number takes minutes.
         let line = Viewcell::from_box(cell.min, cell.min + DVec3::X);
         let mut culler = ShrunkCuller::new(HzbCuller::new(Hzb::new(64, 64).unwrap()), count);
         culler.cull(&world.scene, &line, &mut VisibleSet::new());
-        assert!(culler.points().len() <= 6 * 64);
+        assert!(culler.points().len() <= 6 * 64, "{count}: at most 64 points a side");
         check_memory("methods of regions");
     }
 }
@@ -207,14 +210,20 @@ fn core_and_image_space() {
         let frames = count as u32;
         let device = HardwareQueries::new(Silent, LateAnswers::Trusted { frames });
         show(&what, &world, OcclusionCuller::new(device).with_price(count as u32));
-        assert!(Hzb::new(count, 64).is_err() || Hzb::new(count, 64).is_ok_and(|map| map.width() == count));
-        assert!(Hom::new(64, count).is_err() || Hom::new(64, count).is_ok_and(|map| map.height() == count));
+        assert!(
+            Hzb::new(count, 64).is_err() || Hzb::new(count, 64).is_ok_and(|map| map.width() == count),
+            "{count}: a width is accepted or refused"
+        );
+        assert!(
+            Hom::new(64, count).is_err() || Hom::new(64, count).is_ok_and(|map| map.height() == count),
+            "{count}: a height is accepted or refused"
+        );
         check_memory(&what);
         for share in LENGTHS {
             let criteria =
                 OccluderCriteria { min_size: share as f32, max_triangles: count, redundancy: share as f32 };
             let database = OccluderDatabase::new(&world.scene, &criteria);
-            assert!(database.occluders().len() <= world.scene.len());
+            assert!(database.occluders().len() <= world.scene.len(), "{criteria:?}: occluders of the scene");
         }
     }
     for share in LENGTHS {
@@ -287,8 +296,14 @@ fn budgets() {
             // The finest tessellation, of a scene with few objects.
             let mut scene = Scene::new();
             scene.insert_batch((0..4).map(|i| Aabb::from_arrays([i as f32; 3], [i as f32 + 0.5; 3])));
-            assert!(OctreeTessellation::from_scene(&scene, fineness).memory() > 0);
-            assert!(DelaunayTessellation::from_scene(&scene, fineness).memory() > 0);
+            assert!(
+                OctreeTessellation::from_scene(&scene, fineness).memory() > 0,
+                "{fineness:?}: the tessellation has cells"
+            );
+            assert!(
+                DelaunayTessellation::from_scene(&scene, fineness).memory() > 0,
+                "{fineness:?}: the tessellation has cells"
+            );
             check_memory(&what);
         }
     }

@@ -111,20 +111,35 @@ fn materials_say_what_is_see_through_and_what_is_one_sided() {
     ] {
         assert_eq!(of(opaque.clone()), (true, false, false), "{opaque}");
     }
-    assert_eq!(of(json!({})), (true, false, true));
-    assert_eq!(of(json!({"doubleSided": false, "alphaMode": "BLEND"})), (false, true, true));
+    assert_eq!(of(json!({})), (true, false, true), "a material of nothing is one-sided");
+    assert_eq!(
+        of(json!({"doubleSided": false, "alphaMode": "BLEND"})),
+        (false, true, true),
+        "a blended material that is said to be one-sided"
+    );
     // Without a material, the default material is one-sided.
     let source = read(json!({"alphaMode": "MASK"}), false);
-    assert!(source.objects[1].one_sided && source.objects[1].opaque);
+    assert!(
+        source.objects[1].one_sided && source.objects[1].opaque,
+        "an object without a material is one-sided and opaque"
+    );
     let surfaces = source.surfaces();
-    assert_eq!((surfaces.opaque, surfaces.see_through, surfaces.one_sided), (12, 2, 14));
-    assert_eq!(surfaces.to_string(), "12 opaque, 2 see-through, 14 one-sided");
+    assert_eq!(
+        (surfaces.opaque, surfaces.see_through, surfaces.one_sided),
+        (12, 2, 14),
+        "triangles that are opaque, see-through and one-sided"
+    );
+    assert_eq!(surfaces.to_string(), "12 opaque, 2 see-through, 14 one-sided", "the text of these counts");
     // A hint that it occludes means that it is opaque; one that it is a detail does not mean that it is not.
     let mut hinted = source;
     hinted.objects[0].take(Hint::Occluder);
     hinted.objects[1].take(Hint::Detail);
     let of = |at: usize| (hinted.objects[at].opaque, hinted.objects[at].see_through);
-    assert_eq!((of(0), of(1)), ((true, false), (false, false)));
+    assert_eq!(
+        (of(0), of(1)),
+        ((true, false), (false, false)),
+        "a hint of an occluder makes opaque, one of a detail does not make see-through"
+    );
 }
 
 #[test]
@@ -140,7 +155,11 @@ fn all_programs_can_be_told_that_both_sides_are_drawn() {
         let Only { reading } = Only::parse_from([&[""], arguments].concat());
         load_as(&path, &reading).expect("a good file").surfaces().one_sided
     };
-    assert_eq!((one_sided(&[]), one_sided(&["--two-sided"])), (14, 0));
+    assert_eq!(
+        (one_sided(&[]), one_sided(&["--two-sided"])),
+        (14, 0),
+        "one-sided triangles, and with both sides drawn"
+    );
 }
 
 /// Culls the scene with all cullers and asserts that those that promise so hide nothing visible. Returns for
@@ -159,9 +178,12 @@ fn walk(source: SceneSource, what: &str) -> (Vec<u32>, Vec<u32>) {
         let promises = matches!(trial.accuracy, Accuracy::Exact | Accuracy::Conservative);
         assert!(!promises || verdict.false_hidden == 0, "{what}: {}", trial.name);
     }
-    assert!(trials.iter().any(|trial| trial.name == "naylor"));
+    assert!(trials.iter().any(|trial| trial.name == "naylor"), "{what}: the exact culler was tried");
     let hzb = trials.iter().find(|trial| trial.name == "hzb:512x288").unwrap();
-    assert!(hzb.reported[0] == hzb.reported[1] && judgement.exact[0] == judgement.exact[1]);
+    assert!(
+        hzb.reported[0] == hzb.reported[1] && judgement.exact[0] == judgement.exact[1],
+        "{what}: both frames are alike"
+    );
     (hzb.reported[0].clone(), judgement.exact[0].clone())
 }
 
@@ -170,22 +192,38 @@ fn what_is_seen_through_glass_is_seen_and_the_glass_too() {
     for (name, material) in all_glass() {
         assert_eq!(walk(read(material, false), name), (vec![0, 1], vec![0, 1]), "{name}");
     }
-    assert_eq!(walk(read(json!({"doubleSided": true}), false), "opaque"), (vec![0], vec![0]));
+    assert_eq!(
+        walk(read(json!({"doubleSided": true}), false), "opaque"),
+        (vec![0], vec![0]),
+        "an opaque wall hides the box"
+    );
     // What hides the box behind glass is charged with it.
     let source = read(json!({"alphaMode": "BLEND"}), false);
     let world = World::new(source, (160, 90), None).unwrap();
     let (name, pipeline) = cullers::parse("plp:15%", &world).unwrap().remove(0);
     let trials = [run(name, pipeline, &world)];
     let judgement = judge(&world, &trials, || ()).unwrap();
-    assert_eq!(judgement.verdicts[0].hidden, [[1], [1]]);
+    assert_eq!(judgement.verdicts[0].hidden, [[1], [1]], "the box behind the glass is hidden by mistake");
 }
 
 #[test]
 fn backs_of_one_sided_faces_hide_nothing_and_are_not_seen() {
     let (front, back) = (false, true);
-    assert_eq!(walk(read(json!({}), front), "front"), (vec![0], vec![0]));
-    assert_eq!(walk(read(json!({}), back), "back"), (vec![0, 1], vec![1]));
-    assert_eq!(walk(read(json!({"doubleSided": true}), back), "both"), (vec![0], vec![0]));
+    assert_eq!(
+        walk(read(json!({}), front), "front"),
+        (vec![0], vec![0]),
+        "the front of a one-sided wall hides the box"
+    );
+    assert_eq!(
+        walk(read(json!({}), back), "back"),
+        (vec![0, 1], vec![1]),
+        "the back of a one-sided wall is not seen, and hides nothing"
+    );
+    assert_eq!(
+        walk(read(json!({"doubleSided": true}), back), "both"),
+        (vec![0], vec![0]),
+        "the back of a two-sided wall hides the box"
+    );
 }
 
 #[test]

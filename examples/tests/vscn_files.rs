@@ -37,11 +37,11 @@ fn what_is_written_is_read_bit_by_bit() {
     let bytes = small();
     let objects = parse(&bytes).expect("written here");
     let counts: Vec<_> = objects.iter().map(Vec::len).collect();
-    assert_eq!(counts, [2, 0, 1]);
-    assert!(objects[0][0][2].x.is_nan());
-    assert_eq!(vscn::write(&scene(objects)), Some(bytes));
+    assert_eq!(counts, [2, 0, 1], "triangles by object");
+    assert!(objects[0][0][2].x.is_nan(), "a coordinate of NaN");
+    assert_eq!(vscn::write(&scene(objects)), Some(bytes), "the bytes written again");
     let nothing = vscn::write(&scene(Vec::new())).expect("no triangles");
-    assert_eq!(parse(&nothing).expect("no objects").len(), 0);
+    assert_eq!(parse(&nothing).expect("no objects").len(), 0, "objects of an empty file");
 }
 
 #[test]
@@ -85,8 +85,8 @@ fn the_description_beside_a_file_is_used_and_checked() {
     std::fs::write(&file, small()).expect("a test file");
     let _ = std::fs::remove_file(&facts);
     let bare = load(&file).expect("no description is needed");
-    assert_eq!((bare.name.as_str(), bare.up), ("room", Vec3::Z));
-    assert!(bare.walks.is_empty() && bare.near > 0.0);
+    assert_eq!((bare.name.as_str(), bare.up), ("room", Vec3::Z), "the file's name, and the default axis up");
+    assert!(bare.walks.is_empty() && bare.near > 0.0, "no walks, and a near plane");
 
     std::fs::write(
         &facts,
@@ -95,11 +95,15 @@ fn the_description_beside_a_file_is_used_and_checked() {
     )
     .expect("a test file");
     let room = load(&file).expect("a good description");
-    assert_eq!((room.up, room.near), (Vec3::Y, 0.5));
+    assert_eq!((room.up, room.near), (Vec3::Y, 0.5), "axis up and near plane of the description");
     let kinds: Vec<_> = room.objects.iter().map(|o| (o.opaque, o.door)).collect();
-    assert_eq!(kinds, [(true, true), (false, false), (false, false)]);
+    assert_eq!(
+        kinds,
+        [(true, true), (false, false), (false, false)],
+        "opaque objects and doors of the description"
+    );
     let names: Vec<_> = room.objects.iter().map(|o| o.name.to_string()).collect();
-    assert_eq!(names, ["IfcDoor 1", "TREE", "glass"]);
+    assert_eq!(names, ["IfcDoor 1", "TREE", "glass"], "names of the description");
 
     for (text, part) in [
         (r#"{"objects": 4}"#, "room.json: objects: it says 4"),
@@ -127,15 +131,25 @@ fn files_are_read_object_by_object_and_damaged_ones_refused_as_bytes_are() {
             open_by_object(&at, &Reading::default(), &mut |_, object| passed.push(object.triangles.len()));
         let expected = parse(bytes).map(|objects| objects.len()).map_err(|error| error.to_string());
         match (read, expected) {
-            (Ok(scene), Ok(count)) => assert!(scene.objects.is_empty() && passed.len() == count),
+            (Ok(scene), Ok(count)) => {
+                assert!(scene.objects.is_empty() && passed.len() == count, "{} objects passed", passed.len())
+            }
             (Err(found), Err(expected)) => {
-                assert_eq!(found.to_string(), expected.replace("test.vscn", &at));
+                assert_eq!(
+                    found.to_string(),
+                    expected.replace("test.vscn", &at),
+                    "the error of the file and of its bytes"
+                );
             }
             (found, expected) => panic!("{found:?} where {expected:?} was expected"),
         }
         // Objects before the damage are passed on.
         let before = if bytes.len() < 84 || bytes[4] == 9 { 0 } else { 3 };
-        assert!(passed == [2, 0, 1][..before] || bytes.len() < 128 && passed == [2, 0][..passed.len()]);
+        assert!(
+            passed == [2, 0, 1][..before] || bytes.len() < 128 && passed == [2, 0][..passed.len()],
+            "{} bytes: objects passed before the damage: {passed:?}",
+            bytes.len()
+        );
     }
     let failing = std::io::Read::chain(&bytes[..50], Failing);
     let error = vscn::read(failing, 128, Path::new("test.vscn"), &mut |_| {}).expect_err("a failing disk");

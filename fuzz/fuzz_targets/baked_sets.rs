@@ -65,9 +65,9 @@ fn ask(bytes: &[u8]) {
     let scene = &real().scene;
     if let Ok(set) = BakedSet::from_bytes(bytes) {
         let stored = set.to_bytes();
-        assert_eq!(BakedSet::from_bytes(&stored).expect("its own bytes").to_bytes(), stored);
+        assert_eq!(BakedSet::from_bytes(&stored).expect("its own bytes").to_bytes(), stored, "a set's own bytes, read and stored again");
         for number in 0..=set.viewcells().cells().len() as u32 {
-            assert!(set.row(ViewcellId(number)).is_sorted_by(|a, b| a < b));
+            assert!(set.row(ViewcellId(number)).is_sorted_by(|a, b| a < b), "viewcell {number}: targets ascend, each once");
         }
         let Ok(sets) = set.for_scene(scene) else { return };
         let sets = Arc::new(sets);
@@ -77,7 +77,7 @@ fn ask(bytes: &[u8]) {
         Pipeline::new().with(PvsCuller::new(sets)).cull(scene, &view, &mut VisibleSet::new());
     }
     if let Ok(shard) = Shard::from_bytes(bytes) {
-        assert_eq!(Shard::from_bytes(&shard.to_bytes()).as_ref(), Ok(&shard));
+        assert_eq!(Shard::from_bytes(&shard.to_bytes()).as_ref(), Ok(&shard), "a shard's own bytes");
         // Refused or taken, but without a panic.
         let _ = assemble(3, [shard.clone(), shard]);
     }

@@ -41,7 +41,7 @@ fn walls(eyes: &[[f64; 2]], numbers: &[f64]) {
     let (mut answer, mut region) = (Visibility::new(), RegionVisibility::new());
     for &eye in eyes {
         let is_seen = plan.look(&PlanView::new(eye), &mut answer).is_ok();
-        assert!(!is_seen || answer.area() >= 0.0);
+        assert!(!is_seen || answer.area() >= 0.0, "the visible area from {eye:?} is {}", answer.area());
         for &other in eyes {
             assert_eq!(plan.sees(eye, other).ok(), plan.sees(other, eye).ok(), "{eye:?} {other:?}");
         }
@@ -68,7 +68,7 @@ fn discs(eyes: &[[f64; 2]], numbers: &[f64]) {
             assert!(seen.iter().all(|disc| moved.binary_search(disc).is_ok()), "{eye:?} {seen:?} {moved:?}");
             if let Some(beams) = &beams {
                 beams.look(eye, &mut scratch, &mut wide);
-                assert!(wide.len() <= discs.len());
+                assert!(wide.len() <= discs.len(), "from {eye:?}: {} discs of {}", wide.len(), discs.len());
             }
         }
     }

@@ -22,6 +22,6 @@ fuzz_target!(|bytes: &[u8]| {
     let matrix = bake.finish().matrix;
     let cell = |index: usize| CellId(index as u32);
     for (a, b) in (0..cells).flat_map(|a| (0..a).map(move |b| (cell(a), cell(b)))) {
-        assert_eq!(matrix.sees(a, b), matrix.sees(b, a));
+        assert_eq!(matrix.sees(a, b), matrix.sees(b, a), "whether {a:?} and {b:?} see each other");
     }
 });

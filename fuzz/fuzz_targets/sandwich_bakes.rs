@@ -107,21 +107,21 @@ fuzz_target!(|bytes: &[u8]| {
         let Ok(bake) = Bake::resume(real.baker().with_cache(cache), &forged) else { return };
         let saved = bake.save();
         let again = Bake::resume(real.baker(), &saved).expect("its own bytes");
-        assert_eq!(again.save(), saved);
+        assert_eq!(again.save(), saved, "a resumed bake, saved again");
         bake
     } else {
         let Some(cache) = cache(&forged) else { return };
-        assert_eq!(BakeCache::from_bytes(&cache.to_bytes()), Ok(cache.clone()));
+        assert_eq!(BakeCache::from_bytes(&cache.to_bytes()), Ok(cache.clone()), "a cache from its own bytes");
         Bake::new(real.baker().with_cache(cache))
     };
     let outcome = bake.run();
-    assert_eq!(outcome.cells.len(), real.viewcells.cells().len());
+    assert_eq!(outcome.cells.len(), real.viewcells.cells().len(), "a row for each viewcell");
     for cell in &outcome.cells {
         let row = cell.reported();
         assert!(row.is_sorted_by(|a, b| a < b), "ascending, each once");
-        assert!(row.last().is_none_or(|&last| (last as usize) < real.level.index_limit()));
+        assert!(row.last().is_none_or(|&last| (last as usize) < real.level.index_limit()), "a row ends with the target {:?}", row.last());
     }
-    assert!(BakeCache::from_bytes(&outcome.cache.to_bytes()).is_ok());
+    assert!(BakeCache::from_bytes(&outcome.cache.to_bytes()).is_ok(), "the cache of a bake from its own bytes");
 });
 
 fn cache(bytes: &[u8]) -> Option<BakeCache> {

@@ -57,6 +57,6 @@ fn project(scene: &Scene, cells: impl Tessellation + Send + Sync + 'static) {
         let pose = Pose::look_at(eye, DVec3::new(5.0, 3.0, 2.0), DVec3::Z);
         let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).expect("an ordinary camera");
         pipeline.cull(scene, &view, &mut visible);
-        assert!(visible.iter(scene).count() <= scene.len());
+        assert!(visible.iter(scene).count() <= scene.len(), "from {eye}: more objects than there are");
     }
 }

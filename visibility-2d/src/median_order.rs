@@ -1,12 +1,11 @@
 //! Order of points on the plan in which successive points are near one another, for trees over them.
 
-/// Points of a leaf.
+/// Greatest number of points of a leaf.
 pub(crate) const LEAF: usize = 16;
 
-/// Puts centres, with their indices, in the order of the leaves: halves a range at the median of the longer
-/// axis of its bounds, so often as it takes to come to a leaf. No place of a centre makes others share nodes
-/// that are wide: one far away costs one leaf. The left half is a power of two leaves, so that inner nodes
-/// are ranges too.
+/// Puts centres, with their indices, into the order of the leaves. A range is halved at the median of the
+/// longer axis of its bounds until it is a leaf. A centre far away from the others costs one leaf, and makes
+/// no other node wide. The left half is a power of two leaves, so that inner nodes are ranges too.
 pub(crate) fn put_in_order(centers: &mut [([f64; 2], u32)]) {
     if centers.len() <= LEAF {
         // The only order within a leaf that is the same for any way of selecting.

@@ -219,7 +219,10 @@ fn walk(worlds: usize, frames: usize) {
         }
     }
     println!("{steps} steps, {ended} classes ended, {rebuilt} rebuilt, {quiet} quiet of {}", worlds * frames);
-    assert!(steps > 100 * worlds && 10 * quiet > worlds * frames && 2 * rebuilt < worlds * frames);
+    assert!(
+        steps > 100 * worlds && 10 * quiet > worlds * frames && 2 * rebuilt < worlds * frames,
+        "{steps} steps, {quiet} quiet and {rebuilt} rebuilt frames in {worlds} worlds"
+    );
 }
 
 #[test]
@@ -277,8 +280,8 @@ fn warm_looks_allocate_nothing() {
         }
         ALLOCATIONS.get() - before
     };
-    assert!(looks() > 0);
-    assert_eq!(looks(), 0);
+    assert!(looks() > 0, "allocations are counted");
+    assert_eq!(looks(), 0, "allocations in warm looks");
 }
 
 #[test]
@@ -290,19 +293,23 @@ fn beams_of_odd_input_have_defined_answers() {
         Disc { radius: -1.0, ..good },
         Disc { radius: f64::INFINITY, ..good },
     ] {
-        assert_eq!(DiscBeams::new(&[good, bad]).err(), Some(DiscError::Disc { index: 1 }));
+        assert_eq!(
+            DiscBeams::new(&[good, bad]).err(),
+            Some(DiscError::Disc { index: 1 }),
+            "the index of {bad:?}"
+        );
     }
     let (mut scratch, mut seen) = (BeamScratch::new(), Vec::new());
     let none = DiscBeams::new(&[]).unwrap();
     none.look([0.0; 2], &mut scratch, &mut seen);
-    assert!(none.is_empty() && seen.is_empty());
+    assert!(none.is_empty() && seen.is_empty(), "no discs, none seen");
     // Equal, tiny, huge; scratch that another set used before.
     let tiny = Disc { center: [1e-50, 0.0], radius: 1e-50 };
     let odd = [good, good, tiny, Disc { center: [-1e60, 3.0], radius: 1e60 }];
     let made = DiscBeams::new(&odd).unwrap();
     for eye in [[f64::NAN, 0.0], [f64::INFINITY, 0.0], [1e200, 1.0]] {
         made.look(eye, &mut scratch, &mut seen);
-        assert_eq!(seen.len(), made.len());
+        assert_eq!(seen.len(), made.len(), "from {eye:?}: all discs");
     }
     made.look([0.0; 2], &mut scratch, &mut seen);
     assert!(seen.contains(&2) && seen.contains(&3), "{seen:?}");
@@ -377,13 +384,17 @@ fn odd_input_has_defined_answers() {
         Disc { radius: f64::NAN, ..good },
         Disc { center: [1e300, 0.0], ..good },
     ] {
-        assert_eq!(Discs::new(&[good, bad]).err(), Some(DiscError::Disc { index: 1 }));
+        assert_eq!(
+            Discs::new(&[good, bad]).err(),
+            Some(DiscError::Disc { index: 1 }),
+            "the index of {bad:?}"
+        );
     }
     let (mut zone, mut seen, mut hits) = (DiscZone::new(), Vec::new(), Vec::new());
     let none = Discs::new(&[]).unwrap();
     zone.look(&none, &DiscView::new([0.0, 0.0]), &mut seen);
     none.first_hits([0.0; 2], [1.0, 0.0], 3, 1.0, &mut hits);
-    assert!(none.is_empty() && seen.is_empty() && hits.is_empty());
+    assert!(none.is_empty() && seen.is_empty() && hits.is_empty(), "no discs, none seen and none hit");
     // Coincident, concentric, touching, of radius 0.
     let at = |x: f64, radius: f64| Disc { center: [x, 0.0], radius };
     let odd = [at(5.0, 1.0), at(5.0, 1.0), at(5.0, 0.5), at(7.0, 1.0), at(20.0, 0.0), at(-3.0, 0.0)];
@@ -397,7 +408,7 @@ fn odd_input_has_defined_answers() {
     }
     for eye in [[f64::NAN, 0.0], [f64::INFINITY, 0.0], [1e200, 1.0]] {
         zone.look(&discs, &DiscView::new(eye), &mut seen);
-        assert_eq!(seen.len(), odd.len());
+        assert_eq!(seen.len(), odd.len(), "from {eye:?}: all discs");
     }
     for view in [
         DiscView::new([0.0; 2]).with_ball(f64::NAN),
@@ -408,11 +419,11 @@ fn odd_input_has_defined_answers() {
         zone.look(&discs, &view, &mut seen);
     }
     discs.first_hits([0.0; 2], [0.0; 2], 3, 1.0, &mut hits);
-    assert!(hits.is_empty());
+    assert!(hits.is_empty(), "hits along no direction");
     discs.first_hits([f64::NAN; 2], [1.0, 0.0], 3, 1.0, &mut hits);
-    assert!(hits.is_empty());
+    assert!(hits.is_empty(), "hits from NaN");
     discs.first_hits([0.0; 2], [1.0, 0.0], usize::MAX, f64::INFINITY, &mut hits);
-    assert_eq!(hits.len(), 5);
+    assert_eq!(hits.len(), 5, "hits along x");
 }
 
 /// Discs in squares of a grid, for rays that walk from square to square.
@@ -515,7 +526,7 @@ fn cast(count: usize, squares: usize, radii: &[f64], eyes: usize, rays: usize) {
         }
         let [seen, beams] = [total, by_beams].map(|count| count as f64 / eyes as f64);
         println!("radius {radius}: {seen:.1} of {count} discs seen on average, by beams {beams:.1}");
-        assert!(total < eyes * count / 2);
+        assert!(total < eyes * count / 2, "radius {radius}: {total} of {count} discs from {eyes} eyes");
     }
 }
 

@@ -33,11 +33,15 @@ fn a_hut_behind_enough_trees_is_hidden_and_a_tower_is_not() {
         for crossings in [0, 1, 2, 3, 5, 7, 255] {
             let occluders = HorizonOccluders::new(&scene, UpAxis::Z);
             let mut culler = HorizonCuller::new(occluders.into()).with_crowns(trees.clone(), crossings);
-            assert_eq!(culler.accuracy(), Accuracy::Approximate);
+            assert_eq!(culler.accuracy(), Accuracy::Approximate, "crowns are approximate");
             let is_hidden = count >= usize::from(crossings.max(1));
             assert_eq!(visible(&scene, &mut culler, ids), [!is_hidden, true], "{crossings} of {count} trees");
             // The same again: nothing is left of the frame before.
-            assert_eq!(visible(&scene, &mut culler, ids), [!is_hidden, true]);
+            assert_eq!(
+                visible(&scene, &mut culler, ids),
+                [!is_hidden, true],
+                "{crossings} of {count} trees, in a second frame"
+            );
         }
     }
 }
@@ -47,12 +51,12 @@ fn without_crowns_trees_hide_nothing() {
     let (scene, _, ids) = scene(7);
     let occluders = HorizonOccluders::new(&scene, UpAxis::Z);
     let mut culler = HorizonCuller::new(occluders.into());
-    assert_eq!(visible(&scene, &mut culler, ids), [true, true]);
+    assert_eq!(visible(&scene, &mut culler, ids), [true, true], "hut and tower without crowns");
     // Ids of another scene are no crowns of this one.
     let foreign = scene.clone().ids().collect::<Vec<_>>();
     let mut other = Scene::new();
     let foreign_ids: Vec<_> =
         foreign.iter().map(|_| other.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]))).collect();
     let mut culler = culler.with_crowns(foreign_ids, 1);
-    assert_eq!(visible(&scene, &mut culler, ids), [true, true]);
+    assert_eq!(visible(&scene, &mut culler, ids), [true, true], "hut and tower with crowns of another scene");
 }

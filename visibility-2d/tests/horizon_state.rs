@@ -114,7 +114,7 @@ fn a_warm_frame_allocates_nothing() {
         }
     }
     assert!(hidden > 200, "{hidden} hidden");
-    assert_eq!(ALLOCATIONS.get(), before);
+    assert_eq!(ALLOCATIONS.get(), before, "allocations in 30 warm frames");
 }
 
 #[test]
@@ -127,8 +127,8 @@ fn parallel_views_and_blind_frames_hide_nothing() {
     let mut culler = HorizonCuller::new(HorizonOccluders::new(&scene, UpAxis::Z).into());
     visible.fill(&scene, &view);
     let stats = culler.cull(&scene, &view, &mut visible);
-    assert_eq!(stats.visible, scene.len() as u64);
-    assert_eq!(visible.count(&scene), scene.len());
+    assert_eq!(stats.visible, scene.len() as u64, "objects counted in a parallel view");
+    assert_eq!(visible.count(&scene), scene.len(), "objects visible in a parallel view");
 }
 
 /// A wall that has moved since its solids were made hides nothing, neither where it was nor where it is; and
@@ -157,15 +157,27 @@ fn a_wall_that_moved_hides_nothing_until_it_is_taken_in() {
         HorizonCuller::new(Arc::new(occluders.clone())).cull(scene, &view, &mut visible);
         [middle, side].map(|id| !visible.contains(scene, id))
     };
-    assert_eq!(hidden(&scene, &occluders), [true, false]);
+    assert_eq!(hidden(&scene, &occluders), [true, false], "the wall is before the middle");
     place(&mut scene, 6.5);
-    assert_eq!(hidden(&scene, &occluders), [false, false]);
+    assert_eq!(
+        hidden(&scene, &occluders),
+        [false, false],
+        "the wall has moved, and the occluders do not know"
+    );
     occluders.sync(&scene);
-    assert_eq!(hidden(&scene, &occluders), [false, true]);
+    assert_eq!(hidden(&scene, &occluders), [false, true], "the wall is before the side");
     scene.set_occluder(wall, false).unwrap();
-    assert_eq!(hidden(&scene, &occluders), [false, false]);
+    assert_eq!(
+        hidden(&scene, &occluders),
+        [false, false],
+        "the wall is no occluder, and the occluders do not know"
+    );
     occluders.sync(&scene);
-    assert_eq!((hidden(&scene, &occluders), occluders.solid_count()), ([false, false], 0));
+    assert_eq!(
+        (hidden(&scene, &occluders), occluders.solid_count()),
+        ([false, false], 0),
+        "the wall is no occluder"
+    );
 }
 
 /// A wall in the plane x = 5, and boxes behind it: the scene and a view from the origin along x.
@@ -193,7 +205,7 @@ fn siblings_hidden_one_by_one_stay_hidden_without_a_stage_before() {
     let mut visible = VisibleSet::new();
     visible.fill(&scene, &view);
     let stats = culler.cull(&scene, &view, &mut visible);
-    assert_eq!((visible.count(&scene), stats.visible), (1, 1));
+    assert_eq!((visible.count(&scene), stats.visible), (1, 1), "the wall alone is visible");
 }
 
 #[test]
@@ -205,9 +217,13 @@ fn occluders_of_another_up_axis_hide_nothing_until_the_next_frame() {
     visible.fill(&scene, &view);
     culler.cull(&scene, &view, &mut visible);
     let behind = Aabb::from_arrays([9.0, -0.1, -0.1], [9.2, 0.1, 0.1]);
-    assert_eq!(culler.horizon().test(&behind), Occlusion::Hidden);
+    assert_eq!(culler.horizon().test(&behind), Occlusion::Hidden, "a box behind the wall");
     culler.set_occluders(HorizonOccluders::new(&scene, UpAxis::Y).into());
-    assert_ne!(culler.horizon().test(&behind), Occlusion::Hidden);
+    assert_ne!(
+        culler.horizon().test(&behind),
+        Occlusion::Hidden,
+        "occluders of another up axis, before the next frame"
+    );
 }
 
 /// Furniture hides next to nothing beside walls, and costs as much.
@@ -225,7 +241,7 @@ fn small_solids_beside_large_ones_are_left_out() {
     let walls = [(); 20].map(|()| insert(4.0));
     let chairs = [(); 60].map(|()| insert(1.0));
     let mut occluders = HorizonOccluders::new(&scene, UpAxis::Z);
-    assert_eq!(occluders.solid_count(), walls.len());
+    assert_eq!(occluders.solid_count(), walls.len(), "solids taken: the walls");
     // A chair that moves stays out, one that grows is taken in.
     scene.set_bounds(chairs[0], Aabb::from_arrays([5.0; 3], [6.0; 3])).unwrap();
     let grown = Aabb::from_arrays([0.0; 3], [1.5; 3]);
@@ -234,5 +250,5 @@ fn small_solids_beside_large_ones_are_left_out() {
     scene.set_mesh(chairs[1], wardrobe, Affine3A::IDENTITY).unwrap();
     scene.set_occluder(walls[0], false).unwrap();
     occluders.sync(&scene);
-    assert_eq!(occluders.solid_count(), walls.len());
+    assert_eq!(occluders.solid_count(), walls.len(), "solids taken: one wall less, and the chair that grew");
 }

@@ -75,7 +75,11 @@ const OPEN: [bool; 3] = [true; 3];
 #[test]
 fn a_hill_hides_what_is_behind_and_lower() {
     for two_sided in [false, true] {
-        assert_eq!(seen(&[ground(-5..25, 20, hill)], two_sided, 0.1, |_| true), HIDDEN);
+        assert_eq!(
+            seen(&[ground(-5..25, 20, hill)], two_sided, 0.1, |_| true),
+            HIDDEN,
+            "two-sided: {two_sided}: boxes behind the hill"
+        );
     }
     assert_eq!(seen(&[ground(-5..25, 20, |_, _| 0.0)], true, 0.1, |_| true), OPEN, "a plain");
 }
@@ -83,10 +87,18 @@ fn a_hill_hides_what_is_behind_and_lower() {
 #[test]
 fn tiles_of_one_ground_hide_together() {
     let tiles = [ground(-5..7, 20, hill), ground(7..9, 20, hill), ground(9..25, 20, hill)];
-    assert_eq!(seen(&tiles, false, 0.1, |_| true), HIDDEN);
+    assert_eq!(seen(&tiles, false, 0.1, |_| true), HIDDEN, "boxes behind the hill, in three tiles");
     // Without the tile of the slope, or where an earlier stage took it out, one looks below the crest.
-    assert_eq!(seen(&[tiles[0].clone(), tiles[2].clone()], false, 0.1, |_| true), OPEN);
-    assert_eq!(seen(&tiles, false, 0.1, |tile| tile != 1), OPEN);
+    assert_eq!(
+        seen(&[tiles[0].clone(), tiles[2].clone()], false, 0.1, |_| true),
+        OPEN,
+        "boxes behind the hill, without the tile of its slope"
+    );
+    assert_eq!(
+        seen(&tiles, false, 0.1, |tile| tile != 1),
+        OPEN,
+        "boxes behind the hill, whose slope was taken out"
+    );
     // The slope alone hides what its own picture covers: the box stands higher than its foot.
     let tiles = [ground(5..9, 20, hill), ground(9..10, 20, hill)];
     assert_eq!(seen(&tiles, false, 0.1, |_| true), OPEN, "from the middle of a slope");
@@ -116,7 +128,7 @@ fn holes_and_turned_triangles_are_open() {
     // A hole far from what hides changes nothing.
     let mut open = all.clone();
     open.remove(at(15.0, 30.5));
-    assert_eq!(seen(&[open], true, 0.1, |_| true), HIDDEN);
+    assert_eq!(seen(&[open], true, 0.1, |_| true), HIDDEN, "a hole beside what hides");
 }
 
 /// A mirror image keeps the fronts of its triangles.
@@ -139,8 +151,8 @@ fn mirrored_ground_hides_from_its_front() {
 #[test]
 fn a_hill_before_the_near_plane_hides_nothing() {
     let tiles = [ground(-5..25, 20, hill)];
-    assert_eq!(seen(&tiles, true, 4.0, |_| true), [false, true, true]);
-    assert_eq!(seen(&tiles, true, 21.0, |_| true), OPEN);
+    assert_eq!(seen(&tiles, true, 4.0, |_| true), [false, true, true], "a near plane at 4 m");
+    assert_eq!(seen(&tiles, true, 21.0, |_| true), OPEN, "a near plane behind the crest");
 }
 
 #[test]
@@ -156,17 +168,21 @@ fn from_below_and_behind_a_change_nothing_is_hidden() {
         HorizonCuller::new(occluders.clone().into()).cull(scene, &view, &mut visible);
         [cave, behind].map(|id| visible.contains(scene, id))
     };
-    assert!(!is_seen(&scene, &occluders, 1.7)[1]);
-    assert!(is_seen(&scene, &occluders, -2.0)[0]);
+    assert!(!is_seen(&scene, &occluders, 1.7)[1], "the box behind the hill, from above");
+    assert!(is_seen(&scene, &occluders, -2.0)[0], "the box in the cave, from below");
     // The ground has moved: before the occluders follow, and after.
     let (mesh, _) = scene.occluder(tile).unwrap();
     let mesh = mesh.clone();
     scene.set_local_bounds(tile, *mesh.bounds()).unwrap();
     let mesh = scene.add_mesh(mesh);
     scene.set_mesh(tile, mesh, Affine3A::from_translation(Vec3::Z * -20.0)).unwrap();
-    assert_eq!(is_seen(&scene, &occluders, 1.7), [true; 2]);
+    assert_eq!(
+        is_seen(&scene, &occluders, 1.7),
+        [true; 2],
+        "the ground has moved, and the occluders do not know"
+    );
     occluders.sync(&scene);
-    assert_eq!(is_seen(&scene, &occluders, 1.7), [true; 2]);
+    assert_eq!(is_seen(&scene, &occluders, 1.7), [true; 2], "the ground is 20 m lower");
 }
 
 /// Coordinates and transforms at the ends of `f32`: no panic, and the hill beside them hides as before.

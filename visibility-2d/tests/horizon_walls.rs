@@ -44,30 +44,36 @@ fn stands(_: usize) -> [f32; 2] {
 #[test]
 fn panels_around_corners_hide_as_one_wall() {
     let wall = panels(&CROOKED, stands);
-    assert!(hides(&wall, true, Affine3A::IDENTITY, BEHIND));
-    assert!(hides(&wall, false, Affine3A::IDENTITY, BEHIND));
+    assert!(hides(&wall, true, Affine3A::IDENTITY, BEHIND), "the wall, two-sided");
+    assert!(hides(&wall, false, Affine3A::IDENTITY, BEHIND), "the wall, from its front");
     // The part above the wall shows.
-    assert!(!hides(&wall, true, Affine3A::IDENTITY, [[20.0, -8.0, 0.5], [22.0, 8.0, 6.0]]));
+    assert!(
+        !hides(&wall, true, Affine3A::IDENTITY, [[20.0, -8.0, 0.5], [22.0, 8.0, 6.0]]),
+        "what stands out above the wall"
+    );
     // Panels of several heights hide what all of them hide.
     let uneven = |i: usize| [[-0.5, 0.0, -0.2, 0.1][i], [3.0, 2.5, 4.0, 3.5][i]];
-    assert!(hides(&panels(&CROOKED, uneven), true, Affine3A::IDENTITY, BEHIND));
+    assert!(hides(&panels(&CROOKED, uneven), true, Affine3A::IDENTITY, BEHIND), "panels of several heights");
     let low = |i: usize| [0.0, [3.0, 1.2, 4.0, 3.5][i]];
-    assert!(!hides(&panels(&CROOKED, low), true, Affine3A::IDENTITY, BEHIND));
+    assert!(!hides(&panels(&CROOKED, low), true, Affine3A::IDENTITY, BEHIND), "a panel that is too low");
 }
 
 #[test]
 fn a_wall_of_one_side_hides_what_is_behind_its_front() {
     let back: Vec<_> = panels(&CROOKED, stands).iter().map(|[a, b, c]| [*a, *c, *b]).collect();
-    assert!(!hides(&back, false, Affine3A::IDENTITY, BEHIND));
-    assert!(hides(&back, true, Affine3A::IDENTITY, BEHIND));
+    assert!(!hides(&back, false, Affine3A::IDENTITY, BEHIND), "the wall from its back");
+    assert!(hides(&back, true, Affine3A::IDENTITY, BEHIND), "the wall from its back, two-sided");
     // A mirror image keeps the fronts of its triangles.
     let mirrored = Affine3A::from_mat3(Mat3::from_diagonal(Vec3::new(1.0, -1.0, 1.0)));
-    assert!(hides(&panels(&CROOKED, stands), false, mirrored, BEHIND));
-    assert!(!hides(&back, false, mirrored, BEHIND));
+    assert!(hides(&panels(&CROOKED, stands), false, mirrored, BEHIND), "a mirrored wall from its front");
+    assert!(!hides(&back, false, mirrored, BEHIND), "a mirrored wall from its back");
     let upside_down =
         Affine3A::from_mat3_translation(Mat3::from_diagonal(Vec3::new(1.0, 1.0, -1.0)), Vec3::Z * 3.0);
-    assert!(hides(&panels(&CROOKED, stands), false, upside_down, BEHIND));
-    assert!(!hides(&back, false, upside_down, BEHIND));
+    assert!(
+        hides(&panels(&CROOKED, stands), false, upside_down, BEHIND),
+        "a wall upside down from its front"
+    );
+    assert!(!hides(&back, false, upside_down, BEHIND), "a wall upside down from its back");
 }
 
 #[test]
@@ -82,7 +88,7 @@ fn a_wall_with_a_gap_hides_nothing_behind_the_gap() {
     let mut left = panels(&CROOKED[..3], stands);
     let right = CROOKED.map(|[x, y]| [x, if y == 0.07 { 0.069 } else { y }]);
     left.extend(panels(&right[2..], stands));
-    assert!(!hides(&left, true, Affine3A::IDENTITY, BEHIND));
+    assert!(!hides(&left, true, Affine3A::IDENTITY, BEHIND), "a gap narrower than a column");
 }
 
 /// Lines of sight pass beneath a panel that does not reach the ground, and those of them that meet nothing
@@ -97,27 +103,30 @@ fn a_raised_panel_hides_nothing_beneath_it() {
     }
     // The ground falls away behind the wall: its foot is at the level of the street, and the box is lower.
     let wall = panels(&CROOKED, stands);
-    assert!(!hides(&wall, true, Affine3A::IDENTITY, [[20.0, -8.0, -4.0], [22.0, 8.0, -3.5]]));
+    assert!(
+        !hides(&wall, true, Affine3A::IDENTITY, [[20.0, -8.0, -4.0], [22.0, 8.0, -3.5]]),
+        "a box lower than the wall's foot"
+    );
 }
 
 #[test]
 fn what_leans_is_no_wall() {
     let wall = panels(&CROOKED, stands);
     let lean = Affine3A::from_quat(Quat::from_rotation_y(1e-3));
-    assert!(!hides(&wall, true, lean, BEHIND));
+    assert!(!hides(&wall, true, lean, BEHIND), "a wall that leans by 1e-3 rad");
     // Turned about the vertical it stays a wall.
     let turned = Affine3A::from_rotation_translation(Quat::from_rotation_z(0.05), Vec3::new(0.3, 0.1, 0.0));
-    assert!(hides(&wall, true, turned, BEHIND));
+    assert!(hides(&wall, true, turned, BEHIND), "a wall turned about the vertical");
     // A corner that is moved by a millimetre at its top.
     let moved: Vec<_> = wall
         .iter()
         .map(|t| t.map(|p| if p.y == 0.07 && p.z == 3.0 { p + Vec3::X * 1e-3 } else { p }))
         .collect();
-    assert!(!hides(&moved, true, Affine3A::IDENTITY, BEHIND));
+    assert!(!hides(&moved, true, Affine3A::IDENTITY, BEHIND), "a corner moved by 1 mm");
     // Two triangles that are folded onto each other cover half of their panel.
     let mut folded = wall.clone();
     folded[3] = [folded[3][0], folded[3][1], Vec3::new(8.0, 0.07, 2.0)];
-    assert!(!hides(&folded, true, Affine3A::IDENTITY, BEHIND));
+    assert!(!hides(&folded, true, Affine3A::IDENTITY, BEHIND), "a panel of folded triangles");
 }
 
 /// Coordinates and transforms at the ends of `f32`: no panic, and a wall that is nowhere hides nothing.
@@ -147,5 +156,5 @@ fn hostile_walls_hide_nothing() {
             panels(&[[9.0, 0.0], [9.0 + 5.0 * angle.cos(), 5.0 * angle.sin()]], stands)
         })
         .collect();
-    assert!(!hides(&star, true, Affine3A::IDENTITY, BEHIND));
+    assert!(!hides(&star, true, Affine3A::IDENTITY, BEHIND), "hundreds of panels over one point");
 }

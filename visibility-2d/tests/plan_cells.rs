@@ -74,7 +74,7 @@ fn portals_are_where_sight_passes() {
             let q = p.map(|x| x + random.fine_range(-1e-3, 1e-3));
             let (a, b) = (CellId(locate(p).0), CellId(locate(q).0));
             if a == b {
-                assert!(plan.sees(p, q).unwrap());
+                assert!(plan.sees(p, q).unwrap(), "seed {seed}: {p:?} and {q:?} in one cell");
             } else if plan.sees(p, q).unwrap() {
                 let portals = cells.graph.portals_of(a);
                 let is_next = portals.iter().any(|&id| cells.graph.portal(id).unwrap().other(a) == b);
@@ -90,9 +90,9 @@ fn portals_are_where_sight_passes() {
 fn heights_must_be_in_order() {
     let plan = Plan::new(&[]).unwrap();
     for (low, high) in [(1.0, 1.0), (2.0, 1.0), (f64::NAN, 1.0), (0.0, f64::INFINITY)] {
-        assert_eq!(plan.cells(low, high).unwrap_err(), PlanError::Heights);
+        assert_eq!(plan.cells(low, high).unwrap_err(), PlanError::Heights, "heights from {low} to {high}");
     }
-    assert_eq!(plan.cells(0.0, 1.0).unwrap().graph.cell_count(), 1);
+    assert_eq!(plan.cells(0.0, 1.0).unwrap().graph.cell_count(), 1, "a plan without walls is one cell");
 }
 
 /// A portal that is left out would hide what is behind it.
@@ -112,7 +112,7 @@ fn portals_are_there_at_any_shape() {
         plan.cells(low, high).map(|cells| cells.graph.portals().len())
     };
     let portals = count(1.0, 0.0, 2.5).unwrap();
-    assert!(portals > 40);
+    assert!(portals > 40, "{portals} portals are no test");
     for (scale, low, high) in
         [(1.0, 0.0, 1e-13), (1.0, -5e16, 5e16), (2f64.powi(190), 0.0, 3.0), (1.0, 0.0, 1e-300)]
     {
@@ -120,7 +120,7 @@ fn portals_are_there_at_any_shape() {
     }
     // Where no polygon has such corners, the heights are refused.
     for (low, high) in [(-1e308, 1e308), (0.0, 1e300)] {
-        assert_eq!(count(1.0, low, high), Err(PlanError::Heights));
+        assert_eq!(count(1.0, low, high), Err(PlanError::Heights), "heights from {low} to {high}");
     }
 }
 

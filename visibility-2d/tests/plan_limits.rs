@@ -136,10 +136,17 @@ fn one_way_walls_and_doors_are_the_same_for_points_and_regions() {
             let opacity = random.pick(&[Opacity::Opaque, Opacity::Clear, Opacity::OneWay]);
             let same = plan.walls()[wall as usize].opacity == opacity;
             plan.set_opacity(wall, opacity).unwrap();
-            assert_eq!(plan.stamp() == before, same);
+            assert_eq!(
+                plan.stamp() == before,
+                same,
+                "seed {seed}: the stamp changes with the opacity of wall {wall}"
+            );
         }
         let fresh = Plan::from_walls(plan.walls(), 1.0).unwrap();
-        assert!(plan.set_opacity(count as u32, Opacity::Clear).is_err());
+        assert!(
+            plan.set_opacity(count as u32, Opacity::Clear).is_err(),
+            "seed {seed}: a wall that does not exist"
+        );
         let [low, high] = plan.bounds();
         for _ in 0..20 {
             let [p, q] = [0, 1].map(|_| [0, 1].map(|k| random.fine_range(low[k], high[k])));
@@ -186,11 +193,14 @@ fn sectors_share_the_turn() {
         for (right, left) in [(a, b), (b, a)] {
             plan.look(&PlanView::new(eye).with_sector(right, left), &mut parts).unwrap();
             area += parts.area();
-            assert!(parts.walls().iter().all(|wall| answer.walls().contains(wall)));
+            assert!(
+                parts.walls().iter().all(|wall| answer.walls().contains(wall)),
+                "seed {seed}: a wall seen in the sector from {right:?} to {left:?} alone"
+            );
         }
         assert!((area - answer.area()).abs() < 1e-9 * area, "seed {seed}: {area} {}", answer.area());
         plan.look(&PlanView::new(eye).with_sector(a, a), &mut parts).unwrap();
-        assert_eq!(parts.area(), 0.0);
+        assert_eq!(parts.area(), 0.0, "seed {seed}: the area of an empty sector");
     }
 }
 
@@ -229,7 +239,7 @@ fn warm_queries_allocate_nothing() {
     queries(1);
     let before = ALLOCATIONS.get();
     queries(1);
-    assert_eq!(ALLOCATIONS.get(), before);
+    assert_eq!(ALLOCATIONS.get(), before, "allocations in warm queries");
 }
 
 /// Gaps and overlaps between two walls that products of `f64` cannot tell: neighbouring Fibonacci numbers
@@ -265,7 +275,7 @@ fn gaps_of_the_last_bit_are_told_from_overlaps() {
         assert_eq!(plan.sees([0.0, 0.0], beyond).unwrap(), is_gap, "{a:?} {b:?}");
         seen += u32::from(is_gap);
     }
-    assert_eq!(seen, 17);
+    assert_eq!(seen, 17, "gaps of the last bit, of 34 cases");
 }
 
 #[test]
@@ -300,7 +310,7 @@ fn rays_name_a_wall_that_stops_them() {
         Wall::new([2.0, 0.0], [2.0, 1.0]),
         Wall::new([2.0, 0.0], [2.0, -1.0]),
     ];
-    assert_eq!(wall_of(&corner, [1.0, 0.0]), Some(1));
+    assert_eq!(wall_of(&corner, [1.0, 0.0]), Some(1), "the opaque wall at the contact, not the glass behind");
     // Glass, a one-way wall that lets the ray pass, one that does not, on one segment.
     let ends = [[2.0, -1.0], [2.0, 1.0]];
     let one_way = |[a, b]: [Point; 2]| Wall::new(a, b).with_opacity(Opacity::OneWay);
@@ -310,8 +320,12 @@ fn rays_name_a_wall_that_stops_them() {
         one_way([ends[1], ends[0]]),
         Wall::new(ends[0], ends[1]),
     ];
-    assert_eq!(wall_of(&stacked, [1.0, 0.25]), Some(2));
-    assert_eq!(wall_of(&stacked[..2], [1.0, 0.25]), None);
+    assert_eq!(
+        wall_of(&stacked, [1.0, 0.25]),
+        Some(2),
+        "of walls on one segment, the first that stops the ray"
+    );
+    assert_eq!(wall_of(&stacked[..2], [1.0, 0.25]), None, "glass, and a one-way wall that lets the ray pass");
     // Along a wall on its left, up to a wall to the left; glass and a wall to the right are not in the way.
     let along = [
         Wall::new([3.0, 0.0], [3.0, -1.0]),
@@ -319,5 +333,5 @@ fn rays_name_a_wall_that_stops_them() {
         Wall::new([1.0, 0.0], [1.0, -1.0]),
         Wall::new([3.0, 0.0], [3.0, 1.0]),
     ];
-    assert_eq!(wall_of(&along, [1.0, 0.0]), Some(3));
+    assert_eq!(wall_of(&along, [1.0, 0.0]), Some(3), "the wall on the left that ends the ray");
 }

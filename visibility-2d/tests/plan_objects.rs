@@ -74,7 +74,7 @@ fn objects_seen_are_those_with_a_line_of_sight() {
                     assert_eq!(seen, by_line, "seed {seed}: point {outline:?} from {eye:?}");
                     seen_points[usize::from(seen)] += 1;
                 }
-                assert!(!seen || !outline.is_empty());
+                assert!(!seen || !outline.is_empty(), "seed {seed}: object {object} was removed and is seen");
                 all += usize::from(seen);
                 extra += usize::from(seen && !by_line);
             }
@@ -93,18 +93,34 @@ fn objects_of_another_plan_are_refused() {
     let object = objects.insert(&plan, &[[0.5, 0.5]]).unwrap();
     let mut answer = Visibility::new();
     let view = PlanView::new([0.5, 1.0]);
-    assert_eq!(other.look_at(&view, &objects, &mut answer), Err(PlanError::Objects));
-    assert_eq!(objects.insert(&other, &[[0.5, 0.5]]), Err(PlanError::Objects));
-    assert_eq!(objects.set(&plan, 7, &[[0.5, 0.5]]), Err(PlanError::Objects));
-    assert_eq!(objects.set(&plan, object, &[[0.5, 1e9]]), Err(PlanError::Region));
-    assert_eq!(objects.set(&plan, object, &[]), Err(PlanError::Region));
+    assert_eq!(
+        other.look_at(&view, &objects, &mut answer),
+        Err(PlanError::Objects),
+        "objects of another plan"
+    );
+    assert_eq!(
+        objects.insert(&other, &[[0.5, 0.5]]),
+        Err(PlanError::Objects),
+        "an insertion with another plan"
+    );
+    assert_eq!(
+        objects.set(&plan, 7, &[[0.5, 0.5]]),
+        Err(PlanError::Objects),
+        "an object that does not exist"
+    );
+    assert_eq!(
+        objects.set(&plan, object, &[[0.5, 1e9]]),
+        Err(PlanError::Region),
+        "an object outside of the plan"
+    );
+    assert_eq!(objects.set(&plan, object, &[]), Err(PlanError::Region), "an object without corners");
     objects.remove(7);
     // A door does not change the triangles, and a refused place leaves the object where it was.
     plan.set_opacity(0, Opacity::Clear).unwrap();
     plan.look_at(&view, &objects, &mut answer).unwrap();
-    assert_eq!(answer.objects(), [object]);
+    assert_eq!(answer.objects(), [object], "the object is where it was");
     plan.look(&view, &mut answer).unwrap();
-    assert!(answer.objects().is_empty());
+    assert!(answer.objects().is_empty(), "a look without objects lists none");
 }
 
 /// An eye that moves in small steps, jumps, and changes its plan sees what a fresh answer sees.
@@ -209,14 +225,21 @@ fn heights_decide_as_whole_numbers_do() {
     }
     assert!(over > 500 && blocked > 500, "{over} over walls, {blocked} blocked");
     let plan = Plan::new(&[Wall::new([0.0, -1.0], [0.0, 1.0]).with_heights(0.0, 1.0)]).unwrap();
-    assert_eq!(plan.sees_at(([1.0, 0.0], f64::NAN), ([0.0, 5.0], 1.0)), Err(PlanError::Heights));
+    assert_eq!(
+        plan.sees_at(([1.0, 0.0], f64::NAN), ([0.0, 5.0], 1.0)),
+        Err(PlanError::Heights),
+        "a height of NaN"
+    );
     // Walls that reach from below the lower height to above the upper one hide.
     plan.look(&PlanView::new([-1.0, 0.0]).with_heights(0.5, 0.9), &mut answer).unwrap();
     let hidden = answer.area();
     plan.look(&PlanView::new([-1.0, 0.0]).with_heights(0.5, 1.1), &mut answer).unwrap();
-    assert!(hidden < answer.area());
+    assert!(hidden < answer.area(), "looking up over the wall shows more than {hidden}");
     // A line of sight exactly along the top passes, a millionth below it does not.
-    assert!(plan.sees_at(([-1.0, 0.0], 1.0), ([1.0, 0.0], 1.0)).unwrap());
+    assert!(plan.sees_at(([-1.0, 0.0], 1.0), ([1.0, 0.0], 1.0)).unwrap(), "a line along the wall's top");
     assert!(plan.sees_at(([-0.1, 0.0], 1.1), ([0.2, 0.0], 0.8)).unwrap(), "touches the top, up to rounding");
-    assert!(!plan.sees_at(([-1.0, 0.0], 1.0), ([1.0, 0.0], 1.0 - 1e-6)).unwrap());
+    assert!(
+        !plan.sees_at(([-1.0, 0.0], 1.0), ([1.0, 0.0], 1.0 - 1e-6)).unwrap(),
+        "a line that ends below the wall's top"
+    );
 }

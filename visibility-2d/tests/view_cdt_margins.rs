@@ -131,13 +131,13 @@ fn warm_frames_allocate_nothing_and_odd_boxes_are_visible() {
             map.add(solid, &Affine3A::IDENTITY);
         }
         map.flush();
-        assert_eq!(map.test(&Aabb::EMPTY), Occlusion::Visible);
+        assert_eq!(map.test(&Aabb::EMPTY), Occlusion::Visible, "the empty box");
         boxes.iter().filter(|bounds| map.test(bounds) == Occlusion::Hidden).count()
     };
     let first = frame(0.0);
     frame(1.0);
     let before = ALLOCATIONS.get();
-    assert_eq!(frame(0.0), first);
-    assert_eq!(ALLOCATIONS.get(), before);
+    assert_eq!(frame(0.0), first, "boxes hidden in a warm frame");
+    assert_eq!(ALLOCATIONS.get(), before, "allocations in a warm frame");
     assert!(first > 25, "{first} boxes hidden");
 }

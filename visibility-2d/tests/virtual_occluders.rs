@@ -224,7 +224,10 @@ fn a_row_of_small_houses_hides_what_none_of_them_hides() {
     assert!(!seen.contains(&behind) && seen.contains(&above), "{seen:?}");
     // A gap of a millimetre shows what is behind, or may.
     let open = insert(&mut scene, [-0.5, 9.0, 0.0], [0.0, 9.5, 0.01]);
-    assert!(!left(&scene, &cell, &mut culler).contains(&behind));
+    assert!(
+        !left(&scene, &cell, &mut culler).contains(&behind),
+        "what is behind a closed row, with a low thing before it"
+    );
     scene.remove(open).unwrap();
     for id in scene.ids().collect::<Vec<_>>() {
         let bounds = scene.bounds(id).unwrap();
@@ -233,7 +236,7 @@ fn a_row_of_small_houses_hides_what_none_of_them_hides() {
             insert(&mut scene, [0.001, bounds.min.y, 0.0], [6.0, 16.0, 8.0]);
         }
     }
-    assert!(left(&scene, &cell, &mut culler).contains(&behind));
+    assert!(left(&scene, &cell, &mut culler).contains(&behind), "what is behind a gap of 1 mm");
 }
 
 /// Corners that a rotation has rounded may have come apart.
@@ -288,7 +291,10 @@ fn both_up_axes_and_any_origin_agree() {
         let cell = Viewcell::from_box(min.as_dvec3() + origin, max.as_dvec3() + origin);
         let mut culler = VirtualOccluderCuller::new(up);
         counts.push(left(&scene, &cell, &mut culler).len());
-        assert!(culler.occluders().iter().all(|o: &VirtualOccluder| o.up == up && o.top > o.bottom));
+        assert!(
+            culler.occluders().iter().all(|o: &VirtualOccluder| o.up == up && o.top > o.bottom),
+            "{up:?} at {origin}: occluders stand along the up axis"
+        );
     }
     assert!(counts[0] < 45 && counts.iter().all(|&count| count == counts[0]), "{counts:?}");
 }
@@ -302,7 +308,11 @@ fn odd_viewcells_and_settings_are_taken() {
     let mut culler = VirtualOccluderCuller::new(UpAxis::Z);
     let good = [DVec3::new(-1.0, -1.0, 1.0), DVec3::new(1.0, 1.0, 2.0)];
     let cell = |min: DVec3, max: DVec3| Viewcell::from_box(min, max);
-    assert_eq!(left(&scene, &cell(good[0], good[1]), &mut culler).len(), 2);
+    assert_eq!(
+        left(&scene, &cell(good[0], good[1]), &mut culler).len(),
+        2,
+        "wall, box with NaN; the box behind is hidden"
+    );
     assert_eq!(left(&scene, &cell(good[0], good[0]), &mut culler).len(), 2, "a point");
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300, 1e99] {
         for corner in 0..6 {
@@ -314,14 +324,22 @@ fn odd_viewcells_and_settings_are_taken() {
     assert_eq!(left(&scene, &cell(good[1], good[0]), &mut culler).len(), 3, "inverted");
     // In the wall, around it, on it.
     for (min, max) in [([0.0, 10.5, 1.0], [1.0, 10.6, 2.0]), ([-99.0, 0.0, 1.0], [99.0, 12.0, 2.0])] {
-        assert_eq!(left(&scene, &cell(min.into(), max.into()), &mut culler).len(), 3);
+        assert_eq!(
+            left(&scene, &cell(min.into(), max.into()), &mut culler).len(),
+            3,
+            "{min:?} to {max:?}: a viewcell that meets the wall"
+        );
     }
-    assert_eq!(left(&scene, &cell([0.0, 5.0, 1.0].into(), [1.0, 10.0, 2.0].into()), &mut culler).len(), 3);
+    assert_eq!(
+        left(&scene, &cell([0.0, 5.0, 1.0].into(), [1.0, 10.0, 2.0].into()), &mut culler).len(),
+        3,
+        "a viewcell that touches the wall"
+    );
     let mut none = VirtualOccluderCuller::new(UpAxis::Z).with_max(0);
-    assert_eq!(left(&scene, &cell(good[0], good[1]), &mut none).len(), 3);
+    assert_eq!(left(&scene, &cell(good[0], good[1]), &mut none).len(), 3, "no virtual occluders");
     // An occluder that is no candidate hides nothing; neither does one that was removed.
     scene.remove(wall).unwrap();
-    assert_eq!(left(&scene, &cell(good[0], good[1]), &mut culler).len(), 2);
+    assert_eq!(left(&scene, &cell(good[0], good[1]), &mut culler).len(), 2, "the wall was removed");
 }
 
 /// A culler that has seen other scenes, other states and other viewcells answers like a fresh one.
@@ -350,7 +368,11 @@ fn nothing_is_kept_from_other_scenes_and_viewcells() {
         let min = DVec3::new(random.fine_range(-9.0, 9.0), random.fine_range(-9.0, 9.0), 1.0);
         let cell = Viewcell::from_box(min, min + DVec3::new(4.0, 4.0, 1.0));
         let found = left(scene, &cell, &mut culler);
-        assert_eq!(found, left(scene, &cell, &mut VirtualOccluderCuller::new(UpAxis::Z)));
+        assert_eq!(
+            found,
+            left(scene, &cell, &mut VirtualOccluderCuller::new(UpAxis::Z)),
+            "a used culler and a new one"
+        );
         hidden += scene.len() - found.len();
     }
     assert!(hidden > 100, "{hidden}");

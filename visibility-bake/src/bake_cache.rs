@@ -15,7 +15,7 @@ pub(crate) const HIDDEN: u8 = 1;
 /// Answer for an object that is neither seen nor proven hidden.
 pub(crate) const OPEN: u8 = 2;
 
-/// The results of one viewcell. Objects are positions in the list of those that the sweep of its group has
+/// Results for one viewcell. Objects are positions in the list of objects that the sweep of its group has
 /// left.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub(crate) struct CellRecord {
@@ -24,14 +24,15 @@ pub(crate) struct CellRecord {
     pub key: u64,
     /// Objects that the sweep of the viewcell has left, ascending.
     pub left: Vec<u32>,
-    /// By object of `left`: [`SEEN`], [`HIDDEN`] or [`OPEN`].
+    /// Answer for each object of `left`: [`SEEN`], [`HIDDEN`] or [`OPEN`].
     pub answers: Vec<u8>,
     /// Work done after the sweep: rays, and nodes of the search for proofs.
     pub steps: u64,
 }
 
 impl CellRecord {
-    /// Returns whether all positions are within a list of objects that the sweep of a group has left.
+    /// Returns whether all positions in `left` are below the number of `objects`, those that the sweep of a
+    /// group has left.
     pub(crate) fn is_of(&self, objects: &[u32]) -> bool {
         self.left.last().is_none_or(|&last| (last as usize) < objects.len())
     }
@@ -56,16 +57,17 @@ impl CellRecord {
     }
 }
 
-/// The sweep of a group of viewcells.
+/// Result of sweeping a group of viewcells.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub(crate) struct GroupRecord {
     /// Hash of the viewcells, the settings and the origin of the level.
     pub question: u64,
-    /// Hash of the same, and of the content of the objects that the sweep has left.
+    /// Hash of the viewcells, the settings and the origin, and of the content of the objects that the sweep
+    /// has left.
     pub key: u64,
-    /// Tiles that the sweep has opened, and objects that it has left.
+    /// Record of the sweep: the tiles that it has opened, and the objects that it has left.
     pub trace: Trace,
-    /// Whether the sweep was left out or ended early, for want of time.
+    /// Whether the sweep was left out or ended early because its time was over.
     pub is_cut: bool,
 }
 
@@ -112,7 +114,7 @@ impl GroupRecord {
 /// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct BakeCache {
-    /// Groups in any order, with what was found for their viewcells.
+    /// Groups in any order, with the results for their viewcells.
     groups: Vec<(Arc<GroupRecord>, Vec<CellRecord>)>,
     /// Index of a group by its [question](GroupRecord::question).
     by_question: HashMap<u64, usize>,
@@ -136,20 +138,20 @@ impl BakeCache {
     }
 
     /// Returns the group with a [question](GroupRecord::question), and the results of its viewcells. `None`
-    /// if there is no such group.
+    /// for an unknown question.
     pub(crate) fn answer(&self, question: u64) -> Option<(&Arc<GroupRecord>, &[CellRecord])> {
         let (group, cells) = &self.groups[*self.by_question.get(&question)?];
         Some((group, cells))
     }
 
-    /// Returns the results of the viewcells of the group with a [key](GroupRecord::key). `None` if there is
-    /// no such group.
+    /// Returns the results of the viewcells of the group with a [key](GroupRecord::key). `None` for an
+    /// unknown key.
     pub(crate) fn group(&self, key: u64) -> Option<&[CellRecord]> {
         self.by_key.get(&key).map(|&number| &self.groups[number].1[..])
     }
 
-    /// Returns the results of the viewcell with a [key](CellRecord::key). `None` if there is no such
-    /// viewcell. Its objects are positions in the list of the group that it was in, which may be another.
+    /// Returns the results of the viewcell with a [key](CellRecord::key). `None` for an unknown key. The
+    /// record's objects are positions in the list of the group that the viewcell was in then.
     pub(crate) fn cell(&self, key: u64) -> Option<&CellRecord> {
         self.by_cell.get(&key).map(|&(group, place)| &self.groups[group].1[place])
     }

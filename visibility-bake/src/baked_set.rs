@@ -26,13 +26,13 @@ const FORMAT: Format = Format { magic: *b"VISI-SET", version: 5 };
 /// similar.
 const TRIED: usize = 128;
 
-/// Greatest number of pairs of 64-bit words that are compared for all columns, about.
+/// Approximate limit on the work of ordering columns: the number of pairs of 64-bit words that are compared.
 const WORK: usize = 1 << 31;
 
 /// Greatest index of an object plus 1 that the classes can store.
 const INDEX_LIMIT: usize = 1 << 29;
 
-/// Greatest number of viewcells that touch a viewcell whose rows are tried as the base of its row.
+/// Greatest number of touching viewcells whose rows are tried as the base of a viewcell's row.
 const BASES: usize = 12;
 
 /// Viewcells and their potentially visible sets, for a scene with the objects that it was baked from.
@@ -57,7 +57,7 @@ const BASES: usize = 12;
 /// ```
 #[derive(Clone, PartialEq, Debug)]
 pub struct BakedSet {
-    /// Hash of all that the bake rests on: see [`level_version`].
+    /// Hash of the level's data that the bake depends on: see [`level_version`].
     version: u64,
     /// Hash of the origin of the scene, and of the indices and bounds of its objects.
     bounds: u64,
@@ -66,36 +66,37 @@ pub struct BakedSet {
     /// Greatest index of an object plus 1.
     index_limit: usize,
     viewcells: Viewcells,
-    /// By class, the indices of its objects, ascending, as [`class_bytes`] has written them: a class of one
+    /// Indices of the objects of each class, ascending, as [`class_bytes`] has written them: a class of one
     /// object takes a byte or two. Objects that no viewcell sees are in no class.
     classes: Vec<u8>,
     class_count: usize,
-    /// By viewcell, the numbers of the classes seen. The last target is no class, and seen from no viewcell.
+    /// Numbers of the classes seen from each viewcell. The last target stands for no class, and is seen from
+    /// no viewcell.
     pvs: Pvs,
 }
 
-/// Why a set cannot be made, read or used.
+/// Reasons why a set cannot be made, read or used.
 #[derive(Clone, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum BakedSetError {
-    /// The bytes are damaged, or something else.
+    /// The bytes are damaged, or are not those of a baked set.
     Format(FormatError),
     /// The rows cannot be stored, or were stored wrongly.
     Pvs(PvsError),
     /// The numbers of viewcells and of rows differ.
     Rows {
-        /// Number of viewcells.
+        /// Number of viewcells in the file.
         viewcells: usize,
-        /// Number of rows.
+        /// Number of rows of the PVS in the file.
         rows: usize,
     },
-    /// The objects of the scene are not what they were when the set was baked, or not where they were.
+    /// The scene's objects are not those of the bake, or are at other places.
     OtherScene,
     /// The level is of another version than that from which the set was baked.
     OtherVersion {
         /// Version from which the set was baked.
         baked: u64,
-        /// Version of the level.
+        /// Version of the level that the set was compared with.
         level: u64,
     },
 }
@@ -162,7 +163,7 @@ impl BakedSet {
         Self::compress(scene.index_limit(), hashes, viewcells, rows)
     }
 
-    /// Compresses the rows of viewcells, as [`new`](Self::new) does, for a level of which no scene is in
+    /// Compresses the rows of viewcells, as [`new`](Self::new) does, for a level whose scene is not in
     /// memory.
     ///
     /// # Errors
@@ -218,7 +219,7 @@ impl BakedSet {
         self.is_checked
     }
 
-    /// Returns the viewcells.
+    /// Returns the viewcells, in the order of the bake.
     pub fn viewcells(&self) -> &Viewcells {
         &self.viewcells
     }
@@ -264,9 +265,10 @@ impl BakedSet {
         self.for_level(scene, version)
     }
 
-    /// Returns the sets as [`for_scene`](Self::for_scene) does, for a scene with the boxes of the objects
-    /// alone. `version` is the one that the level carries, as `bake` printed it. Without one, cullers are
-    /// [approximate](ScenePvs::unchecked): they hide what an edit inside of a box has made visible.
+    /// Returns the sets as [`for_scene`](Self::for_scene) does, for a scene that has only the boxes of the
+    /// objects. `version` is the version of the level that `bake` printed and the level carries. Without one,
+    /// cullers are [approximate](ScenePvs::unchecked): they may hide an object that an edit inside of a box
+    /// has made visible.
     ///
     /// # Errors
     /// [`BakedSetError::OtherScene`] unless the scene has just the objects of the bake, with the same indices
@@ -315,9 +317,9 @@ impl BakedSet {
         if self.is_checked { sets } else { sets.unchecked() }
     }
 
-    /// Returns the set for a level of this version, as the level carries it, with objects of these bounds:
-    /// the index of each object and its bounds relative to the scene's `origin`, by ascending index. Without
-    /// a version only the bounds are compared, and cullers stay [approximate](ScenePvs::unchecked).
+    /// Returns the set for a level of this version, with objects of these bounds. `bounds` are the index of
+    /// each object and its bounds relative to the scene's `origin`, by ascending index. Without a version
+    /// only the bounds are compared, and cullers stay [approximate](ScenePvs::unchecked).
     ///
     /// # Errors
     /// [`BakedSetError::OtherScene`] if an object is missing, is another, or has other bounds;
@@ -363,7 +365,7 @@ impl BakedSet {
         deflated(FORMAT, self.version, to)
     }
 
-    /// Reads the bytes of a file.
+    /// Reads the bytes of a baked set's file.
     ///
     /// # Errors
     /// [`BakedSetError`] if they are damaged or something else. The bytes may be forged. Offsets in errors
@@ -382,6 +384,7 @@ impl BakedSet {
         let floats = |from: &mut Reader<'_>, count| -> Result<Vec<f64>, FormatError> {
             Ok(from.u64s(count)?.into_iter().map(f64::from_bits).collect())
         };
+        // Coordinates are stored by axis and corner, which compresses better than viewcell by viewcell.
         let corners = floats(&mut from, count.saturating_mul(6))?;
         let mut cells = Vec::new();
         for number in 0..count {
@@ -401,6 +404,7 @@ impl BakedSet {
         let length = from.u32()? as usize;
         let pvs = Pvs::from_bytes(from.bytes(length)?.to_vec())?;
         from.end()?;
+        // The parts must agree, or a query would read beyond one of them.
         if pvs.viewcell_count() != cells.len() {
             return Err(BakedSetError::Rows { viewcells: cells.len(), rows: pvs.viewcell_count() });
         }
@@ -412,8 +416,8 @@ impl BakedSet {
     }
 }
 
-/// Returns the classes of objects that are in the same rows, and the rows in numbers of classes. Time is
-/// linear in the lengths of the rows, but for sorting classes.
+/// Returns the classes of objects that are in the same rows, and the rows as lists of classes. Time is linear
+/// in the lengths of the rows, plus the sorting of classes.
 fn classes<R: AsRef<[u32]>>(rows: &[R], index_limit: usize) -> (Vec<Vec<u32>>, Vec<Vec<u32>>) {
     // Each row divides the classes of its objects from what is left of them. Class 0 is in no row.
     let (mut class_of, mut count) = (vec![0u32; index_limit], 1u32);
@@ -456,9 +460,9 @@ fn classes<R: AsRef<[u32]>>(rows: &[R], index_limit: usize) -> (Vec<Vec<u32>>, V
     (classes, by_class)
 }
 
-/// Sorts columns, each the rows of a class and the number of the class: each is followed by the most similar
-/// of those that are near it in the given order and not sorted yet. Time is linear in the numbers of columns
-/// and rows, times the number of columns tried, which is less where there are many.
+/// Orders columns so that similar ones follow each other. A column is the rows of a class and the number of
+/// the class. Each column is followed by the most similar of the next few unsorted ones. Time is linear in
+/// the numbers of columns and rows, times the number of columns tried, which is less where there are many.
 fn tour(columns: Vec<(Vec<u32>, u32)>, row_count: usize) -> Vec<(Vec<u32>, u32)> {
     let (count, words) = (columns.len(), row_count.div_ceil(64));
     let tried = (WORK / count.saturating_mul(words).max(1)).clamp(1, TRIED);
@@ -514,14 +518,14 @@ fn class_bytes(classes: &[Vec<u32>]) -> Vec<u8> {
     bytes
 }
 
-/// Returns 0, 1, 2, 3, 4 for 0, -1, 1, -2, 2, and so on.
+/// Maps the numbers 0, -1, 1, -2, 2 and so on to 0, 1, 2, 3, 4 and so on.
 fn signed_code(number: i64) -> u64 {
     if number < 0 { number.unsigned_abs() * 2 - 1 } else { number.unsigned_abs() * 2 }
 }
 
-/// Calls `each` with the class and the index of each object in what [`class_bytes`] has written, class by
-/// class. Returns the number of classes. `None` if an object is not below `limit`, or if the bytes end within
-/// a class.
+/// Calls `each` with the class and the index of each object in bytes that [`class_bytes`] has written, class
+/// by class. Returns the number of classes. `None` if an object is not below `limit`, or if the bytes end
+/// within a class.
 fn for_each_in_classes(bytes: &[u8], limit: usize, mut each: impl FnMut(usize, u32)) -> Option<usize> {
     let (mut rest, mut first, mut count) = (bytes, 0u32, 0);
     while !rest.is_empty() {
@@ -542,8 +546,8 @@ fn for_each_in_classes(bytes: &[u8], limit: usize, mut each: impl FnMut(usize, u
     Some(count)
 }
 
-/// Checks what [`class_bytes`] has written, and returns the number of classes. `None` if an object is in two
-/// classes or not below `limit`, or if the bytes end within a class.
+/// Checks bytes that [`class_bytes`] has written, and returns the number of classes. `None` if an object is
+/// in two classes or not below `limit`, or if the bytes end within a class.
 fn count_classes(bytes: &[u8], limit: usize) -> Option<usize> {
     let mut all = Vec::new();
     let count = for_each_in_classes(bytes, limit, |_, index| all.push(index))?;
@@ -559,12 +563,24 @@ mod tests {
     fn objects_in_the_same_rows_are_a_class() {
         let rows = [vec![1, 2, 7], vec![1, 2], vec![0, 7], vec![]];
         let (classes, by_class) = classes(&rows, 9);
-        assert_eq!(classes, [vec![1, 2], vec![7], vec![0]]);
-        assert_eq!(by_class, [vec![0, 1], vec![0], vec![1, 2], vec![]]);
+        assert_eq!(
+            classes,
+            [vec![1, 2], vec![7], vec![0]],
+            "objects by class, classes in the order of their first rows"
+        );
+        assert_eq!(by_class, [vec![0, 1], vec![0], vec![1, 2], vec![]], "classes by row");
         let mut read = vec![Vec::new(); 3];
         let bytes = class_bytes(&classes);
-        assert_eq!(for_each_in_classes(&bytes, 9, |class, index| read[class].push(index)), Some(3));
-        assert_eq!((read, count_classes(&bytes, 9)), (classes, Some(3)));
+        assert_eq!(
+            for_each_in_classes(&bytes, 9, |class, index| read[class].push(index)),
+            Some(3),
+            "classes read from bytes"
+        );
+        assert_eq!(
+            (read, count_classes(&bytes, 9)),
+            (classes, Some(3)),
+            "objects read by class, and classes counted"
+        );
     }
 
     #[test]
@@ -572,7 +588,7 @@ mod tests {
         let read = |classes: &[&[u32]]| {
             count_classes(&class_bytes(&classes.iter().map(|class| class.to_vec()).collect::<Vec<_>>()), 400)
         };
-        assert!(read(&[&[1, 2, 300], &[399]]).is_some());
+        assert!(read(&[&[1, 2, 300], &[399]]).is_some(), "classes of known objects, each once");
         assert_eq!(read(&[&[1, 2, 300], &[400]]), None, "unknown");
         assert_eq!(read(&[&[1, 2, 300], &[0, 2]]), None, "twice");
         for cut_off in

@@ -1,4 +1,4 @@
-//! Groups of neighbouring viewcells. The first sweep is one for a whole group.
+//! Groups of neighbouring viewcells. The first sweep of a bake is done once for each group.
 
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Viewcell, Viewcells};
@@ -10,14 +10,14 @@ const MOST_CELLS: usize = 16;
 /// many as all before it.
 const FIRST_CELLS: usize = 64;
 
-/// Greatest volume of the box around a group, relative to that of its viewcells together.
+/// Greatest ratio of the volume of the box around a group to the sum of its viewcells' volumes.
 const SPREAD: f64 = 2.5;
 
-/// Groups of viewcells: the same for the same viewcells.
+/// Division of viewcells into groups. It depends on the viewcells alone.
 pub(crate) struct CellGroups {
-    /// By viewcell, the number of its group. Groups are numbered by their first viewcells.
+    /// Number of the group of each viewcell. Groups are numbered in the order of their first viewcells.
     pub of: Vec<u32>,
-    /// By group, its viewcells, ascending.
+    /// Indices of the viewcells of each group, ascending.
     pub cells: Vec<Vec<u32>>,
 }
 
@@ -54,7 +54,7 @@ impl CellGroups {
         Self { of, cells }
     }
 
-    /// Returns the portion of the bake that a group is in, 0 for the first.
+    /// Returns the portion of the bake that a group belongs to, 0 for the first.
     pub(crate) fn portion(&self, group: u32) -> u32 {
         let first = self.cells[group as usize].first().map_or(0, |&cell| cell as usize);
         usize::BITS - (first / FIRST_CELLS).leading_zeros()
@@ -73,8 +73,8 @@ pub(crate) fn halves(all: &[Viewcell], mut part: Vec<u32>) -> [Vec<u32>; 2] {
     [part, rest]
 }
 
-/// Returns the box around some viewcells, by their numbers. Viewcells without a point are left out; if none
-/// is left, the box has no point either.
+/// Returns the box around viewcells, given by their numbers. Empty viewcells are left out. The box is empty
+/// if no other is left.
 pub(crate) fn bounds(all: &[Viewcell], some: &[u32]) -> Viewcell {
     let usable = some.iter().map(|&cell| &all[cell as usize]).filter(|cell| cell.min.cmple(cell.max).all());
     let (min, max) = usable.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), cell| {
@@ -101,8 +101,11 @@ mod tests {
         all.sort_unstable();
         assert!(all.into_iter().eq(0..802), "each viewcell is in one group");
         for (number, members) in (0..).zip(&groups.cells) {
-            assert!(members.is_sorted() && members.len() <= MOST_CELLS);
-            assert!(members.iter().all(|&cell| groups.of[cell as usize] == number));
+            assert!(members.is_sorted() && members.len() <= MOST_CELLS, "group {number}: {members:?}");
+            assert!(
+                members.iter().all(|&cell| groups.of[cell as usize] == number),
+                "group {number}: each of {members:?} knows its group"
+            );
             let bounds = bounds(viewcells.cells(), members);
             let volume = (bounds.max - bounds.min).max(DVec3::ZERO).element_product();
             assert!(volume <= SPREAD * 64.0 * members.len() as f64, "{members:?}");

@@ -1,4 +1,4 @@
-//! What a bake finds for one viewcell.
+//! Result of a bake for one viewcell: the objects certainly seen and those not proven hidden.
 
 use std::borrow::Cow;
 use std::sync::Arc;

@@ -51,7 +51,7 @@ mod tests {
         plain.bytes(&[1; 1 << 20]);
         let file = deflated(FORMAT, 7, plain.clone());
         assert!(file.len() < 4000, "{}", file.len());
-        assert_eq!(inflated(&file, FORMAT), Ok(plain.finish()));
+        assert_eq!(inflated(&file, FORMAT), Ok(plain.finish()), "the content inflated");
         for length in [0, (1 << 20) - 1, (1 << 20) + 1, u64::MAX] {
             let mut forged = Writer::new(FORMAT, 0, 7);
             forged.u64(length);

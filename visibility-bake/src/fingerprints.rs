@@ -1,4 +1,4 @@
-//! Hashes of what the results of a bake depend on.
+//! Hashes of the input of a bake's results.
 
 use crate::settings::SandwichSettings;
 use crate::tiled_scene::TiledScene;
@@ -7,17 +7,17 @@ use visibility_core::binary_format::Fingerprint;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Viewcell, Viewcells};
 
-/// Part of the hash of each input of a viewcell. Another number for each change of the methods, so that
-/// results of former methods are not taken.
+/// Version of the methods, a part of the hash of each viewcell's input. It is raised with each change of the
+/// methods, so that results of former methods are not taken from a cache.
 pub(crate) const METHODS: u32 = 12;
 
-/// Returns a hash of all that a bake depends on: the scene, all viewcells and the settings. Shards with the
-/// same hash belong together. Time is linear in the numbers of triangles and viewcells.
+/// Returns a hash of the input of a bake: the scene, all viewcells and the settings. Shards with the same
+/// hash belong together. Time is linear in the numbers of triangles and viewcells.
 pub fn bake_fingerprint(scene: &Scene, viewcells: &Viewcells, settings: &SandwichSettings) -> u64 {
     level_fingerprint(&TiledScene::new(scene), viewcells, settings)
 }
 
-/// Returns [`bake_fingerprint`] of a level.
+/// Returns the [`bake_fingerprint`] of a level that may be in a file.
 pub(crate) fn level_fingerprint(
     level: &TiledScene<'_>,
     viewcells: &Viewcells,

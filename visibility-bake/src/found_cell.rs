@@ -1,4 +1,4 @@
-//! Results of a viewcell while a bake runs, and how they are saved.
+//! Results of a viewcell while a bake runs, and their form in a saved bake.
 
 use crate::bake_cache::{CellRecord, GroupRecord};
 use crate::cell_sandwich::CellSandwich;
@@ -7,31 +7,31 @@ use crate::time_plan::{GROUP, STAGES, SWEEP};
 use std::sync::Arc;
 use visibility_core::binary_format::{FormatError, Reader, Writer};
 
-/// The results of one viewcell.
+/// Results of one viewcell so far.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct FoundCell {
     pub(crate) sandwich: CellSandwich,
     pub(crate) times: MethodTimes,
     pub(crate) group: Arc<GroupRecord>,
     pub(crate) record: CellRecord,
-    /// Cost of the open objects.
+    /// Sum of the costs of the open objects.
     pub(crate) cost: u64,
     pub(crate) is_reused: bool,
     /// Whether the sweep of the viewcell was left out or cut short.
     pub(crate) is_skipped: bool,
     /// Whether a search was cut short, or sweeps from parts of the viewcell were in its place.
     pub(crate) is_cut: bool,
-    /// The next stage, or their number if there is nothing left to do.
+    /// Stage that the viewcell comes to next, or the number of stages if it is done.
     pub(crate) next: u32,
 }
 
 impl FoundCell {
-    /// Returns whether nothing is left to do.
+    /// Returns whether the viewcell is done with all stages.
     pub(crate) fn is_done(&self) -> bool {
         self.next as usize == STAGES
     }
 
-    /// Returns whether the viewcell was worked on in a stage, or needed it no more.
+    /// Returns whether the viewcell is done with a stage, or does not need it.
     pub(crate) fn has_passed(&self, stage: u32) -> bool {
         let is_left_out = match stage {
             GROUP => self.group.is_cut,
@@ -41,13 +41,13 @@ impl FoundCell {
         self.next > stage && !is_left_out
     }
 
-    /// Returns whether nothing was left out or cut short, so that a bake without a limit of time finds the
-    /// same.
+    /// Returns whether no sweep or search was left out or cut short, so that a bake without a limit of time
+    /// finds the same.
     pub(crate) fn is_whole(&self) -> bool {
         !(self.group.is_cut || self.is_skipped || self.is_cut)
     }
 
-    /// Writes all but the group.
+    /// Writes all fields except the group.
     pub(crate) fn save(&self, to: &mut Writer) {
         self.sandwich.save(to);
         self.times.save(to);

@@ -1,11 +1,11 @@
-//! Grids of viewcells.
+//! Grids of viewcells: boxes of equal size, over a box or along a walk.
 
 use std::collections::BTreeSet;
 use std::fmt;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 
-/// A grid of equal boxes in world space, of which some become viewcells. Neighbours share their faces to the
+/// A grid of equal boxes in world space. Some of them become viewcells. Neighbours share their faces to the
 /// last bit, so that no eye is between two viewcells.
 ///
 /// ```
@@ -26,7 +26,8 @@ pub struct Grid {
     pub(crate) stop: Stop,
 }
 
-/// Returns whether viewcells that are being made should be given up. Grids are equal whatever they ask.
+/// Function that returns whether the making of viewcells should end. Two grids that differ in it alone are
+/// equal.
 #[derive(Clone, Copy)]
 pub(crate) struct Stop(fn() -> bool);
 
@@ -43,13 +44,13 @@ impl fmt::Debug for Stop {
 }
 
 impl Stop {
-    /// Asks at every 1024th `number`, from 0 on. [`GridError::Stopped`] if the work should end.
+    /// Calls the function if `number` is a multiple of 1024. [`GridError::Stopped`] if it returns true.
     pub(crate) fn check(self, number: usize) -> Result<(), GridError> {
         if number.is_multiple_of(1024) && (self.0)() { Err(GridError::Stopped) } else { Ok(()) }
     }
 }
 
-/// Why a grid or its viewcells cannot be made.
+/// Reasons why a grid or its viewcells cannot be made.
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum GridError {
@@ -57,8 +58,8 @@ pub enum GridError {
     Size,
     /// There would be more viewcells than [`Grid::LIMIT`].
     Count {
-        /// Number of viewcells over the box or along the walk; a viewcell passed twice counts twice. Counts
-        /// beyond the greatest number count as that.
+        /// Number of viewcells over the box or along the walk. A viewcell passed twice counts twice.
+        /// `u128::MAX` for any larger number.
         count: u128,
     },
     /// The box or the walk is not finite, or would give more viewcells than [`Grid::LIMIT`]; or a flood of
@@ -66,7 +67,8 @@ pub enum GridError {
     TooMany,
     /// The function of [`Grid::with_stop`] has returned true.
     Stopped,
-    /// The distance that a camera keeps from surfaces is not positive, or too small for viewcells so large.
+    /// The distance that a camera keeps from surfaces is not positive, or too small for the size of the
+    /// viewcells.
     Radius,
 }
 
@@ -105,8 +107,8 @@ impl Grid {
         if is_positive && origin.is_finite() { Ok(Self { origin, size, stop }) } else { Err(GridError::Size) }
     }
 
-    /// Returns the grid with a function that is asked now and then while viewcells are made: once it returns
-    /// true, they are given up with [`GridError::Stopped`].
+    /// Returns the grid with a function that is called now and then while viewcells are made. Once it returns
+    /// true, the call fails with [`GridError::Stopped`].
     #[must_use]
     pub fn with_stop(self, stop: fn() -> bool) -> Self {
         Self { stop: Stop(stop), ..self }
@@ -173,7 +175,7 @@ impl Grid {
         Ok(found.into_iter().map(|[z, y, x]| [x, y, z]).collect())
     }
 
-    /// Returns the number of boxes that a walk passes, each as often as it is passed, without a list of them.
+    /// Returns the number of boxes that a walk passes, each counted as often as it is passed.
     pub(crate) fn count_passed(&self, walk: &[DVec3]) -> Result<u128, GridError> {
         let mut count = 0u128;
         for (number, &to) in walk.iter().enumerate() {
@@ -293,7 +295,10 @@ mod tests {
                         );
                         assert!(cells.len() == 1 || first.max[axis] > low, "{low} to {high}");
                         assert!(cells.len() == 1 || last.min[axis] < high, "{low} to {high}");
-                        assert!(cells.windows(2).all(|pair| pair[0].max[axis] == pair[1].min[axis]));
+                        assert!(
+                            cells.windows(2).all(|pair| pair[0].max[axis] == pair[1].min[axis]),
+                            "{low} to {high}: a viewcell begins where the one before ends"
+                        );
                         for walk in [[at(low), at(high)], [at(high), at(low)]] {
                             let cells = grid.along(&walk).unwrap();
                             let [first, last] = [&cells[0], &cells[cells.len() - 1]];
@@ -301,7 +306,10 @@ mod tests {
                                 first.min[axis] <= low && high <= last.max[axis],
                                 "{low} to {high}: {cells:?}"
                             );
-                            assert!(cells.windows(2).all(|pair| pair[0].max[axis] == pair[1].min[axis]));
+                            assert!(
+                                cells.windows(2).all(|pair| pair[0].max[axis] == pair[1].min[axis]),
+                                "{low} to {high}: a viewcell along a walk begins where the one before ends"
+                            );
                         }
                     }
                 }
@@ -313,27 +321,50 @@ mod tests {
     fn a_box_is_filled_without_overlap_and_limits_are_errors() {
         let grid = Grid::new(DVec3::splat(0.1), DVec3::splat(0.1)).unwrap();
         let cells = grid.over(DVec3::ZERO, DVec3::splat(1.0)).unwrap();
-        assert_eq!(cells.len(), 1000);
+        assert_eq!(cells.len(), 1000, "viewcells over a cubic metre, 0.1 m wide");
         let volume: f64 = cells.iter().map(|cell| (cell.max - cell.min).element_product()).sum();
-        assert!((volume - 1.0).abs() < 1e-9);
-        assert_eq!(grid.over(DVec3::ONE, DVec3::ZERO).unwrap(), []);
-        assert_eq!(grid.over(DVec3::ZERO, DVec3::ZERO).unwrap().len(), 1);
+        assert!((volume - 1.0).abs() < 1e-9, "the volume of all viewcells is {volume} m3");
+        assert_eq!(grid.over(DVec3::ONE, DVec3::ZERO).unwrap(), [], "an inverted box");
+        assert_eq!(grid.over(DVec3::ZERO, DVec3::ZERO).unwrap().len(), 1, "a point");
         for far in [1e300, f64::INFINITY, f64::NAN] {
-            assert_eq!(grid.over(DVec3::ZERO, DVec3::splat(far)), Err(GridError::TooMany));
-            assert_eq!(grid.along(&[DVec3::ZERO, DVec3::splat(far)]), Err(GridError::TooMany));
+            assert_eq!(
+                grid.over(DVec3::ZERO, DVec3::splat(far)),
+                Err(GridError::TooMany),
+                "a box up to {far}"
+            );
+            assert_eq!(
+                grid.along(&[DVec3::ZERO, DVec3::splat(far)]),
+                Err(GridError::TooMany),
+                "a walk to {far}"
+            );
         }
         // From a corner of the grid at 0, boxes of half a metre over 2^25 m.
         let (grid, far) =
             (Grid::new(DVec3::ZERO, DVec3::splat(0.5)).unwrap(), DVec3::splat(f64::from(1 << 25)));
-        assert_eq!(grid.over(DVec3::ZERO, far), Err(GridError::Count { count: 1 << 78 }));
-        assert_eq!(grid.along(&[DVec3::ZERO, far]), Err(GridError::Count { count: 2 + 3 * (1 << 26) }));
+        assert_eq!(
+            grid.over(DVec3::ZERO, far),
+            Err(GridError::Count { count: 1 << 78 }),
+            "boxes of half a metre over 2^25 m"
+        );
+        assert_eq!(
+            grid.along(&[DVec3::ZERO, far]),
+            Err(GridError::Count { count: 2 + 3 * (1 << 26) }),
+            "viewcells along a walk of 2^25 m"
+        );
         let said = grid.along(&[DVec3::ZERO, far]).unwrap_err().to_string();
-        assert_eq!(said, "201326594 viewcells, where at most 16777216 are kept");
+        assert_eq!(
+            said, "201326594 viewcells, where at most 16777216 are kept",
+            "the error names count and limit"
+        );
         let stopped = grid.with_stop(|| true).along(&[DVec3::ZERO, DVec3::splat(1024.0)]);
-        assert_eq!(stopped, Err(GridError::Stopped));
-        assert_eq!(grid.with_stop(|| true), grid);
+        assert_eq!(stopped, Err(GridError::Stopped), "a walk that is stopped");
+        assert_eq!(grid.with_stop(|| true), grid, "a stop is no part of a grid");
         for size in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert_eq!(Grid::new(DVec3::ZERO, DVec3::splat(size)), Err(GridError::Size));
+            assert_eq!(
+                Grid::new(DVec3::ZERO, DVec3::splat(size)),
+                Err(GridError::Size),
+                "boxes {size} m wide"
+            );
         }
     }
 }

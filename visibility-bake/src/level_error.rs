@@ -1,34 +1,34 @@
-//! Why the content of a level cannot be had.
+//! Errors in writing and reading the content of a level.
 
 use std::fmt;
 use std::io::ErrorKind;
 use std::path::PathBuf;
 
-/// Why a level on disk cannot be written or read, or not within its memory.
+/// Reasons why a level in a file cannot be written or read, or not within its limit of memory.
 #[derive(Clone, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum LevelError {
     /// The file cannot be written or read.
     File {
-        /// Path of the file.
+        /// Path of the scratch file.
         path: PathBuf,
-        /// What the system says.
+        /// Kind of the error that the system reports.
         kind: ErrorKind,
     },
-    /// The content of an object in the file is not what was written.
+    /// The content of an object in the file differs from the content that was written.
     Damaged {
-        /// Path of the file.
+        /// Path of the scratch file.
         path: PathBuf,
-        /// Index of the object.
+        /// Index of the object whose content is damaged.
         object: u32,
         /// Offset in bytes of the object's content.
         offset: u64,
     },
-    /// What must be in memory at the same time is estimated to exceed the limit.
+    /// Some step of the bake is estimated to need more memory at one time than the limit allows.
     Memory {
         /// The limit in bytes.
         limit: u64,
-        /// The least limit in bytes with which the work that failed could have gone on.
+        /// Least limit in bytes with which the failed step could have gone on.
         needed: u64,
     },
     /// The origin of the level is not finite.

@@ -1,4 +1,4 @@
-//! Where the time of a bake went.
+//! Time that each method of a bake has taken.
 
 use std::iter::Sum;
 use std::time::Duration;

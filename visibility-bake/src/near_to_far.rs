@@ -25,35 +25,36 @@ use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Object, ObjectId, Scene, VisibleSet};
 use visibility_region::ExtendedProjectionCuller;
 
-/// Before the first sweep, a tile with tiles below is opened if its extent is more than this part of its
-/// distance; before each further sweep, more than half of the part before.
+/// Greatest ratio of a tile's extent to its distance in the first sweep. A tile with tiles below is opened if
+/// its ratio is greater. Each further sweep halves the limit.
 const COARSEST: f64 = 0.1;
 
-/// Objects of so little weight are left without asking.
+/// Weight of objects up to which they are left without a sweep.
 const FEW: u64 = 4096;
 
 /// A tile that a sweep has opened.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) struct Opened {
-    /// The tile above, as a position in the list of opened tiles. The root is above itself.
+    /// Position of the tile above in the list of opened tiles. The root has its own position.
     parent: u32,
     /// Number of the tile among the children of the tile above.
     child: u32,
-    /// Hash of what opening the tile has revealed.
+    /// Hash of the data that opening the tile reveals: its objects, and the bounds of the tiles below.
     hash: u64,
 }
 
-/// What a sweep has opened, and what it has left.
+/// Record of a sweep: the tiles that it opened, and the objects that it has not hidden.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub(crate) struct Trace {
-    /// The root first, then in the order of opening. [`WHOLE`] alone if all tiles were swept at once.
+    /// Opened tiles in the order of opening, the root first. [`WHOLE`] alone if all tiles were swept at once.
     opened: Vec<Opened>,
-    /// Objects not found hidden, ascending: the position of their tile among those opened, and their place in
-    /// the tile; 0 and their place in the order of all objects if all tiles were swept at once.
+    /// Objects not found hidden, ascending: the position of the object's tile in `opened`, and the object's
+    /// place in the tile. If all tiles were swept at once: 0, and the object's place in the order of all
+    /// objects.
     left: Vec<[u32; 2]>,
 }
 
-/// Number of the child in place of all tiles, whose hash is that of the tree.
+/// Child number that stands for all tiles. Its hash is that of the tree.
 const WHOLE: u32 = u32::MAX;
 
 /// A tile that is not opened, or an object that does not occlude yet.
@@ -66,15 +67,15 @@ struct Waiting {
 
 #[derive(Clone, Copy)]
 enum What {
-    /// The number of a tile, the position of the tile above in the list of opened tiles, and its number among
-    /// the children there.
+    /// Number of the tile, position of the tile above in the list of opened tiles, and the tile's number
+    /// among the children there.
     Tile { tile: u32, parent: u32, child: u32 },
-    /// A place as in [`Trace::left`], and the number of the object.
+    /// Place of the object as in [`Trace::left`], and number of the object.
     Object { place: [u32; 2], number: u32 },
 }
 
-/// Returns the objects that a sweep leaves, by ascending index. Once `stop` returns true, no more are found
-/// hidden.
+/// Returns the objects that a sweep leaves, by ascending index. Once `stop` returns true, no more objects are
+/// found hidden.
 pub(crate) fn swept(
     sweep: &mut ExtendedProjectionCuller,
     scene: &Scene,
@@ -100,11 +101,11 @@ fn distance(bounds: &Aabb, cell: &Viewcell, origin: DVec3) -> f64 {
     if gap.is_nan() || gap == f64::INFINITY { 0.0 } else { gap }
 }
 
-/// Sweeps the objects around some of the viewcells, by their numbers. The sweeps may have any content;
-/// `whole` is for a level that is swept at once. Once `stop` returns true, no more objects are found hidden:
-/// those of all tiles that wait are left. With `stop`, the group is not divided, since what it has found
-/// would be lost if the time is over before the last of its parts is swept, and all tiles are swept at once
-/// if the memory allows: sweeps from near to far save time only where most tiles are hidden early.
+/// Sweeps the objects around the viewcells with the numbers `members`. The sweeps may have any content;
+/// `whole` is for a level that is swept at once. Once `stop` returns true, no more objects are found hidden,
+/// and objects of unopened tiles are left. With `stop`, the group is not divided, since its result would be
+/// lost if the time ended before the last part. All tiles are then swept at once if the memory allows: sweeps
+/// from near to far save time only where most tiles are hidden early.
 pub(crate) fn sweep_near_to_far(
     level: &TiledScene<'_>,
     all: &[Viewcell],
@@ -141,25 +142,25 @@ pub(crate) fn sweep_near_to_far(
     Ok(trace)
 }
 
-/// The tiles and objects around a viewcell, as far as they are swept.
+/// Tiles and objects around a viewcell in a sweep from near to far.
 struct Around<'a> {
     level: &'a TiledScene<'a>,
     cell: &'a Viewcell,
-    /// Where opened tiles are noted, those of other viewcells too.
+    /// Record of the opened tiles, shared by the viewcells around.
     trace: &'a mut Trace,
-    /// By number of a tile, its position in the list of opened tiles.
+    /// Position of each opened tile in the record, by number of the tile.
     places: &'a mut HashMap<u32, u32>,
     /// Objects that occlude and are not hidden: their places and numbers.
     occluding: Vec<([u32; 2], u32)>,
     /// Tiles and objects that are not hidden and do not occlude yet.
     waiting: Vec<Waiting>,
-    /// Returns true once no more are to be found hidden.
+    /// Function that returns true once no more objects are to be found hidden.
     stop: &'a dyn Fn() -> bool,
 }
 
 impl Around<'_> {
-    /// Sweeps until all tiles that are not hidden are opened. Returns false if it has given up because the
-    /// occluders exceed the weight `most`.
+    /// Sweeps until all tiles that are not hidden are opened. Returns false, without a result, if the weight
+    /// of the occluders exceeds `most`.
     fn sweep_all(&mut self, sweep: &mut ExtendedProjectionCuller, most: u64) -> Result<bool, LevelError> {
         self.open(What::Tile { tile: 0, parent: 0, child: 0 });
         let (mut portion, mut coarsest) = (self.level.first_weight, COARSEST);
@@ -196,7 +197,8 @@ impl Around<'_> {
         self.occluding.iter().map(|&(place, _)| place).chain(waiting).collect()
     }
 
-    /// Adds a tile to those opened, its objects and the tiles below to those that wait.
+    /// Opens a tile: adds it to the opened ones, and its objects and the tiles directly below to the waiting
+    /// ones.
     fn open(&mut self, what: What) {
         let What::Tile { tile, parent, child } = what else { return };
         let tree = &self.level.tree;
@@ -221,7 +223,7 @@ impl Around<'_> {
         self.waiting.extend(below);
     }
 
-    /// Opens all tiles with tiles below whose extents are more than a part of their distances.
+    /// Opens all tiles with tiles below whose ratio of extent to distance is more than `coarsest`.
     fn open_large(&mut self, coarsest: f64) {
         let mut at = 0;
         while let Some(&waiting) = self.waiting.get(at) {
@@ -243,7 +245,7 @@ impl Around<'_> {
         }
     }
 
-    /// Lets the nearest of the waiting objects occlude, up to a weight.
+    /// Turns the nearest of the waiting objects into occluders, up to the weight `portion`.
     fn load(&mut self, portion: u64) {
         self.waiting.sort_by(|a, b| a.distance.total_cmp(&b.distance));
         let mut weight = 0;
@@ -276,7 +278,8 @@ impl Around<'_> {
         Ok(())
     }
 
-    /// Opens the nearest of the waiting tiles, until the sum of a measure of them is enough.
+    /// Opens waiting tiles, the nearest first, until the sum of `measure` (a size of one tile) over the
+    /// opened tiles is at least `enough`, or no tile waits.
     fn open_nearest(&mut self, enough: u64, measure: fn(&Tile) -> u64) {
         let is_tile = |waiting: &Waiting| matches!(waiting.what, What::Tile { .. });
         let (mut tiles, objects): (Vec<Waiting>, Vec<Waiting>) = self.waiting.drain(..).partition(is_tile);
@@ -294,12 +297,13 @@ impl Around<'_> {
         }
     }
 
-    /// Returns the weight of the objects that occlude.
+    /// Returns the sum of the weights of the objects that occlude.
     fn occluding_weight(&self) -> u64 {
         self.occluding.iter().map(|&(_, number)| self.level.objects[number as usize].weight()).sum()
     }
 
-    /// Returns the weight of the objects that do not occlude. `None` if a tile is not opened.
+    /// Returns the sum of the weights of the objects that do not occlude yet. `None` if a tile waits to be
+    /// opened.
     fn waiting_weight(&self) -> Option<u64> {
         let weight = |waiting: &Waiting| match waiting.what {
             What::Object { number, .. } => Some(self.level.objects[number as usize].weight()),
@@ -310,7 +314,7 @@ impl Around<'_> {
 }
 
 impl Trace {
-    /// Returns the trace of no sweep at all: all objects are left.
+    /// Returns the trace for a group that is not swept: all objects are left.
     pub(crate) fn of_all(tree: &TileTree) -> Self {
         Self::of_whole(tree, 0..tree.order.len() as u32)
     }
@@ -323,7 +327,7 @@ impl Trace {
     }
 
     /// Returns the numbers of the objects left, tile by tile in the order of opening, if all tiles that were
-    /// opened are what they were. `None` if one is not.
+    /// opened are unchanged. `None` if one has changed.
     pub(crate) fn replay(&self, tree: &TileTree) -> Option<Vec<u32>> {
         if let [Opened { child: WHOLE, hash, .. }] = self.opened[..] {
             // Forged bytes may have an object twice, with another first number.
@@ -420,7 +424,7 @@ mod tests {
         let sign = add([80.0, 80.0, 1.0], [81.0, 81.0, 2.0], false);
         let cloud = add([0.0; 3], [f32::INFINITY; 3], false);
         scene.set_never_cull(sign, true).unwrap();
-        assert!(scene.contains(cloud));
+        assert!(scene.contains(cloud), "the cloud is in the scene");
         scene.prepare_occluders(&Default::default());
         scene
     }
@@ -510,10 +514,13 @@ mod tests {
         let mut tiles: Vec<[u32; 2]> =
             trace.opened[1..].iter().map(|opened| [opened.parent, opened.child]).collect();
         tiles.sort_unstable();
-        assert!(tiles.windows(2).all(|pair| pair[0] != pair[1]));
+        assert!(tiles.windows(2).all(|pair| pair[0] != pair[1]), "a tile is opened twice: {tiles:?}");
         let hashes = |trace: &Trace| trace.opened.iter().map(|opened| opened.hash).collect::<HashSet<u64>>();
         let by_cell: HashSet<u64> = cells.iter().flat_map(|cell| hashes(&sweep_of(&level, cell))).collect();
-        assert!(by_cell.is_subset(&hashes(&trace)) && by_cell.len() < hashes(&trace).len());
+        assert!(
+            by_cell.is_subset(&hashes(&trace)) && by_cell.len() < hashes(&trace).len(),
+            "tiles opened by each viewcell are opened by the group, with more"
+        );
         let alone = sweep_of_all(&level, &cells[..1]);
         assert_eq!(alone, sweep_of(&level, &cells[0]), "one viewcell is swept whatever it sees");
     }
@@ -531,12 +538,12 @@ mod tests {
             let cells = std::slice::from_ref(&cell);
             let trace = sweep_near_to_far(&level, cells, &[0], sweep, &mut None, Some(&stop)).unwrap();
             let left = trace.replay(&level.tree).unwrap().into_iter().collect::<HashSet<u32>>();
-            assert_eq!(left.len(), trace.left.len());
+            assert_eq!(left.len(), trace.left.len(), "asked {asked} times: an object is left twice");
             left
         };
         let whole = left_after(usize::MAX);
         let mut between = 0;
-        assert_eq!(left_after(0).len(), scene.len());
+        assert_eq!(left_after(0).len(), scene.len(), "a sweep that is stopped at once leaves all");
         for asked in (1..400).step_by(9) {
             let left = left_after(asked);
             assert!(left.is_superset(&whole), "stopped at plane {asked}");
@@ -598,13 +605,22 @@ mod tests {
         let baker = || SandwichBaker::of_level(level.clone(), &cells, settings);
         let whole = Bake::new(baker()).run();
         let limited = Bake::new(baker().with_time(Duration::from_secs(1))).run();
-        assert!(limited.cache != BakeCache::default() && limited.cache != whole.cache);
-        assert_eq!(limited.reused, 0);
+        assert!(
+            limited.cache != BakeCache::default() && limited.cache != whole.cache,
+            "the cache of a bake with a limit is of its own"
+        );
+        assert_eq!(limited.reused, 0, "no viewcell is reused without a cache");
         let after = Bake::new(baker().with_cache(limited.cache.clone())).run();
-        assert!(after.cells == whole.cells && after.cache == whole.cache);
+        assert!(
+            after.cells == whole.cells && after.cache == whole.cache,
+            "a whole bake after one with a limit has the result of one without"
+        );
         // Another bake with a limit takes all.
         let again = Bake::new(baker().with_time(Duration::from_secs(1)).with_cache(limited.cache)).run();
-        assert!(again.cells == limited.cells && again.reused == cells.cells().len());
+        assert!(
+            again.cells == limited.cells && again.reused == cells.cells().len(),
+            "another bake with a limit reuses all"
+        );
     }
 
     #[test]
@@ -617,8 +633,8 @@ mod tests {
         trace.save(&mut to);
         let bytes = to.finish();
         let mut from = Reader::new(&bytes, format).unwrap();
-        assert_eq!(Trace::load(&mut from).as_ref(), Ok(&trace));
-        assert!(from.end().is_ok());
+        assert_eq!(Trace::load(&mut from).as_ref(), Ok(&trace), "the trace as written");
+        assert!(from.end().is_ok(), "all of the trace is read");
         let forgeries: [fn(&mut Trace); 8] = [
             |trace| trace.opened[3].hash ^= 1,
             |trace| trace.opened[3].parent = u32::MAX,
@@ -635,7 +651,11 @@ mod tests {
             assert_eq!(forged.replay(&level.tree), None, "forgery {number}");
         }
         let whole = Trace::of_all(&level.tree);
-        assert_eq!(whole.replay(&level.tree).as_ref(), Some(&level.tree.order));
+        assert_eq!(
+            whole.replay(&level.tree).as_ref(),
+            Some(&level.tree.order),
+            "a whole trace replays to all objects"
+        );
         let forgeries: [fn(&mut Trace); 3] = [
             |trace| trace.opened[0].hash ^= 1,
             |trace| trace.left.push([0, u32::MAX]),

@@ -1,4 +1,4 @@
-//! The objects of a level without their triangles, and hashes of what a bake depends on.
+//! Facts of the objects of a level without their triangles, and hashes of the data that a bake depends on.
 
 use visibility_core::binary_format::Fingerprint;
 use visibility_core::glam::{Affine3A, DVec3};
@@ -16,7 +16,7 @@ pub(crate) struct ObjectFacts {
     pub index: u32,
     pub cost: u32,
     pub layers: u32,
-    /// Number of triangles.
+    /// Number of the object's triangles.
     pub triangles: u32,
     pub never_cull: bool,
     pub occluder: bool,
@@ -53,7 +53,8 @@ impl ObjectFacts {
         self.never_cull || !self.bounds.is_finite()
     }
 
-    /// Returns the weight of the object, which estimates time and memory of a sweep: its triangles and 4.
+    /// Returns the weight of the object, an estimate of time and memory of a sweep: its number of triangles
+    /// plus 4.
     pub(crate) fn weight(&self) -> u64 {
         4 + u64::from(self.triangles)
     }

@@ -25,7 +25,7 @@ use visibility_core::{Scene, VisibleSet};
 use visibility_exact::SceneTriangles;
 use visibility_region::ExtendedProjectionCuller;
 
-/// Triangles that a search copies and sorts in a second, about, on a machine of 2026.
+/// Approximate number of triangles that a search copies and sorts in a second, on a machine of 2026.
 const SEARCHED_A_SECOND: f64 = 2e5;
 
 /// Finds the sandwiches of a range of viewcells, as a [`Baker`] for a [`Bake`](visibility_core::bake::Bake):
@@ -72,16 +72,17 @@ pub struct SandwichBaker<'a> {
     /// Hash of the scene, all viewcells and the settings: the same for all shards of a bake.
     fingerprint: u64,
     groups: CellGroups,
-    /// By group, what its viewcells have in common, while some of them are worked on.
+    /// State of each group while some of its viewcells are worked on.
     slots: Vec<Mutex<Slot>>,
     cache: Arc<BakeCache>,
     time: TimePlan,
     done: Vec<Option<FoundCell>>,
-    /// By group and stage, the cost of what was open in its viewcells that have come to the stage.
+    /// Sum of the costs of open objects, by group and stage: those of the group's viewcells that have come to
+    /// the stage.
     costs: Vec<[u64; STAGES]>,
-    /// By group with a viewcell that is done.
+    /// Result of the sweep of each group, for groups with a viewcell that is done.
     found_groups: Vec<Option<Arc<GroupRecord>>>,
-    /// Why a viewcell could not be worked on: the first that happened.
+    /// First reason why a viewcell could not be worked on.
     error: Mutex<Option<LevelError>>,
 }
 
@@ -91,31 +92,32 @@ pub struct SandwichBaker<'a> {
 pub struct SandwichOutcome {
     /// Number of the first viewcell.
     pub first: usize,
-    /// By viewcell. In a viewcell that was not worked on, all objects are open.
+    /// Result for each viewcell, in order. In a viewcell that was not worked on, all objects are open.
     pub cells: Vec<CellSandwich>,
-    /// By viewcell, the time that each method took: 0 without a [clock](SandwichBaker::with_clock), and in a
-    /// viewcell that was not worked on. Without a limit of time, all else of the outcome is the same whatever
-    /// the times.
+    /// Time that each method took, by viewcell. 0 without a [clock](SandwichBaker::with_clock), and in a
+    /// viewcell that was not worked on. Without a limit of time, all other parts of the outcome are the same
+    /// whatever the times.
     pub times: Vec<MethodTimes>,
     /// Whether all viewcells were worked on to the end: never if some are [too large](Self::too_large).
     pub complete: bool,
-    /// By stage, the number of viewcells that were worked on or needed it no more: swept in groups, swept by
-    /// themselves, looked from along rays, with proofs of boxes, and of triangles.
+    /// Number of viewcells that were through with each stage: swept in groups, swept by themselves, looked
+    /// from along rays, searched by proofs of boxes, and by proofs of triangles. A viewcell that does not
+    /// need a stage any more counts, too.
     pub stages: [usize; 5],
-    /// Number of viewcells whose results were taken from the [cache](SandwichBaker::with_cache), but for the
-    /// sweeps.
+    /// Number of viewcells whose results, apart from the sweeps, were taken from the
+    /// [cache](SandwichBaker::with_cache).
     pub reused: usize,
-    /// The results of this bake, for the next. Groups that are not complete are left out.
+    /// Results of this bake for the next one. Groups that are not complete are left out.
     pub cache: BakeCache,
-    /// Number of viewcells that were swept and are not searched, since what the sweeps have left has more
-    /// triangles than a search may copy: 2^21, or as many as the level has with each mesh that objects share
-    /// counted once.
+    /// Number of viewcells that were swept and not searched, since the objects that the sweeps have left have
+    /// more triangles than a search may copy: 2^21, or as many as the level has with each shared mesh counted
+    /// once.
     pub too_large: usize,
     /// Why viewcells could not be worked on, for a level in a file.
     pub error: Option<LevelError>,
 }
 
-/// Memory of one thread of a bake.
+/// Scratch memory of one thread of a bake.
 #[derive(Default, Debug)]
 pub struct BakeScratch {
     /// Sweep of the whole level, if it is small.
@@ -128,16 +130,16 @@ pub struct BakeScratch {
 
 #[derive(Default)]
 struct Slot {
-    /// By stage, the number of viewcells of the group that are not worked on yet.
+    /// Number of the group's viewcells that are not worked on yet, by stage.
     left: [usize; STAGES],
-    /// Content that was made last, and whether for the sweeps of viewcells. With a limit of time, or in a
-    /// bake that was resumed, viewcells of the group may be in different stages.
+    /// Content that was made last, and whether it is for the sweeps of viewcells. With a limit of time, or in
+    /// a resumed bake, viewcells of the group may be in different stages.
     group: Option<(bool, Arc<Group>)>,
-    /// What the sweep of the group has found, for when its content was released.
+    /// Result of the group's sweep. It is kept when the content is released.
     record: Option<Arc<GroupRecord>>,
 }
 
-/// What the viewcells of a group have in common.
+/// Data that the viewcells of a group share.
 struct Group {
     record: Arc<GroupRecord>,
     /// Numbers of the objects that a sweep of the box around the group has left, tile by tile.
@@ -149,11 +151,12 @@ struct Group {
 type Found = (CellRecord, MethodTimes, u32);
 
 enum Content {
-    /// What the cache has for the viewcells of the group.
+    /// Records of the group's viewcells from the cache.
     Cached(Vec<CellRecord>),
-    /// For sweeps of the viewcells: the objects left with occluder meshes, and a sweep that is prepared.
+    /// Scene for the sweeps of the viewcells: the objects that the group's sweep has left, with occluder
+    /// meshes, and a prepared sweep.
     Scene(Arc<PreparedScene>),
-    /// For later stages: each viewcell loads what its sweep has left.
+    /// No scene, for later stages: each viewcell loads the objects that its own sweep has left.
     Objects,
 }
 
@@ -194,7 +197,8 @@ impl<'a> SandwichBaker<'a> {
         baker.with_range(0..viewcells.cells().len())
     }
 
-    /// Returns the baker for a part of the viewcells: those with numbers in `range`, as far as there are any.
+    /// Returns the baker for a part of the viewcells: those with numbers in `range`. Numbers beyond the last
+    /// viewcell are ignored.
     #[must_use]
     pub fn with_range(mut self, range: Range<usize>) -> Self {
         let count = self.viewcells.cells().len();
@@ -206,8 +210,8 @@ impl<'a> SandwichBaker<'a> {
         self
     }
 
-    /// Returns the baker with a clock, which measures the times of the methods: a function that returns the
-    /// time passed since any fixed moment.
+    /// Returns the baker with a clock, by which it measures the times of the methods. `clock` returns the
+    /// time passed since a fixed moment.
     #[must_use]
     pub fn with_clock(mut self, clock: fn() -> Duration) -> Self {
         self.time.set_clock(clock);
@@ -236,9 +240,9 @@ impl<'a> SandwichBaker<'a> {
         self
     }
 
-    /// Returns the baker with the results of an earlier bake, of the scene before an edit. Without a limit of
-    /// time, the outcome is the same as without them, to the last byte, but for times. See [`BakeCache`] for
-    /// what an edit costs.
+    /// Returns the baker with the results of a bake of the scene before an edit. Without a limit of time, the
+    /// outcome is the same as without these results, to the last byte, except for times. See [`BakeCache`]
+    /// for what an edit costs.
     #[must_use]
     pub fn with_cache(mut self, cache: impl Into<Arc<BakeCache>>) -> Self {
         self.cache = cache.into();
@@ -256,13 +260,13 @@ impl<'a> SandwichBaker<'a> {
         self.fingerprint
     }
 
-    /// Returns why viewcells could not be worked on, for a level in a file: what was not proven hidden before
-    /// counts as visible, and they are not worked on again if the bake is resumed.
+    /// Returns why viewcells could not be worked on, for a level in a file. Objects not proven hidden before
+    /// the error count as visible. A resumed bake does not work on these viewcells again.
     pub fn error(&self) -> Option<LevelError> {
         lock(&self.error).clone()
     }
 
-    /// Counts what is done and what is left in each group.
+    /// Counts the viewcells of each group that are done with each stage, and those left.
     fn count(&mut self) {
         self.slots.iter_mut().for_each(|slot| *slot = Mutex::default());
         self.costs = vec![[0; STAGES]; self.slots.len()];
@@ -277,8 +281,8 @@ impl<'a> SandwichBaker<'a> {
         }
     }
 
-    /// Notes that a viewcell of a group is done with some stages, and releases what a stage has shared after
-    /// the last.
+    /// Notes that a viewcell of a group is done with `stages`. After the last viewcell of a stage, releases
+    /// the content that the stage has shared.
     fn end_stages(&self, group: u32, stages: Range<u32>) {
         let mut slot = lock(&self.slots[group as usize]);
         for stage in stages.clone() {
@@ -289,8 +293,8 @@ impl<'a> SandwichBaker<'a> {
         }
     }
 
-    /// Releases the content of all groups that no thread works on, where there is a limit of memory. When a
-    /// thread comes back to one, its content is loaded again.
+    /// Releases the content of all groups that no thread works on, if there is a limit of memory. A thread
+    /// that comes back to such a group loads its content again.
     fn release_groups(&self) {
         for slot in self.slots.iter().filter(|_| self.level.is_in_file()) {
             let Ok(mut slot) = slot.try_lock() else { continue };
@@ -312,8 +316,8 @@ impl<'a> SandwichBaker<'a> {
         objects.into_iter().fold(hash, |hash, at| hash.with_u64(self.level.objects[at as usize].hash))
     }
 
-    /// Returns what the viewcells of a group have in common, from its slot, or made now while other threads
-    /// that need it wait.
+    /// Returns the data that the viewcells of a group share, from the group's slot. If it is not there, makes
+    /// it, while other threads that need it wait.
     fn group(&self, number: u32, stage: u32, scratch: &mut BakeScratch) -> Result<Arc<Group>, LevelError> {
         let mut slot = self.level.lock(&self.slots[number as usize]);
         let for_sweeps = stage == SWEEP;
@@ -328,8 +332,8 @@ impl<'a> SandwichBaker<'a> {
         Ok(group)
     }
 
-    /// Makes what the viewcells of a group have in common, from what its sweep has found if that is known,
-    /// and notes that otherwise.
+    /// Makes the data that the viewcells of a group share. `known` is the result of the group's sweep. If it
+    /// is `None`, the group is swept, and the result is stored there.
     fn new_group(
         &self,
         number: u32,
@@ -409,19 +413,19 @@ impl<'a> SandwichBaker<'a> {
         Ok(Group { record, objects, content })
     }
 
-    /// Returns the time on the clock at which a sweep for some viewcells ends that begins now. `None` without
-    /// a limit.
+    /// Returns the time on the clock at which a sweep for `viewcells` viewcells must end if it begins now.
+    /// `None` without a limit of time.
     fn end_of_sweep(&self, stage: u32, viewcells: usize) -> Option<Duration> {
         self.time.end_of_sweep(stage, viewcells, self.waiting(stage))
     }
 
-    /// Returns the number of viewcells that were not through with a stage before this round.
+    /// Returns the number of viewcells that were not done with a stage before this round.
     fn waiting(&self, stage: u32) -> usize {
         self.done.iter().filter(|done| done.as_ref().is_none_or(|found| found.next <= stage)).count()
     }
 
-    /// Works on an item whose stage is the next of its viewcell, as [`work`](Baker::work) does, with the
-    /// memory that is free.
+    /// Works on an item, as [`work`](Baker::work) does, with the memory that is free now. The item's stage
+    /// must be the next of its viewcell. `Err` if the memory does not suffice now.
     fn attempt(
         &self,
         item: u32,
@@ -436,6 +440,8 @@ impl<'a> SandwichBaker<'a> {
         };
         let (place, stage) = self.place_and_stage(item);
         let before = self.done[place].as_ref();
+        // With the time of this stage over, a viewcell that was not swept goes on unswept. Any other item is
+        // left, unless nothing else is left to do.
         if self.time.is_past(stage, begun) {
             if let Some(before) = before
                 && stage == SWEEP
@@ -457,10 +463,12 @@ impl<'a> SandwichBaker<'a> {
         let mut is_skipped = before.is_some_and(|before| before.is_skipped);
         let mut is_cut = before.is_some_and(|before| before.is_cut);
         let (record, times, next) = match (&group.content, before) {
+            // An earlier bake found this group, with the same content.
             (Content::Cached(records), _) => {
                 let member = self.groups.cells[of as usize].binary_search(&(number as u32));
                 (records[member.unwrap_or_default()].clone(), MethodTimes::default(), done)
             }
+            // The group is small enough to be a scene: the viewcell is swept in it.
             (Content::Scene(scene), before) => {
                 let _memory = self.level.reserve_cell(objects, false)?;
                 let (record, is_known, cut) = self.sweep(number, objects, scene, scratch);
@@ -469,6 +477,7 @@ impl<'a> SandwichBaker<'a> {
                 let times = MethodTimes { sweep: group + lap(), ..MethodTimes::default() };
                 (record, times, if is_known { done } else { LOOK })
             }
+            // The scene of the group does not fit into memory: all objects stay open for the search.
             (Content::Objects, None) => {
                 let left: Vec<u32> = (0..objects.len() as u32).collect();
                 let hash = self.content_hash(objects.iter().copied());
@@ -481,6 +490,8 @@ impl<'a> SandwichBaker<'a> {
             }
             // Saved bytes may be forged.
             (Content::Objects, Some(before)) if before.record.is_of(objects) => {
+                // A search needs its triangles sorted first. If the share of the time is too short for that,
+                // parts of the viewcell are swept.
                 let share = self.time.share_of_search(self.waiting(stage));
                 let seconds = self.triangles_left(&before.record, objects) as f64 / SEARCHED_A_SECOND;
                 let found = if share.is_some_and(|share| share.as_secs_f64() < seconds) {
@@ -514,8 +525,9 @@ impl<'a> SandwichBaker<'a> {
         })))
     }
 
-    /// Sweeps the scene of a group from a viewcell. Returns what is left, all of it open, or what the cache
-    /// has found in it, whether it has, and whether the sweep was cut short.
+    /// Sweeps the scene of a group from a viewcell. Returns the viewcell's record, whether it is from the
+    /// cache, and whether the sweep was cut short. A record that is not from the cache has all of its objects
+    /// open.
     fn sweep(
         &self,
         viewcell: usize,
@@ -551,9 +563,9 @@ impl<'a> SandwichBaker<'a> {
         left.map(|&at| u64::from(self.level.objects[at as usize].triangles)).sum()
     }
 
-    /// Sweeps what the sweep of a viewcell has left from parts of the viewcell, smaller ones in each stage,
-    /// in place of a search that has not the time to begin. Returns what is left, and the next stage. `None`
-    /// once `stop` has returned true.
+    /// Sweeps from parts of a viewcell the objects that its own sweep has left, in place of a search that has
+    /// not the time to begin. The parts are smaller in each stage. Returns the objects left and the next
+    /// stage. `None` once `stop` has returned true.
     fn sweep_in_parts(
         &self,
         viewcell: usize,
@@ -579,8 +591,8 @@ impl<'a> SandwichBaker<'a> {
         Ok(Some((record, times, before.next + 1)))
     }
 
-    /// Finds answers for the objects that the sweep of a viewcell has left, in a share of the time if that is
-    /// limited. Returns them with the next stage, and whether the time was over. `None` once `stop` has
+    /// Finds answers for the objects that the sweep of a viewcell has left, within `share` if the time is
+    /// limited. Returns them with the next stage, and whether the share was used up. `None` once `stop` has
     /// returned true.
     fn search(
         &self,
@@ -595,6 +607,7 @@ impl<'a> SandwichBaker<'a> {
         let end = share.map(|share| self.time.now() + share);
         let is_over = || stop() || self.time.is_over(end);
         let left: Vec<u32> = record.left.iter().map(|&at| objects[at as usize]).collect();
+        // Only triangles of objects that the sweep has left, and their occluders, are read.
         let _memory = self.level.reserve_cell(&left, true)?;
         let scene = self.level.scene_with_triangles(&left)?;
         let triangles = SceneTriangles::new(&scene);
@@ -614,6 +627,7 @@ impl<'a> SandwichBaker<'a> {
             }
         }
         times.proofs += lap();
+        // A search that the time ends keeps what it has found. One that `stop` ends is done again later.
         let is_cut = search.is_stopped();
         if is_cut && !self.time.is_over(end) {
             return Ok(None);
@@ -643,7 +657,7 @@ impl<'a> SandwichBaker<'a> {
     }
 }
 
-/// Adds what is open in a viewcell to the costs of its group, for the stage that the viewcell has come to.
+/// Adds the cost of a viewcell's open objects to the costs of its group, at the viewcell's next stage.
 fn add_cost(costs: &mut [u64; STAGES], found: &FoundCell) {
     if let Some(cost) = costs.get_mut(found.next as usize) {
         *cost = cost.saturating_add(found.cost);

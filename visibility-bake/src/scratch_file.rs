@@ -25,21 +25,21 @@ use visibility_core::glam::{Affine3A, Vec3};
 use visibility_core::scene::{Triangle, Triangles};
 use visibility_core::{Object, OccluderMesh};
 
-/// Number of words before the transform, or before the triangles of an object without a mesh.
+/// Number of words at the beginning of an object's content, before the transform or the triangles.
 const HEAD_WORDS: usize = 4;
 
 /// Number of words of a transform.
 const TRANSFORM_WORDS: usize = 12;
 
-/// Bytes of memory for each unit of weight of a tile that is loaded, about: a triangle and its part of the
-/// occluder mesh.
+/// Approximate bytes of memory per unit of weight of a loaded tile: a triangle and its part of the occluder
+/// mesh.
 const BYTES_PER_WEIGHT: u64 = 300;
 
-/// Bytes of memory that an object takes while the level is open, about: its facts, the offset of its content,
-/// and its tile.
+/// Approximate bytes of memory that an object takes while the level is open: its facts, the offset of its
+/// content, and its tile.
 const OBJECT_BYTES: u64 = 100;
 
-/// The content of an object: triangles, and occluder mesh with the transform to coordinates of the level.
+/// Content of an object: its triangles, and its occluder mesh with the transform to coordinates of the level.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct Content {
     pub triangles: Box<[Triangle]>,
@@ -69,9 +69,9 @@ impl ScratchFile {
 pub(crate) struct ContentWriter {
     scratch: ScratchFile,
     to: BufWriter<File>,
-    /// By number of an object, the offset in bytes of its content; then the end of the last.
+    /// Offset in bytes of each object's content, by number of the object; then the end of the last.
     offsets: Vec<u64>,
-    /// The content of one object, as it is written.
+    /// Scratch: the bytes of one object's content.
     bytes: Vec<u8>,
 }
 
@@ -114,8 +114,8 @@ impl ContentWriter {
         Ok(())
     }
 
-    /// Ends the file. The whole process is to keep within `limit` bytes of memory, of which it has `in_use`
-    /// in use for other things.
+    /// Ends the file. The whole process must keep within `limit` bytes of memory, and already uses `in_use`
+    /// of them.
     pub(crate) fn finish(
         mut self,
         objects: &[ObjectFacts],
@@ -143,38 +143,38 @@ impl ContentWriter {
     }
 }
 
-/// The content of a level, in a file.
+/// File with the content of a level, and the tiles of it that are in memory.
 pub(crate) struct LevelFile {
     scratch: Mutex<ScratchFile>,
-    /// By number of an object, the offset in bytes of its content; then the end of the last.
+    /// Offset in bytes of each object's content, by number of the object; then the end of the last.
     offsets: Vec<u64>,
-    /// By number of an object, its tile.
+    /// Number of the tile of each object, by number of the object.
     tile_of: Vec<u32>,
     shared: Arc<Shared>,
-    /// Locked by all threads that work: for reading together, for writing alone.
+    /// Lock of all threads that work: for reading together, for writing alone.
     turn: RwLock<()>,
 }
 
-/// The account of memory that threads and their [reservations](Reserved) share.
+/// Account of the memory that threads and their [reservations](Reserved) share.
 struct Shared {
     memory: Mutex<Memory>,
     /// Notified when memory is released, or a thread ends or suspends its work.
     changed: Condvar,
 }
 
-/// The memory of a level in a file, by estimates. All sizes are in bytes.
+/// Memory of a level in a file. All sizes are estimates, in bytes.
 struct Memory {
     /// Greatest sum of `reserved` and `cached`.
     limit: u64,
-    /// Memory that cannot be given up now.
+    /// Bytes that cannot be released now.
     reserved: u64,
-    /// Memory of the tiles.
+    /// Bytes of the tiles that are kept in memory.
     cached: u64,
-    /// Number of times that any tile was asked for.
+    /// Number of requests for tiles so far.
     requests: u64,
     /// Tiles that are loaded, by their numbers.
     tiles: HashMap<u32, LoadedTile>,
-    /// Number of threads that work and wait for nothing.
+    /// Number of threads that work and do not wait.
     running: usize,
 }
 
@@ -182,13 +182,13 @@ struct Memory {
 struct LoadedTile {
     content: Arc<[Content]>,
     bytes: u64,
-    /// The value of [`Memory::requests`] when the tile was asked for last.
+    /// Value of [`Memory::requests`] at the last request for the tile.
     last_request: u64,
 }
 
 impl Memory {
-    /// Gives up tiles, least recently used first, until `bytes` are free. Returns false if they are not even
-    /// without any tile.
+    /// Releases tiles, least recently used first, until `bytes` are free. Returns false if they are not free
+    /// even without any tile.
     fn make_room(&mut self, bytes: u64) -> bool {
         let reserved = self.reserved.saturating_add(bytes);
         if reserved > self.limit {
@@ -203,7 +203,7 @@ impl Memory {
     }
 }
 
-/// Memory that is reserved until this is dropped.
+/// Reservation of memory, until it is dropped.
 pub(crate) struct Reserved {
     shared: Arc<Shared>,
     bytes: u64,
@@ -216,7 +216,7 @@ impl Drop for Reserved {
     }
 }
 
-/// The work of a thread, until this is dropped.
+/// Work of a thread on the level, until it is dropped.
 pub(crate) struct Working<'a> {
     file: &'a LevelFile,
     _turn: Turn<'a>,
@@ -235,14 +235,14 @@ impl Drop for Working<'_> {
     }
 }
 
-/// Locks a mutex, whether or not a thread has panicked that held it.
+/// Locks a mutex, even if a thread has panicked while it held the lock.
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl LevelFile {
-    /// Begins the work of a thread, together with others, or alone when all others have ended theirs. A
-    /// thread that works must not begin again.
+    /// Begins the work of a thread on the level. With `is_alone`, waits until all other threads have ended
+    /// their work. A thread must not call this again before its work has ended.
     pub(crate) fn work(&self, is_alone: bool) -> Working<'_> {
         let _turn = if is_alone {
             Turn::Alone { _guard: self.turn.write().unwrap_or_else(PoisonError::into_inner) }
@@ -268,8 +268,8 @@ impl LevelFile {
         }
     }
 
-    /// Reserves memory. Waits for it as long as another thread runs that may release some.
-    /// [`LevelError::Memory`] if none does.
+    /// Reserves memory. Waits as long as another thread runs that may release some. [`LevelError::Memory`] if
+    /// none does.
     pub(crate) fn reserve(&self, bytes: u64) -> Result<Reserved, LevelError> {
         let mut memory = lock(&self.shared.memory);
         while !memory.make_room(bytes) {
@@ -340,7 +340,7 @@ impl LevelFile {
         Ok(content)
     }
 
-    /// Reads the content of an object, and checks that it is what was written.
+    /// Reads the content of an object, and checks its hash against the content written.
     fn read(&self, facts: &ObjectFacts, at: u32) -> Result<Content, LevelError> {
         let (offset, end) = (self.offsets[at as usize], self.offsets[at as usize + 1]);
         let mut bytes = vec![0; (end - offset) as usize];
@@ -364,12 +364,14 @@ impl LevelFile {
     }
 }
 
-/// Reads the content of an object. `None` if its length is not what it announces, or its mesh is invalid.
+/// Reads the content of an object. `None` if the bytes are not as many as their counts announce, or the mesh
+/// is invalid.
 fn parse(bytes: &[u8]) -> Option<Content> {
     let mut words = bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     let mut next = || words.next();
     let [triangles, positions, faces, two_sided] = [next()?, next()?, next()?, next()?].map(|n| n as usize);
     let head = HEAD_WORDS + if faces > 0 { TRANSFORM_WORDS } else { 0 };
+    // The counts are checked against the length before anything is allocated by them.
     let sizes = [(triangles, 9), (positions, 3), (faces, 3)];
     let expected = sizes.iter().try_fold(head, |sum, (n, each)| n.checked_mul(*each)?.checked_add(sum))?;
     if expected.checked_mul(4)? != bytes.len() {
@@ -444,27 +446,36 @@ mod tests {
         for numbers in [&in_tiles, &scattered, &in_tiles] {
             let mut places = 0;
             file.for_each(&objects, &tree, numbers, |place, content| {
-                assert_eq!(place, places);
-                assert_eq!(content.triangles[..], triangles(numbers[place] as usize)[..]);
+                assert_eq!(place, places, "object {place} comes in its turn");
+                assert_eq!(
+                    content.triangles[..],
+                    triangles(numbers[place] as usize)[..],
+                    "triangles of object {place}"
+                );
                 places += 1;
                 let memory = lock(&file.shared.memory);
-                assert!(memory.reserved + memory.cached <= memory.limit);
+                assert!(
+                    memory.reserved + memory.cached <= memory.limit,
+                    "object {place}: {} bytes of {}",
+                    memory.reserved + memory.cached,
+                    memory.limit
+                );
                 let sizes: u64 = memory.tiles.values().map(|tile| tile.bytes).sum();
-                assert_eq!(sizes, memory.cached);
+                assert_eq!(sizes, memory.cached, "object {place}: bytes of all tiles");
                 (loads, kept) = (memory.requests, kept.max(memory.tiles.len()));
             })
             .unwrap();
-            assert_eq!(places, 600);
+            assert_eq!(places, 600, "objects passed");
         }
         assert!(loads > 600 && kept > 1, "{loads} times a tile, of which {kept} were kept at once");
         // All but what is known may be reserved, and then no tile is left; what is reserved comes back.
         let all = file.reserve(300 * BYTES_PER_WEIGHT).unwrap();
-        assert!(lock(&file.shared.memory).tiles.is_empty());
-        assert!(matches!(file.reserve(1), Err(LevelError::Memory { .. })));
+        assert!(lock(&file.shared.memory).tiles.is_empty(), "tiles are left though all memory is reserved");
+        assert!(matches!(file.reserve(1), Err(LevelError::Memory { .. })), "one byte more than the limit");
         drop(all);
-        assert!(file.reserve(300 * BYTES_PER_WEIGHT).is_ok());
+        assert!(file.reserve(300 * BYTES_PER_WEIGHT).is_ok(), "the memory came back");
         drop(file);
-        assert!(!path.exists());
+        assert!(!path.exists(), "the file is removed with the level");
     }
 
     /// Returns a level without objects, and a number of bytes of memory for threads.
@@ -485,7 +496,7 @@ mod tests {
             std::thread::yield_now();
             let second = file.reserve(45)?;
             *lock(&in_use) += first.bytes + second.bytes;
-            assert!(*lock(&in_use) <= 100);
+            assert!(*lock(&in_use) <= 100, "number {number}: more memory is in use than there is");
             std::thread::yield_now();
             *lock(&in_use) -= first.bytes + second.bytes;
             Ok::<(), LevelError>(())
@@ -510,7 +521,7 @@ mod tests {
         });
         assert!(*lock(&given_up) < 1800, "none has waited");
         let memory = lock(&file.shared.memory);
-        assert_eq!((memory.reserved, memory.running), (0, 0));
+        assert_eq!((memory.reserved, memory.running), (0, 0), "memory and threads left in the end");
     }
 
     #[test]
@@ -529,9 +540,9 @@ mod tests {
             while runs() && !waiting.is_finished() {
                 std::thread::yield_now();
             }
-            assert!(!waiting.is_finished());
+            assert!(!waiting.is_finished(), "the thread got memory that was not released");
             drop(all);
-            assert_eq!(waiting.join().unwrap(), Ok(()));
+            assert_eq!(waiting.join().unwrap(), Ok(()), "the thread got its memory");
         });
         let _all = file.reserve(100).unwrap();
         assert!(file.reserve(1).is_err(), "nobody else could release any");

@@ -1,4 +1,4 @@
-//! The search for what is visible from one viewcell: rays, then proofs of what rays have not found.
+//! The search from one viewcell: rays find visible objects, then proofs find hidden ones among the rest.
 
 use crate::bake_cache::{HIDDEN, OPEN, SEEN};
 use crate::settings::SandwichSettings;
@@ -9,29 +9,29 @@ use visibility_exact::{CellQuery, Effort, ExactSettings, SceneTriangles, Verdict
 /// The search for answers from one viewcell, in the scene of the objects that its sweep has left. The objects
 /// of such a scene have consecutive indices from 0.
 pub(crate) struct Search<'a> {
-    /// `None` if the viewcell cannot be used: then all objects stay open.
+    /// Query from the viewcell. `None` if the viewcell cannot be used: then all objects stay open.
     query: Option<CellQuery<'a>>,
     /// Cost of each object in triangles, at least 0.001, by its index.
     costs: Vec<f64>,
-    /// Part of the cost of the reported objects that may stay open.
+    /// Greatest share of the cost of the reported objects that may stay open.
     gap: f64,
     /// Answer of each object, by its index.
     pub answers: Vec<u8>,
 }
 
-/// How objects are proven hidden.
+/// Method by which objects are proven hidden.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Method {
-    /// Boxes, in groups.
+    /// Proofs for boxes of objects, first for groups of objects.
     Boxes,
-    /// All triangles of an object, as long as none takes long.
+    /// Proofs for all triangles of an object. The object is given up at the first triangle that takes long.
     QuickTriangles,
-    /// All triangles of an object, which takes a hundred times as long as boxes.
+    /// Proofs for all triangles of an object, which take a hundred times as long as those for boxes.
     Triangles,
 }
 
 impl<'a> Search<'a> {
-    /// Prepares the search, with the answers so far. It gives up when `stop` returns true.
+    /// Prepares the search, with the answers so far. The search ends once `stop` returns true.
     pub(crate) fn new(
         scene: &Scene,
         cell: &Viewcell,
@@ -58,7 +58,7 @@ impl<'a> Search<'a> {
         Self { query: query.map(|query| query.with_stop(stop)), costs, gap, answers }
     }
 
-    /// Returns whether the search has given up.
+    /// Returns whether the search has ended because `stop` returned true.
     pub(crate) fn is_stopped(&self) -> bool {
         self.query.as_ref().is_some_and(CellQuery::is_stopped)
     }
@@ -68,7 +68,7 @@ impl<'a> Search<'a> {
         self.query.as_ref().map_or(0, CellQuery::steps)
     }
 
-    /// Finds what rays see.
+    /// Casts rays at all open objects, and marks those that are seen.
     pub(crate) fn aim_rays(&mut self) {
         if let Some(query) = &mut self.query {
             query.look(&|_| true);
@@ -76,12 +76,12 @@ impl<'a> Search<'a> {
         self.read();
     }
 
-    /// Returns whether the gap is met.
+    /// Returns whether the open objects are within the gap.
     pub(crate) fn is_met(&self) -> bool {
         self.cost(OPEN) <= self.allowed()
     }
 
-    /// Returns the cost of open objects that the gap allows.
+    /// Returns the greatest cost of open objects within the gap.
     fn allowed(&self) -> f64 {
         self.gap * (self.cost(SEEN) + self.cost(OPEN))
     }
@@ -113,13 +113,13 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Returns the cost of all objects with an answer.
+    /// Returns the sum of the costs of the objects with this answer.
     fn cost(&self, answer: u8) -> f64 {
         let some = self.answers.iter().zip(&self.costs).filter(|&(&of, _)| of == answer);
         some.map(|(_, cost)| cost).sum()
     }
 
-    /// Takes the answers from the query.
+    /// Takes the query's verdicts over into the answers.
     fn read(&mut self) {
         let Some(query) = &self.query else { return };
         for (id, verdict) in query.verdicts() {

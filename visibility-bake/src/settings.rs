@@ -8,15 +8,16 @@
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct SandwichSettings {
-    /// Proofs for a viewcell end when the open objects have at most this part of the
-    /// [cost](visibility_core::Object::cost) of all that are reported, from 0 to 1. 0 asks for a proof of
-    /// every object that is not seen; 1 for none. NaN and numbers below 0 count as 0.
+    /// Greatest share of open objects in the [cost](visibility_core::Object::cost) of all reported objects of
+    /// a viewcell, from 0 to 1, at which its proofs end. 0 asks for a proof of every object that is not seen,
+    /// 1 for none. NaN and numbers below 0 count as 0.
     pub gap: f64,
     /// Distance in metres that a line of sight must keep from all occluders for an object to count as
     /// visible, up to a factor of six. 0 gives a conservative bake, see
     /// [`Effort::Exact`](visibility_exact::Effort::Exact).
     pub clearance: f64,
-    /// Number of rays aimed at each object before any proof is tried; 64 times as many go in all directions.
+    /// Number of rays aimed at each object before any proof is tried. 64 times as many are cast in all
+    /// directions.
     pub rays: u32,
 }
 

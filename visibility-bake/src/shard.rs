@@ -1,4 +1,4 @@
-//! Parts of a bake that were worked on apart, on threads or machines, and their assembly.
+//! Parts of a bake that were computed apart, by threads or machines, and their assembly.
 
 use crate::cell_sandwich::CellSandwich;
 use crate::deflated::{deflated, inflated};
@@ -33,7 +33,7 @@ pub struct Shard {
     pub fingerprint: u64,
     /// Number of the first viewcell.
     pub first: usize,
-    /// By viewcell, from `first` on.
+    /// Result for each viewcell of the range, from viewcell `first` on.
     pub cells: Vec<CellSandwich>,
 }
 
@@ -82,7 +82,7 @@ impl Shard {
     }
 }
 
-/// Shards that do not make a whole.
+/// Reasons why shards do not make a whole bake.
 #[derive(Clone, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum AssembleError {

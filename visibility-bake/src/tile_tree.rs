@@ -11,44 +11,43 @@ use visibility_core::Aabb;
 use visibility_core::binary_format::Fingerprint;
 use visibility_core::glam::{DVec3, Vec3};
 
-/// Greatest [weight](ObjectFacts::weight) of a tile without children, but for objects in one place.
-/// With 1024, a sixth more time went into sweeps of a city, and up to thirty times as many groups were swept
-/// again after an edit.
+/// Greatest [weight](ObjectFacts::weight) of a tile without children. A tile whose objects all have one
+/// middle may exceed it.
 const LEAF: u64 = 128;
 
-/// Greatest weight of a level that is one tile.
+/// Greatest weight of a level that is stored as one tile.
 const WHOLE: u64 = 1 << 18;
 
-/// Cells are divided to this power of two of the distance of their objects from the origin, at most.
+/// Greatest number of halvings of a cell's edge, from the distance of its objects from the origin on.
 const DEPTH: i32 = 40;
 
-/// Part of a cell's edge, as a power of two, to which the bounds of a tile are rounded outwards.
+/// Bounds of a tile are rounded outwards to multiples of the cell's edge divided by two to this power.
 const ROUNDING: i32 = 4;
 
-/// A node of the tree: a tile of objects of its own, and the nodes below.
+/// Node of the tree: a tile with objects of its own, and the tiles below.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct Tile {
-    /// Encloses all objects here and below, but for objects that are never culled.
+    /// Bounds of all objects in this tile and below, without those that are never culled.
     pub bounds: Aabb,
-    /// Nodes below.
+    /// Range of the numbers of the tiles directly below. Empty for a leaf.
     pub children: Range<u32>,
     /// Objects of the tile, as a range of [`TileTree::order`].
     pub own: Range<u32>,
     /// Sum of the weights of the tile's objects.
     pub weight: u64,
-    /// Hash of the tile's objects in their order, and for each node below of its bounds, and whether it has
-    /// nodes below: of all that opening the tile reveals.
+    /// Hash of the data that opening the tile reveals: its objects in their order, and for each tile below
+    /// its bounds and whether it has tiles below.
     pub hash: u64,
 }
 
-/// The tiles of a scene. The root comes first; its own objects are those that are never culled and those that
-/// are larger than all cells.
+/// The tiles of a scene. The root comes first. Its own objects are those that are never culled and those
+/// larger than all cells.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct TileTree {
     pub tiles: Vec<Tile>,
     /// Numbers of objects, tile by tile, ascending in each.
     pub order: Vec<u32>,
-    /// Hash of all tiles.
+    /// Hash of the contents of all tiles.
     pub hash: u64,
 }
 
@@ -57,7 +56,8 @@ impl TileTree {
         Self::with_leaves(objects, WHOLE, LEAF)
     }
 
-    /// Makes a tree with a greatest weight of levels that are one tile, and of tiles without children.
+    /// Makes a tree. `whole` is the greatest weight of a level that is one tile, `leaf` that of a tile
+    /// without children.
     pub(crate) fn with_leaves(objects: &[ObjectFacts], whole: u64, leaf: u64) -> Self {
         let weight = objects.iter().map(ObjectFacts::weight).sum::<u64>();
         let leaf = if weight <= whole { u64::MAX } else { leaf };
@@ -72,6 +72,8 @@ impl TileTree {
             (bounds.max.as_dvec3() - bounds.min.as_dvec3()).max_element()
         };
         let weight = |some: &[u32]| some.iter().map(|&at| objects[at as usize].weight()).sum::<u64>();
+        // Cells are cubes with a power of two as their edge, aligned to the origin: an edit elsewhere does
+        // not move them.
         let reach = |some: &[u32]| {
             exponent_above(some.iter().map(|&at| center(at).abs().max_element()).fold(0.0, f64::max))
         };
@@ -92,6 +94,8 @@ impl TileTree {
                     own.append(&mut members);
                     break;
                 }
+                // Cells are halved until they separate members. Objects larger than a cell stay with the
+                // tile.
                 edge -= 1;
                 let size = 2f64.powi(edge);
                 let count = own.len();
@@ -128,7 +132,7 @@ impl TileTree {
         tree
     }
 
-    /// Finds the bounds and hashes of all tiles, children first.
+    /// Computes the bounds and hashes of all tiles, children first.
     fn enclose(&mut self, objects: &[ObjectFacts], edges: &[i32]) {
         for number in (0..self.tiles.len()).rev() {
             let tile = &self.tiles[number];
@@ -178,7 +182,7 @@ impl Tile {
     }
 }
 
-/// Returns the least exponent of two that gives more than a number, which is not negative.
+/// Returns the least exponent e with 2^e greater than `number`, which must not be negative.
 fn exponent_above(number: f64) -> i32 {
     let mut exponent = -149;
     while exponent < 129 && 2f64.powi(exponent) <= number {
@@ -219,10 +223,10 @@ mod tests {
         let tree = TileTree::with_leaves(&objects, 0, 300);
         let mut order = tree.order.clone();
         order.sort_unstable();
-        assert!(order.into_iter().eq(0..objects.len() as u32));
+        assert!(order.into_iter().eq(0..objects.len() as u32), "each object is in one tile");
         let mut above = vec![0; tree.tiles.len()];
         for (number, tile) in tree.tiles.iter().enumerate() {
-            assert!(tree.own(number as u32).is_sorted());
+            assert!(tree.own(number as u32).is_sorted(), "tile {number}: its own objects ascend");
             tile.children.clone().for_each(|child| above[child as usize] += 1);
             let inside = |inner: &Aabb| {
                 tile.bounds.min.cmple(inner.min).all() && inner.max.cmple(tile.bounds.max).all()
@@ -234,12 +238,19 @@ mod tests {
                 assert!(inside(&object.bounds) || object.is_unculled() && number == 0, "object {at}");
             }
         }
-        assert!(above[1..].iter().all(|&count| count == 1) && above[0] == 0);
+        assert!(
+            above[1..].iter().all(|&count| count == 1) && above[0] == 0,
+            "each tile but the root is the child of one"
+        );
         let leaves = tree.tiles.iter().filter(|tile| tile.children.is_empty());
         assert!(leaves.clone().filter(|leaf| leaf.weight > 300).count() == 1, "all in one place");
         assert!((100..1000).contains(&leaves.count()), "{}", tree.tiles.len());
-        assert_eq!(TileTree::with_leaves(&objects, u64::MAX, 300).tiles.len(), 1);
-        assert_eq!(TileTree::new(&[]).tiles.len(), 1);
+        assert_eq!(
+            TileTree::with_leaves(&objects, u64::MAX, 300).tiles.len(),
+            1,
+            "a tree of few objects is one tile"
+        );
+        assert_eq!(TileTree::new(&[]).tiles.len(), 1, "a tree of no objects is one tile");
     }
 
     #[test]
@@ -254,7 +265,7 @@ mod tests {
             edited[at].hash ^= 1 << 40;
             edited[at].bounds.min += Vec3::splat(0.01);
             let after = TileTree::with_leaves(&edited, 0, 300);
-            assert_eq!(after.tiles.len(), before.tiles.len());
+            assert_eq!(after.tiles.len(), before.tiles.len(), "object {at}: tiles after its change");
             let changed = after.tiles.iter().zip(&before.tiles).filter(|(a, b)| a.hash != b.hash).count();
             assert!(changed > 0, "object {at}");
             total += changed;

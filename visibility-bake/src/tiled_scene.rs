@@ -1,4 +1,4 @@
-//! A level in tiles: what is known of all objects, and the content of those that are asked for.
+//! A level in tiles: facts of all objects in memory, and the triangles and meshes of some, loaded on demand.
 
 use crate::level_error::LevelError;
 use crate::object_facts::{ObjectFacts, bounds_fingerprint};
@@ -15,26 +15,25 @@ use visibility_core::scene::{MeshId, Triangles};
 use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, RegionCuller, Scene, VisibleSet};
 use visibility_region::ExtendedProjectionCuller;
 
-/// Weight of the objects that occlude in the first sweep from near to far. Each further sweep has twice as
-/// much.
+/// Weight of the occluders of the first sweep from near to far. Each further sweep doubles it.
 const FIRST_WEIGHT: u64 = 8192;
 
-/// Greatest weight of the objects that occlude in a sweep of several viewcells.
+/// Greatest weight of the occluders in a sweep of several viewcells.
 const MOST_WEIGHT: u64 = 1 << 19;
 
-/// Bytes of memory that a scene for a sweep takes for each unit of weight, about.
+/// Approximate bytes of memory per unit of weight of a scene that is swept.
 const SWEEP_BYTES: u64 = 600;
 
-/// Bytes of memory that a copy of a sweep takes for each unit of weight of its scene, about.
+/// Approximate bytes of memory per unit of a scene's weight of a copy of its sweep.
 const COPY_BYTES: u64 = 100;
 
-/// Bytes of memory that a scene with nothing but triangles takes for each unit of weight, about.
+/// Approximate bytes of memory per unit of weight of a scene with triangles alone.
 const TRIANGLE_BYTES: u64 = 200;
 
-/// Bytes of memory that a search takes for each unit of weight, about.
+/// Approximate bytes of memory per unit of weight of a search.
 const SEARCH_BYTES: u64 = 600;
 
-/// Number of triangles that a search may always copy, of a level in memory: it then takes some 2 GB.
+/// Number of triangles that a search may copy in any level in memory: it then takes some 2 GB.
 const MOST_COPIED: u64 = 1 << 21;
 
 /// A level whose objects are sorted into tiles, by place. A bake loads a tile only where it is seen.
@@ -43,20 +42,20 @@ const MOST_COPIED: u64 = 1 << 21;
 /// limit allows ([`TiledScene::writer`]). The results of a bake are the same.
 pub struct TiledScene<'a> {
     pub(crate) origin: DVec3,
-    /// By number. Numbers ascend with the indices of objects.
+    /// Facts of each object, by number. Numbers ascend with the indices of objects.
     pub(crate) objects: Vec<ObjectFacts>,
     pub(crate) tree: TileTree,
     /// Greatest index of an object plus 1.
     pub(crate) index_limit: usize,
-    /// Weight of the objects that occlude in the first sweep from near to far.
+    /// Weight of the occluders of the first sweep from near to far.
     pub(crate) first_weight: u64,
-    /// Greatest weight of the objects that occlude in a sweep of several viewcells, without a limit of time.
+    /// Greatest weight of the occluders in a sweep of several viewcells, without a limit of time.
     pub(crate) most_weight: u64,
     /// Greatest number of triangles that a search may copy: [`MOST_COPIED`], or as many as the level has with
-    /// each mesh that objects share counted once. No limit for a level in a file, which has one of memory.
+    /// each shared mesh counted once. No limit for a level in a file, which has a limit of memory.
     pub(crate) most_copied: u64,
     store: Store<'a>,
-    /// All objects, tile by tile, and a sweep that is prepared for them: made when it is first asked for.
+    /// Scene of all objects, tile by tile, and a sweep prepared for it. Made on the first request.
     whole: Mutex<Option<Arc<PreparedScene>>>,
 }
 
@@ -66,13 +65,13 @@ impl fmt::Debug for TiledScene<'_> {
     }
 }
 
-/// Where the content of objects is.
+/// Storage of the objects' triangles and meshes.
 enum Store<'a> {
     Scene(&'a Scene),
     File(LevelFile),
 }
 
-/// A scene, and a sweep that is prepared for it.
+/// A scene, and a sweep prepared for it.
 pub(crate) struct PreparedScene {
     pub scene: Scene,
     pub sweep: ExtendedProjectionCuller,
@@ -126,7 +125,7 @@ impl<'a> TiledScene<'a> {
         self.index_limit
     }
 
-    /// Returns the [cost](Object::cost) of the object with an index. `None` if there is none.
+    /// Returns the [cost](Object::cost) of the object with an index. `None` for an unknown index.
     pub fn cost(&self, index: u32) -> Option<u32> {
         let at = self.objects.binary_search_by_key(&index, |object| object.index).ok()?;
         Some(self.objects[at].cost)
@@ -184,9 +183,9 @@ impl<'a> TiledScene<'a> {
         Ok(part)
     }
 
-    /// Makes a scene of some objects with their occluder meshes, as
-    /// [`scene_with_triangles`](Self::scene_with_triangles) does, and after them of others that have nothing
-    /// but bounds.
+    /// Makes a scene of objects with their occluder meshes, given by their numbers, as
+    /// [`scene_with_triangles`](Self::scene_with_triangles) does. Then adds `boxes`, objects that have only
+    /// bounds.
     pub(crate) fn scene_with_meshes(
         &self,
         numbers: &[u32],
@@ -214,7 +213,7 @@ impl<'a> TiledScene<'a> {
         Ok(part)
     }
 
-    /// Makes a scene of some objects without content, by their numbers, and after them of others.
+    /// Makes a scene of objects without content, given by their numbers. Then adds `boxes`.
     fn scene_of(&self, numbers: &[u32], boxes: impl IntoIterator<Item = Object>) -> (Scene, Vec<ObjectId>) {
         let mut part = Scene::new();
         // The origin of a scene is finite, and that of an empty scene may be set.
@@ -229,7 +228,7 @@ impl<'a> TiledScene<'a> {
         numbers.iter().map(|&at| scene.id_at(self.objects[at as usize].index as usize))
     }
 
-    /// Reserves memory for some objects, where there is a limit.
+    /// Reserves memory for the content of some objects, if there is a limit. Blocks until it is free.
     fn reserve(&self, numbers: &[u32], bytes: u64) -> Result<Option<Reserved>, LevelError> {
         match &self.store {
             Store::Scene(_) => Ok(None),
@@ -240,7 +239,8 @@ impl<'a> TiledScene<'a> {
         }
     }
 
-    /// Calls `sweep` with a scene of some objects, and after them of others that have nothing but bounds.
+    /// Calls `sweep` with a scene of objects with their occluder meshes, given by their numbers, followed by
+    /// `boxes`, objects that have only bounds.
     pub(crate) fn with_scene<T>(
         &self,
         numbers: &[u32],
@@ -251,7 +251,7 @@ impl<'a> TiledScene<'a> {
         Ok(sweep(&self.scene_with_meshes(numbers, boxes)?))
     }
 
-    /// Reserves the memory of a viewcell that is swept, for a copy of what is prepared, or searched.
+    /// Reserves the memory that the sweep of a viewcell (a copy of the prepared sweep) or its search takes.
     pub(crate) fn reserve_cell(
         &self,
         numbers: &[u32],
@@ -260,7 +260,8 @@ impl<'a> TiledScene<'a> {
         self.reserve(numbers, if is_search { SEARCH_BYTES } else { COPY_BYTES })
     }
 
-    /// Returns a scene of some objects, with a sweep that is prepared for it, to be cloned for threads.
+    /// Returns a scene of objects with their occluder meshes, given by their numbers, and a sweep prepared
+    /// for it. Threads clone the sweep.
     pub(crate) fn prepared(&self, numbers: &[u32]) -> Result<PreparedScene, LevelError> {
         let _memory = self.reserve(numbers, SWEEP_BYTES)?;
         let scene = self.scene_with_meshes(numbers, [])?;
@@ -280,7 +281,7 @@ impl<'a> TiledScene<'a> {
         Ok(whole.insert(Arc::new(self.prepared(&self.tree.order)?)).clone())
     }
 
-    /// Returns whether the level is in memory and has no more than a search may copy.
+    /// Returns whether the level is in memory and has at most as many triangles as a search may copy.
     pub(crate) fn may_be_copied(&self) -> bool {
         !self.is_in_file()
             && self.objects.iter().map(|object| u64::from(object.triangles)).sum::<u64>() <= self.most_copied
@@ -338,8 +339,8 @@ impl fmt::Debug for TiledSceneWriter {
 }
 
 impl TiledSceneWriter {
-    /// Appends an object, which gets the next index: its triangles, and its occluder mesh with the transform
-    /// to coordinates of the level, which an object that is not flagged as an occluder does without.
+    /// Appends an object, which gets the next index. `mesh` is its occluder mesh with the transform to
+    /// coordinates of the level, needed for objects flagged as occluders alone.
     ///
     /// # Errors
     /// [`LevelError::File`] if the file cannot be written, [`LevelError::TooMany`].
@@ -357,8 +358,7 @@ impl TiledSceneWriter {
         Ok(())
     }
 
-    /// Ends the level. The process is to keep within `memory` bytes, of which it has `in_use` in use for
-    /// other things.
+    /// Ends the level. The process must keep within `memory` bytes, and already uses `in_use` of them.
     ///
     /// # Errors
     /// [`LevelError::File`] if the file cannot be written, [`LevelError::Memory`] if the limit is too low.
@@ -395,15 +395,19 @@ mod tests {
         let other = Object::new(Aabb::from_arrays([0.0; 3], [1.0; 3]));
         let with_triangles = level.scene_with_triangles(&[7, 3, 4]).unwrap();
         let with_meshes = level.scene_with_meshes(&[7, 3, 4], [other]).unwrap();
-        assert_eq!([&with_triangles, &with_meshes].map(|part| part.len()), [3, 4]);
+        assert_eq!([&with_triangles, &with_meshes].map(|part| part.len()), [3, 4], "objects of both parts");
         for part in [&with_triangles, &with_meshes] {
-            assert_eq!(part.origin(), scene.origin());
+            assert_eq!(part.origin(), scene.origin(), "the origin of the part");
             for (id, new) in [ids[7], ids[3], ids[4]].into_iter().zip(part.ids()) {
-                assert_eq!(part.object(new), scene.object(id));
+                assert_eq!(part.object(new), scene.object(id), "{id} and {new} are the same object");
                 let has_triangles = part.len() == 3;
                 let triangles = scene.triangles(id).ok().filter(|_| has_triangles).unwrap_or_default();
-                assert_eq!(part.triangles(new).unwrap(), triangles);
-                assert_eq!(part.occluder(new), scene.occluder(id).filter(|_| !has_triangles));
+                assert_eq!(part.triangles(new).unwrap(), triangles, "triangles of {new}");
+                assert_eq!(
+                    part.occluder(new),
+                    scene.occluder(id).filter(|_| !has_triangles),
+                    "the occluder of {new}"
+                );
             }
         }
     }

@@ -15,27 +15,27 @@ pub(crate) const STAGES: usize = 5;
 pub(crate) const GROUP: u32 = 0;
 /// The stage of the sweeps of viewcells.
 pub(crate) const SWEEP: u32 = 1;
-/// The stage of rays.
+/// The stage of rays aimed at the objects that sweeps have left.
 pub(crate) const LOOK: u32 = 2;
 /// The stage of proofs of boxes.
 pub(crate) const BOXES: u32 = 3;
 
-/// Part of a [limited time](crate::SandwichBaker::with_time) after which viewcells are no more swept by
-/// themselves: the rest is for rays and proofs.
+/// Share of a [limited time](crate::SandwichBaker::with_time) after which no viewcell is swept by itself any
+/// more. The rest is for rays and proofs.
 pub const SWEEP_TIME: f64 = 0.85;
 
-/// Part of the time after which a stage of sweeps gives way to the next.
+/// Share of the time after which each stage of sweeps gives way to the next stage.
 const ENDS: [(u32, f64); 2] = [(GROUP, 0.7), (SWEEP, SWEEP_TIME)];
 
-/// Least part of the time left for its stage that a sweep may take. A sweep finds most in its end, so equal
-/// shares for all would often find less than whole sweeps for a few.
+/// Least share of the time left for its stage that a sweep may take. A sweep finds most at its end, so that
+/// equal shares for all would often find less than whole sweeps for a few.
 const LEAST_PART: f64 = 0.25;
 
-/// Number of sweeps of groups after which the others may be left out.
+/// Number of groups that are swept before the others may be left out.
 const TRIED: u64 = 4;
 
-/// Least part of the objects that sweeps of groups find hidden, if they are not left out. In open country
-/// next to nothing is hidden from a group, and more from each of its viewcells.
+/// Least share of the objects that the first sweeps of groups must find hidden, or else the other groups are
+/// left out. In open country next to nothing is hidden from a group, and more from each of its viewcells.
 const LEAST_HIDDEN: f64 = 0.125;
 
 /// Least time of a search: with less, nothing would be left after the rays.
@@ -48,23 +48,24 @@ const LONGEST: Duration = Duration::from_secs(1 << 32);
 const IN_TIME: u8 = 0;
 /// Phase of a stage in the round in which its time has ended: no item is begun any more.
 const ENDED: u8 = 1;
-/// Phase of a stage later on: its items come after those of all viewcells that have come farther.
+/// Phase of a stage in the rounds after its time has ended: its items wait until all other viewcells are
+/// done.
 const PUT_OFF: u8 = 2;
 
-/// The time of a bake.
+/// Time of a bake and its division among stages.
 pub(crate) struct TimePlan {
-    /// Returns the time passed since any fixed moment.
+    /// Clock: returns the time passed since a fixed moment.
     clock: fn() -> Duration,
-    /// By stage, the time on the clock at which the stage gives way to later ones: for all after the sweeps
+    /// Time on the clock at which each stage gives way to later ones. For all stages after the sweeps this is
     /// the end of the bake. [`Duration::MAX`] without a limit.
     ends: [Duration; STAGES],
-    /// By stage, [`IN_TIME`], [`ENDED`] or [`PUT_OFF`].
+    /// Phase of each stage: [`IN_TIME`], [`ENDED`] or [`PUT_OFF`].
     phases: [AtomicU8; STAGES],
     /// Number of items that are worked on now.
     working: AtomicUsize,
     /// Number of searches begun in this round.
     begun: AtomicUsize,
-    /// Numbers of sweeps of groups, and of objects that they were asked about and found hidden.
+    /// Number of groups swept, number of objects that these sweeps tested, and number of those found hidden.
     groups: [AtomicU64; 3],
 }
 
@@ -107,7 +108,7 @@ impl TimePlan {
         end.is_some_and(|end| self.now() >= end)
     }
 
-    /// Begins an item, which ends when the result is dropped.
+    /// Begins work on an item. The work ends when the result is dropped.
     pub(crate) fn begin(&self) -> Working<'_> {
         self.working.fetch_add(1, Relaxed);
         Working(self)
@@ -118,8 +119,8 @@ impl TimePlan {
         now >= self.ends[stage as usize]
     }
 
-    /// Ends a stage whose time is over. Returns false if its items are worked on nevertheless, since nothing
-    /// else is left.
+    /// Ends a stage whose time is over. Returns false if nothing else is left to do, so that its items are
+    /// still worked on.
     pub(crate) fn end(&self, stage: u32) -> bool {
         let phase = &self.phases[stage as usize];
         let is_new = phase.load(Relaxed) != PUT_OFF;
@@ -139,7 +140,7 @@ impl TimePlan {
         true
     }
 
-    /// Notes what the sweep of a group has found that was not cut short.
+    /// Notes the result of a group's sweep that was not cut short: `hidden` objects of the `asked` ones.
     pub(crate) fn note_group(&self, asked: usize, hidden: usize) {
         for (sum, number) in self.groups.iter().zip([1, asked as u64, hidden as u64]) {
             sum.fetch_add(number, Relaxed);
@@ -152,8 +153,8 @@ impl TimePlan {
         self.is_limited() && swept >= TRIED && (hidden as f64) < LEAST_HIDDEN * asked as f64
     }
 
-    /// Returns the time on the clock at which a sweep for some viewcells ends that begins now: after
-    /// [`LEAST_PART`] of the time that is left for its stage, or after their share of it, if that is more.
+    /// Returns the time on the clock at which a sweep for `viewcells` viewcells must end if it begins now:
+    /// after [`LEAST_PART`] of the time left for its stage, or after their share of it, whichever is later.
     /// `waiting` counts the viewcells that are not swept. `None` without a limit.
     pub(crate) fn end_of_sweep(&self, stage: u32, viewcells: usize, waiting: usize) -> Option<Duration> {
         self.is_limited().then(|| {
@@ -175,13 +176,13 @@ impl TimePlan {
         })
     }
 
-    /// Notes that the results of a round are taken in.
+    /// Begins the next round, after the results of a round were taken in.
     pub(crate) fn end_round(&mut self) {
         *self.begun.get_mut() = 0;
     }
 }
 
-/// An item that is worked on.
+/// Work on an item, until it is dropped.
 pub(crate) struct Working<'a>(&'a TimePlan);
 
 impl Drop for Working<'_> {

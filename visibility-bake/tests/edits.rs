@@ -116,13 +116,13 @@ fn an_edited_level_has_the_bytes_of_a_whole_bake() {
             scene.prepare_occluders(&Default::default());
         }
         let [whole, partly] = [&none, &cache].map(|cache| baked(&scene, &cells, settings, cache));
-        assert_eq!(whole.reused, 0);
+        assert_eq!(whole.reused, 0, "round {round}: a bake without a cache reuses nothing");
         let of = |outcome: &SandwichOutcome| Shard::new(0, outcome.clone()).to_bytes();
         assert!(of(&whole) == of(&partly), "round {round}: other bytes");
         assert!(whole.cache == partly.cache, "round {round}: another cache");
         reused.push(partly.reused);
         cache = Arc::new(BakeCache::from_bytes(&partly.cache.to_bytes()).unwrap());
-        assert!(*cache == partly.cache);
+        assert!(*cache == partly.cache, "round {round}: the cache as written");
     }
     // The same settings come back, but then other objects have moved.
     for round in [0, 6, 7, 14, 15, 22, 23] {
@@ -147,14 +147,14 @@ fn what_moves_where_it_is_hidden_costs_sweeps_alone() {
     let seen = |outcome: &SandwichOutcome| -> Vec<Vec<u32>> {
         outcome.cells.iter().map(|cell| cell.seen.clone()).collect()
     };
-    assert_eq!(seen(&after), seen(&before));
+    assert_eq!(seen(&after), seen(&before), "objects seen by viewcell, after a move out of sight");
     // An object before all others, in another house, gives all others new numbers.
     bricks.insert(0, ([3.0, 9.0, 1.0], [4.0, 10.0, 2.0], true, 12));
     let renumbered = baked(&scene(&bricks), &cells, settings, &Arc::new(after.cache.clone()));
     assert!(renumbered.reused >= 15, "{} of 20", renumbered.reused);
     let moved: Vec<Vec<u32>> =
         seen(&after).iter().map(|row| row.iter().map(|index| index + 1).collect()).collect();
-    assert_eq!(seen(&renumbered), moved);
+    assert_eq!(seen(&renumbered), moved, "objects seen by viewcell, with new numbers");
 }
 
 #[test]
@@ -195,7 +195,7 @@ fn a_level_of_many_tiles_has_the_bytes_of_a_whole_bake() {
         reused.push(partly.reused);
         cache = Arc::new(BakeCache::from_bytes(&partly.cache.to_bytes()).unwrap());
     }
-    assert_eq!(reused[..3], [0, 20, 20]);
+    assert_eq!(reused[..3], [0, 20, 20], "viewcells reused in the first rounds: {reused:?}");
     assert!((5..20).contains(&reused[3]) && reused[4] < 20, "{reused:?}");
 }
 

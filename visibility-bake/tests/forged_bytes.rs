@@ -92,9 +92,16 @@ fn ask(rounds: usize) -> [usize; 2] {
         if let Ok(set) = BakedSet::from_bytes(&forge(&set, &mut random)) {
             accepted[0] += 1;
             let stored = set.to_bytes();
-            assert_eq!(BakedSet::from_bytes(&stored).unwrap().to_bytes(), stored);
+            assert_eq!(
+                BakedSet::from_bytes(&stored).unwrap().to_bytes(),
+                stored,
+                "the set's own bytes, read and stored again"
+            );
             for number in 0..=set.viewcells().cells().len() as u32 {
-                assert!(set.row(ViewcellId(number)).is_sorted_by(|a, b| a < b));
+                assert!(
+                    set.row(ViewcellId(number)).is_sorted_by(|a, b| a < b),
+                    "viewcell {number}: targets ascend, each once"
+                );
             }
             if let Ok(sets) = set.for_scene(&scene) {
                 let sets = Arc::new(sets);
@@ -104,7 +111,11 @@ fn ask(rounds: usize) -> [usize; 2] {
         }
         if let Ok(shard) = Shard::from_bytes(&forge(&shard, &mut random)) {
             accepted[1] += 1;
-            assert_eq!(Shard::from_bytes(&shard.to_bytes()), Ok(shard.clone()));
+            assert_eq!(
+                Shard::from_bytes(&shard.to_bytes()),
+                Ok(shard.clone()),
+                "the shard from its own bytes"
+            );
             // Refused or taken, but without a panic.
             let _ = assemble(6, [shard.clone(), shard]);
         }
@@ -146,7 +157,11 @@ fn go_on(rounds: usize) -> [usize; 2] {
         for bake in state.into_iter().chain(cached) {
             let _ = Bake::resume(baker(), &bake.save());
             for cell in bake.run().cells {
-                assert!(cell.reported().last().is_none_or(|&last| last < 12));
+                assert!(
+                    cell.reported().last().is_none_or(|&last| last < 12),
+                    "a row ends with {:?} of 12 objects",
+                    cell.reported().last()
+                );
             }
         }
     }

@@ -134,7 +134,7 @@ fn a_set_of_many_objects_takes_a_small_multiple_of_its_content() {
     // The classes are the byte after two hashes and numbers, six coordinates, and the counts of planes and
     // classes. Each further object is a class of its own, by the code of a step of one.
     let (classes, count) = (8 + 4 + 4 + 6 * 8 + 4 + 4, 1u32 << 20);
-    assert_eq!(content[classes - 4..=classes], [1, 0, 0, 0, 0]);
+    assert_eq!(content[classes - 4..=classes], [1, 0, 0, 0, 0], "the count of classes and the first class");
     content[8..12].copy_from_slice(&(count + 1).to_le_bytes());
     content[classes - 4..classes].copy_from_slice(&(count + 1).to_le_bytes());
     content.splice(classes + 1..classes + 1, std::iter::repeat_n(4, count as usize));

@@ -238,18 +238,22 @@ fn viewcells_along_a_walk_end_at_walls_and_floors() {
     assert!(is_close(cell.max, [2.5, 3.0, 3.125]), "{cell:?}");
     // A part on each side of the wall, in the same box and in the next; and a walk through the wall.
     let far = eye.with_x(3.5);
-    assert_eq!(along(&[eye, eye + DVec3::Y * 1.5])[..], *std::slice::from_ref(cell));
-    assert_eq!(along(&[far]).len(), 1);
+    assert_eq!(
+        along(&[eye, eye + DVec3::Y * 1.5])[..],
+        *std::slice::from_ref(cell),
+        "viewcells along a walk on one side of the wall"
+    );
+    assert_eq!(along(&[far]).len(), 1, "viewcells on the other side");
     let both: Vec<Viewcell> = [eye, far]
         .iter()
         .flat_map(|eye| grid.along_free(&world.scene(), [std::slice::from_ref(eye)], &CameraRange::default()))
         .flatten()
         .collect();
     let together = grid.along_free(&world.scene(), [&[eye][..], &[far]], &CameraRange::default()).unwrap();
-    assert_eq!(together, both);
+    assert_eq!(together, both, "viewcells of two walks, together and each by itself");
     let [through] = &along(&[eye, far])[..] else { panic!("one viewcell") };
     assert!((through.min.x, through.max.x) == (0.0, 4.0) && through.max.y < 3.0, "{through:?}");
-    assert_eq!(along(&[]), []);
+    assert_eq!(along(&[]), [], "viewcells along no walk");
 }
 
 #[test]
@@ -264,27 +268,33 @@ fn extremes_are_errors_or_answers() {
         grid.free(&scene, &[DVec3::splat(0.5)], &camera, DVec3::ZERO, DVec3::splat(reach))
     };
     for radius in [0.0, -1.0, f64::NAN, 1e-3, f64::MIN_POSITIVE] {
-        assert_eq!(free(radius, 5.0), Err(GridError::Radius));
+        assert_eq!(free(radius, 5.0), Err(GridError::Radius), "a radius of {radius} m");
     }
     for reach in [f64::NAN, f64::INFINITY, 1e300] {
-        assert_eq!(free(0.3, reach), Err(GridError::TooMany));
+        assert_eq!(free(0.3, reach), Err(GridError::TooMany), "a box up to {reach}");
     }
-    assert_eq!(free(0.3, -1.0), Ok(Vec::new()));
-    assert!(free(f64::INFINITY, 5.0).is_ok() && free(1e300, 5.0).is_ok());
+    assert_eq!(free(0.3, -1.0), Ok(Vec::new()), "an inverted box");
+    assert!(free(f64::INFINITY, 5.0).is_ok() && free(1e300, 5.0).is_ok(), "radii that leave nothing free");
     for radius in [f64::NAN, -1.0, 0.0, 1e300] {
         let camera = CameraRange { radius, ..CameraRange::default() };
         let along = |eye: DVec3| grid.along_free(&scene, [&[eye][..]], &camera).map(|cells| cells.len());
-        assert_eq!(along(DVec3::splat(0.5)), Ok(1));
+        assert_eq!(along(DVec3::splat(0.5)), Ok(1), "radius {radius}: viewcells around an eye");
         for far in [f64::NAN, f64::INFINITY, 1e300] {
-            assert_eq!(along(DVec3::splat(far)), Err(GridError::TooMany));
+            assert_eq!(along(DVec3::splat(far)), Err(GridError::TooMany), "radius {radius}: a walk to {far}");
         }
     }
     let camera = CameraRange { heights: Some([f64::NAN, f64::INFINITY]), ..CameraRange::default() };
-    assert!(grid.free(&scene, &[DVec3::splat(0.5)], &camera, DVec3::ZERO, DVec3::splat(5.0)).is_ok());
+    assert!(
+        grid.free(&scene, &[DVec3::splat(0.5)], &camera, DVec3::ZERO, DVec3::splat(5.0)).is_ok(),
+        "heights from NaN to infinity"
+    );
     let huge = [DVec3::ZERO, DVec3::X * 1e9, DVec3::Y * 1e9];
-    assert_eq!(grid.above(&[huge], &CameraRange::default()), Err(GridError::TooMany));
-    assert!(grid.above(&[[DVec3::ZERO, DVec3::X, DVec3::Y]], &camera).is_err());
-    assert_eq!(grid.above(&[[DVec3::NAN; 3]], &CameraRange::default()), Ok(Vec::new()));
+    assert_eq!(grid.above(&[huge], &CameraRange::default()), Err(GridError::TooMany), "a ground of 1e9 m");
+    assert!(
+        grid.above(&[[DVec3::ZERO, DVec3::X, DVec3::Y]], &camera).is_err(),
+        "a ground with heights from NaN to infinity"
+    );
+    assert_eq!(grid.above(&[[DVec3::NAN; 3]], &CameraRange::default()), Ok(Vec::new()), "a ground at NaN");
 }
 
 #[test]

@@ -79,7 +79,10 @@ fn bytes(outcome: &SandwichOutcome) -> Vec<u8> {
 fn bytes_are_the_same_for_any_limit_threads_and_shards() {
     let (scene, cells) = town();
     let whole = Bake::new(SandwichBaker::new(&scene, &cells, settings())).run();
-    assert!(whole.complete && whole.cells.iter().all(|cell| cell.swept > 16_000));
+    assert!(
+        whole.complete && whole.cells.iter().all(|cell| cell.swept > 16_000),
+        "the bake is complete, and hides most objects"
+    );
     let rows: Vec<_> = whole.cells.iter().map(CellSandwich::reported).collect();
     let set = BakedSet::new(&scene, cells.clone(), &rows).unwrap();
     for (number, memory) in [400 * MIB, 4096 * MIB].into_iter().enumerate() {
@@ -87,21 +90,30 @@ fn bytes_are_the_same_for_any_limit_threads_and_shards() {
         let baker = || SandwichBaker::of_level(level.clone(), &cells, settings());
         assert_eq!(
             baker().whole_fingerprint(),
-            SandwichBaker::new(&scene, &cells, settings()).whole_fingerprint()
+            SandwichBaker::new(&scene, &cells, settings()).whole_fingerprint(),
+            "{memory} bytes: the fingerprint of the level in a file and in memory"
         );
         for threads in [1, 2] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let found = pool.install(|| Bake::new(baker()).run());
             assert_eq!(found.error, None, "{memory} bytes, {threads} threads");
             assert!(bytes(&found) == bytes(&whole), "{memory} bytes, {threads} threads");
-            assert!(found.cache == whole.cache);
+            assert!(found.cache == whole.cache, "{memory} bytes, {threads} threads: the cache");
         }
         let shards = [7..99, 0..7].map(|range| Shard::bake(baker().with_range(range)));
-        assert_eq!(assemble(cells.cells().len(), shards).unwrap(), whole.cells);
-        assert!(BakedSet::of_level(&level, cells.clone(), &rows).unwrap() == set);
+        assert_eq!(
+            assemble(cells.cells().len(), shards).unwrap(),
+            whole.cells,
+            "{memory} bytes: rows put together from two shards"
+        );
+        assert!(BakedSet::of_level(&level, cells.clone(), &rows).unwrap() == set, "{memory} bytes: the set");
         // With the results of the scene in memory nothing is left to do.
         let again = Bake::new(baker().with_cache(whole.cache.clone())).run();
-        assert!(again.reused == cells.cells().len() && bytes(&again) == bytes(&whole));
+        assert!(
+            again.reused == cells.cells().len() && bytes(&again) == bytes(&whole),
+            "{memory} bytes: {} reused",
+            again.reused
+        );
     }
 }
 
@@ -109,7 +121,7 @@ fn bytes_are_the_same_for_any_limit_threads_and_shards() {
 fn a_limit_that_is_too_low_is_an_error_that_tells_one_that_will_do() {
     let (scene, cells) = town_from_one_place();
     let Err(LevelError::Memory { limit, needed }) = in_file(&scene, "few", MIB) else { panic!("enough") };
-    assert!(limit == MIB && needed > MIB);
+    assert!(limit == MIB && needed > MIB, "the limit {limit} is too low, {needed} are needed");
     // What is known of the objects fits, and no more.
     let mut memory = needed;
     let mut tries = 0;
@@ -117,7 +129,7 @@ fn a_limit_that_is_too_low_is_an_error_that_tells_one_that_will_do() {
         let level = in_file(&scene, "few", memory).unwrap();
         let outcome = Bake::new(SandwichBaker::of_level(level.into(), &cells, settings())).run();
         let Some(error) = outcome.error else {
-            assert!(outcome.complete && tries > 0);
+            assert!(outcome.complete && tries > 0, "after {tries} tries the bake is complete");
             break;
         };
         let LevelError::Memory { limit, needed } = error else { panic!("{error}") };
@@ -125,7 +137,7 @@ fn a_limit_that_is_too_low_is_an_error_that_tells_one_that_will_do() {
         let seen_from = |cell: &CellSandwich| cell.open.len() == scene.len();
         assert!(outcome.cells.iter().any(seen_from), "what was not worked on counts as visible");
         (memory, tries) = (needed, tries + 1);
-        assert!(tries < 40);
+        assert!(tries < 40, "{tries} tries at up to {memory} bytes");
     }
 }
 
@@ -181,21 +193,28 @@ fn damage_is_an_error_with_what_and_where() {
         let outcome = Bake::new(SandwichBaker::of_level(level.into(), &cells, settings())).run();
         match outcome.error {
             Some(LevelError::Damaged { path: named, object, offset }) => {
-                assert!(named == path(&name) && (object as usize) < scene.len() && offset < length as u64);
-                assert!(!outcome.complete);
+                assert!(
+                    named == path(&name) && (object as usize) < scene.len() && offset < length as u64,
+                    "damage {damage}: object {object} at byte {offset} of {named:?}"
+                );
+                assert!(!outcome.complete, "damage {damage}: the bake is not complete");
                 found += 1;
             }
             // Where nobody has looked.
-            None => assert!(damage == 3 && outcome.complete),
+            None => assert!(damage == 3 && outcome.complete, "damage {damage} was not found"),
             Some(error) => panic!("{error}"),
         }
         assert!(!path(&name).exists(), "the file is removed with the level");
     }
     assert!(found >= 5, "{found}");
     let nowhere = TiledScene::writer(path("no/such/folder"), DVec3::ZERO);
-    assert!(matches!(nowhere.err(), Some(LevelError::File { .. })));
+    assert!(matches!(nowhere.err(), Some(LevelError::File { .. })), "a file in a folder that does not exist");
     for origin in [DVec3::NAN, DVec3::X * f64::INFINITY] {
-        assert_eq!(TiledScene::writer(path("origin"), origin).err(), Some(LevelError::Origin));
+        assert_eq!(
+            TiledScene::writer(path("origin"), origin).err(),
+            Some(LevelError::Origin),
+            "an origin of {origin}"
+        );
     }
 }
 
@@ -210,8 +229,11 @@ fn a_level_in_a_file_takes_what_an_edit_of_it_has_left() {
     let whole = Bake::new(SandwichBaker::new(&scene, &cells, settings())).run();
     let level = in_file(&scene, "edit", 4096 * MIB).unwrap();
     let partly = Bake::new(SandwichBaker::of_level(level.into(), &cells, settings()).with_cache(cache)).run();
-    assert!(bytes(&partly) == bytes(&whole) && partly.cache == whole.cache);
-    assert_eq!(partly.reused, cells.cells().len());
+    assert!(
+        bytes(&partly) == bytes(&whole) && partly.cache == whole.cache,
+        "the bake with a cache has the bytes of a whole one"
+    );
+    assert_eq!(partly.reused, cells.cells().len(), "viewcells reused after an edit out of sight");
 }
 
 #[test]
@@ -239,5 +261,8 @@ fn a_scene_around_a_box_has_the_objects_that_touch_it() {
     }
     let level = in_file(&scene, "around", 4 * MIB).unwrap();
     let far = DVec3::splat(1e9);
-    assert!(matches!(level.with_scene_around(-far, far, |_| ()), Err(LevelError::Memory { .. })));
+    assert!(
+        matches!(level.with_scene_around(-far, far, |_| ()), Err(LevelError::Memory { .. })),
+        "all objects at once need more than the limit"
+    );
 }

@@ -32,7 +32,7 @@ fn street() -> (Scene, Viewcells) {
     scene.prepare_occluders(&Default::default());
     let grid = Grid::new(DVec3::new(0.0, -2.0, 1.0), DVec3::new(8.0, 4.0, 1.0)).unwrap();
     let cells = grid.over(DVec3::new(0.0, -2.0, 1.0), DVec3::new(80.0, 2.0, 2.0)).unwrap();
-    assert_eq!(cells.len(), 10);
+    assert_eq!(cells.len(), 10, "viewcells along the street");
     (scene, Viewcells::new(cells))
 }
 
@@ -90,16 +90,19 @@ fn a_gap_saves_work_and_is_met() {
     let some = baked(&scene, &cells, SandwichSettings { gap: 0.3, rays: 2, ..SandwichSettings::default() });
     let none = baked(&scene, &cells, SandwichSettings { gap: 1.0, rays: 2, ..SandwichSettings::default() });
     let steps = |cells: &[CellSandwich]| cells.iter().map(|cell| cell.steps).sum::<u64>();
-    assert!(steps(&none) < steps(&some) && steps(&some) < steps(&all));
+    assert!(steps(&none) < steps(&some) && steps(&some) < steps(&all), "a greater gap takes fewer steps");
     for ((some, none), all) in some.iter().zip(&none).zip(&all) {
         // All objects but those on the ground cost 12.
         let gap = some.open.len() as f64 / (some.seen.len() + some.open.len()) as f64;
         assert!(gap <= 0.3 || some.open.iter().all(|index| all.open.contains(index)), "{gap}");
-        assert_eq!(none.proven, 0);
+        assert_eq!(none.proven, 0, "a gap of 1 needs no proofs");
         let is_within = |inner: &CellSandwich, outer: &CellSandwich| {
             inner.reported().iter().all(|index| outer.reported().contains(index))
         };
-        assert!(is_within(all, some) && is_within(some, none));
+        assert!(
+            is_within(all, some) && is_within(some, none),
+            "a greater gap reports what a smaller one does"
+        );
     }
 }
 
@@ -119,7 +122,7 @@ fn times_of_methods_outlast_a_stop_and_change_no_byte() {
         let begun = AtomicUsize::new(0);
         bake.advance_unless(|| begun.fetch_add(1, Ordering::Relaxed) == 4, || false);
         let bake = Bake::resume(baker().with_clock(clock), &bake.save()).unwrap();
-        assert_eq!(bake.progress().done, 4);
+        assert_eq!(bake.progress().done, 4, "viewcells swept before the stop");
         bake.run()
     });
     // For each viewcell the clock is asked twice for the sweep of its group, twice for its own, and then
@@ -130,13 +133,17 @@ fn times_of_methods_outlast_a_stop_and_change_no_byte() {
         seconds
     };
     let expected = |first: u64, step: u64| (0..10).map(|i| first + step * i).collect::<Vec<_>>();
-    assert_eq!(seconds(|times| times.sweep), expected(22, 4));
-    assert_eq!(seconds(|times| times.rays), expected(41, 3));
-    assert_eq!(seconds(|times| times.proofs), expected(113, 5));
+    assert_eq!(seconds(|times| times.sweep), expected(22, 4), "seconds of sweeps");
+    assert_eq!(seconds(|times| times.rays), expected(41, 3), "seconds of rays");
+    assert_eq!(seconds(|times| times.proofs), expected(113, 5), "seconds of proofs");
     let sum: MethodTimes = outcome.times.iter().sum();
-    assert_eq!((sum.sweep.as_secs(), sum.total().as_secs()), (400, 2300));
+    assert_eq!((sum.sweep.as_secs(), sum.total().as_secs()), (400, 2300), "seconds of sweeps, and in all");
     let shard = Shard::new(baker().whole_fingerprint(), outcome);
-    assert_eq!(shard.to_bytes(), Shard::bake(baker()).to_bytes());
+    assert_eq!(
+        shard.to_bytes(),
+        Shard::bake(baker()).to_bytes(),
+        "the shard has the bytes of one without a clock"
+    );
 }
 
 #[test]
@@ -157,10 +164,14 @@ fn shards_threads_and_stops_give_the_same_bytes() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
         let pause = || asked.fetch_add(1, Ordering::Relaxed) > stop % 3;
         let now = pool.install(|| bake.advance_unless(pause, || false));
-        assert!(now.is_none_or(|now| now.done <= before + 1 + stop % 3));
+        assert!(
+            now.is_none_or(|now| now.done <= before + 1 + stop % 3),
+            "stop {stop}: at most {} viewcells are done",
+            before + 1 + stop % 3
+        );
         if now.is_none() {
             let shard = Shard::new(bake.baker().whole_fingerprint(), bake.finish());
-            assert_eq!(shard.to_bytes(), whole);
+            assert_eq!(shard.to_bytes(), whole, "stop {stop}: the resumed bake has the same bytes");
             break;
         }
         state = bake.save();
@@ -169,16 +180,32 @@ fn shards_threads_and_stops_give_the_same_bytes() {
     let part = |range| Shard::from_bytes(&Shard::bake(baker().with_range(range)).to_bytes()).unwrap();
     let shards = [part(7..99), part(0..4), part(3..8), part(0..4)];
     let assembled = assemble(10, shards.clone()).unwrap();
-    assert_eq!(assembled, Shard::from_bytes(&whole).unwrap().cells);
+    assert_eq!(assembled, Shard::from_bytes(&whole).unwrap().cells, "rows put together from four shards");
 
     let [last, first, ..] = shards.clone();
-    assert_eq!(assemble(10, [first.clone(), last.clone()]), Err(AssembleError::Missing(4, 7)));
-    assert_eq!(assemble(9, [last.clone()]), Err(AssembleError::Range(0)));
+    assert_eq!(
+        assemble(10, [first.clone(), last.clone()]),
+        Err(AssembleError::Missing(4, 7)),
+        "viewcells 4 to 6 are missing"
+    );
+    assert_eq!(
+        assemble(9, [last.clone()]),
+        Err(AssembleError::Range(0)),
+        "a shard of more viewcells than there are"
+    );
     let other = Shard::bake(SandwichBaker::new(&scene, &cells, SandwichSettings::default()).with_range(0..1));
-    assert_eq!(assemble(10, [first.clone(), other]), Err(AssembleError::OtherBake(1)));
+    assert_eq!(
+        assemble(10, [first.clone(), other]),
+        Err(AssembleError::OtherBake(1)),
+        "a shard of another bake"
+    );
     let mut wrong = first.clone();
     wrong.cells[2].seen.pop();
-    assert_eq!(assemble(10, [first, wrong]), Err(AssembleError::Contradiction(1)));
+    assert_eq!(
+        assemble(10, [first, wrong]),
+        Err(AssembleError::Contradiction(1)),
+        "a shard that contradicts another"
+    );
 }
 
 #[test]
@@ -194,7 +221,11 @@ fn a_viewcell_that_is_given_up_is_open_and_worked_on_again() {
     let mut first = Bake::new(baker());
     for done in [10, 20] {
         pool.install(|| first.advance_unless(|| false, || count(()) == usize::MAX));
-        assert_eq!((first.progress().done, first.progress().steps), (done, 0));
+        assert_eq!(
+            (first.progress().done, first.progress().steps),
+            (done, 0),
+            "viewcells done, and steps of searches"
+        );
     }
     let mut all = Bake::resume(baker(), &first.save()).unwrap();
     asked.store(0, Ordering::Relaxed);
@@ -211,11 +242,15 @@ fn a_viewcell_that_is_given_up_is_open_and_worked_on_again() {
         assert!(now.done < 30 && (most < all / 2 || now.done > 22), "{} done", now.done);
         let state = bake.save();
         let outcome = bake.finish();
-        assert!(!outcome.complete);
+        assert!(!outcome.complete, "most {most}: the bake is not complete");
         let searched = outcome.cells.iter().filter(|cell| cell.steps > 0);
-        assert_eq!(searched.count(), now.done - 20);
+        assert_eq!(searched.count(), now.done - 20, "most {most}: viewcells searched");
         let resumed = Bake::resume(baker(), &state).unwrap().run();
-        assert_eq!(Shard::new(baker().whole_fingerprint(), resumed).to_bytes(), whole);
+        assert_eq!(
+            Shard::new(baker().whole_fingerprint(), resumed).to_bytes(),
+            whole,
+            "most {most}: the resumed bake has the same bytes"
+        );
     }
 }
 
@@ -224,8 +259,11 @@ fn an_unfinished_bake_reports_all_that_is_not_hidden_yet() {
     let (scene, cells) = street();
     let baker = || SandwichBaker::new(&scene, &cells, SandwichSettings::default());
     let none = Bake::new(baker()).finish();
-    assert!(!none.complete);
-    assert!(none.cells.iter().all(|cell| cell.reported().len() == scene.len()));
+    assert!(!none.complete, "a bake that was not begun is not complete");
+    assert!(
+        none.cells.iter().all(|cell| cell.reported().len() == scene.len()),
+        "a bake that was not begun hides an object"
+    );
     let shared = &none.cells[0].open;
     assert!(none.cells.iter().all(|cell| std::sync::Arc::ptr_eq(&cell.open, shared)), "one list for all");
     let rows: Vec<_> = none.cells.iter().map(|cell| cell.reported()).collect();
@@ -236,16 +274,32 @@ fn an_unfinished_bake_reports_all_that_is_not_hidden_yet() {
     let of_groups = Bake::resume(baker(), &bake.save()).unwrap().finish();
     bake.advance();
     let swept = Bake::resume(baker(), &bake.save()).unwrap().finish();
-    assert!(!swept.complete && swept.cache == BakeCache::default());
+    assert!(
+        !swept.complete && swept.cache == BakeCache::default(),
+        "a swept bake is not complete, and has no cache"
+    );
     let whole = bake.run();
     for (group, swept) in of_groups.cells.iter().zip(&swept.cells) {
-        assert!(group.swept <= swept.swept && swept.open.iter().all(|index| group.open.contains(index)));
+        assert!(
+            group.swept <= swept.swept && swept.open.iter().all(|index| group.open.contains(index)),
+            "the sweep of a viewcell hides what that of its group hides"
+        );
     }
-    assert_eq!((of_groups.stages, swept.stages), ([10, 0, 0, 0, 0], [10, 10, 0, 0, 0]));
+    assert_eq!(
+        (of_groups.stages, swept.stages),
+        ([10, 0, 0, 0, 0], [10, 10, 0, 0, 0]),
+        "viewcells by stage, after groups and after sweeps"
+    );
     for (swept, whole) in swept.cells.iter().zip(&whole.cells) {
-        assert!(swept.swept > 0 && swept.swept == whole.swept);
-        assert!(swept.seen.is_empty() && swept.open.len() as u32 + swept.swept == scene.len() as u32);
-        assert!(whole.reported().iter().all(|index| swept.open.contains(index)));
+        assert!(swept.swept > 0 && swept.swept == whole.swept, "objects hidden by the sweep");
+        assert!(
+            swept.seen.is_empty() && swept.open.len() as u32 + swept.swept == scene.len() as u32,
+            "what is not hidden by the sweep is open"
+        );
+        assert!(
+            whole.reported().iter().all(|index| swept.open.contains(index)),
+            "the searched viewcell reports what the sweep has hidden"
+        );
     }
 }
 
@@ -259,7 +313,7 @@ fn little_time_is_divided_among_the_stages() {
     let (scene, cells) = street();
     let baker = || SandwichBaker::new(&scene, &cells, SandwichSettings::default());
     let whole = Bake::new(baker()).run();
-    assert_eq!(whole.stages, [10; 5]);
+    assert_eq!(whole.stages, [10; 5], "viewcells by stage, of a whole bake");
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let timed = |time: u64, until: u64| {
         ASKED.store(0, Ordering::Relaxed);
@@ -286,14 +340,20 @@ fn little_time_is_divided_among_the_stages() {
     }
     // Results without sweeps are not for a bake that sweeps.
     let bytes = |outcome| Shard::new(0, outcome).to_bytes();
-    assert!(bytes(Bake::new(baker().with_cache(late.cache)).run()) == bytes(whole));
+    assert!(
+        bytes(Bake::new(baker().with_cache(late.cache)).run()) == bytes(whole),
+        "a bake with the cache of a bake with little time"
+    );
     // A group that was cut short stays so when the bake is resumed before all of its viewcells are done.
     ASKED.store(0, Ordering::Relaxed);
     let mut bake = Bake::new(baker().with_clock(clock).with_time(Duration::from_millis(20)));
     bake.advance_unless(|| ASKED.load(Ordering::Relaxed) > 10, || false);
     let resumed = Bake::resume(baker(), &bake.save()).unwrap().run();
     assert!(resumed.complete && resumed.stages[0] < 10, "{:?}", resumed.stages);
-    assert!(resumed.stages[1..] == [10; 4] && resumed.cache == BakeCache::default());
+    assert!(
+        resumed.stages[1..] == [10; 4] && resumed.cache == BakeCache::default(),
+        "all stages but that of groups are complete, and nothing is cached"
+    );
 }
 
 /// The time of the sweeps of groups ends between two viewcells of a group, which are in different stages from
@@ -350,8 +410,16 @@ fn the_longest_time_leaves_nothing_out() {
     let settings = SandwichSettings { gap: 1.0, rays: 1, ..SandwichSettings::default() };
     let baker = || SandwichBaker::new(&scene, &cells, settings).with_range(0..2);
     let outcome = Bake::new(baker().with_time(Duration::MAX)).run();
-    assert_eq!((outcome.stages, outcome.complete), ([2; 5], true));
-    assert_eq!(outcome.cells, Bake::new(baker()).run().cells);
+    assert_eq!(
+        (outcome.stages, outcome.complete),
+        ([2; 5], true),
+        "viewcells by stage, with the longest time"
+    );
+    assert_eq!(
+        outcome.cells,
+        Bake::new(baker()).run().cells,
+        "rows with the longest time and without a limit"
+    );
 }
 
 /// A field of so many triangles that no search could begin in its share of the time, and before it a street
@@ -370,17 +438,17 @@ fn what_a_search_has_not_the_time_for_is_swept_in_parts() {
     swept.advance();
     let swept = swept.finish();
     let limited = Bake::new(baker().with_time(Duration::from_millis(1))).run();
-    assert!(limited.complete && limited.cache == BakeCache::default());
+    assert!(limited.complete && limited.cache == BakeCache::default(), "the bake ends without a cache");
     let mut more = 0;
     for (limited, swept) in limited.cells.iter().zip(&swept.cells) {
         assert_eq!((limited.seen.len(), limited.proven, limited.steps), (0, 0, 0), "searched");
-        assert!(limited.swept >= swept.swept);
+        assert!(limited.swept >= swept.swept, "sweeps of parts hide what a whole sweep hides");
         more += limited.swept - swept.swept;
     }
-    assert!(more > 0);
+    assert!(more > 0, "sweeps of parts hide more");
     let seen = Bake::new(baker()).run();
     for (limited, seen) in limited.cells.iter().zip(&seen.cells) {
-        assert!(seen.seen.iter().all(|index| limited.reported().contains(index)));
+        assert!(seen.seen.iter().all(|index| limited.reported().contains(index)), "what is seen is reported");
     }
 }
 
@@ -399,9 +467,13 @@ fn groups_from_which_nothing_is_hidden_are_left_out() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let outcome = pool.install(|| Bake::new(baker().with_time(Duration::from_secs(1))).run());
     // Four groups of 16 viewcells are tried.
-    assert_eq!(outcome.stages, [64, 100, 100, 100, 100]);
+    assert_eq!(outcome.stages, [64, 100, 100, 100, 100], "viewcells by stage, after four groups were tried");
     let whole = Bake::new(baker()).run();
-    assert_eq!((whole.stages[0], whole.cells), (100, outcome.cells));
+    assert_eq!(
+        (whole.stages[0], whole.cells),
+        (100, outcome.cells),
+        "groups that were left out change no row"
+    );
 }
 
 /// Copies of a mesh of 2^12 triangles, of which 2^9 are as many triangles as a search may copy.
@@ -425,9 +497,13 @@ fn a_viewcell_that_sees_too_many_triangles_is_left_open() {
             .run()
     };
     let outcome = bake((1 << 9) + 1);
-    assert_eq!((outcome.too_large, outcome.complete, outcome.cells[0].open.len()), (1, false, 513));
+    assert_eq!(
+        (outcome.too_large, outcome.complete, outcome.cells[0].open.len()),
+        (1, false, 513),
+        "too many triangles: viewcells left open, and their objects"
+    );
     let outcome = bake(1 << 9);
-    assert_eq!((outcome.too_large, outcome.complete), (0, true));
+    assert_eq!((outcome.too_large, outcome.complete), (0, true), "just few enough triangles");
 }
 
 #[test]
@@ -445,7 +521,11 @@ fn what_is_never_culled_is_reported_from_everywhere() {
     let cells = Viewcells::new(grid.over(DVec3::ZERO, DVec3::splat(4.0)).unwrap());
     for gap in [0.0, 1.0] {
         for cell in baked(&scene, &cells, SandwichSettings { gap, ..SandwichSettings::default() }) {
-            assert_eq!((cell.seen, &*cell.open), (vec![0, 1, 3], &[][..]));
+            assert_eq!(
+                (cell.seen, &*cell.open),
+                (vec![0, 1, 3], &[][..]),
+                "gap {gap}: the wall, the mover and the object of unknown place"
+            );
         }
     }
 }
@@ -457,11 +537,15 @@ fn files_are_read_for_their_scene_alone_and_damage_is_found() {
     let rows: Vec<_> = found.iter().map(CellSandwich::reported).collect();
     let set = BakedSet::new(&scene, cells, &rows).unwrap();
     let bytes = set.to_bytes();
-    assert_eq!(BakedSet::from_bytes(&bytes), Ok(set.clone()));
+    assert_eq!(BakedSet::from_bytes(&bytes), Ok(set.clone()), "the set from its bytes");
     for (number, row) in (0..).zip(&rows) {
-        assert_eq!(set.row(visibility_core::pvs::ViewcellId(number))[..], row[..]);
+        assert_eq!(
+            set.row(visibility_core::pvs::ViewcellId(number))[..],
+            row[..],
+            "the row of viewcell {number}"
+        );
     }
-    assert!(set.clone().for_scene(&scene).is_ok());
+    assert!(set.clone().for_scene(&scene).is_ok(), "the set is for its scene");
     for at in 0..bytes.len() {
         assert!(BakedSet::from_bytes(&bytes[..at]).is_err(), "{at} bytes");
         let mut damaged = bytes.clone();
@@ -470,10 +554,13 @@ fn files_are_read_for_their_scene_alone_and_damage_is_found() {
     }
     let mut larger = scene.clone();
     larger.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
-    assert!(matches!(set.clone().for_scene(&larger), Err(BakedSetError::OtherScene)));
+    assert!(
+        matches!(set.clone().for_scene(&larger), Err(BakedSetError::OtherScene)),
+        "a scene with an object more"
+    );
     let first = scene.ids().next().unwrap();
     scene.set_bounds(first, Aabb::from_arrays([0.0; 3], [1.0; 3])).unwrap();
-    assert!(matches!(set.for_scene(&scene), Err(BakedSetError::OtherScene)));
+    assert!(matches!(set.for_scene(&scene), Err(BakedSetError::OtherScene)), "a scene with another box");
 }
 
 /// Tests a scene that has the objects in another order, in parts and among others.
@@ -484,7 +571,7 @@ fn sets_are_taken_for_objects_of_other_indices() {
         (0..cells.cells().len() as u32).map(|cell| (cell % 3..40).step_by(3).collect()).collect();
     let count = scene.len() as u32;
     let set = BakedSet::new(&scene, cells.clone(), &rows).unwrap();
-    assert_eq!(set.index_limit(), count as usize);
+    assert_eq!(set.index_limit(), count as usize, "objects of the bake");
     let mut other = Scene::new();
     // Backwards, each twice, and one that the bake does not know between two that it does.
     let objects: Vec<_> = (0..count)
@@ -518,9 +605,17 @@ fn sets_are_taken_for_objects_of_other_indices() {
     };
     let mut boxes = bounds(&scene);
     let compared = |origin, boxes: Vec<(u32, Aabb)>| set.clone().compared(None, origin, boxes).err();
-    assert_eq!(compared(DVec3::ZERO, boxes.clone()), None);
-    assert_eq!(compared(DVec3::X, boxes.clone()), Some(BakedSetError::OtherScene));
-    assert_eq!(compared(DVec3::ZERO, bounds(&other)), Some(BakedSetError::OtherScene));
+    assert_eq!(compared(DVec3::ZERO, boxes.clone()), None, "boxes of the scene");
+    assert_eq!(
+        compared(DVec3::X, boxes.clone()),
+        Some(BakedSetError::OtherScene),
+        "boxes with another origin"
+    );
+    assert_eq!(
+        compared(DVec3::ZERO, bounds(&other)),
+        Some(BakedSetError::OtherScene),
+        "boxes of another scene"
+    );
     boxes[3].1.max.x += 1e-3;
-    assert_eq!(compared(DVec3::ZERO, boxes), Some(BakedSetError::OtherScene));
+    assert_eq!(compared(DVec3::ZERO, boxes), Some(BakedSetError::OtherScene), "a box 1 mm longer");
 }

@@ -73,9 +73,16 @@ fn a_set_is_refused_after_an_edit_that_leaves_all_boxes() {
     assert!(set.row(visibility_core::pvs::ViewcellId(0)).len() == 1, "the wall hides the box");
     let set = BakedSet::from_bytes(&set.to_bytes()).unwrap();
     let version = set.version();
-    assert_eq!((level_version(&scene), TiledScene::new(&scene).version()), (version, version));
+    assert_eq!(
+        (level_version(&scene), TiledScene::new(&scene).version()),
+        (version, version),
+        "versions of the scene, of the level and of the set"
+    );
     let sets = set.clone().for_scene(&scene).unwrap();
-    assert!(sets.is_checked() && PvsCuller::new(&sets).accuracy() == Accuracy::Conservative);
+    assert!(
+        sets.is_checked() && PvsCuller::new(&sets).accuracy() == Accuracy::Conservative,
+        "a set that was compared keeps its promise"
+    );
     let whole = |scene: &Scene| bake_fingerprint(scene, &cells, &SandwichSettings::default());
     for (name, edit) in edits() {
         let mut edited = scene.clone();
@@ -121,7 +128,10 @@ fn what_was_not_compared_is_not_promised() {
     // Boxes alone, with the version that the level carries or without.
     let mut boxes = Scene::new();
     let ids = boxes.insert_batch(scene.ids().map(|id| scene.bounds(id).unwrap()).collect::<Vec<_>>());
-    assert!(matches!(set.clone().for_scene(&boxes), Err(BakedSetError::OtherScene)));
+    assert!(
+        matches!(set.clone().for_scene(&boxes), Err(BakedSetError::OtherScene)),
+        "a scene without the triangles"
+    );
     let bounds = || (0..).zip(scene.ids().map(|id| scene.bounds(id).unwrap()).collect::<Vec<_>>());
     let pairs = || ids.iter().map(|&id| (id, id.index() as u32));
     let compared = |version| set.clone().compared(version, DVec3::ZERO, bounds()).unwrap();
@@ -137,22 +147,33 @@ fn what_was_not_compared_is_not_promised() {
         let mut visible = VisibleSet::new();
         visible.fill(&boxes, &view);
         culler.cull(&boxes, &view, &mut visible);
-        assert!(visible.contains(&boxes, ids[0]) && !visible.contains(&boxes, ids[1]));
-        assert_eq!(culler.accuracy().never_hides(), is_checked);
+        assert!(
+            visible.contains(&boxes, ids[0]) && !visible.contains(&boxes, ids[1]),
+            "the wall is seen, and hides the box"
+        );
+        assert_eq!(culler.accuracy().never_hides(), is_checked, "checked: {is_checked}");
         let mut lacks = Vec::new();
         culler.for_each_lack(&boxes, &mut |lack| lacks.push(lack.to_string()));
         let expected: &[&str] =
             if is_checked { &[] } else { &["objects hidden by a PVS that may be of another level: 2"] };
-        assert_eq!(lacks, expected);
+        assert_eq!(lacks, expected, "checked: {is_checked}: what the set lacks");
     }
     let level = set.version() ^ 1;
     let wrong = BakedSetError::OtherVersion { baked: set.version(), level };
-    assert!(wrong.to_string().ends_with("bake again"));
+    assert!(wrong.to_string().ends_with("bake again"), "the error says what to do");
     let wrong = Some(wrong);
-    assert_eq!(set.clone().for_level(&boxes, Some(level)).err(), wrong);
-    assert_eq!(set.clone().compared(Some(level), DVec3::ZERO, bounds()).err(), wrong);
+    assert_eq!(set.clone().for_level(&boxes, Some(level)).err(), wrong, "a level of another version");
+    assert_eq!(
+        set.clone().compared(Some(level), DVec3::ZERO, bounds()).err(),
+        wrong,
+        "boxes with another version"
+    );
     boxes.set_bounds(ids[0], Aabb::from_arrays([1.0; 3], [2.0; 3])).unwrap();
-    assert_eq!(set.for_level(&boxes, version).err(), Some(BakedSetError::OtherScene));
+    assert_eq!(
+        set.for_level(&boxes, version).err(),
+        Some(BakedSetError::OtherScene),
+        "the version is right, but a box is another"
+    );
 }
 
 /// The sweep of earlier versions of the formats could leave out what is visible.

@@ -74,7 +74,7 @@ fn what_is_remembered_outlives_a_turn_of_the_camera() {
             *sum += culler.computed();
         }
     }
-    assert!(computed[0] > 0);
+    assert!(computed[0] > 0, "the first turn computes answers");
     assert_eq!(computed[1], 0, "the eye is where it was");
 }
 
@@ -88,7 +88,11 @@ fn answers_depend_on_nothing_before_a_reset() {
     let mut new = LargeOccludersCuller::new(polygons);
     for frame in 60..180 {
         let view = walk(frame);
-        assert_eq!(reported(&soup.scene, &view, &mut worn), reported(&soup.scene, &view, &mut new));
+        assert_eq!(
+            reported(&soup.scene, &view, &mut worn),
+            reported(&soup.scene, &view, &mut new),
+            "frame {frame}: objects reported by a culler that was reset, and by a new one"
+        );
     }
 }
 
@@ -150,7 +154,7 @@ fn a_wall_that_the_eye_comes_too_close_to_hides_no_longer() {
         // Beyond x = 3.98, the near plane cuts the wall away.
         assert!(!(eye.x > 3.98 && hidden[step as usize]), "{eye}");
     }
-    assert!(hidden[0] && !hidden[19]);
+    assert!(hidden[0] && !hidden[19], "hidden by steps from 3.94 m to 3.997 m: {hidden:?}");
 }
 
 /// The boxes end between 1e-7 and 0.1 metres inside the edge of the wall's shadow.
@@ -184,7 +188,7 @@ fn a_view_that_knows_its_eye_less_well_trusts_no_answer_of_one_that_knew_it_bett
         println!("{blur}: {all} sharp, {} live, {} fresh", live.len(), fresh.len());
         // An eye that is surely within an answer's ball keeps the answer, even where a new culler could not
         // derive it.
-        assert!(live.len() <= fresh.len());
+        assert!(live.len() <= fresh.len(), "blur {blur}: what was remembered reports more objects");
         counts.push(live.len());
     }
     assert!(counts.is_sorted() && counts[2] > counts[0] + 50 && counts[4] > counts[2] + 50, "{counts:?}");
@@ -287,7 +291,7 @@ fn polygons_follow_their_objects_when_brought_up_to_date() {
         let shift = Affine3A::from_translation(Vec3::new(0.0, [0.0, 0.5, 30.0][step % 3], 0.0));
         room.scene.set_mesh(room.wall, mesh, shift).unwrap();
         occluders.sync(&room.scene);
-        assert_eq!(occluders.len(), count);
+        assert_eq!(occluders.len(), count, "step {step}: polygons of the moved wall");
         let current = Arc::new(occluders.clone());
         for culler in [
             &mut OcclusionTreeCuller::new(current.clone()) as &mut dyn Culler,
@@ -298,7 +302,7 @@ fn polygons_follow_their_objects_when_brought_up_to_date() {
     }
     room.scene.remove(room.wall).unwrap();
     occluders.sync(&room.scene);
-    assert!(occluders.is_empty());
+    assert!(occluders.is_empty(), "no polygons are left of the removed wall");
 }
 
 #[test]

@@ -142,7 +142,7 @@ fn what_is_reported_is_what_is_seen() {
         }
     }
     println!("{hidden} hidden, {beyond_pixels} seen without a pixel, {disputed} of them not confirmed");
-    assert!(hidden > 1500);
+    assert!(hidden > 1500, "objects hidden: {hidden}");
     assert_eq!(disputed, 0, "of {beyond_pixels}");
 }
 
@@ -161,26 +161,32 @@ fn glass_hides_nothing_and_what_is_not_known_is_visible() {
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
     let ids = |ids: &[ObjectId]| ids.iter().map(|id| id.index() as u32).collect::<HashSet<_>>();
-    assert_eq!(reported(&mut culler, &scene, &view), ids(&[glass, wall, empty, broken]));
+    assert_eq!(
+        reported(&mut culler, &scene, &view),
+        ids(&[glass, wall, empty, broken]),
+        "glass, wall, and what has no known triangles"
+    );
     assert!(
         culler.witness(glass).is_some()
             && culler.witness(behind).is_none()
-            && culler.witness(empty).is_none()
+            && culler.witness(empty).is_none(),
+        "what is seen has a witness, what is hidden or unknown has none"
     );
     // Two objects in one plane do not hide each other.
     let twin = add(&mut scene, &square(4.0, 3.0), true);
     let tree = SceneTree::new(&scene).unwrap();
     assert_eq!(
         reported(&mut NaylorCuller::new(&tree), &scene, &view),
-        ids(&[glass, wall, empty, broken, twin])
+        ids(&[glass, wall, empty, broken, twin]),
+        "two objects in one plane are both seen"
     );
     // An object on a layer that the view does not show hides nothing.
     scene.set_layers(wall, 2).unwrap();
     scene.set_layers(twin, 2).unwrap();
     let tree = SceneTree::new(&scene).unwrap();
     let reported = reported(&mut NaylorCuller::new(&tree), &scene, &view.with_layers(1));
-    assert_eq!(reported, ids(&[glass, behind, empty, broken]));
-    assert!(!reported.contains(&(beside.index() as u32)));
+    assert_eq!(reported, ids(&[glass, behind, empty, broken]), "a wall on other layers hides nothing");
+    assert!(!reported.contains(&(beside.index() as u32)), "an object out of view is reported");
 }
 
 #[test]
@@ -192,31 +198,62 @@ fn changes_count_once_they_are_taken_in() {
     let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
     let mut tree = SceneTree::new(&scene).unwrap();
     let both = HashSet::from([wall.index() as u32, behind.index() as u32]);
-    assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view).len(), 1);
+    assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view).len(), 1, "the wall is seen alone");
     // The wall moves away. It hides nothing at once, even while the tree still contains its old triangles.
     let away = square(20.0, 30.0);
     scene.set_bounds(wall, Aabb::from_points(away.iter().flatten().copied())).unwrap();
     scene.set_triangles(wall, away).unwrap();
-    assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view), both);
+    assert_eq!(
+        reported(&mut NaylorCuller::new(&tree), &scene, &view),
+        both,
+        "the wall has moved, and the tree not been told"
+    );
     tree.sync(&scene).unwrap();
-    assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view), both);
+    assert_eq!(
+        reported(&mut NaylorCuller::new(&tree), &scene, &view),
+        both,
+        "the wall has moved, and the tree been told"
+    );
     // The wall moves back.
     scene.set_bounds(wall, Aabb::from_points(square(4.0, 3.0).iter().flatten().copied())).unwrap();
     scene.set_triangles(wall, square(4.0, 3.0)).unwrap();
-    assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view), both);
+    assert_eq!(
+        reported(&mut NaylorCuller::new(&tree), &scene, &view),
+        both,
+        "the wall is back, and the tree not been told"
+    );
     tree.sync(&scene).unwrap();
-    assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view), HashSet::from([wall.index() as u32]));
+    assert_eq!(
+        reported(&mut NaylorCuller::new(&tree), &scene, &view),
+        HashSet::from([wall.index() as u32]),
+        "the wall is back, and the tree been told"
+    );
     // The wall is replaced by an object with the same index.
     scene.remove(wall).unwrap();
     let small = add(&mut scene, &square(4.0, 0.5), true);
-    assert_eq!(small.index(), wall.index());
-    assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view), both);
+    assert_eq!(small.index(), wall.index(), "the new object takes the index of the old");
+    assert_eq!(
+        reported(&mut NaylorCuller::new(&tree), &scene, &view),
+        both,
+        "a small wall in place of the large one, before the tree is told"
+    );
     tree.sync(&scene).unwrap();
-    assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view), both);
-    assert!(reported(&mut BspOrderCuller::new(&tree), &scene, &view) == both);
+    assert_eq!(
+        reported(&mut NaylorCuller::new(&tree), &scene, &view),
+        both,
+        "a small wall in place of the large one"
+    );
+    assert!(
+        reported(&mut BspOrderCuller::new(&tree), &scene, &view) == both,
+        "the culler that only orders hides nothing"
+    );
     // Nothing is known of another scene, so nothing is hidden.
     let other = scene.clone();
-    assert_eq!(reported(&mut NaylorCuller::new(&tree), &other, &view), both);
+    assert_eq!(
+        reported(&mut NaylorCuller::new(&tree), &other, &view),
+        both,
+        "a copy of the scene is another scene"
+    );
 }
 
 #[test]
@@ -268,7 +305,11 @@ fn objects_come_in_the_order_of_depth() {
     let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
     pipeline.cull(&scene, &view, &mut set);
     let depths: Vec<f32> = set.iter(&scene).map(|id| scene.bounds(id).unwrap().min.x).collect();
-    assert_eq!(depths, (26..52).map(|x| x as f32).collect::<Vec<_>>());
+    assert_eq!(
+        depths,
+        (26..52).map(|x| x as f32).collect::<Vec<_>>(),
+        "depths of the objects in order, in metres"
+    );
 }
 
 #[test]
@@ -288,13 +329,13 @@ fn an_order_that_stops_early_hides_nothing_more_and_begins_as_the_whole_one() {
         let (whole, all) = walk(u64::MAX);
         for most in [0, 1, 10, all.nodes / 2, all.nodes] {
             let (cut, stats) = walk(most);
-            assert!(stats.nodes <= most + 1);
-            assert_eq!(stats.visible as usize, cut.len());
+            assert!(stats.nodes <= most + 1, "{} nodes visited, at most {most} and the root", stats.nodes);
+            assert_eq!(stats.visible as usize, cut.len(), "objects counted and listed");
             let kept: HashSet<ObjectId> = cut.iter().copied().collect();
-            assert!(whole.iter().all(|id| kept.contains(id)));
+            assert!(whole.iter().all(|id| kept.contains(id)), "stopping after {most} nodes hides an object");
             stopped += usize::from(cut != whole);
         }
-        assert!(walk(all.nodes).0 == whole);
+        assert!(walk(all.nodes).0 == whole, "the order with as many nodes as there are");
         // With half of the nodes, the order begins the same.
         let same = walk(all.nodes / 2).0.iter().zip(&whole).take_while(|(a, b)| a == b).count();
         assert!(same * 4 >= whole.len(), "{same} of {}", whole.len());
@@ -345,7 +386,10 @@ fn nothing_is_hidden_where_coordinates_are_the_largest_that_there_are() {
     let pose = Pose::look_at(eye, eye + DVec3::new(-4.0, 0.0, 1.0), DVec3::Z);
     let view = View::orthographic(pose, window, 0.0, 40.0).unwrap();
     let mut naylor = NaylorCuller::new(std::sync::Arc::new(SceneTree::new(&scene).unwrap()));
-    assert!(reported(&mut naylor, &scene, &view).contains(&(wall.index() as u32)));
+    assert!(
+        reported(&mut naylor, &scene, &view).contains(&(wall.index() as u32)),
+        "the wall in the eye's corner is reported"
+    );
 }
 
 #[test]

@@ -108,7 +108,7 @@ fn check_membership(seed: u64, rounds: usize) {
             let (Some(ia), Some(ib), Some(ic)) = (a.contains(p), b.contains(p), c.contains(p)) else {
                 continue;
             };
-            assert_eq!(sa.contains(p), ia);
+            assert_eq!(sa.contains(p), ia, "{p} in the first solid");
             assert_eq!(union.contains(p), ia || ib, "{p}");
             assert_eq!(both.contains(p), ia && ib, "{p}");
             assert_eq!(less.contains(p), ia && !ib, "{p}");
@@ -126,16 +126,30 @@ fn check_membership(seed: u64, rounds: usize) {
 fn check_laws(seed: u64, rounds: usize) {
     let mut random = Random(seed);
     let empty = Solid::new::<Vec<DVec3>>([]).unwrap();
-    assert!(empty.is_empty());
+    assert!(empty.is_empty(), "a solid without faces is empty");
     for _ in 0..rounds {
         let [a, b] = [(); 2].map(|()| Shape::random(&mut random));
         let [sa, sb] = [&a, &b].map(|s| Solid::new(&s.faces).unwrap());
         // A union A and A intersected with A equal A, node for node; A minus A is empty.
-        assert_eq!(sa.union(&sa).unwrap().node_count(), sa.node_count());
-        assert_eq!(sa.intersection(&sa).unwrap().node_count(), sa.node_count());
-        assert!(sa.difference(&sa).unwrap().is_empty());
-        assert!(sa.difference(&empty).unwrap().node_count() == sa.node_count());
-        assert!(sa.intersection(&empty).unwrap().is_empty() && empty.difference(&sa).unwrap().is_empty());
+        assert_eq!(
+            sa.union(&sa).unwrap().node_count(),
+            sa.node_count(),
+            "nodes of the union of a solid with itself"
+        );
+        assert_eq!(
+            sa.intersection(&sa).unwrap().node_count(),
+            sa.node_count(),
+            "nodes of the intersection of a solid with itself"
+        );
+        assert!(sa.difference(&sa).unwrap().is_empty(), "a solid less itself");
+        assert!(
+            sa.difference(&empty).unwrap().node_count() == sa.node_count(),
+            "nodes of a solid less the empty solid"
+        );
+        assert!(
+            sa.intersection(&empty).unwrap().is_empty() && empty.difference(&sa).unwrap().is_empty(),
+            "the intersection with the empty solid, and the empty solid less another"
+        );
         // (A minus B) union (A and B) equals A again.
         let again = sa.difference(&sb).unwrap().union(&sa.intersection(&sb).unwrap()).unwrap();
         let pairs = [
@@ -167,7 +181,10 @@ fn turned_copies_and_scales_are_no_trouble() {
                 shuffled.swap(i, j);
             }
             let [a, b] = [Solid::new(&faces).unwrap(), Solid::new(&shuffled).unwrap()];
-            assert!(a.difference(&b).unwrap().is_empty() && b.difference(&a).unwrap().is_empty());
+            assert!(
+                a.difference(&b).unwrap().is_empty() && b.difference(&a).unwrap().is_empty(),
+                "scale {scale}: the same faces in another order are the same solid"
+            );
         }
     }
 }
@@ -186,6 +203,9 @@ fn many_faces_are_no_trouble() {
     faces.push((0..n).map(|i| at(i, 1.0)).collect());
     faces.push((0..n).rev().map(|i| at(i, 0.0)).collect());
     let solid = Solid::new(&faces).unwrap();
-    assert!(solid.union(&solid).unwrap().contains(DVec3::new(0.5, 0.5, 0.5)));
-    assert!(solid.difference(&solid).unwrap().is_empty());
+    assert!(
+        solid.union(&solid).unwrap().contains(DVec3::new(0.5, 0.5, 0.5)),
+        "the middle is in the union of the cylinder with itself"
+    );
+    assert!(solid.difference(&solid).unwrap().is_empty(), "the cylinder less itself");
 }

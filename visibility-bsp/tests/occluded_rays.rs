@@ -114,12 +114,12 @@ fn fuzz(seed: u64, soups: usize, occluders: usize, scale: f32) -> Judge {
 
 #[test]
 fn hidden_boxes_of_sparse_soups_cannot_be_seen() {
-    assert!(fuzz(1, 16, 40, 1.0).rays > 100_000);
+    assert!(fuzz(1, 16, 40, 1.0).rays > 100_000, "rays shot at hidden boxes of sparse soups");
 }
 
 #[test]
 fn hidden_boxes_of_dense_soups_cannot_be_seen() {
-    assert!(fuzz(2, 6, 160, 1.0).rays > 150_000);
+    assert!(fuzz(2, 6, 160, 1.0).rays > 150_000, "rays shot at hidden boxes of dense soups");
 }
 
 #[test]
@@ -196,7 +196,7 @@ fn hostile_boxes_and_views_do_no_harm() {
             visible.fill(&scene, &view);
             culler.cull(&scene, &view, &mut visible);
             for id in scene.ids().filter(|&id| !scene.bounds(id).unwrap().is_finite()) {
-                assert!(visible.contains(&scene, id));
+                assert!(visible.contains(&scene, id), "{}: {id} has no finite bounds", culler.name());
             }
         }
     }

@@ -72,12 +72,12 @@ fn eyes(scenes: usize, of_each: usize) {
         for _ in 0..of_each {
             let eye = eye(&mut random, &polygons);
             visited(&tree, eye, &mut stack, &mut list);
-            assert_eq!(list.len(), tree.fragment_count());
+            assert_eq!(list.len(), tree.fragment_count(), "from {eye:?}: fragments visited");
             pairs += check(&mut random, &list, eye, 2);
         }
     }
     println!("{} eyes, {fragments} fragments in {scenes} scenes, {pairs} pairs along rays", scenes * of_each);
-    assert!(pairs > scenes * of_each);
+    assert!(pairs > scenes * of_each, "pairs of fragments along rays: {pairs}");
 }
 
 #[test]
@@ -104,16 +104,20 @@ fn owners_that_come_and_go_leave_the_order_right() {
             let owner = random.below(40);
             if let Some(at) = there.iter().position(|&o| o == owner) {
                 there.swap_remove(at);
-                assert!(tree.remove(owner as u32));
-                assert!(!tree.remove(owner as u32));
+                assert!(tree.remove(owner as u32), "owner {owner} was there");
+                assert!(!tree.remove(owner as u32), "owner {owner} is removed once");
             } else {
                 there.push(owner);
-                assert_eq!(tree.insert(owner as u32, [&polygons[owner][..]]), Ok(1));
+                assert_eq!(
+                    tree.insert(owner as u32, [&polygons[owner][..]]),
+                    Ok(1),
+                    "owner {owner} is inserted"
+                );
             }
             assert!(tree.node_count() < 2 * tree.fragment_count().max(1), "planes that divide nothing stay");
             let eye = eye(&mut random, &polygons);
             visited(&tree, eye, &mut stack, &mut list);
-            assert_eq!(list.len(), tree.fragment_count());
+            assert_eq!(list.len(), tree.fragment_count(), "from {eye:?}: fragments visited");
             if !list.is_empty() {
                 check(&mut random, &list, eye, 4);
             }
@@ -122,7 +126,10 @@ fn owners_that_come_and_go_leave_the_order_right() {
                 tree.for_each_fragment(owner as u32, |f| {
                     area += area_of(f.vertices());
                     let bounds = tree.bounds();
-                    assert!(f.vertices().iter().all(|v| bounds.contains_point(v.as_vec3())));
+                    assert!(
+                        f.vertices().iter().all(|v| bounds.contains_point(v.as_vec3())),
+                        "a fragment of owner {owner} is outside the tree's bounds"
+                    );
                 });
                 assert!((area - area_of(&polygons[owner])).abs() < 1e-9, "parts of {owner} are missing");
             }
@@ -132,10 +139,17 @@ fn owners_that_come_and_go_leave_the_order_right() {
         for owner in 20..40 {
             tree.insert(owner, [&polygons[owner as usize][..]]).unwrap();
         }
-        (20..40).for_each(|owner| assert!(tree.remove(owner)));
-        assert_eq!((tree.node_count(), tree.fragment_count()), (nodes, fragments));
-        (0..20).for_each(|owner| assert!(tree.remove(owner)));
-        assert!(tree.is_empty() && tree.node_count() == 0 && tree.depth() == 0);
+        (20..40).for_each(|owner| assert!(tree.remove(owner), "guest {owner} was there"));
+        assert_eq!(
+            (tree.node_count(), tree.fragment_count()),
+            (nodes, fragments),
+            "nodes and fragments after guests have left"
+        );
+        (0..20).for_each(|owner| assert!(tree.remove(owner), "owner {owner} was there"));
+        assert!(
+            tree.is_empty() && tree.node_count() == 0 && tree.depth() == 0,
+            "a tree without owners is empty"
+        );
     }
 }
 

@@ -142,7 +142,7 @@ fn what_sticks_out_of_a_shadow_by_rounding_is_not_hidden_by_the_tree() {
         }
     }
     println!("{hidden} hidden, {shown} not");
-    assert!(hidden > 5_000 && shown > 10_000);
+    assert!(hidden > 5_000 && shown > 10_000, "{hidden} hidden, {shown} not");
 }
 
 /// Creates a scene with triangles as two-sided occluders and boxes as occludees, all in world coordinates.
@@ -264,7 +264,7 @@ fn what_is_nearer_by_rounding_is_not_hidden() {
         }
     }
     println!("{cases} points");
-    assert!(cases > 400);
+    assert!(cases > 400, "points before a triangle by rounding: {cases}");
 }
 
 /// Boxes with one corner in a side of the image up to rounding, and everything else outside of that side.

@@ -69,7 +69,10 @@ fn one_section_hides_what_no_face_does() {
     let (scene, ids) = scene_of(&HOUSE, &[behind]);
     let occluders = Occluders::new(&scene);
     let section = [DVec3::new(4.125, -5.0, 0.0), DVec3::new(4.125, 5.25, 6.0)];
-    assert!(occluders.polygons().any(|p| section.iter().all(|corner| p.contains(corner))));
+    assert!(
+        occluders.polygons().any(|p| section.iter().all(|corner| p.contains(corner))),
+        "a polygon spans the house's section"
+    );
     for eye in [DVec3::new(-4.0, 0.0, 2.0), DVec3::new(-2.0, 3.0, 4.0)] {
         let view = towards(eye, DVec3::new(4.0, 0.0, 3.0), 0.1);
         // Shadow frusta are chosen by regions, and no region contains this eye.
@@ -117,7 +120,10 @@ fn an_eye_inside_a_solid_sees_what_is_in_it() {
     // From outside the box, the target is hidden.
     let (scene, ids) = scene_of(&solids, &[target]);
     let view = towards(DVec3::new(-4.0, 0.0, -1.0), DVec3::new(7.0, 0.0, 0.0), 0.1);
-    assert!(hides(&scene, &view, &mut *cullers(&scene, 64).remove(0), ids[0]));
+    assert!(
+        hides(&scene, &view, &mut *cullers(&scene, 64).remove(0), ids[0]),
+        "from outside the target is hidden"
+    );
 }
 
 #[test]

@@ -63,9 +63,12 @@ fn other_occluders_of_the_same_revision_are_taken_in() {
     let view = View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap();
     // The far wall has the numbers in one set that the near wall has in the other.
     for (first, second) in [(&near_first, &far_first), (&far_first, &near_first)] {
-        assert_eq!((first.len(), second.len()), (12, 12));
+        assert_eq!((first.len(), second.len()), (12, 12), "polygons of both sets");
         let mut culler = LargeOccludersCuller::new(Arc::new(first.clone()));
-        assert!(hides(&mut culler, &scene, &view.with_layers(1), target));
+        assert!(
+            hides(&mut culler, &scene, &view.with_layers(1), target),
+            "the near wall is drawn, and hides the target"
+        );
         culler.set_occluders(Arc::new(second.clone()));
         let far_only = view.with_layers(2);
         assert!(!hides(&mut culler, &scene, &far_only, target), "behind a wall that is not drawn");

@@ -24,7 +24,10 @@ fn fragments_add_up_to_their_polygons_and_keep_their_orientation() {
             let mut sum = DVec3::ZERO;
             tree.for_each_fragment(owner as u32, |fragment| {
                 sum += area(fragment.vertices());
-                assert!(fragment.plane().normal.dot(area(polygon)) > 0.0 || area(polygon).length() < 1e-9);
+                assert!(
+                    fragment.plane().normal.dot(area(polygon)) > 0.0 || area(polygon).length() < 1e-9,
+                    "polygon {owner}: a fragment faces the other way"
+                );
             });
             assert!((sum - area(polygon)).length() < 1e-9, "polygon {owner}");
         }
@@ -45,11 +48,15 @@ fn polygons_in_one_plane_share_a_node_and_are_not_cut_by_each_other() {
     };
     let tiles: Vec<_> = (0..10).map(|i| tile(f64::from(i % 4), f64::from(i / 4))).collect();
     let tree = build(&tiles);
-    assert_eq!((tree.node_count(), tree.fragment_count(), tree.depth()), (1, 10, 1));
+    assert_eq!(
+        (tree.node_count(), tree.fragment_count(), tree.depth()),
+        (1, 10, 1),
+        "nodes, fragments and levels of a floor"
+    );
     // The same floor, rotated and scaled so that no coordinate is exact.
     let turn = |v: DVec3| DVec3::new(v.x * 0.6 - v.z * 0.8, v.y, v.x * 0.8 + v.z * 0.6) * 0.1;
     let turned: Vec<Vec<_>> = tiles.iter().map(|tile| tile.iter().map(|&v| turn(v)).collect()).collect();
-    assert_eq!(build(&turned).node_count(), 1);
+    assert_eq!(build(&turned).node_count(), 1, "a turned floor is one node");
 }
 
 #[test]
@@ -74,7 +81,7 @@ fn a_shared_edge_is_cut_in_the_same_points_to_the_last_bit() {
         };
         // The plane of the first triangle may cut the second, but not on their common edge.
         let (one, two) = (points(1), points(2));
-        assert_eq!(one, two);
+        assert_eq!(one, two, "points at which the two triangles are cut");
         cut += one.difference(&corners).count();
     }
     assert!(cut > 30, "{cut}");
@@ -110,7 +117,7 @@ fn leaves_inside_solids_are_solid() {
             inside += usize::from(solid);
             assert_eq!(tree.locate(p), if solid { Leaf::Solid } else { Leaf::Empty }, "{p}");
         }
-        assert!(inside > 20);
+        assert!(inside > 20, "points inside of solids: {inside}");
     }
 }
 
@@ -124,7 +131,7 @@ fn walks_enter_only_what_they_want() {
             (!outside).then_some(levels + 1)
         }
         fn visit(&mut self, fragments: Fragments<'_>, levels: u32) {
-            assert!(levels > 0);
+            assert!(levels > 0, "the root is entered before its fragments are visited");
             self.0 += fragments.count();
         }
     }
@@ -139,7 +146,7 @@ fn walks_enter_only_what_they_want() {
     let mut stack = TraversalStack::new();
     let mut all = Counting(0, tree.bounds());
     tree.walk(Eye::Point(DVec3::ZERO), &mut stack, &mut all);
-    assert_eq!(all.0, tree.fragment_count());
+    assert_eq!(all.0, tree.fragment_count(), "fragments visited from the middle");
     let corner = Aabb::from_arrays([0.0; 3], [30.0; 3]);
     let mut some = Counting(0, corner);
     tree.walk(Eye::Point(DVec3::ZERO), &mut stack, &mut some);
@@ -165,13 +172,13 @@ fn hostile_polygons_are_left_out_or_survive() {
     let bad = [f64::NAN, f64::INFINITY, -f64::INFINITY];
     for value in bad {
         let polygon = [DVec3::ZERO, DVec3::X, DVec3::new(0.0, 1.0, value)];
-        assert!(!BspTree::accepts(&polygon));
-        assert!(build(&[polygon.into()]).is_empty());
+        assert!(!BspTree::accepts(&polygon), "{polygon:?} is accepted");
+        assert!(build(&[polygon.into()]).is_empty(), "{polygon:?} is in the tree");
     }
     for degenerate in
         [vec![], vec![DVec3::ZERO; 2], vec![DVec3::ONE; 9], vec![DVec3::ZERO, DVec3::ONE, DVec3::splat(0.5)]]
     {
-        assert!(!BspTree::accepts(&degenerate));
+        assert!(!BspTree::accepts(&degenerate), "{degenerate:?} is accepted");
     }
     let mut random = Random(7);
     let values = [0.0, -0.0, 1.0, -1.0, 1e-30, 1e30, -1e30, 3.4e38, 5e-324, 1e150, -1e300];
@@ -189,7 +196,7 @@ fn hostile_polygons_are_left_out_or_survive() {
         let mut count = 0;
         let eye = DVec3::from_array([(); 3].map(|()| value(&mut random)));
         tree.front_to_back(Eye::Point(eye), &mut stack, |f| count += f.count());
-        assert_eq!(count, tree.fragment_count());
+        assert_eq!(count, tree.fragment_count(), "from {eye}: fragments visited of {polygons:?}");
         tree.front_to_back(Eye::Point(DVec3::NAN), &mut stack, |_| ());
         tree.front_to_back(Eye::Direction(DVec3::NAN), &mut stack, |_| ());
         tree.locate(DVec3::NAN);
@@ -216,9 +223,17 @@ fn polygons_that_cut_each_other_without_end_are_refused() {
     // At worst 3 n^3 fragments: accepted up to 256 cuts per polygon, refused beyond.
     let tree = BspTree::build((0..).zip(polygons.iter().map(|p| &p[..])));
     match tree {
-        Ok(tree) => assert!(tree.fragment_count() < 256 * polygons.len() + 4096),
+        Ok(tree) => assert!(
+            tree.fragment_count() < 256 * polygons.len() + 4096,
+            "{} fragments of {} polygons",
+            tree.fragment_count(),
+            polygons.len()
+        ),
         Err(BspError::TooManyFragments { polygons: count, limit }) => {
-            assert!(count == polygons.len() && limit > count)
+            assert!(
+                count == polygons.len() && limit > count,
+                "refused at {limit} fragments of {count} polygons"
+            )
         }
         Err(other) => panic!("{other}"),
     }

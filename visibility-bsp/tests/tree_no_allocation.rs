@@ -49,8 +49,8 @@ fn warm_frames_allocate_nothing() {
     };
     let (cold, first) = walk();
     let (warm, second) = walk();
-    assert!(cold > 0);
-    assert_eq!((warm, second), (0, first));
+    assert!(cold > 0, "allocations are counted");
+    assert_eq!((warm, second), (0, first), "allocations in warm frames, and objects visible");
 }
 
 /// The memory of a walk is bounded by the depth of the tree, so the first frame allocates enough for all
@@ -75,7 +75,7 @@ fn views_from_elsewhere_allocate_nothing_either() {
         order.cull(&scene, &view, &mut set);
         allocations.push(ALLOCATIONS.get() - before);
     }
-    assert!(allocations[0] > 0);
+    assert!(allocations[0] > 0, "allocations are counted");
     assert_eq!(allocations[1..].iter().sum::<usize>(), 0, "{allocations:?}");
 }
 
@@ -95,5 +95,5 @@ fn moving_through_a_tree_allocates_nothing_in_the_long_run() {
     (0..200).for_each(&mut step);
     let before = ALLOCATIONS.get();
     (0..200).for_each(&mut step);
-    assert_eq!(ALLOCATIONS.get() - before, 0);
+    assert_eq!(ALLOCATIONS.get() - before, 0, "allocations in 200 steps");
 }

@@ -412,7 +412,7 @@ mod tests {
     #[test]
     fn every_damaged_missing_or_added_byte_is_noticed() {
         let good = sample();
-        assert!(Reader::new(&good, FORMAT).is_ok());
+        assert!(Reader::new(&good, FORMAT).is_ok(), "undamaged bytes are read");
         for i in 0..good.len() {
             let mut bytes = good.clone();
             bytes[i] ^= 1;
@@ -422,7 +422,8 @@ mod tests {
         let longer = [&good[..], &[0]].concat();
         assert_eq!(
             Reader::new(&longer, FORMAT).unwrap_err(),
-            FormatError::Length { found: longer.len() as u64, expected: good.len() as u64 }
+            FormatError::Length { found: longer.len() as u64, expected: good.len() as u64 },
+            "one byte too many is told apart from damage"
         );
     }
 
@@ -435,9 +436,13 @@ mod tests {
         }
         let mut rest = &bytes[..];
         for number in numbers {
-            assert_eq!(take_number(&mut rest), Some(number));
+            assert_eq!(
+                take_number(&mut rest),
+                Some(number),
+                "numbers are read in the order in which they were written"
+            );
         }
-        assert!(rest.is_empty());
+        assert!(rest.is_empty(), "{} bytes are left after all numbers were read", rest.len());
         let wrong: [&[u8]; 8] = [
             &[],
             &[0x80],
@@ -451,29 +456,65 @@ mod tests {
         for mut bytes in wrong {
             assert_eq!(take_number(&mut bytes), None, "{bytes:?}");
         }
-        assert_eq!(take_number(&mut &[0xff, 0xff, 0xff, 0xff, 0xf][..]), Some(u32::MAX));
+        assert_eq!(
+            take_number(&mut &[0xff, 0xff, 0xff, 0xff, 0xf][..]),
+            Some(u32::MAX),
+            "the largest number, in its longest form"
+        );
     }
 
     #[test]
     fn errors_say_what_is_wrong_and_where() {
         let good = sample();
         let of = |magic, version| Reader::new(&good, Format { magic, version }).unwrap_err().to_string();
-        assert_eq!(of(*b"EXAMPLES", 3), "the bytes do not begin with \"EXAMPLES\"");
-        assert_eq!(of(FORMAT.magic, 4), "version 3 of the format, where only version 4 is known: bake again");
+        assert_eq!(
+            of(*b"EXAMPLES", 3),
+            "the bytes do not begin with \"EXAMPLES\"",
+            "the magic that was expected"
+        );
+        assert_eq!(
+            of(FORMAT.magic, 4),
+            "version 3 of the format, where only version 4 is known: bake again",
+            "an older version is to be baked again"
+        );
         let later = "version 3 of the format, where only version 2 is known: it is of a later release";
-        assert_eq!(of(FORMAT.magic, 2), later);
+        assert_eq!(of(FORMAT.magic, 2), later, "a newer version is of a later release");
         let mut reader = Reader::new(&good, FORMAT).unwrap();
-        assert_eq!(reader.expect(5, 1 << 40), Ok(()));
-        assert_eq!(reader.expect(6, 0), Err(FormatError::Kind { found: 5, expected: 6 }));
-        assert_eq!(reader.expect(5, 0), Err(FormatError::Fingerprint));
-        assert_eq!(reader.bytes(3).unwrap(), b"abc");
-        assert_eq!(reader.end().unwrap_err().to_string(), "at byte 43: the content goes on after its end");
-        assert_eq!(reader.u64s(2).unwrap(), [u64::MAX, 1 << 33]);
-        assert_eq!(reader.end(), Ok(()));
+        assert_eq!(
+            reader.expect(5, 1 << 40),
+            Ok(()),
+            "the kind and fingerprint that the bytes were written with"
+        );
+        assert_eq!(
+            reader.expect(6, 0),
+            Err(FormatError::Kind { found: 5, expected: 6 }),
+            "another kind is refused before the fingerprint is looked at"
+        );
+        assert_eq!(
+            reader.expect(5, 0),
+            Err(FormatError::Fingerprint),
+            "another fingerprint of the same kind"
+        );
+        assert_eq!(reader.bytes(3).unwrap(), b"abc", "the bytes that were written first");
+        assert_eq!(
+            reader.end().unwrap_err().to_string(),
+            "at byte 43: the content goes on after its end",
+            "the end is asked for while numbers are left"
+        );
+        assert_eq!(reader.u64s(2).unwrap(), [u64::MAX, 1 << 33], "the numbers that were written last");
+        assert_eq!(reader.end(), Ok(()), "all content has been read");
         let short = FormatError::Content { offset: 59, problem: "more is announced than there is" };
         for count in [1, usize::MAX / 4, usize::MAX] {
-            assert_eq!(reader.u32s(count), Err(short));
-            assert_eq!(reader.u64s(count), Err(short));
+            assert_eq!(
+                reader.u32s(count),
+                Err(short),
+                "{count} numbers after the last one: refused before memory is taken"
+            );
+            assert_eq!(
+                reader.u64s(count),
+                Err(short),
+                "{count} numbers after the last one: refused before memory is taken"
+            );
         }
     }
 }

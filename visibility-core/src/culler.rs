@@ -74,7 +74,7 @@ impl core::fmt::Display for Accuracy {
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 pub struct Lack {
-    /// What the objects are or have not, in the plural.
+    /// What the objects lack, in the plural, such as "triangles".
     pub what: &'static str,
     /// Number of objects, at least 1.
     pub count: usize,
@@ -94,8 +94,8 @@ impl Lack {
         }
     }
 
-    /// Calls `each` with the number of objects of `scene` if none of them is flagged as an occluder, for
-    /// cullers that have no occluders but the scene's. Takes constant time.
+    /// Calls `each` with the number of objects of `scene` if none of them is flagged as an occluder: for
+    /// cullers whose only occluders are those of the scene. Takes constant time.
     pub fn of_no_occluder(scene: &Scene, each: &mut dyn FnMut(Self)) {
         if scene.occluder_count() == 0 {
             each_of("objects of which none is flagged as an occluder", scene.len(), each);
@@ -169,9 +169,9 @@ pub trait Culler {
     /// nothing.
     fn for_each_lack(&self, _scene: &Scene, _each: &mut dyn FnMut(Lack)) {}
 
-    /// Returns whether the culler hides objects outside of their [draw ranges](Scene::set_draw_range). A
-    /// [`Pipeline`](crate::Pipeline) of which no culler does reports ranges as a lack. False by default; a
-    /// culler that wraps another returns what that returns.
+    /// Returns whether the culler hides objects outside their [draw ranges](Scene::set_draw_range). If no
+    /// culler of a [`Pipeline`](crate::Pipeline) does, the pipeline reports draw ranges as a lack. False by
+    /// default. A culler that wraps another must return the other's answer.
     fn follows_draw_ranges(&self) -> bool {
         false
     }

@@ -1,5 +1,5 @@
-//! Versions of levels: hashes by which what was made from a level beforehand, such as a bake or a file of
-//! occluders, is told from what was made from another level or before an edit.
+//! Versions of levels: hashes that tell whether a bake or a file of occluders was made from this level, or
+//! from another level or before an edit.
 
 use crate::binary_format::Fingerprint;
 use crate::scene::Triangles;

@@ -269,7 +269,11 @@ mod tests {
             let values: [f32; FAN_OUT] = core::array::from_fn(|_| random.bits32());
             let expected = (0..FAN_OUT).fold(0, |mask, lane| mask | u64::from(values[lane] < 0.0) << lane);
             let parts = values.as_chunks::<16>().0.iter().enumerate();
-            assert_eq!(parts.fold(0, |mask, (i, part)| mask | signs_portable(part) << (16 * i)), expected);
+            assert_eq!(
+                parts.fold(0, |mask, (i, part)| mask | signs_portable(part) << (16 * i)),
+                expected,
+                "the portable way, in parts of 16"
+            );
             for simd in Simd::available() {
                 let found = match simd.0 {
                     SimdLevel::Portable => expected,

@@ -54,6 +54,9 @@ mod tests {
     #[test]
     fn stamps_are_distinct() {
         let stamps = core::array::from_fn::<Stamp, 8, _>(|_| Stamp::new());
-        assert!((0..8).all(|i| stamps[i] != Stamp::NONE && !stamps[..i].contains(&stamps[i])));
+        assert!(
+            (0..8).all(|i| stamps[i] != Stamp::NONE && !stamps[..i].contains(&stamps[i])),
+            "stamps are distinct and none is `NONE`: {stamps:?}"
+        );
     }
 }

@@ -56,7 +56,7 @@ impl Baker for Sums {
     }
 
     fn finish(self, waiting: &[u32]) -> Vec<u32> {
-        assert_eq!(waiting, []);
+        assert_eq!(waiting, [], "items that wait after the last stage");
         self.done.into_iter().map(Option::unwrap).collect()
     }
 
@@ -82,9 +82,13 @@ fn stages_follow_one_another_each_in_the_order_of_ranks() {
         let key = |item| (item % 3, 100 - item);
         key(pair[0]) < key(pair[1])
     };
-    assert!(bake.baker().order.len() == 100 && bake.baker().order.windows(2).all(ascending));
+    assert!(
+        bake.baker().order.len() == 100 && bake.baker().order.windows(2).all(ascending),
+        "items by their rank within each round: {:?}",
+        bake.baker().order
+    );
     let whole = bake.finish();
-    assert_eq!(whole, Bake::new(Sums::new()).run());
+    assert_eq!(whole, Bake::new(Sums::new()).run(), "a bake in one run has the same rows");
     let mut bake = Bake::new(Sums::new());
     for number in 0..200 {
         // A few items of each round are begun.
@@ -92,5 +96,5 @@ fn stages_follow_one_another_each_in_the_order_of_ranks() {
         bake.advance_unless(|| begun.fetch_add(1, Relaxed) > number % 5, || false);
         bake = Bake::resume(Sums::new(), &bake.save()).unwrap();
     }
-    assert_eq!(bake.finish(), whole);
+    assert_eq!(bake.finish(), whole, "a bake that was saved and resumed 200 times has the same rows");
 }

@@ -86,10 +86,16 @@ fn no_plane_cuts_nothing_and_what_is_not_finite_is_never_inside() {
     let mesh = OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [1.0; 3])).unwrap();
     let view = view_with(Plane::new(DVec3::X, 10.0));
     let planes = view.clip_planes_from(DVec3::ZERO);
-    assert!(mesh.is_inside(&planes, &Affine3A::IDENTITY));
-    assert!(!mesh.is_inside(&planes, &Affine3A::from_translation(Vec3::NAN)));
-    assert!(!mesh.is_inside(&planes, &Affine3A::from_translation(Vec3::X * f32::INFINITY)));
-    assert!(!planes.contains(DVec3::NAN));
+    assert!(mesh.is_inside(&planes, &Affine3A::IDENTITY), "a mesh in front of the plane");
+    assert!(!mesh.is_inside(&planes, &Affine3A::from_translation(Vec3::NAN)), "a mesh at NaN is inside");
+    assert!(
+        !mesh.is_inside(&planes, &Affine3A::from_translation(Vec3::X * f32::INFINITY)),
+        "a mesh at infinity is inside"
+    );
+    assert!(!planes.contains(DVec3::NAN), "a point that is NaN is inside");
     let none = view.with_clip_planes(&[]).unwrap().clip_planes_from(DVec3::ZERO);
-    assert!(mesh.is_inside(&none, &Affine3A::IDENTITY) && none.contains(DVec3::NAN));
+    assert!(
+        mesh.is_inside(&none, &Affine3A::IDENTITY) && none.contains(DVec3::NAN),
+        "without planes all is inside, NaN too"
+    );
 }

@@ -52,18 +52,22 @@ fn each_object_is_explained_by_the_stage_that_removed_it() {
     pipeline.set_explaining(true);
     pipeline.cull(&scene, &view, &mut visible);
     let explained = [ahead, odd, behind, layered, always].map(|id| pipeline.explain(id).to_string());
-    assert_eq!(explained, ["visible", "removed by odd", "removed by frustum", "on other layers", "visible"]);
+    assert_eq!(
+        explained,
+        ["visible", "removed by odd", "removed by frustum", "on other layers", "visible"],
+        "objects ahead, odd, behind, on another layer and never culled"
+    );
 
     // A new object with the same index has no explanation.
     scene.remove(ahead).unwrap();
     let other = scene.insert(cube(10.0, 0.0));
-    assert_eq!(other.index(), ahead.index());
-    assert_eq!(pipeline.explain(other), Explanation::Unknown);
+    assert_eq!(other.index(), ahead.index(), "the new object takes the index of the old");
+    assert_eq!(pipeline.explain(other), Explanation::Unknown, "the new object before its first frame");
     pipeline.cull(&scene, &view, &mut visible);
-    assert_eq!(pipeline.explain(other), Explanation::Visible);
-    assert_eq!(pipeline.explain(ahead), Explanation::Unknown);
+    assert_eq!(pipeline.explain(other), Explanation::Visible, "the new object after its first frame");
+    assert_eq!(pipeline.explain(ahead), Explanation::Unknown, "the object that is gone");
     pipeline.set_explaining(false);
-    assert_eq!(pipeline.explain(other), Explanation::Unknown);
+    assert_eq!(pipeline.explain(other), Explanation::Unknown, "explaining is turned off");
 }
 
 #[test]
@@ -79,12 +83,16 @@ fn a_frozen_pipeline_culls_for_the_view_that_it_was_frozen_at() {
     pipeline.freeze();
     for _ in 0..3 {
         pipeline.cull(&scene, &looking(DVec3::NEG_X), &mut visible);
-        assert_eq!(visible.iter(&scene).collect::<Vec<_>>(), [ahead]);
+        assert_eq!(
+            visible.iter(&scene).collect::<Vec<_>>(),
+            [ahead],
+            "the object ahead of the frozen view, not of the camera's"
+        );
     }
-    assert_eq!(pipeline.frozen(), Some(&looking(DVec3::X)));
+    assert_eq!(pipeline.frozen(), Some(&looking(DVec3::X)), "the view that the pipeline is frozen at");
     pipeline.unfreeze();
     pipeline.cull(&scene, &looking(DVec3::NEG_X), &mut visible);
-    assert_eq!(visible.iter(&scene).collect::<Vec<_>>(), [behind]);
+    assert_eq!(visible.iter(&scene).collect::<Vec<_>>(), [behind], "the object ahead of the camera again");
 }
 
 /// A device that counts queries and answers none.
@@ -117,24 +125,36 @@ fn stages_report_what_they_lack() {
         pipeline.for_each_lack(scene, |stage, lack| lacks.push(format!("{stage}: {lack}")));
         lacks
     };
-    assert_eq!(lacks(&scene), ["hardware queries: occluders without a mesh: 20"]);
+    assert_eq!(lacks(&scene), ["hardware queries: occluders without a mesh: 20"], "no wall has a mesh");
     let mesh = scene.add_mesh(OccluderMesh::cuboid(&cube(10.0, 0.0)).unwrap());
     for &wall in &walls[..12] {
         scene.set_mesh(wall, mesh, visibility_core::glam::Affine3A::IDENTITY).unwrap();
     }
     scene.set_occluder(walls[15], false).unwrap();
     let outside = "hardware queries: occluders with a mesh outside their bounds: 11";
-    assert_eq!(lacks(&scene), ["hardware queries: occluders without a mesh: 7", outside]);
+    assert_eq!(
+        lacks(&scene),
+        ["hardware queries: occluders without a mesh: 7", outside],
+        "12 walls have a mesh, 11 of them outside their bounds"
+    );
     for (i, &wall) in walls[..12].iter().enumerate() {
         let at = visibility_core::glam::Vec3::Y * i as f32;
         scene.set_mesh(wall, mesh, visibility_core::glam::Affine3A::from_translation(at)).unwrap();
     }
-    assert_eq!(lacks(&scene), ["hardware queries: occluders without a mesh: 7"]);
+    assert_eq!(
+        lacks(&scene),
+        ["hardware queries: occluders without a mesh: 7"],
+        "the meshes were moved into the bounds"
+    );
     let copy = scene.clone();
-    assert_eq!(lacks(&copy)[1..], ["pvs: objects of a scene that the PVS does not know: 20"]);
+    assert_eq!(
+        lacks(&copy)[1..],
+        ["pvs: objects of a scene that the PVS does not know: 20"],
+        "a PVS knows no object of a copied scene"
+    );
     walls[12..].iter().for_each(|&wall| scene.remove(wall).unwrap());
     assert!(lacks(&scene).is_empty(), "{:?}", lacks(&scene));
-    assert!(lacks(&Scene::new()).is_empty());
+    assert!(lacks(&Scene::new()).is_empty(), "an empty scene lacks nothing");
 }
 
 /// Tests what an occlusion stage says of a scene without occluders, and of meshes without the flag of one,
@@ -154,23 +174,23 @@ fn an_occlusion_stage_reports_a_scene_without_occluders_and_meshes_without_the_f
     let none = |count| format!("objects of which none is flagged as an occluder: {count}");
     let unflagged = |n| format!("objects with an occluder mesh but without the flag of an occluder: {n}");
     let ids: Vec<_> = (0..3).map(|i| scene.insert(cube(10.0, i as f32))).collect();
-    assert_eq!(lacks(&scene), [none(3)]);
+    assert_eq!(lacks(&scene), [none(3)], "three objects, no flag and no mesh");
     for (i, &id) in ids.iter().enumerate() {
         let mesh = scene.add_mesh(OccluderMesh::cuboid(&cube(10.0, i as f32)).unwrap());
         scene.set_mesh(id, mesh, visibility_core::glam::Affine3A::IDENTITY).unwrap();
     }
-    assert_eq!(lacks(&scene), [none(3), unflagged(3)]);
+    assert_eq!(lacks(&scene), [none(3), unflagged(3)], "three objects with meshes and no flag");
     scene.set_occluder(ids[0], true).unwrap();
-    assert_eq!(lacks(&scene), [unflagged(2)]);
-    assert_eq!(lacks(&scene.clone()), [unflagged(2)]);
+    assert_eq!(lacks(&scene), [unflagged(2)], "the first object is flagged");
+    assert_eq!(lacks(&scene.clone()), [unflagged(2)], "a clone counts as the scene does");
     scene.set_bounds(ids[1], cube(20.0, 0.0)).unwrap(); // loses the mesh
-    assert_eq!(lacks(&scene), [unflagged(1)]);
+    assert_eq!(lacks(&scene), [unflagged(1)], "the second object lost its mesh");
     scene.remove(ids[2]).unwrap();
-    assert!(lacks(&scene).is_empty());
+    assert!(lacks(&scene).is_empty(), "the third object is gone");
     scene.set_occluder(ids[0], false).unwrap();
-    assert_eq!(lacks(&scene), [none(2), unflagged(1)]);
+    assert_eq!(lacks(&scene), [none(2), unflagged(1)], "the first object lost its flag");
     scene.remove_batch(&ids[..2]).unwrap();
-    assert!(lacks(&scene).is_empty());
+    assert!(lacks(&scene).is_empty(), "no object is left");
 }
 
 /// Tests that a pipeline reports bounds that are no box, however the object got them, and no others.
@@ -187,21 +207,21 @@ fn a_pipeline_reports_bounds_that_are_no_box() {
     let inverted = Aabb::from_arrays([1.0; 3], [0.0; 3]);
     let mut scene = Scene::new();
     let ids = scene.insert_batch((0..200).map(|i| if i % 2 == 0 { cube(10.0, i as f32) } else { nan }));
-    assert_eq!(lacks(&scene), report(100));
+    assert_eq!(lacks(&scene), report(100), "half of the objects have bounds that are NaN");
     scene.rebuild();
     scene.set_bounds(ids[1], cube(10.0, 0.0)).unwrap();
     scene.set_bounds(ids[0], inverted).unwrap();
     scene.remove(ids[3]).unwrap();
-    assert_eq!(lacks(&scene), report(99));
-    assert_eq!(lacks(&scene.clone()), report(99));
+    assert_eq!(lacks(&scene), report(99), "a NaN was mended, one removed, and one box inverted");
+    assert_eq!(lacks(&scene.clone()), report(99), "a clone counts as the scene does");
     let all: Vec<_> = scene.ids().map(|id| (id, cube(10.0, 0.0))).collect();
     scene.set_bounds_batch(&all).unwrap();
-    assert!(lacks(&scene).is_empty());
+    assert!(lacks(&scene).is_empty(), "all bounds were mended");
     // Infinite boxes, and objects that are never culled, are no mistake.
     scene.insert(Aabb::from_arrays([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]));
     scene.insert(Object { never_cull: true, ..Object::new(cube(0.0, 0.0)) });
     scene.insert(Object { never_cull: true, ..Object::new(nan) });
-    assert!(lacks(&scene).is_empty());
+    assert!(lacks(&scene).is_empty(), "infinite boxes and objects never culled are reported");
 }
 
 /// Tests that a baked set says when the eye of the last frame was outside all of its viewcells.
@@ -222,9 +242,9 @@ fn a_pvs_stage_reports_an_eye_outside_all_viewcells() {
         lacks
     };
     let outside = "objects not culled, the eye being outside all viewcells: 1";
-    assert!(cull_at(&scene, 0.0).is_empty());
-    assert_eq!(cull_at(&scene, 3.0), [outside]);
-    assert!(cull_at(&scene, 0.5).is_empty());
+    assert!(cull_at(&scene, 0.0).is_empty(), "the eye is in the viewcell");
+    assert_eq!(cull_at(&scene, 3.0), [outside], "the eye is 2 m outside");
+    assert!(cull_at(&scene, 0.5).is_empty(), "the eye is back in the viewcell");
 }
 
 /// Tests that a shared map issues no queries, and that the culler's own does.
@@ -233,9 +253,13 @@ fn only_the_owner_of_a_map_asks_its_device() {
     let mut map = HardwareQueries::new(Counter::default(), LateAnswers::Visible);
     map.begin(&looking(DVec3::X), DVec3::ZERO);
     map.flush();
-    assert_eq!(map.test(&cube(10.0, 0.0)), Occlusion::Visible);
-    assert_eq!(map.device_mut().0, 0);
-    assert_eq!(map.test_mut(&cube(10.0, 0.0)), Occlusion::Visible);
-    assert_eq!(map.device_mut().0, 1);
-    assert_eq!(map.test(&cube(10.0, 0.0)), Occlusion::Visible);
+    assert_eq!(
+        map.test(&cube(10.0, 0.0)),
+        Occlusion::Visible,
+        "a map that was shared answers without its device"
+    );
+    assert_eq!(map.device_mut().0, 0, "`test` asked the device");
+    assert_eq!(map.test_mut(&cube(10.0, 0.0)), Occlusion::Visible, "the query has no answer yet");
+    assert_eq!(map.device_mut().0, 1, "queries that the device was asked");
+    assert_eq!(map.test(&cube(10.0, 0.0)), Occlusion::Visible, "the query is pending");
 }

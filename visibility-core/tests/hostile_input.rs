@@ -69,7 +69,7 @@ fn boxes_matrices_and_origins_of_any_bits_cause_no_panic() {
             scene.rebuild();
         }
         let origin = any_vector(&mut rng);
-        assert_eq!(scene.set_origin(origin).is_ok(), origin.is_finite());
+        assert_eq!(scene.set_origin(origin).is_ok(), origin.is_finite(), "an origin of {origin}");
         let mut visible = VisibleSet::new().with_changes();
         let mut pipeline = Pipeline::new().with(FrustumCuller::new());
         for _ in 0..10 {
@@ -89,15 +89,15 @@ fn boxes_matrices_and_origins_of_any_bits_cause_no_panic() {
             let Ok(view) = made else { continue };
             let origin = any_vector(&mut rng);
             let Ok(view) = view.relative_to(origin) else {
-                assert!(!origin.is_finite());
+                assert!(!origin.is_finite(), "a finite origin is refused: {origin}");
                 continue;
             };
-            assert!(origin.is_finite());
+            assert!(origin.is_finite(), "an origin that is not finite is accepted: {origin}");
             accepted += 1;
             pipeline.cull(&scene, &view, &mut visible);
             let found: Vec<ObjectId> = visible.iter(&scene).collect();
             culled += usize::from(found.len() < ids.len());
-            assert_eq!(found.len(), visible.count(&scene));
+            assert_eq!(found.len(), visible.count(&scene), "objects listed and counted");
             for &id in &ids {
                 let bounds = scene.bounds(id).unwrap();
                 assert!(is_bounded(&bounds) || visible.contains(&scene, id), "{bounds:?} hidden");
@@ -106,12 +106,17 @@ fn boxes_matrices_and_origins_of_any_bits_cause_no_panic() {
                 assert!(
                     plane.plane.normal.is_finite()
                         && plane.plane.offset.is_finite()
-                        && plane.error.is_finite()
+                        && plane.error.is_finite(),
+                    "a plane that is not finite: {plane:?}"
                 );
             }
             let _ = (view.eye(scene.origin()), view.clip_from(scene.origin()));
             let (fresh, gone) = (visible.newly_visible().count(), visible.newly_hidden().count());
-            assert!(fresh <= ids.len() && gone <= ids.len());
+            assert!(
+                fresh <= ids.len() && gone <= ids.len(),
+                "{fresh} objects appeared and {gone} vanished, of {}",
+                ids.len()
+            );
         }
     }
     assert!(accepted > 300 && culled > 50, "too easy: {accepted} {culled}");
@@ -139,7 +144,11 @@ fn cameras_with_parameters_of_any_bits_are_refused_or_usable() {
         };
         if let Ok(view) = made {
             accepted += 1;
-            assert!(near < far && near.is_finite() && view.origin().is_finite());
+            assert!(
+                near < far && near.is_finite() && view.origin().is_finite(),
+                "accepted with near {near}, far {far} and the origin {}",
+                view.origin()
+            );
             let mut visible = VisibleSet::new();
             Pipeline::new().with(FrustumCuller::new()).cull(&scene, &view, &mut visible);
             let (Eye::Point(_) | Eye::Direction(_)) = view.eye(DVec3::ZERO);
@@ -153,13 +162,21 @@ fn errors_say_what_and_where() {
     let mut matrix = [0.0f64; 16];
     matrix[9] = f64::INFINITY;
     let refused = View::from_clip_from_world(matrix, Depth::Reversed).map(|_| ());
-    assert_eq!(refused, Err(ViewError::Matrix { row: 1, column: 2 }));
+    assert_eq!(
+        refused,
+        Err(ViewError::Matrix { row: 1, column: 2 }),
+        "the entry of the matrix that is infinite"
+    );
     let mut scene = Scene::new();
     let id = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
-    assert_eq!(scene.set_origin(DVec3::new(0.0, f64::NAN, 0.0)), Err(SceneError::Origin));
-    assert_eq!(scene.origin(), DVec3::ZERO);
+    assert_eq!(
+        scene.set_origin(DVec3::new(0.0, f64::NAN, 0.0)),
+        Err(SceneError::Origin),
+        "an origin that is NaN"
+    );
+    assert_eq!(scene.origin(), DVec3::ZERO, "a refused origin changes nothing");
     scene.remove(id).unwrap();
-    assert_eq!(scene.set_cost(id, 3), Err(SceneError::UnknownObject(id)));
+    assert_eq!(scene.set_cost(id, 3), Err(SceneError::UnknownObject(id)), "the object that was removed");
 }
 
 /// Tests that ids of one scene, used with a smaller or larger scene, cause no panic.
@@ -171,10 +188,10 @@ fn ids_of_another_scene_cause_no_panic() {
     let ids = large.insert_batch((0..200).map(|_| Object::new(unit)));
     let (last, visible) = (ids[199], VisibleSet::new());
     let unknown = Err(SceneError::UnknownObject(last));
-    assert!(!small.contains(last) && !visible.contains(&small, last));
-    assert_eq!(small.object(last), Err(SceneError::UnknownObject(last)));
-    assert_eq!(small.set_bounds(last, unit), unknown);
-    assert_eq!(small.remove(last), unknown);
-    assert_eq!(small.remove_batch(&[last]), unknown);
-    assert_eq!(small.len(), 1);
+    assert!(!small.contains(last) && !visible.contains(&small, last), "an id of another scene is known");
+    assert_eq!(small.object(last), Err(SceneError::UnknownObject(last)), "an id of another scene");
+    assert_eq!(small.set_bounds(last, unit), unknown, "an id of another scene");
+    assert_eq!(small.remove(last), unknown, "an id of another scene");
+    assert_eq!(small.remove_batch(&[last]), unknown, "an id of another scene");
+    assert_eq!(small.len(), 1, "objects after all calls were refused");
 }

@@ -133,6 +133,6 @@ fn warm_frames_allocate_nothing() {
     let first: Vec<_> = views.iter().map(&mut frame).collect();
     let before = ALLOCATIONS.get();
     let again = views.iter().zip(&first).filter(|&(view, &visible)| frame(view) == visible).count();
-    assert_eq!(ALLOCATIONS.get(), before);
-    assert_eq!(again, views.len());
+    assert_eq!(ALLOCATIONS.get(), before, "allocations in warm frames");
+    assert_eq!(again, views.len(), "warm frames that show as many objects as the first");
 }

@@ -50,8 +50,11 @@ fn cull(scene: &Scene, view: &View) -> VisibleSet {
 
 fn ids(scene: &Scene, set: &VisibleSet) -> BTreeSet<ObjectId> {
     let ids: BTreeSet<_> = set.iter(scene).collect();
-    assert_eq!(ids.len(), set.count(scene));
-    assert!(scene.ids().all(|id| set.contains(scene, id) == ids.contains(&id)));
+    assert_eq!(ids.len(), set.count(scene), "ids listed and counted");
+    assert!(
+        scene.ids().all(|id| set.contains(scene, id) == ids.contains(&id)),
+        "listed ids and those that the set contains"
+    );
     ids
 }
 
@@ -78,9 +81,9 @@ fn clip_planes_hide_what_is_beyond_them_and_nothing_else() {
             .map(|_| Plane::new(rng.vector(2.0), rng.range(-10.0, 60.0)))
             .collect();
         let clipped = view.with_clip_planes(&planes).unwrap();
-        assert_eq!(clipped.clip_planes(), planes);
+        assert_eq!(clipped.clip_planes(), planes, "the planes that were given");
         let (without, with) = (ids(&scene, &cull(&scene, &view)), ids(&scene, &cull(&scene, &clipped)));
-        assert!(with.is_subset(&without));
+        assert!(with.is_subset(&without), "planes show objects that are hidden without: {planes:?}");
         for &id in &without {
             let object = scene.object(id).unwrap();
             let (touches, clear) = against(&planes, view.origin(), &object.bounds);
@@ -89,7 +92,7 @@ fn clip_planes_hide_what_is_beyond_them_and_nothing_else() {
             kept += usize::from(touches);
             hidden += usize::from(clear);
         }
-        assert_eq!(clipped.with_clip_planes(&[]), Ok(view));
+        assert_eq!(clipped.with_clip_planes(&[]), Ok(view), "no planes give the view that there was before");
     }
     assert!(kept > 1000 && hidden > 1000, "too easy: {kept} {hidden}");
 }
@@ -104,9 +107,12 @@ fn clip_planes_are_relative_to_the_origin_of_the_view() {
     scene.set_origin(far).unwrap();
     let [near, beyond] =
         [3.0, 6.0].map(|x| scene.insert(Aabb::from_arrays([x, -0.1, -0.1], [x + 1.0, 0.1, 0.1])));
-    assert_eq!(ids(&scene, &cull(&scene, &view)).len(), 2);
+    assert_eq!(ids(&scene, &cull(&scene, &view)).len(), 2, "objects in view without a clip plane");
     let visible = cull(&scene, &behind_mirror);
-    assert!(visible.contains(&scene, beyond) && !visible.contains(&scene, near));
+    assert!(
+        visible.contains(&scene, beyond) && !visible.contains(&scene, near),
+        "the object beyond the mirror's plane, and not the one before it"
+    );
 }
 
 #[test]
@@ -115,18 +121,24 @@ fn bad_clip_planes_are_refused_by_number() {
     let good = Plane::new(DVec3::X, 1.0);
     assert_eq!(
         view.with_clip_planes(&[good; MAX_CLIP_PLANES + 1]),
-        Err(ViewError::TooManyClipPlanes { count: MAX_CLIP_PLANES + 1 })
+        Err(ViewError::TooManyClipPlanes { count: MAX_CLIP_PLANES + 1 }),
+        "one plane too many"
     );
     assert_eq!(
         view.with_clip_planes(&[good; MAX_CLIP_PLANES]).unwrap().planes(DVec3::ZERO).as_slice().len(),
-        16
+        16,
+        "6 planes of the view and 10 for clipping"
     );
     for bad in [
         Plane::new(DVec3::ZERO, 1.0),
         Plane::new(DVec3::new(0.0, f64::NAN, 0.0), 1.0),
         Plane::new(DVec3::X, f64::NEG_INFINITY),
     ] {
-        assert_eq!(view.with_clip_planes(&[good, bad, good]), Err(ViewError::ClipPlane { index: 1 }));
+        assert_eq!(
+            view.with_clip_planes(&[good, bad, good]),
+            Err(ViewError::ClipPlane { index: 1 }),
+            "the index of the bad plane, {bad:?}"
+        );
     }
 }
 
@@ -173,7 +185,8 @@ fn cube_faces_see_all_around_without_a_gap() {
     }
     assert!(several > 10_000, "too easy: {several}");
     assert!(
-        View::cube_faces(DVec3::NAN, 0.1, 1.0).is_err() && View::cube_faces(DVec3::ZERO, 0.0, 1.0).is_err()
+        View::cube_faces(DVec3::NAN, 0.1, 1.0).is_err() && View::cube_faces(DVec3::ZERO, 0.0, 1.0).is_err(),
+        "an eye that is NaN, and near of 0, are refused"
     );
 }
 
@@ -199,7 +212,7 @@ fn cube_faces_are_oriented_as_gpus_sample_them() {
         // Rows of the picture count from the top, where clip-space y is w.
         let (s, t) = (sc / r[axis].abs(), tc / r[axis].abs());
         assert!((clip.x / clip.w - s).abs() < 1e-12 && (clip.y / clip.w + t).abs() < 1e-12, "{r} on {face}");
-        assert!(clip.w > 0.0);
+        assert!(clip.w > 0.0, "{r} is behind face {face}");
     }
 }
 
@@ -227,21 +240,29 @@ fn a_union_holds_what_either_set_holds() {
         strict += usize::from(expected.len() > a.count(&scene).max(b.count(&scene)));
         for (mut both, other) in [(a.clone(), &b), (b.clone(), &a)] {
             both.union(&scene, other);
-            assert_eq!(ids(&scene, &both), expected);
+            assert_eq!(ids(&scene, &both), expected, "the union, whichever set comes first");
         }
         let mut both = VisibleSet::new().with_changes();
         both.clear(&scene);
-        assert_eq!(both.count(&scene), 0);
+        assert_eq!(both.count(&scene), 0, "objects of a cleared set");
         both.union(&scene, &a);
-        assert_eq!(ids(&scene, &both), ids(&scene, &a));
+        assert_eq!(ids(&scene, &both), ids(&scene, &a), "an empty set with another");
         both.union(&scene, &b);
         both.finish(&scene);
-        assert_eq!(both.newly_visible().collect::<BTreeSet<_>>(), expected);
+        assert_eq!(
+            both.newly_visible().collect::<BTreeSet<_>>(),
+            expected,
+            "objects that appear are those of the union"
+        );
         // Cullers can continue from a union.
         let view = random_view(&mut rng).with_layers(u32::MAX);
         FrustumCuller::new().cull(&scene, &view, &mut both);
         let in_view = ids(&scene, &cull(&scene, &view));
-        assert_eq!(ids(&scene, &both), expected.intersection(&in_view).copied().collect());
+        assert_eq!(
+            ids(&scene, &both),
+            expected.intersection(&in_view).copied().collect(),
+            "objects of the union that are in view"
+        );
     }
     assert!(strict > 100, "too easy: {strict}");
 }
@@ -256,22 +277,25 @@ fn a_union_with_an_unfinished_set_of_another_layout_holds_everything_on_the_laye
     old.fill(&scene, &faces[0].with_layers(1));
     FrustumCuller::new().cull(&scene, &faces[0], &mut old);
     let finished = cull(&scene, &faces[0].with_layers(1));
-    assert_eq!((old.count(&scene), finished.count(&scene)), (0, 0));
+    assert_eq!((old.count(&scene), finished.count(&scene)), (0, 0), "objects visible in the first two sets");
     let others = [2, 4].map(|layers| scene.insert(at(3.0, layers)));
     let new = cull(&scene, &faces[0].with_layers(2));
-    assert_eq!(new.count(&scene), 0);
+    assert_eq!(new.count(&scene), 0, "objects visible in the third set");
     for (mut both, other) in [(old.clone(), &new), (new.clone(), &old)] {
         both.union(&scene, other);
-        assert!(both.contains(&scene, first) && !both.contains(&scene, others[1]));
+        assert!(
+            both.contains(&scene, first) && !both.contains(&scene, others[1]),
+            "the first object is kept, the one on other layers is not"
+        );
     }
     // A finished set stays what it was.
     let mut both = finished.clone();
     both.union(&scene, &new);
-    assert_eq!(both.count(&scene), 0);
+    assert_eq!(both.count(&scene), 0, "objects of a finished set with an empty one");
     // A set that was never filled holds everything, so its union with another set does too.
     let mut both = VisibleSet::new();
     both.union(&scene, &new);
-    assert_eq!(both.count(&scene), 3);
+    assert_eq!(both.count(&scene), 3, "a set that was never filled holds all objects");
 }
 
 /// Tests that eight cullers on threads find the same sets as one after another, each with layers of its own.
@@ -317,7 +341,10 @@ fn eight_cullers_on_threads_find_what_they_find_alone() {
             .collect();
         threads.into_iter().map(|thread| thread.join().unwrap()).collect()
     });
-    assert!(together == alone);
-    assert!(alone.iter().all(|seen| seen.iter().any(|(_, visible, _)| !visible.is_empty())));
+    assert!(together == alone, "a thread finds something else than it does alone");
+    assert!(
+        alone.iter().all(|seen| seen.iter().any(|(_, visible, _)| !visible.is_empty())),
+        "a walk on which nothing is visible"
+    );
     assert!((1..8).all(|thread| alone[thread] != alone[0]), "the views differ");
 }

@@ -40,24 +40,47 @@ fn a_mesh_whose_transform_was_forgotten_hides_nothing() {
     let mesh = scene.add_mesh(OccluderMesh::cuboid(&LOCAL).unwrap());
     scene.set_mesh(ids[0], mesh, Affine3A::IDENTITY).unwrap();
     let lack = "occluders with a mesh outside their bounds: 1".to_string();
-    assert_eq!(shown(&scene, ids), ([true; 2], vec![lack]));
-    assert_eq!(scene.clone().occluders_outside_bounds(), 1);
-    assert!(scene.has_mesh(ids[0]) && scene.occluder(ids[0]).is_none());
+    assert_eq!(
+        shown(&scene, ids),
+        ([true; 2], vec![lack]),
+        "both objects are visible, and the mesh is reported"
+    );
+    assert_eq!(scene.clone().occluders_outside_bounds(), 1, "occluders outside their bounds in a clone");
+    assert!(
+        scene.has_mesh(ids[0]) && scene.occluder(ids[0]).is_none(),
+        "the mesh is kept but does not count"
+    );
     scene.set_occluder(ids[0], false).unwrap();
-    assert_eq!(scene.occluders_outside_bounds(), 0);
+    assert_eq!(
+        scene.occluders_outside_bounds(),
+        0,
+        "an object without the flag of an occluder is not counted"
+    );
     scene.set_occluder(ids[0], true).unwrap();
-    assert_eq!((scene.occluders_outside_bounds(), scene.occluders_without_mesh()), (1, 0));
+    assert_eq!(
+        (scene.occluders_outside_bounds(), scene.occluders_without_mesh()),
+        (1, 0),
+        "meshes outside, and missing, with the flag again"
+    );
     scene.set_mesh(ids[0], mesh, Affine3A::from_translation(HOUSE.min)).unwrap();
-    assert_eq!(shown(&scene, ids), ([true; 2], vec![]));
+    assert_eq!(shown(&scene, ids), ([true; 2], vec![]), "a mesh in its place is not reported");
     // One object would not be worth the occluder.
     let behind = scene.insert_batch([Aabb::from_arrays([60.0, 3.0, 4.0], [61.0, 5.0, 6.0]); 200]);
     assert_eq!(shown(&scene, [ids[0], behind[0]]).0, [true, false], "the house hides what is behind it");
     scene.set_mesh(ids[0], mesh, Affine3A::IDENTITY).unwrap();
     scene.set_bounds(ids[0], CAR).unwrap();
-    assert_eq!((scene.occluders_outside_bounds(), scene.occluders_without_mesh()), (0, 1));
+    assert_eq!(
+        (scene.occluders_outside_bounds(), scene.occluders_without_mesh()),
+        (0, 1),
+        "other bounds take the mesh away"
+    );
     scene.set_mesh(ids[0], mesh, Affine3A::IDENTITY).unwrap();
     scene.remove(ids[0]).unwrap();
-    assert_eq!((scene.occluders_outside_bounds(), scene.occluders_without_mesh()), (0, 0));
+    assert_eq!(
+        (scene.occluders_outside_bounds(), scene.occluders_without_mesh()),
+        (0, 0),
+        "counts after the object is removed"
+    );
 }
 
 /// Local bounds and mesh are compared in local coordinates, where no transform can part them, in whichever
@@ -72,19 +95,27 @@ fn a_mesh_outside_local_bounds_hides_nothing_until_they_hold_it() {
     scene.set_local_bounds(house, LOCAL).unwrap();
     assert!(scene.occluder(house).is_some(), "the bounds follow from the mesh's own box");
     scene.set_transforms_batch(&[(house, Affine3A::IDENTITY)]).unwrap();
-    assert!(scene.occluder(house).is_some());
+    assert!(scene.occluder(house).is_some(), "a transform of mesh and bounds keeps the occluder");
     // Another shape takes the mesh away; a mesh that is too large for it does not count.
     scene.set_local_bounds(house, Aabb::new(LOCAL.min, LOCAL.max - 1.0)).unwrap();
-    assert_eq!((scene.occluders_outside_bounds(), scene.occluders_without_mesh()), (0, 1));
+    assert_eq!(
+        (scene.occluders_outside_bounds(), scene.occluders_without_mesh()),
+        (0, 1),
+        "other local bounds take the mesh away"
+    );
     scene.set_mesh(house, mesh, far).unwrap();
-    assert_eq!((scene.occluders_outside_bounds(), scene.occluders_without_mesh()), (1, 0));
+    assert_eq!(
+        (scene.occluders_outside_bounds(), scene.occluders_without_mesh()),
+        (1, 0),
+        "a mesh larger than the local bounds"
+    );
     scene.set_local_bounds(house, Aabb::new(Vec3::NAN, Vec3::NAN)).unwrap();
     scene.set_mesh(house, mesh, far).unwrap();
     assert!(scene.occluder(house).is_none(), "a box that bounds nothing holds no mesh");
     let everywhere = Aabb::new(Vec3::NEG_INFINITY, Vec3::INFINITY);
     let sky = scene.insert(Object { occluder: true, ..Object::new(everywhere) });
     scene.set_mesh(sky, mesh, far).unwrap();
-    assert!(scene.occluder(sky).is_some());
+    assert!(scene.occluder(sky).is_some(), "infinite bounds hold any mesh");
 }
 
 /// Triangles that a transform was forgotten for are refused, before anything is made from them.
@@ -94,12 +125,19 @@ fn triangles_outside_the_bounds_are_refused() {
     let corners = LOCAL.corners();
     let triangles = |by: Vec3| OccluderMesh::CUBOID.map(|t| t.map(|i| corners[i as usize] + by));
     scene.set_triangles(ids[0], triangles(HOUSE.min)).unwrap();
-    assert_eq!(scene.prepare_occluders(&Preparation::default()), 1);
-    assert!(scene.occluder(ids[0]).is_some() && scene.occluders_outside_bounds() == 0);
+    assert_eq!(scene.prepare_occluders(&Preparation::default()), 1, "occluders prepared");
+    assert!(
+        scene.occluder(ids[0]).is_some() && scene.occluders_outside_bounds() == 0,
+        "the prepared mesh is within the bounds"
+    );
     let error = scene.set_triangles(ids[0], triangles(Vec3::ZERO)).unwrap_err();
-    assert_eq!(error, SceneError::Triangles(ids[0]));
+    assert_eq!(error, SceneError::Triangles(ids[0]), "triangles outside the bounds");
     assert!(scene.occluder(ids[0]).is_some(), "a failed call changes nothing");
-    assert_eq!(scene.triangles(ids[0]).unwrap(), triangles(HOUSE.min)[..].into());
+    assert_eq!(
+        scene.triangles(ids[0]).unwrap(),
+        triangles(HOUSE.min)[..].into(),
+        "the triangles that were set before"
+    );
     // Rounding on each side, of the box and of the corners, is no fault; 16 times as much is.
     for axis in Vec3::AXES {
         for (sign, side) in [(-1.0f32, HOUSE.min), (1.0, HOUSE.max)] {
@@ -115,9 +153,17 @@ fn triangles_outside_the_bounds_are_refused() {
     scene.set_triangles(ids[0], [[Vec3::NAN; 3]]).unwrap();
     let unknown = scene.insert(Aabb::new(Vec3::NAN, Vec3::NAN));
     scene.set_triangles(unknown, triangles(Vec3::ZERO)).unwrap();
-    assert_eq!(scene.prepare_occluders(&Preparation::default()), 0);
+    assert_eq!(
+        scene.prepare_occluders(&Preparation::default()),
+        0,
+        "occluders prepared of an object without the flag"
+    );
     scene.set_occluder(unknown, true).unwrap();
-    assert_eq!(scene.prepare_occluders(&Preparation::default()), 1);
+    assert_eq!(
+        scene.prepare_occluders(&Preparation::default()),
+        1,
+        "occluders prepared of an object with bounds of NaN"
+    );
     assert!(scene.occluder(unknown).is_none(), "a box that bounds nothing holds no mesh");
 }
 

@@ -42,7 +42,7 @@ fn load(scene: &mut Scene, number: u32) -> Sector {
         OccluderMesh::CUBOID.iter().map(|of| of.map(|corner| corners[corner as usize])).collect();
     scene.set_triangles(objects[7], triangles).unwrap();
     scene.prepare_occluders(&Preparation::default());
-    assert!(objects.iter().all(|&id| scene.occluder(id).is_some()));
+    assert!(objects.iter().all(|&id| scene.occluder(id).is_some()), "a wall of sector {number} has no mesh");
     Sector { objects, meshes }
 }
 
@@ -69,7 +69,7 @@ fn unload(scene: &mut Scene, sector: &Sector, order: u32) {
         }
     }
     for &mesh in &sector.meshes {
-        assert_eq!(scene.remove_mesh(mesh), Err(SceneError::UnknownMesh(mesh)));
+        assert_eq!(scene.remove_mesh(mesh), Err(SceneError::UnknownMesh(mesh)), "a mesh removed twice");
     }
 }
 
@@ -102,7 +102,11 @@ fn stream(steps: u32) {
         }
         let of_sector = &sectors[sectors.len() - 1].meshes;
         assert!(of_sector.iter().all(|mesh| (mesh.to_bits() as u32) < 9 * 5), "step {step}");
-        assert!(scene.index_limit() <= 9 * 8);
+        assert!(
+            scene.index_limit() <= 9 * 8,
+            "step {step}: index limit {}, at most 9 sectors of 8 objects",
+            scene.index_limit()
+        );
     }
     assert!(seen > u64::from(steps), "{seen}");
 }
@@ -141,7 +145,7 @@ fn an_id_names_its_own_mesh_or_none() {
                     let size = 1.0 + step as f32 / 64.0;
                     let cube = Aabb::from_arrays([1.0; 3], [1.0 + size; 3]);
                     let id = scene.add_mesh(OccluderMesh::cuboid(&cube).unwrap());
-                    assert_eq!(MeshId::from_bits(id.to_bits()), id);
+                    assert_eq!(MeshId::from_bits(id.to_bits()), id, "an id from its bits");
                     reused += usize::from(ids.iter().any(|old| old.to_bits() as u32 == id.to_bits() as u32));
                     assert!(meshes.insert(id, (size, true)).is_none(), "an id of another mesh");
                     ids.push(id);
@@ -150,16 +154,16 @@ fn an_id_names_its_own_mesh_or_none() {
                     let mesh = random.pick(&ids);
                     let set = scene.set_mesh(objects[at].0, mesh, Affine3A::IDENTITY);
                     if meshes[&mesh].1 {
-                        assert_eq!(set, Ok(()));
+                        assert_eq!(set, Ok(()), "{mesh:?} is in the scene");
                         objects[at].1 = Some(mesh);
                     } else {
-                        assert_eq!(set, Err(SceneError::UnknownMesh(mesh)));
+                        assert_eq!(set, Err(SceneError::UnknownMesh(mesh)), "{mesh:?} was removed");
                     }
                 }
                 5 if !ids.is_empty() => {
                     let mesh = random.pick(&ids);
                     let is_known = &mut meshes.get_mut(&mesh).unwrap().1;
-                    assert_eq!(scene.remove_mesh(mesh).is_ok(), *is_known);
+                    assert_eq!(scene.remove_mesh(mesh).is_ok(), *is_known, "{mesh:?} can be removed once");
                     *is_known = false;
                 }
                 6 if at < objects.len() => {
@@ -176,24 +180,31 @@ fn an_id_names_its_own_mesh_or_none() {
                 7 if random.one_in(8) => {
                     // The copy has the same ids, and those of the original stay valid nowhere else.
                     let (copy, mut other) = (scene.clone(), Scene::new());
-                    assert!(ids.iter().all(|&id| other.remove_mesh(id).is_err()));
+                    assert!(
+                        ids.iter().all(|&id| other.remove_mesh(id).is_err()),
+                        "a mesh is removed by an id of another scene"
+                    );
                     scene = copy;
                 }
                 _ => {}
             }
             for &(id, mesh) in &objects {
                 let size = scene.occluder(id).map(|(mesh, _)| mesh.bounds().max.x - 1.0);
-                assert_eq!(size, mesh.map(|mesh| meshes[&mesh].0));
+                assert_eq!(
+                    size,
+                    mesh.map(|mesh| meshes[&mesh].0),
+                    "step {step}: the size of the mesh of {id}"
+                );
             }
             let users = |id: MeshId| objects.iter().filter(|(_, mesh)| *mesh == Some(id)).count();
             let mut count = 0;
             for (&id, &(_, is_known)) in &meshes {
                 let expected = if is_known { Ok(users(id)) } else { Err(SceneError::UnknownMesh(id)) };
-                assert_eq!(scene.mesh_users(id), expected);
+                assert_eq!(scene.mesh_users(id), expected, "step {step}: objects with {id:?}");
                 count += usize::from(is_known || users(id) > 0);
                 kept += usize::from(!is_known && users(id) > 0);
             }
-            assert_eq!(scene.mesh_count(), count);
+            assert_eq!(scene.mesh_count(), count, "step {step}: meshes that are known or in use");
         }
     }
     assert!(reused > 100 && kept > 100, "too easy: {reused}, {kept}");

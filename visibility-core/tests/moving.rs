@@ -110,7 +110,11 @@ fn check(motion: Motion, frames: usize) {
     for frame in 1..=frames {
         scene.set_bounds_batch(&world.step()).unwrap();
         let done = scene.maintain(BUDGET);
-        assert!(done.budget_used <= BUDGET);
+        assert!(
+            done.budget_used <= BUDGET,
+            "{motion:?}, frame {frame}: {} blocks, the budget is {BUDGET}",
+            done.budget_used
+        );
         if frame % 50 == 0 {
             let mut rebuilt = scene.clone();
             rebuilt.rebuild();
@@ -159,7 +163,7 @@ fn maintaining_comes_to_an_end() {
         calls += 1;
         assert!(calls < 200, "there is an end");
     }
-    assert_eq!(scene.maintain(usize::MAX).budget_used, 0);
+    assert_eq!(scene.maintain(usize::MAX).budget_used, 0, "blocks of work when all is done");
     let tidy = cost(&scene);
     assert!(tidy[0] < 0.8 * loose[0] && tidy[2] == loose[2], "{tidy:?} instead of {loose:?}");
 }
@@ -209,7 +213,11 @@ fn batches_of_moves_count_in_their_order() {
         }
         for (&id, b) in world.ids.iter().zip(&world.boxes) {
             let bits = |b: &Aabb| [b.min, b.max].map(|v| v.to_array().map(f32::to_bits));
-            assert_eq!(bits(&scene.bounds(id).unwrap()), bits(b));
+            assert_eq!(
+                bits(&scene.bounds(id).unwrap()),
+                bits(b),
+                "the bounds of {id} after batches of {size}"
+            );
         }
         let mut rebuilt = scene.clone();
         rebuilt.rebuild();

@@ -74,7 +74,12 @@ fn check_frames(teleports: bool, changes: bool, sort: bool, warm: usize) {
             world.frame(&mut pipeline, &mut visible, sort);
         }
         assert_eq!(ALLOCATIONS.get() - before, 0, "{size} objects, after {} frames", world.frames);
-        assert!(world.drawn > 0 && (!changes || world.appeared > 0));
+        assert!(
+            world.drawn > 0 && (!changes || world.appeared > 0),
+            "{size} objects: {} drawn, {} appeared",
+            world.drawn,
+            world.appeared
+        );
     }
 }
 
@@ -112,7 +117,7 @@ fn frames_that_move_everything_allocate_nothing_once_warm() {
         placed.set_transforms_batch(&moves[frame % moves.len()]).unwrap();
         placed.maintain(16);
     }
-    assert_eq!(ALLOCATIONS.get() - before, 0);
+    assert_eq!(ALLOCATIONS.get() - before, 0, "allocations in 100 warm frames");
 }
 
 /// Tests that buffers which grow slowly are allocated once: a scene with few moves per frame allocates
@@ -162,7 +167,7 @@ fn many_views_allocate_nothing_once_warm() {
         world.appeared += both.newly_visible().count();
     }
     assert_eq!(ALLOCATIONS.get() - before, 0, "allocations in 200 warm frames");
-    assert!(world.drawn > 0 && world.appeared > 0);
+    assert!(world.drawn > 0 && world.appeared > 0, "{} drawn, {} appeared", world.drawn, world.appeared);
 }
 
 /// An occlusion map that hides boxes far behind the nearest occluder, and allocates nothing itself.
@@ -222,7 +227,7 @@ fn occlusion_allocates_nothing_once_warm() {
             world.frame(pipeline, &mut visible, false);
         }
     }
-    assert_eq!(ALLOCATIONS.get() - before, 0);
+    assert_eq!(ALLOCATIONS.get() - before, 0, "allocations in 150 warm frames");
 }
 
 /// Tests a culler by a PVS that enters other viewcells, and leaves them all, while objects move.
@@ -246,8 +251,8 @@ fn a_pvs_allocates_nothing_once_warm() {
         }
         world.frame(&mut pipeline, &mut visible, false);
     }
-    assert_eq!(ALLOCATIONS.get() - before, 0);
-    assert!(world.drawn > 0);
+    assert_eq!(ALLOCATIONS.get() - before, 0, "allocations in 300 warm frames");
+    assert!(world.drawn > 0, "no object was drawn");
 }
 
 #[test]
@@ -291,6 +296,6 @@ fn warm_prefetches_allocate_nothing() {
         let eye = DVec3::X * f64::from(frame % 50);
         found += prefetch.search(&sets, eye, DVec3::X * 4.0, 0.2, 5.0).len();
     }
-    assert_eq!(ALLOCATIONS.get() - before, 0);
+    assert_eq!(ALLOCATIONS.get() - before, 0, "allocations in 50 warm searches");
     assert!(found > 1000, "{found}");
 }

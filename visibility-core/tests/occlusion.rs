@@ -65,17 +65,20 @@ fn a_wall_hides_what_is_behind_it_and_nothing_else() {
         let seen = visible(&mut pipeline, &scene, &along_x());
         assert_eq!(seen, [wall, before, beside], "frame {frame}");
     }
-    assert_eq!(pipeline.accuracy(), Accuracy::Conservative);
+    assert_eq!(pipeline.accuracy(), Accuracy::Conservative, "an occlusion culler is conservative");
 }
 
 #[test]
 fn a_door_that_opens_hides_nothing() {
     let Street { mut scene, wall, .. } = street();
     let mut pipeline = pipeline();
-    assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 3);
+    assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 3, "the door is shut at first");
     let before = scene.revision();
     scene.set_occluder(wall, false).unwrap();
-    assert!(matches!(scene.changes_since(before), visibility_core::scene::Changes::Objects([_])));
+    assert!(
+        matches!(scene.changes_since(before), visibility_core::scene::Changes::Objects([_])),
+        "one object has changed"
+    );
     assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 503, "open");
     scene.set_occluder(wall, true).unwrap();
     assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 3, "shut");
@@ -84,12 +87,22 @@ fn a_door_that_opens_hides_nothing() {
 #[test]
 fn meshes_hide_only_while_their_object_is_flagged() {
     let Street { mut scene, wall, before, .. } = street();
-    assert!(scene.occluder(wall).is_some() && scene.occluder(before).is_none());
+    assert!(
+        scene.occluder(wall).is_some() && scene.occluder(before).is_none(),
+        "the wall has a mesh, the thing before it none"
+    );
     scene.set_occluder(wall, false).unwrap();
-    assert!(scene.occluder(wall).is_none() && scene.has_mesh(wall));
+    assert!(
+        scene.occluder(wall).is_none() && scene.has_mesh(wall),
+        "without its flag the wall is no occluder, but keeps its mesh"
+    );
     let foreign =
         street().scene.add_mesh(OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [1.0; 3])).unwrap());
-    assert_eq!(scene.set_mesh(before, foreign, Affine3A::IDENTITY), Err(SceneError::UnknownMesh(foreign)));
+    assert_eq!(
+        scene.set_mesh(before, foreign, Affine3A::IDENTITY),
+        Err(SceneError::UnknownMesh(foreign)),
+        "a mesh of another scene"
+    );
 }
 
 #[test]
@@ -103,10 +116,18 @@ fn occluders_are_made_of_what_is_worth_it() {
         prepare(triangles, &preparation).map_or(0, |mesh| mesh.triangles().len())
     };
     let all = [good, sliver, broken, small];
-    assert_eq!(count(&all, Preparation::default()), 2);
-    assert_eq!(count(&all, Preparation { sliver: 0.0, ..Preparation::default() }), 3);
-    assert_eq!(count(&all, Preparation { min_area: 0.5, ..Preparation::default() }), 1);
-    assert_eq!(count(&[broken], Preparation::default()), 0);
+    assert_eq!(count(&all, Preparation::default()), 2, "the sliver and the NaN are left out");
+    assert_eq!(
+        count(&all, Preparation { sliver: 0.0, ..Preparation::default() }),
+        3,
+        "slivers are kept, the NaN is left out"
+    );
+    assert_eq!(
+        count(&all, Preparation { min_area: 0.5, ..Preparation::default() }),
+        1,
+        "triangles of at least half a square metre"
+    );
+    assert_eq!(count(&[broken], Preparation::default()), 0, "no triangle is left");
 
     let mut scene = Scene::new();
     let bounds = Aabb::from_arrays([-1.0; 3], [2.0; 3]);
@@ -115,8 +136,12 @@ fn occluders_are_made_of_what_is_worth_it() {
     for id in [opaque, glass] {
         scene.set_triangles(id, [good]).unwrap();
     }
-    assert_eq!(scene.prepare_occluders(&Preparation::default()), 1);
-    assert!(scene.has_mesh(opaque) && !scene.has_mesh(glass));
+    assert_eq!(
+        scene.prepare_occluders(&Preparation::default()),
+        1,
+        "occluders prepared: the opaque object's"
+    );
+    assert!(scene.has_mesh(opaque) && !scene.has_mesh(glass), "the opaque object has a mesh, glass has none");
     assert_eq!(scene.prepare_occluders(&Preparation::default()), 0, "each once");
 }
 
@@ -131,7 +156,7 @@ fn an_occluder_moves_with_its_transform() {
     let old = scene.bounds(wall).unwrap();
     scene.set_bounds(wall, Aabb::new(old.min + away, old.max + away)).unwrap();
     // The wall itself is out of view.
-    assert_eq!(visible(&mut pipeline(), &scene, &along_x()).len(), 502);
+    assert_eq!(visible(&mut pipeline(), &scene, &along_x()).len(), 502, "the wall moved aside hides nothing");
 }
 
 #[test]
@@ -154,7 +179,10 @@ fn objects_that_a_hierarchy_does_not_list_are_visible() {
     let late = scene.insert(Aabb::from_arrays([14.0, -0.1, -0.1], [14.2, 0.1, 0.1]));
     let culler = OcclusionCuller::over(PlainMap::new(96, 60), octree);
     let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
-    assert!(visible(&mut pipeline, &scene, &along_x()).contains(&late));
+    assert!(
+        visible(&mut pipeline, &scene, &along_x()).contains(&late),
+        "the object added after the octree was built"
+    );
 }
 
 #[test]
@@ -170,7 +198,7 @@ fn a_hidden_node_is_not_looked_into() {
     let mut pipeline = pipeline();
     let mut set = VisibleSet::new();
     pipeline.cull(&scene, &along_x(), &mut set);
-    assert_eq!(set.count(&scene), 3);
+    assert_eq!(set.count(&scene), 3, "objects in view, of 20,503");
     let (_, stats) = pipeline.stages().nth(1).unwrap();
     assert!(stats.tests < 2_000, "{stats:?}: 20,500 boxes are hidden by a few nodes");
 }
@@ -180,8 +208,8 @@ fn at_a_price_of_nothing_nothing_is_drawn() {
     let Street { scene, .. } = street();
     let culler = OcclusionCuller::new(PlainMap::new(96, 60)).with_price(0);
     let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
-    assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 503);
-    assert_eq!(pipeline.stages().nth(1).unwrap().1.occluders, 0);
+    assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 503, "nothing is hidden");
+    assert_eq!(pipeline.stages().nth(1).unwrap().1.occluders, 0, "occluders drawn");
 }
 
 /// A wall of 12 triangles that covers a fiftieth of the view, before three boxes. At a price of 1 it is too
@@ -208,7 +236,7 @@ fn a_box_around_the_eye_or_through_the_near_plane_is_visible() {
     let around = scene.insert(Aabb::from_arrays([-5.0; 3], [50.0, 1.0, 1.0]));
     let nan = scene.insert(Aabb::from_arrays([f32::NAN; 3], [1.0; 3]));
     let seen = visible(&mut pipeline(), &scene, &along_x());
-    assert!(seen.contains(&around) && seen.contains(&nan));
+    assert!(seen.contains(&around) && seen.contains(&nan), "the box around the eye and the NaN are visible");
 }
 
 #[test]
@@ -310,7 +338,10 @@ fn late_answers_count_as_visible_until_they_are_there() {
         let frames = by_queries(latency, LateAnswers::Visible, &[DVec3::ZERO; 24]);
         assert_eq!(frames[0], (503, false), "nothing is answered yet");
         assert_eq!(frames[23], (3, false), "a still camera culls all in the end, latency {latency}");
-        assert!(frames.windows(2).all(|pair| pair[0].0 >= pair[1].0));
+        assert!(
+            frames.windows(2).all(|pair| pair[0].0 >= pair[1].0),
+            "latency {latency}: objects visible by frame, never more than before: {frames:?}"
+        );
     }
 }
 
@@ -327,11 +358,11 @@ fn answers_about_other_occluders_do_not_count() {
         visible.count(scene)
     };
     let still = (0..20).map(|_| frame(&scene)).last();
-    assert_eq!(still, Some(3));
+    assert_eq!(still, Some(3), "objects visible after 20 still frames");
     // The wall stops being an occluder between two frames; all known and pending answers are about the
     // old state.
     scene.set_occluder(wall, false).unwrap();
-    assert!((0..20).all(|_| frame(&scene) == 503));
+    assert!((0..20).all(|_| frame(&scene) == 503), "the wall's old answers hide objects");
 }
 
 /// Tests a change of scene where the engine draws its occluders itself, so that the occluders given to the
@@ -350,7 +381,7 @@ fn answers_about_another_scene_do_not_count() {
         culler.cull(scene, &along_x(), &mut visible);
         visible.count(scene)
     };
-    assert_eq!((0..20).map(|_| frame(&scene)).last(), Some(3));
+    assert_eq!((0..20).map(|_| frame(&scene)).last(), Some(3), "objects visible after 20 still frames");
     let copy = scene.clone();
     assert_eq!(frame(&copy), 503, "no answer is about the other scene");
 }
@@ -366,15 +397,23 @@ fn a_prepared_mesh_does_not_outlive_its_triangles() {
     });
     let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
     scene.set_mesh(given, mesh, Affine3A::IDENTITY).unwrap();
-    assert_eq!(scene.prepare_occluders(&Preparation::default()), 1);
-    assert!(scene.occluder(own).is_some());
+    assert_eq!(
+        scene.prepare_occluders(&Preparation::default()),
+        1,
+        "occluders prepared: the given mesh is kept"
+    );
+    assert!(scene.occluder(own).is_some(), "the object with triangles alone got a mesh");
     for id in [own, given] {
         scene.set_triangles(id, triangle(0.5)).unwrap();
     }
     assert!(scene.occluder(own).is_none(), "the mesh was made of other triangles");
     assert!(scene.occluder(given).is_some(), "the caller's own");
-    assert_eq!(scene.prepare_occluders(&Preparation::default()), 1);
-    assert_eq!(scene.occluder(own).unwrap().0.bounds().min.x, 0.5);
+    assert_eq!(
+        scene.prepare_occluders(&Preparation::default()),
+        1,
+        "occluders prepared after the triangles changed"
+    );
+    assert_eq!(scene.occluder(own).unwrap().0.bounds().min.x, 0.5, "the mesh is of the new triangles");
 }
 
 #[test]
@@ -395,7 +434,7 @@ fn a_device_that_loses_queries_is_asked_again() {
     for _ in 0..200 {
         map.begin(&along_x(), DVec3::ZERO);
         map.flush();
-        assert_eq!(map.test_mut(&far), Occlusion::Visible);
+        assert_eq!(map.test_mut(&far), Occlusion::Visible, "a query without an answer");
         assert_eq!(map.test_mut(&at_the_eye), Occlusion::Partial, "never asked about");
     }
     let asked = &map.device_mut().asked;
@@ -423,7 +462,7 @@ fn an_orthographic_eye_sees_past_no_wall() {
     let Street { scene, wall, before, beside } = street();
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     let view = View::orthographic(pose, Window::centered(8.0, 5.0), 0.0, 100.0).unwrap();
-    assert_eq!(visible(&mut pipeline(), &scene, &view), [wall, before, beside]);
+    assert_eq!(visible(&mut pipeline(), &scene, &view), [wall, before, beside], "objects seen past the wall");
 }
 
 #[test]
@@ -446,7 +485,8 @@ fn a_door_that_swings_or_is_mirrored_hides_where_it_is() {
     }
     assert_eq!(
         scene.set_mesh(wall, mesh, Affine3A::from_translation(Vec3::NAN)),
-        Err(SceneError::Transform(wall))
+        Err(SceneError::Transform(wall)),
+        "a transform that is NaN"
     );
 }
 
@@ -457,10 +497,13 @@ fn an_object_with_the_index_of_one_that_is_gone_is_not_taken_for_it() {
     let gone = scene.ids().nth(100).unwrap();
     scene.remove(gone).unwrap();
     let other = scene.insert(Aabb::from_arrays([5.0, 1.0, 1.0], [5.2, 1.2, 1.2]));
-    assert_eq!(other.index(), gone.index());
+    assert_eq!(other.index(), gone.index(), "the new object takes the index of the old");
     let culler = OcclusionCuller::over(PlainMap::new(96, 60), Stale(octree, gone));
     let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
-    assert!(visible(&mut pipeline, &scene, &along_x()).contains(&other));
+    assert!(
+        visible(&mut pipeline, &scene, &along_x()).contains(&other),
+        "the new object is not listed by the octree, so visible"
+    );
 }
 
 /// An octree that still lists a removed object, behind the wall.
@@ -487,14 +530,14 @@ fn eight_cullers_on_threads_answer_as_one_after_another() {
         let running: Vec<_> = views.iter().map(|view| scope.spawn(|| alone(view))).collect();
         running.into_iter().map(|thread| thread.join().unwrap()).collect()
     });
-    assert_eq!(together, expected);
+    assert_eq!(together, expected, "objects visible by thread, and alone");
 }
 
 #[test]
 fn a_moving_camera_loses_nothing_unless_old_answers_are_trusted() {
     let eyes: Vec<DVec3> = (0..40).map(|i| DVec3::new(0.0, f64::from(i) * 0.4, 0.0)).collect();
     let safe = by_queries(2, LateAnswers::Visible, &eyes);
-    assert!(safe.iter().all(|(_, lost)| !lost));
+    assert!(safe.iter().all(|(_, lost)| !lost), "frames in which a visible thing is lost: {safe:?}");
     let trusting = by_queries(2, LateAnswers::Trusted { frames: 4 }, &eyes);
     assert!(trusting.iter().any(|(_, lost)| *lost), "what comes into view pops in late");
     let sum = |frames: &[(usize, bool)]| frames.iter().map(|(count, _)| count).sum::<usize>();
@@ -593,9 +636,9 @@ fn the_cost_of_a_frame_follows_what_is_seen() {
         assert!(in_view > least_in_view, "{side}: {in_view} in view are no test");
         assert!(stats.visible < 100, "{side}: {stats:?}");
         assert!(map.costs.get() < 150, "{side}: {} occluders were looked at", map.costs.get());
-        assert_eq!(stats.occluders, map.added);
+        assert_eq!(stats.occluders, map.added, "{side}: occluders counted and drawn");
         assert!(map.added < 100, "{side}: {} occluders were drawn", map.added);
-        assert_eq!(stats.tests, map.tests.get());
+        assert_eq!(stats.tests, map.tests.get(), "{side}: tests counted and made");
         small_tests = if small_tests == 0 { stats.tests } else { small_tests };
         assert!(stats.tests < 4 * small_tests, "{side}: {stats:?}, {small_tests} tests in the small city");
     }
@@ -647,7 +690,7 @@ fn fine_wall() -> OccluderMesh {
 /// triangles.
 fn behind_one_mesh(count: usize) -> (Scene, usize) {
     let (mut scene, mesh) = (Scene::new(), fine_wall());
-    assert!(mesh.is_closed());
+    assert!(mesh.is_closed(), "the fine wall is closed");
     let triangles = mesh.triangles().len();
     let wall = scene.insert(Object { occluder: true, ..Object::new(*mesh.bounds()) });
     let mesh = scene.add_mesh(mesh);
@@ -761,7 +804,7 @@ fn the_thousandth_occluder_takes_more_of_the_limit_than_the_first() {
         culler.map().added
     };
     // Tests of boxes take some as well.
-    assert_eq!(drawn(u32::MAX), 4000);
+    assert_eq!(drawn(u32::MAX), 4000, "occluders drawn without a limit");
     assert!((700..=900).contains(&drawn(6 * 900)), "{}", drawn(6 * 900));
     let all = drawn(6 * 1024 + 22 * 1000);
     assert!((1950..=2024).contains(&all), "{all}");
@@ -811,7 +854,11 @@ fn occluders_behind_what_the_map_holds_already_are_not_looked_at() {
     let stats = culler.cull(&scene, &view, &mut set);
     assert_eq!((stats.visible, stats.occluders), (0, 0), "{stats:?}");
     let map = &culler.map().0;
-    assert_eq!((map.costs.get(), map.added), (0, 0));
+    assert_eq!(
+        (map.costs.get(), map.added),
+        (0, 0),
+        "occluders looked at and drawn behind the map's own wall"
+    );
     assert!(stats.tests < 200, "{stats:?}");
 }
 
@@ -855,7 +902,7 @@ fn frames_that_do_not_pay_are_left_out_for_a_while() {
     assert!(works(&mut kept, &bird).0, "the crowd below the bird is left out");
 
     (0..12).for_each(|_| drop(works(&mut kept, &bird)));
-    assert!(!works(&mut kept, &bird).0);
+    assert!(!works(&mut kept, &bird).0, "the bird's frame does not pay, but is worked on");
     kept.reset();
     visible(&mut kept, &scene, &bird);
     assert!(kept.stages().last().unwrap().1.tests > 0, "not forgotten");

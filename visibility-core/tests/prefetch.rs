@@ -81,7 +81,7 @@ fn objects_are_listed_when_steps_along_the_path_first_see_them() {
         let (reach, seconds) = ([0.0, 0.3][round % 2], 2.5);
         let found = prefetch.search(&sets, eye, velocity, reach, seconds).to_vec();
         let covered = prefetch.covered_seconds();
-        assert!(found.is_sorted_by_key(|arrival| arrival.seconds));
+        assert!(found.is_sorted_by_key(|arrival| arrival.seconds), "arrivals are sorted by time");
         listed += found.len();
         let step = seconds / f64::from(STEPS);
         let times: Vec<f64> = (0..=STEPS).map(|i| f64::from(i) * step).collect();
@@ -112,8 +112,11 @@ fn objects_are_listed_when_steps_along_the_path_first_see_them() {
         let leaves = times.iter().copied().find(|time| !is_inside(time));
         match leaves {
             // A gap that the path grazes may lie between two steps.
-            None => assert!(covered > 0.0),
-            Some(leaves) => assert!(covered <= leaves && (leaves == 0.0 || covered > 0.0)),
+            None => assert!(covered > 0.0, "round {round}: the path stays inside, but no second is covered"),
+            Some(leaves) => assert!(
+                covered <= leaves && (leaves == 0.0 || covered > 0.0),
+                "round {round}: the path leaves at {leaves} s, but {covered} s are covered"
+            ),
         }
         if let Some(last) = times.iter().copied().take_while(is_inside).last().filter(|&last| covered < last)
         {
@@ -131,15 +134,24 @@ fn numbers_that_make_no_sense_find_nothing() {
     let (_, sets, _) = random_sets(&mut Random(3));
     let mut prefetch = Prefetch::new();
     let (eye, velocity) = (DVec3::splat(6.0), DVec3::X);
-    assert!(!prefetch.search(&sets, eye, velocity, 0.1, 3.0).is_empty());
+    assert!(
+        !prefetch.search(&sets, eye, velocity, 0.1, 3.0).is_empty(),
+        "numbers that make sense find something"
+    );
     for wrong in [f64::NAN, f64::INFINITY, -1.0] {
-        assert!(prefetch.search(&sets, eye, velocity, wrong, 3.0).is_empty());
-        assert!(prefetch.search(&sets, eye, velocity, 0.1, wrong).is_empty());
-        assert!(prefetch.search(&sets, eye, velocity * (wrong - 1.0) * f64::MAX, 0.1, 3.0).is_empty());
-        assert_eq!(prefetch.covered_seconds(), 0.0);
+        assert!(prefetch.search(&sets, eye, velocity, wrong, 3.0).is_empty(), "a reach of {wrong}");
+        assert!(prefetch.search(&sets, eye, velocity, 0.1, wrong).is_empty(), "{wrong} seconds");
+        assert!(
+            prefetch.search(&sets, eye, velocity * (wrong - 1.0) * f64::MAX, 0.1, 3.0).is_empty(),
+            "a velocity that is not finite"
+        );
+        assert_eq!(prefetch.covered_seconds(), 0.0, "seconds covered by a search that failed");
     }
-    assert!(prefetch.search(&sets, DVec3::NAN, velocity, 0.1, 3.0).is_empty());
-    assert!(prefetch.search(&sets, eye, DVec3::ZERO, 0.1, 3.0).is_empty());
+    assert!(prefetch.search(&sets, DVec3::NAN, velocity, 0.1, 3.0).is_empty(), "an eye that is NaN");
+    assert!(
+        prefetch.search(&sets, eye, DVec3::ZERO, 0.1, 3.0).is_empty(),
+        "an eye that stands finds nothing new"
+    );
     assert_eq!(prefetch.covered_seconds(), 3.0, "an eye that stands stays where it is");
 }
 

@@ -33,11 +33,11 @@ fn viewcells_are_found_as_by_looking_at_each() {
         for _ in 0..4000 {
             let p = DVec3::new(random(&mut state), random(&mut state), random(&mut state)) * 24.0;
             let plain = cells.iter().position(|cell| cell.contains(p)).map(|i| ViewcellId(i as u32));
-            assert_eq!(tree.locate(p), plain);
+            assert_eq!(tree.locate(p), plain, "the first of {count} viewcells that contains {p}");
             found += usize::from(plain.is_some());
         }
         assert!(count < 300 || found > 400, "{found}");
-        assert_eq!(tree.locate(DVec3::NAN), None);
+        assert_eq!(tree.locate(DVec3::NAN), None, "a point that is NaN is in no viewcell");
     }
 }
 
@@ -113,23 +113,35 @@ fn what_a_viewcell_does_not_see_is_hidden_and_only_that() {
     let shared = ScenePvs::new(&scene, pvs, viewcells, pairs);
     let mut culler = PvsCuller::new(&shared);
     // Object 5 was given no target, so it cannot be hidden.
-    assert_eq!(seen(&mut culler, &scene, &ids, 2.0), [0, 2, 4, 5, 6, 8]);
-    assert_eq!(culler.viewcell(), Some(ViewcellId(0)));
-    assert_eq!(seen(&mut culler, &scene, &ids, 7.0), [0, 1, 2, 3, 4, 5, 6, 7, 8]);
+    assert_eq!(
+        seen(&mut culler, &scene, &ids, 2.0),
+        [0, 2, 4, 5, 6, 8],
+        "what viewcell 0 sees, and object 5"
+    );
+    assert_eq!(culler.viewcell(), Some(ViewcellId(0)), "the viewcell of the eye");
+    assert_eq!(
+        seen(&mut culler, &scene, &ids, 7.0),
+        [0, 1, 2, 3, 4, 5, 6, 7, 8],
+        "what both viewcells see where they meet"
+    );
     // Outside of all viewcells, everything is visible.
-    assert_eq!(seen(&mut culler, &scene, &ids, 12.0).len(), 10);
-    assert_eq!(culler.viewcell(), None);
-    assert_eq!(seen(&mut culler, &scene, &ids, 2.0), [0, 2, 4, 5, 6, 8]);
+    assert_eq!(seen(&mut culler, &scene, &ids, 12.0).len(), 10, "objects visible outside of all viewcells");
+    assert_eq!(culler.viewcell(), None, "the eye is in no viewcell");
+    assert_eq!(
+        seen(&mut culler, &scene, &ids, 2.0),
+        [0, 2, 4, 5, 6, 8],
+        "what viewcell 0 sees, after the eye was outside"
+    );
     // The PVS is no longer valid for an object that has moved, which is visible.
     scene.set_bounds(ids[3], Aabb::from_arrays([22.0, 0.0, 0.0], [23.0, 1.0, 1.0])).unwrap();
-    assert_eq!(seen(&mut culler, &scene, &ids, 2.0), [0, 2, 3, 4, 5, 6, 8]);
+    assert_eq!(seen(&mut culler, &scene, &ids, 2.0), [0, 2, 3, 4, 5, 6, 8], "object 3 has moved");
     // A new object is not in the PVS, even if it reuses an index.
     scene.remove(ids[1]).unwrap();
     let new = scene.insert(Aabb::from_arrays([20.0, 1.0, 0.0], [21.0, 1.5, 1.0]));
-    assert_eq!(seen(&mut culler, &scene, &[new], 2.0), [0]);
+    assert_eq!(seen(&mut culler, &scene, &[new], 2.0), [0], "the new object");
     // The PVS says nothing of another scene.
     let (other, ids, ..) = world();
-    assert_eq!(seen(&mut culler, &other, &ids, 2.0).len(), 10);
+    assert_eq!(seen(&mut culler, &other, &ids, 2.0).len(), 10, "objects visible in another scene");
 }
 
 #[test]
@@ -138,7 +150,11 @@ fn objects_in_several_cells_are_seen_where_any_of_them_is() {
     // Objects with a target that the PVS does not contain are not hidden.
     let pairs = [(ids[0], 1), (ids[0], 3), (ids[1], 1), (ids[1], 2), (ids[2], 1), (ids[2], 77)];
     let shared = ScenePvs::new(&scene, pvs, viewcells, pairs);
-    assert_eq!(seen(&mut PvsCuller::new(&shared), &scene, &ids[..3], 2.0), [1, 2]);
+    assert_eq!(
+        seen(&mut PvsCuller::new(&shared), &scene, &ids[..3], 2.0),
+        [1, 2],
+        "objects with a target that is seen, or unknown"
+    );
 }
 
 /// Tests an eye whose near plane reaches into the next viewcell: objects that the next viewcell sees are
@@ -149,10 +165,22 @@ fn where_the_near_plane_reaches_the_next_viewcell_what_that_sees_is_seen_too() {
     let (scene, ids, pvs, viewcells) = world();
     let shared = ScenePvs::new(&scene, pvs, viewcells, ids.iter().copied().zip(0..));
     let mut culler = PvsCuller::new(&shared);
-    assert_eq!(seen(&mut culler, &scene, &ids, 4.85), [0, 2, 4, 6, 8]);
-    assert_eq!(seen(&mut culler, &scene, &ids, 4.95), [0, 1, 2, 3, 4, 5, 6, 7, 8]);
+    assert_eq!(
+        seen(&mut culler, &scene, &ids, 4.85),
+        [0, 2, 4, 6, 8],
+        "the near plane ends 5 cm before the next viewcell"
+    );
+    assert_eq!(
+        seen(&mut culler, &scene, &ids, 4.95),
+        [0, 1, 2, 3, 4, 5, 6, 7, 8],
+        "the near plane reaches into the next viewcell"
+    );
     assert_eq!(culler.viewcell(), Some(ViewcellId(0)), "where the eye is");
-    assert_eq!(seen(&mut culler, &scene, &ids, 4.85), [0, 2, 4, 6, 8]);
+    assert_eq!(
+        seen(&mut culler, &scene, &ids, 4.85),
+        [0, 2, 4, 6, 8],
+        "the near plane ends before the next viewcell again"
+    );
 }
 
 /// Tests a near plane that reaches out of all viewcells: everything is visible. The rooms end at y = 15, and
@@ -171,7 +199,7 @@ fn a_near_plane_that_reaches_out_of_all_viewcells_sees_everything() {
         visible.fill(&scene, &view);
         culler.cull(&scene, &view, &mut visible);
         assert_eq!(ids.iter().filter(|&&id| visible.contains(&scene, id)).count(), expected, "{y}");
-        assert_eq!(culler.viewcell(), Some(ViewcellId(0)));
+        assert_eq!(culler.viewcell(), Some(ViewcellId(0)), "{y}: the eye is in the first viewcell");
     }
 }
 
@@ -189,7 +217,11 @@ fn an_eye_that_a_clip_plane_cuts_away_sees_everything() {
         let mut visible = VisibleSet::new();
         visible.fill(&scene, &view);
         culler.cull(&scene, &view, &mut visible);
-        assert_eq!(ids.iter().filter(|&&id| visible.contains(&scene, id)).count(), expected);
+        assert_eq!(
+            ids.iter().filter(|&&id| visible.contains(&scene, id)).count(),
+            expected,
+            "objects visible with a clip plane {start} m ahead of the eye"
+        );
     }
 }
 
@@ -251,10 +283,14 @@ fn a_culler_that_was_in_another_scene_hides_in_its_own_as_before() {
     let shared = ScenePvs::new(&scene, pvs, viewcells, ids.iter().copied().zip(0..));
     let mut culler = PvsCuller::new(&shared);
     let copy = scene.clone();
-    assert_eq!(seen(&mut culler, &scene, &ids, 2.0), [0, 2, 4, 6, 8]);
+    assert_eq!(seen(&mut culler, &scene, &ids, 2.0), [0, 2, 4, 6, 8], "what viewcell 0 sees");
     assert_eq!(seen(&mut culler, &copy, &ids, 2.0).len(), 10, "a clone is another scene");
     scene.set_bounds(ids[3], Aabb::from_arrays([22.0, 0.0, 0.0], [23.0, 1.0, 1.0])).unwrap();
-    assert_eq!(seen(&mut culler, &scene, &ids, 2.0), [0, 2, 3, 4, 6, 8]);
-    assert_eq!(seen(&mut culler, &copy, &ids, 2.0).len(), 10);
-    assert_eq!(seen(&mut culler, &scene, &ids, 2.0), [0, 2, 3, 4, 6, 8]);
+    assert_eq!(seen(&mut culler, &scene, &ids, 2.0), [0, 2, 3, 4, 6, 8], "object 3 has moved");
+    assert_eq!(seen(&mut culler, &copy, &ids, 2.0).len(), 10, "objects visible in the clone");
+    assert_eq!(
+        seen(&mut culler, &scene, &ids, 2.0),
+        [0, 2, 3, 4, 6, 8],
+        "object 3 has moved, after a frame of the clone"
+    );
 }

@@ -231,7 +231,7 @@ fn run(seed: u64, count: usize, frames: usize) -> (usize, usize) {
         }
         assert_eq!(stats.visible as usize, seen.len(), "seed {seed}, frame {frame}");
         visible.finish(scene);
-        assert_eq!(ids_of(&visible, scene), seen);
+        assert_eq!(ids_of(&visible, scene), seen, "seed {seed}, frame {frame}: finishing changes the set");
         hidden += start.len() - seen.len();
         mixed += usize::from(seen.len() < start.len() && !set.changed.is_empty() && !seen.is_empty());
     }
@@ -276,23 +276,23 @@ fn nodes_visited_follow_what_is_seen() {
         let mut visible = VisibleSet::new();
         visible.fill(scene, &view.unwrap());
         let stats = culler.cull(scene, &view.unwrap(), &mut visible);
-        assert_eq!(stats.visible, visible.count(scene) as u64);
+        assert_eq!(stats.visible, visible.count(scene) as u64, "x {x}: objects counted and in the set");
         (stats.visible, stats.nodes)
     };
     for (x, seen) in [(5.0, 30), (5.0, 30), (15.0, 1), (5.0, 30)] {
         let (visible, nodes) = frame(&scene, x);
-        assert_eq!(visible, seen);
+        assert_eq!(visible, seen, "x {x}: objects that the viewcell sees");
         // Root, inner node and leaf at most for each object.
         assert!(nodes <= 1 + 2 * seen, "{nodes} nodes for {seen} objects");
     }
     // One object that moves is one object more.
     let at = scene.bounds(ids[70_000]).unwrap();
     scene.set_bounds(ids[70_000], at).unwrap();
-    assert_eq!(frame(&scene, 5.0).0, 31);
+    assert_eq!(frame(&scene, 5.0).0, 31, "objects visible after one has moved");
     scene.rebuild();
     let (visible, nodes) = frame(&scene, 5.0);
     assert!(visible == 31 && nodes <= 1 + 2 * 31, "{visible} {nodes}");
-    assert_eq!(culler.viewcell(), Some(ViewcellId(0)));
+    assert_eq!(culler.viewcell(), Some(ViewcellId(0)), "the viewcell of the eye");
 }
 
 /// Tests a set that was filled before the layout of the scene changed, and a set that shares blocks with what
@@ -316,13 +316,24 @@ fn sets_of_earlier_layouts_and_of_other_objects_are_intersected() {
     let mut visible = VisibleSet::new();
     visible.fill(&scene, &view);
     visible.retain(&scene, |id, _| id.index() % 2 == 1);
-    assert_eq!(culler.cull(&scene, &view, &mut visible).visible, 0);
-    assert_eq!(visible.retain(&scene, |_, _| true).nodes, 1);
+    assert_eq!(
+        culler.cull(&scene, &view, &mut visible).visible,
+        0,
+        "the set holds odd objects, the PVS even ones"
+    );
+    assert_eq!(visible.retain(&scene, |_, _| true).nodes, 1, "nodes left of an empty set: the root");
 
     // The scene has more nodes than the set was filled for.
     visible.fill(&scene, &view);
     scene.insert_batch((0..1000).map(at));
-    assert_eq!(culler.cull(&scene, &view, &mut visible).visible, 3000 + 1000);
-    assert_eq!(visible.count(&scene), 3000 + 1000);
-    assert!(!visible.contains(&scene, ids[1]) && visible.contains(&scene, ids[2]));
+    assert_eq!(
+        culler.cull(&scene, &view, &mut visible).visible,
+        3000 + 1000,
+        "objects visible: those of the PVS, and those inserted since"
+    );
+    assert_eq!(visible.count(&scene), 3000 + 1000, "objects in the set");
+    assert!(
+        !visible.contains(&scene, ids[1]) && visible.contains(&scene, ids[2]),
+        "object 1 is hidden by the PVS, object 2 is not"
+    );
 }

@@ -46,16 +46,16 @@ fn a_spawn_or_maintenance_between_culling_and_drawing_leaves_the_result_as_it_wa
     assert!((100..5000).contains(&before.len()), "{}", before.len());
     let spawned = scene.insert(at(5.0, 0.0, 0.0));
     assert_eq!(visible.iter(&scene).collect::<Vec<_>>(), before, "after a spawn");
-    assert_eq!(visible.count(&scene), before.len());
+    assert_eq!(visible.count(&scene), before.len(), "objects after a spawn");
     assert!(!visible.contains(&scene, spawned), "drawn from the next frame on");
     for &id in &ids[..2000] {
         scene.set_bounds(id, random_box(&mut rng)).unwrap();
     }
     let layout = scene.layout();
     while scene.maintain(1000).waiting > 0 {}
-    assert_ne!(scene.layout(), layout);
+    assert_ne!(scene.layout(), layout, "maintenance changes the layout");
     assert_eq!(visible.iter(&scene).collect::<Vec<_>>(), before, "after maintenance");
-    assert_eq!(visible.count(&scene), before.len());
+    assert_eq!(visible.count(&scene), before.len(), "objects after maintenance");
 }
 
 /// Returns the ids of the set in its order, after asserting that all ways to read the set agree: with
@@ -143,7 +143,10 @@ fn results_survive_every_change_of_the_scene() {
             }
             2 => visible.sort_by_index(&scene),
             3 => _ = visible.ids(&scene),
-            _ => assert!(visible.is_finished() && visible.listed().is_none()),
+            _ => assert!(
+                visible.is_finished() && visible.listed().is_none(),
+                "round {round}: a culled set is finished, without a list"
+            ),
         }
         let list = listed(&scene, &visible);
         assert_eq!(list.len(), list.iter().collect::<BTreeSet<_>>().len(), "each object once");
@@ -174,7 +177,7 @@ fn results_survive_every_change_of_the_scene() {
         pipeline.cull(&scene, &view, &mut visible);
         let mut fresh = VisibleSet::new();
         pipeline.cull(&scene, &view, &mut fresh);
-        assert_eq!(visible.ids(&scene), fresh.ids(&scene));
+        assert_eq!(visible.ids(&scene), fresh.ids(&scene), "round {round}: a used set and a fresh one");
     }
     assert!(removed > 50, "too easy: {removed}");
 }
@@ -208,16 +211,28 @@ fn results_of_several_frames_survive_side_by_side() {
                 3 if at < results.len() => {
                     let (set, list, _) = &mut results[at];
                     list.retain(|&id| scene.contains(id));
-                    assert_eq!(set.ids(&scene), list);
+                    assert_eq!(set.ids(&scene), list, "round {round}: the list that the set makes later");
                 }
                 _ => rng.pick(&CHANGES).1(&mut scene, &mut rng),
             }
             for (set, list, layout) in &results {
                 let left: Vec<_> = list.iter().copied().filter(|&id| scene.contains(id)).collect();
-                assert_eq!(set.iter(&scene).collect::<Vec<_>>(), left);
-                assert_eq!(set.count(&scene), left.len());
+                assert_eq!(
+                    set.iter(&scene).collect::<Vec<_>>(),
+                    left,
+                    "round {round}: objects of a set that are left"
+                );
+                assert_eq!(
+                    set.count(&scene),
+                    left.len(),
+                    "round {round}: count of the objects that are left"
+                );
                 let other = any(&scene, &mut rng);
-                assert_eq!(set.contains(&scene, other), left.contains(&other));
+                assert_eq!(
+                    set.contains(&scene, other),
+                    left.contains(&other),
+                    "round {round}: whether {other} is in the set"
+                );
                 outdated += usize::from(set.listed().is_none() && *layout != scene.layout());
             }
         }
@@ -284,11 +299,15 @@ fn no_order_of_calls_leaves_a_list_empty() {
             first(&mut visible, &scene);
             second(&mut visible, &scene);
             let mut bits = [0];
-            assert_eq!(visible.iter(&scene).count(), 10);
+            assert_eq!(visible.iter(&scene).count(), 10, "objects in view");
             visible.write_bits(&scene, &mut bits).unwrap();
-            assert_eq!((bits[0].count_ones(), visible.count(&scene)), (10, 10));
-            assert_eq!(visible.ids(&scene).len(), 10);
-            assert_eq!(visible.listed().map(<[_]>::len), Some(10));
+            assert_eq!(
+                (bits[0].count_ones(), visible.count(&scene)),
+                (10, 10),
+                "bits written, and objects counted"
+            );
+            assert_eq!(visible.ids(&scene).len(), 10, "objects listed by `ids`");
+            assert_eq!(visible.listed().map(<[_]>::len), Some(10), "objects listed by `listed`");
         }
     }
 }
@@ -351,9 +370,13 @@ fn the_result_of_another_scene_hides_nothing() {
     frustum().cull(&scene, &looking_at(DVec3::X), &mut visible);
     let copy = scene.clone();
     let on_layers = scene.ids().filter(|&id| scene.object(id).unwrap().layers != 0).count();
-    assert!(visible.count(&scene) < on_layers / 2);
-    assert_eq!((visible.count(&copy), visible.iter(&copy).count()), (on_layers, on_layers));
-    assert!(copy.ids().all(|id| visible.contains(&copy, id)));
+    assert!(visible.count(&scene) < on_layers / 2, "at least half of the {on_layers} objects are culled");
+    assert_eq!(
+        (visible.count(&copy), visible.iter(&copy).count()),
+        (on_layers, on_layers),
+        "objects of the clone, counted and listed"
+    );
+    assert!(copy.ids().all(|id| visible.contains(&copy, id)), "an object of the clone is hidden");
     visible.sort_by_index(&copy);
     assert_eq!(visible.ids(&scene.clone()).len(), on_layers, "a clone is another scene");
     assert_eq!(visible.ids(&copy).len(), on_layers, "and is then a result of that scene");
@@ -365,11 +388,11 @@ fn sets_are_finished_until_they_are_culled_again() {
     let id = scene.insert(at(5.0, 0.0, 0.0));
     let view = looking_at(DVec3::X);
     let mut visible = VisibleSet::new();
-    assert!(!visible.is_finished() && visible.listed().is_none());
+    assert!(!visible.is_finished() && visible.listed().is_none(), "a new set is not finished");
     visible.finish(&scene);
     assert!(visible.is_finished() && visible.listed().is_none(), "nothing has asked for the list");
-    assert_eq!(visible.ids(&scene), [id]);
-    assert_eq!(visible.listed(), Some(&[id][..]));
+    assert_eq!(visible.ids(&scene), [id], "the ids of the finished set");
+    assert_eq!(visible.listed(), Some(&[id][..]), "the list, once asked for");
     let unfinish: [fn(&mut VisibleSet, &Scene, &View); 6] = [
         |set, scene, view| set.fill(scene, view),
         |set, scene, _| set.clear(scene),
@@ -384,11 +407,14 @@ fn sets_are_finished_until_they_are_culled_again() {
             if is_listed {
                 visible.ids(&scene);
             }
-            assert!(visible.is_finished());
+            assert!(visible.is_finished(), "listed: {is_listed}: the set is finished");
             unfinish(&mut visible, &scene, &view);
-            assert!(!visible.is_finished() && visible.listed().is_none());
+            assert!(
+                !visible.is_finished() && visible.listed().is_none(),
+                "listed: {is_listed}: the set is no longer finished"
+            );
             let count = visible.count(&scene);
-            assert_eq!(visible.ids(&scene).len(), count);
+            assert_eq!(visible.ids(&scene).len(), count, "listed: {is_listed}: ids listed and counted");
         }
     }
 }
@@ -403,7 +429,11 @@ fn bits_are_those_of_the_listed_indices() {
         let needed = count.div_ceil(32);
         for len in 0..needed {
             let mut bits = vec![7; len];
-            assert_eq!(visible.write_bits(&scene, &mut bits), Err(BitsError::TooShort { needed }));
+            assert_eq!(
+                visible.write_bits(&scene, &mut bits),
+                Err(BitsError::TooShort { needed }),
+                "{len} words for {count} objects"
+            );
             assert!(bits.iter().all(|&word| word == 7), "unchanged");
         }
         // Spawns after culling ask for no more.
@@ -437,7 +467,7 @@ fn a_render_thread_reads_results_while_the_scene_changes() {
             let render = scope.spawn(|| front.listed().map(<[_]>::to_vec));
             scene.remove(any(&scene, &mut rng)).unwrap();
             scene.insert(random_box(&mut rng));
-            assert_eq!(render.join().unwrap(), Some(expected));
+            assert_eq!(render.join().unwrap(), Some(expected), "the list that a render thread reads");
         });
     }
 }
@@ -447,19 +477,34 @@ fn ids_are_numbers_and_one_names_no_object() {
     let mut scene = Scene::new();
     for _ in 0..5 {
         let id = scene.insert(at(0.0, 0.0, 0.0));
-        assert_eq!(id.to_bits(), u64::from(id.generation()) << 32 | id.index() as u64);
-        assert_eq!(ObjectId::from_bits(id.to_bits()), id);
-        assert!(scene.contains(id) && !scene.contains(ObjectId::PLACEHOLDER));
+        assert_eq!(
+            id.to_bits(),
+            u64::from(id.generation()) << 32 | id.index() as u64,
+            "the bits of {id} are its generation and index"
+        );
+        assert_eq!(ObjectId::from_bits(id.to_bits()), id, "the id from its bits");
+        assert!(
+            scene.contains(id) && !scene.contains(ObjectId::PLACEHOLDER),
+            "{id} is in the scene, the placeholder never is"
+        );
         scene.remove(id).unwrap();
     }
     for bits in [0, u64::MAX, 0x0123_4567_89ab_cdef] {
-        assert_eq!(ObjectId::from_bits(bits).to_bits(), bits);
+        assert_eq!(ObjectId::from_bits(bits).to_bits(), bits, "an id from any bits");
     }
 }
 
 #[cfg(feature = "bytemuck")]
 #[test]
 fn ids_and_boxes_are_plain_data() {
-    assert_eq!(bytemuck::cast::<_, [f32; 6]>(at(1.0, 2.0, 3.0)), [1.0, 2.0, 3.0, 1.5, 2.5, 3.5]);
-    assert_eq!(bytemuck::cast::<_, [u32; 2]>(ObjectId::from_bits(3 << 32 | 4)), [4, 3]);
+    assert_eq!(
+        bytemuck::cast::<_, [f32; 6]>(at(1.0, 2.0, 3.0)),
+        [1.0, 2.0, 3.0, 1.5, 2.5, 3.5],
+        "a box is its six coordinates"
+    );
+    assert_eq!(
+        bytemuck::cast::<_, [u32; 2]>(ObjectId::from_bits(3 << 32 | 4)),
+        [4, 3],
+        "an id is its index and generation"
+    );
 }

@@ -51,7 +51,7 @@ const MATRICES: [([f32; 16], Depth); 3] = [
 fn cull_with(simd: Simd, scene: &Scene, view: &View) -> VisibleSet {
     let mut visible = VisibleSet::new();
     let stats = Pipeline::new().with(FrustumCuller::new().with_simd(simd)).cull(scene, view, &mut visible);
-    assert_eq!(stats.visible, visible.count(scene) as u64);
+    assert_eq!(stats.visible, visible.count(scene) as u64, "{simd:?}: objects counted and in the set");
     visible
 }
 

@@ -107,7 +107,7 @@ impl Model {
                 let count = self.rng.pick(&[0, 1, 20, 200]);
                 let objects: Vec<Object> = (0..count).map(|_| self.random_object()).collect();
                 let ids = self.scene.insert_batch(objects.iter().copied());
-                assert_eq!(ids.len(), objects.len());
+                assert_eq!(ids.len(), objects.len(), "ids of the batch");
                 ids.into_iter().zip(objects).for_each(|(id, object)| self.added(id, object));
             }
             4..7 => {
@@ -124,11 +124,15 @@ impl Model {
                 // An unknown or repeated id makes the batch fail as a whole, without any change.
                 if let (Some(&stale), Some(&valid)) = (self.stale.last(), self.ids.last()) {
                     let unknown = Err(SceneError::UnknownObject(stale));
-                    assert_eq!(self.scene.remove_batch(&[valid, stale]), unknown);
+                    assert_eq!(
+                        self.scene.remove_batch(&[valid, stale]),
+                        unknown,
+                        "a batch with an unknown id"
+                    );
                     let twice = Err(SceneError::UnknownObject(valid));
-                    assert_eq!(self.scene.remove_batch(&[valid, valid]), twice);
+                    assert_eq!(self.scene.remove_batch(&[valid, valid]), twice, "a batch with an id twice");
                     let moved = [(valid, Aabb::EMPTY), (stale, Aabb::EMPTY)];
-                    assert_eq!(self.scene.set_bounds_batch(&moved), unknown);
+                    assert_eq!(self.scene.set_bounds_batch(&moved), unknown, "moves with an unknown id");
                 }
             }
             8..20 => {
@@ -179,7 +183,11 @@ impl Model {
             _ => {
                 let budget = self.rng.below(30);
                 let done = self.scene.maintain(budget);
-                assert!(done.budget_used <= budget);
+                assert!(
+                    done.budget_used <= budget,
+                    "{} blocks of work, the budget is {budget}",
+                    done.budget_used
+                );
             }
         }
         if self.rng.one_in(200) {
@@ -195,30 +203,41 @@ impl Model {
 
     fn check_objects(&mut self) {
         let scene = &mut self.scene;
-        assert_eq!((scene.len(), scene.is_empty()), (self.objects.len(), self.objects.is_empty()));
+        assert_eq!(
+            (scene.len(), scene.is_empty()),
+            (self.objects.len(), self.objects.is_empty()),
+            "objects of the scene and of the model"
+        );
         for (&id, object) in &self.objects {
             let found = scene.object(id).unwrap();
             assert!(same_object(&found, object), "{id}: {found:?} instead of {object:?}");
-            assert!(scene.contains(id) && id.index() < scene.index_limit());
+            assert!(
+                scene.contains(id) && id.index() < scene.index_limit(),
+                "{id} is in the scene, its index below the limit"
+            );
         }
         let listed: Vec<ObjectId> = scene.ids().collect();
-        assert!(listed.is_sorted_by(|a, b| a.index() < b.index()));
-        assert_eq!(listed.iter().copied().collect::<HashSet<_>>(), self.objects.keys().copied().collect());
+        assert!(listed.is_sorted_by(|a, b| a.index() < b.index()), "ids are sorted by index");
+        assert_eq!(
+            listed.iter().copied().collect::<HashSet<_>>(),
+            self.objects.keys().copied().collect(),
+            "ids of the scene and of the model"
+        );
         for &id in self.stale.iter().rev().take(300) {
             let unknown = SceneError::UnknownObject(id);
-            assert!(!scene.contains(id));
-            assert_eq!(scene.object(id), Err(unknown));
-            assert_eq!(scene.bounds(id), Err(unknown));
-            assert_eq!(scene.triangles(id), Err(unknown));
-            assert_eq!(scene.remove(id), Err(unknown));
-            assert_eq!(scene.set_bounds(id, Aabb::EMPTY), Err(unknown));
-            assert_eq!(scene.set_layers(id, 1), Err(unknown));
-            assert_eq!(scene.set_cost(id, 1), Err(unknown));
-            assert_eq!(scene.set_occluder(id, true), Err(unknown));
-            assert_eq!(scene.set_never_cull(id, true), Err(unknown));
-            assert_eq!(scene.set_see_through(id, true), Err(unknown));
-            assert_eq!(scene.set_one_sided(id, true), Err(unknown));
-            assert_eq!(scene.set_triangles(id, []), Err(unknown));
+            assert!(!scene.contains(id), "{id} was removed");
+            assert_eq!(scene.object(id), Err(unknown), "{id} was removed");
+            assert_eq!(scene.bounds(id), Err(unknown), "{id} was removed");
+            assert_eq!(scene.triangles(id), Err(unknown), "{id} was removed");
+            assert_eq!(scene.remove(id), Err(unknown), "{id} was removed");
+            assert_eq!(scene.set_bounds(id, Aabb::EMPTY), Err(unknown), "{id} was removed");
+            assert_eq!(scene.set_layers(id, 1), Err(unknown), "{id} was removed");
+            assert_eq!(scene.set_cost(id, 1), Err(unknown), "{id} was removed");
+            assert_eq!(scene.set_occluder(id, true), Err(unknown), "{id} was removed");
+            assert_eq!(scene.set_never_cull(id, true), Err(unknown), "{id} was removed");
+            assert_eq!(scene.set_see_through(id, true), Err(unknown), "{id} was removed");
+            assert_eq!(scene.set_one_sided(id, true), Err(unknown), "{id} was removed");
+            assert_eq!(scene.set_triangles(id, []), Err(unknown), "{id} was removed");
         }
     }
 
@@ -231,8 +250,16 @@ impl Model {
                 self.listed += listed.len();
             }
         }
-        assert_eq!(self.scene.changes_since(self.scene.revision()), Changes::Objects(&[]));
-        assert_eq!(self.scene.changes_since(self.scene.revision() + 1), Changes::Everything);
+        assert_eq!(
+            self.scene.changes_since(self.scene.revision()),
+            Changes::Objects(&[]),
+            "nothing has changed since the last revision"
+        );
+        assert_eq!(
+            self.scene.changes_since(self.scene.revision() + 1),
+            Changes::Everything,
+            "a revision of the future"
+        );
     }
 
     /// Compares the visible set of a random camera with a test of every object by itself.
@@ -245,10 +272,18 @@ impl Model {
         let mut visible = VisibleSet::new();
         let stats = Pipeline::new().with(FrustumCuller::new()).cull(&self.scene, &view, &mut visible);
         let set: HashSet<ObjectId> = visible.iter(&self.scene).collect();
-        assert_eq!((set.len(), set.len() as u64), (visible.count(&self.scene), stats.visible));
+        assert_eq!(
+            (set.len(), set.len() as u64),
+            (visible.count(&self.scene), stats.visible),
+            "objects listed, in the set and counted"
+        );
         for (&id, object) in &self.objects {
             let found = set.contains(&id);
-            assert_eq!(found, visible.contains(&self.scene, id));
+            assert_eq!(
+                found,
+                visible.contains(&self.scene, id),
+                "{id} is listed, or not, but the set says otherwise"
+            );
             let b = &object.bounds;
             let bounded = (0..3).all(|i| b.min[i] <= b.max[i] && (b.max[i] - b.min[i]).is_finite());
             if object.layers & layers == 0 {
@@ -323,14 +358,14 @@ fn too_many_changes_are_everything() {
     for round in 0..3000 {
         scene.set_cost(ids[round % 2000], 3).unwrap();
     }
-    assert_eq!(scene.changes_since(revision), Changes::Everything);
+    assert_eq!(scene.changes_since(revision), Changes::Everything, "3000 changes of 2000 objects");
     revision = scene.revision();
     scene.set_origin(DVec3::X).unwrap();
-    assert_eq!(scene.changes_since(revision), Changes::Everything);
+    assert_eq!(scene.changes_since(revision), Changes::Everything, "another origin changes all objects");
     revision = scene.revision();
     scene.rebuild();
     scene.maintain(usize::MAX);
     assert_eq!(scene.changes_since(revision), Changes::Objects(&[]), "where objects are kept is no change");
     scene.set_triangles(ids[7], []).unwrap();
-    assert_eq!(scene.changes_since(revision), Changes::Objects(&[ids[7]]));
+    assert_eq!(scene.changes_since(revision), Changes::Objects(&[ids[7]]), "other triangles are a change");
 }

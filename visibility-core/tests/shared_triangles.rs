@@ -43,12 +43,23 @@ fn placed_triangles_are_copies_to_the_last_bit() {
             .collect();
         let shared = SharedTriangles::from(&mesh[..]);
         let placed = shared.placed(transform);
-        assert!(placed.iter().eq(copies.iter().copied()) && placed.shares_mesh(&shared));
-        assert_eq!(placed.bounds(), Aabb::from_points(copies.iter().flatten().copied()));
-        assert_eq!((placed.len(), placed.view().get(4), placed.view().get(5)), (5, Some(copies[4]), None));
+        assert!(
+            placed.iter().eq(copies.iter().copied()) && placed.shares_mesh(&shared),
+            "placed triangles and their copies differ: {transform:?}"
+        );
+        assert_eq!(
+            placed.bounds(),
+            Aabb::from_points(copies.iter().flatten().copied()),
+            "bounds of placed triangles: {transform:?}"
+        );
+        assert_eq!(
+            (placed.len(), placed.view().get(4), placed.view().get(5)),
+            (5, Some(copies[4]), None),
+            "placed triangles by number, and beyond the last"
+        );
         let mut scene = Scene::new();
         let id = place(&mut scene, &shared, transform, false);
-        assert_eq!(scene.triangles(id).unwrap(), copies[..].into());
+        assert_eq!(scene.triangles(id).unwrap(), copies[..].into(), "triangles of the object: {transform:?}");
     }
     assert!((60..140).contains(&mirrored), "{mirrored}");
 }
@@ -60,7 +71,7 @@ fn triangles_outside_of_the_bounds_are_refused_where_they_are_placed() {
     let id = scene.insert(UNIT);
     scene.set_triangles(id, mesh.clone()).unwrap();
     let moved = mesh.placed(DAffine3::from_translation(DVec3::X * 1e-3));
-    assert!(scene.set_triangles(id, moved).is_err());
+    assert!(scene.set_triangles(id, moved).is_err(), "triangles moved out of the bounds by 1 mm");
     assert_eq!(scene.triangles(id).unwrap(), mesh.view(), "a refused call changes nothing");
 }
 
@@ -100,15 +111,31 @@ fn objects_with_the_same_triangles_share_one_prepared_mesh() {
         DAffine3::from_scale_rotation_translation(scale, turn, DVec3::X * f64::from(5 * i))
     };
     let mut ids: Vec<_> = (0..40).map(|i| place(&mut scene, &mesh, at(i), false)).collect();
-    assert_eq!((scene.prepare_occluders(&Preparation::default()), scene.mesh_count()), (40, 1));
+    assert_eq!(
+        (scene.prepare_occluders(&Preparation::default()), scene.mesh_count()),
+        (40, 1),
+        "objects prepared, and meshes, of the same triangles"
+    );
     ids.extend((0..3).map(|i| place(&mut scene, &other, at(i), false)));
-    assert_eq!((scene.prepare_occluders(&Preparation::default()), scene.mesh_count()), (3, 2));
+    assert_eq!(
+        (scene.prepare_occluders(&Preparation::default()), scene.mesh_count()),
+        (3, 2),
+        "objects prepared, and meshes, with another copy of them"
+    );
     for (&id, i) in ids[..40].iter().zip(0..) {
         let (prepared, transform) = scene.occluder(id).expect("within the bounds");
-        assert_eq!(prepared.bounds(), &UNIT);
+        assert_eq!(prepared.bounds(), &UNIT, "{id}: the mesh is that of the unplaced triangles");
         let (expected, axes) = (at(i), transform.matrix3);
-        assert_eq!(axes.to_cols_array(), expected.matrix3.as_mat3().to_cols_array());
-        assert_eq!(Vec3::from(transform.translation), expected.translation.as_vec3());
+        assert_eq!(
+            axes.to_cols_array(),
+            expected.matrix3.as_mat3().to_cols_array(),
+            "{id}: the axes of its transform"
+        );
+        assert_eq!(
+            Vec3::from(transform.translation),
+            expected.translation.as_vec3(),
+            "{id}: the translation of its transform"
+        );
     }
     // One-sided and two-sided objects with the same triangles have two meshes, of which one has no backs.
     let mut scene = Scene::new();
@@ -116,10 +143,14 @@ fn objects_with_the_same_triangles_share_one_prepared_mesh() {
         place(&mut scene, &mesh, at(i), i % 2 == 0);
     }
     scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
-    assert_eq!(scene.mesh_count(), 2);
+    assert_eq!(scene.mesh_count(), 2, "a one-sided mesh and a two-sided one");
     for id in scene.ids() {
         let is_two_sided = scene.occluder(id).expect("a mesh").0.is_two_sided();
-        assert_eq!(is_two_sided, !scene.object(id).unwrap().one_sided);
+        assert_eq!(
+            is_two_sided,
+            !scene.object(id).unwrap().one_sided,
+            "{id}: one-sided objects have the mesh with backs"
+        );
     }
     let ids: Vec<_> = scene.ids().collect();
     scene.remove_batch(&ids).unwrap();
@@ -143,7 +174,7 @@ fn rounding_never_moves_an_occluder() {
             translation: back.translation.as_vec3().as_dvec3(),
         };
         let id = place(&mut scene, &mesh.into(), back, false);
-        assert_eq!(scene.prepare_occluders(&Preparation::default()), 1);
+        assert_eq!(scene.prepare_occluders(&Preparation::default()), 1, "occluders prepared, {far} m away");
         let (prepared, transform) = scene.occluder(id).expect("a mesh");
         assert_eq!(*transform != Affine3A::IDENTITY, shares, "{far}");
         let drawn = scene.triangles(id).unwrap();
@@ -164,25 +195,40 @@ fn a_shared_mesh_goes_with_the_triangles() {
         let mut scene = Scene::new();
         let id = place(&mut scene, &mesh, moved, false);
         scene.prepare_occluders(&Preparation::default());
-        assert!(scene.has_mesh(id));
+        assert!(scene.has_mesh(id), "the object has a prepared mesh");
         (scene, id)
     };
     let (mut scene, id) = prepared();
     scene.set_triangles(id, []).unwrap();
     assert!(
-        !scene.has_mesh(id) && scene.mesh_count() == 0 && scene.transform(id) == Some(Affine3A::IDENTITY)
+        !scene.has_mesh(id) && scene.mesh_count() == 0 && scene.transform(id) == Some(Affine3A::IDENTITY),
+        "the mesh goes with the triangles, and its transform too"
     );
     let (mut scene, id) = prepared();
     scene.set_bounds(id, UNIT).unwrap();
-    assert!(!scene.has_mesh(id) && scene.triangles(id).unwrap().is_empty());
+    assert!(
+        !scene.has_mesh(id) && scene.triangles(id).unwrap().is_empty(),
+        "the mesh and the triangles go with the bounds"
+    );
     // The transform of the triangles is not taken for that of the object.
     let (mut scene, id) = prepared();
     scene.set_local_bounds(id, bounds).unwrap();
-    assert_eq!((scene.bounds(id), scene.has_mesh(id)), (Ok(bounds), false));
+    assert_eq!(
+        (scene.bounds(id), scene.has_mesh(id)),
+        (Ok(bounds), false),
+        "local bounds take the mesh away, and keep the bounds"
+    );
     scene.prepare_occluders(&Preparation::default());
-    assert_eq!(scene.occluder(id).map(|(_, transform)| *transform), Some(Affine3A::IDENTITY));
+    assert_eq!(
+        scene.occluder(id).map(|(_, transform)| *transform),
+        Some(Affine3A::IDENTITY),
+        "the mesh is prepared anew, of triangles in scene coordinates"
+    );
     scene.set_transform(id, Affine3A::from_translation(Vec3::Y)).unwrap();
-    assert!(!scene.has_mesh(id) && scene.triangles(id).unwrap().is_empty());
+    assert!(
+        !scene.has_mesh(id) && scene.triangles(id).unwrap().is_empty(),
+        "a transform takes mesh and triangles away"
+    );
 }
 
 /// Each of several transforms that are given together is kept in `f32` or `f64` as it is alone. Known boxes
@@ -203,9 +249,9 @@ fn transforms_given_together_place_as_each_does() {
             })
             .collect();
         let placed = mesh.placed_each(&transforms);
-        assert_eq!(placed.len(), 50);
+        assert_eq!(placed.len(), 50, "placed copies");
         for (i, (placed, transform)) in placed.iter().zip(&transforms).enumerate() {
-            assert!(placed.shares_mesh(&mesh));
+            assert!(placed.shares_mesh(&mesh), "{far}, {i}: the copy shares the mesh");
             let bounds = placed.view().known_bounds();
             assert_eq!(bounds.is_some(), is_rounded || i == 7, "{far}, {i}");
             let alone = mesh.placed(*transform);
@@ -236,5 +282,9 @@ fn one_exact_transform_costs_one_prepared_mesh() {
         let id = scene.insert(Object { occluder: true, ..Object::new(placed.bounds()) });
         scene.set_triangles(id, placed).unwrap();
     }
-    assert_eq!((scene.prepare_occluders(&Preparation::default()), scene.mesh_count()), (50, 2));
+    assert_eq!(
+        (scene.prepare_occluders(&Preparation::default()), scene.mesh_count()),
+        (50, 2),
+        "objects prepared, and meshes: a shared one and one of its own"
+    );
 }

@@ -293,5 +293,8 @@ fn lines_of_sight_begin_in_the_polygons() {
         }
     }
     println!("told {told}, untold {untold}, by the book {by_the_book}, lines {lines}, nearly off {tight}");
-    assert!(told > 20_000 && by_the_book > 10_000 && lines > 200_000 && tight > 0);
+    assert!(
+        told > 20_000 && by_the_book > 10_000 && lines > 200_000 && tight > 0,
+        "told {told}, by the book {by_the_book}, lines {lines}, nearly off {tight}"
+    );
 }

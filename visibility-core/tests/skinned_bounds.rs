@@ -76,7 +76,10 @@ fn check<const N: usize>(seed: u64) {
         let pose = random_pose(&mut rng, bones);
         let bounds = skin.bounds(&pose);
         let arrays: Vec<_> = pose.iter().map(Affine3A::to_cols_array).collect();
-        assert!(bounds.is_finite() && bounds == skin.bounds(&arrays));
+        assert!(
+            bounds.is_finite() && bounds == skin.bounds(&arrays),
+            "round {round}: {bounds:?} by arrays is the same and finite"
+        );
         for vertex in 0..vertices {
             for point in mesh.skinned(vertex, &pose) {
                 assert!(contains(&bounds, point), "round {round}, {vertex}: {point} {bounds:?}");
@@ -122,27 +125,39 @@ fn skins_that_cannot_be_are_errors_or_never_culled() {
     let new = |position: f32, weights: [f32; 2]| {
         SkinnedBounds::new(&[[0.0; 3], [position, 0.0, 0.0]], &[[0, 1]; 2], &[[1.0, 0.0], weights])
     };
-    assert_eq!(new(f32::NAN, [1.0, 0.0]).unwrap_err(), SkinError::Position(1));
+    assert_eq!(
+        new(f32::NAN, [1.0, 0.0]).unwrap_err(),
+        SkinError::Position(1),
+        "the vertex with a position of NaN"
+    );
     for weight in [-0.1, f32::NAN, f32::INFINITY] {
-        assert_eq!(new(1.0, [1.0, weight]).unwrap_err(), SkinError::Weight(1));
+        assert_eq!(
+            new(1.0, [1.0, weight]).unwrap_err(),
+            SkinError::Weight(1),
+            "the vertex with a weight of {weight}"
+        );
     }
-    assert_eq!(SkinnedBounds::new(&[[0.0; 3]], &[[0u16]; 2], &[[1.0]]).unwrap_err(), SkinError::Lengths);
+    assert_eq!(
+        SkinnedBounds::new(&[[0.0; 3]], &[[0u16]; 2], &[[1.0]]).unwrap_err(),
+        SkinError::Lengths,
+        "more joints than positions"
+    );
     let skin = new(1.0, [0.5, 0.5]).unwrap();
-    assert_eq!(skin.bone_count(), 2);
+    assert_eq!(skin.bone_count(), 2, "bones that are named");
     let mut pose = [Affine3A::IDENTITY; 2];
-    assert!(skin.bounds(&pose).is_finite());
+    assert!(skin.bounds(&pose).is_finite(), "a pose of the identity");
     assert!(!skin.bounds(&pose[..1]).is_proper(), "a bone is missing");
     pose[1].translation.x = f32::NAN;
-    assert!(!skin.bounds(&pose).is_proper());
+    assert!(!skin.bounds(&pose).is_proper(), "a bone at NaN");
     pose[1].translation.x = f32::MAX;
     pose[1].matrix3.x_axis.x = f32::MAX;
-    assert!(!skin.bounds(&pose).is_finite());
+    assert!(!skin.bounds(&pose).is_finite(), "a bone so far away that its sum overflows");
     let none = SkinnedBounds::new::<4>(&[], &[], &[]).unwrap();
-    assert!(!none.bounds(&pose).is_proper());
+    assert!(!none.bounds(&pose).is_proper(), "a skin without vertices bounds nothing");
     // No weights: the vertices are at the origin.
     let bounds = SkinnedBounds::new(&[[7.0; 3]], &[[0]], &[[0.0]]).unwrap().bounds(&pose);
-    assert!(bounds.contains_point(Vec3::ZERO) && bounds.is_finite());
+    assert!(bounds.contains_point(Vec3::ZERO) && bounds.is_finite(), "vertices without weights: {bounds:?}");
     let mut scene = Scene::new();
     let id = scene.insert(skin.bounds(&[Affine3A::IDENTITY; 2]));
-    assert!(scene.set_bounds(id, none.bounds(&pose)).is_ok());
+    assert!(scene.set_bounds(id, none.bounds(&pose)).is_ok(), "a box that bounds nothing is accepted");
 }

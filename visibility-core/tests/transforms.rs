@@ -49,7 +49,7 @@ fn front() -> [Triangle; 2] {
 fn with_prepared_mesh() -> (Scene, ObjectId, ObjectId) {
     let (mut scene, wall, behind) = street();
     scene.set_triangles(wall, front()).unwrap();
-    assert_eq!(scene.prepare_occluders(&Preparation::default()), 1);
+    assert_eq!(scene.prepare_occluders(&Preparation::default()), 1, "occluders prepared");
     (scene, wall, behind)
 }
 
@@ -63,7 +63,10 @@ fn new_bounds_take_away_what_hides_at_the_old_ones() {
         batch.set_bounds_batch(&[(behind, BEHIND), (wall, ASIDE)]).unwrap();
         for scene in [&mut scene, &mut batch] {
             assert!(is_visible(scene, behind), "nothing is before it any more");
-            assert!(!scene.has_mesh(wall) && scene.triangles(wall).unwrap().is_empty());
+            assert!(
+                !scene.has_mesh(wall) && scene.triangles(wall).unwrap().is_empty(),
+                "mesh and triangles go with the bounds"
+            );
             assert_eq!(scene.prepare_occluders(&Preparation::default()), 0, "the triangles were elsewhere");
             scene.set_bounds(wall, WALL).unwrap();
             assert!(is_visible(scene, behind), "whether the wall is as it was is unknown");
@@ -75,7 +78,10 @@ fn new_bounds_take_away_what_hides_at_the_old_ones() {
 fn bounds_that_become_nan_take_away_what_hides() {
     for (mut scene, wall, behind) in [with_mesh(), with_prepared_mesh()] {
         scene.set_bounds(wall, Aabb::new(Vec3::NAN, Vec3::NAN)).unwrap();
-        assert!(is_visible(&scene, behind) && is_visible(&scene, wall));
+        assert!(
+            is_visible(&scene, behind) && is_visible(&scene, wall),
+            "a wall at NaN is visible and hides nothing"
+        );
     }
 }
 
@@ -86,7 +92,7 @@ fn flags_leave_what_hides_where_it_is() {
         scene.set_layers(wall, 3).unwrap();
         scene.set_cost(wall, 3).unwrap();
         scene.set_never_cull(wall, false).unwrap();
-        assert!(!is_visible(&scene, behind));
+        assert!(!is_visible(&scene, behind), "flags do not stop the wall from hiding");
     }
 }
 
@@ -111,19 +117,30 @@ fn transforms_move_bounds_and_mesh_together() {
     for how in 0..5 {
         let (mut scene, wall, behind) = with_mesh();
         scene.set_local_bounds(wall, WALL).unwrap();
-        assert!(!is_visible(&scene, behind));
+        assert!(!is_visible(&scene, behind), "way {how}: the wall hides the thing behind");
         move_by(&mut scene, wall, away, how);
-        assert!(is_visible(&scene, behind) && !is_visible(&scene, wall));
-        assert_eq!(scene.bounds(wall).unwrap(), WALL.transformed(&away));
-        assert_eq!((scene.transform(wall), scene.local_bounds(wall)), (Some(away), Some(WALL)));
-        assert_eq!(*scene.occluder(wall).unwrap().1, away);
+        assert!(
+            is_visible(&scene, behind) && !is_visible(&scene, wall),
+            "way {how}: the wall is out of view"
+        );
+        assert_eq!(scene.bounds(wall).unwrap(), WALL.transformed(&away), "way {how}: the bounds have moved");
+        assert_eq!(
+            (scene.transform(wall), scene.local_bounds(wall)),
+            (Some(away), Some(WALL)),
+            "way {how}: transform and local bounds"
+        );
+        assert_eq!(*scene.occluder(wall).unwrap().1, away, "way {how}: the mesh has moved");
         move_by(&mut scene, wall, Affine3A::IDENTITY, how);
         assert!(!is_visible(&scene, behind) && is_visible(&scene, wall), "it hides where it is again");
         // A mesh given anew moves the bounds as well.
         let mesh = scene.add_mesh(OccluderMesh::cuboid(&WALL).unwrap());
         scene.set_mesh(wall, mesh, away).unwrap();
-        assert!(is_visible(&scene, behind));
-        assert_eq!(scene.bounds(wall).unwrap(), WALL.transformed(&away));
+        assert!(is_visible(&scene, behind), "way {how}: the new mesh is out of the way");
+        assert_eq!(
+            scene.bounds(wall).unwrap(),
+            WALL.transformed(&away),
+            "way {how}: the bounds follow the new mesh"
+        );
     }
 }
 
@@ -136,12 +153,16 @@ fn what_is_made_of_triangles_stays_behind_a_transform() {
         assert!(!is_visible(&scene, behind), "it has not moved");
         // A quarter turn about the wall's middle, and a shift that leaves the bounds as they are.
         move_by(&mut scene, wall, Affine3A::from_translation(Vec3::Y * 40.0), how);
-        assert!(is_visible(&scene, behind) && !scene.has_mesh(wall));
-        assert!(scene.triangles(wall).unwrap().is_empty());
+        assert!(is_visible(&scene, behind) && !scene.has_mesh(wall), "way {how}: the prepared mesh is gone");
+        assert!(scene.triangles(wall).unwrap().is_empty(), "way {how}: the triangles are gone");
         move_by(&mut scene, wall, Affine3A::IDENTITY, how);
         scene.set_triangles(wall, front()).unwrap();
-        assert_eq!(scene.prepare_occluders(&Preparation::default()), 1);
-        assert!(!is_visible(&scene, behind));
+        assert_eq!(
+            scene.prepare_occluders(&Preparation::default()),
+            1,
+            "way {how}: occluders prepared of new triangles"
+        );
+        assert!(!is_visible(&scene, behind), "way {how}: the wall hides again");
     }
 }
 
@@ -156,8 +177,8 @@ fn triangles_that_turn_within_their_bounds_are_removed() {
     let bounds = scene.bounds(id).unwrap();
     scene.set_triangles(id, [[Vec3::ONE, Vec3::NEG_ONE, Vec3::X]]).unwrap();
     scene.set_transform(id, Affine3A::from_scale(Vec3::new(1.0, -1.0, 1.0))).unwrap();
-    assert_eq!(scene.bounds(id), Ok(bounds));
-    assert!(scene.triangles(id).unwrap().is_empty());
+    assert_eq!(scene.bounds(id), Ok(bounds), "the bounds are those of before the turn");
+    assert!(scene.triangles(id).unwrap().is_empty(), "the triangles are gone though the bounds are equal");
 }
 
 #[test]
@@ -167,31 +188,50 @@ fn a_local_box_that_changes_takes_the_mesh_away() {
     scene.set_local_bounds(wall, WALL).unwrap();
     assert!(!is_visible(&scene, behind), "the same box");
     scene.set_local_bounds(wall, ASIDE).unwrap();
-    assert!(is_visible(&scene, behind) && !scene.has_mesh(wall));
+    assert!(is_visible(&scene, behind) && !scene.has_mesh(wall), "another local box takes the mesh away");
     // Triangles stay behind if the first local box is elsewhere.
     let (mut scene, wall, behind) = with_prepared_mesh();
     scene.set_local_bounds(wall, ASIDE).unwrap();
-    assert!(is_visible(&scene, behind) && !scene.has_mesh(wall));
+    assert!(
+        is_visible(&scene, behind) && !scene.has_mesh(wall),
+        "the first local box is elsewhere, and takes the mesh away"
+    );
 }
 
 #[test]
 fn transforms_that_cannot_be_are_errors_and_change_nothing() {
     let (mut scene, wall, behind) = with_mesh();
     let shift = Affine3A::from_translation(Vec3::Y * 40.0);
-    assert_eq!(scene.set_transform(wall, shift), Err(SceneError::NoLocalBounds(wall)));
+    assert_eq!(
+        scene.set_transform(wall, shift),
+        Err(SceneError::NoLocalBounds(wall)),
+        "a transform without local bounds"
+    );
     scene.set_local_bounds(wall, WALL).unwrap();
     let revision = scene.revision();
     let nan = Affine3A::from_translation(Vec3::NAN);
     let refused = Err(SceneError::Transform(wall));
-    assert_eq!(scene.set_transform(wall, nan), refused);
-    assert_eq!(scene.set_transforms_batch(&[(wall, shift), (wall, nan)]), refused);
+    assert_eq!(scene.set_transform(wall, nan), refused, "a transform of NaN");
+    assert_eq!(
+        scene.set_transforms_batch(&[(wall, shift), (wall, nan)]),
+        refused,
+        "a batch with a transform of NaN"
+    );
     let bare = Err(SceneError::NoLocalBounds(behind));
-    assert_eq!(scene.set_transforms_batch(&[(wall, shift), (behind, shift)]), bare);
-    assert!(!is_visible(&scene, behind) && scene.revision() == revision);
+    assert_eq!(
+        scene.set_transforms_batch(&[(wall, shift), (behind, shift)]),
+        bare,
+        "a batch with an object without local bounds"
+    );
+    assert!(!is_visible(&scene, behind) && scene.revision() == revision, "refused calls change nothing");
     // Bounds in scene coordinates end the local ones.
     scene.set_bounds(wall, ASIDE).unwrap();
-    assert_eq!(scene.local_bounds(wall), None);
-    assert_eq!(scene.set_transform(wall, shift), Err(SceneError::NoLocalBounds(wall)));
+    assert_eq!(scene.local_bounds(wall), None, "bounds in scene coordinates end the local ones");
+    assert_eq!(
+        scene.set_transform(wall, shift),
+        Err(SceneError::NoLocalBounds(wall)),
+        "a transform after the local bounds ended"
+    );
     // Local boxes that are no boxes: the object is never culled.
     for local in [Aabb::EMPTY, Aabb::new(Vec3::NAN, Vec3::ONE), Aabb::new(Vec3::ZERO, Vec3::INFINITY)] {
         scene.set_local_bounds(wall, local).unwrap();
@@ -223,7 +263,8 @@ fn random_transforms_place_bounds_and_meshes() {
             scene.remove(id).unwrap();
             assert_eq!(
                 (scene.transform(id), scene.local_bounds(id), scene.has_mesh(id)),
-                (None, None, false)
+                (None, None, false),
+                "{id} was removed"
             );
         }
         let mut moved = Vec::new();
@@ -245,14 +286,22 @@ fn random_transforms_place_bounds_and_meshes() {
             scene.set_transforms_batch(&arrays).unwrap();
         }
         for (id, local, transform) in &model {
-            assert_eq!(scene.bounds(*id).unwrap(), local.transformed(transform));
-            assert_eq!(scene.transform(*id), Some(*transform));
+            assert_eq!(
+                scene.bounds(*id).unwrap(),
+                local.transformed(transform),
+                "{id}: its bounds are the transformed local ones"
+            );
+            assert_eq!(scene.transform(*id), Some(*transform), "{id}: its transform");
             if let Some((_, placed)) = scene.occluder(*id) {
-                assert_eq!(placed, transform);
+                assert_eq!(placed, transform, "{id}: its mesh has its transform");
             }
         }
         let bare = |id: ObjectId| scene.object(id).unwrap().occluder && !scene.has_mesh(id);
-        assert_eq!(scene.occluders_without_mesh(), model.iter().filter(|(id, ..)| bare(*id)).count());
+        assert_eq!(
+            scene.occluders_without_mesh(),
+            model.iter().filter(|(id, ..)| bare(*id)).count(),
+            "round {round}: occluders without a mesh"
+        );
     }
 }
 
@@ -260,12 +309,12 @@ fn random_transforms_place_bounds_and_meshes() {
 fn occluders_without_a_mesh_are_counted() {
     let (mut scene, wall, behind) = street();
     let count = |scene: &Scene| scene.occluders_without_mesh();
-    assert_eq!(count(&scene), 1);
+    assert_eq!(count(&scene), 1, "the wall has no mesh yet");
     let mesh = scene.add_mesh(OccluderMesh::cuboid(&WALL).unwrap());
     scene.set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
     scene.set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
     scene.set_mesh(behind, mesh, Affine3A::IDENTITY).unwrap();
-    assert_eq!(count(&scene), 0);
+    assert_eq!(count(&scene), 0, "the wall has a mesh; the thing behind is no occluder");
     scene.set_occluder(wall, false).unwrap();
     scene.set_bounds(wall, ASIDE).unwrap();
     assert_eq!(count(&scene), 0, "not an occluder");
@@ -274,13 +323,13 @@ fn occluders_without_a_mesh_are_counted() {
     assert_eq!(count(&scene), 1, "its mesh was removed");
     scene.set_triangles(wall, front().map(|t| t.map(|p| p + Vec3::Y * 44.0))).unwrap();
     scene.prepare_occluders(&Preparation::default());
-    assert_eq!((count(&scene), count(&scene.clone())), (0, 0));
+    assert_eq!((count(&scene), count(&scene.clone())), (0, 0), "a mesh was prepared; a clone counts alike");
     scene.set_triangles(wall, []).unwrap();
     scene.insert_batch([Object { occluder: true, ..Object::new(ASIDE) }; 3]);
-    assert_eq!(count(&scene), 4);
+    assert_eq!(count(&scene), 4, "the wall lost its mesh, and three without one are new");
     scene.remove(wall).unwrap();
     scene.remove(behind).unwrap();
-    assert_eq!(count(&scene), 3);
+    assert_eq!(count(&scene), 3, "the wall is gone");
 }
 
 #[test]
@@ -291,23 +340,33 @@ fn ids_of_another_scene_are_unknown() {
         let (_, id, _) = scenes[(number + 1 + number % 9) % 100];
         let scene = &mut scenes[number].0;
         let unknown = SceneError::UnknownObject(id);
-        assert!(!scene.contains(id) && scene.occluder(id).is_none() && scene.transform(id).is_none());
-        assert_eq!(scene.bounds(id), Err(unknown));
-        assert_eq!(scene.set_bounds(id, local), Err(unknown));
-        assert_eq!(scene.set_bounds_batch(&[(id, local)]), Err(unknown));
-        assert_eq!(scene.set_local_bounds(id, local), Err(unknown));
-        assert_eq!(scene.set_transform(id, Affine3A::IDENTITY), Err(unknown));
-        assert_eq!(scene.remove(id), Err(unknown));
+        assert!(
+            !scene.contains(id) && scene.occluder(id).is_none() && scene.transform(id).is_none(),
+            "{id} is of another scene"
+        );
+        assert_eq!(scene.bounds(id), Err(unknown), "{id} is of another scene");
+        assert_eq!(scene.set_bounds(id, local), Err(unknown), "{id} is of another scene");
+        assert_eq!(scene.set_bounds_batch(&[(id, local)]), Err(unknown), "{id} is of another scene");
+        assert_eq!(scene.set_local_bounds(id, local), Err(unknown), "{id} is of another scene");
+        assert_eq!(scene.set_transform(id, Affine3A::IDENTITY), Err(unknown), "{id} is of another scene");
+        assert_eq!(scene.remove(id), Err(unknown), "{id} is of another scene");
         // In a clone, ids of before the clone are valid, and those of new objects are its own.
         let (mut copy, old) = (scene.clone(), scene.ids().next().unwrap());
         let (new, other) = (copy.insert(local), scene.insert(local));
-        assert!(copy.contains(old) && !scene.contains(new) && !copy.contains(other));
+        assert!(
+            copy.contains(old) && !scene.contains(new) && !copy.contains(other),
+            "ids from before the clone are valid in both, new ones in one scene each"
+        );
         let [mesh, foreign] =
             [scene, &mut copy].map(|scene| scene.add_mesh(OccluderMesh::cuboid(&local).unwrap()));
         let scene = &mut scenes[number].0;
-        assert_eq!(scene.set_mesh(other, mesh, Affine3A::IDENTITY), Ok(()));
+        assert_eq!(scene.set_mesh(other, mesh, Affine3A::IDENTITY), Ok(()), "{mesh:?} is of the scene");
         let refused = Err(SceneError::UnknownMesh(foreign));
-        assert_eq!(scene.set_mesh(other, foreign, Affine3A::IDENTITY), refused);
+        assert_eq!(
+            scene.set_mesh(other, foreign, Affine3A::IDENTITY),
+            refused,
+            "{foreign:?} is of the clone"
+        );
     }
 }
 
@@ -354,7 +413,7 @@ fn transformed_boxes_contain_the_exact_image() {
         let (min, size) = (order.map(|i| min[i]).into(), Vec3::from(order.map(|i| size[i])));
         let local = Aabb::new(min, min + size);
         let bounds = local.transformed(&transform);
-        assert!(bounds.is_proper());
+        assert!(bounds.is_proper(), "round {round}: {bounds:?} is a box");
         for corner in local.corners() {
             for axis in 0..3 {
                 assert!(
@@ -369,7 +428,7 @@ fn transformed_boxes_contain_the_exact_image() {
 #[test]
 fn transformed_boxes_are_tight() {
     let cube = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
-    assert_eq!(cube.transformed(&Affine3A::IDENTITY), cube);
+    assert_eq!(cube.transformed(&Affine3A::IDENTITY), cube, "the identity rounds nothing");
     let cases = [
         (cube, Affine3A::from_translation(Vec3::splat(5.0)), [4.0, 6.0]),
         (Aabb::from_arrays([1.0; 3], [2.0; 3]), Affine3A::from_scale(-Vec3::ONE), [-2.0, -1.0]),
@@ -378,7 +437,10 @@ fn transformed_boxes_are_tight() {
         let bounds = local.transformed(&transform);
         let off = [bounds.min - min, bounds.max - max].map(|v| v.abs().max_element());
         assert!(off.iter().all(|&x| x < 7e-6), "{bounds:?}");
-        assert!(bounds.contains_point(Vec3::splat(min)) && bounds.contains_point(Vec3::splat(max)));
+        assert!(
+            bounds.contains_point(Vec3::splat(min)) && bounds.contains_point(Vec3::splat(max)),
+            "{bounds:?} contains the exact image from {min} to {max}"
+        );
     }
 }
 
@@ -400,7 +462,10 @@ fn boxes_that_bound_nothing_stay_so() {
         }
     }
     let endless = Aabb::new(-Vec3::INFINITY, Vec3::INFINITY);
-    assert!(!endless.transformed(&turn).is_finite() && !endless.transformed(&Affine3A::ZERO).is_finite());
+    assert!(
+        !endless.transformed(&turn).is_finite() && !endless.transformed(&Affine3A::ZERO).is_finite(),
+        "an endless box stays endless"
+    );
     let large = Aabb::new(Vec3::ZERO, Vec3::MAX).transformed(&Affine3A::from_scale(Vec3::splat(4.0)));
-    assert_eq!(large.max, Vec3::INFINITY);
+    assert_eq!(large.max, Vec3::INFINITY, "a box that overflows ends at infinity");
 }

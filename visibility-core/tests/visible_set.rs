@@ -37,7 +37,7 @@ fn set_of(ids: impl Iterator<Item = ObjectId>) -> HashSet<ObjectId> {
 /// Returns the objects of the set, after asserting that all ways to read the set agree.
 fn read(scene: &Scene, visible: &VisibleSet) -> HashSet<ObjectId> {
     let set = set_of(visible.iter(scene));
-    assert_eq!(set.len(), visible.count(scene));
+    assert_eq!(set.len(), visible.count(scene), "objects listed and counted");
     for id in scene.ids() {
         assert_eq!(visible.contains(scene, id), set.contains(&id), "{id}");
     }
@@ -80,7 +80,7 @@ fn a_view_shows_what_shares_a_layer_with_it() {
         let all = read(&scene, &all);
         for mask in [u32::MAX, 0, 1, 2, 4, 1 << 31] {
             let view = looking_at(DVec3::X).with_layers(mask);
-            assert_eq!(view.layers(), mask);
+            assert_eq!(view.layers(), mask, "the layers that the view was given");
             let mut visible = VisibleSet::new();
             let stats = frustum().cull(&scene, &view, &mut visible);
             let expected: HashSet<_> = ids
@@ -91,7 +91,11 @@ fn a_view_shows_what_shares_a_layer_with_it() {
                 .collect();
             // An object on no layer is in no view, and `all` does not contain it either.
             assert_eq!(read(&scene, &visible), expected, "layers {mask:#x}");
-            assert_eq!(stats.visible, expected.len() as u64);
+            assert_eq!(
+                stats.visible,
+                expected.len() as u64,
+                "layers {mask:#x}: objects counted and in the set"
+            );
 
             let mut visible = VisibleSet::new();
             let stats = Pipeline::new().cull(&scene, &view, &mut visible);
@@ -108,7 +112,7 @@ fn a_view_of_no_layer_shows_nothing() {
     scene.insert_batch((0..100).map(|i| Object { never_cull: i % 2 == 0, ..Object::new(at(5.0, 0.0, 0.0)) }));
     let mut visible = VisibleSet::new();
     frustum().cull(&scene, &looking_at(DVec3::X).with_layers(0), &mut visible);
-    assert_eq!(read(&scene, &visible).len(), 0);
+    assert_eq!(read(&scene, &visible).len(), 0, "objects on no layer of the view");
 }
 
 /// Tests the cost of culling by counters: objects out of view cost nothing, and objects entirely in view are
@@ -127,7 +131,11 @@ fn cost_follows_what_is_seen() {
     let eye = Pose::look_at(DVec3::new(-200.0, 0.0, 0.0), DVec3::ZERO, DVec3::Z);
     let all = View::perspective(eye, 0.9, 1.3, 0.1, f64::INFINITY).unwrap();
     let all = frustum().cull(&scene, &all, &mut visible);
-    assert_eq!((all.nodes, all.visible, visible.count(&scene)), (1, 262_144, 262_144));
+    assert_eq!(
+        (all.nodes, all.visible, visible.count(&scene)),
+        (1, 262_144, 262_144),
+        "nodes entered, and objects accepted with the root"
+    );
     // A narrow frustum with some hundred objects.
     let narrow =
         View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 0.05, 1.0, 0.1, f64::INFINITY);
@@ -144,12 +152,16 @@ fn layers_can_change_between_frames() {
     let mut visible = VisibleSet::new();
     for (round, &id) in ids.iter().enumerate() {
         frustum().cull(&scene, &view, &mut visible);
-        assert_eq!(visible.count(&scene), 200 - round);
+        assert_eq!(
+            visible.count(&scene),
+            200 - round,
+            "objects left on the layers after {round} have changed"
+        );
         scene.set_layers(id, 5).unwrap();
     }
     ids.iter().for_each(|&id| scene.set_layers(id, u32::MAX).unwrap());
     frustum().cull(&scene, &view, &mut visible);
-    assert_eq!(visible.count(&scene), 200);
+    assert_eq!(visible.count(&scene), 200, "objects back on all layers");
 }
 
 /// Tests that a change of layers after culling affects the next frame's set, and that until then all ways to
@@ -188,15 +200,15 @@ fn what_is_never_culled_or_unbounded_survives_every_culler() {
     let mut pipeline = frustum().with(Every(1, Accuracy::Approximate));
     let mut visible = VisibleSet::new();
     let stats = pipeline.cull(&scene, &looking_at(DVec3::X), &mut visible);
-    assert_eq!(read(&scene, &visible), set_of(always.iter().copied()));
-    assert_eq!(stats.visible, 200);
+    assert_eq!(read(&scene, &visible), set_of(always.iter().copied()), "objects that no culler may remove");
+    assert_eq!(stats.visible, 200, "objects counted that no culler may remove");
     // The objects can be culled again when the flag is reset.
     for &id in &always {
         scene.set_never_cull(id, false).unwrap();
         scene.set_bounds(id, behind).unwrap();
     }
     pipeline.cull(&scene, &looking_at(DVec3::X), &mut visible);
-    assert_eq!(visible.count(&scene), 0);
+    assert_eq!(visible.count(&scene), 0, "objects without the flag, behind the eye");
 }
 
 /// Tests that every change which gives an object another slot makes older sets that were not finished count
@@ -232,7 +244,10 @@ fn an_unfinished_set_of_another_layout_holds_everything_on_its_layers() {
             let mut visible = VisibleSet::new();
             visible.fill(&scene, &view);
             FrustumCuller::new().cull(&scene, &view, &mut visible);
-            assert!(read(&scene, &visible).len() < count / 2);
+            assert!(
+                read(&scene, &visible).len() < count / 2,
+                "{name}: of {count} objects, half or more are left"
+            );
             change(&mut scene, &ids);
             let on_layers = set_of(scene.ids().filter(|&id| scene.object(id).unwrap().layers & 3 != 0));
             if count == 60 && name == "teleport" {
@@ -268,7 +283,11 @@ fn maintenance_that_moves_objects_makes_unfinished_sets_stale() {
         rehomed += moved;
         let after = read(&scene, &visible);
         assert!(after.is_superset(&before), "nothing vanishes");
-        assert_eq!(after.len(), if moved > 0 { ids.len() } else { before.len() });
+        assert_eq!(
+            after.len(),
+            if moved > 0 { ids.len() } else { before.len() },
+            "{moved} objects moved: all are visible, or as many as before"
+        );
     }
     assert!(rehomed > 100, "too easy: {rehomed}");
 }
@@ -308,7 +327,10 @@ fn a_turning_camera_is_told_what_appears_and_what_vanishes() {
         appeared += visible.newly_visible().count();
         before = now;
     }
-    assert!(appeared > 3000 && removed_while_visible > 100 && reused_while_visible > 50);
+    assert!(
+        appeared > 3000 && removed_while_visible > 100 && reused_while_visible > 50,
+        "{appeared} appeared, {removed_while_visible} removed and {reused_while_visible} reused while visible"
+    );
 }
 
 #[test]
@@ -322,10 +344,10 @@ fn in_another_scene_everything_is_new() {
         (set_of(visible.newly_visible()), set_of(visible.newly_hidden()))
     };
     let (both, none) = (set_of(ids[..2].iter().copied()), HashSet::new());
-    assert_eq!(told(&scene), (both.clone(), none.clone()));
-    assert_eq!(told(&scene), (none.clone(), none.clone()));
+    assert_eq!(told(&scene), (both.clone(), none.clone()), "the first frame: both are new");
+    assert_eq!(told(&scene), (none.clone(), none.clone()), "the second frame: nothing has changed");
     assert_eq!(told(&copy), (both.clone(), both.clone()), "the same ids name other objects");
-    assert_eq!(told(&copy), (none.clone(), none));
+    assert_eq!(told(&copy), (none.clone(), none), "the second frame of the clone: nothing has changed");
 }
 
 #[test]
@@ -336,7 +358,8 @@ fn sets_without_changes_tell_of_none() {
     frustum().cull(&scene, &looking_at(DVec3::X), &mut visible);
     assert_eq!(
         (visible.count(&scene), visible.newly_visible().count(), visible.newly_hidden().count()),
-        (1, 0, 0)
+        (1, 0, 0),
+        "objects visible, and none told of"
     );
 }
 
@@ -356,30 +379,42 @@ fn retained_sorted_and_counted_sets_agree() {
         let mut asked = HashSet::new();
         let stats = visible.retain(&scene, |id, bounds| {
             assert!(asked.insert(id), "each is asked for once");
-            assert_eq!(*bounds, scene.bounds(id).unwrap());
+            assert_eq!(*bounds, scene.bounds(id).unwrap(), "{id}: the bounds that are given with it");
             id.index() % 3 != 0
         });
         let never = |id: ObjectId| scene.object(id).unwrap().never_cull;
         let expected: HashSet<_> =
             before.iter().copied().filter(|&id| never(id) || id.index() % 3 != 0).collect();
-        assert_eq!(asked, before.iter().copied().filter(|&id| !never(id)).collect());
-        assert_eq!(read(&scene, &visible), expected);
-        assert_eq!((stats.visible, stats.tests), (expected.len() as u64, asked.len() as u64));
+        assert_eq!(
+            asked,
+            before.iter().copied().filter(|&id| !never(id)).collect(),
+            "{count}: the objects asked about are those that can be culled"
+        );
+        assert_eq!(read(&scene, &visible), expected, "{count}: objects retained");
+        assert_eq!(
+            (stats.visible, stats.tests),
+            (expected.len() as u64, asked.len() as u64),
+            "{count}: objects visible and tested"
+        );
 
         let key = |id: ObjectId| scene.object(id).unwrap().cost;
         visible.sort_by_key(&scene, key);
-        assert_eq!(read(&scene, &visible), expected);
+        assert_eq!(read(&scene, &visible), expected, "{count}: sorting loses no object");
         let mut in_order: Vec<_> = expected.iter().copied().collect();
         in_order.sort_by_key(|&id| (key(id), id));
-        assert_eq!(visible.iter(&scene).collect::<Vec<_>>(), in_order);
+        assert_eq!(visible.iter(&scene).collect::<Vec<_>>(), in_order, "{count}: objects by cost, then id");
         // Objects removed by a later stage disappear from the order too.
         visible.retain(&scene, |id, _| id.index() % 2 == 0);
         in_order.retain(|&id| never(id) || id.index() % 2 == 0);
-        assert_eq!(visible.iter(&scene).collect::<Vec<_>>(), in_order);
+        assert_eq!(
+            visible.iter(&scene).collect::<Vec<_>>(),
+            in_order,
+            "{count}: the order after a later stage"
+        );
         read(&scene, &visible);
         // The next frame starts without an order.
         frustum().cull(&scene, &looking_at(DVec3::Y), &mut visible);
-        assert_eq!(read(&scene, &visible), before);
+        assert_eq!(read(&scene, &visible), before, "{count}: the next frame holds all objects again");
     }
 }
 
@@ -398,15 +433,23 @@ fn cullers_in_a_pipeline_intersect() {
             let result = |mut pipeline: Pipeline| {
                 let mut visible = VisibleSet::new();
                 let stats = pipeline.cull(&scene, &view, &mut visible);
-                assert_eq!(stats.visible, visible.count(&scene) as u64);
-                assert_eq!(pipeline.stages().last().unwrap().1.visible, stats.visible);
+                assert_eq!(stats.visible, visible.count(&scene) as u64, "objects counted and in the set");
+                assert_eq!(
+                    pipeline.stages().last().unwrap().1.visible,
+                    stats.visible,
+                    "the last stage leaves as many as the pipeline"
+                );
                 read(&scene, &visible)
             };
             let every = || Every(2 + count % 3, Accuracy::Approximate);
             let (a, b) = (result(frustum()), result(Pipeline::new().with(every())));
             let both: HashSet<_> = a.intersection(&b).copied().collect();
-            assert_eq!(result(frustum().with(every())), both);
-            assert_eq!(result(Pipeline::new().with(every()).with(FrustumCuller::new())), both);
+            assert_eq!(result(frustum().with(every())), both, "{count}: the frustum, then every other");
+            assert_eq!(
+                result(Pipeline::new().with(every()).with(FrustumCuller::new())),
+                both,
+                "{count}: every other, then the frustum"
+            );
             assert_eq!(result(frustum().with(FrustumCuller::new())), a, "the same once more changes nothing");
             assert_eq!(
                 result(frustum().with(Every(1, Accuracy::Approximate)).with(FrustumCuller::new())).len(),
@@ -416,7 +459,8 @@ fn cullers_in_a_pipeline_intersect() {
                         .map(|id| scene.object(id).unwrap())
                         .filter(|o| o.never_cull && o.layers & view.layers() != 0)
                         .count()
-                }
+                },
+                "{count}: objects that no culler may remove"
             );
         }
     }
@@ -434,7 +478,7 @@ fn the_accuracy_of_two_cullers_is_what_their_intersection_promises() {
     };
     let all = [Exact, Conservative, Aggressive, Approximate];
     for a in all {
-        assert_eq!((a.never_hides(), a.never_shows()), promises(a));
+        assert_eq!((a.never_hides(), a.never_shows()), promises(a), "the guarantees of {a}");
         for b in all {
             // Sets over four objects, two of them visible. All sets that the accuracies of a and b allow are
             // intersected; the accuracy of the sequence must hold for every intersection.
@@ -448,10 +492,10 @@ fn the_accuracy_of_two_cullers_is_what_their_intersection_promises() {
             let expected = (results().all(|set| set & V == V), results().all(|set| set & !V == 0));
             assert_eq!(promises(a.and(b)), expected, "{a} and {b}");
             let pipeline = Pipeline::new().with(Every(2, a)).with(Every(3, b));
-            assert_eq!(pipeline.accuracy(), a.and(b));
+            assert_eq!(pipeline.accuracy(), a.and(b), "the accuracy of a pipeline of {a} and {b}");
         }
     }
-    assert_eq!(Pipeline::new().accuracy(), Conservative);
+    assert_eq!(Pipeline::new().accuracy(), Conservative, "the accuracy of a pipeline without stages");
 }
 
 /// Tests a set that is used with another scene, as when a level is loaded: it holds everything of that scene.
@@ -473,7 +517,11 @@ fn a_set_of_another_scene_causes_no_panic_and_hides_nothing() {
         visible.finish(second);
         let mut fresh = VisibleSet::new();
         frustum().cull(second, &looking_at(DVec3::X), &mut fresh);
-        assert_eq!(read(second, &visible), read(second, &fresh));
+        assert_eq!(
+            read(second, &visible),
+            read(second, &fresh),
+            "a used set and a fresh one, in the second scene"
+        );
     }
 }
 
@@ -487,14 +535,25 @@ fn a_set_is_cut_down_to_a_list_and_keeps_its_order() {
     let list: Vec<_> = [4000, 7, 12, 4998, 12, 0].map(|i| ids[i]).to_vec();
     visible.keep_in_order(&scene, &list);
     let kept: Vec<_> = visible.iter(&scene).collect();
-    assert_eq!(kept, [always, ids[4000], ids[12], ids[4998], ids[0]]);
-    assert_eq!(visible.count(&scene), 5);
-    assert!(!visible.contains(&scene, ids[7]) && !visible.contains(&scene, ids[14]));
+    assert_eq!(
+        kept,
+        [always, ids[4000], ids[12], ids[4998], ids[0]],
+        "objects of the list that were visible, in its order, and the one never culled"
+    );
+    assert_eq!(visible.count(&scene), 5, "objects kept");
+    assert!(
+        !visible.contains(&scene, ids[7]) && !visible.contains(&scene, ids[14]),
+        "neither object 7, hidden before, nor object 14, not listed"
+    );
     // Once more, on a set from which objects have been removed.
     visible.keep_in_order(&scene, &[ids[0], always, ids[14]]);
-    assert_eq!(visible.iter(&scene).collect::<Vec<_>>(), [always, ids[0]]);
+    assert_eq!(
+        visible.iter(&scene).collect::<Vec<_>>(),
+        [always, ids[0]],
+        "objects kept of a set cut down before"
+    );
     visible.keep_in_order(&scene, &[]);
-    assert_eq!(visible.count(&scene), 1);
+    assert_eq!(visible.count(&scene), 1, "the object that is never culled");
 }
 
 #[test]
@@ -506,12 +565,20 @@ fn some_are_put_first_and_none_is_lost() {
     visible.retain(&scene, |id, _| id != ids[5]);
     visible.order_first(&scene, &[ids[200], ids[5], ids[3], ids[200]]);
     let order: Vec<_> = visible.iter(&scene).collect();
-    assert_eq!(order[..3], [always, ids[200], ids[3]]);
+    assert_eq!(
+        order[..3],
+        [always, ids[200], ids[3]],
+        "the object never culled, then those put first that are visible"
+    );
     let mut sorted = order.clone();
     sorted.sort_unstable();
     sorted.dedup();
-    assert_eq!((order.len(), sorted.len()), (300, 300));
-    assert_eq!(scene.id_at(ids[5].index()), Some(ids[5]));
+    assert_eq!((order.len(), sorted.len()), (300, 300), "objects in the order, all and distinct");
+    assert_eq!(scene.id_at(ids[5].index()), Some(ids[5]), "the object with this index");
     scene.remove(ids[5]).unwrap();
-    assert_eq!((scene.id_at(ids[5].index()), scene.id_at(9999)), (None, None));
+    assert_eq!(
+        (scene.id_at(ids[5].index()), scene.id_at(9999)),
+        (None, None),
+        "an index of a removed object, and one beyond all"
+    );
 }

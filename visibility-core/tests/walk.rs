@@ -109,11 +109,14 @@ fn a_culler_outside_core_does_as_much_as_the_one_inside() {
     let mut twice = Pipeline::new().with(Frustum(SceneHierarchy)).with(Frustum(SceneHierarchy));
     for view in views() {
         let stats = inside.cull(&scene, &view, &mut own);
-        assert!(stats.visible > 0 && stats.accepted_subtrees + stats.nodes > 1);
-        assert_eq!(copy.cull(&scene, &view, &mut outside), stats);
-        assert!(outside.iter(&scene).eq(own.iter(&scene)));
+        assert!(
+            stats.visible > 0 && stats.accepted_subtrees + stats.nodes > 1,
+            "the walk is no test: {stats:?}"
+        );
+        assert_eq!(copy.cull(&scene, &view, &mut outside), stats, "what the copy counts");
+        assert!(outside.iter(&scene).eq(own.iter(&scene)), "the copy finds other objects");
         twice.cull(&scene, &view, &mut outside);
-        assert!(outside.iter(&scene).eq(own.iter(&scene)));
+        assert!(outside.iter(&scene).eq(own.iter(&scene)), "a second walk changes the set");
     }
 }
 
@@ -129,13 +132,16 @@ fn another_hierarchy_gives_the_same_set() {
     for view in views() {
         inside.cull(&scene, &view, &mut own);
         let stats = other.cull(&scene, &view, &mut outside);
-        assert_eq!(stats.visible, outside.count(&scene) as u64);
+        assert_eq!(stats.visible, outside.count(&scene) as u64, "objects counted and in the set");
         for &id in &ids {
             let expected = id.index() >= 8950 || own.contains(&scene, id);
             assert_eq!(outside.contains(&scene, id), expected, "{id}");
         }
         after.cull(&scene, &view, &mut outside);
-        assert!(outside.iter(&scene).eq(own.iter(&scene)));
+        assert!(
+            outside.iter(&scene).eq(own.iter(&scene)),
+            "walking the set that is left over another hierarchy finds other objects"
+        );
     }
 }
 
@@ -170,8 +176,8 @@ fn hierarchies_whose_boxes_do_not_hold_what_is_below_are_found_out() {
         let min = random.vec3(-90.0, 90.0);
         scene.insert(Aabb::new(min, min + random.vec3(0.0, 9.0)));
     }
-    assert_eq!(first_misplaced(&scene, &SceneHierarchy), None);
-    assert_eq!(first_misplaced(&scene, &visibility_testing::Octree::new(&scene, 4)), None);
+    assert_eq!(first_misplaced(&scene, &SceneHierarchy), None, "core's hierarchy");
+    assert_eq!(first_misplaced(&scene, &visibility_testing::Octree::new(&scene, 4)), None, "an octree");
     let mut scene = Scene::new();
     let ids = scene.insert_batch([cube(0.0, 1.0), cube(1.0, 2.0), Aabb::new(Vec3::NAN, Vec3::NAN)]);
     let chain = |boxes: [Aabb; 2], own: Aabb, extra| {
@@ -179,7 +185,7 @@ fn hierarchies_whose_boxes_do_not_hold_what_is_below_are_found_out() {
         first_misplaced(&scene, &Chain { boxes, objects, extra })
     };
     let (held, object) = (cube(1.0, 2.0), Some(Child::Object(ids[1])));
-    assert_eq!(chain([cube(0.0, 2.0); 2], held, None), None);
+    assert_eq!(chain([cube(0.0, 2.0); 2], held, None), None, "boxes that fit exactly");
     assert_eq!(chain([cube(0.0, 2.0), cube(-9.0, 9.0)], held, None), None, "a box may be larger than needed");
     assert_eq!(chain([Aabb::EMPTY, cube(0.0, 2.0)], held, None), None, "an inverted box hides nothing");
     assert_eq!(chain([cube(0.0, 1.5), cube(0.0, 2.0)], held, None), object, "the node above its node");

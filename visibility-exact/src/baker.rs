@@ -10,7 +10,7 @@ use visibility_core::bake::Baker;
 use visibility_core::binary_format::{Fingerprint, FormatError, Reader, Writer};
 use visibility_core::pvs::{Pvs, PvsError, PvsTargets, Viewcell, ViewcellId, Viewcells};
 
-/// What a bake found for one viewcell: a sandwich of the objects that are visible from it.
+/// Result of a bake for one viewcell: a sandwich of the objects that are visible from it.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct BakedCell {
     /// [Indices](visibility_core::ObjectId::index) of the objects that a line of sight reaches, ascending.
@@ -19,11 +19,11 @@ pub struct BakedCell {
     pub open: Vec<u32>,
 }
 
-/// Result of a bake.
+/// Result of a bake of many viewcells.
 #[derive(Clone, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub struct ExactOutcome {
-    /// By viewcell. In a viewcell that was not worked on, all objects are open.
+    /// Result for each viewcell, in order. In a viewcell that was not worked on, all objects are open.
     pub cells: Vec<BakedCell>,
     /// Greatest index of an object, plus 1.
     pub index_limit: usize,
@@ -32,9 +32,9 @@ pub struct ExactOutcome {
 }
 
 impl ExactOutcome {
-    /// Returns which part of the reported objects is not known to be visible, from 0 to 1, over all
-    /// viewcells: with proofs, the greatest possible part that is reported and hidden. 0 if nothing is
-    /// reported. What rays alone missed, and what was removed as hardly visible, is not counted.
+    /// Returns the share of the reported objects that are not known to be visible, from 0 to 1, over all
+    /// viewcells. With proofs it bounds the share that is reported though hidden. 0 if no object is reported.
+    /// Objects that rays alone missed, and objects removed as hardly visible, are not counted.
     pub fn gap(&self) -> f64 {
         let sum = |list: fn(&BakedCell) -> &Vec<u32>| -> usize {
             self.cells.iter().map(|cell| list(cell).len()).sum()

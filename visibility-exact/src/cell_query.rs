@@ -30,45 +30,45 @@ const GROUP: Budget = Budget { nodes: 50, divided: 0, halvings: 0 };
 const OBJECT: Budget = Budget { nodes: 1000, divided: 200, halvings: 12 };
 const TRIANGLE: Budget = Budget { nodes: 1500, divided: 200, halvings: 12 };
 const ALL_TRIANGLES: u32 = 8000;
-/// A first look at each triangle of an object, if there are other objects to try.
+/// Budget of a first look at each triangle of an object, if there are other objects to try.
 const QUICK: Budget = Budget { nodes: 400, ..TRIANGLE };
-/// A box around a part of an object, and all such boxes of an object in a quick look and in a long one. A
-/// large mesh behind several walls is hidden with few boxes, where its triangles would take more nodes than
-/// there are.
+/// Budget of a box around a part of an object. A large mesh behind several walls is hidden with few boxes,
+/// but its triangles would take more nodes than there are.
 const PART: Budget = Budget { nodes: 100, divided: 50, halvings: 12 };
 const QUICK_PARTS: u32 = 1000;
 const ALL_PARTS: u32 = 4000;
-/// Nodes for the boxes of an object before the first of them is hidden, and for each triangle that they have
-/// hidden: its own search would take more. Of the objects that no ray finds, most are seen through a gap, and
-/// no part of them is hidden.
+/// Greatest number of nodes for boxes around parts of an object before the first part is hidden. Of the
+/// objects that no ray finds, most are seen through a gap, and no part of them is hidden.
 const FIRST_PARTS: u32 = 400;
 const PART_TRIANGLE: u32 = 16;
 /// Least number of triangles in a part.
 const PART_TRIANGLES: usize = 16;
-/// A second look at each triangle of an object whose others are all hidden. Where occluders meet in a corner
-/// and overlap by little more than the clearance, a node holds no line, but only small parts of it show that.
+/// Budget of a second look at each triangle of an object whose other triangles are all hidden. Where
+/// occluders meet in a corner and overlap by little more than the clearance, a node holds no line, but only
+/// small parts of it show that.
 const PATIENT: Budget = Budget { nodes: 600, divided: 1500, halvings: 30 };
 const ALL_PATIENT: u32 = 4000;
-/// Rays past an object that was seen, by up to its size.
+/// Number of rays past the box of an object that was just seen.
 const PAST: u32 = 32;
-/// Nodes for the visible share of an object.
+/// Greatest number of nodes for the visible share of an object.
 const SHARE: u32 = 2000;
 
-/// What objects and groups have cost so far, in nodes: whether to search a group as thoroughly as an object.
+/// Costs of past searches in nodes, by which a group is searched as thoroughly as an object or not.
 ///
 /// Among houses along streets most groups are hidden as a whole, at the price of few objects; in a building
 /// of many rooms a group seldom is, and the nodes for it are lost. So a group may cost a part of what its
 /// objects are likely to cost, as long as groups of about its size have saved more than they have cost.
 #[derive(Default)]
 struct Prices {
-    /// Nodes and number of the single objects.
+    /// Nodes spent on single objects, and number of these objects.
     single: (u64, u64),
-    /// By the binary logarithm of the size: nodes spent on thorough searches, and objects that these hid.
+    /// Nodes spent on thorough searches of groups, and number of objects that these hid, by the binary
+    /// logarithm of the group's size.
     groups: [(u64, u64); 32],
 }
 
 impl Prices {
-    /// Returns the nodes that single objects have cost, for so many objects.
+    /// Returns the number of nodes that `objects` single objects cost, by the mean so far.
     fn singles(&self, objects: u64) -> u64 {
         objects * self.single.0 / self.single.1.max(1)
     }
@@ -170,20 +170,21 @@ impl<'a> CellQuery<'a> {
         }
     }
 
-    /// Returns the query with a function that it calls many times a second while it works. Once that has
-    /// returned true, the query gives up: what is not decided by then stays open.
+    /// Returns the query with a function that it calls many times a second while it works. Once `stop` has
+    /// returned true, the query ends, and objects that are undecided stay open.
     #[must_use]
     pub fn with_stop(mut self, stop: &'a dyn Fn() -> bool) -> Self {
         self.search.stop = stop;
         self
     }
 
-    /// Returns whether the query has given up.
+    /// Returns whether the query has ended because its function returned true.
     pub fn is_stopped(&self) -> bool {
         self.search.is_stopped
     }
 
-    /// Finds objects that reach into the viewcell, and what rays see: as many as the settings say.
+    /// Finds the objects that reach into the viewcell, and those that rays meet: as many rays as the settings
+    /// say.
     pub fn look(&mut self, is_asked: &dyn Fn(ObjectId) -> bool) {
         let open = self.asked(is_asked);
         self.look_at(open);
@@ -195,22 +196,23 @@ impl<'a> CellQuery<'a> {
         self.groups(open);
     }
 
-    /// Decides objects by their triangles: those of objects with many by boxes around parts first, then each
-    /// by itself, largest first. Some hundred times the work of a proof for a box, which should have failed
-    /// before.
+    /// Decides objects by their triangles, the largest first. Parts of objects with many triangles are first
+    /// tried by boxes around the parts. Takes some hundred times the work of a proof for a box, which should
+    /// have failed before.
     pub fn prove_triangles(&mut self, is_asked: &dyn Fn(ObjectId) -> bool) {
         let open = self.asked(is_asked);
         self.triangles(&open, false);
     }
 
     /// Decides objects by their triangles as [`prove_triangles`](Self::prove_triangles) does, but leaves an
-    /// object open at the first triangle that takes long: a tenth of the work where nothing can be proven.
+    /// object open at the first triangle that takes long. Takes a tenth of the work where nothing can be
+    /// proven.
     pub fn try_triangles(&mut self, is_asked: &dyn Fn(ObjectId) -> bool) {
         let open = self.asked(is_asked);
         self.triangles(&open, true);
     }
 
-    /// Returns the objects and what is known of each, in ascending order of index.
+    /// Returns the objects and the verdict on each, in ascending order of index.
     pub fn verdicts(&self) -> impl Iterator<Item = (ObjectId, Verdict)> {
         let objects = &self.search.triangles.objects;
         objects.iter().map(|object| object.id).zip(self.verdicts.iter().copied())
@@ -221,9 +223,9 @@ impl<'a> CellQuery<'a> {
         self.rays + self.nodes()
     }
 
-    /// Takes all steps that the settings ask for, for the objects that `is_asked` names by their places among
-    /// the objects of the triangles. The others stay [`Verdict::Open`], and so do all that are not decided
-    /// where the query gives up. Returns the memory of the query too.
+    /// Takes all steps of the settings for the objects for which `is_asked` is true, given their places among
+    /// the objects of the triangles. The others, and objects that are undecided when the query ends, are
+    /// [`Verdict::Open`]. Returns the memory of the query too.
     pub(crate) fn run(mut self, is_asked: &dyn Fn(usize) -> bool) -> (CellVerdicts, ChainScratch) {
         let asked = self.usable(is_asked);
         let mut open = self.look_at(asked);
@@ -259,7 +261,8 @@ impl<'a> CellQuery<'a> {
         (0..objects.len() as u32).filter(|&o| is_asked(o as usize) && !objects[o as usize].is_open).collect()
     }
 
-    /// Returns the objects that do not reach into the viewcell.
+    /// Marks the objects that reach into the viewcell as seen, and casts rays at the others. Returns the
+    /// others.
     fn look_at(&mut self, mut open: Vec<u32>) -> Vec<u32> {
         open.retain(|&o| !self.find_inside(o as usize));
         if !open.is_empty() {
@@ -273,7 +276,8 @@ impl<'a> CellQuery<'a> {
         self.verdicts[object as usize] == Verdict::Open
     }
 
-    /// Finds a point of an object in the viewcell.
+    /// Looks for a point of an object in the viewcell, and marks the object as seen if there is one. Returns
+    /// whether there is.
     fn find_inside(&mut self, object: usize) -> bool {
         let entry = &self.search.triangles.objects[object];
         if !self.search.cell.meets(entry.min, entry.max) {
@@ -292,8 +296,8 @@ impl<'a> CellQuery<'a> {
         false
     }
 
-    /// Looks along uniform rays, and from where one has found an object past that object's box: what is next
-    /// to be seen is often beside it.
+    /// Casts uniform rays. From where one has found a new object, casts further rays past that object's box,
+    /// since the next object to be seen is often beside it.
     fn uniform_rays(&mut self) {
         let mut left = self.settings.rays;
         let mut found = Vec::new();
@@ -321,14 +325,15 @@ impl<'a> CellQuery<'a> {
         }
     }
 
-    /// Looks along a ray and records what it meets first. Returns the object if it was not seen before.
+    /// Casts a ray from p along d and marks the object that it meets first as seen. Returns the object's
+    /// number if it was not seen before.
     fn see_first(&mut self, p: DVec3, d: DVec3) -> Option<usize> {
         let (distance, t) = self.search.triangles.tree.nearest(p, d)?;
         self.see(p, p + d * distance, t).then(|| self.search.triangles.object_of(t))
     }
 
-    /// Records that a segment sees a point of a triangle, if its object was not seen and the segment
-    /// certainly misses all other triangles.
+    /// Marks the object of triangle `t` as seen from `from`, if it was not seen and the segment to `to`
+    /// certainly misses all other triangles. Returns whether it did.
     fn see(&mut self, from: DVec3, to: DVec3, t: u32) -> bool {
         let object = self.search.triangles.object_of(t);
         if self.verdicts[object] != Verdict::Open || !self.search.triangles.shows(t, from) {
@@ -364,7 +369,7 @@ impl<'a> CellQuery<'a> {
         }
     }
 
-    /// Bounds the visible share of objects that few aimed rays reach.
+    /// Bounds the visible share of objects, and marks those below the settings' share as hardly visible.
     fn hardly_visible(&mut self, objects: &[u32]) {
         for &object in objects {
             if self.search.must_stop() {
@@ -407,7 +412,8 @@ impl<'a> CellQuery<'a> {
         self.search.cell.meets(min - pad, max + pad)
     }
 
-    /// Proves groups of objects hidden, halving those that it cannot prove. Returns the single objects left.
+    /// Proves groups of objects hidden. A group that is not proven is halved. Returns the single objects
+    /// left.
     fn groups(&mut self, mut list: Vec<u32>) -> Vec<u32> {
         let mut left = Vec::new();
         let mut stack = vec![(0, list.len())];
@@ -415,6 +421,7 @@ impl<'a> CellQuery<'a> {
             if self.search.must_stop() {
                 break;
             }
+            // Objects that an earlier search found seen or hidden leave the group.
             let group = &mut list[start..end];
             group.sort_by_key(|&o| !self.is_open(o));
             let count = group.partition_point(|&o| self.is_open(o));
@@ -431,6 +438,7 @@ impl<'a> CellQuery<'a> {
                 left.extend(self.is_open(single).then_some(single));
                 continue;
             }
+            // Halved at the median of the middles along the longest axis of the group's box.
             let extent = max - min;
             let axis = extent.max_position();
             let objects = &self.search.triangles.objects;
@@ -442,7 +450,8 @@ impl<'a> CellQuery<'a> {
         left
     }
 
-    /// Proves a box with all objects of a group hidden. On failure, records the object that was seen instead.
+    /// Proves a box with all objects of a group hidden. On failure, marks the object that was seen on the
+    /// way.
     fn prove_box(&mut self, group: &[u32], min: DVec3, max: DVec3) -> bool {
         if self.meets_cell(min, max) {
             return false;
@@ -480,7 +489,8 @@ impl<'a> CellQuery<'a> {
         (answer, used)
     }
 
-    /// Records objects as hidden. The proof of the last of `targets` is that of the last search.
+    /// Marks objects as hidden, with the proofs of `targets`. The proof of the last target is that of the
+    /// last search.
     fn hide(&mut self, group: &[u32], targets: &[Target]) {
         if self.settings.keep_proofs {
             let proofs = targets.iter().map(|&target| self.proof(target)).collect();
@@ -558,9 +568,9 @@ impl<'a> CellQuery<'a> {
         }
     }
 
-    /// Proves parts of an object with many triangles hidden by boxes around them, halving those that it
-    /// cannot prove, with at most about `most` nodes. Removes their triangles from `order`, and adds the
-    /// proofs.
+    /// Proves parts of an object hidden, by boxes around its triangles. A part that is not proven is halved.
+    /// Takes about `most` nodes at most. Removes the triangles of hidden parts from `order`, and adds the
+    /// proofs to `proofs`.
     fn hide_parts(&mut self, order: &mut Vec<u32>, proofs: &mut Vec<Proof>, most: u32) {
         let triangles = self.search.triangles;
         let count = order.len();
@@ -579,6 +589,8 @@ impl<'a> CellQuery<'a> {
                 let target = Target::Box { min, max };
                 let (answer, used) = self.solve(target, PART);
                 spent += used;
+                // A part that is proven hidden earns nodes for further parts: without success the search soon
+                // ends.
                 match answer {
                     Answer::Hidden => {
                         if self.settings.keep_proofs {
@@ -593,6 +605,7 @@ impl<'a> CellQuery<'a> {
                     Answer::Undecided => {}
                 }
             }
+            // Small parts are left to the search triangle by triangle.
             if part.len() < 2 * PART_TRIANGLES || spent > most {
                 left.extend_from_slice(part);
                 continue;

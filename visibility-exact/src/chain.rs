@@ -23,14 +23,14 @@ use crate::sight::Sight;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// Most triangles of a chain.
+/// Greatest number of triangles of a chain.
 const MOST: usize = 3000;
-/// Most triangles at an edge that are looked at for the next of a chain.
+/// Greatest number of triangles at an edge that are tried as the next of a chain.
 const AT_EDGE: usize = 64;
 
 impl Search<'_> {
-    /// Tries to find a surface with the triangle `start` that blocks all segments of a node. `line` is a
-    /// segment of the node.
+    /// Grows a surface from the triangle `start` that blocks all segments of a node. `line` is a segment of
+    /// the node. `Err` with the edge that is in the way.
     pub(crate) fn close(
         &mut self,
         sight: &Sight,
@@ -57,6 +57,8 @@ impl Search<'_> {
             let t = all.corners(start);
             return Err([t[0], t[1]]);
         }
+        // The surface grows from `start` across every edge that lines of sight may meet, until its boundary
+        // is missed by all of them.
         scratch.begin();
         scratch.push(start, all.edges(start));
         let mut at = 0;
@@ -70,6 +72,7 @@ impl Search<'_> {
                 }
                 continue;
             }
+            // A triangle that may touch P or Q does not separate them.
             let tags = self.tags(t);
             if !self.apart(&corners, tags, sight) {
                 return Err([corners[0], corners[1]]);
@@ -82,6 +85,8 @@ impl Search<'_> {
                 {
                     continue;
                 }
+                // An edge without a next triangle stays open for now: it may be moved outwards by the
+                // clearance below.
                 if let Some(next) = self.next_across(scratch, sight, t, k, line) {
                     scratch.push(next, all.edges(next));
                     if scratch.chain.len() > MOST {
@@ -96,6 +101,8 @@ impl Search<'_> {
         if !scratch.open.is_empty() {
             self.move_boundary(scratch, sight, shaft)?;
         }
+        // A boundary that no line meets leaves either all lines blocked or none. One line decides: it must
+        // cross the surface an odd number of times.
         if !self.crosses_oddly(scratch, line) {
             let t = all.corners(start);
             return Err([t[0], t[1]]);
@@ -107,7 +114,8 @@ impl Search<'_> {
         })
     }
 
-    /// Returns for each corner of a triangle the corner of the target triangle that it is.
+    /// Returns the corner of the target triangle that each corner of a triangle is equal to, or
+    /// [`NO_CORNER`](crate::line_side::NO_CORNER).
     pub(crate) fn tags(&self, t: u32) -> [u8; 3] {
         self.triangles.vertices(t).map(|vertex| self.tag(vertex))
     }
@@ -116,7 +124,7 @@ impl Search<'_> {
         self.target_vertices.iter().position(|&v| v == vertex).map_or(NO_CORNER, |k| k as u8)
     }
 
-    /// Returns whether no segment of the node meets an edge of the scene; remembers the answer.
+    /// Returns whether no segment of the node meets an edge of the scene, and stores the answer for the edge.
     fn misses(
         &self,
         scratch: &mut ChainScratch,
@@ -151,8 +159,8 @@ impl Search<'_> {
         matches!(signs(sight, edge, sight.side_error(self.delta)), POSITIVE | NEGATIVE)
     }
 
-    /// Returns whether a triangle certainly touches neither P nor Q, but for the boundary of Q at corners of
-    /// the target triangle.
+    /// Returns whether a triangle certainly touches neither P nor Q. At corners of the target triangle it may
+    /// touch the boundary of Q.
     pub(crate) fn apart(&self, corners: &[DVec3; 3], tags: [u8; 3], sight: &Sight) -> bool {
         let pad = self.pad();
         apart(corners, &sight.p, &sight.before_p, pad)
@@ -160,8 +168,8 @@ impl Search<'_> {
                 || apart(corners, &sight.q, &sight.before_q, pad))
     }
 
-    /// Returns the triangle at the other side of an edge of the chain that folds back least: of those that
-    /// continue the surface as seen along the line, and occlude for all points of P.
+    /// Returns the triangle beyond an edge of the chain that folds back least. It must continue the surface
+    /// as seen along the line, and occlude for all points of P. `None` without such a triangle.
     fn next_across(
         &mut self,
         scratch: &ChainScratch,
@@ -194,7 +202,7 @@ impl Search<'_> {
         best.map(|(_, next)| next)
     }
 
-    /// Returns whether segments meet an edge even after it has moved outwards by the clearance.
+    /// Returns whether segments still meet an edge after it has moved outwards by the clearance.
     fn is_hopeless(&self, corners: &[DVec3; 3], k: usize, sight: &Sight) -> bool {
         let (a, b, apex) = (corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]);
         let out = outwards(a, b, apex) * self.clearance;
@@ -205,7 +213,7 @@ impl Search<'_> {
             )
     }
 
-    /// Lists the edges of the boundary that segments meet.
+    /// Collects in the scratch the edges of the chain's boundary that segments meet.
     fn find_open(&self, scratch: &mut ChainScratch, sight: &Sight, shaft: &Shaft) {
         for at in 0..scratch.chain.len() {
             let t = scratch.chain[at];
@@ -238,6 +246,7 @@ impl Search<'_> {
         vertices.dedup();
         // By vertex: its position, and the sum and the product's parts of the directions of its edges.
         let mut sums: Vec<(DVec3, DVec3, u32)> = alloc::vec![(DVec3::ZERO, DVec3::ZERO, 0); vertices.len()];
+        // First the direction outwards at each corner of open edges, a mitre of those of its boundary edges.
         let boundary = |scratch: &ChainScratch, t: u32, k: usize| scratch.state(all.edges(t)[k]) & ODD != 0;
         for &t in &scratch.chain {
             for k in (0..3).filter(|&k| boundary(scratch, t, k)) {
@@ -253,6 +262,8 @@ impl Search<'_> {
         }
         for (&vertex, &(position, sum, count)) in vertices.iter().zip(&sums) {
             let shift = mitre(sum, count, self.clearance);
+            // Without a clearance no corner may move, and a corner of the target triangle never may. The
+            // first open edge is then the obstacle.
             if self.clearance == 0.0 || self.tag(vertex) < 3 {
                 let (t, k) = scratch.open[0];
                 let corners = all.corners(t);
@@ -260,6 +271,8 @@ impl Search<'_> {
             }
             scratch.moved.push((vertex, position + shift));
         }
+        // Then the boundary with its corners moved. The strip between the old and the new edge counts as a
+        // part of the surface, so it must be apart from P and Q as well.
         let pad = self.pad();
         for &t in &scratch.chain {
             for k in (0..3).filter(|&k| boundary(scratch, t, k)) {
@@ -329,8 +342,9 @@ fn outwards(a: DVec3, b: DVec3, apex: DVec3) -> DVec3 {
     -inwards.normalize_or_zero()
 }
 
-/// Returns by how much a corner moves so that its two edges move outwards by `c`, or by as much as a length
-/// of 2.5 c allows. `sum` is the sum of the outward unit vectors of its `count` edges.
+/// Returns the vector by which a corner moves so that its two edges move outwards by `c`. It is at most 2.5 c
+/// long, so that edges at sharp corners move less. `sum` is the sum of the outward unit vectors of the
+/// corner's `count` edges.
 pub(crate) fn mitre(sum: DVec3, count: u32, c: f64) -> DVec3 {
     // For two unit vectors o1 and o2, c (o1 + o2) / (1 + o1 . o2), and 1 + o1 . o2 = |o1 + o2|^2 / 2.
     let length = sum.length();
@@ -344,8 +358,8 @@ fn moved_to(moved: &[(u32, DVec3)], vertex: u32, position: DVec3) -> DVec3 {
     moved.binary_search_by_key(&vertex, |entry| entry.0).map_or(position, |at| moved[at].1)
 }
 
-/// Returns the triangles between an edge and where it was moved, leaving out those without area because an
-/// end did not move.
+/// Returns the triangles between an edge and the moved edge. Triangles without area, because an end did not
+/// move, are left out.
 fn strip(a: (u32, DVec3), b: (u32, DVec3), moved: &[(u32, DVec3)]) -> impl Iterator<Item = [DVec3; 3]> {
     let (a2, b2) = (moved_to(moved, a.0, a.1), moved_to(moved, b.0, b.1));
     // Both triangles of a strip share the diagonal from the end of the lower number, for either direction.

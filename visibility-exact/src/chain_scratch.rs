@@ -3,13 +3,14 @@
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// Bits of the state of an edge in the chain at work: whether an odd number of its triangles is in the chain,
-/// and whether it is known that no segment meets it.
+/// Bit of an edge's state: an odd number of the edge's triangles is in the chain.
 pub(crate) const ODD: u8 = 1;
+/// Bit of an edge's state: no segment of the node meets the edge.
 pub(crate) const MISSED: u8 = 2;
+/// Bit of an edge's state: it is known whether segments meet the edge.
 pub(crate) const KNOWN: u8 = 4;
 
-/// Edge at which a chain could not be closed: where to divide.
+/// Edge at which a chain could not be closed, near which the node is best divided.
 pub(crate) type Obstacle = [DVec3; 2];
 
 /// Scratch of chains. Entries are valid if their epoch is the present one.
@@ -29,7 +30,8 @@ impl ChainScratch {
         Self { triangles: alloc::vec![0; triangles], edges: alloc::vec![(0, 0); edges], ..Self::default() }
     }
 
-    /// Returns whether the scratch was made for these numbers. What others left in it is of past epochs.
+    /// Returns whether the scratch was made for these numbers of triangles and edges. Entries of other scenes
+    /// in it belong to past epochs.
     pub(crate) fn fits(&self, triangles: usize, edges: usize) -> bool {
         (self.triangles.len(), self.edges.len()) == (triangles, edges)
     }

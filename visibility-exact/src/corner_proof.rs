@@ -10,10 +10,11 @@ use crate::line_side::{Row, U};
 use crate::sight::Sight;
 use visibility_core::glam::DVec3;
 
-/// Most rows of which triples are tried.
+/// Greatest number of rows whose triples are tried.
 const MOST: usize = 14;
 
-/// Returns three rows that no line of a node satisfies together, if such a proof is found.
+/// Searches three rows that no line of a node satisfies together, and returns their indices. `None` if no
+/// triple is proven.
 pub(crate) fn find(sight: &Sight, rows: &[Row], delta: f64) -> Option<[u32; 3]> {
     if rows.len() > MOST {
         return None;
@@ -45,6 +46,7 @@ fn excludes(sight: &Sight, rows: [&Row; 3], delta: f64) -> bool {
     let t = rows.map(|row| (row.edge.ends[1] - row.edge.ends[0]).normalize_or_zero() * row.side);
     let cross = [t[1].cross(t[2]), t[2].cross(t[0]), t[0].cross(t[1])];
     let determinant = t[0].dot(cross[0]);
+    // Three edges nearly in one plane have no inverse worth its rounding.
     if determinant.abs() < 1e-6 {
         return false;
     }
@@ -61,6 +63,7 @@ fn excludes(sight: &Sight, rows: [&Row; 3], delta: f64) -> bool {
     if !positive(middle) {
         return false;
     }
+    // The form is bilinear in the points of P and Q, so its sign is decided at pairs of corners.
     let mut directions = [DVec3::ZERO; 64];
     let mut count = 0;
     for &p in sight.p.corners() {
@@ -150,6 +153,6 @@ mod tests {
             tried += 1;
             assert!(!excludes(&sight, [&rows[0], &rows[1], &rows[2]], delta), "{round}: {v} {t:?}");
         }
-        assert!(tried > 10_000);
+        assert!(tried > 10_000, "cases tried: {tried}");
     }
 }

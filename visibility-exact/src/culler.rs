@@ -1,4 +1,4 @@
-//! The region culler.
+//! `ExactCuller`: the region culler that decides each object by lines of sight and proofs.
 
 use crate::cell_query::CellQuery;
 use crate::chain_scratch::ChainScratch;
@@ -54,7 +54,7 @@ impl core::fmt::Debug for ExactCuller {
     }
 }
 
-/// A function that ends a search by returning true.
+/// Function that ends a search once it returns true.
 type Stop = Box<dyn Fn() -> bool + Send + Sync>;
 
 impl ExactCuller {
@@ -63,14 +63,14 @@ impl ExactCuller {
         Self { triangles, settings, scratch: None, last: None, stop: None }
     }
 
-    /// Sets a function that the culler calls many times a second while it works, or none. Once that has
-    /// returned true, the culler gives up: objects that are neither seen nor proven hidden by then are open,
-    /// and stay.
+    /// Sets a function that the culler calls many times a second while it works, or none. Once it has
+    /// returned true, the culler ends: objects that are neither seen nor proven hidden by then are open, and
+    /// stay.
     pub fn set_stop(&mut self, stop: Option<Box<dyn Fn() -> bool + Send + Sync>>) {
         self.stop = stop;
     }
 
-    /// Returns the settings.
+    /// Returns the settings that the culler was made with.
     pub fn settings(&self) -> &ExactSettings {
         &self.settings
     }
@@ -86,8 +86,9 @@ impl ExactCuller {
         &self.triangles
     }
 
-    /// Returns what the last [`cull`](RegionCuller::cull) found: verdicts for the candidates, open for other
-    /// objects. `None` before the first, and after one that removed nothing because the scene had changed.
+    /// Returns the result of the last [`cull`](RegionCuller::cull): verdicts for the candidates, open for
+    /// other objects. `None` before the first call, and after a call that removed nothing because the scene
+    /// had changed.
     pub fn last(&self) -> Option<&CellVerdicts> {
         self.last.as_ref()
     }
@@ -104,7 +105,7 @@ impl ExactCuller {
     }
 }
 
-/// Prepares a query in the memory of the one before. `None` if the viewcell cannot be used.
+/// Prepares a query in the memory of the query before. `None` for a viewcell that is inverted or not finite.
 pub(crate) fn query<'a>(
     triangles: &'a SceneTriangles,
     settings: &ExactSettings,
@@ -116,13 +117,14 @@ pub(crate) fn query<'a>(
 }
 
 impl CellVerdicts {
-    /// All objects are open.
+    /// Makes verdicts in which every object is open.
     pub(crate) fn undecided(triangles: &SceneTriangles) -> Self {
         let verdicts = vec![Verdict::Open; triangles.objects.len()];
         Self { verdicts, proofs: Vec::new(), rays: 0, nodes: 0, refused: 0, is_decided: false }
     }
 
-    /// Returns whether an object stays.
+    /// Returns whether an object stays in the set: if it is seen or open. Without proofs, an open object
+    /// stays only if nothing can be said of it.
     pub(crate) fn keeps(&self, place: usize, object: &TargetObject, settings: &ExactSettings) -> bool {
         match self.verdicts[place] {
             Verdict::Seen(_) => true,

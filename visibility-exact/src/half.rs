@@ -41,7 +41,7 @@ impl Half {
         x
     }
 
-    /// Returns the half-space with `pad` more, unless heights over its plane are exact.
+    /// Returns the half-space enlarged by `pad` metres. Unchanged if heights over its plane are exact.
     pub(crate) fn padded(&self, pad: f64) -> Self {
         Self { offset: if self.axis().is_some() { self.offset } else { self.offset + pad }, ..*self }
     }
@@ -54,9 +54,16 @@ mod tests {
     #[test]
     fn a_tilt_that_rounds_away_is_no_axis() {
         let tilted = Half { normal: DVec3::new(1e-9, 0.0, 1.0).normalize(), offset: 0.0 };
-        assert_eq!((tilted.normal.z, tilted.axis()), (1.0, None));
+        assert_eq!(
+            (tilted.normal.z, tilted.axis()),
+            (1.0, None),
+            "the tilt rounds away, and the plane has no axis"
+        );
         let (a, b) = (DVec3::new(100.0, 0.0, 1.0), DVec3::new(100.0, 0.0, -1.0));
-        assert!((tilted.crossing(a, b, [tilted.height(a), tilted.height(b)]).z + 1e-7).abs() < 1e-14);
-        assert_eq!(Half { normal: -DVec3::Y, offset: 2.0 }.axis(), Some(1));
+        assert!(
+            (tilted.crossing(a, b, [tilted.height(a), tilted.height(b)]).z + 1e-7).abs() < 1e-14,
+            "the crossing at 100 m is 1e-7 m aside"
+        );
+        assert_eq!(Half { normal: -DVec3::Y, offset: 2.0 }.axis(), Some(1), "the plane is along y");
     }
 }

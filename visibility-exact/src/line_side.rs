@@ -10,7 +10,7 @@ use visibility_core::glam::DVec3;
 /// Unit round-off of `f64`, 2^-53.
 pub(crate) const U: f64 = f64::EPSILON / 2.0;
 
-/// Corner of an edge that is no corner of the target triangle.
+/// Tag of an end of an edge that is no corner of the target triangle.
 pub(crate) const NO_CORNER: u8 = 3;
 
 /// An edge in scene coordinates. `tags` tell for each end which corner of the target triangle it is: 0, 1 or
@@ -27,7 +27,7 @@ impl Edge {
     }
 }
 
-/// The lines that pass an edge on one side.
+/// Constraint on lines: they pass an edge on one side.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Row {
     pub(crate) edge: Edge,
@@ -88,14 +88,14 @@ pub(crate) fn sign((value, error): (f64, f64)) -> i32 {
     i32::from(value > error) - i32::from(value < -error)
 }
 
-/// How a segment and a triangle lie.
+/// Relation of a segment and a triangle.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Crossing {
     /// The segment certainly crosses the inside of the triangle.
     Yes,
     /// The segment certainly does not touch the triangle.
     No,
-    /// Rounding, or touching, leaves it open.
+    /// Rounding leaves it open, or the segment touches the triangle's boundary.
     Unsure,
 }
 

@@ -8,19 +8,19 @@
 
 use alloc::vec::Vec;
 
-/// Answer of a [`MatrixGame`].
+/// Sign of the value of a [`MatrixGame`].
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Value {
-    /// Certainly no weights of columns are positive in all rows; `row_weights` prove that.
+    /// No weights of the columns make all rows positive, for certain: `row_weights` prove that.
     Negative,
-    /// `column_weights` are positive in all rows, up to rounding.
+    /// The weights `column_weights` make all rows positive, up to rounding.
     Positive,
-    /// Neither, within rounding.
+    /// The sign is uncertain within rounding.
     Open,
 }
 
-/// Most steps of the simplex method. From half of them on, the first improving column is taken instead of the
-/// steepest, against cycles.
+/// Greatest number of steps of the simplex method. From half of them on, the first improving column is taken
+/// in place of the steepest, which prevents cycles.
 const STEPS: usize = 120;
 
 /// Rows of entries, kept as a stack.
@@ -29,7 +29,7 @@ pub(crate) struct Matrix {
     columns: usize,
     /// Entries divided by the scale of their row.
     entries: Vec<f64>,
-    /// For each row its scale and the greatest error of a scaled entry.
+    /// Scale of each row, and the greatest error of its scaled entries.
     rows: Vec<(f64, f64)>,
 }
 
@@ -56,12 +56,12 @@ impl Matrix {
     }
 }
 
-/// The solution of the game of a matrix, and scratch memory.
+/// Solution of a matrix's game, and scratch memory.
 #[derive(Default)]
 pub(crate) struct MatrixGame {
     tableau: Vec<f64>,
     labels: Vec<usize>,
-    /// Weights of the rows as they were given, unscaled.
+    /// Weights of the unscaled rows.
     pub(crate) row_weights: Vec<f64>,
     pub(crate) column_weights: Vec<f64>,
 }
@@ -175,10 +175,10 @@ impl MatrixGame {
     }
 }
 
-/// Total of the rows' weights from which on the value is below -1e-6.
+/// Least sum of the rows' weights at which the value of the game is certainly negative: below -1e-6.
 const CERTAIN: f64 = 1.0 / (SHIFT - 1e-6);
 
-/// Added to all entries, which are at least -1, so that the value of the game is positive.
+/// Number added to all entries, which are at least -1, so that the value of the game is positive.
 const SHIFT: f64 = 2.0;
 
 #[cfg(test)]
@@ -199,16 +199,19 @@ mod tests {
             (game.solve(&matrix), game.row_weights.clone(), game.column_weights.clone())
         };
         let (value, _, columns) = solve(&[[4.0, -1.0, -1.0], [-1.0, 2.0, -1.0], [-1.0, -1.0, 5.0]]);
-        assert_eq!(value, Value::Positive);
-        assert!((columns.iter().sum::<f64>() - 1.0).abs() < 1e-9);
+        assert_eq!(value, Value::Positive, "a game that the columns win");
+        assert!((columns.iter().sum::<f64>() - 1.0).abs() < 1e-9, "the weights of the columns add up to 1");
         let rows = [[1.0, -3.0, -1.0], [-2.0, 1.0, -1.0]];
         let (value, weights, _) = solve(&rows);
-        assert_eq!(value, Value::Negative);
-        assert!((0..3).all(|j| weights[0] * rows[0][j] + weights[1] * rows[1][j] < 0.0));
+        assert_eq!(value, Value::Negative, "a game that the rows win");
+        assert!(
+            (0..3).all(|j| weights[0] * rows[0][j] + weights[1] * rows[1][j] < 0.0),
+            "the weights {weights:?} make each column negative"
+        );
         let (value, ..) = solve(&[[1.0, 0.0, -1.0], [-1.0, 0.0, 1.0]]);
-        assert_eq!(value, Value::Open);
-        assert_eq!(solve(&[[f64::NAN; 3]]).0, Value::Open);
-        assert_eq!(solve(&[[0.0; 3]]).0, Value::Open);
+        assert_eq!(value, Value::Open, "a game of value 0");
+        assert_eq!(solve(&[[f64::NAN; 3]]).0, Value::Open, "a game of NaN");
+        assert_eq!(solve(&[[0.0; 3]]).0, Value::Open, "a game of zeros");
     }
 
     /// Negative entries that may be positive by their errors prove nothing.

@@ -4,15 +4,15 @@
 use crate::half::Half;
 use visibility_core::glam::DVec3;
 
-/// Greatest number of corners.
+/// Greatest number of corners of a polygon.
 pub(crate) const MOST: usize = 8;
 
 /// A convex polygon with at most [`MOST`] corners.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Polygon {
     v: [DVec3; MOST],
-    /// For each corner the barycentric coordinates in the target triangle that are exactly 0, as bits. 0 for
-    /// polygons that are no part of a target triangle, or of one that was moved.
+    /// Barycentric coordinates in the target triangle that are exactly 0, for each corner: bit i for
+    /// coordinate i. 0 for polygons that are not a part of a target triangle, or of one that was moved.
     pub(crate) zero: [u8; MOST],
     n: usize,
 }
@@ -42,7 +42,7 @@ impl Polygon {
         self.corners().iter().sum::<DVec3>() / self.n as f64
     }
 
-    /// Returns the normal, twice as long as the area.
+    /// Returns the normal vector. Its length is twice the area.
     pub(crate) fn normal(&self) -> DVec3 {
         let pairs = self.corners().windows(2).skip(1);
         pairs.map(|pair| (pair[0] - self.v[0]).cross(pair[1] - self.v[0])).sum()
@@ -77,8 +77,8 @@ impl Polygon {
         fits
     }
 
-    /// Returns the part in a half-space, or all of the polygon if the part has too many corners. `None` if
-    /// the part has no area: if no corner is in front of the plane.
+    /// Returns the part of the polygon in a half-space. All of the polygon if the part would have too many
+    /// corners. `None` if no corner is in front of the plane, so that the part has no area.
     pub(crate) fn clip(&self, half: &Half) -> Option<Self> {
         let height = |i: usize| half.height(self.v[i % self.n]);
         let mut out = Self::new(&[]);
@@ -100,8 +100,8 @@ impl Polygon {
         (inside && out.n >= 3).then_some(out)
     }
 
-    /// Returns two halves. `across` chooses, of a quadrilateral, the halving that does not shorten the longer
-    /// sides; other polygons have one halving only.
+    /// Returns two halves. Of a quadrilateral, `across` chooses the halving that does not shorten the longer
+    /// sides. Other polygons have one halving only.
     pub(crate) fn halves(&self, across: bool) -> [Self; 2] {
         let length = |i: usize| self.v[i % self.n].distance(self.v[(i + 1) % self.n]);
         let corner = |i: usize| (self.v[i % self.n], self.zero[i % self.n]);
@@ -117,18 +117,21 @@ impl Polygon {
             polygon
         };
         match self.n {
+            // A triangle is cut from the middle of its longest side to the corner opposite.
             3 => {
                 let longest = (0..3).fold(0, |best, i| if length(i) > length(best) { i } else { best });
                 let [i, j, k] = [longest, longest + 1, longest + 2];
                 let m = middle(i);
                 [make(&[corner(i), m, corner(k)]), make(&[m, corner(j), corner(k)])]
             }
+            // A quadrilateral is cut between the middles of two opposite sides.
             4 => {
                 let first = length(0) + length(2) >= length(1) + length(3);
                 let i = usize::from(first == across);
                 let (m, n) = (middle(i), middle(i + 2));
                 [make(&[corner(i), m, n, corner(i + 3)]), make(&[m, corner(i + 1), corner(i + 2), n])]
             }
+            // Any other polygon is cut along a diagonal.
             n => {
                 let half = n / 2;
                 let first: [_; MOST] = core::array::from_fn(|i| corner(i.min(half)));
@@ -159,12 +162,22 @@ mod tests {
                 let halves = polygon.halves(across);
                 let area = |polygon: &Polygon| polygon.normal().z;
                 assert!(halves.iter().all(|half| area(half) > 0.2 * area(&polygon)), "{n}");
-                assert!((area(&halves[0]) + area(&halves[1]) - area(&polygon)).abs() < 1e-12);
+                assert!(
+                    (area(&halves[0]) + area(&halves[1]) - area(&polygon)).abs() < 1e-12,
+                    "{n} corners, across: {across}: halves add up to the polygon"
+                );
             }
             let [a, b] =
                 [DVec3::X, -DVec3::X].map(|normal| polygon.clip(&Half { normal, offset: 0.1 }).unwrap());
-            assert!(a.normal().z + b.normal().z > polygon.normal().z);
-            assert_eq!(polygon.clip(&Half { normal: DVec3::Z, offset: -2.0 }), None);
+            assert!(
+                a.normal().z + b.normal().z > polygon.normal().z,
+                "{n} corners: the parts beyond 0.1 m to either side overlap"
+            );
+            assert_eq!(
+                polygon.clip(&Half { normal: DVec3::Z, offset: -2.0 }),
+                None,
+                "{n} corners: a plane that leaves nothing"
+            );
         }
     }
 }

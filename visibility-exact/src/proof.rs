@@ -1,4 +1,4 @@
-//! Proofs that a target cannot be seen from a viewcell, as values.
+//! Proofs that a target cannot be seen from a viewcell, as data.
 
 use crate::sight::{CellBox, Target};
 use alloc::{boxed::Box, vec::Vec};
@@ -23,7 +23,7 @@ pub struct Proof {
     pub(crate) cell: CellBox,
     pub(crate) target: Target,
     pub(crate) clearance: f64,
-    /// Nodes in depth-first order, those of one pair of polygons after those of another.
+    /// Nodes in depth-first order, pair of polygons by pair of polygons.
     pub(crate) steps: Vec<Step>,
 }
 
@@ -55,32 +55,33 @@ pub(crate) enum Step {
         /// A segment of the node that crosses the surface an odd number of times.
         line: [DVec3; 2],
     },
-    /// No segment is in the node, by weights of its dividing edges.
+    /// No segment is in the node: with these weights of its dividing edges, the weighted sum of sides is
+    /// negative.
     Empty { weights: Box<[f64]> },
-    /// No segment is in the node, by three of its dividing edges.
+    /// No segment is in the node: these three of its dividing edges, around a corner, exclude all lines.
     Corner { edges: [u32; 3] },
     /// The node is divided by the edges of a loop. For each [`LoopEdge::Divides`] the node of the segments
     /// that pass outside of the edge, and inside of all dividing edges before it, follows. The rest is
     /// blocked.
     Loop {
-        /// Number of a convex polygon of triangles.
+        /// Index of the occluder: a convex polygon of triangles.
         piece: u32,
-        /// The loop, and for each corner the corner of the target triangle that it is.
+        /// Corners of the loop: position, and the corner of the target triangle that it is, or 3.
         ring: Box<[(DVec3, u8)]>,
-        /// Side on which blocked segments have all edges, 1 or -1.
+        /// Sign (1 or -1) of the side on which blocked segments pass all edges.
         side: f64,
-        /// By edge, from each corner to the next.
+        /// Outcome of each edge of the ring, from each corner to the next.
         edges: Box<[LoopEdge]>,
     },
 }
 
-/// What becomes of the segments that pass outside of an edge of a loop.
+/// Outcome of the segments that pass outside an edge of a loop.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) enum LoopEdge {
     /// All segments between the polygons pass inside.
     Inside,
     /// No segment of the node passes outside, by weights of its dividing edges and, last, of this edge.
     Never { weights: Box<[f64]> },
-    /// A node of its own.
+    /// The segments outside are a node of their own.
     Divides,
 }

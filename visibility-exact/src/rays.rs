@@ -7,7 +7,7 @@ use crate::sight::CellBox;
 use visibility_core::glam::DVec3;
 use visibility_core::random::Random;
 
-/// Returns a unit vector of uniform direction.
+/// Returns a random unit vector, uniform by direction.
 fn direction(random: &mut Random) -> DVec3 {
     loop {
         let v = random.point() * 2.0 - 1.0;
@@ -18,7 +18,7 @@ fn direction(random: &mut Random) -> DVec3 {
     }
 }
 
-/// Returns a point on the cube from -1 to 1.
+/// Returns a random point on the surface of the cube from -1 to 1.
 pub(crate) fn on_cube(random: &mut Random) -> DVec3 {
     let mut x = random.point() * 2.0 - 1.0;
     let side = random.below(6);
@@ -26,7 +26,7 @@ pub(crate) fn on_cube(random: &mut Random) -> DVec3 {
     x
 }
 
-/// Returns a point of a triangle, uniform by area.
+/// Returns a random point of a triangle, uniform by area.
 pub(crate) fn in_triangle(random: &mut Random, t: &[DVec3; 3]) -> DVec3 {
     let (a, b) = (random.unit(), random.unit());
     let (a, b) = if a + b > 1.0 { (1.0 - a, 1.0 - b) } else { (a, b) };
@@ -57,13 +57,14 @@ impl CellBox {
         (p, d)
     }
 
-    /// Returns where a segment from a random point of the box to a point q leaves the box.
+    /// Returns the point at which the segment from a random point of the box to q leaves the box.
     pub(crate) fn towards(&self, q: DVec3, random: &mut Random) -> DVec3 {
         let p = self.min + (self.max - self.min) * random.point();
         self.exit(p, q)
     }
 
-    /// Returns where the segment from a point p of the box to q leaves the box, in the box.
+    /// Returns the point at which the segment from p, in the box, to q leaves the box. It is inside the box
+    /// whatever rounding does.
     pub(crate) fn exit(&self, p: DVec3, q: DVec3) -> DVec3 {
         let d = q - p;
         let wall = DVec3::select(d.cmpgt(DVec3::ZERO), self.max, self.min);

@@ -16,15 +16,15 @@ use crate::sight::Sight;
 use alloc::{boxed::Box, vec::Vec};
 use visibility_core::glam::DVec3;
 
-/// Corner of a loop: its position, and which corner of the target triangle it is.
+/// Corner of a loop: its position, and the corner of the target triangle that it is, or [`NO_CORNER`].
 type RingCorner = (DVec3, u8);
 
-/// A loop that a line passes inside of.
+/// A loop on an occluder that a line passes inside.
 struct Loop {
     piece: u32,
     ring: Vec<RingCorner>,
     side: f64,
-    /// Whether the node may have lines outside of each edge.
+    /// Whether lines of the node may pass outside of each edge.
     divides: Vec<bool>,
 }
 
@@ -49,13 +49,13 @@ struct RowNode {
     /// Bound on the errors of positions in sides.
     delta: f64,
     rows: Vec<Row>,
-    /// The sides of all pairs of corners, row by row.
+    /// Sides of the rows' edges for all pairs of corners, row by row.
     matrix: Matrix,
-    /// The program of all rows if it is solved already.
+    /// Solution of the linear program of all rows, if it is known.
     solution: Option<Solution>,
 }
 
-/// The value of a program, with the weights of its rows if that is negative, of its columns otherwise.
+/// Value of a linear program, and weights: of its rows for a negative value, otherwise of its columns.
 type Solution = (Value, Box<[f64]>);
 
 impl RowNode {
@@ -95,12 +95,13 @@ impl RowNode {
 }
 
 impl Search<'_> {
-    /// Searches the lines of a node. `left` is the number of nodes still allowed.
+    /// Decides a node by dividing it by loops. `left` is the number of nodes that may still be used.
     pub(crate) fn divide(&mut self, sight: &Sight, left: &mut u32) -> Answer {
         self.divide_rows(&mut RowNode::new(*sight, sight.side_error(self.delta), &[]), left, 0)
     }
 
-    /// Searches the lines of a node that satisfy all rows. `halvings` is the number of halvings so far.
+    /// Decides the lines of a node that satisfy all rows. `left` is the number of nodes that may still be
+    /// used, `halvings` the number of halvings so far.
     fn divide_rows(&mut self, node: &mut RowNode, left: &mut u32, halvings: u32) -> Answer {
         if *left == 0 || self.must_stop() {
             return Answer::Undecided;
@@ -140,12 +141,14 @@ impl Search<'_> {
         self.divide_by(node, &best, left, halvings)
     }
 
-    /// Divides a node by the edges of a loop.
+    /// Divides a node by the edges of a loop, and decides the parts.
     fn divide_by(&mut self, node: &mut RowNode, by: &Loop, left: &mut u32, halvings: u32) -> Answer {
         let base = node.rows.len();
         let mut edges = Vec::with_capacity(by.ring.len());
         for (k, &divides) in by.divides.iter().enumerate() {
             let mut found = if divides { LoopEdge::Divides } else { LoopEdge::Inside };
+            // An edge that no line of the node passes on the outer side, given the rows so far, needs no part
+            // of its own.
             if divides && base > 0 {
                 node.push(by.row(k, -by.side));
                 if let (Value::Negative, weights) = self.solve(&node.matrix) {
@@ -164,6 +167,7 @@ impl Search<'_> {
             edges: edges.into_boxed_slice(),
         });
         let mut answer = Answer::Hidden;
+        // Part k: inside the edges before k, outside edge k. The checker makes the same parts.
         for (count, &k) in dividing.iter().enumerate() {
             node.truncate(base + count.saturating_sub(1));
             if count > 0 {
@@ -182,7 +186,7 @@ impl Search<'_> {
         answer
     }
 
-    /// Halves P or Q of a node with rows: the way that leaves a half without lines, if there is one.
+    /// Halves P or Q of a node with rows. A way that leaves a half without lines is preferred.
     fn halve_divided(&mut self, node: &RowNode, left: &mut u32, halvings: u32) -> Answer {
         if halvings >= self.budget.halvings {
             return Answer::Undecided;
@@ -195,6 +199,7 @@ impl Search<'_> {
             if across && !polygon.has_two_ways() {
                 continue;
             }
+            // A half whose rows exclude all lines is worth most. Otherwise the larger polygon is halved.
             let mut score = u32::from(of_p == p_is_larger);
             let halves = sight.halves(of_p, across).map(|half| {
                 let mut half = RowNode::new(half, half.side_error(self.delta), &node.rows);
@@ -225,7 +230,7 @@ impl Search<'_> {
         Answer::Hidden
     }
 
-    /// Solves the program of a node's rows.
+    /// Solves the linear program of a node's rows.
     fn solve(&mut self, matrix: &Matrix) -> Solution {
         self.stats.programs += 1;
         let value = self.game.solve(matrix);
@@ -249,6 +254,7 @@ impl Search<'_> {
         if total.is_nan() || total <= 0.5 {
             return None;
         }
+        // The weights are of pairs of corners. Their means in P and in Q are a first segment.
         let mut line = self.segment(from / total, to / total);
         let satisfies = |line: Segment| {
             rows.iter().all(|row| {
@@ -265,6 +271,8 @@ impl Search<'_> {
                 let inner = [0.5, 0.2, 0.05, 0.01, 0.001].into_iter().map(towards).find(|&l| satisfies(l));
                 return Some(inner.unwrap_or(line));
             }
+            // With one end held, the rows are linear in the other end: a small matrix game finds the best
+            // one.
             let of_q = round % 2 == 0;
             let corners = if of_q { q } else { p };
             self.matrix.start(corners.len());
@@ -293,7 +301,8 @@ impl Search<'_> {
         satisfies(line).then_some(line)
     }
 
-    /// Of the occluders that a line crosses, returns the loop with the fewest dividing edges.
+    /// Returns the loop with the fewest dividing edges, of loops on the occluders that a line crosses. `hits`
+    /// are these occluders' indices.
     fn best_loop(&mut self, sight: &Sight, depth: usize, line: Segment, hits: &[u32]) -> Option<Loop> {
         // The growth shrinks with every row, so that a line outside of one edge is surely not inside of
         // another edge on the same line.
@@ -320,8 +329,8 @@ impl Search<'_> {
         best
     }
 
-    /// Returns the loop of a piece, moved outwards by `grow` and cut to between the planes of P and Q. `None`
-    /// if the line does not surely pass inside.
+    /// Returns the loop of a piece, moved outwards by `grow` metres and cut off at the planes of P and Q.
+    /// `None` if the line does not certainly pass inside.
     fn loop_around(&self, sight: &Sight, piece: u32, line: Segment, grow: f64) -> Option<Loop> {
         let around = self.triangles.piece(piece);
         let corners = around.ring.iter().zip(&around.positions);
@@ -378,7 +387,7 @@ fn grown(ring: &[RingCorner], grow: f64) -> Vec<RingCorner> {
     (0..n).map(|k| (moved(k), NO_CORNER)).collect()
 }
 
-/// Returns the part of a ring where a height, affine in the position, is not negative.
+/// Returns the part of a ring where `height`, an affine function of the position, is not negative.
 fn cut(ring: Vec<RingCorner>, half: &Half, height: impl Fn(&Half, &RingCorner) -> f64) -> Vec<RingCorner> {
     let heights: Box<[f64]> = ring.iter().map(|corner| height(half, corner)).collect();
     if heights.iter().all(|h| *h >= 0.0) {
@@ -399,8 +408,8 @@ fn cut(ring: Vec<RingCorner>, half: &Half, height: impl Fn(&Half, &RingCorner) -
     out
 }
 
-/// Removes corners between two sides on one line, which would give two rows for one line, and corners that
-/// coincide with the one before.
+/// Removes corners between two sides on one line, which would give two rows for one line, and corners equal
+/// to the corner before.
 fn drop_straight(ring: &mut Vec<RingCorner>) {
     let mut k = 0;
     while ring.len() >= 3 && k < ring.len() {

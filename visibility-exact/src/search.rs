@@ -20,11 +20,11 @@ pub(crate) struct Segment {
 /// Answer for a target or a node.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) enum Answer {
-    /// Proven: [`Search::steps`] has the proof.
+    /// Proven hidden. The proof is in [`Search::steps`].
     Hidden,
-    /// A segment that certainly misses all occluders.
+    /// Visible along a segment that certainly misses all occluders.
     Visible(Segment),
-    /// Neither within the budget.
+    /// Neither a line of sight nor a proof was found within the budget.
     Undecided,
 }
 
@@ -40,11 +40,11 @@ pub(crate) struct SearchStats {
 /// Bounds on the work for one target.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Budget {
-    /// Most nodes by halving.
+    /// Greatest number of nodes of the search by halving.
     pub(crate) nodes: u32,
-    /// Most nodes of each attempt to divide a node by occluder edges.
+    /// Greatest number of nodes of each attempt to divide a node by occluder edges.
     pub(crate) divided: u32,
-    /// Most halvings on the way to one of these.
+    /// Greatest number of halvings in such an attempt, on the way to one of its nodes.
     pub(crate) halvings: u32,
 }
 
@@ -52,16 +52,16 @@ pub(crate) struct Budget {
 const DEPTH: u32 = 28;
 /// Depth from which nodes are divided by occluder edges, on every third level.
 const DIVIDE_FROM: u32 = 3;
-/// Most cuts of P by planes of one-sided triangles on the way to a node. Each rounds a corner four times
-/// more: [`SceneTriangles::position_error`] has room for these.
+/// Greatest number of cuts of P by planes of one-sided triangles on the way to a node. Each rounds a corner
+/// four times more: [`SceneTriangles::position_error`] has room for these.
 pub(crate) const SPLITS: u32 = 8;
-/// Number of triangles on a line from which surfaces are grown.
+/// Greatest number of triangles on a line from which surfaces are grown.
 const STARTS: usize = 4;
-/// Most triangles on a line that are looked for. With 8, viewcells in a building took up to a third more
-/// nodes.
+/// Greatest number of triangles on a line that are collected. With 8, viewcells in a building took up to a
+/// third more nodes.
 const HITS: usize = 16;
 
-/// Number of no triangle, and of no vertex.
+/// Index that no triangle and no vertex has.
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// State of queries from one viewcell.
@@ -71,31 +71,33 @@ pub(crate) struct Search<'a> {
     pub(crate) clearance: f64,
     /// Bound on the errors of positions, for the target at work.
     pub(crate) delta: f64,
-    /// The target triangle if it must not occlude: without clearance.
+    /// Index of the target triangle in searches without clearance, where it must not occlude. [`NONE`]
+    /// otherwise.
     pub(crate) skip: u32,
     pub(crate) target_vertices: [u32; 3],
     pub(crate) budget: Budget,
     used: u32,
     pub(crate) chain: ChainScratch,
     pub(crate) game: MatrixGame,
-    /// Scratch of programs.
+    /// Scratch matrix of the linear programs.
     pub(crate) matrix: Matrix,
     pub(crate) hits: Vec<u32>,
     pub(crate) steps: Vec<Step>,
     pub(crate) stats: SearchStats,
-    /// The start of the last surface that blocked a node, tried first for the next.
+    /// Triangle from which the last surface that blocked a node was grown. It is tried first at the next
+    /// node.
     pub(crate) hint: u32,
     /// A one-sided triangle that could not be used for the node at work because P is on both sides of its
     /// plane, or [`NONE`].
     pub(crate) across: u32,
-    /// Asked at each node.
+    /// Called at each node. The search ends once it returns true.
     pub(crate) stop: &'a dyn Fn() -> bool,
     /// Whether `stop` has returned true: every answer is then undecided.
     pub(crate) is_stopped: bool,
 }
 
 impl<'a> Search<'a> {
-    /// Makes the state; `chain` is memory of another search, perhaps in another scene.
+    /// Makes the state. `chain` is the memory of another search, which may be of another scene.
     pub(crate) fn new(
         triangles: &'a SceneTriangles,
         cell: CellBox,
@@ -126,8 +128,8 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Answers for a target. Returns the answer and the number of nodes used. After [`Answer::Hidden`] the
-    /// proof is in [`steps`](Self::steps).
+    /// Decides a target. Returns the answer and the number of nodes used. After [`Answer::Hidden`] the proof
+    /// is in [`steps`](Self::steps).
     pub(crate) fn solve_target(&mut self, target: Target, budget: Budget) -> (Answer, u32) {
         if !self.begin(target, budget) {
             return (Answer::Undecided, 0);
@@ -150,7 +152,7 @@ impl<'a> Search<'a> {
         (answer, self.used)
     }
 
-    /// Returns whether to give up.
+    /// Returns whether the search must end.
     pub(crate) fn must_stop(&mut self) -> bool {
         self.is_stopped = self.is_stopped || (self.stop)();
         self.is_stopped
@@ -161,7 +163,7 @@ impl<'a> Search<'a> {
         4.0 * self.delta
     }
 
-    /// Prepares for nodes of a target. Returns false if the clearance is within the error of positions.
+    /// Prepares the search for a target. Returns false if the clearance is within the error of positions.
     pub(crate) fn begin(&mut self, target: Target, budget: Budget) -> bool {
         (self.skip, self.target_vertices) = (NONE, [NONE; 3]);
         if let Target::Triangle(t) = target
@@ -176,7 +178,7 @@ impl<'a> Search<'a> {
         delta.is_some()
     }
 
-    /// Answers for a node below `depth` halvings and `splits` cuts of P.
+    /// Decides a node, after `depth` halvings and `splits` cuts of P.
     fn node(&mut self, sight: &Sight, depth: u32, splits: u32) -> Answer {
         if self.used >= self.budget.nodes || self.must_stop() {
             return Answer::Undecided;
@@ -184,6 +186,8 @@ impl<'a> Search<'a> {
         self.used += 1;
         self.stats.nodes += 1;
         let mut hits = core::mem::take(&mut self.hits);
+        // A sample line that misses everything is a line of sight. Otherwise each triangle that it crosses
+        // may begin a surface that blocks the node.
         let line = self.crossed_line(sight, &mut hits);
         let mut obstacle = None;
         let mut answer = None;
@@ -212,6 +216,8 @@ impl<'a> Search<'a> {
         if let Some(answer) = answer {
             return answer;
         }
+        // A one-sided triangle hides from its front alone. Where P is on both sides of its plane, P is cut
+        // along the plane.
         let triangle = self.across;
         if splits < SPLITS
             && triangle != NONE
@@ -221,6 +227,8 @@ impl<'a> Search<'a> {
             let step = Step::Split { triangle };
             return self.parts(step, parts, |search, part| search.node(part, depth, splits + 1));
         }
+        // At some depths, a search that divides the lines by loops of edges, which can prove what surfaces
+        // alone cannot.
         if self.budget.divided > 0 && depth >= DIVIDE_FROM && (depth - DIVIDE_FROM).is_multiple_of(3) {
             let mut left = self.budget.divided;
             match self.divide(sight, &mut left) {
@@ -234,7 +242,7 @@ impl<'a> Search<'a> {
         self.halve(sight, depth, splits, obstacle)
     }
 
-    /// Orders triangles that a line crosses: the one that blocked the last node first, then the largest.
+    /// Orders the triangles that a line crosses: first the one that blocked the last node, then the largest.
     pub(crate) fn sort_starts(&self, hits: &mut [u32]) {
         hits.sort_unstable_by(|&a, &b| {
             self.triangles.area(b).total_cmp(&self.triangles.area(a)).then(a.cmp(&b))
@@ -244,7 +252,8 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Answers for the halves of a node.
+    /// Decides the halves of a node. `obstacle` is an edge that kept the node from being blocked, and a line
+    /// by it.
     fn halve(
         &mut self,
         sight: &Sight,
@@ -258,7 +267,7 @@ impl<'a> Search<'a> {
         self.parts(step, halves, |search, half| search.node(half, depth + 1, splits))
     }
 
-    /// Answers for the two parts of a node. `step` is the step of a proof that divides it.
+    /// Decides the two parts of a node. `step` is the step of the proof that divides the node.
     fn parts(&mut self, step: Step, parts: [Sight; 2], node: impl Fn(&mut Self, &Sight) -> Answer) -> Answer {
         let mark = self.steps.len();
         self.steps.push(step);
@@ -292,8 +301,9 @@ impl<'a> Search<'a> {
         facing == Facing::Before
     }
 
-    /// Returns a segment through the middle of a node with the triangles that it certainly crosses in `hits`,
-    /// nearby segments where the middle meets edges only; `Err` with a segment that certainly misses all.
+    /// Returns a segment through the middle of a node, and in `hits` the triangles that it certainly crosses.
+    /// Where the middle meets edges only, nearby segments are tried. `Err` with a segment that certainly
+    /// misses all triangles.
     pub(crate) fn crossed_line(&self, sight: &Sight, hits: &mut Vec<u32>) -> Result<Segment, Segment> {
         let (p, q) = (sight.p.corners(), sight.q.corners());
         let mut line = self.middle(sight);
@@ -315,12 +325,13 @@ impl<'a> Search<'a> {
         self.segment(sight.p.center(), sight.q.center())
     }
 
-    /// Makes a segment whose start is in the viewcell, whatever rounding did to it.
+    /// Returns the segment from a point `p` of the viewcell to a point `q` of the target. `p` is moved into
+    /// the viewcell if rounding has put it outside.
     pub(crate) fn segment(&self, p: DVec3, q: DVec3) -> Segment {
         Segment { p: p.clamp(self.cell.min, self.cell.max), q }
     }
 
-    /// Collects triangles that a segment certainly crosses, up to [`HITS`]. Returns whether there may be
+    /// Collects up to [`HITS`] triangles that a segment certainly crosses. Returns whether it may meet
     /// others.
     pub(crate) fn probe(&self, line: Segment, hits: &mut Vec<u32>) -> bool {
         self.triangles.tree.crossed(line.p, line.q, self.skip, HITS, hits)
@@ -334,8 +345,8 @@ pub(crate) struct Halving {
     pub(crate) across: bool,
 }
 
-/// Chooses the halving after which the node's lines pass an obstacle on fewer sides: of the polygon that
-/// looks wider from the obstacle, in the direction in which it is wider across the obstacle's edge.
+/// Chooses the halving after which the node's lines pass an obstacle on fewer sides. It halves the polygon
+/// that looks wider from the obstacle, in the direction in which it is wider across the obstacle's edge.
 pub(crate) fn best_halving(sight: &Sight, obstacle: Option<(Obstacle, Segment)>) -> Halving {
     let (mut at, mut edge) = (0.5, DVec3::ZERO);
     if let Some(([a, b], line)) = obstacle {

@@ -1,6 +1,6 @@
-//! How much work the culler does, for which guarantee.
+//! Settings of the exact culler: how much work it does, and what that guarantees.
 
-/// How much an [`ExactCuller`](crate::ExactCuller) finds out.
+/// Kind of answer that an [`ExactCuller`](crate::ExactCuller) looks for.
 ///
 /// ```
 /// use visibility_exact::{Effort, ExactSettings};
@@ -32,7 +32,7 @@ pub enum Effort {
 pub struct ExactSettings {
     /// Number of rays in all directions.
     pub rays: u32,
-    /// Most rays aimed at each object that no ray has found.
+    /// Greatest number of rays aimed at each object that no ray has found.
     pub aimed_rays: u32,
     /// Whether objects that no ray found need proof to be removed.
     pub proves: bool,

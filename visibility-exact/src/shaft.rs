@@ -4,7 +4,8 @@
 use crate::polygon::{MOST, Polygon};
 use visibility_core::glam::DVec3;
 
-/// Most planes of a [`Shaft`]: one for each side of either polygon, and their own two.
+/// Greatest number of planes of a [`Shaft`]: one for each side of either polygon, and the planes of both
+/// polygons.
 const PLANES: usize = 2 * MOST + 2;
 
 /// Planes around two polygons. A point whose height over one of them is below `-pad` is outside.
@@ -103,7 +104,10 @@ mod tests {
             let triangles = prepared([Vec3::X, Vec3::Y, Vec3::Z]);
             let cell = CellBox { min: DVec3::splat(-150.0), max: DVec3::splat(150.0) };
             let mut search = Search::new(&triangles, cell, 0.0, None);
-            assert!(search.begin(Target::Triangle(0), Budget { nodes: 0, divided: 0, halvings: 0 }));
+            assert!(
+                search.begin(Target::Triangle(0), Budget { nodes: 0, divided: 0, halvings: 0 }),
+                "{round}: the search begins"
+            );
             let delta = search.delta;
             let [p, q] = exact.map(|corners| {
                 let move_corner = |v: DVec3| {
@@ -146,7 +150,10 @@ mod tests {
             let cell = CellBox { min: DVec3::ZERO, max: DVec3::ONE };
             let mut search = Search::new(&triangles, cell, 0.0, None);
             let target = Target::Triangle(0);
-            assert!(search.begin(target, Budget { nodes: 0, divided: 0, halvings: 0 }));
+            assert!(
+                search.begin(target, Budget { nodes: 0, divided: 0, halvings: 0 }),
+                "{round}: the search begins"
+            );
             let t = t.map(Vec3::as_dvec3);
             // Through the middle of the opposite side: also through what a viewcell's plane leaves of Q.
             let far = t[0] + ((t[1] - t[0]) + (t[2] - t[0])) * random.fine_range(0.6, 3.0);

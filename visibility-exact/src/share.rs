@@ -1,4 +1,4 @@
-//! Certified bounds on the visible share of a target: how many of the segments to it may be unblocked.
+//! Certified bounds on the visible share of a target: the share of the segments to it that may be unblocked.
 //!
 //! The segments from P to Q are measured by area of P times area of Q. Nodes that a surface blocks are taken
 //! off, largest nodes first, until what is left is below a bound. What is not blocked counts as unblocked.
@@ -13,7 +13,7 @@ use core::cmp::Ordering;
 /// A node that is not proven blocked, ordered by its share of all segments.
 struct Node {
     share: f64,
-    /// Number of the node, which orders nodes of equal shares.
+    /// Number of the node in the order of making. It decides between nodes of equal shares.
     number: u32,
     sight: Sight,
     /// Edge that kept the parent from being blocked, and a line by it.
@@ -86,7 +86,8 @@ impl Search<'_> {
         if open.is_empty() { 0.0 } else { (left + 1e-9).clamp(0.0, 1.0) }
     }
 
-    /// Returns whether a surface certainly blocks a node, and if not, which edge is in the way, if any.
+    /// Returns whether a surface certainly blocks a node. If not, also the edge that is in the way and a line
+    /// by it, if known.
     fn is_blocked(&mut self, sight: &Sight) -> (bool, Option<(Obstacle, Segment)>) {
         let mut hits = core::mem::take(&mut self.hits);
         let (mut blocked, mut obstacle) = (false, None);

@@ -4,16 +4,16 @@ use crate::line_side::{Edge, SideFrom, sign};
 use crate::sight::Sight;
 use visibility_core::glam::DVec3;
 
-/// Signs that occur at pairs of corners, as bits of a set.
+/// Bit of a side that is certainly positive, in a set of the sides at pairs of corners.
 pub(crate) const POSITIVE: u8 = 1;
-/// See [`POSITIVE`].
+/// Bit of a side that is certainly negative: see [`POSITIVE`].
 pub(crate) const NEGATIVE: u8 = 2;
-/// A value that rounding leaves undecided. See [`POSITIVE`].
+/// Bit of a side whose sign rounding leaves undecided: see [`POSITIVE`].
 pub(crate) const UNSURE: u8 = 4;
 
-/// Where the side of an edge is exactly 0: a line to a corner of Q that is a mixture of ends of the edge, and
-/// a line between points of a plane that also holds the edge: P's plane, where Q or an occluder is cut by it,
-/// or Q's, where P or an occluder is.
+/// Cases in which the side of an edge is exactly 0. One is a line to a corner of Q that is a mixture of ends
+/// of the edge. The other is a line between points of a plane that also holds the edge: P's plane, where Q or
+/// an occluder is cut by it, or Q's, where P or an occluder is.
 pub(crate) struct Zeros {
     tags: [u8; 2],
     in_p: bool,
@@ -28,8 +28,8 @@ impl Zeros {
         Self { tags: edge.tags, in_p, in_q: sight.is_in_plane_of_q(a) && sight.is_in_plane_of_q(b) }
     }
 
-    /// Returns whether the side is exactly 0 for the line from a corner of P to a corner of Q, of whose
-    /// barycentric coordinates those in the bits of `zero` are exactly 0.
+    /// Returns whether the side is exactly 0 for the line from a corner of P to a corner of Q. `zero` has a
+    /// bit for each barycentric coordinate of q that is exactly 0.
     #[inline]
     pub(crate) fn hold(&self, sight: &Sight, p: DVec3, q: DVec3, zero: u8) -> bool {
         let [a, b] = self.tags;

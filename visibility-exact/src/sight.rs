@@ -47,7 +47,7 @@ impl CellBox {
         self.min.abs().max(self.max.abs()).max_element()
     }
 
-    /// Returns the corner that is farthest before a plane.
+    /// Returns the corner of the box that is farthest in front of a plane.
     pub(crate) fn farthest(&self, half: &Half) -> DVec3 {
         DVec3::select(half.normal.cmpgt(DVec3::ZERO), self.max, self.min)
     }
@@ -57,7 +57,7 @@ impl CellBox {
     }
 }
 
-/// What may be seen.
+/// Part of an object that may be seen: the end of the segments asked about.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) enum Target {
     /// Anything inside a box, in scene coordinates. The box does not meet the viewcell.
@@ -66,10 +66,10 @@ pub(crate) enum Target {
     Triangle(u32),
 }
 
-/// Returns the bound on the errors of positions in all that is asked about a target: its polygons are cut
-/// from faces of the viewcell and of the target, so that coordinates are at most those of triangles, viewcell
-/// and target box, and the clearance more. `None` if the clearance is within this error, so that it would not
-/// part touching surfaces.
+/// Returns the bound on the errors of positions in a search for a target. Its polygons are cut from faces of
+/// the viewcell and of the target, so that coordinates are at most those of triangles, viewcell and target
+/// box, plus the clearance. `None` if the clearance is within this error, so that it would not part touching
+/// surfaces.
 pub(crate) fn position_error(
     triangles: &SceneTriangles,
     cell: &CellBox,
@@ -84,14 +84,14 @@ pub(crate) fn position_error(
     (c == 0.0 || c >= 64.0 * delta).then_some(delta)
 }
 
-/// How P lies to the front of a one-sided triangle.
+/// Place of P relative to the front of a one-sided triangle.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Facing {
-    /// Before it: the triangle occludes for all points of P.
+    /// P is before the front: the triangle occludes for all points of P.
     Before,
-    /// On both sides.
+    /// P is on both sides of the triangle's plane.
     Across,
-    /// Behind it, up to rounding.
+    /// P is behind the plane, up to rounding.
     Behind,
 }
 
@@ -100,19 +100,18 @@ pub(crate) enum Facing {
 pub(crate) struct Sight {
     pub(crate) p: Polygon,
     pub(crate) q: Polygon,
-    /// The outside of the viewcell's face that holds `p`.
+    /// Half-space outside the viewcell, beyond the face that holds `p`.
     pub(crate) before_p: Half,
-    /// The side of Q's plane from which `q` is seen.
+    /// Half-space in front of Q's plane, from which Q is seen.
     pub(crate) before_q: Half,
-    /// With a clearance, the height over Q's plane up to which points are taken to be in it: 0 if the plane
-    /// is perpendicular to an axis, where they are or are not, or does not meet P. `None` without
-    /// clearance.
+    /// Height over Q's plane up to which points count as in it, with a clearance. 0 if the plane is
+    /// perpendicular to an axis, where heights are exact, or does not meet P. `None` without clearance.
     pub(crate) near: Option<f64>,
 }
 
 impl Sight {
-    /// Returns the bound on the errors of positions that count for the sides of edges, of the bound `delta`
-    /// on all errors.
+    /// Returns the bound on the errors of positions that counts for the sides of edges. `delta` bounds all
+    /// errors.
     ///
     /// Without clearance an answer holds for all segments, so that positions stand for all that their errors
     /// allow. With a clearance, which is at least 64 errors, positions are what they are, but that those near
@@ -124,14 +123,14 @@ impl Sight {
         self.near.map_or(delta, |near| 2.0 * near)
     }
 
-    /// Returns whether a point lies in Q's plane, or is taken to.
+    /// Returns whether a point lies in Q's plane, or counts as in it.
     #[inline]
     pub(crate) fn is_in_plane_of_q(&self, x: DVec3) -> bool {
         self.before_q.holds(x) || self.near.is_some_and(|near| self.before_q.height(x).abs() < near)
     }
 
-    /// Returns how P lies to the front of a one-sided triangle, for a clearance `c`. Heights are known to
-    /// `pad`.
+    /// Returns the place of P relative to the front of a one-sided triangle, for a clearance `c`. Heights
+    /// have errors up to `pad`.
     ///
     /// Without clearance an answer holds for all segments, so that P must be before the triangle for certain.
     /// With a clearance positions are what they are, and over a plane that is perpendicular to an axis their
@@ -160,8 +159,8 @@ impl Sight {
         Some([with(&before)?, with(&behind)?])
     }
 
-    /// Returns the side of Q's plane to which occluders are cut: `pad` before Q where corners of the cut are
-    /// not in the plane.
+    /// Returns the half-space to which occluders are cut: in front of Q's plane, or `pad` before it where
+    /// corners of the cut are not exactly in the plane.
     pub(crate) fn cut_before_q(&self, pad: f64) -> Half {
         if self.near.is_some_and(|near| near > 0.0) { self.before_q } else { self.before_q.padded(-pad) }
     }
@@ -291,7 +290,10 @@ mod tests {
             let cell = CellBox::new(&Viewcell::from_box(min, min + size), origin).unwrap();
             for k in 0..3 {
                 let [low, high] = [min, min + size].map(|x| DoubleDouble::difference(x[k], origin[k]));
-                assert!(cell.min[k] - low.hi <= low.lo && cell.max[k] - high.hi >= high.lo);
+                assert!(
+                    cell.min[k] - low.hi <= low.lo && cell.max[k] - high.hi >= high.lo,
+                    "axis {k}: {cell:?} holds {min} and its size {size} from {origin}"
+                );
             }
         }
     }
@@ -314,7 +316,7 @@ mod tests {
                 let corners = sight.q.corners().iter().map(|q| sight.before_p.height(*q));
                 let least = corners.fold(f64::MAX, f64::min);
                 if sight.before_p.normal.z == 0.0 && c > 2.0 && d > 2.0 && sight.before_q.normal.z > 0.0 {
-                    assert_eq!(least, 0.0);
+                    assert_eq!(least, 0.0, "{far}: a corner of Q is off the plane");
                     cuts += 1;
                 }
             }

@@ -1,4 +1,5 @@
-//! A tree of boxes over the occluding triangles: what a segment crosses, and what a ray hits first.
+//! A tree of boxes over the occluding triangles, for the triangles that a segment crosses and the first that
+//! a ray meets.
 
 use crate::line_side::{Crossing, segment_triangle, side, sign};
 use alloc::vec::Vec;
@@ -16,14 +17,14 @@ pub(crate) struct TriangleTree {
     one_sided: Vec<bool>,
 }
 
-/// A node; the first child follows its parent.
+/// A node of the tree. Its first child is the next node.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     min: Vec3,
     max: Vec3,
-    /// Index of the second child of an inner node; of a leaf, its first triangle.
+    /// Index of an inner node's second child, or of a leaf's first triangle.
     link: u32,
-    /// Number of triangles of a leaf, 0 of an inner node.
+    /// Number of a leaf's triangles. 0 for an inner node.
     count: u32,
 }
 
@@ -31,7 +32,7 @@ struct Node {
 struct LeafBox {
     min: Vec3,
     max: Vec3,
-    /// Number of the triangle.
+    /// Index of the triangle.
     number: u32,
 }
 
@@ -42,13 +43,14 @@ impl LeafBox {
     }
 }
 
-/// Most triangles of a leaf.
+/// Greatest number of triangles of a leaf.
 const LEAF: usize = 4;
 /// Depth below which nodes are split at the median, which bounds the depth of the tree.
 const DEEP: usize = 48;
-/// Bound on the depth: [`DEEP`], and 2^32 triangles halved.
+/// Bound on the depth of the tree: [`DEEP`], plus the halvings of 2^32 triangles.
 const STACK: usize = DEEP + 34;
-/// Most triangles that a segment may touch without crossing them for certain, before the search ends.
+/// Greatest number of triangles that a segment may touch without certainly crossing them, before the search
+/// ends.
 const TOUCHED: u32 = 4096;
 /// Number of bins of the heuristic.
 const BINS: usize = 16;
@@ -73,7 +75,8 @@ impl TriangleTree {
         tree
     }
 
-    /// Adds the nodes over `boxes`, and orders these. `first` is the place of the first.
+    /// Adds the nodes over `boxes`, and puts `boxes` into the order of the leaves. `first` is the place of
+    /// the first box among all.
     fn build(&mut self, boxes: &mut [LeafBox], first: usize, depth: usize) {
         let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         let (mut least, mut greatest) = (min, max);
@@ -88,6 +91,7 @@ impl TriangleTree {
         }
         let extent = greatest - least;
         let axis = extent.max_position();
+        // Binned surface-area heuristic along the longest axis of the middles.
         let bin = |leaf: &LeafBox| {
             let place = (leaf.middle()[axis] - least[axis]) / extent[axis];
             ((place * BINS as f32) as usize).min(BINS - 1)
@@ -102,6 +106,7 @@ impl TriangleTree {
                 }
             }
         }
+        // Equal middles, or a tree that has become too deep: halves by count.
         if split == 0 || split == boxes.len() {
             split = boxes.len() / 2;
             let key = |leaf: &LeafBox| leaf.middle()[axis];
@@ -116,9 +121,9 @@ impl TriangleTree {
         self.build(other, first + split, depth + 1);
     }
 
-    /// Collects up to `most` triangles that the segment from p to q certainly crosses, but for one-sided ones
-    /// that p is certainly behind. Returns whether there may be others that it touches; true if the search
-    /// ended at `most`, or because it touched too many.
+    /// Collects up to `most` triangles that the segment from p to q certainly crosses. One-sided triangles
+    /// that p is certainly behind, and `skip`, are left out. Returns whether the segment may touch others:
+    /// true if the search ended at `most`, or after too many uncertain ones.
     pub(crate) fn crossed(&self, p: DVec3, q: DVec3, skip: u32, most: usize, hits: &mut Vec<u32>) -> bool {
         hits.clear();
         let (mut unsure, mut touched) = (false, 0);
@@ -189,8 +194,8 @@ impl TriangleTree {
         }
     }
 
-    /// Returns the triangle that the ray from p towards d meets first, and the distance in lengths of d. By
-    /// ordinary floating point: what it returns must be checked.
+    /// Returns the triangle that the ray from p along d meets first, and its distance in lengths of d.
+    /// Computed in ordinary floating point, so that the caller must check the answer.
     pub(crate) fn nearest(&self, p: DVec3, d: DVec3) -> Option<(f64, u32)> {
         let inverse = d.map(|x| if x.abs() < 1e-200 { 1e200 } else { 1.0 / x });
         let enter = |node: &Node| {
@@ -218,6 +223,7 @@ impl TriangleTree {
                 }
                 continue;
             }
+            // The nearer child goes on top of the stack.
             let (first, second) = (at + 1, node.link);
             let (x, y) = (enter(&self.nodes[first as usize]), enter(&self.nodes[second as usize]));
             let pair = if x <= y { [(second, y), (first, x)] } else { [(first, x), (second, y)] };
@@ -265,8 +271,9 @@ fn is_behind(p: DVec3, &[a, b, c]: &[DVec3; 3]) -> bool {
     sign(side(p, a, b, c, 0.0)) > 0
 }
 
-/// Returns the distance at which a ray meets a triangle, `None` for the back of one that is one-sided. By
-/// ordinary floating point (Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997).
+/// Returns the distance at which a ray meets a triangle, in lengths of d. `None` if it misses the triangle,
+/// or meets the back of a one-sided one. In ordinary floating point (Moeller and Trumbore, "Fast, Minimum
+/// Storage Ray/Triangle Intersection", 1997).
 fn hit(p: DVec3, d: DVec3, t: &[Vec3; 3], is_one_sided: bool) -> Option<f64> {
     let t = t.map(Vec3::as_dvec3);
     let (e, f) = (t[1] - t[0], t[2] - t[0]);

@@ -1,4 +1,4 @@
-//! What is known of the objects of a scene as seen from one viewcell.
+//! Verdicts on the objects of a scene from one viewcell: seen, hidden or open.
 
 use crate::proof::Proof;
 use crate::triangles::SceneTriangles;
@@ -10,7 +10,7 @@ use visibility_core::glam::DVec3;
 /// occluding triangles but the one it ends at.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Witness {
-    /// Viewpoint, in the viewcell.
+    /// Viewpoint in the viewcell, where the line of sight begins.
     pub from: DVec3,
     /// End of the segment: on the triangle up to rounding, or, for an answer with a clearance, up to the
     /// clearance before it. Equal to `from` if the object reaches into the viewcell there.
@@ -19,7 +19,7 @@ pub struct Witness {
     pub triangle: u32,
 }
 
-/// What is known of an object from one viewcell.
+/// Verdict on an object from one viewcell.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Verdict {
     /// The object is visible: along this line of sight.
@@ -30,7 +30,7 @@ pub enum Verdict {
     /// certified bound up to the clearance, from 0 to 1, at most the share that
     /// [`Effort::Share`](crate::Effort::Share) asks for.
     Hardly(f64),
-    /// None of these was found. Counts as visible.
+    /// Neither a line of sight nor a proof was found. Counts as visible.
     Open,
 }
 
@@ -40,7 +40,7 @@ pub enum Verdict {
 pub struct ProvenHidden {
     /// The objects, by their places among the objects of the [`SceneTriangles`].
     pub(crate) objects: Box<[u32]>,
-    /// Proofs for all parts of the objects.
+    /// Proofs that together cover all parts of the objects.
     pub proofs: Vec<Proof>,
 }
 
@@ -52,20 +52,20 @@ pub struct CellVerdicts {
     pub(crate) verdicts: Vec<Verdict>,
     /// Proofs of the hidden objects. Empty unless they are [kept](crate::ExactSettings::keep_proofs).
     pub proofs: Vec<ProvenHidden>,
-    /// Number of rays.
+    /// Number of rays that were cast.
     pub rays: u64,
     /// Number of nodes of the search for proofs.
     pub nodes: u64,
-    /// Number of proofs that the search ended with and that [`Proof::check`] refused. What they were for was
-    /// left undecided. None is known.
+    /// Number of proofs that [`Proof::check`] refused. Their targets were left undecided. No scene with such
+    /// a proof is known.
     pub refused: u64,
-    /// Whether the viewcell could be used. If not, nothing was asked and all objects are open.
+    /// Whether the viewcell could be used. If not, all objects are open.
     pub(crate) is_decided: bool,
 }
 
 impl CellVerdicts {
-    /// Returns the objects and what is known of each, in ascending order of index. Objects that were not
-    /// asked about are open.
+    /// Returns the objects and the verdict on each, in ascending order of index. Objects that were not asked
+    /// about are open.
     pub fn iter<'a>(
         &'a self,
         triangles: &'a SceneTriangles,

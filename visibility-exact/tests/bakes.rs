@@ -43,13 +43,17 @@ fn an_interrupted_bake_comes_to_the_same_pvs() {
         }
     }
     let parts = bake.finish();
-    assert!(whole.complete && parts == whole);
+    assert!(whole.complete && parts == whole, "the interrupted bake, complete as the whole one");
     let pvs = whole.to_pvs().unwrap();
-    assert_eq!(pvs.as_bytes(), parts.to_pvs().unwrap().as_bytes());
+    assert_eq!(pvs.as_bytes(), parts.to_pvs().unwrap().as_bytes(), "the PVS of the interrupted bake");
     for (number, cell) in (0..).zip(&whole.cells) {
         for target in 0..49 {
             let kept = cell.seen.contains(&target) || cell.open.contains(&target);
-            assert_eq!(pvs.sees(ViewcellId(number), target), kept);
+            assert_eq!(
+                pvs.sees(ViewcellId(number), target),
+                kept,
+                "viewcell {number}, target {target}: seen or open"
+            );
         }
         assert!(cell.seen.len() < 45, "{} objects are seen", cell.seen.len());
     }
@@ -69,7 +73,7 @@ fn a_query_that_gives_up_has_no_other_answers() {
         query.look(&|_| true);
         query.prove_boxes(&|_| true);
         query.prove_triangles(&|_| true);
-        assert_eq!(query.is_stopped(), asked.get() > most);
+        assert_eq!(query.is_stopped(), asked.get() > most, "asked {most} times, then stopped");
         query.verdicts().map(|(_, verdict)| verdict).collect::<Vec<_>>()
     };
     let whole = run(usize::MAX);
@@ -78,13 +82,20 @@ fn a_query_that_gives_up_has_no_other_answers() {
     for most in [0, 1, all / 4, all / 2, all - 1] {
         let found = run(most);
         assert_eq!(asked.get(), most + 1, "it asks no more once it is to stop");
-        assert!(found.iter().zip(&whole).all(|(a, b)| a == b || *a == Verdict::Open));
+        assert!(
+            found.iter().zip(&whole).all(|(a, b)| a == b || *a == Verdict::Open),
+            "asked {most} times: an answer is another than that of the whole query"
+        );
         open.push(found.iter().filter(|verdict| **verdict == Verdict::Open).count());
     }
     assert!(open.is_sorted_by(|a, b| a >= b) && open[0] > 40 && open[4] < 10, "{open:?}");
     let mut scratch = BakeScratch::default();
-    assert_eq!(baker.work(7, &mut scratch, &|| true), None);
-    assert_eq!(baker.work(7, &mut scratch, &|| false), baker.work(7, &mut BakeScratch::default(), &|| false));
+    assert_eq!(baker.work(7, &mut scratch, &|| true), None, "work that is stopped at once");
+    assert_eq!(
+        baker.work(7, &mut scratch, &|| false),
+        baker.work(7, &mut BakeScratch::default(), &|| false),
+        "work with used memory and with new"
+    );
 }
 
 /// Stopped, saved and resumed after each round, on one thread, two and four.
@@ -100,12 +111,12 @@ fn any_number_of_threads_comes_to_the_same_bytes() {
                 saved.push(bake.save());
                 bake = Bake::resume(baker(), &saved[saved.len() - 1]).unwrap();
             }
-            assert!(saved.len() > 1);
+            assert!(saved.len() > 1, "rounds of the bake: {}", saved.len());
             (saved, bake.finish().to_pvs().unwrap().as_bytes().to_vec())
         })
     };
     let one = bytes(1);
-    assert!(bytes(2) == one && bytes(4) == one);
+    assert!(bytes(2) == one && bytes(4) == one, "states and sets by two and by four threads");
 }
 
 #[test]
@@ -116,7 +127,11 @@ fn memory_of_another_scene_does_not_matter() {
     let mut scratch = BakeScratch::default();
     ExactBaker::new(&small, &cells, settings()).work(0, &mut scratch, &|| false);
     let found = baker.work(7, &mut scratch, &|| false);
-    assert_eq!(found, baker.work(7, &mut BakeScratch::default(), &|| false));
+    assert_eq!(
+        found,
+        baker.work(7, &mut BakeScratch::default(), &|| false),
+        "work with memory of a small scene"
+    );
 }
 
 #[test]
@@ -125,8 +140,8 @@ fn a_bake_that_ends_early_leaves_objects_open() {
     let mut bake = Bake::new(ExactBaker::new(&triangles, &cells, settings()));
     bake.advance().unwrap();
     let outcome = bake.finish();
-    assert!(!outcome.complete && outcome.gap() > 0.0);
-    assert_eq!(outcome.cells[19].open.len(), 49);
+    assert!(!outcome.complete && outcome.gap() > 0.0, "a bake of one round is not complete");
+    assert_eq!(outcome.cells[19].open.len(), 49, "targets open of a viewcell not worked on");
 }
 
 #[test]
@@ -136,15 +151,21 @@ fn state_of_another_bake_and_damaged_state_are_refused() {
     bake.advance().unwrap();
     let saved = bake.save();
     let other = ExactSettings { clearance: 2e-4, ..settings() };
-    assert!(Bake::resume(ExactBaker::new(&triangles, &cells, other), &saved).is_err());
+    assert!(Bake::resume(ExactBaker::new(&triangles, &cells, other), &saved).is_err(), "another clearance");
     let fewer = Viewcells::new(cells.cells()[1..].to_vec());
-    assert!(Bake::resume(ExactBaker::new(&triangles, &fewer, settings()), &saved).is_err());
+    assert!(
+        Bake::resume(ExactBaker::new(&triangles, &fewer, settings()), &saved).is_err(),
+        "one viewcell less"
+    );
     let mut random = Random(3);
     for _ in 0..200 {
         let mut bytes = saved.clone();
         let at = random.below(bytes.len());
         bytes[at] ^= 1 << random.below(8);
-        assert!(Bake::resume(ExactBaker::new(&triangles, &cells, settings()), &bytes).is_err());
+        assert!(
+            Bake::resume(ExactBaker::new(&triangles, &cells, settings()), &bytes).is_err(),
+            "bit flipped in byte {at}"
+        );
     }
     // Random content under a true checksum: refused or loaded, without panic.
     let baker = ExactBaker::new(&triangles, &cells, settings());

@@ -24,7 +24,7 @@ fn cell() -> Viewcell {
 
 /// Panics if object 0, of which p sees q through the hole, is proven hidden. Returns whether it is seen.
 fn decide(objects: &[Vec<Triangle>], p: DVec3, q: DVec3) -> bool {
-    assert!(clearance(objects, 0, p, q) > 1e-3);
+    assert!(clearance(objects, 0, p, q) > 1e-3, "the target is seen from {p} at {q}");
     let triangles = prepared(objects);
     let settings =
         ExactSettings { rays: 0, aimed_rays: 0, keep_proofs: true, ..ExactSettings::new(Effort::Exact(0.0)) };
@@ -84,5 +84,5 @@ fn planks_through_the_plane_of_a_target_hide_it() {
         let (_, verdict) = found.iter(&triangles).next().unwrap();
         hidden += u32::from(verdict == Verdict::Hidden);
     }
-    assert_eq!(hidden, 40);
+    assert_eq!(hidden, 40, "targets hidden, of 40");
 }

@@ -158,7 +158,7 @@ fn a_strip_out_of_plane_is_apart_from_whichever_end_it_is_looked_at() {
     let (objects, cell) = wall_and_sill();
     let objects: Vec<Vec<Triangle>> =
         objects.iter().map(|object| object.iter().map(|t| t.map(DVec3::as_vec3)).collect()).collect();
-    assert_eq!(decide_from(cell, &objects), (1, [3, 1, 0]));
+    assert_eq!(decide_from(cell, &objects), (1, [3, 1, 0]), "one target: counts of its verdicts");
 }
 
 /// Returns a wall and a sill like [`wall_and_sill`], and a viewcell: corners and viewcell moved by small

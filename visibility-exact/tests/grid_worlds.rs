@@ -159,15 +159,23 @@ fn without_clearance_no_segment_at_all_passes() {
 /// wide as the error of positions, and cross an occluder 1e-27 m beside its edge.
 #[test]
 fn proofs_hold_of_targets_in_the_plane_of_a_face_of_the_viewcell() {
-    assert_eq!(decide(Kind::Solids, 249..250, 0.0, 1000)[1], 1);
+    assert_eq!(decide(Kind::Solids, 249..250, 0.0, 1000)[1], 1, "one target proven hidden");
 }
 
 /// A line of sight leaves the viewcell 6e-13 m over its face y = 3, ends in a triangle in the plane of this
 /// face, and passes the edge of an occluder by 1e-16 m. Another ends 2e-15 m before a triangle in its plane.
 #[test]
 fn a_line_of_sight_passes_an_edge_by_less_than_coordinates_resolve() {
-    assert_eq!(decide(Kind::Solids, 389..390, 0.0, 1000)[..3].iter().sum::<usize>(), 1);
-    assert_eq!(decide(Kind::Solids, 1775..1776, 1e-4, 1000)[..3].iter().sum::<usize>(), 1);
+    assert_eq!(
+        decide(Kind::Solids, 389..390, 0.0, 1000)[..3].iter().sum::<usize>(),
+        1,
+        "without clearance: the target has a verdict"
+    );
+    assert_eq!(
+        decide(Kind::Solids, 1775..1776, 1e-4, 1000)[..3].iter().sum::<usize>(),
+        1,
+        "with a clearance of 1e-4: the target has a verdict"
+    );
 }
 
 #[test]

@@ -80,10 +80,14 @@ fn settings_at_their_limits_decide_nothing_wrong() {
     for c in [3.0, 1e10, 1e300] {
         let settings = few_rays(ExactSettings::new(Effort::Exact(c)));
         let found = ExactCuller::new(triangles.clone(), settings).verdicts(&unit_cell());
-        assert_eq!(found.counts().iter().sum::<usize>(), 2);
+        assert_eq!(found.counts().iter().sum::<usize>(), 2, "clearance {c}: verdicts in all");
     }
     let rays = ExactSettings::new(Effort::Rays(0));
-    assert_eq!(ExactCuller::new(triangles, rays).verdicts(&unit_cell()).counts(), [0, 0, 2]);
+    assert_eq!(
+        ExactCuller::new(triangles, rays).verdicts(&unit_cell()).counts(),
+        [0, 0, 2],
+        "no rays leave both targets open"
+    );
 }
 
 /// The fields of the settings are public: their values need not be those that [`ExactSettings::new`] lets
@@ -114,7 +118,7 @@ fn a_target_nearer_than_the_clearance_is_not_hidden() {
     let cube = |r: f64| cuboid(DVec3::new(1.005, 0.5 - r, 0.5 - r), DVec3::new(1.5, 0.5 + r, 0.5 + r));
     for object in [vec![t], cube(0.3), cube(0.505)] {
         let found = ExactCuller::new(prepared(&[object]), settings).verdicts(&unit_cell());
-        assert_eq!(found.counts()[1], 0);
+        assert_eq!(found.counts()[1], 0, "targets hidden though nearer than the clearance");
     }
 }
 
@@ -127,7 +131,7 @@ fn a_table_top_at_the_height_of_a_low_viewcell_is_not_hidden() {
     let settings = ExactSettings { rays: 0, aimed_rays: 0, ..ExactSettings::new(Effort::Exact(0.01)) };
     let cell = Viewcell::from_box(DVec3::new(0.0, 0.0, 0.992), DVec3::ONE);
     let found = ExactCuller::new(prepared(&[table]), settings).verdicts(&cell);
-    assert_eq!(found.counts()[1], 0);
+    assert_eq!(found.counts()[1], 0, "the table top is hidden");
 }
 
 #[test]
@@ -136,9 +140,9 @@ fn an_object_on_no_layer_does_not_occlude() {
     scene.set_layers(scene.id_at(0).unwrap(), 0).unwrap();
     for effort in [Effort::Exact(0.0), Effort::Exact(1e-4)] {
         let triangles = Arc::new(SceneTriangles::new(&scene));
-        assert_eq!(triangles.occluder_count(), 2);
+        assert_eq!(triangles.occluder_count(), 2, "{effort:?}: triangles that occlude");
         let found = ExactCuller::new(triangles, few_rays(ExactSettings::new(effort))).verdicts(&unit_cell());
-        assert_eq!(found.counts()[1], 0);
+        assert_eq!(found.counts()[1], 0, "{effort:?}: targets hidden");
     }
 }
 
@@ -183,7 +187,11 @@ fn viewcells_without_a_box_decide_nothing() {
         (DVec3::NEG_INFINITY, DVec3::INFINITY),
         (DVec3::splat(1e40), DVec3::splat(1e40)),
     ] {
-        assert_eq!(culler.verdicts(&Viewcell::from_box(min, max)).counts(), [0, 0, 2]);
+        assert_eq!(
+            culler.verdicts(&Viewcell::from_box(min, max)).counts(),
+            [0, 0, 2],
+            "{min} to {max}: all targets are open"
+        );
         // Nothing is removed either, not even by rays alone.
         let (cell, scene) = (Viewcell::from_box(min, max), scene(&wall_and_plate()));
         let triangles = Arc::new(SceneTriangles::new(&scene));
@@ -195,11 +203,19 @@ fn viewcells_without_a_box_decide_nothing() {
         }
         let cells = Viewcells::new([cell]);
         let baker = ExactBaker::new(&triangles, &cells, ExactSettings::new(Effort::Rays(100)));
-        assert_eq!(Bake::new(baker).run().cells[0].open, [0, 1]);
+        assert_eq!(
+            Bake::new(baker).run().cells[0].open,
+            [0, 1],
+            "{min} to {max}: all targets are open in a bake"
+        );
     }
     // A single point and a flat cell are viewcells like others.
     for max in [DVec3::ZERO, DVec3::new(0.0, 1.0, 1.0)] {
-        assert_eq!(culler.verdicts(&Viewcell::from_box(DVec3::ZERO, max)).counts(), [1, 1, 0]);
+        assert_eq!(
+            culler.verdicts(&Viewcell::from_box(DVec3::ZERO, max)).counts(),
+            [1, 1, 0],
+            "up to {max}: one target is seen, one hidden"
+        );
     }
 }
 
@@ -221,7 +237,7 @@ fn what_is_not_known_stays() {
     ] {
         let triangles = Arc::new(SceneTriangles::new(&scene));
         let mut culler = ExactCuller::new(triangles, ExactSettings::new(effort));
-        assert_eq!(culler.accuracy(), accuracy);
+        assert_eq!(culler.accuracy(), accuracy, "the accuracy of {effort:?}");
         let mut visible = all(&scene);
         culler.cull(&scene, &unit_cell(), &mut visible);
         visible.finish(&scene);
@@ -244,8 +260,8 @@ fn glass_does_not_occlude() {
     scene.set_occluder(scene.id_at(0).unwrap(), false).unwrap();
     let triangles = Arc::new(SceneTriangles::new(&scene));
     let mut culler = ExactCuller::new(triangles.clone(), ExactSettings::new(Effort::Exact(1e-4)));
-    assert_eq!(culler.verdicts(&unit_cell()).counts()[1], 0);
-    assert_eq!(triangles.occluder_count(), 2);
+    assert_eq!(culler.verdicts(&unit_cell()).counts()[1], 0, "targets hidden behind glass");
+    assert_eq!(triangles.occluder_count(), 2, "triangles that occlude");
 }
 
 #[test]
@@ -255,7 +271,10 @@ fn an_object_in_the_viewcell_is_seen() {
     let triangles = prepared(&objects);
     let mut culler = ExactCuller::new(triangles.clone(), ExactSettings::new(Effort::Exact(1e-4)));
     let found = culler.verdicts(&unit_cell());
-    assert!(found.iter(&triangles).all(|(_, verdict)| matches!(verdict, Verdict::Seen(_))));
+    assert!(
+        found.iter(&triangles).all(|(_, verdict)| matches!(verdict, Verdict::Seen(_))),
+        "an object in the viewcell is seen"
+    );
     // A triangle through the cell that has no corner in it.
     let across = vec![quad(
         DVec3::new(0.5, -9.0, -9.0),
@@ -265,5 +284,5 @@ fn an_object_in_the_viewcell_is_seen() {
     )];
     let triangles = prepared(&across);
     let mut culler = ExactCuller::new(triangles, ExactSettings::new(Effort::Exact(0.0)));
-    assert_eq!(culler.verdicts(&unit_cell()).counts(), [1, 0, 0]);
+    assert_eq!(culler.verdicts(&unit_cell()).counts(), [1, 0, 0], "a triangle through the viewcell is seen");
 }

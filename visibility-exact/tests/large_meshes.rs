@@ -47,7 +47,7 @@ fn verdict(objects: &[Vec<Triangle>]) -> (Verdict, u64, usize) {
 fn a_mesh_in_two_hidden_parts_takes_fewer_nodes_than_it_has_triangles() {
     let objects = world(false);
     let (verdict, nodes, proofs) = verdict(&objects);
-    assert_eq!(verdict, Verdict::Hidden);
+    assert_eq!(verdict, Verdict::Hidden, "the mesh in two parts is hidden");
     assert!(nodes < objects[0].len() as u64 / 4, "{nodes} nodes for {} triangles", objects[0].len());
     assert!((2..40).contains(&proofs), "{proofs}");
 }

@@ -33,6 +33,6 @@ fn a_quick_look_leaves_open_what_takes_long() {
     let (quick, found) = (query.steps(), answers(&query));
     assert!(matches!(found[..], [Verdict::Seen(_), Verdict::Hidden, Verdict::Open]), "{found:?}");
     query.prove_triangles(&is_behind);
-    assert_eq!(answers(&query), [found[0], Verdict::Hidden, Verdict::Hidden]);
+    assert_eq!(answers(&query), [found[0], Verdict::Hidden, Verdict::Hidden], "verdicts after a full search");
     assert!(query.steps() > 3 * quick, "{quick} of {} steps", query.steps());
 }

@@ -18,7 +18,7 @@ fn search(numbers: std::ops::Range<usize>) -> [usize; 3] {
         // Few rays, so that proofs have to decide.
         let settings = ExactSettings { rays: 20, aimed_rays: 2, ..ExactSettings::new(Effort::Exact(0.0)) };
         let mut culler = ExactCuller::new(triangles, settings);
-        assert_eq!(culler.accuracy(), Accuracy::Conservative);
+        assert_eq!(culler.accuracy(), Accuracy::Conservative, "without clearance the culler is conservative");
         let mut visible = VisibleSet::new();
         culler.cull(&world.scene, &world.cell, &mut visible);
         let is_hidden = !visible.contains(&world.scene, world.target);

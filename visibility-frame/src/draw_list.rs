@@ -120,6 +120,7 @@ impl DrawList {
             greatest = greatest.max(key);
             keyed.push(u64::from(key) << 32 | id.index() as u64);
         });
+        // Keys much greater than the number of objects would take a large table of counts.
         if greatest as usize / 4 > keyed.len() + 64 {
             // Objects of a group keep their order: words with a position are sorted, not words with an index.
             places.clear();
@@ -139,6 +140,7 @@ impl DrawList {
             return;
         }
         places.clear();
+        // Otherwise a counting sort, in the order of `ids` within each key.
         places.resize(greatest as usize + 1, 0);
         for &keyed in &*keyed {
             places[(keyed >> 32) as usize] += 1;

@@ -81,8 +81,8 @@ fn exact_side(triangle: &Triangle, eye: &Eye) -> i32 {
 /// agrees with every answer, and an undecided answer with every sign.
 fn check(said: Facing, exact: i32) {
     match said {
-        Facing::Front => assert!(exact >= 0),
-        Facing::Back => assert!(exact <= 0),
+        Facing::Front => assert!(exact >= 0, "said to face the eye, but the exact sign is {exact}"),
+        Facing::Back => assert!(exact <= 0, "said to face away from the eye, but the exact sign is {exact}"),
         Facing::Undecided => {}
     }
 }
@@ -169,7 +169,11 @@ fn no_front_is_in_a_cluster_that_is_said_to_be_back() {
             if said != Facing::Undecided {
                 triangles.iter().for_each(|triangle| check(said, exact_side(triangle, &eye)));
             }
-            assert_eq!(cone.flipped().facing(&eye), said.flipped());
+            assert_eq!(
+                cone.flipped().facing(&eye),
+                said.flipped(),
+                "a flipped cone sees the other side from {eye:?}"
+            );
         }
     }
     println!("front, back, undecided: {said_so:?}");
@@ -244,7 +248,7 @@ fn eyes_that_cross_the_plane_of_a_slope_are_told_apart_in_time() {
         }
     }
     println!("told {told}");
-    assert!(told > 3000);
+    assert!(told > 3000, "cones that answer for the eye behind the plane: {told}");
 }
 
 #[test]
@@ -287,7 +291,10 @@ fn transformed_cones_are_right_for_any_transform() {
         }
     }
     println!("mirrored {mirrored}, open {open}; front, back, undecided: {decided:?}");
-    assert!(mirrored > 500 && decided[0] > 3000 && decided[1] > 3000);
+    assert!(
+        mirrored > 500 && decided[0] > 3000 && decided[1] > 3000,
+        "mirrored {mirrored}; front, back, undecided: {decided:?}"
+    );
 }
 
 #[test]
@@ -341,16 +348,31 @@ fn clusters_are_a_permutation_of_the_right_sizes() {
         let mut all: Vec<u32> =
             clusters.iter().flat_map(|cluster| cluster.triangles.iter().copied()).collect();
         all.sort_unstable();
-        assert_eq!(all, (0..count as u32).collect::<Vec<_>>());
+        assert_eq!(
+            all,
+            (0..count as u32).collect::<Vec<_>>(),
+            "the clusters of {count} triangles hold each once"
+        );
         for cluster in &clusters {
-            assert!(cluster.triangles.len() <= 128 && (cluster.triangles.len() >= 64 || count < 64));
+            assert!(
+                cluster.triangles.len() <= 128 && (cluster.triangles.len() >= 64 || count < 64),
+                "{count} triangles: a cluster of {}",
+                cluster.triangles.len()
+            );
             let corners = cluster.triangles.iter().flat_map(|&t| indices[t as usize]);
-            assert!(corners.clone().all(|v| cluster.bounds.contains_point(positions[v as usize])));
+            assert!(
+                corners.clone().all(|v| cluster.bounds.contains_point(positions[v as usize])),
+                "{count} triangles: a corner is outside of its cluster's bounds"
+            );
         }
         assert_eq!(cluster_mesh(&positions, &indices).unwrap(), clusters, "the same again");
         indices.push([0, count as u32 + 3, 1]);
         let error = ClusterError::Index { triangle: count, vertex: count as u32 + 3 };
-        assert_eq!(cluster_mesh(&positions, &indices), Err(error));
+        assert_eq!(
+            cluster_mesh(&positions, &indices),
+            Err(error),
+            "{count} triangles and one with an unknown vertex"
+        );
     }
 }
 
@@ -361,21 +383,21 @@ fn hostile_triangles_neither_panic_nor_lie() {
     let with = |t: Triangle| NormalCone::from_triangles(&[floor, t]).facing(&below);
     assert_eq!(with([Vec3::ONE; 3]), Facing::Back, "without area");
     assert_eq!(with([Vec3::ZERO, Vec3::ONE, Vec3::ONE * 3.0]), Facing::Back, "without area");
-    assert_eq!(with([Vec3::NAN, Vec3::ONE, Vec3::ZERO]), Facing::Undecided);
-    assert_eq!(with([Vec3::INFINITY, Vec3::ONE, Vec3::ZERO]), Facing::Undecided);
+    assert_eq!(with([Vec3::NAN, Vec3::ONE, Vec3::ZERO]), Facing::Undecided, "a corner that is NaN");
+    assert_eq!(with([Vec3::INFINITY, Vec3::ONE, Vec3::ZERO]), Facing::Undecided, "a corner at infinity");
     assert_eq!(with([Vec3::ZERO, Vec3::Y, Vec3::X]), Facing::Undecided, "all directions");
     // So thin that the computed normal is unreliable. Its front faces the eye, so the triangle must not be
     // culled.
     let thin = [Vec3::ZERO, Vec3::new(1.0, 1.0, 1.0), Vec3::new(1e10, 1e10, 1e10_f32.next_up())];
-    assert_ne!(exact_side(&thin, &Eye::Point(DVec3::X)), 0);
+    assert_ne!(exact_side(&thin, &Eye::Point(DVec3::X)), 0, "the thin triangle is not edge-on");
     let cone = NormalCone::from_triangles(&[thin]);
     for eye in [DVec3::X, DVec3::Y, DVec3::NEG_X, DVec3::NEG_Y].map(Eye::Point) {
         check(cone.facing(&eye), exact_side(&thin, &eye));
     }
-    assert!(NormalCone::from_triangles(&[]).is_open());
+    assert!(NormalCone::from_triangles(&[]).is_open(), "a cone of no triangles is open");
     let cone = NormalCone::from_triangles(&[floor]);
     for broken in [DAffine3::ZERO, DAffine3::from_scale(DVec3::new(1.0, f64::NAN, 1.0))] {
-        assert!(cone.transformed(&broken).is_open());
+        assert!(cone.transformed(&broken).is_open(), "a transform that is broken: {broken:?}");
     }
     let mut rng = Random(8);
     for _ in 0..20_000 {
@@ -385,14 +407,18 @@ fn hostile_triangles_neither_panic_nor_lie() {
         let cone = NormalCone::from_triangles(&bits);
         let eye = Eye::Point(DVec3::new(rng.bits64(), rng.bits64(), rng.bits64()));
         let image = cone.transformed(&DAffine3::from_cols_array(&core::array::from_fn(|_| rng.bits64())));
-        assert_eq!(image.is_open() && cone.is_open(), cone.is_open());
+        assert_eq!(
+            image.is_open() && cone.is_open(),
+            cone.is_open(),
+            "transforming closes an open cone: {bits:?}"
+        );
         let _ = (cone.facing(&eye), image.facing(&eye));
         for triangle in &bits {
             let _ = facing(triangle, &eye);
         }
         let corners: Vec<Vec3> = bits.iter().flatten().copied().collect();
         let indices: Vec<[u32; 3]> = (0..bits.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-        assert!(cluster_mesh(&corners, &indices).is_ok());
+        assert!(cluster_mesh(&corners, &indices).is_ok(), "triangles of any bits are clustered: {bits:?}");
     }
 }
 
@@ -507,10 +533,13 @@ fn any_camera_hides_only_what_its_matrix_sees_from_behind() {
             backs += usize::from(back);
             if !visible.contains(&scene, id) {
                 hidden += 1;
-                assert!(back);
+                assert!(back, "{id} is hidden, but its front is in view of {camera:?}");
             }
         }
     }
     println!("hidden {hidden} of {backs} backs, {parallel} parallel views");
-    assert!(hidden > backs / 4 && parallel > 30);
+    assert!(
+        hidden > backs / 4 && parallel > 30,
+        "hidden {hidden} of {backs} backs, {parallel} parallel views"
+    );
 }

@@ -24,7 +24,7 @@ fn cull(culler: &mut BackfaceCuller, scene: &Scene, view: &View) -> VisibleSet {
     let mut visible = VisibleSet::new();
     visible.fill(scene, view);
     let stats = culler.cull(scene, view, &mut visible);
-    assert_eq!(stats.visible, visible.count(scene) as u64);
+    assert_eq!(stats.visible, visible.count(scene) as u64, "objects counted and in the set");
     visible
 }
 
@@ -39,7 +39,7 @@ fn view_from(eye: DVec3) -> View {
 fn a_scene_under_random_changes_hides_backs_only() {
     let mut rng = Random(1);
     let (mut scene, mut culler) = (Scene::new(), BackfaceCuller::new());
-    assert_eq!(culler.accuracy(), Accuracy::Conservative);
+    assert_eq!(culler.accuracy(), Accuracy::Conservative, "backface culling is conservative");
     let mut other = BackfaceCuller::new().with_simd(Simd::PORTABLE);
     let mut objects: Vec<(ObjectId, Triangle)> = Vec::new();
     let (mut hidden, mut kept) = (0, 0);
@@ -89,7 +89,7 @@ fn a_scene_under_random_changes_hides_backs_only() {
             let side = facing(&t, &Eye::Point(eye - scene.origin()));
             if !visible.contains(&scene, id) {
                 hidden += 1;
-                assert_eq!(side, Facing::Back);
+                assert_eq!(side, Facing::Back, "frame {frame}: {t:?} is hidden");
                 assert!(!all.contains(&scene, id), "another culler knows as much");
             } else if side == Facing::Back {
                 kept += 1;
@@ -102,7 +102,7 @@ fn a_scene_under_random_changes_hides_backs_only() {
         }
     }
     println!("hidden {hidden}, backs kept {kept}");
-    assert!(hidden > 10 * kept / 4 && hidden > 10_000);
+    assert!(hidden > 10 * kept / 4 && hidden > 10_000, "hidden {hidden}, backs kept {kept}");
 }
 
 #[test]
@@ -122,26 +122,32 @@ fn a_moved_object_is_visible_until_it_is_set_again() {
     };
     assert_eq!(seen(&mut culler, &scene), [false, false, true], "the third has no cone");
     scene.set_bounds(one, Aabb::from_points(floor)).unwrap();
-    assert_eq!(culler.cone(&scene, one), None);
-    assert_eq!(seen(&mut culler, &scene), [true, false, true]);
+    assert_eq!(culler.cone(&scene, one), None, "a moved object has no cone");
+    assert_eq!(seen(&mut culler, &scene), [true, false, true], "the first object has moved, and is visible");
     culler.sync(&scene);
     assert_eq!(seen(&mut culler, &scene), [true, false, true], "nothing to build a cone from");
     culler.set(&scene, one, cone).unwrap();
-    assert_eq!(culler.cone(&scene, one), Some(cone));
-    assert_eq!(seen(&mut culler, &scene), [false, false, true]);
+    assert_eq!(culler.cone(&scene, one), Some(cone), "the cone that was set again");
+    assert_eq!(seen(&mut culler, &scene), [false, false, true], "the first object is culled again");
     // A new object that reuses the index of the removed one.
     scene.remove(two).unwrap();
     let four = scene.insert(Aabb::from_points(floor));
-    assert_eq!(four.index(), two.index());
-    assert!(cull(&mut culler, &scene, &below).contains(&scene, four));
-    assert!(culler.set(&scene, two, cone).is_err());
+    assert_eq!(four.index(), two.index(), "the new object takes the index of the old");
+    assert!(cull(&mut culler, &scene, &below).contains(&scene, four), "the new object has no cone");
+    assert!(culler.set(&scene, two, cone).is_err(), "the object was removed");
     // Triangles outside of the object's bounds are outdated, so the object counts as visible.
     scene.set_triangles(four, [floor]).unwrap();
     culler.sync(&scene);
-    assert!(!cull(&mut culler, &scene, &below).contains(&scene, four));
+    assert!(
+        !cull(&mut culler, &scene, &below).contains(&scene, four),
+        "the triangles of the new object face away"
+    );
     scene.set_bounds(four, Aabb::from_arrays([0.5; 3], [2.0; 3])).unwrap();
     culler.sync(&scene);
-    assert!(cull(&mut culler, &scene, &below).contains(&scene, four));
+    assert!(
+        cull(&mut culler, &scene, &below).contains(&scene, four),
+        "triangles outside of the bounds do not count"
+    );
 }
 
 #[test]
@@ -160,12 +166,16 @@ fn two_sided_and_never_culled_objects_are_kept() {
         let visible = cull(culler, scene, &below);
         [leaf, wall, sign].map(|id| visible.contains(scene, id))
     };
-    assert_eq!(seen(&mut culler, &scene), [true, false, true]);
+    assert_eq!(
+        seen(&mut culler, &scene),
+        [true, false, true],
+        "a two-sided leaf, a wall, and a sign that is never culled"
+    );
     scene.set_bounds(leaf, Aabb::from_points(floor)).unwrap();
     culler.sync(&scene);
     assert_eq!(seen(&mut culler, &scene), [true, false, true], "it stays two-sided");
     culler.set_two_sided(&scene, leaf, false).unwrap();
-    assert_eq!(seen(&mut culler, &scene), [false, false, true]);
+    assert_eq!(seen(&mut culler, &scene), [false, false, true], "the leaf is one-sided again");
 }
 
 /// Returns a scene and its clone, whose objects have equal ids but opposite winding, the object's id, and a
@@ -189,11 +199,11 @@ fn cones_of_one_scene_hide_nothing_in_another() {
         culler.sync(b);
         assert!(!cull(&mut culler, b, front_of_a).contains(b, id), "its back is seen");
         assert!(cull(&mut culler, a, front_of_a).contains(a, id), "its front is seen");
-        assert_eq!(culler.cone(a, id), None);
+        assert_eq!(culler.cone(a, id), None, "the cone of {id} is of the other scene");
         culler.sync(a);
-        assert!(cull(&mut culler, a, front_of_a).contains(a, id));
-        assert!(!cull(&mut culler, a, front_of_b).contains(a, id));
-        assert!(cull(&mut culler, b, front_of_b).contains(b, id));
+        assert!(cull(&mut culler, a, front_of_a).contains(a, id), "the front of {id} in the synced scene");
+        assert!(!cull(&mut culler, a, front_of_b).contains(a, id), "the back of {id} in the synced scene");
+        assert!(cull(&mut culler, b, front_of_b).contains(b, id), "the culler is synced to the other scene");
     }
 }
 
@@ -205,14 +215,17 @@ fn blocks_of_a_scene_are_made_anew_after_another() {
     let b = Scene::new();
     let mut culler = BackfaceCuller::new();
     culler.sync(&a);
-    assert!(!cull(&mut culler, &a, &back).contains(&a, id));
+    assert!(!cull(&mut culler, &a, &back).contains(&a, id), "the back before the winding is reversed");
     // The winding is reversed while the culler is used with the other scene.
     culler.sync(&b);
     a.set_triangles(id, [[Vec3::ZERO, Vec3::Y, Vec3::X]]).unwrap();
-    assert!(cull(&mut culler, &a, &back).contains(&a, id));
+    assert!(
+        cull(&mut culler, &a, &back).contains(&a, id),
+        "the front after the winding is reversed, before the sync"
+    );
     culler.sync(&a);
-    assert!(cull(&mut culler, &a, &back).contains(&a, id));
-    assert!(!cull(&mut culler, &a, &front).contains(&a, id));
+    assert!(cull(&mut culler, &a, &back).contains(&a, id), "the front after the winding is reversed");
+    assert!(!cull(&mut culler, &a, &front).contains(&a, id), "the back after the winding is reversed");
 }
 
 #[test]
@@ -226,14 +239,14 @@ fn two_sided_objects_stay_so_while_the_culler_is_with_another_scene() {
     let leaf = insert(&mut a, up);
     let mut b = Scene::new();
     let other = insert(&mut b, up);
-    assert!(leaf.index() == other.index() && leaf != other);
+    assert!(leaf.index() == other.index() && leaf != other, "{leaf} and {other} share an index");
     let below = view_from(DVec3::new(0.3, 0.2, -5.0));
     let mut culler = BackfaceCuller::new();
     culler.set_two_sided(&a, leaf, true).unwrap();
     culler.sync(&b);
-    assert!(!cull(&mut culler, &b, &below).contains(&b, other));
+    assert!(!cull(&mut culler, &b, &below).contains(&b, other), "the other scene's object is one-sided");
     culler.sync(&a);
-    assert!(cull(&mut culler, &a, &below).contains(&a, leaf));
+    assert!(cull(&mut culler, &a, &below).contains(&a, leaf), "the leaf is two-sided after the other scene");
 }
 
 #[test]

@@ -250,7 +250,10 @@ fn in_a_town_at_most_a_third_of_what_is_kept_is_not_needed() {
             parallel: false,
             depth: Depth::Reversed,
         };
-        assert!((eye.point(0.5, 0.5, 9.0) - eye.place - DVec3::X * 9.0).length() < 1e-9);
+        assert!(
+            (eye.point(0.5, 0.5, 9.0) - eye.place - DVec3::X * 9.0).length() < 1e-9,
+            "the eye looks along x"
+        );
         let casters = cull(&scene, &eye.view(), CasterCuller::new(light).unwrap());
         let rays = rays(&mut rng, &eye, &light, |_| true);
         let found = shoot(&boxes, &scene, &ids, &casters, &rays, &|| format!("{light:?}"));
@@ -400,7 +403,7 @@ fn blockers_are_kept_where_the_light_runs_along_planes_of_the_view() {
         else {
             continue;
         };
-        assert!(camera.sees(DVec3::ZERO));
+        assert!(camera.sees(DVec3::ZERO), "the origin is in view of {camera:?}");
         // Sometimes a thin wedge of it: two nearly opposite planes, whose sum cancels almost completely.
         let thin = integers(&mut rng, 1000) * 67108864.0 + integers(&mut rng, 1000);
         let wedge = [thin, integers(&mut rng, 3) - thin].map(|normal| Plane::new(normal, 0.0));
@@ -446,7 +449,11 @@ fn a_lamp_behind_a_view_without_end_has_casters_in_a_cone() {
     let casters = cull(&scene, &view, CasterCuller::new(lamp).unwrap());
     // At 10 m from the lamp, the cone is 5.46 m wide.
     let kept: Vec<bool> = ids.iter().map(|&id| casters.contains(&scene, id)).collect();
-    assert_eq!(kept, [true, true, false, false, false]);
+    assert_eq!(
+        kept,
+        [true, true, false, false, false],
+        "boxes in the cone of the lamp, at its border, outside, and behind the lamp"
+    );
 }
 
 /// Tests that a view has the same casters whatever the origins of scene and view are, and with all SIMD
@@ -470,7 +477,11 @@ fn casters_are_the_same_on_all_instructions_and_wherever_the_origins_are() {
         let here = find(&scene, &view, culler.clone());
         kept += here.iter().filter(|&&is_kept| is_kept).count();
         for simd in Simd::available() {
-            assert_eq!(find(&scene, &view, culler.clone().with_simd(simd)), here);
+            assert_eq!(
+                find(&scene, &view, culler.clone().with_simd(simd)),
+                here,
+                "{simd:?} finds other casters of {light:?}"
+            );
         }
         // Everything is moved by whole metres, which rounds a little in `f64`; no box hit before the move may
         // be culled after.
@@ -512,7 +523,7 @@ fn receivers_leave_fewer_casters_and_no_blocker_out() {
         );
         let rays = rays(&mut rng, &eye, &light, |p| receivers.contains_point(p.as_vec3()));
         needed += shoot(&boxes, &scene, &ids, &some, &rays, &|| format!("{light:?} {eye:?}")).needed;
-        assert!(some.iter(&scene).all(|id| all.contains(&scene, id)));
+        assert!(some.iter(&scene).all(|id| all.contains(&scene, id)), "{light:?}: receivers add a caster");
         fewer += some.count(&scene);
         more += all.count(&scene);
     }
@@ -541,18 +552,18 @@ fn receivers_are_of_the_origin_that_they_were_given_for() {
         visibility_core::Culler::cull(culler, scene, &view, &mut visible);
         visible.contains(scene, id)
     };
-    assert!(casts(&mut culler, &scene));
+    assert!(casts(&mut culler, &scene), "the lamp casts onto the ground");
     let far = DVec3::X * 40.0;
     scene.set_origin(far).unwrap();
     scene.set_bounds(id, Aabb::from_world(lamp[0], lamp[1], far)).unwrap();
     assert!(casts(&mut culler, &scene), "the ground has not moved");
     culler.set_receivers(receivers(far), far);
-    assert!(casts(&mut culler, &scene));
+    assert!(casts(&mut culler, &scene), "the ground is given for the new origin");
     scene.set_bounds(id, Aabb::from_world(lamp[0] + far, lamp[1] + far, far)).unwrap();
     assert!(!casts(&mut culler, &scene), "beside the ground");
     scene.set_origin(DVec3::ZERO).unwrap();
     scene.set_bounds(id, Aabb::from_world(lamp[0], lamp[1], DVec3::ZERO)).unwrap();
-    assert!(casts(&mut culler, &scene));
+    assert!(casts(&mut culler, &scene), "the ground is where it was, after the origin moved back");
 }
 
 #[test]
@@ -576,12 +587,16 @@ fn the_range_of_a_light_is_a_ball_and_its_cone_a_cone() {
     fn light_culler(light: Light) -> CasterCuller {
         CasterCuller::new(light).unwrap()
     }
-    assert_eq!(kept(Light::Point { position: DVec3::ZERO, range: 10.0 }), [true, false, true, true]);
+    assert_eq!(
+        kept(Light::Point { position: DVec3::ZERO, range: 10.0 }),
+        [true, false, true, true],
+        "boxes in the ball, in its corner outside, in the ball, behind"
+    );
     let spot =
         |half_angle| Light::Spot { position: DVec3::ZERO, direction: DVec3::X, half_angle, range: 10.0 };
-    assert_eq!(kept(spot(0.5)), [true, false, false, false]);
-    assert_eq!(kept(spot(1.1)), [true, false, true, false]);
-    assert_eq!(kept(spot(1.6)), [true, false, true, true]);
+    assert_eq!(kept(spot(0.5)), [true, false, false, false], "a cone of 0.5 rad");
+    assert_eq!(kept(spot(1.1)), [true, false, true, false], "a cone of 1.1 rad");
+    assert_eq!(kept(spot(1.6)), [true, false, true, true], "a cone wider than a half-space");
     // Lit points exactly at the light's range, in exact numbers. An object at such a point may be the only
     // blocker of its own shadow.
     let mut scene = Scene::new();
@@ -590,8 +605,8 @@ fn the_range_of_a_light_is_a_ball_and_its_cone_a_cone() {
     let ids = touching.map(|p| scene.insert(Aabb::from_arrays(p, p)));
     let beyond = touching.map(|p| p.map(|x| x * 1.00001)).map(|p| scene.insert(Aabb::from_arrays(p, p)));
     let casters = cull(&scene, &view, light_culler(Light::Point { position: DVec3::ZERO, range: 13.0 }));
-    assert!(ids.iter().all(|&id| casters.contains(&scene, id)));
-    assert!(beyond.iter().all(|&id| !casters.contains(&scene, id)));
+    assert!(ids.iter().all(|&id| casters.contains(&scene, id)), "boxes at exactly the light's range");
+    assert!(beyond.iter().all(|&id| !casters.contains(&scene, id)), "boxes beyond the light's range by 1e-5");
 }
 
 #[test]
@@ -610,13 +625,16 @@ fn bad_lights_are_refused_and_the_one_before_stays() {
         (spot(DVec3::X, 0.0), LightError::HalfAngle { half_angle: 0.0 }),
         (spot(DVec3::X, 3.2), LightError::HalfAngle { half_angle: 3.2 }),
     ] {
-        assert_eq!(culler.set_light(light), Err(error));
-        assert_eq!(culler.light(), sun);
+        assert_eq!(culler.set_light(light), Err(error), "{light:?} is refused");
+        assert_eq!(culler.light(), sun, "the sun stays after {light:?} was refused");
     }
-    assert!(matches!(
-        culler.set_light(Light::Point { position: DVec3::ZERO, range: nan }),
-        Err(LightError::Range { .. })
-    ));
+    assert!(
+        matches!(
+            culler.set_light(Light::Point { position: DVec3::ZERO, range: nan }),
+            Err(LightError::Range { .. })
+        ),
+        "a range that is NaN"
+    );
 }
 
 /// Tests lights and views of arbitrary bit patterns: nothing panics, and objects that are never culled stay.
@@ -654,12 +672,12 @@ fn hostile_lights_and_views_do_no_harm() {
         let receivers = Aabb::new(wild(&mut rng).as_vec3(), wild(&mut rng).as_vec3());
         let culler = if rng.one_in(2) { culler.with_receivers(receivers, DVec3::ZERO) } else { culler };
         let casters = cull(&scene, &view, culler);
-        assert!(casters.contains(&scene, always));
+        assert!(casters.contains(&scene, always), "{light:?} culls an object that is never culled");
         culled += 5 - casters.count(&scene);
     }
     assert!(culled > 1000, "too easy: {culled}");
     // An empty scene.
     let culler = CasterCuller::new(Light::Directional { toward_light: DVec3::Z }).unwrap();
     let view = View::from_clip_from_world(DMat4::IDENTITY, Depth::ZeroToOne).unwrap();
-    assert_eq!(cull(&Scene::new(), &view, culler).count(&Scene::new()), 0);
+    assert_eq!(cull(&Scene::new(), &view, culler).count(&Scene::new()), 0, "casters of an empty scene");
 }

@@ -46,7 +46,7 @@ fn view_of(camera: &Camera) -> Option<View> {
 fn listed(view: &View, scene: &Scene, instance: &ClusterInstance<'_>) -> Vec<u32> {
     let mut found = Vec::new();
     let stats = ClusterView::new(scene, view).cull_instance(instance, |cluster| found.push(cluster));
-    assert_eq!(stats.visible as usize, found.len());
+    assert_eq!(stats.visible as usize, found.len(), "clusters counted and listed");
     found.sort_unstable();
     found
 }
@@ -237,7 +237,10 @@ fn a_front_facing_triangle_in_view_is_listed_under_any_transform() {
             backs += 1;
             dropped += usize::from(!found);
         }
-        assert!(!listed(&view, &scene, &ClusterInstance { two_sided: true, ..instance }).is_empty());
+        assert!(
+            !listed(&view, &scene, &ClusterInstance { two_sided: true, ..instance }).is_empty(),
+            "a two-sided triangle is listed from both sides: {triangle:?}"
+        );
     }
     eprintln!("{fronts} fronts, {backs} backs, {dropped} dropped");
     assert!(fronts > 50_000 && dropped * 2 > backs, "{fronts} {backs} {dropped}");
@@ -280,7 +283,7 @@ fn instances_of_a_sphere_list_what_faces_the_view_and_little_else() {
     for (rings, sectors) in [(4, 8), (20, 40), (50, 100)] {
         let clusters = sphere(rings, sectors);
         let mesh = mesh_of(&clusters);
-        assert_eq!(mesh.len(), rings * sectors);
+        assert_eq!(mesh.len(), rings * sectors, "clusters of the sphere");
         let (mut needed, mut kept, mut all) = (0, 0, 0);
         for _ in 0..60 {
             let eye = rng.vector(20.0);
@@ -304,7 +307,7 @@ fn instances_of_a_sphere_list_what_faces_the_view_and_little_else() {
             let instance =
                 |id: visibility_core::ObjectId| Some(ClusterInstance::new(&mesh, transforms[id.index()]));
             let stats = ClusterView::new(&scene, &view).cull(&visible, instance, &mut list);
-            assert_eq!(stats.visible as usize, list.len());
+            assert_eq!(stats.visible as usize, list.len(), "clusters counted and listed");
             for simd in Simd::available() {
                 let mut again = Vec::new();
                 ClusterView::new(&scene, &view).with_simd(simd).cull(&visible, instance, &mut again);
@@ -388,7 +391,10 @@ fn a_map_hides_the_clusters_behind_a_wall_and_no_others() {
             hidden += usize::from(!is_kept);
             kept += usize::from(is_kept);
         }
-        assert!(with.iter().all(|cluster| listed(&view, &scene, &instance).contains(cluster)));
+        assert!(
+            with.iter().all(|cluster| listed(&view, &scene, &instance).contains(cluster)),
+            "the map adds a cluster of {transform:?}"
+        );
     }
     eprintln!("{hidden} hidden, {kept} kept");
     assert!(hidden > 2_000 && kept > 1_000, "{hidden} {kept}");
@@ -401,7 +407,10 @@ fn what_cannot_be_decided_is_listed() {
     let scene = Scene::new();
     let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 9.0).unwrap();
     let behind = Affine3A::from_translation(Vec3::X * -50.0);
-    assert!(listed(&view, &scene, &ClusterInstance::new(&mesh, behind)).is_empty());
+    assert!(
+        listed(&view, &scene, &ClusterInstance::new(&mesh, behind)).is_empty(),
+        "a sphere behind the eye"
+    );
     let all: Vec<u32> = (0..32).collect();
     let with_axis = |z| Affine3A { matrix3: Mat3A::from_cols(Vec3A::X, Vec3A::Y, z), ..behind };
     let infinite = Vec3::X * f32::NEG_INFINITY;
@@ -419,7 +428,10 @@ fn what_cannot_be_decided_is_listed() {
     // At the ends of `f32`, transforms are still decided or listed, never dropped in front of the eye.
     for scale in [1e-38, 1e-30, 1e30, 1e38] {
         let ahead = Affine3A { translation: Vec3A::X * 5.0, ..Affine3A::from_scale(Vec3::splat(scale)) };
-        assert!(!listed(&view, &scene, &ClusterInstance::new(&mesh, ahead)).is_empty() || scale > 1.0);
+        assert!(
+            !listed(&view, &scene, &ClusterInstance::new(&mesh, ahead)).is_empty() || scale > 1.0,
+            "a sphere 5 m ahead, of scale {scale}"
+        );
     }
     // A cluster without a usable box, among others that are out of view.
     let unit = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
@@ -438,9 +450,15 @@ fn what_cannot_be_decided_is_listed() {
         }
     }
     let none = ClusterMesh::new([]);
-    assert!(none.is_empty() && none.memory() == 0);
-    assert!(listed(&view, &scene, &ClusterInstance::new(&none, Affine3A::IDENTITY)).is_empty());
-    assert!(listed(&view, &scene, &ClusterInstance::new(&none, with_axis(Vec3A::ZERO))).is_empty());
+    assert!(none.is_empty() && none.memory() == 0, "a mesh without clusters takes no memory");
+    assert!(
+        listed(&view, &scene, &ClusterInstance::new(&none, Affine3A::IDENTITY)).is_empty(),
+        "a mesh without clusters has none to list"
+    );
+    assert!(
+        listed(&view, &scene, &ClusterInstance::new(&none, with_axis(Vec3A::ZERO))).is_empty(),
+        "a mesh without clusters, with a transform that cannot be decided"
+    );
 }
 
 #[test]
@@ -460,16 +478,23 @@ fn objects_that_are_never_culled_list_all_clusters_and_others_of_no_mesh_none() 
     let mut list = Vec::new();
     let clusters = ClusterView::new(&scene, &view);
     let stats = clusters.cull(&visible, |_| Some(ClusterInstance::new(&mesh, behind)), &mut list);
-    assert_eq!((list.len(), stats.visible), (64, 64));
-    assert!(list.iter().all(|at| at.instance == never || at.instance == improper));
+    assert_eq!(
+        (list.len(), stats.visible),
+        (64, 64),
+        "all clusters of the two objects that are never culled"
+    );
+    assert!(
+        list.iter().all(|at| at.instance == never || at.instance == improper),
+        "clusters of objects that are culled or removed"
+    );
     list.clear();
     clusters.cull(
         &visible,
         |id| (id == plain).then(|| ClusterInstance::new(&mesh, Affine3A::IDENTITY)),
         &mut list,
     );
-    assert!(!list.is_empty() || scene.contains(plain));
+    assert!(!list.is_empty() || scene.contains(plain), "the plain object lists clusters, or is left");
     list.clear();
     clusters.cull(&visible, |_| None, &mut list);
-    assert!(list.is_empty());
+    assert!(list.is_empty(), "objects without a mesh list clusters");
 }

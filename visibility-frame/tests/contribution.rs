@@ -83,7 +83,7 @@ fn cull(culler: &mut ContributionCuller, scene: &Scene, view: &View) -> (BTreeSe
     visible.fill(scene, view);
     let stats = culler.cull(scene, view, &mut visible);
     let ids: BTreeSet<_> = visible.iter(scene).collect();
-    assert_eq!(stats.visible as usize, ids.len());
+    assert_eq!(stats.visible as usize, ids.len(), "objects counted and in the set");
     (ids, stats)
 }
 
@@ -178,7 +178,10 @@ fn it_equals_brute_force_over_all_objects() {
                 cull(&mut culler, &scene, &camera.view).0
             });
             let seen = answers.next().unwrap();
-            assert!(answers.all(|other| other == seen));
+            assert!(
+                answers.all(|other| other == seen),
+                "seed {seed}: two instruction sets find other objects"
+            );
             for id in scene.ids() {
                 let object = scene.object(id).unwrap();
                 let expected = if object.never_cull || !object.bounds.is_finite() {
@@ -197,7 +200,10 @@ fn it_equals_brute_force_over_all_objects() {
         }
     }
     println!("{kept} kept, {dropped} dropped, {undecided} undecided");
-    assert!(kept > 10_000 && dropped > 10_000 && undecided < 20);
+    assert!(
+        kept > 10_000 && dropped > 10_000 && undecided < 20,
+        "{kept} kept, {dropped} dropped, {undecided} undecided"
+    );
 }
 
 /// Tests that whole nodes are dropped: of a hundred thousand small objects, few nodes are looked into.
@@ -215,19 +221,32 @@ fn nodes_of_small_far_or_replaced_objects_are_dropped_unseen() {
     let nodes = |scene: &Scene, culler: &mut ContributionCuller| cull(culler, scene, &view).1.nodes;
     let all = nodes(&scene, &mut ContributionCuller::new(1080.0, 0.0));
     assert!(all > 1500, "{all}");
-    assert!(nodes(&scene, &mut ContributionCuller::new(1080.0, 10.0)) < 60);
+    assert!(
+        nodes(&scene, &mut ContributionCuller::new(1080.0, 10.0)) < 60,
+        "nodes entered if objects below 10 pixels are dropped"
+    );
     let flat = View::orthographic(pose, Window::centered(500.0, 500.0), 0.0, 3000.0).unwrap();
-    assert!(cull(&mut ContributionCuller::new(1080.0, 1.0), &scene, &flat).1.nodes < 60);
+    assert!(
+        cull(&mut ContributionCuller::new(1080.0, 1.0), &scene, &flat).1.nodes < 60,
+        "nodes entered in a parallel view of small objects"
+    );
     for &id in &ids {
         scene.set_draw_range(id, DrawRange { end: 80.0, ..DrawRange::ALWAYS }).unwrap();
     }
     scene.rebuild();
-    assert!(nodes(&scene, &mut ContributionCuller::new(1080.0, 0.0)) < 60);
+    assert!(
+        nodes(&scene, &mut ContributionCuller::new(1080.0, 0.0)) < 60,
+        "nodes entered if objects are drawn up to 80 m"
+    );
     // One object without a range in each tenth node, then ranges in bounded steps instead of a rebuild.
     for &id in ids.iter() {
         scene.set_draw_range(id, DrawRange::ALWAYS).unwrap();
     }
-    assert_eq!(nodes(&scene, &mut ContributionCuller::new(1080.0, 0.0)), all);
+    assert_eq!(
+        nodes(&scene, &mut ContributionCuller::new(1080.0, 0.0)),
+        all,
+        "nodes entered after all ranges were taken back"
+    );
     // Every cube of 250 m has a parent, which stands in for its objects from 100 m on.
     let cube = |at: Vec3| (at / 250.0).floor();
     let mut parents = std::collections::HashMap::new();
@@ -246,7 +265,12 @@ fn nodes_of_small_far_or_replaced_objects_are_dropped_unseen() {
     let mut culler = ContributionCuller::new(1080.0, 0.0);
     let (seen, stats) = cull(&mut culler, &scene, &view);
     println!("{} of {all} nodes, {} seen", stats.nodes, seen.len());
-    assert!(stats.nodes < all / 4 && seen.len() > parents.len() / 2);
+    assert!(
+        stats.nodes < all / 4 && seen.len() > parents.len() / 2,
+        "{} of {all} nodes, {} seen",
+        stats.nodes,
+        seen.len()
+    );
 }
 
 /// Tests the limit where it is exact: boxes and cameras in whole numbers, compared in integers. An object
@@ -281,14 +305,20 @@ fn an_object_exactly_as_large_as_the_limit_stays() {
         let flat = View::orthographic(pose, Window::centered(1.0, 1.0), 0.0, 9.0).unwrap();
         let pixels = (a * k) as f64 * f64::from(scale);
         let mut in_flat = ContributionCuller::new(2.0 * k as f64, pixels);
-        assert!(cull(&mut in_flat, &scene, &flat).0.contains(&id));
+        assert!(
+            cull(&mut in_flat, &scene, &flat).0.contains(&id),
+            "an object of exactly {pixels} pixels in a parallel view"
+        );
         in_flat.set_min_pixels(pixels * (1.0 + 1e-6));
-        assert!(!cull(&mut in_flat, &scene, &flat).0.contains(&id));
+        assert!(
+            !cull(&mut in_flat, &scene, &flat).0.contains(&id),
+            "an object just below the limit of {pixels} pixels"
+        );
         culler.set_min_pixels(least as f64 * (1.0 + 1e-6));
         let seen = cull(&mut culler, &scene, &view).0.contains(&id);
-        assert_eq!(seen, a * k > b * least);
+        assert_eq!(seen, a * k > b * least, "{a} m at {b} m with {k}: more than {least} pixels");
     }
-    assert!(ties > 1000);
+    assert!(ties > 1000, "objects exactly at the limit: {ties}");
 }
 
 /// Tests the limit for a picture far off the viewing axis, whose matrix rounding nearly makes singular. The
@@ -454,7 +484,10 @@ fn between_levels_of_different_boxes_nothing_is_missing() {
             let opacity = lods.selected().iter().find(|(id, _)| *id == near).map(|(_, lod)| lod.opacity);
             let faded = if is_linked { away } else { away + 1.0 };
             let range = DrawRange { end, margin: 10.0, ..DrawRange::ALWAYS };
-            assert!(opacity.is_none_or(|opacity| (opacity - range.opacity(faded as f32)).abs() < 1e-3));
+            assert!(
+                opacity.is_none_or(|opacity| (opacity - range.opacity(faded as f32)).abs() < 1e-3),
+                "opacity {opacity:?} at {away} m"
+            );
         }
         assert_eq!(missing > 0, !is_linked, "ranges alone leave a gap of a metre");
     }
@@ -474,8 +507,12 @@ fn between_levels_of_different_boxes_nothing_is_missing() {
         let view = view_from(DVec3::new(-away, 0.0, 1.0));
         cull(&mut ContributionCuller::new(1080.0, 0.0), &scene, &view).0
     };
-    assert_eq!((seen(127.0).len(), seen(127.0).contains(&block)), (300, false));
-    assert_eq!((seen(129.0).len(), seen(129.0).contains(&block)), (1, true));
+    assert_eq!(
+        (seen(127.0).len(), seen(127.0).contains(&block)),
+        (300, false),
+        "before the block begins, its houses are drawn"
+    );
+    assert_eq!((seen(129.0).len(), seen(129.0).contains(&block)), (1, true), "beyond, the block alone");
 }
 
 /// Tests that what trembles about a limit switches at most once, and that without memory it flickers.
@@ -502,7 +539,11 @@ fn a_trembling_camera_makes_nothing_flicker() {
         let mut fresh = ContributionCuller::new(1080.0, 0.0);
         for (number, culler) in [&mut live, &mut fresh].into_iter().enumerate() {
             let seen = cull(culler, &scene, &view).0;
-            assert_ne!(seen.contains(&parent), seen.contains(&child));
+            assert_ne!(
+                seen.contains(&parent),
+                seen.contains(&child),
+                "frame {frame}: one of parent and child is drawn"
+            );
             switches[number] += usize::from(frame % 200 > 0 && seen != before[number]);
             before[number] = seen;
         }
@@ -513,9 +554,12 @@ fn a_trembling_camera_makes_nothing_flicker() {
     cull(&mut live, &scene, &view_from(DVec3::new(-20.0, 0.0, 0.0)));
     assert!(cull(&mut live, &scene, &band).0.contains(&parent), "still beyond the lower limit");
     live.reset();
-    assert!(!cull(&mut live, &scene, &band).0.contains(&parent));
+    assert!(!cull(&mut live, &scene, &band).0.contains(&parent), "a reset forgets that the parent was drawn");
     cull(&mut live, &scene, &view_from(DVec3::new(-20.0, 0.0, 0.0)));
-    assert!(!cull(&mut live, &scene, &view_from(DVec3::new(20.0, 0.0, 0.0))).0.contains(&parent));
+    assert!(
+        !cull(&mut live, &scene, &view_from(DVec3::new(20.0, 0.0, 0.0))).0.contains(&parent),
+        "the parent is drawn though the eye is nearer than the band"
+    );
 }
 
 #[test]
@@ -531,38 +575,38 @@ fn children_whose_parent_cannot_stand_in_are_drawn() {
     let view = view_from(DVec3::ZERO);
     let seen = |scene: &Scene, view: &View| cull(&mut ContributionCuller::new(1080.0, 0.0), scene, view).0;
     let is = |ids: &[ObjectId]| ids.iter().copied().collect::<BTreeSet<_>>();
-    assert_eq!(seen(&scene, &view), is(&[parent]));
+    assert_eq!(seen(&scene, &view), is(&[parent]), "the parent stands in for the child");
     // The child drives away, the parent shrinks, is on another layer, is never culled, is NaN, is removed.
     let (home, far) =
         (scene.bounds(child).unwrap(), Aabb::from_arrays([105.0, 0.0, 9.5], [106.0, 1.0, 10.5]));
     scene.set_bounds(child, far).unwrap();
-    assert_eq!(seen(&scene, &view), is(&[parent, child]));
+    assert_eq!(seen(&scene, &view), is(&[parent, child]), "the child has left the parent's bounds");
     scene.set_bounds(child, home).unwrap();
-    assert_eq!(seen(&scene, &view), is(&[parent]));
+    assert_eq!(seen(&scene, &view), is(&[parent]), "the child is back");
     scene.set_bounds(parent, far).unwrap();
-    assert_eq!(seen(&scene, &view), is(&[parent, child]));
+    assert_eq!(seen(&scene, &view), is(&[parent, child]), "the parent has left the child");
     scene.set_bounds(parent, Aabb::new(Vec3::NAN, Vec3::NAN)).unwrap();
-    assert_eq!(seen(&scene, &view), is(&[parent, child]));
+    assert_eq!(seen(&scene, &view), is(&[parent, child]), "the parent is NaN");
     scene.set_bounds(parent, whole).unwrap();
     scene.set_never_cull(parent, true).unwrap();
-    assert_eq!(seen(&scene, &view), is(&[parent, child]));
+    assert_eq!(seen(&scene, &view), is(&[parent, child]), "the parent is never culled");
     scene.set_never_cull(parent, false).unwrap();
     scene.set_layers(parent, 1).unwrap();
-    assert_eq!(seen(&scene, &view), is(&[parent, child]));
-    assert_eq!(seen(&scene, &view.with_layers(2)), is(&[child]));
+    assert_eq!(seen(&scene, &view), is(&[parent, child]), "the parent is on fewer layers than the child");
+    assert_eq!(seen(&scene, &view.with_layers(2)), is(&[child]), "a view of the child's layers alone");
     scene.set_layers(child, 1).unwrap();
-    assert_eq!(seen(&scene, &view), is(&[parent]));
+    assert_eq!(seen(&scene, &view), is(&[parent]), "the child is on the parent's layer");
     // The distance of another eye, as for a shadow map of the main camera.
     let light =
         View::orthographic(Pose::look_at(DVec3::Z, DVec3::X, DVec3::Z), Window::centered(9.0, 9.0), 0.0, 9.0);
     let light = light.unwrap();
-    assert_eq!(seen(&scene, &light), is(&[child]));
+    assert_eq!(seen(&scene, &light), is(&[child]), "the light is near, so the child is drawn");
     let mut culler = ContributionCuller::new(1080.0, 0.0);
     culler.set_distance_eye(Some(DVec3::ZERO));
-    assert_eq!(cull(&mut culler, &scene, &light).0, is(&[parent]));
+    assert_eq!(cull(&mut culler, &scene, &light).0, is(&[parent]), "the distance is that of another eye");
     scene.remove(parent).unwrap();
-    assert_eq!(seen(&scene, &view), is(&[child]));
-    assert_eq!(scene.hlod_parent(child), Ok(None));
+    assert_eq!(seen(&scene, &view), is(&[child]), "the parent was removed");
+    assert_eq!(scene.hlod_parent(child), Ok(None), "a removed parent is forgotten");
 }
 
 /// Change of a scene, given a parent, its children and a box elsewhere.
@@ -640,25 +684,40 @@ fn ranges_and_parents_follow_their_objects() {
         scene.set_hlod_parent(gone, None),
         scene.set_hlod_parent(a, Some(gone)),
     ] {
-        assert_eq!(error, Err(SceneError::UnknownObject(gone)));
+        assert_eq!(error, Err(SceneError::UnknownObject(gone)), "the object was removed");
     }
-    assert!(scene.draw_range(gone).is_err() && scene.hlod_parent(gone).is_err());
+    assert!(
+        scene.draw_range(gone).is_err() && scene.hlod_parent(gone).is_err(),
+        "an object that was removed has neither range nor parent"
+    );
     let new = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
-    assert_eq!((new.index(), scene.draw_range(new)), (gone.index(), Ok(DrawRange::ALWAYS)));
-    assert_eq!(scene.hlod_parent(new), Ok(None));
+    assert_eq!(
+        (new.index(), scene.draw_range(new)),
+        (gone.index(), Ok(DrawRange::ALWAYS)),
+        "the new object takes the index of the old, without its range"
+    );
+    assert_eq!(scene.hlod_parent(new), Ok(None), "the new object has no parent");
     let revision = scene.revision();
     for (child, parent) in [(a, b), (b, c), (d, c), (new, c)] {
         scene.set_hlod_parent(child, Some(parent)).unwrap();
-        assert_eq!(scene.hlod_parent(child), Ok(Some(parent)));
+        assert_eq!(scene.hlod_parent(child), Ok(Some(parent)), "the parent of {child}");
     }
-    assert!(scene.revision() > revision);
+    assert!(scene.revision() > revision, "a parent is a change of the scene");
     for (child, parent) in [(a, a), (c, a), (b, a)] {
-        assert_eq!(scene.set_hlod_parent(child, Some(parent)), Err(SceneError::Parent(child)));
+        assert_eq!(
+            scene.set_hlod_parent(child, Some(parent)),
+            Err(SceneError::Parent(child)),
+            "{parent} as the parent of {child} closes a ring"
+        );
     }
     scene.set_hlod_parent(b, None).unwrap();
     scene.set_hlod_parent(b, Some(d)).unwrap();
     scene.remove(c).unwrap();
-    assert_eq!([a, b, d, new].map(|id| scene.hlod_parent(id).unwrap()), [Some(b), Some(d), None, None]);
+    assert_eq!(
+        [a, b, d, new].map(|id| scene.hlod_parent(id).unwrap()),
+        [Some(b), Some(d), None, None],
+        "parents after one was removed"
+    );
     for (begin, end, margin) in [
         (f32::NAN, 1.0, 0.0),
         (0.0, f32::NAN, 0.0),
@@ -669,11 +728,11 @@ fn ranges_and_parents_follow_their_objects() {
         (0.0, 1.0, -1.0),
     ] {
         let refused = scene.set_draw_range(a, DrawRange { begin, end, margin });
-        assert_eq!(refused, Err(SceneError::DrawRange(a)));
+        assert_eq!(refused, Err(SceneError::DrawRange(a)), "a range of {begin} to {end}, margin {margin}");
     }
-    assert_eq!(scene.draw_range(a), Ok(DrawRange::ALWAYS));
+    assert_eq!(scene.draw_range(a), Ok(DrawRange::ALWAYS), "refused ranges change nothing");
     let copy = scene.clone();
-    assert_eq!(copy.hlod_parent(a), Ok(Some(b)));
+    assert_eq!(copy.hlod_parent(a), Ok(Some(b)), "a clone keeps parents");
 }
 
 #[test]
@@ -688,7 +747,7 @@ fn no_setting_panics_and_none_hides_what_contains_the_eye() {
     for height in numbers {
         for least in numbers {
             let mut culler = ContributionCuller::new(height, least);
-            assert_eq!(culler.accuracy(), Accuracy::Approximate);
+            assert_eq!(culler.accuracy(), Accuracy::Approximate, "culling by size is approximate");
             for eye in [None, Some(DVec3::NAN), Some(DVec3::MAX), Some(DVec3::INFINITY)] {
                 culler.set_distance_eye(eye);
                 let seen = cull(&mut culler, &scene, &view_from(DVec3::ZERO)).0;
@@ -722,7 +781,11 @@ fn it_composes_with_other_cullers() {
         frustum.cull(&scene, &view, &mut sets[1]);
         let alone = cull(&mut culler(), &scene, &view).0;
         let expected: BTreeSet<_> = sets[1].iter(&scene).filter(|id| alone.contains(id)).collect();
-        assert_eq!(sets[0].iter(&scene).collect::<BTreeSet<_>>(), expected);
+        assert_eq!(
+            sets[0].iter(&scene).collect::<BTreeSet<_>>(),
+            expected,
+            "the frustum, then size, and each by itself"
+        );
     }
 }
 
@@ -739,7 +802,7 @@ fn a_pipeline_reports_draw_ranges_that_it_does_not_follow() {
     };
     let without = Pipeline::new().with(FrustumCuller::new());
     let with = Pipeline::new().with(FrustumCuller::new()).with(ContributionCuller::new(1080.0, 0.0));
-    assert!(lacks(&scene, &without).is_empty());
+    assert!(lacks(&scene, &without).is_empty(), "no object has a range");
     let range = DrawRange { end: 100.0, ..DrawRange::ALWAYS };
     ids.iter().for_each(|&id| scene.set_draw_range(id, range).unwrap());
     scene.set_draw_range(ids[0], DrawRange { end: 50.0, ..range }).unwrap();
@@ -747,9 +810,13 @@ fn a_pipeline_reports_draw_ranges_that_it_does_not_follow() {
     scene.remove(ids[2]).unwrap();
     scene.insert(at(9.0)); // in the place of the removed object, without its range
     for scene in [&scene, &scene.clone()] {
-        assert_eq!(lacks(scene, &without), ["pipeline: objects with a draw range that no stage follows: 3"]);
-        assert!(lacks(scene, &with).is_empty());
+        assert_eq!(
+            lacks(scene, &without),
+            ["pipeline: objects with a draw range that no stage follows: 3"],
+            "three objects have ranges"
+        );
+        assert!(lacks(scene, &with).is_empty(), "the culler follows the ranges");
     }
     [0, 3, 4].into_iter().for_each(|i| scene.set_draw_range(ids[i], DrawRange::ALWAYS).unwrap());
-    assert!(lacks(&scene, &without).is_empty());
+    assert!(lacks(&scene, &without).is_empty(), "no object has a range any more");
 }

@@ -10,7 +10,7 @@ use visibility_testing::Random;
 fn draw_lists_group_as_a_map_of_lists_does() {
     let mut rng = Random(7);
     let mut list = DrawList::new();
-    assert_eq!((list.groups(), list.instances()), (&[][..], &[][..]));
+    assert_eq!((list.groups(), list.instances()), (&[][..], &[][..]), "a new list is empty");
     let mut sparse = 0;
     for round in 0..300 {
         let count = rng.pick(&[0, 1, 2, 50, 3000]);
@@ -35,12 +35,16 @@ fn draw_lists_group_as_a_map_of_lists_does() {
         }
         let got = list.groups().iter().map(|group| (group.key, list.instances()[group.range()].to_vec()));
         assert!(got.eq(expected.clone()), "round {round}");
-        assert_eq!(list.instances(), expected.values().flatten().copied().collect::<Vec<_>>());
+        assert_eq!(
+            list.instances(),
+            expected.values().flatten().copied().collect::<Vec<_>>(),
+            "round {round}: indices by group"
+        );
         let mesh = |key| DrawIndexedIndirect { index_count: key ^ 3, base_vertex: -5, ..Default::default() };
-        assert_eq!(list.commands(mesh).len(), expected.len());
+        assert_eq!(list.commands(mesh).len(), expected.len(), "round {round}: a command for each group");
         for (command, &DrawGroup { key, first, count }) in list.commands(mesh).zip(list.groups()) {
             let whole = DrawIndexedIndirect { first_instance: first, instance_count: count, ..mesh(key) };
-            assert_eq!(command, whole);
+            assert_eq!(command, whole, "round {round}: the command of group {key}");
         }
     }
     assert!(sparse > 30, "too easy: {sparse}");
@@ -56,6 +60,14 @@ fn commands_are_plain_data() {
         base_vertex: -1,
         first_instance: 5,
     };
-    assert_eq!(bytemuck::cast::<_, [u32; 5]>(command), [1, 2, 3, u32::MAX, 5]);
-    assert_eq!(bytemuck::cast::<_, [u32; 3]>(DrawGroup { key: 7, first: 8, count: 9 }), [7, 8, 9]);
+    assert_eq!(
+        bytemuck::cast::<_, [u32; 5]>(command),
+        [1, 2, 3, u32::MAX, 5],
+        "a command is five words in wgpu's order"
+    );
+    assert_eq!(
+        bytemuck::cast::<_, [u32; 3]>(DrawGroup { key: 7, first: 8, count: 9 }),
+        [7, 8, 9],
+        "a group is three words"
+    );
 }

@@ -46,7 +46,7 @@ impl World {
         self.lods.select(&self.scene, view, &self.visible, 0.1, |_| SIZES);
         let found = self.lods.selected().iter().find(|(id, _)| *id == self.pole);
         let found = found.expect("the pole is visible").1;
-        assert_eq!(self.lods.lod(self.pole), Some(found));
+        assert_eq!(self.lods.lod(self.pole), Some(found), "the level of the pole by its id");
         found
     }
 }
@@ -71,30 +71,42 @@ fn levels_follow_the_size_in_pixels() {
     };
     for x in [-1.0, -1e5] {
         let mut world = World::new(LodSelector::new(1000.0));
-        assert_eq!(world.see(&parallel(x, 4.9)).level, 1);
+        assert_eq!(world.see(&parallel(x, 4.9)).level, 1, "4.9 m of the world in 1000 rows, from {x}");
         world.lods.reset();
-        assert_eq!(world.see(&parallel(x, 5.1)).level, 2);
+        assert_eq!(world.see(&parallel(x, 5.1)).level, 2, "5.1 m of the world in 1000 rows, from {x}");
     }
 }
 
 #[test]
 fn a_switch_fades_from_one_level_to_the_other() {
     let mut world = World::new(LodSelector::new(1000.0).with_fade(0.4));
-    assert_eq!(world.frame(200.0), steady(1));
+    assert_eq!(world.frame(200.0), steady(1), "the first frame does not fade");
     let mut fades = Vec::new();
     for _ in 0..6 {
         let lod = world.frame(60.0);
         fades.push((lod.previous, lod.level, (lod.fade * 100.0).round()));
     }
-    assert_eq!(fades, [(1, 2, 0.0), (1, 2, 25.0), (1, 2, 50.0), (1, 2, 75.0), (2, 2, 100.0), (2, 2, 100.0)]);
+    assert_eq!(
+        fades,
+        [(1, 2, 0.0), (1, 2, 25.0), (1, 2, 50.0), (1, 2, 75.0), (2, 2, 100.0), (2, 2, 100.0)],
+        "previous level, level and percent of the fade, by frame"
+    );
     // During a fade the level stays; then it goes where the size is, over several levels at once.
-    assert_eq!(world.frame(200.0).level, 1);
-    assert_eq!((world.frame(1000.0).level, world.frame(10.0).level), (1, 1));
-    assert_eq!((world.frame(10.0).level, world.frame(10.0).level), (1, 3));
+    assert_eq!(world.frame(200.0).level, 1, "the fade begins: the level it began with");
+    assert_eq!(
+        (world.frame(1000.0).level, world.frame(10.0).level),
+        (1, 1),
+        "the fade goes on, whatever the size"
+    );
+    assert_eq!(
+        (world.frame(10.0).level, world.frame(10.0).level),
+        (1, 3),
+        "after the fade the level jumps to the size"
+    );
     // Without a fade, at once.
     let mut world = World::new(LodSelector::new(1000.0).with_fade(0.0));
     world.frame(200.0);
-    assert_eq!(world.frame(10.0), steady(3));
+    assert_eq!(world.frame(10.0), steady(3), "without a fade the level switches at once");
 }
 
 #[test]
@@ -119,7 +131,11 @@ fn a_trembling_camera_does_not_switch_levels_to_and_fro() {
 fn hysteresis_ends_at_its_share_of_the_limit() {
     let mut world = World::new(LodSelector::new(1000.0).with_fade(0.0));
     world.frame(200.0);
-    assert_eq!([91.0, 89.0, 109.0, 111.0].map(|pixels| world.frame(pixels).level), [1, 2, 2, 1]);
+    assert_eq!(
+        [91.0, 89.0, 109.0, 111.0].map(|pixels| world.frame(pixels).level),
+        [1, 2, 2, 1],
+        "the level switches 10 % beyond the limit of 100 pixels"
+    );
 }
 
 #[test]
@@ -130,18 +146,28 @@ fn an_object_that_becomes_visible_does_not_fade() {
     let elsewhere = view_from(-500.0).with_layers(0);
     world.visible.fill(&world.scene, &elsewhere);
     world.lods.select(&world.scene, &elsewhere, &world.visible, 0.1, |_| SIZES);
-    assert!(world.lods.selected().is_empty() && world.lods.lod(world.pole).is_none());
-    assert_eq!(world.frame(10.0), steady(3));
+    assert!(
+        world.lods.selected().is_empty() && world.lods.lod(world.pole).is_none(),
+        "a pole that is not in the set has no level"
+    );
+    assert_eq!(world.frame(10.0), steady(3), "the pole is back, and does not fade");
     // A reset, a clone of the scene, another object with the same index.
     world.lods.reset();
-    assert!(world.lods.lod(world.pole).is_none());
-    assert_eq!(world.frame(1000.0), steady(0));
+    assert!(world.lods.lod(world.pole).is_none(), "a reset forgets the level");
+    assert_eq!(world.frame(1000.0), steady(0), "the first frame after a reset");
     world.scene = world.scene.clone();
-    assert_eq!(world.frame(10.0), steady(3));
+    assert_eq!(world.frame(10.0), steady(3), "the first frame of a clone");
     world.scene.remove(world.pole).unwrap();
     let former = std::mem::replace(&mut world.pole, world.scene.insert(pole(0.0)));
-    assert_eq!((world.pole.index(), world.frame(1000.0)), (0, steady(0)));
-    assert!(world.lods.lod(former).is_none() && world.lods.lod(ObjectId::PLACEHOLDER).is_none());
+    assert_eq!(
+        (world.pole.index(), world.frame(1000.0)),
+        (0, steady(0)),
+        "the first frame of another object with the same index"
+    );
+    assert!(
+        world.lods.lod(former).is_none() && world.lods.lod(ObjectId::PLACEHOLDER).is_none(),
+        "ids that name no object have no level"
+    );
 }
 
 #[test]
@@ -154,10 +180,13 @@ fn opacity_follows_the_draw_range() {
     {
         let found = world.see(&view_from(-distance)).opacity;
         assert!((found - opacity).abs() < 1e-6, "{distance}: {found}");
-        assert_eq!(range.opacity(distance as f32), opacity);
+        assert_eq!(range.opacity(distance as f32), opacity, "the opacity of the range at {distance} m");
     }
     world.lods.set_distance_eye(Some(DVec3::X * 15.0));
-    assert!((world.see(&view_from(-1.0)).opacity - 0.5).abs() < 1e-6);
+    assert!(
+        (world.see(&view_from(-1.0)).opacity - 0.5).abs() < 1e-6,
+        "15 m from another eye the pole is half opaque"
+    );
 }
 
 /// Tests many objects in random motion against brute force: a level is among those that the hysteresis
@@ -175,14 +204,18 @@ fn levels_of_many_objects_are_within_the_hysteresis_of_their_size() {
         x = f64::clamp(x + rng.range(-1.0, 1.0), -20.0, 1.0);
         pipeline.cull(&scene, &view_from(x), &mut visible);
         lods.select(&scene, &view_from(x), &visible, 0.02, |_| SIZES);
-        assert_eq!(lods.selected().len(), ids.len());
+        assert_eq!(lods.selected().len(), ids.len(), "objects with a level");
         for &(id, lod) in lods.selected() {
             let pixels = 500.0 / (f64::from(scene.bounds(id).unwrap().min.x) - x);
             let level = |pixels: f64| SIZES.iter().filter(|&&size| pixels < f64::from(size)).count() as u8;
             let admitted = level(pixels / 0.9)..=level(pixels / 1.1);
             assert!(admitted.contains(&lod.level), "{pixels} {lod:?}");
             if let Some(before) = before[id.index()].replace(lod.level) {
-                assert!(before == lod.level || !admitted.contains(&before));
+                assert!(
+                    before == lod.level || !admitted.contains(&before),
+                    "{id}: the level was {before}, is {}, and {admitted:?} are admitted",
+                    lod.level
+                );
             }
         }
     }
@@ -214,6 +247,7 @@ fn no_setting_panics() {
     }
     let scale = PixelScale::new(&view_from(-2.0), DVec3::ZERO, 1000.0);
     assert!(
-        (scale.diameter(&pole(0.0)) - 250.0).abs() < 1e-9 && scale.diameter(&pole(-2.0)) == f64::INFINITY
+        (scale.diameter(&pole(0.0)) - 250.0).abs() < 1e-9 && scale.diameter(&pole(-2.0)) == f64::INFINITY,
+        "250 pixels for a pole at 2 m, and no bound around the eye"
     );
 }

@@ -145,7 +145,13 @@ fn no_mover_is_seen_too_late_and_most_updates_are_saved() {
     assert!(share < 0.35, "{share} of all updates are made");
     assert!(outcome.shown > 10_000 && outcome.seen > 500, "{} {}", outcome.shown, outcome.seen);
     // At least the visible movers are updated or found seen.
-    assert!(outcome.updates + outcome.seen >= outcome.shown);
+    assert!(
+        outcome.updates + outcome.seen >= outcome.shown,
+        "{} updated, {} found seen, {} shown",
+        outcome.updates,
+        outcome.seen,
+        outcome.shown
+    );
 }
 
 #[test]
@@ -195,25 +201,31 @@ fn movers_without_a_volume_are_due_in_every_frame() {
         pipeline.cull(&scene, &view(0.0), &mut visible);
         volumes.end_frame(&scene, &visible, &mut seen);
     }
-    assert_eq!(counts[..3], [100; 3]);
+    assert_eq!(counts[..3], [100; 3], "movers of unknown or infinite speed are due in each frame");
     assert!(counts[3] < 20 && counts[4] < 20 && counts[5] == 0, "{counts:?}");
     // Time that is NaN or stands still, removed objects and movers.
     for time in [f64::NAN, 100.0, 100.0, f64::INFINITY, f64::INFINITY, -5.0] {
         volumes.begin_frame(&mut scene, time, &mut due);
-        assert!(due.len() >= 3);
+        assert!(due.len() >= 3, "time {time}: {} movers are due", due.len());
         volumes.end_frame(&scene, &visible, &mut seen);
     }
     scene.remove(ids[0]).unwrap();
-    assert!(volumes.remove(ids[1]) && !volumes.remove(ids[1]) && !volumes.remove(ids[5]));
+    assert!(
+        volumes.remove(ids[1]) && !volumes.remove(ids[1]) && !volumes.remove(ids[5]),
+        "a mover is removed once"
+    );
     volumes.begin_frame(&mut scene, 1.0, &mut due);
-    assert!(volumes.len() == 3 && !due.contains(&ids[0]) && !due.contains(&ids[1]));
+    assert!(
+        volumes.len() == 3 && !due.contains(&ids[0]) && !due.contains(&ids[1]),
+        "movers left, without the removed ones"
+    );
     let again = scene.insert(far);
-    assert_eq!(again.index(), ids[0].index());
+    assert_eq!(again.index(), ids[0].index(), "the new object takes the index of the old");
     volumes.insert(again, Motion::new(1.0));
     volumes.insert(again, Motion::new(2.0));
     volumes.begin_frame(&mut scene, 2.0, &mut due);
-    assert_eq!(due.iter().filter(|&&id| id == again).count(), 1);
-    assert_eq!(volumes.len(), 4);
+    assert_eq!(due.iter().filter(|&&id| id == again).count(), 1, "a mover inserted twice is due once");
+    assert_eq!(volumes.len(), 4, "movers after one was inserted twice");
 }
 
 #[test]
@@ -236,7 +248,7 @@ fn frames_allocate_nothing_once_warm() {
         pipeline.cull(&scene, &view(time), &mut visible);
         volumes.end_frame(&scene, &visible, &mut seen);
     }
-    assert_eq!(ALLOCATIONS.get() - before, 0);
+    assert_eq!(ALLOCATIONS.get() - before, 0, "allocations in 300 warm frames");
 }
 
 /// Tests movers that run straight at exactly their greatest speed: their bounds, rounded to f32 at both
@@ -268,7 +280,7 @@ fn volumes_hold_at_the_greatest_speed() {
             let (held, exact) = (scene.bounds(id).unwrap(), at(time));
             assert!(held.min.cmple(exact.min).all() && exact.max.cmple(held.max).all(), "{held:?} {exact:?}");
         }
-        assert!(updates < 30);
+        assert!(updates < 30, "{updates} updates in 200 frames of a mover behind the eye");
     }
 }
 
@@ -299,7 +311,11 @@ fn volumes_outlast_frames_in_which_most_objects_move() {
                 moved.push(teleported);
             }
             if frame == 151 {
-                assert!(due.contains(&ids[3]) && due.len() < 4500);
+                assert!(
+                    due.contains(&ids[3]) && due.len() < 4500,
+                    "the teleported mover is due, and {} in all",
+                    due.len()
+                );
             }
             if through_volumes {
                 volumes.set_bounds_batch(&mut scene, &moved).unwrap();
@@ -307,7 +323,7 @@ fn volumes_outlast_frames_in_which_most_objects_move() {
                 scene.set_bounds_batch(&moved).unwrap();
             }
             pipeline.cull(&scene, &view(0.0), &mut visible);
-            assert!(visible.contains(&scene, ids[1]));
+            assert!(visible.contains(&scene, ids[1]), "frame {frame}: a mover before the eye is hidden");
             volumes.end_frame(&scene, &visible, &mut seen);
             assert!(frame == 0 || due.contains(&ids[1]), "a visible mover is due in every frame");
         }
@@ -340,7 +356,7 @@ fn a_mover_behind_a_moved_origin_is_due_and_visible() {
         volumes.end_frame(&scene, &visible, &mut seen);
         assert_eq!(visible.contains(&scene, mover), frame >= 10, "frame {frame}");
     }
-    assert_eq!(due, [mover]);
+    assert_eq!(due, [mover], "the visible mover is due");
 }
 
 /// A region is of the origin that it was given for: a volume is not cut off where the region was.
@@ -377,7 +393,10 @@ fn regions_do_not_outlast_the_origin() {
     // A region that is given after the origin has moved counts, though the scene was not seen there yet.
     scene.set_origin(DVec3::ZERO).unwrap();
     volumes.insert(mover, Motion::new(f32::INFINITY).within(region(DVec3::ZERO)));
-    assert!(run(&mut volumes, &mut scene, 33..43) < 10);
+    assert!(
+        run(&mut volumes, &mut scene, 33..43) < 10,
+        "a mover with a new region is due in too many frames"
+    );
 }
 
 /// Movers with places in `f64` world coordinates, in scenes whose origin moves between any two calls.

@@ -101,7 +101,7 @@ fn queries_find_what_plain_loops_find_under_random_changes() {
 
         let sphere = Sphere::new(center, rng.below(30) as f32);
         let stats = query.in_sphere(&sphere, &mut found);
-        assert_eq!(stats.visible, found.len() as u64);
+        assert_eq!(stats.visible, found.len() as u64, "{sphere:?}: objects counted and found");
         let radius = f64::from(sphere.radius);
         let expected = plain(&scene, layers, |b| squared_distance(center, b) <= radius * radius);
         assert_eq!(sorted(found.clone()), expected, "{sphere:?}");
@@ -110,7 +110,7 @@ fn queries_find_what_plain_loops_find_under_random_changes() {
         let area = random_box(&mut rng, 60.0);
         query.in_box(&area, &mut found);
         let touches = |b: &Aabb| b.min.cmple(area.max).all() && area.min.cmple(b.max).all();
-        assert_eq!(sorted(found.clone()), plain(&scene, layers, touches));
+        assert_eq!(sorted(found.clone()), plain(&scene, layers, touches), "{area:?}");
         counts[1] += found.len();
 
         let planes: Vec<ViewPlane> = (0..rng.below(5))
@@ -151,13 +151,17 @@ fn queries_find_what_plain_loops_find_under_random_changes() {
             let given = f64::from(hit.distance);
             assert!(given <= distance && given >= distance * (1.0 - 1e-6), "{given} {distance}");
         }
-        assert!(hits.is_sorted());
-        assert_eq!(query.first_hit(&ray), hits.first().copied());
+        assert!(hits.is_sorted(), "{ray:?}: hits are sorted by distance");
+        assert_eq!(query.first_hit(&ray), hits.first().copied(), "{ray:?}: the first of all hits");
         // Along an axis many objects are hit at equal distances.
         for axis in [Vec3::X, Vec3::NEG_Y, Vec3::Z] {
             let ray = Ray::new(rng.vector(40.0).round().as_vec3(), axis, f32::INFINITY).unwrap();
             query.all_hits(&ray, &mut hits);
-            assert_eq!(query.first_hit(&ray), hits.first().copied());
+            assert_eq!(
+                query.first_hit(&ray),
+                hits.first().copied(),
+                "{ray:?}: the first of many hits at equal distances"
+            );
         }
         counts[3] += hits.len();
 
@@ -170,7 +174,11 @@ fn queries_find_what_plain_loops_find_under_random_changes() {
             .collect();
         expected.sort_by(|a, b| a.partial_cmp(b).unwrap());
         expected.truncate(count);
-        assert_eq!(near.iter().map(|n| (n.distance_squared, n.id)).collect::<Vec<_>>(), expected);
+        assert_eq!(
+            near.iter().map(|n| (n.distance_squared, n.id)).collect::<Vec<_>>(),
+            expected,
+            "{count} nearest to {center}"
+        );
         counts[4] += near.len();
     }
     assert!(counts.iter().all(|&count| count > 1000), "{counts:?}");
@@ -215,7 +223,7 @@ fn spheres_decide_at_every_scale() {
         query.in_sphere(&Sphere::new(center, clear), &mut found);
         assert!(found.is_empty(), "case {case}: {bounds:?} is clear of {center} and {clear}");
     }
-    assert!(touching > 4000);
+    assert!(touching > 4000, "spheres that touch: {touching}");
 }
 
 /// Tests rays through exactly representable points of edges and corners of boxes, which are hit at every
@@ -251,8 +259,12 @@ fn rays_through_edges_hit_at_every_scale() {
         let query = SceneQuery::new(&scene);
         query.all_hits(&ray, &mut hits);
         assert_eq!(hits.len(), 1, "case {case}: {origin} {direction} misses {min} {max}");
-        assert_eq!(query.first_hit(&ray), Some(hits[0]));
-        assert!(f64::from(hits[0].distance) <= t * direction.as_dvec3().length() * (1.0 + 1e-12));
+        assert_eq!(query.first_hit(&ray), Some(hits[0]), "case {case}: the first of all hits");
+        assert!(
+            f64::from(hits[0].distance) <= t * direction.as_dvec3().length() * (1.0 + 1e-12),
+            "case {case}: the distance {} is not rounded up",
+            hits[0].distance
+        );
         // A box moved off the ray across an axis along which the ray does not run.
         if let Some(axis) = (0..3).find(|&axis| direction[axis] == 0.0) {
             let mut off = Vec3::ZERO;
@@ -299,7 +311,7 @@ fn hostile_shapes_find_everything_or_are_refused() {
         assert_eq!(found.len(), 200, "{sphere:?}");
     }
     query.in_sphere(&Sphere::new(Vec3::splat(f32::INFINITY), 1.0), &mut found);
-    assert_eq!(found, []);
+    assert_eq!(found, [], "a sphere at infinity touches nothing");
     for area in [Aabb::EMPTY, Aabb::new(Vec3::NAN, Vec3::ONE)] {
         query.in_box(&area, &mut found);
         assert_eq!(found.len(), 200, "{area:?}");
@@ -310,20 +322,33 @@ fn hostile_shapes_find_everything_or_are_refused() {
         assert_eq!(near.len(), 3, "{point}");
     }
     query.nearest(Vec3::splat(1e6), usize::MAX, &mut near);
-    assert_eq!((near.len(), near[0].id), (200, ids[199]));
-    assert!(Ray::new(Vec3::NAN, Vec3::X, 1.0).is_err() && Ray::new(Vec3::ZERO, Vec3::NAN, 1.0).is_err());
-    assert!(Ray::new(Vec3::ZERO, Vec3::X, f32::NAN).is_err() && Ray::new(Vec3::ZERO, Vec3::X, -1.0).is_err());
+    assert_eq!((near.len(), near[0].id), (200, ids[199]), "all objects are found, the nearest first");
+    assert!(
+        Ray::new(Vec3::NAN, Vec3::X, 1.0).is_err() && Ray::new(Vec3::ZERO, Vec3::NAN, 1.0).is_err(),
+        "a ray from NaN, and one along NaN"
+    );
+    assert!(
+        Ray::new(Vec3::ZERO, Vec3::X, f32::NAN).is_err() && Ray::new(Vec3::ZERO, Vec3::X, -1.0).is_err(),
+        "a ray that ends at NaN, and one of negative length"
+    );
     for direction in [Vec3::splat(f32::MAX), Vec3::splat(1e-45)] {
         let ray = Ray::new(Vec3::splat(-f32::MAX), direction, f32::INFINITY).unwrap();
         assert_eq!(query.first_hit(&ray).map(|hit| hit.id), Some(ids[0]), "{direction}");
     }
     let point = Ray::new(Vec3::splat(7.25), Vec3::X, 0.0).unwrap();
-    assert_eq!(query.first_hit(&point).map(|hit| (hit.id, hit.distance)), Some((ids[7], 0.0)));
+    assert_eq!(
+        query.first_hit(&point).map(|hit| (hit.id, hit.distance)),
+        Some((ids[7], 0.0)),
+        "a ray of no length hits the box around its origin"
+    );
     let empty = Scene::new();
     let query = SceneQuery::new(&empty);
     query.in_sphere(&Sphere::new(Vec3::ZERO, 1.0), &mut found);
     query.nearest(Vec3::ZERO, 3, &mut near);
-    assert!(found.is_empty() && near.is_empty() && query.first_hit(&point).is_none());
+    assert!(
+        found.is_empty() && near.is_empty() && query.first_hit(&point).is_none(),
+        "queries of an empty scene"
+    );
 }
 
 #[test]
@@ -408,7 +433,7 @@ fn lights_reach_what_sampled_points_reach() {
         "{reached} {seen:?}"
     );
     let broken = Light::Point { position: DVec3::NAN, range: 1.0 };
-    assert!(SceneQuery::new(&scene).lit_by(&broken, &mut lit).is_err() && lit.is_empty());
+    assert!(SceneQuery::new(&scene).lit_by(&broken, &mut lit).is_err() && lit.is_empty(), "a light at NaN");
 }
 
 #[test]
@@ -439,10 +464,10 @@ fn queries_allocate_nothing_once_warm() {
             sum += hits.len() + near.len() + in_view.len();
         }
         if round == 2 {
-            assert_eq!(ALLOCATIONS.get(), before);
+            assert_eq!(ALLOCATIONS.get(), before, "allocations in 50 warm queries of each kind");
         }
     }
-    assert!(sum > 0 && before > 0);
+    assert!(sum > 0 && before > 0, "{sum} found, {before} allocations before the last round");
 }
 
 #[test]
@@ -461,6 +486,10 @@ fn of_objects_hit_at_the_same_distance_the_least_id_is_first() {
         let ray = Ray::new(origin, Vec3::X, f32::INFINITY).unwrap();
         let query = SceneQuery::new(&scene);
         query.all_hits(&ray, &mut hits);
-        assert_eq!(query.first_hit(&ray), hits.first().copied());
+        assert_eq!(
+            query.first_hit(&ray),
+            hits.first().copied(),
+            "from {origin}: the least id of those at the same distance"
+        );
     }
 }

@@ -90,8 +90,12 @@ fn hysteresis_of_ranges_is_of_one_scene() {
         culler.cull(scene, &view, &mut visible);
         visible.contains(scene, id)
     };
-    assert_eq!([-9.0, 0.0].map(|x| sees(&scene, x)), [true, true]);
-    assert!(!sees(&copy, 0.0));
+    assert_eq!(
+        [-9.0, 0.0].map(|x| sees(&scene, x)),
+        [true, true],
+        "the object is drawn beyond 100 m, and stays within the band"
+    );
+    assert!(!sees(&copy, 0.0), "in the clone, it begins at 100 m");
     assert!(!sees(&scene, 0.0), "the first scene counts as another again");
 }
 

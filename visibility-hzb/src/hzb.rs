@@ -79,7 +79,7 @@ const MAX_PYRAMID_MISSES: usize = 32;
 pub struct Hzb {
     /// Width and height of the buffer in pixels.
     size: [usize; 2],
-    /// Rule of which pixels an occluder covers.
+    /// Rule that decides which pixels an occluder covers.
     coverage: Coverage,
     /// Instruction set of the inner loops.
     pub(crate) simd: Simd,
@@ -101,7 +101,8 @@ pub struct Hzb {
     shape: ScreenShape,
     /// Occluder boxes that are not drawn yet.
     queue: BoxQueue,
-    /// Boxes of the frame that were in view and not hidden when their turn came, joined where they abut.
+    /// Boxes of this frame that were in view and not hidden when they were drawn, joined where they share a
+    /// face.
     join: BoxJoin,
     /// Scratch memory for the set-up of one mesh that is drawn by its triangles.
     mesh_scratch: MeshScratch,
@@ -118,9 +119,9 @@ pub struct Hzb {
     clip_planes: ViewPlanes,
     /// Occluders of levels, drawn at the beginning of each frame.
     levels: Vec<Arc<PreparedLevel>>,
-    /// The current view for each of `levels`; `None` for a level that it cannot draw.
+    /// View of the current frame for each of `levels`. `None` for a level that cannot be drawn.
     level_frames: Vec<Option<LevelFrame>>,
-    /// Raster of `levels`.
+    /// Scratch memory and bands for drawing `levels`.
     level_raster: LevelRaster,
 }
 
@@ -272,7 +273,7 @@ impl Hzb {
         self.size[1]
     }
 
-    /// Returns the rule of which pixels an occluder covers.
+    /// Returns the rule that decides which pixels an occluder covers.
     pub fn coverage(&self) -> Coverage {
         self.coverage
     }
@@ -342,8 +343,9 @@ impl Hzb {
         self.draw_mesh(&OccluderTriangles::of(mesh), mesh.bounds(), transform, mesh.is_convex());
     }
 
-    /// Draws the queued boxes that are in view and not hidden by drawn occluders, and empties the queue. In
-    /// place of boxes that abut each other, or boxes drawn before, draws the box that they are together.
+    /// Draws the queued boxes that are in view and not hidden by drawn occluders, and empties the queue.
+    /// Boxes that share a face, with one another or with boxes drawn before, are drawn as the one box that
+    /// they form.
     fn draw_queue(&mut self) {
         let count = core::mem::take(&mut self.queue.count);
         if count == 0 {
@@ -424,6 +426,8 @@ impl Hzb {
         let Some((object, facing)) = project_object(&self.projection, bounds, transform) else { return };
         let (projection, coverage, convex_scratch) =
             (&self.projection, self.coverage, &mut self.convex_scratch);
+        // A convex outline is cheaper to fill than a contour. Whether a mesh looks convex takes every pair of
+        // an edge and a vertex, which pays for few triangles only.
         let convex = convex || mesh.triangles.len() == 1;
         if convex || mesh.triangles.len() <= MAX_OUTLINE_TRIANGLES {
             match self.simd.convex_shape(
@@ -444,6 +448,7 @@ impl Hzb {
                 ShapeResult::DrawAsMesh => {}
             }
         }
+        // Any other mesh: its contour, with the depths of its triangles.
         let (mesh_scratch, contour_tiles, tiles) =
             (&mut self.mesh_scratch, &mut self.contour_tiles, &mut self.tiles);
         let greatest = self.simd.draw_mesh(
@@ -575,8 +580,8 @@ impl OcclusionMap for Hzb {
         Some(self)
     }
 
-    /// Reports besides the occluders that go on in the next one with a seam in between. With a
-    /// [level](Hzb::with_level) that has polygons, neither these nor a scene without occluders.
+    /// Reports occluders without a usable mesh. Without a [level](Hzb::with_level) that has polygons, also
+    /// reports a scene without occluders, and boxes whose neighbours leave a seam.
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
         Lack::of_occluders(scene, each);
         if self.levels.iter().all(|prepared| prepared.level.polygons().is_empty()) {

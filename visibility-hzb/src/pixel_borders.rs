@@ -82,7 +82,10 @@ fn shapes_cover_the_pixels_between_their_ends() {
                     _ => [[0.0, 1.0, -low.value], [0.0, -1.0, high.value]],
                 };
                 for side in sides {
-                    assert!(shape.add_edge(side, size, Coverage::Conservative));
+                    assert!(
+                        shape.add_edge(side, size, Coverage::Conservative),
+                        "the shape is not outside the picture"
+                    );
                 }
                 tiles.clear();
                 fill_shape(&shape, &mut tiles);
@@ -110,7 +113,7 @@ fn edges_that_are_not_numbers_leave_no_pixel() {
                     line[axis] = f64::NAN;
                     let (mut shape, mut tiles) = (ScreenShape::default(), Tiles::new(SIZE[0], SIZE[1]));
                     shape.begin([0.0, size[0]], [0.0, size[1]], 1.0, 1.0);
-                    assert!(shape.add_edge(line, size, coverage));
+                    assert!(shape.add_edge(line, size, coverage), "{line:?} is kept");
                     fill_shape(&shape, &mut tiles);
                     let covered = (0..6).any(|tile| tiles.covered(tile) != 0);
                     assert!(!covered, "{line:?} leaves pixels");
@@ -173,14 +176,15 @@ fn boxes_meet_the_pixels_of_their_rectangle() {
                 (sides[axis], sides[axis + 3]) = ([from], [to]);
                 let seen = project(&projection, &sides);
                 let range = [low.rank, high.rank];
-                assert!(seen.known[0]);
+                assert!(seen.known[0], "axis {axis}: the box {range:?} is projected");
                 let (before, behind) = (high.rank < 0, low.rank > UNIT * SIZE[axis] as i64);
                 assert!(!seen.outside[0] || before || behind, "axis {axis}: {range:?} is in the picture");
                 assert!(
                     seen.outside[0]
                         || (!before && !behind)
                         || touches(range, 0)
-                        || touches(range, SIZE[axis] - 1)
+                        || touches(range, SIZE[axis] - 1),
+                    "axis {axis}: {range:?} is told outside, or touches the picture"
                 );
                 let is_inside = low.rank >= 0 && high.rank <= UNIT * SIZE[axis] as i64;
                 assert!(!seen.inside[0] || is_inside, "axis {axis}: {range:?} leaves the picture");
@@ -286,9 +290,16 @@ fn rectangles_are_hidden_unless_the_only_hole_is_in_them() {
                 let is_coarsely = pyramid.hides_coarsely(&tiles, &rectangle, 1.0);
                 assert!(hidden || !is_coarsely, "{rectangle:?}, hole {x}, {y}");
                 coarsely += u64::from(is_coarsely);
-                assert!(boundary.is_nearer_than(&opacity, &tiles, &rectangle, 1.0));
+                assert!(
+                    boundary.is_nearer_than(&opacity, &tiles, &rectangle, 1.0),
+                    "the wall at 2 hides what is at 1 around {rectangle:?}"
+                );
                 let is_hole = columns[0] + 1 == columns[1] && lines[0] + 1 == lines[1] && !hidden;
-                assert_eq!(boundary.is_nearer_than(&opacity, &tiles, &rectangle, 2.0), is_hole);
+                assert_eq!(
+                    boundary.is_nearer_than(&opacity, &tiles, &rectangle, 2.0),
+                    is_hole,
+                    "the wall at 2 hides what is as near, but for the hole {x}, {y} alone: {rectangle:?}"
+                );
             }
         }
     }

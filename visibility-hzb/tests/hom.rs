@@ -133,7 +133,7 @@ fn a_hole_of_one_pixel_in_a_wall_shows_what_is_behind() {
             hom.flush();
             assert_eq!(hom.opacity(0, hole_x, hole_y), Some(0.0), "{size:?}");
             let top = hom.levels() - 1;
-            assert_eq!(hom.level_size(top), Some([1, 1]));
+            assert_eq!(hom.level_size(top), Some([1, 1]), "{size:?}: the top of the pyramid is one texel");
             for level in 0..=top {
                 let opacity = hom.opacity(level, hole_x >> level, hole_y >> level).unwrap();
                 assert!(opacity < 1.0, "{size:?}, level {level}: {opacity}");
@@ -176,10 +176,14 @@ fn hidden_is_strictly_behind() {
         let hom = draw(new, &[Occluder { mesh, transform: Affine3A::IDENTITY }], &view);
         let at = |x: f32| hom.test(&Aabb::from_arrays([x, -3.0, -3.0], [x + 1.0, 3.0, 3.0]));
         // The wall reaches from 10 to 11 m. The estimates `Plane` and `Buffer` use only its back.
-        assert_eq!(at(8.0), Occlusion::Visible);
-        assert_ne!(at(10.0), Occlusion::Hidden);
+        assert_eq!(at(8.0), Occlusion::Visible, "{estimate:?}: a box before the wall");
+        assert_ne!(at(10.0), Occlusion::Hidden, "{estimate:?}: a box that touches the wall's front");
         assert_eq!(at(11.1), Occlusion::Hidden, "{estimate:?}");
-        assert_eq!(at(10.5) == Occlusion::Hidden, estimate == DepthEstimate::NoBackground);
+        assert_eq!(
+            at(10.5) == Occlusion::Hidden,
+            estimate == DepthEstimate::NoBackground,
+            "{estimate:?}: a box that begins within the wall"
+        );
     }
 }
 
@@ -209,14 +213,33 @@ fn a_wall_from_behind_the_eye_on_hides_what_is_behind_all_of_it() {
 #[test]
 fn what_is_promised_depends_on_the_thresholds() {
     let accuracy = |map: Hom| map.accuracy();
-    assert_eq!(accuracy(Hom::default()), Accuracy::Conservative);
-    assert_eq!(accuracy(Hom::default().with_threshold(1.0)), Accuracy::Conservative);
-    assert_eq!(accuracy(Hom::default().with_threshold(0.99)), Accuracy::Approximate);
-    assert_eq!(accuracy(Hom::default().with_level_threshold(5, 0.99)), Accuracy::Approximate);
-    assert_eq!(accuracy(Hom::default().with_level_threshold(0, 0.1)), Accuracy::Conservative);
-    assert_eq!(accuracy(Hom::default().with_level_threshold(99, 0.1)), Accuracy::Conservative);
-    assert_eq!(accuracy(Hom::default().with_coverage(Coverage::Sampled)), Accuracy::Approximate);
-    assert!(Hom::new(15, 36).is_err() && Hom::new(64, 4097).is_err());
+    assert_eq!(accuracy(Hom::default()), Accuracy::Conservative, "the default");
+    assert_eq!(accuracy(Hom::default().with_threshold(1.0)), Accuracy::Conservative, "a threshold of 1");
+    assert_eq!(accuracy(Hom::default().with_threshold(0.99)), Accuracy::Approximate, "a threshold of 0.99");
+    assert_eq!(
+        accuracy(Hom::default().with_level_threshold(5, 0.99)),
+        Accuracy::Approximate,
+        "a threshold of 0.99 on one level"
+    );
+    assert_eq!(
+        accuracy(Hom::default().with_level_threshold(0, 0.1)),
+        Accuracy::Conservative,
+        "a threshold on a level that is always opaque"
+    );
+    assert_eq!(
+        accuracy(Hom::default().with_level_threshold(99, 0.1)),
+        Accuracy::Conservative,
+        "a threshold on a level that does not exist"
+    );
+    assert_eq!(
+        accuracy(Hom::default().with_coverage(Coverage::Sampled)),
+        Accuracy::Approximate,
+        "pixels covered by their centres"
+    );
+    assert!(
+        Hom::new(15, 36).is_err() && Hom::new(64, 4097).is_err(),
+        "pictures of 15 columns and of 4097 rows"
+    );
 }
 
 #[test]
@@ -228,10 +251,18 @@ fn improper_boxes_are_visible_and_an_empty_map_hides_nothing() {
         let new = Hom::new(64, 36).unwrap().with_threshold(threshold);
         let hom = draw(new.clone(), &occluders, &view);
         for bounds in [Aabb::EMPTY, Aabb::new(Vec3::NAN, Vec3::NAN), Aabb::new(Vec3::ONE, Vec3::ZERO)] {
-            assert_eq!(hom.test(&bounds), Occlusion::Visible);
+            assert_eq!(hom.test(&bounds), Occlusion::Visible, "threshold {threshold}: {bounds:?}");
         }
-        assert_ne!(hom.test(&Aabb::new(Vec3::NEG_INFINITY, Vec3::INFINITY)), Occlusion::Hidden);
-        assert_ne!(new.test(&Aabb::from_arrays([1.0; 3], [2.0; 3])), Occlusion::Hidden);
+        assert_ne!(
+            hom.test(&Aabb::new(Vec3::NEG_INFINITY, Vec3::INFINITY)),
+            Occlusion::Hidden,
+            "threshold {threshold}: a box without end"
+        );
+        assert_ne!(
+            new.test(&Aabb::from_arrays([1.0; 3], [2.0; 3])),
+            Occlusion::Hidden,
+            "threshold {threshold}: a map that was never begun"
+        );
         let empty = draw(new, &[], &pixels_as_metres([64, 36]));
         let before = Aabb::from_arrays([20.0, -3.0, -3.0], [30.0, 3.0, 3.0]);
         assert_ne!(empty.test(&before), Occlusion::Hidden, "at {threshold}");
@@ -247,11 +278,22 @@ fn another_depth_estimate_counts_from_the_next_frame_on() {
     let (between, behind) = ([[2.0; 3], [3.0; 3]], [[20.0; 3], [21.0; 3]]);
     for estimate in ESTIMATES {
         let hom = draw(Hom::new(64, 64).unwrap(), &occluder, &view).with_depth_estimate(estimate);
-        assert_ne!(hom.test(&Aabb::from_arrays(between[0], between[1])), Occlusion::Hidden);
+        assert_ne!(
+            hom.test(&Aabb::from_arrays(between[0], between[1])),
+            Occlusion::Hidden,
+            "{estimate:?}: a box between the eye and the wall"
+        );
         let hides = hom.test(&Aabb::from_arrays(behind[0], behind[1])) == Occlusion::Hidden;
-        assert!(!hides || estimate == DepthEstimate::NoBackground);
+        assert!(
+            !hides || estimate == DepthEstimate::NoBackground,
+            "{estimate:?}: depths that were not estimated hide a box"
+        );
         let hom = draw(hom, &occluder, &view);
-        assert_eq!(hom.test(&Aabb::from_arrays(behind[0], behind[1])), Occlusion::Hidden);
+        assert_eq!(
+            hom.test(&Aabb::from_arrays(behind[0], behind[1])),
+            Occlusion::Hidden,
+            "{estimate:?}: a box behind the wall in the next frame"
+        );
     }
 }
 

@@ -40,18 +40,35 @@ fn what_is_small_complex_or_backed_by_a_wall_is_left_out() {
     scene.set_occluder(not_flagged, false).unwrap();
 
     let database = OccluderDatabase::new(&scene, &OccluderCriteria::default());
-    assert_eq!(database.occluders(), [wall, sign, crate_on_the_floor]);
-    assert_eq!((database.small(), database.complex(), database.redundant()), (2, 1, 1));
+    assert_eq!(database.occluders(), [wall, sign, crate_on_the_floor], "occluders chosen, by id");
+    assert_eq!(
+        (database.small(), database.complex(), database.redundant()),
+        (2, 1, 1),
+        "occluders that are small, complex, and backed by a wall"
+    );
     database.apply(&mut scene).unwrap();
     let flagged = |id: ObjectId| scene.object(id).unwrap().occluder;
-    assert!([clock, pole, cup, curtain, not_flagged].into_iter().all(|id| !flagged(id)));
-    assert!([wall, sign, crate_on_the_floor].into_iter().all(flagged));
+    assert!(
+        [clock, pole, cup, curtain, not_flagged].into_iter().all(|id| !flagged(id)),
+        "an object that was left out is still an occluder"
+    );
+    assert!(
+        [wall, sign, crate_on_the_floor].into_iter().all(flagged),
+        "an object that was chosen is no occluder"
+    );
 
     let all = OccluderCriteria { min_size: 0.0, max_triangles: usize::MAX, redundancy: 1.1 };
     scene.set_occluder(clock, true).unwrap();
-    assert_eq!(OccluderDatabase::new(&scene, &all).occluders().len(), 4);
+    assert_eq!(
+        OccluderDatabase::new(&scene, &all).occluders().len(),
+        4,
+        "a size of 0 and any count of triangles: the flagged objects"
+    );
     scene.remove(clock).unwrap();
-    assert!(OccluderDatabase::new(&Scene::new(), &all).occluders().is_empty());
+    assert!(
+        OccluderDatabase::new(&Scene::new(), &all).occluders().is_empty(),
+        "an empty scene has no occluders"
+    );
 }
 
 #[test]
@@ -62,7 +79,11 @@ fn of_many_in_one_place_the_largest_stays() {
         add_box(&mut scene, [-half; 3], [half; 3]);
     }
     let database = OccluderDatabase::new(&scene, &OccluderCriteria::default());
-    assert_eq!((database.occluders().len(), database.redundant()), (1, 2999));
+    assert_eq!(
+        (database.occluders().len(), database.redundant()),
+        (1, 2999),
+        "occluders chosen, and redundant ones, of 3000 in one place"
+    );
     let size = |id: &ObjectId| scene.bounds(*id).unwrap().max.x;
-    assert_eq!(size(&database.occluders()[0]), 5.976);
+    assert_eq!(size(&database.occluders()[0]), 5.976, "half the side of the chosen one in metres");
 }

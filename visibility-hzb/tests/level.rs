@@ -381,7 +381,7 @@ fn the_back_of_a_ramp_hides_nothing() {
             .map(|corners| LevelTriangle { corners, two_sided: false })
             .collect();
         let level = level(&triangles, LevelSettings::default().with_bulge(0.5));
-        assert_eq!(level.polygons().len(), 1);
+        assert_eq!(level.polygons().len(), 1, "ground and ramp are one polygon");
         let mut hzb = Hzb::new(200, 120).unwrap().with_level(level, DVec3::ZERO);
         let mut covered = 0;
         for height in [1.3, 2.2, 3.0, 4.0, 9.0, 14.0] {
@@ -412,7 +412,7 @@ fn a_peak_through_the_near_plane_leaves_a_hole() {
         let triangles: Vec<LevelTriangle> =
             corners.iter().map(|&corners| LevelTriangle { corners, two_sided }).collect();
         let level = level(&triangles, LevelSettings::default().with_bulge(0.5));
-        assert_eq!(level.polygons().len(), 1);
+        assert_eq!(level.polygons().len(), 1, "two-sided: {two_sided}: the four slopes are one polygon");
         let mut hzb = Hzb::new(64, 64).unwrap().with_level(level, DVec3::ZERO);
         // The near plane above the peak, then through it, with an outline beyond the guard band and within.
         for (height, near, angle, is_whole) in
@@ -548,7 +548,7 @@ fn what_a_clip_plane_cuts_hides_nothing() {
     let boxes = [Aabb::from_arrays([20.0, -1.0, -1.0], [21.0, 1.0, 1.0])];
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
-    assert_eq!(reported(&triangles, &boxes, &view), 0);
+    assert_eq!(reported(&triangles, &boxes, &view), 0, "boxes reported behind the uncut wall");
     for (x, count) in [(9.0, 0), (11.0, 1), (10.0, 1)] {
         let plane = Plane::through(DVec3::X * x, DVec3::X);
         let cut = view.with_clip_planes(&[plane]).unwrap();
@@ -574,7 +574,7 @@ fn a_door_beside_a_level_is_drawn_and_the_level_is_not_drawn_again() {
     }));
     scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
     let level = LevelOccluders::of_scene(&scene, |id| id != door, LevelSettings::default()).unwrap();
-    assert_eq!(level.objects().len(), 2);
+    assert_eq!(level.objects().len(), 2, "objects of the level: two walls without the door");
     let hzb = Hzb::default().with_level(Arc::new(level), DVec3::ZERO);
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
@@ -610,7 +610,7 @@ fn a_level_is_drawn_as_far_as_its_work_is_paid() {
         assert!(spent <= work + 100.0, "{spent} of {work}");
         (count, spent)
     };
-    assert_eq!(covered(0.0), (0, 0.0));
+    assert_eq!(covered(0.0), (0, 0.0), "nothing is drawn for no work");
     let (all, most) = covered(f32::INFINITY);
     let some: Vec<usize> = (1..5).map(|i| covered(most * i as f32 / 5.0).0).collect();
     assert!(0 < some[0] && some.is_sorted() && some[3] <= all && some[0] < all, "{some:?} of {all}");
@@ -642,11 +642,18 @@ fn seams_are_reported_unless_a_level_closes_them() {
     let seams = lacks(Hzb::default());
     assert!(seams.len() == 1 && seams[0].count == 12, "{seams:?}");
     let nothing = level(&[], LevelSettings::default());
-    assert_eq!(lacks(Hzb::default().with_level(nothing.clone(), DVec3::ZERO)), seams);
+    assert_eq!(
+        lacks(Hzb::default().with_level(nothing.clone(), DVec3::ZERO)),
+        seams,
+        "an empty level closes no seam"
+    );
     let wall = quad([[0.0, 0.0], [2.0, 0.0], [2.0, 3.0], [0.0, 3.0]].map(|[y, z]| Vec3::new(9.0, y, z)));
     let wall = wall.map(|corners| LevelTriangle { corners, two_sided: true });
     let level = level(&wall, LevelSettings::default());
-    assert!(lacks(Hzb::default().with_level(level.clone(), DVec3::ZERO)).is_empty());
+    assert!(
+        lacks(Hzb::default().with_level(level.clone(), DVec3::ZERO)).is_empty(),
+        "a level closes the seams"
+    );
     // A level is occluders enough.
     let lack_of = |hzb: Hzb, scene: &Scene| {
         let mut count = 0;
@@ -655,9 +662,17 @@ fn seams_are_reported_unless_a_level_closes_them() {
     };
     let mut bare = Scene::new();
     bare.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
-    assert_eq!(lack_of(Hzb::default(), &bare), 1);
-    assert_eq!(lack_of(Hzb::default().with_level(nothing, DVec3::ZERO), &bare), 1);
-    assert_eq!(lack_of(Hzb::default().with_level(level, DVec3::ZERO), &bare), 0);
+    assert_eq!(lack_of(Hzb::default(), &bare), 1, "the scene lacks occluders");
+    assert_eq!(
+        lack_of(Hzb::default().with_level(nothing, DVec3::ZERO), &bare),
+        1,
+        "an empty level is no occluder"
+    );
+    assert_eq!(
+        lack_of(Hzb::default().with_level(level, DVec3::ZERO), &bare),
+        0,
+        "the level's wall is an occluder"
+    );
 }
 
 /// An edge that two polygons share ends exactly as far below the last row of pixels of a row of tiles as
@@ -672,7 +687,7 @@ fn a_shared_edge_beside_a_row_of_tiles_covers_nothing_nearer_than_its_polygons()
     let triangles = [upper, lower].concat().into_iter();
     let triangles: Vec<_> = triangles.map(|corners| LevelTriangle { corners, two_sided: true }).collect();
     let level = level(&triangles, LevelSettings::default().with_bulge(0.0));
-    assert_eq!(level.polygons().len(), 2);
+    assert_eq!(level.polygons().len(), 2, "the two slopes are two polygons");
     let mut hzb = Hzb::new(512, 256).unwrap().with_level(level, DVec3::ZERO);
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     let window = Window { left: -256.0, right: 256.0, bottom: -128.0, top: 128.0 };
@@ -680,7 +695,7 @@ fn a_shared_edge_beside_a_row_of_tiles_covers_nothing_nearer_than_its_polygons()
     hzb.begin(&view, DVec3::ZERO);
     hzb.flush();
     let before = Aabb::from_arrays([180.0, -10.0, 66.0], [190.0, 10.0, 70.0]);
-    assert_ne!(hzb.test(&before), visibility_core::occlusion::Occlusion::Hidden);
+    assert_ne!(hzb.test(&before), visibility_core::occlusion::Occlusion::Hidden, "a box before the seam");
     let [_, pixels] = check(&as_faces(&triangles), &view, &hzb, &mut Random(38), "a seam");
     assert!(pixels > 10_000, "{pixels} pixels are covered");
 }

@@ -35,8 +35,8 @@ fn a_warm_frame_allocates_nothing_and_gives_the_same_answer() {
     let first: [usize; 8] = std::array::from_fn(&mut frame);
     let before = ALLOCATIONS.get();
     let second: [usize; 8] = std::array::from_fn(&mut frame);
-    assert_eq!(ALLOCATIONS.get(), before);
-    assert_eq!(first, second);
+    assert_eq!(ALLOCATIONS.get(), before, "allocations in 8 warm frames");
+    assert_eq!(first, second, "boxes hidden in cold and warm frames");
     assert!(first.iter().sum::<usize>() > 100, "something is hidden: {first:?}");
 }
 

@@ -47,7 +47,7 @@ fn updates_leave_nothing_out() {
         let mut hzb = Hzb::new(size[0], size[1]).unwrap();
         for _ in 0..3 {
             hzb.begin(&view(), DVec3::ZERO);
-            assert_eq!(check(&hzb), 0);
+            assert_eq!(check(&hzb), 0, "pixels covered in a new frame");
             for _ in 0..random.range(1.0, 60.0) as usize {
                 let half = within(&mut random, [0.1; 3], [3.0, 12.0, 9.0]);
                 let mut mesh = OccluderMesh::cuboid(&Aabb::new(-half, half)).unwrap();
@@ -98,5 +98,9 @@ fn what_begins_before_a_wall_is_drawn_though_it_ends_behind_it() {
     };
     add([10.0, -20.0, -20.0], [11.0, 20.0, 20.0]);
     add([5.0, -2.0, -2.0], [20.0, 2.0, 2.0]);
-    assert_eq!(hzb.test(&Aabb::from_arrays([7.0, -1.0, -1.0], [9.0, 1.0, 1.0])), Occlusion::Hidden);
+    assert_eq!(
+        hzb.test(&Aabb::from_arrays([7.0, -1.0, -1.0], [9.0, 1.0, 1.0])),
+        Occlusion::Hidden,
+        "a box between the wall and the second occluder's front"
+    );
 }

@@ -65,8 +65,8 @@ fn pixels_are_covered_by_the_sectors_that_are_there() {
             if there[sector] {
                 hzb.add_level(sectors[sector].0.clone());
             } else {
-                assert!(hzb.remove_level(&sectors[sector].0));
-                assert!(!hzb.remove_level(&sectors[sector].0));
+                assert!(hzb.remove_level(&sectors[sector].0), "frame {frame}: the sector was there");
+                assert!(!hzb.remove_level(&sectors[sector].0), "frame {frame}: the sector is removed once");
             }
             let faces: Vec<_> =
                 (0..count).filter(|&i| there[i]).flat_map(|i| &sectors[i].1).copied().collect();
@@ -110,7 +110,7 @@ fn the_order_of_adding_makes_no_difference() {
         assert!(all == with(&mut (0..60).rev()), "round {round}");
         differ += usize::from(all != with(&mut (0..30)));
     }
-    assert_eq!(differ, 20);
+    assert_eq!(differ, 20, "rounds in which half of the sectors covers other pixels");
 }
 
 /// A sector whose middle is out of view hides where it is in view, whatever the origins of the sector and of
@@ -135,7 +135,10 @@ fn a_sector_hides_wherever_origins_are() {
                 if is_there {
                     culler.map_mut().add_level(sector.clone());
                 } else {
-                    assert!(culler.map_mut().remove_level(&sector));
+                    assert!(
+                        culler.map_mut().remove_level(&sector),
+                        "{place}, {origin}: the sector was there"
+                    );
                 }
                 let mut visible = VisibleSet::new();
                 visible.fill(&scene, &view);
@@ -165,7 +168,7 @@ fn ten_thousand_sectors_that_come_and_go_leave_no_memory() {
     let mut live = Vec::with_capacity(16);
     for number in 16..10_016 {
         let gone = there.pop_front().unwrap();
-        assert!(hzb.remove_level(&gone));
+        assert!(hzb.remove_level(&gone), "sector {number} was there");
         drop(gone);
         there.push_back(sector(number));
         hzb.add_level(there.back().unwrap().clone());
@@ -182,7 +185,7 @@ fn ten_thousand_sectors_that_come_and_go_leave_no_memory() {
     // A level that is there already is not there twice.
     let before = LIVE.get();
     (0..1000).for_each(|_| hzb.add_level(there[0].clone()));
-    assert_eq!(LIVE.get(), before);
+    assert_eq!(LIVE.get(), before, "adding a level that is there takes memory");
     let mut new = Hzb::new(64, 36).unwrap();
     there.iter().for_each(|sector| new.add_level(sector.clone()));
     for view in &views {
@@ -190,13 +193,16 @@ fn ten_thousand_sectors_that_come_and_go_leave_no_memory() {
             hzb.begin(view, DVec3::ZERO);
             hzb.flush();
         }
-        assert!(pixels(&hzb) == pixels(&new));
-        assert!(pixels(&hzb).iter().any(|&key| f32::from_bits(key) > 0.0));
+        assert!(pixels(&hzb) == pixels(&new), "the used map and a new one with the same sectors");
+        assert!(pixels(&hzb).iter().any(|&key| f32::from_bits(key) > 0.0), "the sectors cover a pixel");
     }
-    there.iter().for_each(|sector| assert!(hzb.remove_level(sector)));
+    there.iter().for_each(|sector| assert!(hzb.remove_level(sector), "a sector was there"));
     hzb.begin(&views[0], DVec3::ZERO);
     hzb.flush();
-    assert!(pixels(&hzb).iter().all(|&key| f32::from_bits(key) == f32::NEG_INFINITY));
+    assert!(
+        pixels(&hzb).iter().all(|&key| f32::from_bits(key) == f32::NEG_INFINITY),
+        "a pixel is covered without sectors"
+    );
 }
 
 /// Sectors are prepared beside the frames, on another thread.

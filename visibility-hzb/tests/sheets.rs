@@ -27,7 +27,10 @@ fn garage() -> OccluderMesh {
 #[test]
 fn a_house_of_one_mesh_hides_what_is_in_it() {
     let mesh = garage();
-    assert!(mesh.is_closed() && mesh.parts().is_empty() && mesh.triangles().len() == 28);
+    assert!(
+        mesh.is_closed() && mesh.parts().is_empty() && mesh.triangles().len() == 28,
+        "the garage is one closed mesh of 28 triangles"
+    );
     let occluders = [Occluder { mesh, transform: Affine3A::IDENTITY }];
     for (from, is_hidden) in [
         (DVec3::new(-20.0, 3.0, 1.0), true),

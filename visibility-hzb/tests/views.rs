@@ -84,15 +84,18 @@ fn improper_boxes_are_visible() {
     let view = view(&mut random);
     let hzb = draw(Hzb::new(64, 36).unwrap(), &occluders, &view);
     for bounds in [Aabb::EMPTY, Aabb::new(Vec3::NAN, Vec3::NAN), Aabb::new(Vec3::ONE, Vec3::ZERO)] {
-        assert_eq!(hzb.test(&bounds), Occlusion::Visible);
+        assert_eq!(hzb.test(&bounds), Occlusion::Visible, "{bounds:?}");
     }
     let endless = Aabb::new(Vec3::NEG_INFINITY, Vec3::INFINITY);
-    assert_ne!(hzb.test(&endless), Occlusion::Hidden);
+    assert_ne!(hzb.test(&endless), Occlusion::Hidden, "a box without end");
 }
 
 #[test]
 fn a_map_that_was_never_begun_hides_nothing() {
     let hzb = Hzb::new(64, 36).unwrap();
-    assert_ne!(hzb.test(&Aabb::from_arrays([1.0; 3], [2.0; 3])), Occlusion::Hidden);
-    assert!(Hzb::new(15, 36).is_err() && Hzb::new(64, 4097).is_err());
+    assert_ne!(hzb.test(&Aabb::from_arrays([1.0; 3], [2.0; 3])), Occlusion::Hidden, "a box behind nothing");
+    assert!(
+        Hzb::new(15, 36).is_err() && Hzb::new(64, 4097).is_err(),
+        "pictures of 15 columns and of 4097 rows"
+    );
 }

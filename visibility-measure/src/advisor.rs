@@ -327,8 +327,16 @@ mod tests {
     fn the_best_is_the_cheapest_that_hides_nothing_visible() {
         let (scene, views) = (scene(), views());
         let advisor = Advisor::new(&scene, &views, DrawCost::default()).unwrap();
-        assert_eq!((advisor.facts().objects, advisor.facts().visible_objects), (3, 1.0));
-        assert!(advisor.facts().depth_complexity > 1.0 && advisor.facts().depth_complexity < 2.0);
+        assert_eq!(
+            (advisor.facts().objects, advisor.facts().visible_objects),
+            (3, 1.0),
+            "objects of the scene, and those visible"
+        );
+        assert!(
+            advisor.facts().depth_complexity > 1.0 && advisor.facts().depth_complexity < 2.0,
+            "depth complexity {} of one wall and what is behind",
+            advisor.facts().depth_complexity
+        );
         let one = |id: ObjectId| id.index() == 0;
         let mut candidates = [
             Pipeline::new(),
@@ -340,10 +348,23 @@ mod tests {
             Pipeline::new().with(Keep(one, Accuracy::Conservative)),
         ];
         let (best, trial) = advisor.best(&mut candidates, || 0.0).unwrap();
-        assert_eq!((best, trial.objects, trial.false_hidden), (4, 1.0, 0));
-        assert!(trial.total_us <= advisor.min_us() + 1e-9);
-        assert_eq!(advisor.best(&mut candidates[..2], || 0.0).unwrap().0, 1);
-        assert!(advisor.best(&mut candidates[2..4], || 0.0).is_none());
+        assert_eq!(
+            (best, trial.objects, trial.false_hidden),
+            (4, 1.0, 0),
+            "the best that hides nothing visible"
+        );
+        assert!(
+            trial.total_us <= advisor.min_us() + 1e-9,
+            "{} us, at least {} us",
+            trial.total_us,
+            advisor.min_us()
+        );
+        assert_eq!(
+            advisor.best(&mut candidates[..2], || 0.0).unwrap().0,
+            1,
+            "the frustum is the best of two"
+        );
+        assert!(advisor.best(&mut candidates[2..4], || 0.0).is_none(), "none of the two is right");
     }
 
     #[test]
@@ -353,15 +374,15 @@ mod tests {
             Advisor::new(scene, &views, DrawCost::default()).map(|advisor| advisor.facts().box_limit)
         };
         // Both triangles before the eye have boxes before nothing that may hide them.
-        assert_eq!(limit(&scene), Ok(2.0));
+        assert_eq!(limit(&scene), Ok(2.0), "boxes before which no occluder is");
         let ids: Vec<ObjectId> = scene.ids().collect();
         scene.set_occluder(ids[1], true).unwrap();
-        assert_eq!(limit(&scene), Ok(2.0));
+        assert_eq!(limit(&scene), Ok(2.0), "the second triangle occludes nothing");
         scene.set_occluder(ids[0], true).unwrap();
-        assert_eq!(limit(&scene), Ok(1.0));
+        assert_eq!(limit(&scene), Ok(1.0), "the first triangle occludes the others");
         // The first triangle is seen, although its box is now another place's.
         scene.set_bounds(ids[0], Aabb::from_arrays([-9.0; 3], [-8.0; 3])).unwrap();
-        assert_eq!(limit(&scene), Ok(1.0));
+        assert_eq!(limit(&scene), Ok(1.0), "the first triangle is seen, wherever its box is");
     }
 
     #[test]
@@ -372,10 +393,10 @@ mod tests {
         scene.insert(Aabb::from_arrays([6.0, -0.5, -0.5], [7.0, 0.0, 0.0]));
         let limit =
             |scene: &Scene| Advisor::new(scene, &views, DrawCost::default()).unwrap().facts().box_limit;
-        assert_eq!(limit(&scene), 1.0);
+        assert_eq!(limit(&scene), 1.0, "the first triangle hides two boxes");
         // The first triangle turns its back to the eye: the second is seen, and no box is behind anything.
         scene.set_one_sided(ids[0], true).unwrap();
-        assert_eq!(limit(&scene), 3.0);
+        assert_eq!(limit(&scene), 3.0, "the first triangle's back hides none");
     }
 
     #[test]
@@ -387,17 +408,17 @@ mod tests {
             time.set(time.get() + 1.0);
             time.get()
         };
-        assert!(advisor.trial(&mut Pipeline::new(), 100.0, slow).is_none());
+        assert!(advisor.trial(&mut Pipeline::new(), 100.0, slow).is_none(), "a trial of more than 100 us");
         assert_eq!(time.get(), 6.0, "given up after the first view of the second run");
-        assert!(advisor.trial(&mut Pipeline::new(), 1e9, slow).is_some());
+        assert!(advisor.trial(&mut Pipeline::new(), 1e9, slow).is_some(), "a trial within its time");
     }
 
     #[test]
     fn scenes_of_nothing_and_no_views_have_answers() {
         let empty = Scene::new();
         let advisor = Advisor::new(&empty, &[], DrawCost::default()).unwrap();
-        assert_eq!(advisor.facts(), &SceneFacts::default());
+        assert_eq!(advisor.facts(), &SceneFacts::default(), "facts of an empty scene");
         let (index, trial) = advisor.best(&mut [Pipeline::new()], || 0.0).unwrap();
-        assert_eq!((index, trial.total_us), (0, 0.0));
+        assert_eq!((index, trial.total_us), (0, 0.0), "the only candidate takes no time");
     }
 }

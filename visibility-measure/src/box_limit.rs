@@ -68,7 +68,7 @@ impl ItemBuffer {
 
 /// Search of an image for pixels that are free for boxes.
 struct FreePixels<'a> {
-    /// Picture of the surfaces.
+    /// Picture of the opaque surfaces.
     image: &'a Image,
     /// Mapping of points relative to the scene's origin to the image.
     projection: ImageProjection,

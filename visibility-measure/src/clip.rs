@@ -293,7 +293,7 @@ mod tests {
         let (mut forth, mut back) = (Polygon::new(), Polygon::new());
         clip_polygon(&[v[0], v[1], v[2]], |v| v.w - v.z, |v| v, &mut forth);
         clip_polygon(&[v[1], v[0], DVec4::ONE], |v| v.w - v.z, |v| v, &mut back);
-        assert_eq!(forth.len(), 4);
+        assert_eq!(forth.len(), 4, "corners of a triangle cut across");
         assert!(back.iter().any(|p| forth.contains(p) && !v.contains(p)), "{forth:?} {back:?}");
     }
 
@@ -301,9 +301,9 @@ mod tests {
     fn nothing_is_left_beyond_a_plane() {
         let mut out = Polygon::from_slice(&[DVec4::ONE]);
         clip_polygon(&[DVec4::X, DVec4::Y, DVec4::Z], |_| -1.0, |v| v, &mut out);
-        assert!(out.is_empty());
+        assert!(out.is_empty(), "a triangle beyond the plane leaves nothing");
         clip_polygon(&[DVec4::X, DVec4::Y, DVec4::NAN], |v| v.x, |v| v, &mut out);
         clip_polygon(&[], |v| v.x, |v| v, &mut out);
-        assert!(out.is_empty());
+        assert!(out.is_empty(), "no corners leave nothing");
     }
 }

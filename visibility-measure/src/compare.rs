@@ -95,6 +95,7 @@ impl SampledVisibility {
             }
         });
         let mut answers: Vec<Answer> = judged.collect();
+        // Pixels at which several objects are equally near: the culler may report any one of them.
         for mut tie in self.ties() {
             let reported = tie.clone().any(|object| answers[object] == Answer::Reported);
             let Some(shown) = tie.next() else { continue };
@@ -156,11 +157,17 @@ mod tests {
             false_visible_triangles: 3 + 1,
             false_hidden_keys: [11, 12].into(),
         };
-        assert_eq!(comparison, expected);
+        assert_eq!(comparison, expected, "errors of a report of objects 10 and 13");
         sampled.compare(|index, _| index < 3, &mut comparison);
-        assert!(comparison.is_exact() && comparison.false_hidden_keys.is_empty());
-        assert_eq!(comparison.false_visible_triangles, 9 - 4);
+        assert!(
+            comparison.is_exact() && comparison.false_hidden_keys.is_empty(),
+            "a report of all visible objects is exact"
+        );
+        assert_eq!(comparison.false_visible_triangles, 9 - 4, "triangles reported of which no pixel shows");
         sampled.compare(|_, _| true, &mut comparison);
-        assert!(comparison.false_hidden_objects == 0 && !comparison.is_exact());
+        assert!(
+            comparison.false_hidden_objects == 0 && !comparison.is_exact(),
+            "a report of everything hides nothing, and is not exact"
+        );
     }
 }

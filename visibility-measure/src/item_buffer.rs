@@ -152,6 +152,7 @@ impl ItemBuffer {
         self.view = Some(*view);
         self.image.drop_hidden_claims();
         self.sampled.count(&self.image);
+        // See-through objects are tested against the opaque image, each by itself, and do not change it.
         if !see_through.is_empty() {
             self.image.begin_see_through();
         }

@@ -68,7 +68,7 @@ pub(crate) struct TieClaim {
     depth_key: f64,
 }
 
-/// What the image knows of one pixel and the see-through objects before its opaque triangle.
+/// State of one pixel beside its opaque triangle: the see-through objects before it.
 #[derive(Clone, Copy, Debug)]
 struct Veil {
     /// Number of the nearest see-through triangle that certainly shows in the pixel, or [`NONE`].
@@ -130,7 +130,7 @@ pub(crate) struct Image {
     /// Absolute difference of two depth keys up to which they count as equal. Zero for perspective views,
     /// where only the relative [`DEPTH_TIE`] counts.
     pub(crate) least_difference: f64,
-    /// What see-through objects show in each pixel. Empty while opaque triangles are drawn.
+    /// See-through objects of each pixel. Empty while opaque triangles are drawn.
     veils: Vec<Veil>,
     /// Index of the see-through object that is being drawn.
     veil_object: u32,
@@ -495,9 +495,21 @@ mod tests {
     #[test]
     fn centers_are_counted_half_open() {
         let count = |v| first_center(v, 10);
-        assert_eq!([-1e300, -0.5, 0.0, 0.5, 1.5, 9.5, 1e300].map(count), [0, 0, 0, 0, 1, 9, 10]);
-        assert_eq!([0.5f64.next_up(), 1.5f64.next_down(), 1.5f64.next_up()].map(count), [1, 1, 2]);
-        assert_eq!((count(f64::NAN), count(f64::INFINITY)), (0, 10));
+        assert_eq!(
+            [-1e300, -0.5, 0.0, 0.5, 1.5, 9.5, 1e300].map(count),
+            [0, 0, 0, 0, 1, 9, 10],
+            "centres before a position, in a row of 10"
+        );
+        assert_eq!(
+            [0.5f64.next_up(), 1.5f64.next_down(), 1.5f64.next_up()].map(count),
+            [1, 1, 2],
+            "centres before positions next to a centre"
+        );
+        assert_eq!(
+            (count(f64::NAN), count(f64::INFINITY)),
+            (0, 10),
+            "centres before NaN, and before infinity"
+        );
     }
 
     /// The centre of a pixel in ranks.
@@ -569,7 +581,7 @@ mod tests {
                 image
             };
             let first = draw([0, 1, 2]);
-            assert!(first.items.iter().filter(|&&i| i == 1).count() > 300);
+            assert!(first.items.iter().filter(|&&i| i == 1).count() > 300, "the triangle covers its pixels");
             for order in [[0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
                 assert_eq!(draw(order).depth_keys, first.depth_keys, "{order:?}");
             }

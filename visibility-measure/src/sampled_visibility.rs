@@ -254,28 +254,29 @@ mod tests {
 
     #[test]
     fn numbers_run_out_before_none() {
-        assert_eq!(end_of_numbers(5, 7), Some(12));
-        assert_eq!(end_of_numbers(u32::MAX - 7, 6), Some(u32::MAX - 1));
-        assert_eq!(end_of_numbers(u32::MAX - 7, 7), None);
-        assert_eq!(end_of_numbers(9, usize::MAX), None);
+        assert_eq!(end_of_numbers(5, 7), Some(12), "numbers from 5");
+        assert_eq!(end_of_numbers(u32::MAX - 7, 6), Some(u32::MAX - 1), "numbers up to the last");
+        assert_eq!(end_of_numbers(u32::MAX - 7, 7), None, "numbers that reach `NONE`");
+        assert_eq!(end_of_numbers(9, usize::MAX), None, "numbers that overflow");
     }
 
     #[test]
     fn pixels_are_counted_by_triangle_and_object() {
         let mut sampled = SampledVisibility::default();
         let firsts = [(9, 2), (8, 0), (7, 3)].map(|(key, triangles)| sampled.push(key, triangles));
-        assert_eq!(firsts, [Some(0), Some(2), Some(2)]);
+        assert_eq!(firsts, [Some(0), Some(2), Some(2)], "first triangles of the objects");
         let mut image = Image::new(6, 1).unwrap();
         image.items = [1, 1, NONE, 2, 4, 4].into();
         sampled.count(&image);
-        assert_eq!(sampled.triangle_pixels(), [(1, 2), (2, 1), (4, 2)]);
+        assert_eq!(sampled.triangle_pixels(), [(1, 2), (2, 1), (4, 2)], "pixels by triangle");
         let seen: Vec<_> = sampled.objects().iter().map(|o| (o.key, o.visible_triangles, o.pixels)).collect();
-        assert_eq!(seen, [(9, 1, 2), (8, 0, 0), (7, 2, 3)]);
+        assert_eq!(seen, [(9, 1, 2), (8, 0, 0), (7, 2, 3)], "key, visible triangles and pixels by object");
         assert_eq!(
             (sampled.visible_objects(), sampled.visible_triangles(), sampled.covered_pixels()),
-            (2, 3, 5)
+            (2, 3, 5),
+            "visible objects and triangles, and covered pixels"
         );
         let owners = [0, 1, 2, 4, 5, NONE].map(|t| sampled.object_of(t));
-        assert_eq!(owners, [Some(0), Some(0), Some(2), Some(2), None, None]);
+        assert_eq!(owners, [Some(0), Some(0), Some(2), Some(2), None, None], "objects by triangle");
     }
 }

@@ -62,7 +62,7 @@ fn a_wall_hides_the_box_that_it_covers_to_the_pixel() {
         block([3.0, 8.501], [2.0, 6.0]),
     ];
     let expected = [false, true, true, true, true, false, true, true];
-    assert_eq!(limit(&view, &wall, &boxes), expected);
+    assert_eq!(limit(&view, &wall, &boxes), expected, "boxes behind a wall, to the pixel");
 }
 
 #[test]
@@ -70,7 +70,7 @@ fn a_wall_whose_outline_meets_centers_hides_a_box_of_the_same_outline() {
     // Rounding and the rule for edges decide whether the wall covers these centres.
     let view = pixels(12.0, 9.0);
     let wall = rectangle([2.5, 8.5], [1.5, 6.5], 0.4);
-    assert_eq!(limit(&view, &wall, &[block([2.5, 8.5], [1.5, 6.5])]), [false]);
+    assert_eq!(limit(&view, &wall, &[block([2.5, 8.5], [1.5, 6.5])]), [false], "a box of the wall's outline");
 }
 
 /// A view turned by 45 degrees, with the world's origin at the centre of a pixel. An edge of a small box
@@ -192,23 +192,31 @@ fn near_far_and_clip_planes_bound_a_solid_box() {
         along(2.002, 30.0),
     ];
     let expected = [false, false, true, true, true, true, false];
-    assert_eq!(limit(&view, &wall(2.001), &boxes), expected);
+    assert_eq!(
+        limit(&view, &wall(2.001), &boxes),
+        expected,
+        "boxes before, through and behind the near plane"
+    );
     // Without a wall, up to the far plane.
     let far = [19.9, 20.1].map(|x| Aabb::from_arrays([x, -3.0, -3.0], [30.0, 3.0, 3.0]));
-    assert_eq!(limit(&view, &[], &far), [true, false]);
+    assert_eq!(limit(&view, &[], &far), [true, false], "boxes at the far plane");
     // A corner before the far plane is beside the view, and what is in view is behind the plane.
     let pose = Pose::look_at(DVec3::ZERO, DVec3::new(1.0, 1.0, 0.0), DVec3::Z);
     let diagonal = |far| View::perspective(pose, 1.0, 4.0 / 3.0, 2.0, far).unwrap();
     let corner = Aabb::from_arrays([0.0, 25.0, -9.0], [40.0, 40.0, 9.0]);
-    assert_eq!(limit(&diagonal(20.0), &[], &[corner]), [false]);
-    assert_eq!(limit(&diagonal(22.0), &[], &[corner]), [true]);
+    assert_eq!(
+        limit(&diagonal(20.0), &[], &[corner]),
+        [false],
+        "a corner nearer than the far plane, beside the view"
+    );
+    assert_eq!(limit(&diagonal(22.0), &[], &[corner]), [true], "a corner within the far plane");
     // Beside the view.
     let beside = Aabb::from_arrays([-5.0, 20.0, -1.0], [5.0, 22.0, 1.0]);
-    assert_eq!(limit(&view, &[], &[beside]), [false]);
+    assert_eq!(limit(&view, &[], &[beside]), [false], "a box beside the view");
     // A clip plane 5 m ahead cuts a box open, whose faces are all before the plane or behind the wall.
     let view = view.with_clip_planes(&[Plane::new(DVec3::X, -5.0)]).unwrap();
     let boxes = [along(3.0, 4.9), along(3.0, 30.0), along(6.1, 30.0)];
-    assert_eq!(limit(&view, &wall(6.0), &boxes), [false, true, false]);
+    assert_eq!(limit(&view, &wall(6.0), &boxes), [false, true, false], "boxes that a clip plane cuts");
 }
 
 #[test]
@@ -235,12 +243,18 @@ fn what_no_culler_may_hide_counts_and_other_layers_do_not() {
     assert_eq!(buffer.box_limit(&scene, |_| true).count(), 0, "nothing is drawn yet");
     buffer.draw(&view, DVec3::ZERO, [(0, &wall[..])]).unwrap();
     let within: Vec<_> = buffer.box_limit(&scene, |id| id == ids[7] || id == ids[8]).collect();
-    assert_eq!(within, [1, 2, 3, 4, 7].map(|index: usize| ids[index]));
+    assert_eq!(within, [1, 2, 3, 4, 7].map(|index: usize| ids[index]), "objects not hidden, in order");
     // The scene's origin moves, and its boxes with it.
     scene.set_origin(DVec3::new(0.0, 0.0, 0.35)).unwrap();
-    assert!(!buffer.box_limit(&scene, |_| false).any(|id| id == ids[1]));
+    assert!(
+        !buffer.box_limit(&scene, |_| false).any(|id| id == ids[1]),
+        "the box moved behind the wall with the origin"
+    );
     scene.set_origin(DVec3::new(0.0, 0.0, -0.15)).unwrap();
-    assert!(buffer.box_limit(&scene, |_| false).any(|id| id == ids[0]));
+    assert!(
+        buffer.box_limit(&scene, |_| false).any(|id| id == ids[0]),
+        "the box moved before the wall with the origin"
+    );
 }
 
 /// Boxes of all sizes before, behind and between surfaces, drawn as triangles: a box has a free pixel if a

@@ -22,18 +22,34 @@ fn the_item_buffer_honours_clip_planes() {
         sampled.objects().iter().for_each(|object| pixels[object.key as usize] = object.pixels as usize);
         pixels
     };
-    assert_eq!(pixels(&view), [4096, 0]);
+    assert_eq!(pixels(&view), [4096, 0], "pixels of both squares");
     // Beyond the near square; the left half (y > 0) of the near square; a quarter of the near square; no
     // point of either.
     let beyond = Plane::through(DVec3::X * 6.0, DVec3::X);
-    assert_eq!(pixels(&view.with_clip_planes(&[beyond]).unwrap()), [0, 4096]);
+    assert_eq!(
+        pixels(&view.with_clip_planes(&[beyond]).unwrap()),
+        [0, 4096],
+        "pixels beyond a plane behind the near square"
+    );
     let left = Plane::new(DVec3::Y, 0.0);
-    assert_eq!(pixels(&view.with_clip_planes(&[left]).unwrap()), [2048, 0]);
-    assert_eq!(pixels(&view.with_clip_planes(&[left, Plane::new(DVec3::Z, 0.0)]).unwrap()), [1024, 0]);
-    assert_eq!(pixels(&view.with_clip_planes(&[beyond, beyond.flipped()]).unwrap()), [0, 0]);
+    assert_eq!(pixels(&view.with_clip_planes(&[left]).unwrap()), [2048, 0], "pixels of the left half");
+    assert_eq!(
+        pixels(&view.with_clip_planes(&[left, Plane::new(DVec3::Z, 0.0)]).unwrap()),
+        [1024, 0],
+        "pixels of a quarter"
+    );
+    assert_eq!(
+        pixels(&view.with_clip_planes(&[beyond, beyond.flipped()]).unwrap()),
+        [0, 0],
+        "pixels between two planes that leave nothing"
+    );
     // A slanted plane, x + y >= 6, leaves the near square where y >= 2 and the far square where y >= -2. The
     // image is 4.37 m wide at the near square's distance and twice that at the far square's. The near square
     // shows in 3 of 64 columns, the far square in 44 others.
     let slanted = Plane::through(DVec3::new(6.0, 0.0, 0.0), DVec3::new(1.0, 1.0, 0.0));
-    assert_eq!(pixels(&view.with_clip_planes(&[slanted]).unwrap()), [3 * 64, 44 * 64]);
+    assert_eq!(
+        pixels(&view.with_clip_planes(&[slanted]).unwrap()),
+        [3 * 64, 44 * 64],
+        "pixels beyond a slanted plane"
+    );
 }

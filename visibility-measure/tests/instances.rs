@@ -29,14 +29,17 @@ fn compare(view: &View, size: [u32; 2], objects: &[(SharedTriangles, bool, bool)
     buffers[0].draw(view, DVec3::ZERO, shared.iter().copied()).unwrap();
     buffers[1].draw(view, DVec3::ZERO, plain).unwrap();
     let [a, b] = &buffers;
-    assert!(a.visible() == b.visible() && a.items() == b.items() && a.depth_keys() == b.depth_keys());
+    assert!(
+        a.visible() == b.visible() && a.items() == b.items() && a.depth_keys() == b.depth_keys(),
+        "items and depths of shared triangles and of copies"
+    );
     let panes = |buffer: &ItemBuffer| -> Vec<u32> {
         (0..size[1])
             .flat_map(|row| (0..size[0]).map(move |column| (column, row)))
             .map(|(x, y)| buffer.see_through_item(x, y))
             .collect()
     };
-    assert_eq!(panes(a), panes(b));
+    assert_eq!(panes(a), panes(b), "items seen through panes, of shared triangles and of copies");
     [a.visible().visible_objects(), a.visible().tied_pixels()]
 }
 

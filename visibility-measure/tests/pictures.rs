@@ -44,7 +44,7 @@ fn rectangles_cover_the_centers_inside_half_open() {
         let sampled = buffer.draw(&view, DVec3::ZERO, [(5, &rectangle(a, b, c, d, 0.5)[..])]).unwrap();
         let count = columns.len() * rows.len();
         assert_eq!(sampled.covered_pixels() as usize, count, "{sides:?}");
-        assert_eq!(sampled.visible_objects(), u32::from(count > 0));
+        assert_eq!(sampled.visible_objects(), u32::from(count > 0), "{sides:?}: objects visible");
         let expected: Vec<_> = rows.flat_map(|y| columns.clone().map(move |x| (x, y))).collect();
         assert_eq!(covered(&buffer), expected, "{sides:?}");
     }
@@ -58,11 +58,11 @@ fn a_triangle_covers_the_centers_below_its_diagonal() {
     // belong to the triangle.
     let triangle = [flat([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]], 0.5)];
     let sampled = buffer.draw(&view, DVec3::ZERO, [(0, &triangle[..])]).unwrap();
-    assert_eq!(sampled.triangle_pixels(), [(0, 45)]);
+    assert_eq!(sampled.triangle_pixels(), [(0, 45)], "pixels left of the diagonal");
     // The mirrored triangle has its diagonal on the left and covers the centres on it.
     let triangle = [flat([[10.0, 10.0], [10.0, 0.0], [0.0, 10.0]], 0.5)];
     let sampled = buffer.draw(&view, DVec3::ZERO, [(0, &triangle[..])]).unwrap();
-    assert_eq!(sampled.triangle_pixels(), [(0, 55)]);
+    assert_eq!(sampled.triangle_pixels(), [(0, 55)], "pixels right of the diagonal, with those on it");
 }
 
 #[test]
@@ -77,17 +77,26 @@ fn the_nearest_wins_and_the_image_shows_the_first_of_ties() {
         buffer.draw(&view, DVec3::ZERO, [(9, &turned[..]), (8, &near[..]), (7, &wall[..])]).unwrap();
     let seen: Vec<_> =
         sampled.objects().iter().map(|o| (o.key, o.pixels, o.tied_pixels, o.visible_triangles)).collect();
-    assert_eq!(seen, [(9, 0, 60, 2), (8, 4, 0, 2), (7, 0, 60, 0)]);
-    assert_eq!(buffer.object_at(2, 3), Some(1));
+    assert_eq!(
+        seen,
+        [(9, 0, 60, 2), (8, 4, 0, 2), (7, 0, 60, 0)],
+        "key, pixels, ties and visible triangles by object"
+    );
+    assert_eq!(buffer.object_at(2, 3), Some(1), "the object at a pixel of the near one");
     assert_eq!(
         (buffer.object_at(0, 0), buffer.object_at(8, 0), buffer.object_at(0, 8)),
-        (Some(0), None, None)
+        (Some(0), None, None),
+        "the object at a corner, and beyond the picture"
     );
     // Tilted walls with their corners reversed: the first drawn wins again.
     let tilted = wall.map(|t| t.map(|p| p.with_z(0.1 + p.x * 0.037 + p.y * 0.013)));
     let reversed = tilted.map(|[a, b, c]| [c, b, a]);
     let sampled = buffer.draw(&view, DVec3::ZERO, [(1, &reversed[..]), (2, &tilted[..])]).unwrap();
-    assert_eq!(sampled.objects().iter().map(|o| o.visible_triangles).collect::<Vec<_>>(), [2, 0]);
+    assert_eq!(
+        sampled.objects().iter().map(|o| o.visible_triangles).collect::<Vec<_>>(),
+        [2, 0],
+        "of two equal walls the first is seen"
+    );
 }
 
 /// Returns how often each pixel is covered if every triangle is drawn alone.
@@ -187,7 +196,11 @@ fn only_the_difference_of_origins_counts() {
     let mut buffer = ItemBuffer::new(20, 20).unwrap();
     let far = DVec3::new(1e9, -3e9, 7.0);
     let view = pixels(20.0, 20.0).relative_to(far).unwrap();
-    assert_eq!(buffer.draw(&view, far, [(0, &triangle[..])]).unwrap().covered_pixels(), 45);
+    assert_eq!(
+        buffer.draw(&view, far, [(0, &triangle[..])]).unwrap().covered_pixels(),
+        45,
+        "pixels with view and scene far from the origin"
+    );
     let beside = far - DVec3::new(8.0, 0.0, 0.0);
     let pixels = buffer.draw(&view, beside, [(0, &triangle[..])]).unwrap().covered_pixels();
     assert_eq!(pixels, 1, "shifted left by 8, only (8, 0) is left of the ten columns");
@@ -218,16 +231,23 @@ fn wrong_pixels_are_those_that_drawing_the_reported_objects_alone_changes() {
         let mut comparison = Comparison::default();
         full.visible().compare(|index, _| reported[index], &mut comparison);
         assert_eq!(comparison.wrong_pixels as usize, changed, "round {round}");
-        assert!(changed > 0);
+        assert!(changed > 0, "round {round}: no pixel is wrong");
     }
 }
 
 #[test]
 fn sizes_are_checked() {
     for (width, height) in [(0, 1), (1, 0), (MAX_SIDE + 1, 1), (1, u32::MAX)] {
-        assert_eq!(ItemBuffer::new(width, height).err(), Some(MeasureError::Size { width, height }));
+        assert_eq!(
+            ItemBuffer::new(width, height).err(),
+            Some(MeasureError::Size { width, height }),
+            "a picture of {width} by {height}"
+        );
     }
-    assert!(ItemBuffer::new(MAX_SIDE, 1).is_ok() && ItemBuffer::new(1, 1).is_ok());
+    assert!(
+        ItemBuffer::new(MAX_SIDE, 1).is_ok() && ItemBuffer::new(1, 1).is_ok(),
+        "the largest width, and a single pixel"
+    );
     fn is_send<T: Send>(_: &T) {}
     is_send(&ItemBuffer::new(1, 1).unwrap());
 }

@@ -107,7 +107,11 @@ fn pixels_show_what_rays_meet() {
             shown += usize::from(object.is_visible());
         }
         assert_eq!(seen.covered_pixels(), covered, "{round}");
-        assert_eq!(seen.visible_objects() as usize, counts.iter().filter(|&&pixels| pixels > 0).count());
+        assert_eq!(
+            seen.visible_objects() as usize,
+            counts.iter().filter(|&&pixels| pixels > 0).count(),
+            "{round}: objects visible"
+        );
     }
     assert!(shown > 500 && through > 5000 && backs > 5000, "{shown} {through} {backs}");
 }
@@ -135,20 +139,43 @@ fn what_ties_with_a_pane_is_not_charged() {
     // Before the wall it shows in each pixel, once; in its plane, rounding alone decides; behind, it is
     // hidden.
     let (objects, hidden) = draw(&mut buffer, &decal(0.4));
-    assert_eq!((objects[1].pixels, objects[1].tied_pixels, objects[0].pixels), (64, 0, 64));
-    assert_eq!((hidden.false_hidden_keys, hidden.wrong_pixels), (vec![1], 64));
-    assert_eq!([buffer.see_through_item(3, 3), buffer.items()[3 * 8 + 3]].map(|item| item / 2), [1, 0]);
+    assert_eq!(
+        (objects[1].pixels, objects[1].tied_pixels, objects[0].pixels),
+        (64, 0, 64),
+        "pixels of a pane before the wall, and of the wall"
+    );
+    assert_eq!(
+        (hidden.false_hidden_keys, hidden.wrong_pixels),
+        (vec![1], 64),
+        "objects and pixels missing without the pane"
+    );
+    assert_eq!(
+        [buffer.see_through_item(3, 3), buffer.items()[3 * 8 + 3]].map(|item| item / 2),
+        [1, 0],
+        "objects of the pane and of the wall at a pixel"
+    );
     let (objects, hidden) = draw(&mut buffer, &decal(0.5));
-    assert_eq!((objects[1].pixels, objects[1].tied_pixels), (0, 64));
-    assert!(objects[1].is_visible() && hidden.is_exact() && buffer.see_through_item(3, 3) == NONE);
+    assert_eq!((objects[1].pixels, objects[1].tied_pixels), (0, 64), "pixels of a pane in the wall's plane");
+    assert!(
+        objects[1].is_visible() && hidden.is_exact() && buffer.see_through_item(3, 3) == NONE,
+        "a pane in the wall's plane is visible, and hiding it is no error"
+    );
     let (objects, _) = draw(&mut buffer, &decal(0.6));
-    assert!(!objects[1].is_visible() && objects[0].pixels == 64);
+    assert!(!objects[1].is_visible() && objects[0].pixels == 64, "a pane behind the wall");
     // Two panes of one object, one before the other, count once; an edge through centres does not certainly
     // cover them.
     let (objects, _) = draw(&mut buffer, &[decal(0.3), decal(0.4)].concat());
-    assert_eq!((objects[1].pixels, objects[1].visible_triangles), (64, 4));
+    assert_eq!(
+        (objects[1].pixels, objects[1].visible_triangles),
+        (64, 4),
+        "pixels of two panes of one object"
+    );
     let (objects, _) = draw(&mut buffer, &rectangle([2.5, 2.25], [6.25, 6.25], 0.4));
-    assert_eq!((objects[1].pixels, objects[1].tied_pixels), (12, 4));
+    assert_eq!(
+        (objects[1].pixels, objects[1].tied_pixels),
+        (12, 4),
+        "pixels of a pane whose edges meet centres"
+    );
 }
 
 #[test]
@@ -178,5 +205,5 @@ fn the_advisor_asks_the_scene_how_objects_are_drawn() {
     // Either the first is seen from behind, or all others are.
     let fronts = visible(&scene);
     scene.ids().collect::<Vec<_>>().into_iter().for_each(|id| scene.set_one_sided(id, false).unwrap());
-    assert_eq!((fronts, visible(&scene)), (2.0, 1.0));
+    assert_eq!((fronts, visible(&scene)), (2.0, 1.0), "objects visible, one-sided and two-sided");
 }

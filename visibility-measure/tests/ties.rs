@@ -53,8 +53,11 @@ fn an_edge_behind_an_edge_is_no_error() {
                 let behind = slab(direction, if touching { 4.0 } else { 5.0 }, 6.0, 0.0, 0.5, 0.5);
                 let comparison = judge(&mut buffer, &along(direction, rolled), &[&front, &behind], &[0]);
                 assert!(comparison.is_exact(), "{direction:?}, touching: {touching}: {comparison:?}");
-                assert_eq!(comparison.wrong_pixels, 0);
-                assert!(comparison.tied_pixels == 0 || comparison.tied_hidden_objects == 1);
+                assert_eq!(comparison.wrong_pixels, 0, "{direction:?}, touching: {touching}: wrong pixels");
+                assert!(
+                    comparison.tied_pixels == 0 || comparison.tied_hidden_objects == 1,
+                    "{direction:?}, touching: {touching}: {comparison:?}"
+                );
                 ties += usize::from(comparison.tied_pixels > 0);
             }
         }
@@ -72,7 +75,7 @@ fn an_edge_beyond_an_edge_is_an_error() {
         let front = slab(direction, 3.0, 4.0, 1e-4, 1.0, 1.0);
         let behind = slab(direction, 5.0, 6.0, -1e-4, 0.5, 0.5);
         let comparison = judge(&mut buffer, &along(direction, false), &[&front, &behind], &[0]);
-        assert_eq!(comparison.false_hidden_keys, [1]);
+        assert_eq!(comparison.false_hidden_keys, [1], "{direction:?}: the box beyond the edge is missed");
         assert!(comparison.wrong_pixels > 0 && comparison.tied_pixels == 0, "{comparison:?}");
     }
 }
@@ -101,7 +104,7 @@ fn a_crack_between_two_walls_shows_nothing_behind_them() {
             cracks += usize::from(comparison.tied_hidden_objects > 0);
         }
     }
-    assert!(cracks > 0);
+    assert!(cracks > 0, "pictures in which what is behind ties with a crack: {cracks}");
 }
 
 /// Returns the two triangles of an axis-aligned rectangle at depth z, in pixels.
@@ -136,8 +139,8 @@ fn an_edge_between_two_objects_counts_for_both() {
             assert_eq!(sampled.tied_pixels(), tied, "{objects:?}");
             assert!(sampled.objects().iter().all(|object| object.tied_pixels == tied), "{objects:?}");
             let alone: u32 = sampled.objects().iter().map(|object| object.pixels).sum();
-            assert_eq!(alone + tied, sampled.covered_pixels());
-            assert!(found.is_exact());
+            assert_eq!(alone + tied, sampled.covered_pixels(), "{objects:?}: pixels of one object, and ties");
+            assert!(found.is_exact(), "{objects:?}: {found:?}");
         }
     }
 }
@@ -154,10 +157,17 @@ fn a_corner_between_four_objects_counts_for_all() {
     ];
     let quarters = quarters.each_ref().map(|quarter| &quarter[..]);
     let comparison = judge(&mut buffer, &pixels(9.0, 9.0), &quarters, &[0, 1, 2, 3]);
-    assert!(comparison.is_exact());
+    assert!(comparison.is_exact(), "all four are reported: {comparison:?}");
     let sampled = buffer.visible();
-    assert_eq!((sampled.tied_pixels(), sampled.covered_pixels()), (17, 81));
-    assert!(sampled.objects().iter().all(|object| (object.pixels, object.tied_pixels) == (16, 9)));
+    assert_eq!(
+        (sampled.tied_pixels(), sampled.covered_pixels()),
+        (17, 81),
+        "ties along the cross, and covered pixels"
+    );
+    assert!(
+        sampled.objects().iter().all(|object| (object.pixels, object.tied_pixels) == (16, 9)),
+        "pixels and ties of each quarter"
+    );
 }
 
 /// Two walls in one plane are both visible. Hiding one of them is no error, hiding both is one error.
@@ -172,22 +182,42 @@ fn walls_in_one_plane_are_both_visible() {
         let turned = wall.map(|[a, b, c]| [c, a, b]);
         let nearer = wall.map(|t| t.map(|p| p.with_z(depth * (1.0 - 1e-6))));
         let mut with = |reported: &[u32]| judge(&mut buffer, &view, &[&wall, &turned], reported);
-        assert!(with(&[0, 1]).is_exact());
+        assert!(with(&[0, 1]).is_exact(), "{depth}: both walls are reported");
         for reported in [[0], [1]] {
             let one = with(&reported);
-            assert!(one.is_exact());
-            assert_eq!((one.tied_hidden_objects, one.wrong_pixels), (1, 0));
-            assert_eq!(one.tied_pixels, if reported == [0] { 0 } else { 64 });
+            assert!(one.is_exact(), "{depth}: {one:?}");
+            assert_eq!(
+                (one.tied_hidden_objects, one.wrong_pixels),
+                (1, 0),
+                "{depth}: the other wall ties everywhere"
+            );
+            assert_eq!(
+                one.tied_pixels,
+                if reported == [0] { 0 } else { 64 },
+                "{depth}: ties if {reported:?} is reported"
+            );
         }
         let none = with(&[]);
-        assert_eq!((none.false_hidden_objects, none.wrong_pixels, none.tied_hidden_objects), (1, 64, 1));
+        assert_eq!(
+            (none.false_hidden_objects, none.wrong_pixels, none.tied_hidden_objects),
+            (1, 64, 1),
+            "{depth}: no wall is reported"
+        );
         assert_eq!(none.false_hidden_keys, [0], "the one that the image shows");
         // A wall nearer by a millionth takes all pixels from both walls, in any drawing order.
         for objects in [[&wall[..], &turned, &nearer], [&nearer, &wall, &turned]] {
             let nearest = objects.iter().position(|object| *object == nearer).unwrap() as u32;
             let all = judge(&mut buffer, &view, &objects, &[0, 1, 2]);
-            assert_eq!((all.false_visible_objects, buffer.visible().tied_pixels()), (2, 0));
-            assert_eq!(buffer.visible().objects()[nearest as usize].pixels, 64);
+            assert_eq!(
+                (all.false_visible_objects, buffer.visible().tied_pixels()),
+                (2, 0),
+                "{depth}: two walls behind a nearer one"
+            );
+            assert_eq!(
+                buffer.visible().objects()[nearest as usize].pixels,
+                64,
+                "{depth}: pixels of the nearer wall"
+            );
         }
     }
 }
@@ -208,7 +238,7 @@ fn walls_at_depth_zero_of_a_parallel_view_are_both_visible() {
         };
         let (one, other) = (wall(30.0), wall(47.0));
         let comparison = judge(&mut buffer, &view, &[&one, &other], &[0, 1]);
-        assert!(comparison.is_exact());
+        assert!(comparison.is_exact(), "{direction}: {comparison:?}");
         assert_eq!(buffer.visible().tied_pixels(), 64, "{direction}");
     }
 }

@@ -2,7 +2,7 @@
 
 use visibility_core::glam::DVec3;
 
-/// What a cluster is made by: the middle of a polygon, its normal, and its number of edges.
+/// A polygon to be put into a cluster: its middle, its normal and its number of edges.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Item {
     /// Index of the polygon.
@@ -13,9 +13,9 @@ pub(crate) struct Item {
     pub(crate) edges: usize,
 }
 
-/// Sorts `items` so that those of a cluster lie next to each other, and calls `each` with the range of every
-/// cluster. A cluster has at most `max_edges` edges, or a single polygon. Sets of polygons are halved by
-/// their middles, along the axis in which these extend farthest, until they are small enough: n log n steps.
+/// Sorts `items` so that those of a cluster are adjacent, and calls `each` with the range of every cluster. A
+/// cluster has at most `max_edges` edges, or a single polygon. Sets of polygons are halved by their middles,
+/// along the axis in which the middles extend farthest, until they are small enough: n log n steps.
 pub(crate) fn divide(items: &mut [Item], max_edges: usize, first: usize, each: &mut impl FnMut([usize; 2])) {
     let edges: usize = items.iter().map(|item| item.edges).sum();
     if edges <= max_edges || items.len() <= 1 {

@@ -38,7 +38,7 @@ pub(crate) struct Faces {
     pub(crate) corners: Vec<u32>,
 }
 
-/// A side of a face: an edge, run through in one of its directions.
+/// A side of a face: an edge in one of its two directions.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub(crate) struct Side {
     /// Vertices of the edge, the lesser index first.
@@ -51,7 +51,7 @@ pub(crate) struct Side {
     pub(crate) forward: bool,
 }
 
-/// Returns the sides at open edges, which belong to one face only, of all sides sorted by edge.
+/// Returns the sides at open edges, which belong to a single face. `sides` are all sides, sorted by edge.
 pub(crate) fn open_sides(sides: &[Side]) -> impl Iterator<Item = Side> {
     sides.chunk_by(|a, b| a.edge == b.edge).filter(|same| same.len() == 1).map(|same| same[0])
 }

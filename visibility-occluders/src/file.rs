@@ -9,7 +9,7 @@ use visibility_core::glam::{DVec3, Vec3};
 
 const FORMAT: Format = Format { magic: *b"VISI-OCC", version: 1 };
 
-/// Kind of a file in whose header the fingerprint is a version, and of one made from a level without.
+/// Kind of a file whose fingerprint is the version of the level.
 const WITH_VERSION: u32 = 1;
 const WITHOUT_VERSION: u32 = 0;
 
@@ -20,13 +20,13 @@ const NORMAL_ERROR: f64 = 1e-9;
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum LevelFileError {
-    /// The bytes are damaged, or something else.
+    /// The bytes are damaged, or are not those of a level's occluders.
     Format(FormatError),
     /// The occluders were made from another version of the level.
     OtherVersion {
         /// Version from which the occluders were made. `None` if the file does not say.
         made_from: Option<u64>,
-        /// Version of the level.
+        /// Version of the level that the file was asked for.
         level: u64,
     },
 }
@@ -140,6 +140,7 @@ impl LevelOccluders {
             *count = usize::try_from(reader.u64()?).unwrap_or(usize::MAX);
         }
         report.area_left_out = f64::from_bits(reader.u64()?);
+        // A forged count is refused by `reader`, which has no such bytes left.
         let vertex_count = reader.u32()? as usize;
         let coordinates = reader.u32s(vertex_count.saturating_mul(3))?;
         let vertices: Vec<Vec3> = coordinates
@@ -160,7 +161,7 @@ impl LevelOccluders {
     }
 }
 
-/// The counts of a report in the order of the file.
+/// Returns the counts of a report in the order of the file.
 fn counts(report: &LevelReport) -> [usize; 7] {
     counts_mut(&mut { *report }).map(|count| *count)
 }
@@ -179,10 +180,10 @@ fn counts_mut(report: &mut LevelReport) -> [&mut usize; 7] {
     [triangles, faces, open_edges, t_junctions, open_edges_left, polygons, straightened]
 }
 
-/// Numbers of a polygon's shape in a file.
+/// Number of numbers that a file has for each polygon: normal, extent, area and least cosine.
 const SHAPE_NUMBERS: usize = 7;
 
-/// Edges, polygons and clusters, and why there are none.
+/// Edges, polygons and clusters that were read, or the reason why they cannot be.
 type Read = Result<(Vec<[u32; 2]>, Vec<OccluderPolygon>, Vec<OccluderCluster>), &'static str>;
 
 /// Reads the polygons and clusters of `vertices` from the last part of a file. `shapes` has
@@ -198,6 +199,7 @@ fn read_clusters(mut numbers: &[u8], vertices: &[Vec3], shapes: &[u64]) -> Read 
     while !numbers.is_empty() {
         let mut number = || take_number(&mut numbers).ok_or("a number ends too early or is too large");
         let (vertex_count, polygon_count) = (number()?, number()?);
+        // Clusters take the vertices in turn.
         let end_vertex = vertices.len() as u32;
         let end_vertex = if vertex_count <= end_vertex - first_vertex {
             first_vertex + vertex_count
@@ -241,6 +243,7 @@ fn read_clusters(mut numbers: &[u8], vertices: &[Vec3], shapes: &[u64]) -> Read 
                 balance[edge[1] as usize] -= 1;
                 edges.push(edge.map(|vertex| first_vertex + vertex));
             }
+            // As many edges begin as end at every vertex: the outline consists of closed loops.
             if edges[first..].as_flattened().iter().any(|&v| balance[(v - first_vertex) as usize] != 0) {
                 return Err("an outline is not closed");
             }

@@ -1,4 +1,4 @@
-//! The occluders of a level, and how they are made.
+//! The occluders of a level: their settings, their making and their parts.
 
 use crate::clusters::{Item, divide};
 use crate::faces::{Faces, LevelTriangle, open_sides};
@@ -94,19 +94,19 @@ pub struct OccluderCluster {
     pub area: f64,
 }
 
-/// Counts of what making the occluders did.
+/// Counts of the steps by which the occluders of a level were made.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 #[non_exhaustive]
 pub struct LevelReport {
     /// Number of triangles given.
     pub triangles: usize,
-    /// Number of triangles left after those without area and all but one of equal ones were left out.
+    /// Number of triangles without those that have no area, and without repeated ones.
     pub faces: usize,
-    /// Number of edges that one face alone has, after welding.
+    /// Number of edges of a single face, after welding.
     pub open_edges: usize,
     /// Number of vertices inserted into edges that they lie on.
     pub t_junctions: usize,
-    /// Number of edges that one face alone has, after T-junctions were resolved.
+    /// Number of edges of a single face, after T-junctions were resolved.
     pub open_edges_left: usize,
     /// Number of polygons found.
     pub polygons: usize,
@@ -120,7 +120,7 @@ pub struct LevelReport {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum LevelError {
-    /// More triangles than indices of corners, 2^32, allow.
+    /// More triangles were given than 32-bit indices of corners allow.
     TooManyTriangles {
         /// Number of triangles given.
         triangles: usize,
@@ -191,6 +191,7 @@ impl LevelOccluders {
         if triangles.len() > MAX_TRIANGLES {
             return Err(LevelError::TooManyTriangles { triangles: triangles.len() });
         }
+        // Vertices are welded and T-junctions closed, so that faces beside each other share edges.
         let mut faces = Faces::weld(triangles);
         let mut report =
             LevelReport { triangles: triangles.len(), faces: faces.faces.len(), ..LevelReport::default() };
@@ -201,6 +202,8 @@ impl LevelOccluders {
         report.open_edges_left = open_sides(&sides).count();
         let magnitude = faces.vertices.iter().fold(Vec3::ZERO, |most, v| most.max(v.abs()));
         let flatness = settings.flatness * f64::from(magnitude.max_element());
+        // Nearly flat regions of faces become polygons. The smallest are left out, as they cost more than
+        // they hide.
         let mut regions = Regions::find(&faces, &sides, flatness, settings.bulge);
         divide_regions(&mut regions, &faces, settings.max_cluster_edges);
         report.polygons = regions.regions.len();
@@ -209,6 +212,7 @@ impl LevelOccluders {
         let mut outlines: Vec<_> = kept.iter().map(|region| outline(&faces, &regions, region)).collect();
         report.straightened = straighten(&faces.vertices, &mut outlines);
         let mut level = Self { report, ..Self::default() };
+        // Clusters: polygons near each other, halved by their middles until each has few enough edges.
         let middle = |outline: &Vec<OutlineEdge>| {
             let points = || outline.iter().map(|edge| faces.at(edge[0]));
             (points().fold(DVec3::INFINITY, DVec3::min) + points().fold(DVec3::NEG_INFINITY, DVec3::max))
@@ -231,8 +235,8 @@ impl LevelOccluders {
         Ok(level)
     }
 
-    /// Makes the occluders of a scene's level from the triangles ([`Scene::set_triangles`]) of the occluders
-    /// that stand still, as `stands_still` tells; see-through objects have none. Triangles of
+    /// Makes the occluders of a scene's level, from the triangles ([`Scene::set_triangles`]) of objects that
+    /// are flagged as occluders, are not see-through and for which `stands_still` returns true. Triangles of
     /// [one-sided](visibility_core::Object::one_sided) objects hide from their front alone. Positions are
     /// relative to [`Scene::origin`]. The occluders have the [version](level_version()) of the scene.
     ///
@@ -316,7 +320,7 @@ impl LevelOccluders {
         &self.polygons
     }
 
-    /// Returns the clusters.
+    /// Returns the clusters: groups of polygons that are drawn together.
     pub fn clusters(&self) -> &[OccluderCluster] {
         &self.clusters
     }
@@ -339,7 +343,7 @@ impl LevelOccluders {
         self.version
     }
 
-    /// Returns what making the occluders did.
+    /// Returns the counts of the making.
     pub fn report(&self) -> &LevelReport {
         &self.report
     }

@@ -7,8 +7,9 @@ use crate::regions::{Member, Region, Regions};
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// Divides regions whose outlines have more than `max_edges` edges, straight vertices aside, by the middles
-/// of their faces, along the axis in which these extend farthest. A region of one face stays whole.
+/// Divides regions whose outlines have more than `max_edges` edges, not counting vertices on straight lines.
+/// A region is halved by the middles of its faces, along the axis in which the middles extend farthest. A
+/// region of one face stays whole.
 pub(crate) fn divide_regions(regions: &mut Regions, faces: &Faces, max_edges: usize) {
     let mut waiting: Vec<Region> = core::mem::take(&mut regions.regions);
     waiting.reverse();

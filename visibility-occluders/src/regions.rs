@@ -6,11 +6,11 @@ use visibility_core::geometry::sqrt;
 use visibility_core::glam::DVec3;
 
 /// Least cosine of the angle between the normals of a region's first face and of any other face in it. The
-/// angle is less than half a right angle, so that all faces look to the side that a mean of their normals
-/// looks to. Wider angles join few faces more.
+/// angle is less than half a right angle, so that all faces are on the front side of a mean of their normals.
+/// Wider angles join few faces more.
 const LEAST_COSINE: f64 = 0.85;
 
-/// Faces that hang together by edges, look the same way, and lie within a slab.
+/// Faces that are connected through edges, face alike, and lie within a slab.
 #[derive(Clone, Debug)]
 pub(crate) struct Region {
     /// Range of the region's faces in [`Regions::members`], half-open.
@@ -21,7 +21,7 @@ pub(crate) struct Region {
     pub(crate) extent: [f64; 2],
     /// Sum of the areas of the faces in square metres.
     pub(crate) area: f64,
-    /// Least cosine of the angle between `normal` and the normal of any of the faces, once turned.
+    /// Least cosine of the angle between `normal` and the normals of the faces, as turned in the region.
     pub(crate) min_cosine: f64,
     /// True if all faces are two-sided, false if none is.
     pub(crate) two_sided: bool,
@@ -39,14 +39,15 @@ pub(crate) struct Member {
 /// A partition of all faces into regions.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Regions {
-    /// All regions.
+    /// All regions. Each face is in exactly one.
     pub(crate) regions: Vec<Region>,
-    /// Faces of all regions.
+    /// Faces of all regions, region by region.
     pub(crate) members: Vec<Member>,
 }
 
 impl Region {
-    /// Sets all that follows from the `normal`, the faces and which of them are turned: `members`.
+    /// Computes the fields that follow from the `normal`, the faces and their turns: extent, area, least
+    /// cosine.
     pub(crate) fn measure(&mut self, faces: &Faces, members: &[Member]) {
         (self.extent, self.area) = ([f64::INFINITY, f64::NEG_INFINITY], 0.0);
         self.min_cosine = 1.0;
@@ -61,7 +62,8 @@ impl Region {
         }
     }
 
-    /// Turns the `normal` to the mean of the normals of `members`, by area, if the slab gets thinner.
+    /// Replaces the `normal` by the mean of the normals of `members`, weighted by area, if that makes the
+    /// slab thinner.
     fn fit(&mut self, faces: &Faces, members: &[Member]) {
         let mean = members.iter().fold(DVec3::ZERO, |sum, member| {
             let face = &faces.faces[member.face as usize];
@@ -77,16 +79,17 @@ impl Region {
 }
 
 impl Member {
-    /// Returns the normal of the member's face, once turned.
+    /// Returns the normal of the member's face, as turned in the region.
     fn normal(&self, face: &Face) -> DVec3 {
         if self.turned { -face.normal } else { face.normal }
     }
 }
 
 impl Regions {
-    /// Joins each face with its neighbours: those that share an edge with it, lie close to the plane of the
-    /// region's first face, and look the same way. Close is within `flatness` metres, or within `bulge` times
-    /// the square root of the region's area. `sides` are all sides of the faces, sorted by edge.
+    /// Grows regions from the largest faces on. A face joins a region if it shares an edge with it, is close
+    /// to the plane of the region's first face, and faces alike. Close is within `flatness` metres, or within
+    /// `bulge` times the square root of the region's area. `sides` are all sides of the faces, sorted by
+    /// edge.
     pub(crate) fn find(faces: &Faces, sides: &[Side], flatness: f64, bulge: f64) -> Self {
         // For each corner, the first of the sides at the edge that begins at the corner.
         let mut first_of_edge = alloc::vec![0u32; faces.corners.len()];
@@ -100,6 +103,7 @@ impl Regions {
             let edge = sides[first].edge;
             sides[first..].iter().take_while(move |side| side.edge == edge)
         };
+        // The largest faces begin regions: their planes are the surest.
         let mut order: Vec<u32> = (0..faces.faces.len() as u32).collect();
         order.sort_by(|&a, &b| {
             faces.faces[b as usize].area.total_cmp(&faces.faces[a as usize].area).then(a.cmp(&b))
@@ -122,6 +126,7 @@ impl Regions {
             };
             let plane = region.normal.dot(faces.at(faces.corners_of(&faces.faces[seed as usize])[0]));
             let mut next = first;
+            // Breadth first, from the seed outwards.
             while let Some(&member) = found.members.get(next) {
                 next += 1;
                 let face = &faces.faces[member.face as usize];
@@ -153,9 +158,9 @@ impl Regions {
     }
 }
 
-/// Returns whether the face of `side` must be turned to continue a region beyond the edge that it shares with
-/// the region's face `member` (whose own side of the edge is `own`). `None` if the face cannot continue the
-/// region: it looks another way, lies on the same side of the edge, or hides from other sides.
+/// Returns whether the face of `side` must be turned to continue a region. It shares an edge with the
+/// region's face `member`, whose side of the edge is `own`. `None` if it cannot continue the region: it faces
+/// elsewhere, lies on the same side of the edge, or hides from other sides.
 fn turn(faces: &Faces, region: &Region, member: Member, own: &Side, side: &Side) -> Option<bool> {
     let face = &faces.faces[side.face as usize];
     let cosine = face.normal.dot(region.normal);

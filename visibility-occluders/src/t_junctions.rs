@@ -23,9 +23,9 @@ pub(crate) fn is_between(a: Vec3, b: Vec3, p: Vec3) -> bool {
     inside && p != a && p != b && turn(0, 1) == 0.0 && turn(1, 2) == 0.0 && turn(2, 0) == 0.0
 }
 
-/// Points in a tree of boxes, to be found along a segment.
+/// A tree of boxes over points, which finds the points along a segment.
 struct PointTree {
-    /// Indices of the points, those of a node next to each other.
+    /// Indices of the points. Those of a node are adjacent.
     points: Vec<u32>,
     /// Box around the points of each node: least and greatest coordinates. The children of node `i` are
     /// `2 i + 1` and `2 i + 2`, each with half of its points.
@@ -76,8 +76,8 @@ impl PointTree {
     }
 }
 
-/// Tests whether a segment certainly misses a closed box: their shadows along an axis, or across the segment
-/// and an axis, are apart. False in case of doubt.
+/// Tests whether a segment certainly misses a closed box: whether an axis, or the direction across the
+/// segment and an axis, separates them. False if uncertain.
 fn is_apart([a, b]: [DVec3; 2], [low, high]: [DVec3; 2]) -> bool {
     if a.max(b).cmplt(low).any() || a.min(b).cmpgt(high).any() {
         return true;
@@ -95,7 +95,7 @@ fn is_apart([a, b]: [DVec3; 2], [low, high]: [DVec3; 2]) -> bool {
 }
 
 /// Inserts into each edge the vertices that lie on it. `sides` are the sides of the faces, sorted by edge,
-/// which are others afterwards. Returns the number of corners inserted. Takes some microseconds for an edge.
+/// before the call. Returns the number of corners inserted. Takes some microseconds for an edge.
 ///
 /// Edges that two faces share are taken too: closed pieces that stand side by side, as those of a kit do,
 /// have no others.

@@ -32,9 +32,9 @@ fn sample(two_sided: bool) -> LevelOccluders {
 fn a_file_holds_the_occluders() {
     for level in [sample(true), sample(false).with_version(7), LevelOccluders::default()] {
         let file = level.to_bytes();
-        assert_eq!(LevelOccluders::from_bytes(&file, level.version()), Ok(level));
+        assert_eq!(LevelOccluders::from_bytes(&file, level.version()), Ok(level), "the level from its file");
     }
-    assert!(sample(true).clusters().len() > 2);
+    assert!(sample(true).clusters().len() > 2, "the sample has {} clusters", sample(true).clusters().len());
 }
 
 #[test]
@@ -45,17 +45,29 @@ fn a_file_of_another_version_is_refused_with_both() {
     scene.set_triangles(wall, [[Vec3::X * 5.0, Vec3::new(5.0, 4.0, 0.0), Vec3::new(5.0, 4.0, 3.0)]]).unwrap();
     let level = LevelOccluders::of_scene(&scene, |_| true, LevelSettings::default()).unwrap();
     let before = level_version(&scene);
-    assert_eq!((level.polygons().len(), level.version()), (1, Some(before)));
+    assert_eq!(
+        (level.polygons().len(), level.version()),
+        (1, Some(before)),
+        "polygons of the level, and its version"
+    );
     scene.set_triangles(wall, [[Vec3::X * 5.0, Vec3::new(5.0, 4.0, 0.0), Vec3::new(5.0, 4.0, 2.0)]]).unwrap();
     let now = level_version(&scene);
     let refused = LevelOccluders::from_bytes(&level.to_bytes(), Some(now)).unwrap_err();
-    assert_eq!(refused, LevelFileError::OtherVersion { made_from: Some(before), level: now });
+    assert_eq!(
+        refused,
+        LevelFileError::OtherVersion { made_from: Some(before), level: now },
+        "a level made before the wall was changed"
+    );
     let said = refused.to_string();
     assert!(said.contains(&format!("{before:016x}")) && said.contains(&format!("{now:016x}")), "{said}");
     let file = sample(true).to_bytes();
     let refused = LevelOccluders::from_bytes(&file, Some(now)).unwrap_err();
-    assert_eq!(refused, LevelFileError::OtherVersion { made_from: None, level: now });
-    assert!(LevelOccluders::from_bytes(&file, None).is_ok());
+    assert_eq!(
+        refused,
+        LevelFileError::OtherVersion { made_from: None, level: now },
+        "a level of no known version"
+    );
+    assert!(LevelOccluders::from_bytes(&file, None).is_ok(), "a caller without a version reads any level");
 }
 
 /// Returns the problem that is found in a file with `bytes` written at an offset.
@@ -103,7 +115,10 @@ fn content_that_cannot_be_drawn_is_refused() {
     // An outline that does not end where it began.
     let first = level.edges()[0];
     let other = if first[1] == first[0] + 1 { first[0] + 2 } else { first[0] + 1 };
-    assert!(problem(&level, numbers + 5, &[other as u8]).contains("an outline is not closed"));
+    assert!(
+        problem(&level, numbers + 5, &[other as u8]).contains("an outline is not closed"),
+        "an outline that ends at {other} instead of its first vertex"
+    );
     // A vertex, or a polygon, of no cluster.
     for (count, bytes) in [(FRONT, 12), (FRONT + 4, 56)] {
         let mut file = LevelOccluders::default().to_bytes();

@@ -30,8 +30,8 @@ fn rows_of_panels_that_are_half_a_panel_apart_are_one_rectangle() {
     let report = level.report();
     assert_eq!(report.open_edges_left, 2 * 6 + 8 + 8, "sides of the rectangle, in the lengths of its panels");
     assert!(report.t_junctions > 60, "only {} T-junctions were found", report.t_junctions);
-    assert_eq!((level.polygons().len(), level.edges().len()), (1, 4));
-    assert_eq!(level.polygons()[0].area, 15.0 * 6.0);
+    assert_eq!((level.polygons().len(), level.edges().len()), (1, 4), "panels of all rows are one rectangle");
+    assert_eq!(level.polygons()[0].area, 15.0 * 6.0, "the rectangle's area in square metres");
 }
 
 #[test]
@@ -54,16 +54,20 @@ fn copies_and_signs_of_zero_make_no_difference() {
         t.corners.rotate_left(1);
         copies.push(t);
     }
-    assert_eq!(made(&copies).edges(), made(&wall).edges());
-    assert!(!made(&copies).polygons()[0].two_sided);
+    assert_eq!(made(&copies).edges(), made(&wall).edges(), "edges with and without copies");
+    assert!(!made(&copies).polygons()[0].two_sided, "copies of a one-sided wall are one-sided");
     // A copy that faces the other way closes the back.
     for t in wall {
         let [a, b, c] = t.corners;
         copies.push(LevelTriangle { corners: [a, c, b], ..t });
     }
     let both = made(&copies);
-    assert_eq!((both.polygons().len(), both.edges().len()), (1, 4));
-    assert!(both.polygons()[0].two_sided);
+    assert_eq!(
+        (both.polygons().len(), both.edges().len()),
+        (1, 4),
+        "a wall with a copy of its back is one rectangle"
+    );
+    assert!(both.polygons()[0].two_sided, "a wall with a copy of its back has two sides");
 }
 
 #[test]
@@ -75,7 +79,15 @@ fn triangles_without_area_or_number_are_left_out() {
         triangles.push(broken);
     }
     let level = made(&triangles);
-    assert_eq!((level.report().triangles, level.report().faces), (5, 2));
-    assert_eq!((level.polygons().len(), level.edges().len()), (1, 4));
-    assert!(made(&[]).clusters().is_empty());
+    assert_eq!(
+        (level.report().triangles, level.report().faces),
+        (5, 2),
+        "triangles given, and those with an area"
+    );
+    assert_eq!(
+        (level.polygons().len(), level.edges().len()),
+        (1, 4),
+        "the two triangles left are one rectangle"
+    );
+    assert!(made(&[]).clusters().is_empty(), "a level without triangles has no clusters");
 }

@@ -278,7 +278,11 @@ mod tests {
                 };
                 // The plane's own error adds to the bound.
                 let unsure = ViewPlane { error: 1e3, ..plane };
-                assert_eq!(BoundedPlane::new(&unsure, 0.0).slack, 1e3 + 1e-14 * plane.plane.offset.abs());
+                assert_eq!(
+                    BoundedPlane::new(&unsure, 0.0).slack,
+                    1e3 + 1e-14 * plane.plane.offset.abs(),
+                    "the plane's own error adds to the slack"
+                );
                 frustum.planes[0] = BoundedPlane::new(
                     &plane,
                     f64::from(bounds.min.abs().max(bounds.max.abs()).max_element()),

@@ -139,6 +139,7 @@ impl Content {
         if content.held.words().len() != scene.index_limit().div_ceil(64) {
             return Err("the marks of objects are of another number of objects");
         }
+        // Every list is decoded once, so that later readers need no checks.
         let (mut objects, mut side_count) = (Vec::new(), 0);
         for cell in 0..cells as u32 {
             objects.clear();
@@ -324,10 +325,18 @@ mod tests {
         let objects = [0, 1, 127, 128, 255, 16_383, 16_384, 32_767, 69_999];
         let pairs: Vec<_> = objects.iter().flat_map(|&o| [(1, o), (0, o)]).chain([]).collect();
         let content = Content::new(&scene, &pairs, alloc::vec![[0; 4]; 3]);
-        assert_eq!(content.primitives(0).collect::<Vec<_>>(), objects);
-        assert_eq!(content.primitives(1).collect::<Vec<_>>(), objects);
-        assert_eq!((content.primitives(2).count(), content.primitives(9).count()), (0, 0));
-        assert_eq!((content.count(1), content.count(2), content.max_count()), (9, 0, 9));
-        assert_eq!(content.strays().len(), 70_000 - objects.len());
+        assert_eq!(content.primitives(0).collect::<Vec<_>>(), objects, "objects of cell 0");
+        assert_eq!(content.primitives(1).collect::<Vec<_>>(), objects, "objects of cell 1");
+        assert_eq!(
+            (content.primitives(2).count(), content.primitives(9).count()),
+            (0, 0),
+            "objects of a cell without any, and of one that does not exist"
+        );
+        assert_eq!(
+            (content.count(1), content.count(2), content.max_count()),
+            (9, 0, 9),
+            "counts of cells 1 and 2, and the largest"
+        );
+        assert_eq!(content.strays().len(), 70_000 - objects.len(), "objects that no cell lists");
     }
 }

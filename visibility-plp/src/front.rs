@@ -148,10 +148,10 @@ mod tests {
         for (solidity, cell) in [(0.5, 1), (0.25, 2), (0.25, 3), (f32::NAN, 5), (-1.0, 4), (0.1, 1)] {
             front.push(solidity, cell);
         }
-        assert_eq!(front.least(), Some(0.0));
+        assert_eq!(front.least(), Some(0.0), "a negative solidity counts as 0");
         let order: Vec<_> = core::iter::from_fn(|| front.pop()).collect();
-        assert_eq!(order, [4, 1, 2, 3, 5]);
-        assert_eq!(front.least(), None);
+        assert_eq!(order, [4, 1, 2, 3, 5], "cells by solidity, equal ones in their order");
+        assert_eq!(front.least(), None, "an empty front");
     }
 
     /// Under random pushes, changes of solidity and pops, the front gives the answers of a list that is
@@ -168,12 +168,20 @@ mod tests {
             list.push((solidity, ticket, cell));
             if random.whole(5) > 1 {
                 let least = list.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-                assert_eq!(front.least(), least.map(|entry| entry.0));
-                assert_eq!(front.pop(), least.map(|entry| entry.2));
+                assert_eq!(
+                    front.least(),
+                    least.map(|entry| entry.0),
+                    "the least solidity after push {ticket}"
+                );
+                assert_eq!(
+                    front.pop(),
+                    least.map(|entry| entry.2),
+                    "the cell of least solidity after push {ticket}"
+                );
                 list.retain(|entry| Some(*entry) != least);
             }
         }
         front.clear();
-        assert_eq!(front.pop(), None);
+        assert_eq!(front.pop(), None, "a cleared front");
     }
 }

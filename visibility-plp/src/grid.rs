@@ -103,11 +103,11 @@ mod tests {
     #[test]
     fn voxels_have_numbers() {
         for voxel in [[0, 0, 0], [1, 2, 3], [1023, 0, 512], [1023; 3], [700, 300, 5]] {
-            assert_eq!(voxel_of(morton(voxel)), voxel);
+            assert_eq!(voxel_of(morton(voxel)), voxel, "the voxel from its number");
         }
-        assert_eq!(morton([1, 0, 0]), 1);
-        assert_eq!(morton([0, 1, 1]), 6);
-        assert_eq!(morton([1023; 3]), (1 << 30) - 1);
+        assert_eq!(morton([1, 0, 0]), 1, "the number of the next voxel along x");
+        assert_eq!(morton([0, 1, 1]), 6, "bits of z, y and x in turn");
+        assert_eq!(morton([1023; 3]), (1 << 30) - 1, "the last voxel's number");
     }
 
     /// Points on and next to every face of voxels: the voxel of a point holds it, but for an error far below
@@ -153,11 +153,11 @@ mod tests {
             let grid = Grid::around(&bounds);
             for corner in bounds.corners() {
                 let voxel = grid.voxel(corner.as_dvec3());
-                assert!(grid.contains(corner.as_dvec3()));
+                assert!(grid.contains(corner.as_dvec3()), "{bounds:?}: the cube contains {corner}");
                 assert!(voxel.iter().all(|&x| 0 < x && x < STEPS - 1), "{bounds:?} {voxel:?}");
                 assert!(grid.bounds(voxel, 1).contains_point(corner), "{bounds:?}");
             }
         }
-        assert!(!Grid::around(&Aabb::EMPTY).contains(DVec3::NAN));
+        assert!(!Grid::around(&Aabb::EMPTY).contains(DVec3::NAN), "NaN is in no cube");
     }
 }

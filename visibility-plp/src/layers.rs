@@ -42,6 +42,8 @@ pub(crate) fn push_list(
     };
     let class = |object: u32| known(object).0;
     push_number(least, bytes);
+    // Sides with few objects are put into one list of any side, since each list costs bytes and a test in
+    // every frame.
     let mut counts = [0usize; 256];
     for &object in &*objects {
         counts[usize::from(class(object).side)] += 1;
@@ -59,6 +61,8 @@ pub(crate) fn push_list(
         bytes.push(side | lean << 4);
         block.clear();
         block_count += 1;
+        // Layers of about equal rank, best first. Indices within a layer are ascending and stored as
+        // differences.
         while !rest.is_empty() {
             let (layer, others) = rest.split_at_mut(layer_length(rest, |object| class(object).rank()));
             rest = others;

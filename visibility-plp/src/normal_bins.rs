@@ -315,7 +315,8 @@ mod tests {
         assert!(counts[0] > 4000 && counts[1] > 4000, "{counts:?}");
         assert_eq!(
             bins.eye_side(usize::MAX, &BoxFromEye::new(Eye::Direction(DVec3::X), &cell), &offsets),
-            EyeSide::Unknown
+            EyeSide::Unknown,
+            "an object that does not exist"
         );
     }
 
@@ -453,7 +454,10 @@ mod tests {
                 let eye = [0, 1, 2].map(|i| a[i] + way[i] as i64);
                 // The eye's distance from the plane exceeds the rounding of its coordinates.
                 let before = dot(exact, minus(eye, a));
-                assert!(if sign > 0.0 { before > 0 } else { before < 0 });
+                assert!(
+                    if sign > 0.0 { before > 0 } else { before < 0 },
+                    "the eye {eye:?} is {before} before the plane, with the sign {sign}"
+                );
                 let eye = fine(eye);
                 bins.eye_offsets(Eye::Point(eye), &bounds, &mut offsets);
                 let side = bins.eye_side(id.index(), &BoxFromEye::new(Eye::Point(eye), &bounds), &offsets);
@@ -463,7 +467,10 @@ mod tests {
                     "{triangle:?} {eye}"
                 );
                 let [place, sure] = offsets[usize::from(code)];
-                assert!(place.is_finite() && sure.is_finite());
+                assert!(
+                    place.is_finite() && sure.is_finite(),
+                    "{triangle:?}: the offset {place} and its bound {sure} are finite"
+                );
                 let farthest = eye.length() + bounds.min.abs().max(bounds.max.abs()).as_dvec3().length();
                 wrong_without += u32::from(place * sign < -(f64::from(bin.spread) * farthest / bins.step));
                 told += 1;
@@ -498,7 +505,7 @@ mod tests {
             let mut eye = (min + max) * 0.5;
             eye[across] += normal[across].signum() * 1000.0 * random.float().abs();
             eye[axis] = q[axis] - (normal[across] * (eye[across] - q[across]) - 1e-7) / normal[axis];
-            assert!(normal.dot(eye - q) > 0.0);
+            assert!(normal.dot(eye - q) > 0.0, "the eye {eye} is before the plane");
             let toward = BoxFromEye::new(Eye::Point(eye), &cell);
             assert!(!toward.is_behind(side, lean), "{side} {lean} {cell:?} {eye}");
             let bare = BoxFromEye { farthest: 0.0, ..toward };
@@ -524,7 +531,7 @@ mod tests {
             let id = scene.insert(Aabb::from_arrays([0.0; 3], [3e38; 3]));
             scene.set_triangles(id, triangles).unwrap();
             for eye in [0.0, 1.0, 1e30, 3e38, f64::INFINITY, f64::NAN] {
-                assert_eq!(sides(&scene, id.index(), eye), EyeSide::Unknown);
+                assert_eq!(sides(&scene, id.index(), eye), EyeSide::Unknown, "{triangles:?} from {eye}");
             }
         }
     }

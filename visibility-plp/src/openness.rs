@@ -197,6 +197,8 @@ impl Lines {
                 self.intersect_triangle(t, &slope);
             }
         }
+        // Counting sort by line. `starts` is shifted by two places, so that after the depths are put in
+        // place, `starts[line]` is the start of the line's own.
         let count = (self.side * self.side) as usize;
         self.starts.clear();
         self.starts.resize(count + 2, 0);
@@ -217,6 +219,7 @@ impl Lines {
             self.depths[*place as usize] = depth;
             *place += 1;
         }
+        // Short lists are scanned as they are, long ones searched by halves.
         for &line in &self.long {
             let (start, end) = (self.starts[line as usize], self.starts[line as usize + 1]);
             self.depths[start as usize..end as usize].sort_unstable_by(f32::total_cmp);
@@ -350,7 +353,7 @@ mod tests {
 
     #[test]
     fn openness_is_within_its_range_for_any_scene() {
-        assert!(openness_by_index(&Scene::new()).is_empty());
+        assert!(openness_by_index(&Scene::new()).is_empty(), "an empty scene has no openness");
         for size in [0.0, 1e-30, 1e25, f32::MAX, f32::INFINITY, f32::NAN] {
             let mut scene = Scene::new();
             scene.insert(Aabb::from_arrays([-size; 3], [size; 3]));

@@ -181,9 +181,15 @@ mod tests {
         let one_sided = side_factors(Vec3::X, false, true);
         // Along x, a surface facing against x shows its front, a surface facing along x its back, and all
         // other surfaces their edges.
-        assert!(one_sided[1] > 1.5 && one_sided[0] < 0.1 && one_sided[2] < 1.0 && one_sided[6] == 1.0);
+        assert!(
+            one_sided[1] > 1.5 && one_sided[0] < 0.1 && one_sided[2] < 1.0 && one_sided[6] == 1.0,
+            "factors by side, along x, one-sided: {one_sided:?}"
+        );
         let two_sided = side_factors(Vec3::X, false, false);
-        assert!(two_sided[0] == two_sided[1] && two_sided[0] > two_sided[4]);
-        assert_eq!(side_factors(Vec3::X, true, true), [1.0; 7]);
+        assert!(
+            two_sided[0] == two_sided[1] && two_sided[0] > two_sided[4],
+            "factors by side, along x, two-sided: {two_sided:?}"
+        );
+        assert_eq!(side_factors(Vec3::X, true, true), [1.0; 7], "factors without a direction");
     }
 }

@@ -147,12 +147,18 @@ mod tests {
     #[test]
     fn classes_are_in_order_and_hold_their_middle() {
         let areas = [0.0, 1e-45, 1e-30, 0.02, 0.1, 0.3, 1.9, 2.1, 7.9, 8.1, 1e30, f32::MAX, f32::INFINITY];
-        assert!(areas.windows(2).all(|pair| class_of(pair[0]) <= class_of(pair[1])));
+        assert!(
+            areas.windows(2).all(|pair| class_of(pair[0]) <= class_of(pair[1])),
+            "larger areas are of no lower class"
+        );
         for area in areas {
             assert_eq!(class_of(area_of(class_of(area))), class_of(area), "{area}");
         }
-        assert!(class_of(2.1) < class_of(8.1) && class_of(f32::NAN) >= class_of(f32::INFINITY));
-        assert_eq!(class_of(-1.0), 0);
+        assert!(
+            class_of(2.1) < class_of(8.1) && class_of(f32::NAN) >= class_of(f32::INFINITY),
+            "classes four times apart in area, and that of NaN"
+        );
+        assert_eq!(class_of(-1.0), 0, "the class of a negative area");
     }
 
     #[test]
@@ -165,13 +171,20 @@ mod tests {
             SurfaceClass::of_object(&scene, id, openness).0
         };
         let up = [[0.0; 3], [1.0, 0.0, 0.2], [0.0, 1.0, -0.2]];
-        assert_eq!((class(1.0, up).side, class(1.0, [up[0], up[2], up[1]]).side), (4, 5));
-        assert_eq!(class(1.0, [up[0], up[1], up[1]]).side, ANY_SIDE);
+        assert_eq!(
+            (class(1.0, up).side, class(1.0, [up[0], up[2], up[1]]).side),
+            (4, 5),
+            "sides of a triangle and of its back"
+        );
+        assert_eq!(class(1.0, [up[0], up[1], up[1]]).side, ANY_SIDE, "the side of a triangle without area");
         for openness in [1.0, 0.7, 0.5, 0.3, 0.02, 1e-4] {
             let told = class(openness, up).openness();
             assert!(told <= openness && openness < told * 1.51, "{openness}: {told}");
         }
-        assert!(class(0.0, up).openness() < 1e-4 && class(f32::NAN, up).openness() == 1.0);
+        assert!(
+            class(0.0, up).openness() < 1e-4 && class(f32::NAN, up).openness() == 1.0,
+            "openness of 0 and of NaN"
+        );
     }
 
     /// Triangles of all directions in a box and eyes around the box: where `is_behind` is true for a

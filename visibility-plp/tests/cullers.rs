@@ -107,8 +107,12 @@ fn budgets_are_kept_and_more_is_a_longer_list() {
             let all = order(Budget::Objects(usize::MAX));
             for budget in [0, 1, 17, 300] {
                 let some = order(Budget::Objects(budget));
-                assert_eq!(some, all[..budget.min(all.len())]);
-                assert_eq!(some, order(Budget::Cost(budget as u64)));
+                assert_eq!(some, all[..budget.min(all.len())], "{solidity:?}: the first {budget} objects");
+                assert_eq!(
+                    some,
+                    order(Budget::Cost(budget as u64)),
+                    "{solidity:?}: a cost of {budget}, at one each"
+                );
             }
             assert_eq!(all.len(), all.iter().collect::<BTreeSet<_>>().len(), "each object once");
         }
@@ -166,7 +170,7 @@ fn what_is_before_a_wall_comes_before_what_is_behind_it() {
                 &view,
             )
         };
-        assert!(kept.contains(&walls[0]));
+        assert!(kept.contains(&walls[0]), "octree: {tessellation}: the wall of the first room");
         let here = kept.iter().filter(|id| things[..20].contains(id)).count();
         assert!(here >= 18, "{here} of the 20 things of the first room, {tessellation}");
     }
@@ -194,8 +198,14 @@ fn the_conservative_form_stops_at_walls_and_loses_nothing_before_them() {
             let (kept, of) = (visible.count(&scene), frustum.count(&scene));
             assert!(kept <= 84 || kept * 2 < of, "room {room}, budget {budget}: {kept} of {of}");
             let stats = culler.stats();
-            assert!(stats.tests > 0 && stats.tests < cells.content().cell_count() as u64);
-            assert!(stats.visible_cells <= stats.projected_cells && stats.projected_cells > 0);
+            assert!(
+                stats.tests > 0 && stats.tests < cells.content().cell_count() as u64,
+                "room {room}, budget {budget}: {stats:?}"
+            );
+            assert!(
+                stats.visible_cells <= stats.projected_cells && stats.projected_cells > 0,
+                "room {room}, budget {budget}: {stats:?}"
+            );
         }
     }
 }
@@ -210,7 +220,7 @@ fn what_no_cell_holds_is_kept() {
     let new = scene.insert(Aabb::from_arrays([55.0, 0.0, 0.0], [56.0, 1.0, 1.0]));
     scene.remove(walls[9]).unwrap();
     let again = scene.insert(Aabb::from_arrays([56.0, 0.0, 0.0], [57.0, 1.0, 1.0]));
-    assert_eq!(again.index(), walls[9].index());
+    assert_eq!(again.index(), walls[9].index(), "the new object takes the index of the old");
     let mut synced = cells.clone();
     synced.sync(&scene);
     for cells in [cells, synced] {
@@ -224,7 +234,7 @@ fn what_no_cell_holds_is_kept() {
         for id in [nan, things[200], new, again] {
             assert!(kept.contains(&id), "{id}");
         }
-        assert!(!kept.contains(&things[199]));
+        assert!(!kept.contains(&things[199]), "an object behind walls is kept");
         let other = rooms(3).0;
         let all = run(&mut PlpCuller::new(cells, Budget::Cost(0)), &other, &view);
         assert_eq!(all.len(), other.len(), "cells of another scene say nothing");
@@ -238,7 +248,10 @@ fn a_nan_triangle_in_finite_bounds_is_not_lost() {
     scene.set_triangles(odd, [[Vec3::NAN, Vec3::ONE, Vec3::X]]).unwrap();
     let cells = Arc::new(OctreeTessellation::from_scene(&scene, FINE));
     let mut culler = ConservativePlpCuller::new(cells, Budget::Cost(10), Blank).with_one_sided();
-    assert!(run(&mut culler, &scene, &looking_along_x(-20.0)).contains(&odd));
+    assert!(
+        run(&mut culler, &scene, &looking_along_x(-20.0)).contains(&odd),
+        "the object with a triangle of NaN"
+    );
 }
 
 #[test]
@@ -249,12 +262,12 @@ fn the_same_frames_give_the_same_answers_whatever_was_before() {
     let mut hash = 0u64;
     for view in views().into_iter().chain(views()) {
         let fresh = run(&mut PlpCuller::new(cells.clone(), Budget::Objects(200)), &scene, &view);
-        assert_eq!(run(&mut culler, &scene, &view), fresh);
+        assert_eq!(run(&mut culler, &scene, &view), fresh, "objects of a used culler and of a new one");
         for id in fresh {
             hash = (hash ^ id.index() as u64).wrapping_mul(0x0100_0000_01b3);
         }
     }
-    assert_ne!(hash, 0);
+    assert_ne!(hash, 0, "the frames have objects");
 }
 
 #[test]
@@ -264,9 +277,13 @@ fn an_order_alone_takes_nothing_out() {
     for view in views() {
         let first = run(&mut PlpCuller::new(cells.clone(), Budget::Objects(30)), &scene, &view);
         let mut culler = PlpCuller::new(cells.clone(), Budget::Objects(30)).with_all_kept();
-        assert!(culler.accuracy().never_hides());
+        assert!(culler.accuracy().never_hides(), "an order alone hides nothing");
         let all = run(&mut culler, &scene, &view);
-        assert_eq!((all.len(), &all[..first.len()]), (500, &first[..]));
+        assert_eq!(
+            (all.len(), &all[..first.len()]),
+            (500, &first[..]),
+            "objects in all, and the first of them"
+        );
     }
 }
 

@@ -192,7 +192,10 @@ fn cells_are_of_one_scene_at_a_time() {
     let mut scene = triangles(5, 300);
     let clone = scene.clone();
     let mut cells = OctreeTessellation::from_scene(&scene, FINENESS[0]);
-    assert!(cells.sync(&scene) && !cells.sync(&clone) && cells.sync(&scene));
+    assert!(
+        cells.sync(&scene) && !cells.sync(&clone) && cells.sync(&scene),
+        "cells know one of the scene and its clone at a time"
+    );
     let stamp = cells.content().stamp();
     let id = scene.ids().next().unwrap();
     scene.set_bounds(id, Aabb::from_arrays([0.0; 3], [1.0; 3])).unwrap();
@@ -205,10 +208,14 @@ fn cells_are_of_one_scene_at_a_time() {
     )
     .unwrap();
     let mut of_clone = Live::new(Arc::new(cells.clone()), 1);
-    assert_eq!(of_clone.run(&clone, &view).len(), clone.len());
-    assert!(cells.sync(&scene));
-    assert_eq!(cells.content().strays(), [id]);
-    assert_eq!(cells.content().stamp(), stamp);
+    assert_eq!(
+        of_clone.run(&clone, &view).len(),
+        clone.len(),
+        "objects of the clone, of which nothing is known"
+    );
+    assert!(cells.sync(&scene), "the cells know the scene");
+    assert_eq!(cells.content().strays(), [id], "the changed object is a stray");
+    assert_eq!(cells.content().stamp(), stamp, "changes of objects leave the cells as they are");
     cells.rebuild(&scene);
-    assert_ne!(cells.content().stamp(), stamp);
+    assert_ne!(cells.content().stamp(), stamp, "cells made anew have another stamp");
 }

@@ -56,7 +56,12 @@ fn check(scene: &Scene, cells: &dyn Tessellation) {
         let mut sum = DVec3::ZERO;
         let mut area = 0.0;
         cells.for_each_face(cell, &|_| true, &mut |face| {
-            assert!((face.normal.length() - 1.0).abs() < 1e-9 && face.area > 0.0);
+            assert!(
+                (face.normal.length() - 1.0).abs() < 1e-9 && face.area > 0.0,
+                "cell {cell}: the normal has length {} and the area is {}",
+                face.normal.length(),
+                face.area
+            );
             sum += face.normal * face.area;
             area += face.area;
             let mut back = None;
@@ -68,28 +73,32 @@ fn check(scene: &Scene, cells: &dyn Tessellation) {
             let back = back.expect("neighbours are mutual");
             assert!(
                 (back.normal + face.normal).length() < 1e-6
-                    && (back.area - face.area).abs() < 1e-6 * area.max(1.0)
+                    && (back.area - face.area).abs() < 1e-6 * area.max(1.0),
+                "cell {cell}: the face from the other side is {back:?}"
             );
-            assert!((cells.center(face.neighbour) - cells.center(cell)).dot(face.normal) > 0.0);
+            assert!(
+                (cells.center(face.neighbour) - cells.center(cell)).dot(face.normal) > 0.0,
+                "cell {cell}: the face's normal points to its neighbour"
+            );
         });
-        assert!(cells.contains(cell, cells.center(cell)));
-        assert_eq!(cells.locate(cells.center(cell)), Some(cell));
+        assert!(cells.contains(cell, cells.center(cell)), "cell {cell} contains its centre");
+        assert_eq!(cells.locate(cells.center(cell)), Some(cell), "the cell at the centre of cell {cell}");
         if !boundary.contains(&cell) {
             inner += 1;
             // The face areas of a closed surface, as vectors along the normals, sum to zero.
             assert!(sum.length() < 1e-6 * area, "cell {cell}: {sum} of {area}");
         }
     }
-    assert!(inner > 10);
+    assert!(inner > 10, "inner cells: {inner}");
     // No gap anywhere in the padded bounds.
     let size = (bounds.max - bounds.min).as_dvec3() * 0.49;
     for _ in 0..2000 {
         let point = bounds.center().as_dvec3() + random.fine_vector(1.0) * size;
         let cell = cells.locate(point).expect("no gap");
-        assert!(cells.contains(cell, point));
+        assert!(cells.contains(cell, point), "cell {cell} contains {point}");
     }
-    assert_eq!(cells.locate(bounds.max.as_dvec3() * 2.0 + 1.0), None);
-    assert_eq!(cells.locate(DVec3::NAN), None);
+    assert_eq!(cells.locate(bounds.max.as_dvec3() * 2.0 + 1.0), None, "a point outside is in no cell");
+    assert_eq!(cells.locate(DVec3::NAN), None, "NaN is in no cell");
 }
 
 #[test]
@@ -109,9 +118,9 @@ fn strange_scenes_are_cut_too() {
         let tetrahedra = DelaunayTessellation::from_scene(scene, FINE);
         (cells.content().strays().len(), tetrahedra.content().strays().len())
     };
-    assert_eq!(cut(&scene), (0, 0));
+    assert_eq!(cut(&scene), (0, 0), "strays of an empty scene");
     let nan = scene.insert(Aabb::from_arrays([f32::NAN; 3], [1.0; 3]));
-    assert_eq!(cut(&scene), (1, 1));
+    assert_eq!(cut(&scene), (1, 1), "strays of a scene of one NaN");
     // A triangle that is not finite, in bounds that are.
     let odd = scene.insert(Aabb::from_arrays([0.0; 3], [9.0; 3]));
     scene.set_triangles(odd, [[Vec3::ZERO, Vec3::ONE, Vec3::NAN]]).unwrap();
@@ -121,8 +130,11 @@ fn strange_scenes_are_cut_too() {
         assert_eq!(cut(&scene), (1, 1), "{size}");
     }
     let cells = OctreeTessellation::new(&scene);
-    assert_eq!(cells.content().strays(), [nan]);
-    assert!(cells.content().holds(odd) && !cells.content().holds(nan));
+    assert_eq!(cells.content().strays(), [nan], "strays: the object with bounds of NaN");
+    assert!(
+        cells.content().holds(odd) && !cells.content().holds(nan),
+        "the object with a triangle of NaN is in a cell"
+    );
 }
 
 /// Coincident boxes need no more cells than one box, however many there are, since splitting would not
@@ -151,7 +163,11 @@ fn pairs_of_unknown_cells_or_objects_are_left_out() {
     let object = id.index() as u32;
     let pairs = [(0, gone.index() as u32), (0, object), (7, object), (1, 99), (u32::MAX, u32::MAX)];
     let content = Content::new(&scene, &pairs, vec![[0; 4]; 2]);
-    assert_eq!((content.primitives(0).collect::<Vec<_>>(), content.reference_count()), (vec![object], 1));
+    assert_eq!(
+        (content.primitives(0).collect::<Vec<_>>(), content.reference_count()),
+        (vec![object], 1),
+        "the object that exists, in the cell that exists"
+    );
 }
 
 #[test]
@@ -161,19 +177,22 @@ fn changed_objects_are_strays() {
     scene.set_bounds(walls[3], Aabb::from_arrays([500.0; 3], [501.0; 3])).unwrap();
     scene.remove(walls[5]).unwrap();
     let new = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
-    assert!(cells.sync(&scene));
+    assert!(cells.sync(&scene), "the cells know the scene");
     let mut strays = [walls[3], new];
     strays.sort_unstable();
-    assert_eq!(cells.content().strays(), strays);
+    assert_eq!(cells.content().strays(), strays, "the moved object and the new one");
     cells.rebuild(&scene);
-    assert!(cells.content().strays().is_empty() && cells.locate(DVec3::splat(500.5)).is_some());
+    assert!(
+        cells.content().strays().is_empty() && cells.locate(DVec3::splat(500.5)).is_some(),
+        "cells made anew have no strays, and reach to the moved object"
+    );
     assert!(!cells.sync(&Scene::new()), "another scene");
 }
 
 /// Asserts that `load` accepts the bytes and refuses them with any byte changed, cut short, extended, of
 /// another version, or for a changed scene. `load` returns the error, or `None` on success.
 fn stored(scene: &Scene, bytes: &[u8], load: fn(&[u8], &Scene) -> Option<FormatError>) {
-    assert_eq!(load(bytes, scene), None);
+    assert_eq!(load(bytes, scene), None, "the stored bytes are accepted");
     for place in 0..bytes.len() {
         let mut wrong = bytes.to_vec();
         wrong[place] ^= 0x41;
@@ -184,16 +203,20 @@ fn stored(scene: &Scene, bytes: &[u8], load: fn(&[u8], &Scene) -> Option<FormatE
     }
     let mut longer = bytes.to_vec();
     longer.push(0);
-    assert!(matches!(load(&longer, scene), Some(FormatError::Length { .. })));
+    assert!(matches!(load(&longer, scene), Some(FormatError::Length { .. })), "one byte too many");
     let mut newer = bytes.to_vec();
     newer[8] = 9;
-    assert_eq!(load(&newer, scene), Some(FormatError::Version { found: 9, expected: 5 }));
-    assert_eq!(load(b"something else", scene), Some(FormatError::Magic { expected: *b"plpcells" }));
+    assert_eq!(load(&newer, scene), Some(FormatError::Version { found: 9, expected: 5 }), "another version");
+    assert_eq!(
+        load(b"something else", scene),
+        Some(FormatError::Magic { expected: *b"plpcells" }),
+        "bytes of something else"
+    );
     let mut other = scene.clone();
     let id = other.ids().next().unwrap();
     other.set_bounds(id, Aabb::from_arrays([0.0; 3], [2.0; 3])).unwrap();
-    assert_eq!(load(bytes, &other), Some(FormatError::Fingerprint));
-    assert!(load(bytes, &scene.clone()).is_none());
+    assert_eq!(load(bytes, &other), Some(FormatError::Fingerprint), "a scene with another box");
+    assert!(load(bytes, &scene.clone()).is_none(), "a clone of the scene");
 }
 
 #[test]
@@ -209,11 +232,16 @@ fn stored_cells_come_back_or_are_refused() {
     stored(&few, &small, |bytes, scene| DelaunayTessellation::from_bytes(bytes, scene).err());
     assert_eq!(
         OctreeTessellation::from_bytes(&fours, &scene).err(),
-        Some(FormatError::Kind { found: 1, expected: 0 })
+        Some(FormatError::Kind { found: 1, expected: 0 }),
+        "tetrahedra read as an octree"
     );
     check(&scene, &OctreeTessellation::from_bytes(&bytes, &scene).unwrap());
     check(&scene, &DelaunayTessellation::from_bytes(&fours, &scene).unwrap());
-    assert_eq!(OctreeTessellation::from_bytes(&bytes, &scene).unwrap().to_bytes(&scene), bytes);
+    assert_eq!(
+        OctreeTessellation::from_bytes(&bytes, &scene).unwrap().to_bytes(&scene),
+        bytes,
+        "the loaded octree as bytes again"
+    );
 }
 
 #[test]
@@ -223,7 +251,7 @@ fn what_has_changed_is_stored_as_strays() {
     let id = scene.ids().nth(7).unwrap();
     scene.set_bounds(id, Aabb::from_arrays([900.0; 3], [901.0; 3])).unwrap();
     let loaded = OctreeTessellation::from_bytes(&octree.to_bytes(&scene), &scene).unwrap();
-    assert_eq!(loaded.content().strays(), [id]);
+    assert_eq!(loaded.content().strays(), [id], "the object that has changed since");
 }
 
 /// Changes single bytes and corrects the checksum, as no accident would. Bytes that are then accepted may

@@ -23,7 +23,7 @@ pub struct BakerSettings {
 /// The tests of portal chains that would make a cell visible.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub enum ChainTest {
-    /// Separating planes alone.
+    /// Tests by separating planes alone: fast, and the looser of the two.
     #[default]
     Separators,
     /// Chains that separating planes do not exclude are also tested in Pluecker space (six coordinates per

@@ -184,10 +184,13 @@ mod tests {
 
     #[test]
     fn bytes_of_the_wrong_length_or_with_stray_bits_are_refused() {
-        assert!(CellMatrix::from_bytes(3, &[7, 7]).is_none());
-        assert!(CellMatrix::from_bytes(3, &[7, 8, 0]).is_none());
-        assert!(CellMatrix::from_bytes(0, &[]).is_some_and(|m| m.is_symmetric() && m.mean_visible() == 0.0));
-        assert!(CellMatrix::from_bytes(usize::MAX, &[]).is_none());
+        assert!(CellMatrix::from_bytes(3, &[7, 7]).is_none(), "two bytes for three rows");
+        assert!(CellMatrix::from_bytes(3, &[7, 8, 0]).is_none(), "a bit of a fourth cell");
+        assert!(
+            CellMatrix::from_bytes(0, &[]).is_some_and(|m| m.is_symmetric() && m.mean_visible() == 0.0),
+            "no cells are a matrix, on whose mean nothing is visible"
+        );
+        assert!(CellMatrix::from_bytes(usize::MAX, &[]).is_none(), "a count of cells whose bytes overflow");
     }
 
     #[test]
@@ -195,15 +198,25 @@ mod tests {
         let bytes: Vec<u8> =
             (0..70 * 9).map(|i| if i % 9 == 8 { 0x21 } else { (i * 37 % 251) as u8 }).collect();
         let matrix = CellMatrix::from_bytes(70, &bytes).unwrap();
-        assert_eq!(matrix.to_bytes(), bytes);
+        assert_eq!(matrix.to_bytes(), bytes, "the matrix as bytes again");
         let both = matrix.both_ways();
-        assert!(both.is_symmetric() && !matrix.is_symmetric() && both.count() < matrix.count());
+        assert!(
+            both.is_symmetric() && !matrix.is_symmetric() && both.count() < matrix.count(),
+            "a symmetric matrix with fewer pairs"
+        );
         let all = (0..70).flat_map(|a| (0..70).map(move |b| (CellId(a), CellId(b))));
-        all.for_each(|(a, b)| assert_eq!(both.sees(a, b), matrix.sees(a, b) && matrix.sees(b, a)));
+        all.for_each(|(a, b)| {
+            assert_eq!(
+                both.sees(a, b),
+                matrix.sees(a, b) && matrix.sees(b, a),
+                "whether {a:?} and {b:?} see each other"
+            )
+        });
         assert_eq!(
             matrix.seen_from(CellId(69)).count(),
-            matrix.row(69).iter().map(|w| w.count_ones() as usize).sum()
+            matrix.row(69).iter().map(|w| w.count_ones() as usize).sum(),
+            "cells listed, and bits of the row"
         );
-        assert_eq!(matrix.seen_from(CellId(70)).count(), 0);
+        assert_eq!(matrix.seen_from(CellId(70)).count(), 0, "an unknown cell sees none");
     }
 }

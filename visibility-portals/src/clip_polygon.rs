@@ -49,6 +49,8 @@ pub(crate) fn clip(points: &mut Vec<DVec3>, polygon: Range<usize>, plane: &Plane
         return Clip::Nothing;
     }
     let start = points.len();
+    // Around the polygon, from its last vertex on: each change of side adds the point where the edge meets
+    // the plane.
     let (mut a, mut before) = (points[polygon.end - 1], distances[count - 1]);
     let near = merge * merge;
     for (i, &here) in distances[..count].iter().enumerate() {
@@ -62,6 +64,7 @@ pub(crate) fn clip(points: &mut Vec<DVec3>, polygon: Range<usize>, plane: &Plane
         }
         (a, before) = (b, here);
     }
+    // The last vertex may have come too close to the first.
     while points.len() > start + 1 && (points[points.len() - 1] - points[start]).length_squared() <= near {
         points.pop();
     }
@@ -127,7 +130,7 @@ mod tests {
                 points[i / 2].x = bad;
                 let plane = Plane::new(DVec3::X, 0.0);
                 assert_eq!(clip(&mut points, 0..4, &plane, 1e-9), Clip::All, "{points:?}");
-                assert_eq!(points.len(), 4);
+                assert_eq!(points.len(), 4, "{points:?}: no vertex is added or left out");
             }
         }
     }

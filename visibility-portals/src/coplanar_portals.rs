@@ -97,15 +97,27 @@ mod tests {
         let normal = DVec3::new(1e-6, 0.0, 1.0).normalize();
         let beside =
             |a: &[DVec3], b: &[DVec3]| lie_side_by_side(a.iter().copied(), b.iter().copied(), normal, 1e-6);
-        assert!(beside(&window([0.0, 1.0], 0.0), &window([3.0, 4.0], 5e-7)));
+        assert!(beside(&window([0.0, 1.0], 0.0), &window([3.0, 4.0], 5e-7)), "windows 2 m apart");
         // The two windows share an edge, and overlap by no more than the rounding.
-        assert!(beside(&window([0.0, 1.0], 0.0), &window([1.0 - 5e-7, 4.0], 5e-7)));
+        assert!(
+            beside(&window([0.0, 1.0], 0.0), &window([1.0 - 5e-7, 4.0], 5e-7)),
+            "windows that overlap by half of the clearance"
+        );
         // A line along z passes through both windows.
-        assert!(!beside(&window([0.0, 1.0], 0.0), &window([0.5, 4.0], 5e-7)));
-        assert!(!beside(&window([0.0, 1.0], 0.0), &window([1.0 - 2e-6, 4.0], 5e-7)));
+        assert!(
+            !beside(&window([0.0, 1.0], 0.0), &window([0.5, 4.0], 5e-7)),
+            "windows half of which overlap"
+        );
+        assert!(
+            !beside(&window([0.0, 1.0], 0.0), &window([1.0 - 2e-6, 4.0], 5e-7)),
+            "windows that overlap by two clearances"
+        );
         // The second window lies 4 clearances behind the first, far enough for a line to pass from one to the
         // other.
-        assert!(!beside(&window([0.0, 1.0], 0.0), &window([1.0, 4.0], 4e-6)));
-        assert!(!beside(&window([0.0, 1.0], f64::NAN), &window([1.0, 4.0], 0.0)));
+        assert!(
+            !beside(&window([0.0, 1.0], 0.0), &window([1.0, 4.0], 4e-6)),
+            "windows in planes 4 clearances apart"
+        );
+        assert!(!beside(&window([0.0, 1.0], f64::NAN), &window([1.0, 4.0], 0.0)), "a window at NaN");
     }
 }

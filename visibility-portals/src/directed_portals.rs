@@ -112,6 +112,8 @@ impl DirectedPortals {
         let (mut vertices, mut edges) = (Vec::new(), Vec::new());
         for (portal, shrunk) in graph.portals().iter().zip(&mut shrunk) {
             let (plane, given) = (portal.plane(), portal.polygon().vertices());
+            // Vertices moved into the plane of the portal, then inwards: lines through the shrunk polygon
+            // keep a distance from the true edges.
             let on_plane: Vec<DVec3> =
                 given.iter().map(|&v| v - plane.normal * plane.signed_distance(v)).collect();
             let polygon = shrunk_polygon(&on_plane, plane.normal, &margins);
@@ -129,6 +131,7 @@ impl DirectedPortals {
         let mut all: Vec<DirectedPortal> = Vec::new();
         let mut first = Vec::with_capacity(graph.cell_count() + 1);
         let mut halves = alloc::vec![[0; 2]; graph.portals().len()];
+        // Directed portals are ordered by the cell they leave, so that those of one cell are a range.
         for cell in (0..graph.cell_count() as u32).map(visibility_core::cells::CellId) {
             first.push(all.len() as u32);
             for &id in graph.portals_of(cell) {
@@ -152,6 +155,7 @@ impl DirectedPortals {
             }
         }
         first.push(all.len() as u32);
+        // Both directions of a portal know each other.
         for ([a, b], _) in halves.into_iter().zip(&shrunk).filter(|(_, shrunk)| shrunk.is_some()) {
             all[a as usize].reverse = b;
             all[b as usize].reverse = a;

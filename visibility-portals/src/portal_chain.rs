@@ -93,6 +93,8 @@ impl PortalChain {
         let start = self.points.len();
         self.points.extend_from_slice(portals.vertices_of(portal));
         let mut pass = start..self.points.len();
+        // The next portal, clipped to the front of the first one and to the planes of the chain: only that
+        // part can lines reach.
         if meets_first {
             let ahead = outward(&all[first as usize].plane, margins.keep);
             pass = clip_range(&mut self.points, pass, &ahead, margins.merge)?;
@@ -100,6 +102,8 @@ impl PortalChain {
         for plane in &self.planes[last.planes.clone()] {
             pass = clip_range(&mut self.points, pass, plane, margins.merge)?;
         }
+        // The source, clipped to the back of the next portal and to planes that separate it from the part
+        // reached.
         let behind = outward(&portal.plane.flipped(), margins.keep);
         let mut source = clip_range(&mut self.points, last.source.clone(), &behind, margins.merge)?;
         if last.portal != first {

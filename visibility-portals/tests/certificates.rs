@@ -143,7 +143,10 @@ fn what_is_nearly_passed_is_rejected_and_no_search_finds_a_line() {
                 }
             }
             Stab::Line([point, direction]) => {
-                assert!(clearance_of(&polygons, point, point + direction) > clearance * 0.999);
+                assert!(
+                    clearance_of(&polygons, point, point + direction) > clearance * 0.999,
+                    "{polygons:?}: the line keeps its clearance of {clearance}"
+                );
                 // Checks the hill climbing itself: it must find a line where one is known to exist.
                 if i % 50 == 0 {
                     lines += 1;

@@ -180,7 +180,7 @@ fn clear_lines_pass_the_cells_of_walls() {
     for _ in 0..4 {
         let boxes = house(&mut random);
         let cells = from_walls(&boxes, &WallSettings::default()).unwrap();
-        assert!(cells.graph.cell_count() > 20);
+        assert!(cells.graph.cell_count() > 20, "the house has {} cells", cells.graph.cell_count());
         let (clear, stopped) = check(&cells, &boxes, DMat3::IDENTITY, 1e-4, &mut random);
         println!(
             "{} cells, {} portals: {clear} clear, {stopped} of the others stopped",
@@ -208,7 +208,7 @@ fn clear_lines_pass_the_cells_of_polygons() {
             if solid == SolidRule::Nothing && turn == DMat3::IDENTITY { &one_sided[..] } else { &[] };
         let settings = PolygonSettings { solid, one_sided, ..PolygonSettings::default() };
         let cells = from_polygons(&triangles(&boxes, turn), &settings).unwrap();
-        assert!(cells.graph.cell_count() > 20);
+        assert!(cells.graph.cell_count() > 20, "{solid:?}: the house has {} cells", cells.graph.cell_count());
         let (clear, stopped) = check(&cells, &boxes, turn, 2e-5, &mut random);
         println!(
             "{} cells, {} portals: {clear} clear, {stopped} of the others stopped",
@@ -229,16 +229,27 @@ fn solid_leaves_are_no_cells() {
         let settings = PolygonSettings { solid, ..PolygonSettings::default() };
         let cells = from_polygons(&soup, &settings).unwrap();
         let inside = Viewcells::new(cells.viewcells.iter().cloned()).locate(DVec3::splat(2.0));
-        assert!(cells.outside.len() == cells.graph.cell_count() - usize::from(inside.is_some()));
+        assert!(
+            cells.outside.len() == cells.graph.cell_count() - usize::from(inside.is_some()),
+            "{solid:?}: all cells but the block's lead outside"
+        );
         (cells.graph.cell_count(), inside.is_some())
     };
-    assert_eq!(count(SolidRule::Nothing), (7, true));
-    assert_eq!(count(SolidRule::Backs), (6, false));
-    assert_eq!(count(SolidRule::Unreached(&around)), (6, false));
-    assert_eq!(count(SolidRule::Unreached(&within)), (1, true));
+    assert_eq!(count(SolidRule::Nothing), (7, true), "six cells around the block and one within");
+    assert_eq!(count(SolidRule::Backs), (6, false), "backs make the block solid");
+    assert_eq!(
+        count(SolidRule::Unreached(&around)),
+        (6, false),
+        "what is not reached from around the block is solid"
+    );
+    assert_eq!(
+        count(SolidRule::Unreached(&within)),
+        (1, true),
+        "what is not reached from within the block is solid"
+    );
     // Boxes given to `from_walls` are always solid.
     let cells = from_walls(&solids, &WallSettings::default()).unwrap();
-    assert_eq!(cells.graph.cell_count(), 6);
+    assert_eq!(cells.graph.cell_count(), 6, "boxes of walls are solid");
 }
 
 #[test]
@@ -255,16 +266,20 @@ fn regions_that_look_through_backs_are_no_cells() {
         (cells.graph.cell_count(), inside.is_some())
     };
     // From within a block lines pass its faces, and from around a block that is inside out.
-    assert_eq!(count(&soup, &[]), (7, true));
-    assert_eq!(count(&soup, &[true; 12]), (6, false));
-    assert_eq!(count(&inside_out, &[true; 12]), (1, true));
+    assert_eq!(count(&soup, &[]), (7, true), "two-sided faces: cells around and within");
+    assert_eq!(count(&soup, &[true; 12]), (6, false), "one-sided faces: no cell within");
+    assert_eq!(count(&inside_out, &[true; 12]), (1, true), "one-sided faces inside out: no cell around");
     // One face with a back is enough. Doubled faces block from both sides.
     let mut one_back = soup.clone();
     one_back[7] = turned(&soup[7]);
     let only = |at: usize| core::array::from_fn::<bool, 12, _>(|i| i == at);
-    assert_eq!(count(&one_back, &only(7)), (1, true));
-    assert_eq!(count(&soup, &only(7)), (6, false));
-    assert_eq!(count(&[soup, inside_out].concat(), &[true; 24]), (7, true));
+    assert_eq!(count(&one_back, &only(7)), (1, true), "one one-sided face inside out: no cell around");
+    assert_eq!(count(&soup, &only(7)), (6, false), "one one-sided face: no cell within");
+    assert_eq!(
+        count(&[soup, inside_out].concat(), &[true; 24]),
+        (7, true),
+        "doubled faces: cells around and within"
+    );
     // A wall across the world is a wall from its front; a gap in it joins both sides.
     let wall = |[a, b]: [f64; 2]| {
         let corners = [[a, 0.0], [b, 0.0], [b, 3.0], [a, 3.0]];
@@ -280,7 +295,8 @@ fn regions_that_look_through_backs_are_no_cells() {
     };
     assert_eq!(
         (count(&[wall([0.0, 4.0]), wall([4.0, 9.0])]), count(&[wall([0.0, 4.0]), wall([5.0, 9.0])])),
-        (1, 0)
+        (1, 0),
+        "cells before a closed wall and before one with a gap"
     );
 }
 
@@ -298,11 +314,11 @@ fn leaks_are_named_by_their_portals() {
         from_walls(&floor_plan(&segments, 0.0, 3.0).unwrap(), &WallSettings::default()).unwrap()
     };
     let closed = plan(0.0);
-    assert_eq!(closed.leak(DVec3::ONE), None);
-    assert_eq!(closed.leak(DVec3::splat(100.0)), None);
+    assert_eq!(closed.leak(DVec3::ONE), None, "a closed room has no leak");
+    assert_eq!(closed.leak(DVec3::splat(100.0)), None, "a point outside has no leak");
     let leak = plan(0.5).leak(DVec3::ONE).unwrap();
-    assert_eq!(leak.portals.len(), 2);
-    assert!(leak.to_string().contains("leaks to cell"));
+    assert_eq!(leak.portals.len(), 2, "portals on the way out, through the door and the gap");
+    assert!(leak.to_string().contains("leaks to cell"), "the leak is described: {leak}");
     // The last portal of the leak is the gap itself.
     let portal = plan(0.5).graph.portals()[leak.portals[1].index()].polygon().area();
     assert!((portal - 1.5).abs() < 1e-9, "{portal}");
@@ -325,7 +341,7 @@ fn cells_behind_the_outermost_polygons_reach_out() {
             .map(|viewcell| CellId(viewcell.0))
             .unwrap();
         assert!(cells.outside.contains(&cell), "{room:?}: {:?} of {}", cells.outside, bodies.cells().len());
-        assert!(cells.graph.portals_of(cell).is_empty());
+        assert!(cells.graph.portals_of(cell).is_empty(), "{room:?}: the room has no portals");
     }
 }
 
@@ -362,25 +378,37 @@ fn gaps_thinner_than_the_tolerance_close_and_wider_ones_stay() {
 fn odd_input_gives_an_error_or_an_answer() {
     let walls = WallSettings::default();
     let polygons = PolygonSettings::default();
-    assert_eq!(from_walls(&[], &walls).unwrap(), Subdivision::default());
-    assert_eq!(from_polygons(&[], &polygons).unwrap(), Subdivision::default());
+    assert_eq!(from_walls(&[], &walls).unwrap(), Subdivision::default(), "no walls");
+    assert_eq!(from_polygons(&[], &polygons).unwrap(), Subdivision::default(), "no polygons");
     let unit = [DVec3::ZERO, DVec3::ONE];
     assert_eq!(
         from_walls(&[unit, [DVec3::NAN, DVec3::ONE]], &walls),
-        Err(GeometryError::Coordinate { index: 1 })
+        Err(GeometryError::Coordinate { index: 1 }),
+        "the index of the wall that is NaN"
     );
-    assert_eq!(from_walls(&[[DVec3::ONE, DVec3::ZERO]], &walls), Err(GeometryError::NotAWall { index: 0 }));
+    assert_eq!(
+        from_walls(&[[DVec3::ONE, DVec3::ZERO]], &walls),
+        Err(GeometryError::NotAWall { index: 0 }),
+        "the index of the wall that is inverted"
+    );
     let slanted = [[DVec2::ZERO, DVec2::ONE]];
-    assert_eq!(floor_plan(&slanted, 0.0, 3.0), Err(GeometryError::NotAWall { index: 0 }));
+    assert_eq!(
+        floor_plan(&slanted, 0.0, 3.0),
+        Err(GeometryError::NotAWall { index: 0 }),
+        "a wall that runs along no axis"
+    );
     let bad = WallSettings { margin: f64::NAN, ..walls };
-    assert!(matches!(from_walls(&[unit], &bad), Err(GeometryError::Setting { .. })));
+    assert!(matches!(from_walls(&[unit], &bad), Err(GeometryError::Setting { .. })), "a margin of NaN");
     let fine = PolygonSettings { tolerance: Some(1e-30), ..polygons };
     let soup = triangles(&[unit], DMat3::IDENTITY);
-    assert!(matches!(from_polygons(&soup, &fine), Err(GeometryError::Setting { .. })));
+    assert!(
+        matches!(from_polygons(&soup, &fine), Err(GeometryError::Setting { .. })),
+        "a tolerance below rounding"
+    );
     for scale in [1e-30, 1e-9, 1e9, 1e30, 1e300] {
         let scaled = [unit.map(|p| p * scale), [DVec3::splat(scale * 2.0), DVec3::splat(scale * 3.0)]];
         let settings = WallSettings { margin: scale, tolerance: scale * 1e-6, ..walls };
-        assert!(from_walls(&scaled, &settings).unwrap().graph.cell_count() > 1);
+        assert!(from_walls(&scaled, &settings).unwrap().graph.cell_count() > 1, "walls of {scale} m");
         let settings = PolygonSettings { margin: scale, ..polygons };
         let cells = from_polygons(&triangles(&scaled, DMat3::IDENTITY), &settings);
         assert!(cells.is_ok_and(|cells| scale > 1e100 || cells.graph.cell_count() > 1), "{scale}");
@@ -392,5 +420,10 @@ fn odd_input_gives_an_error_or_an_answer() {
         (0..150).filter_map(|_| ConvexPolygon::new([point(), point(), point()]).ok()).collect();
     let settings = PolygonSettings { max_cells: 200, min_share: 0.0, min_area: Some(0.0), ..polygons };
     let cells = from_polygons(&soup, &settings).unwrap();
-    assert!(cells.graph.cell_count() <= 200 && cells.graph.portals().len() > 200);
+    assert!(
+        cells.graph.cell_count() <= 200 && cells.graph.portals().len() > 200,
+        "{} cells of at most 200, {} portals",
+        cells.graph.cell_count(),
+        cells.graph.portals().len()
+    );
 }

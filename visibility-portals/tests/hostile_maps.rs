@@ -27,14 +27,22 @@ fn bake(graph: &CellGraph, settings: BakerSettings) -> Result<CellMatrix, BakeEr
 fn a_long_straight_corridor_is_seen_from_end_to_end() {
     // A chain of portals as long as the map: the search must not recurse.
     let matrix = bake(&row(250, 1.0), BakerSettings::default()).unwrap();
-    assert_eq!(matrix.count(), 250 * 250);
+    assert_eq!(matrix.count(), 250 * 250, "pairs of cells of 250 in a row");
 }
 
 #[test]
 fn no_cells_and_no_portals_are_maps_too() {
-    assert_eq!(bake(&CellGraph::default(), BakerSettings::default()).unwrap().cell_count(), 0);
+    assert_eq!(
+        bake(&CellGraph::default(), BakerSettings::default()).unwrap().cell_count(),
+        0,
+        "cells of an empty map"
+    );
     let lonely = CellGraph::new(65, []).unwrap();
-    assert_eq!(bake(&lonely, BakerSettings::default()).unwrap().count(), 65);
+    assert_eq!(
+        bake(&lonely, BakerSettings::default()).unwrap().count(),
+        65,
+        "a cell without portals sees itself"
+    );
 }
 
 #[test]
@@ -45,16 +53,23 @@ fn coordinates_too_large_for_the_clearance_are_refused() {
         assert!(matches!(bake(&graph, small), Err(BakeError::Clearance { .. })), "{scale}");
         // With a clearance proportional to the scale, the map is accepted.
         let settings = BakerSettings { clearance: Some(1e-6 * scale), ..BakerSettings::default() };
-        assert_eq!(bake(&graph, settings).unwrap().count(), 9);
+        assert_eq!(
+            bake(&graph, settings).unwrap().count(),
+            9,
+            "scale {scale}: pairs of cells, with a clearance to scale"
+        );
     }
     for clearance in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let settings = BakerSettings { clearance: Some(clearance), ..BakerSettings::default() };
         assert!(bake(&row(3, 1.0), settings).is_err(), "{clearance}");
     }
-    assert!(matches!(
-        CellBaker::new(&CellGraph::new(70_000, []).unwrap(), BakerSettings::default()),
-        Err(BakeError::TooLarge { .. })
-    ));
+    assert!(
+        matches!(
+            CellBaker::new(&CellGraph::new(70_000, []).unwrap(), BakerSettings::default()),
+            Err(BakeError::TooLarge { .. })
+        ),
+        "more cells than a matrix can hold"
+    );
 }
 
 /// Tests the default clearance far from the origin and at large scales: a micrometre where coordinates allow
@@ -87,7 +102,10 @@ fn the_default_clearance_follows_the_coordinates() {
         CellBaker::new(&far, BakerSettings { clearance: Some(clearance), ..BakerSettings::default() })
     };
     let least = 35e3 * 2f64.powi(-33);
-    assert!(with(least).is_ok() && with(least * 0.999).is_err());
+    assert!(
+        with(least).is_ok() && with(least * 0.999).is_err(),
+        "a clearance of {least} m is the least for 35 km"
+    );
 }
 
 #[test]
@@ -96,7 +114,11 @@ fn portals_too_small_to_look_through_are_walls() {
         [[0.0, 0.0], [1e-7, 0.0], [1e-7, 1.0], [0.0, 1.0]].map(|[y, z]| DVec3::new(0.0, y, z)),
     );
     let graph = CellGraph::new(2, [(tiny.unwrap(), [CellId(0), CellId(1)])]).unwrap();
-    assert_eq!(bake(&graph, BakerSettings::default()).unwrap().count(), 2);
+    assert_eq!(
+        bake(&graph, BakerSettings::default()).unwrap().count(),
+        2,
+        "two cells beside a portal too narrow to see through"
+    );
 }
 
 #[test]
@@ -106,9 +128,9 @@ fn cells_that_are_not_convex_and_portals_in_one_place_end() {
     let square = row(2, 1.0).portals()[0].polygon().clone();
     let pairs = (0..5).flat_map(|a| (0..5).map(move |b| [CellId(a), CellId(b)])).filter(|[a, b]| a != b);
     let graph = CellGraph::new(5, pairs.map(|ends| (square.clone(), ends))).unwrap();
-    assert!(graph.validate(1e-9).is_ok());
+    assert!(graph.validate(1e-9).is_ok(), "portals in one place are a valid graph");
     let matrix = bake(&graph, BakerSettings::default()).unwrap();
-    assert!(matrix.is_symmetric() && matrix.count() == 25);
+    assert!(matrix.is_symmetric() && matrix.count() == 25, "all five cells see each other");
 }
 
 #[test]
@@ -117,5 +139,9 @@ fn a_room_around_the_corner_is_hidden() {
     // straight line does that.
     let file = "PRT1\n3\n2\n4 0 1 (4 0 0) (4 1 0) (4 1 2) (4 0 2)\n4 2 1 (4 8 0) (4 9 0) (4 9 2) (4 8 2)\n";
     let matrix = bake(&prt::read(file).unwrap().graph, BakerSettings::default()).unwrap();
-    assert_eq!(matrix.to_bytes(), [0b011, 0b111, 0b110]);
+    assert_eq!(
+        matrix.to_bytes(),
+        [0b011, 0b111, 0b110],
+        "rows of the matrix: cells 0 and 2 do not see each other"
+    );
 }

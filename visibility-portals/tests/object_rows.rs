@@ -151,10 +151,17 @@ fn check(buildings: u64, segments: usize) {
         let by_cells = cells.matrix.mean_visible() * BOXES as f64;
         assert!(means[2] <= means[1] && means[1] <= means[0], "{seed}: {means:?}");
         assert!(means[0] < 0.95 * by_cells && means[2] < means[0], "{seed}: {means:?} of {by_cells}");
-        assert!(rows[2].fallbacks.is_empty() && !rows[1].fallbacks.is_empty());
+        assert!(
+            rows[2].fallbacks.is_empty() && !rows[1].fallbacks.is_empty(),
+            "seed {seed}: cells without chains of portals fall back, with all chains none does"
+        );
         // Other rows of cells are refused: of another clearance, and of another graph.
         let wide = BakerSettings { clearance: Some(1e-3), ..settings };
-        assert_eq!(ObjectBaker::new(&graph, &cells, bounds, wide).err(), Some(BakeError::Cells));
+        assert_eq!(
+            ObjectBaker::new(&graph, &cells, bounds, wide).err(),
+            Some(BakeError::Cells),
+            "seed {seed}: rows of cells with another clearance"
+        );
     }
     assert!(
         beyond > 20 * buildings as usize && reached > beyond,

@@ -31,21 +31,33 @@ fn row(rooms: u32) -> (SceneCells, Scene, Vec<ObjectId>) {
 fn closing_a_door_hides_what_is_behind_and_one_way_portals_only_from_one_side() {
     let (mut cells, scene, _) = row(4);
     let mut eye = PortalEye::new();
-    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1, 2, 3]);
+    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1, 2, 3], "all doors are open");
     cells.set_open(PortalId(1), false).unwrap();
-    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1]);
+    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1], "the second door is shut");
     cells.set_passage(PortalId(1), Passage::Forward).unwrap();
     assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1], "a shut door stays shut");
     cells.set_open(PortalId(1), true).unwrap();
-    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1, 2, 3]);
+    assert_eq!(
+        seen(&mut eye, &cells, &scene, &along()),
+        [0, 1, 2, 3],
+        "the second door is open, and passed forwards"
+    );
     cells.set_passage(PortalId(1), Passage::Backward).unwrap();
-    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1]);
+    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1], "the second door is passed backwards alone");
     // From the other end of the row the passage is reversed.
     let pose = Pose::look_at(DVec3::new(15.5, 2.0, 1.0), DVec3::new(0.0, 2.0, 1.0), DVec3::Z);
     let back = View::perspective(pose, 1.0, 1.5, 0.1, 100.0).unwrap();
-    assert_eq!(seen(&mut eye, &cells, &scene, &back), [0, 1, 2, 3]);
+    assert_eq!(
+        seen(&mut eye, &cells, &scene, &back),
+        [0, 1, 2, 3],
+        "from the other end, backwards is the way"
+    );
     cells.set_passage(PortalId(1), Passage::Forward).unwrap();
-    assert_eq!(seen(&mut eye, &cells, &scene, &back), [2, 3]);
+    assert_eq!(
+        seen(&mut eye, &cells, &scene, &back),
+        [2, 3],
+        "from the other end, forwards is against the way"
+    );
 }
 
 #[test]
@@ -53,33 +65,45 @@ fn objects_that_move_are_seen_at_once_and_hidden_when_taken_in() {
     let (mut cells, mut scene, ids) = row(3);
     cells.set_open(PortalId(0), false).unwrap();
     let mut eye = PortalEye::new();
-    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0]);
+    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0], "the first door is shut");
     // Before the sync a changed object is visible wherever it is.
     let moved = Aabb::from_arrays([9.0, 0.5, 0.5], [9.5, 1.0, 1.0]);
     scene.set_bounds(ids[1], moved).unwrap();
     let added = scene.insert(moved);
-    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1, 3]);
+    assert_eq!(
+        seen(&mut eye, &cells, &scene, &along()),
+        [0, 1, 3],
+        "the moved object and the new one, before the sync"
+    );
     cells.sync(&scene);
-    assert_eq!(cells.cells_of(ids[1]), [CellId(2)]);
-    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0]);
+    assert_eq!(cells.cells_of(ids[1]), [CellId(2)], "the moved object is in the third room");
+    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0], "both are in the third room, after the sync");
     // Moves the object so that it spans the eye's room and the next.
     scene.set_bounds(added, Aabb::from_arrays([3.0, 1.0, 0.5], [5.0, 2.0, 1.0])).unwrap();
     cells.sync(&scene);
-    assert_eq!(cells.cells_of(added), [CellId(0), CellId(1)]);
-    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 3]);
+    assert_eq!(cells.cells_of(added), [CellId(0), CellId(1)], "the object spans two rooms");
+    assert_eq!(
+        seen(&mut eye, &cells, &scene, &along()),
+        [0, 3],
+        "the object that reaches into the eye's room"
+    );
     // Moves the object out of all cells, where it is always visible. The index of a removed object is reused
     // by another object.
     scene.set_bounds(added, Aabb::from_arrays([0.0, 50.0, 0.0], [1.0, 51.0, 1.0])).unwrap();
     scene.remove(ids[2]).unwrap();
     let again = scene.insert(moved);
-    assert_eq!(again.index(), ids[2].index());
+    assert_eq!(again.index(), ids[2].index(), "the new object takes the index of the old");
     cells.sync(&scene);
-    assert_eq!((cells.cells_of(ids[2]).len(), cells.cells_of(again).len()), (0, 1));
-    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 3]);
+    assert_eq!(
+        (cells.cells_of(ids[2]).len(), cells.cells_of(again).len()),
+        (0, 1),
+        "cells of the removed object and of the new one"
+    );
+    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 3], "the object outside all cells");
     // A clone is another scene, with which the cells were never synced.
     let (other, ..) = (scene.clone(), ());
-    assert_eq!(seen(&mut eye, &cells, &other, &along()).len(), 4);
-    assert_eq!(eye.stats().fallback, Some(NotCulled::NotSynced));
+    assert_eq!(seen(&mut eye, &cells, &other, &along()).len(), 4, "objects of a clone");
+    assert_eq!(eye.stats().fallback, Some(NotCulled::NotSynced), "why nothing is culled");
 }
 
 #[test]
@@ -98,28 +122,39 @@ fn eyes_outside_and_views_that_begin_outside_fall_back_and_say_so() {
     ] {
         assert_eq!(seen(&mut eye, &cells, &scene, &look(from, near)), [0, 1, 2], "{from}");
         assert_eq!(eye.stats().fallback, Some(NotCulled::OutsideCells), "{from}");
-        assert!(eye.sees(CellId(2)) && eye.seen_cells().count() == 0);
+        assert!(
+            eye.sees(CellId(2)) && eye.seen_cells().count() == 0,
+            "{from}: all cells are seen, none is listed"
+        );
     }
     // The eye is behind the room, but the near plane lies inside: lines of sight begin at the near plane.
-    assert_eq!(seen(&mut eye, &cells, &scene, &look(DVec3::new(-0.5, 2.0, 1.0), 0.6)), [0, 1, 2]);
-    assert_eq!(eye.stats().fallback, None);
+    assert_eq!(
+        seen(&mut eye, &cells, &scene, &look(DVec3::new(-0.5, 2.0, 1.0), 0.6)),
+        [0, 1, 2],
+        "the near plane is in the first room"
+    );
+    assert_eq!(eye.stats().fallback, None, "the eye before the clip plane did not count");
     // A clip plane with the eye behind it: lines of sight begin on the part of the plane that is in the view,
     // which lies in a cell.
     let view = along().with_clip_planes(&[Plane::new(DVec3::X, -0.3)]).unwrap();
-    assert_eq!(seen(&mut eye, &cells, &scene, &view), [0, 1, 2]);
-    assert_eq!((eye.stats().fallback, eye.stats().starts), (None, 1));
+    assert_eq!(seen(&mut eye, &cells, &scene, &view), [0, 1, 2], "the clip plane is in the first room");
+    assert_eq!(
+        (eye.stats().fallback, eye.stats().starts),
+        (None, 1),
+        "one cell in which lines of sight begin"
+    );
     // At this distance the part of the clip plane in the view reaches outside the cell.
     let view = along().with_clip_planes(&[Plane::new(DVec3::X, -7.0)]).unwrap();
-    assert_eq!(seen(&mut eye, &cells, &scene, &view).len(), 3);
-    assert_eq!(eye.stats().fallback, Some(NotCulled::OutsideCells));
+    assert_eq!(seen(&mut eye, &cells, &scene, &view).len(), 3, "the clip plane reaches out of the rooms");
+    assert_eq!(eye.stats().fallback, Some(NotCulled::OutsideCells), "why nothing is culled");
     // Parallel lines of sight.
     let pose = Pose::look_at(DVec3::new(0.5, 2.0, 1.0), DVec3::new(9.0, 2.0, 1.0), DVec3::Z);
     let narrow = View::orthographic(pose, Window::centered(1.2, 0.9), 0.0, 50.0).unwrap();
-    assert_eq!(seen(&mut eye, &cells, &scene, &narrow), [0, 1, 2]);
-    assert_eq!(eye.stats().fallback, None);
+    assert_eq!(seen(&mut eye, &cells, &scene, &narrow), [0, 1, 2], "a narrow parallel view");
+    assert_eq!(eye.stats().fallback, None, "a parallel view begins in the first room");
     // Objects beyond the far plane are not seen.
     let short = View::orthographic(pose, Window::centered(1.2, 0.9), 0.0, 3.0).unwrap();
-    assert_eq!(seen(&mut eye, &cells, &scene, &short), [0]);
+    assert_eq!(seen(&mut eye, &cells, &scene, &short), [0], "a parallel view that ends after 3 m");
 }
 
 #[test]
@@ -174,7 +209,7 @@ fn too_many_steps_fall_back_and_many_ways_are_put_together() {
         visibility_core::FrustumCuller::new().cull(&scene, &view, &mut frustum);
         let mut visible = frustum.clone();
         eye.cull(&cells, &scene, &view, &mut visible);
-        assert_eq!(eye.stats().fallback, None);
+        assert_eq!(eye.stats().fallback, None, "{at:?} to {to:?}: the walk ends within its steps");
         worst = worst.max(eye.stats().portals);
         // Nothing occludes: all objects in the frustum are visible.
         for id in frustum.iter(&scene) {
@@ -183,15 +218,24 @@ fn too_many_steps_fall_back_and_many_ways_are_put_together() {
         let mut limited = PortalEye::new().with_step_limit(40);
         let mut visible = frustum.clone();
         limited.cull(&cells, &scene, &view, &mut visible);
-        assert_eq!(limited.stats().fallback, Some(NotCulled::Steps));
-        assert_eq!(visible.count(&scene), frustum.count(&scene));
+        assert_eq!(
+            limited.stats().fallback,
+            Some(NotCulled::Steps),
+            "{at:?} to {to:?}: 40 steps are too few"
+        );
+        assert_eq!(
+            visible.count(&scene),
+            frustum.count(&scene),
+            "{at:?} to {to:?}: objects left after too few steps"
+        );
         // The next frame with the full limit is not affected by the aborted one.
         limited = limited.with_step_limit(20_000);
         let mut visible = frustum.clone();
         limited.cull(&cells, &scene, &view, &mut visible);
         assert_eq!(
             (limited.stats().portals, limited.stats().crossed),
-            (eye.stats().portals, eye.stats().crossed)
+            (eye.stats().portals, eye.stats().crossed),
+            "{at:?} to {to:?}: portals looked at and crossed, after a frame that gave up"
         );
     }
     assert!(worst < 8_000, "{worst} portals looked at");
@@ -202,20 +246,42 @@ fn questions_of_a_game_are_answered() {
     let (mut cells, scene, _) = row(5);
     let mut eye = PortalEye::new();
     seen(&mut eye, &cells, &scene, &along());
-    assert_eq!(eye.seen_cells().collect::<Vec<_>>(), [0, 1, 2, 3, 4].map(CellId));
-    assert_eq!(eye.path_to(CellId(3)).collect::<Vec<_>>(), [2, 1, 0].map(PortalId));
-    assert_eq!(eye.path_to(CellId(0)).count(), 0);
-    assert_eq!(eye.windows().count(), 4);
+    assert_eq!(eye.seen_cells().collect::<Vec<_>>(), [0, 1, 2, 3, 4].map(CellId), "cells seen, in order");
+    assert_eq!(
+        eye.path_to(CellId(3)).collect::<Vec<_>>(),
+        [2, 1, 0].map(PortalId),
+        "portals on the way back from cell 3"
+    );
+    assert_eq!(eye.path_to(CellId(0)).count(), 0, "portals on the way back from the eye's cell");
+    assert_eq!(eye.windows().count(), 4, "windows that are seen");
     let (portal, cell, corners) = eye.windows().next().unwrap();
-    assert_eq!((portal, cell), (PortalId(0), CellId(1)));
-    assert!(corners.into_iter().all(|corner| (corner.x - 4.0).abs() < 1e-6));
-    assert!(cells.can_see(CellId(0), CellId(4)) && cells.can_see_now(CellId(4), CellId(0)));
+    assert_eq!((portal, cell), (PortalId(0), CellId(1)), "the first window, and the cell behind it");
+    assert!(
+        corners.into_iter().all(|corner| (corner.x - 4.0).abs() < 1e-6),
+        "the first window's corners are in its wall"
+    );
+    assert!(
+        cells.can_see(CellId(0), CellId(4)) && cells.can_see_now(CellId(4), CellId(0)),
+        "ends of the row see each other, doors open"
+    );
     cells.set_open(PortalId(2), false).unwrap();
-    assert!(cells.can_see(CellId(0), CellId(4)) && !cells.can_see_now(CellId(0), CellId(4)));
-    assert!(cells.can_see_now(CellId(0), CellId(2)) && cells.can_see_now(CellId(3), CellId(4)));
+    assert!(
+        cells.can_see(CellId(0), CellId(4)) && !cells.can_see_now(CellId(0), CellId(4)),
+        "a shut door ends the sight of now"
+    );
+    assert!(
+        cells.can_see_now(CellId(0), CellId(2)) && cells.can_see_now(CellId(3), CellId(4)),
+        "both sides of the shut door"
+    );
     cells.set_passage(PortalId(3), Passage::Forward).unwrap();
-    assert!(cells.can_see_now(CellId(3), CellId(4)) && !cells.can_see_now(CellId(4), CellId(3)));
-    assert!(!cells.can_see(CellId(0), CellId(9)) && !cells.can_see_now(CellId(9), CellId(0)));
+    assert!(
+        cells.can_see_now(CellId(3), CellId(4)) && !cells.can_see_now(CellId(4), CellId(3)),
+        "a one-way portal"
+    );
+    assert!(
+        !cells.can_see(CellId(0), CellId(9)) && !cells.can_see_now(CellId(9), CellId(0)),
+        "cells that do not exist"
+    );
 }
 
 #[test]
@@ -228,11 +294,12 @@ fn objects_are_where_the_graph_lists_them_until_they_move() {
     assert_eq!(cells.cells_of(ids[0]), [CellId(0)], "not listed: by its box");
     assert_eq!(
         (cells.cells_of(ids[1]), cells.cells_of(ids[2])),
-        (&[CellId(2)][..], &[CellId(0), CellId(2)][..])
+        (&[CellId(2)][..], &[CellId(0), CellId(2)][..]),
+        "cells of objects that the graph lists"
     );
     scene.set_bounds(ids[1], scene.bounds(ids[1]).unwrap()).unwrap();
     cells.sync(&scene);
-    assert_eq!(cells.cells_of(ids[1]), [CellId(1)]);
+    assert_eq!(cells.cells_of(ids[1]), [CellId(1)], "the object has moved, and is where its box is");
 }
 
 #[test]
@@ -244,13 +311,19 @@ fn sets_limit_the_walk() {
     let pvs = Pvs::new(PvsTargets::Cells, 5, &rows, |_| []).unwrap();
     let cells = cells.with_pvs(pvs).unwrap();
     let mut eye = PortalEye::new();
-    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1, 2]);
-    assert!(cells.can_see(CellId(0), CellId(2)) && !cells.can_see(CellId(0), CellId(3)));
+    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1, 2], "the set ends the walk after two rooms");
+    assert!(
+        cells.can_see(CellId(0), CellId(2)) && !cells.can_see(CellId(0), CellId(3)),
+        "the set of the first cell"
+    );
     let pose = Pose::look_at(DVec3::new(6.0, 2.0, 1.0), DVec3::new(19.0, 2.0, 1.0), DVec3::Z);
     let view = View::perspective(pose, 1.0, 1.5, 0.1, 100.0).unwrap();
-    assert_eq!(seen(&mut eye, &cells, &scene, &view), [1, 2, 3]);
+    assert_eq!(seen(&mut eye, &cells, &scene, &view), [1, 2, 3], "the set of the second cell");
     let few = Pvs::new(PvsTargets::Cells, 4, &rows[..1], |_| []).unwrap();
-    assert!(matches!(cells.with_pvs(few), Err(SceneCellsError::Pvs { cells: 5, viewcells: 1, targets: 4 })));
+    assert!(
+        matches!(cells.with_pvs(few), Err(SceneCellsError::Pvs { cells: 5, viewcells: 1, targets: 4 })),
+        "a set of fewer cells"
+    );
 }
 
 /// Tests that pipelines of two eyes share cells whose doors the game opens, and that each says why its last
@@ -269,24 +342,40 @@ fn shared_cells_open_for_all_eyes_and_each_eye_says_why_it_culls_nothing() {
             (visible.count(scene), lacks)
         })
     };
-    assert_eq!(counts(&scene, &along()), [(4, vec![]), (4, vec![])]);
+    assert_eq!(
+        counts(&scene, &along()),
+        [(4, vec![]), (4, vec![])],
+        "objects that two eyes see, and why not fewer"
+    );
     cells.write().unwrap().set_open(PortalId(1), false).unwrap();
-    assert_eq!(counts(&scene, &along()), [(2, vec![]), (2, vec![])]);
+    assert_eq!(counts(&scene, &along()), [(2, vec![]), (2, vec![])], "a door was shut for both eyes");
     // A mover is taken in by the first of the two frames after the move.
     scene.set_bounds(ids[0], scene.bounds(ids[3]).unwrap()).unwrap();
-    assert_eq!(counts(&scene, &along()), [(1, vec![]), (1, vec![])]);
+    assert_eq!(
+        counts(&scene, &along()),
+        [(1, vec![]), (1, vec![])],
+        "the moved object is taken in for both eyes"
+    );
     let outside = vec!["portals: objects not culled, the eye being outside all cells: 4".to_owned()];
     let pose = Pose::look_at(DVec3::new(-50.0, 2.0, 1.0), DVec3::new(0.0, 2.0, 1.0), DVec3::Z);
     let far = View::perspective(pose, 1.0, 1.5, 0.1, 100.0).unwrap();
-    assert_eq!(counts(&scene, &far), [(4, outside.clone()), (4, outside)]);
+    assert_eq!(
+        counts(&scene, &far),
+        [(4, outside.clone()), (4, outside)],
+        "both eyes are outside of the cells"
+    );
     // Cells that a panic left half changed hide nothing.
     let poisoned = std::panic::catch_unwind(|| {
         let _guard = cells.write().unwrap();
         panic!("a game that fails while it holds the cells");
     });
-    assert!(poisoned.is_err() && cells.is_poisoned());
+    assert!(poisoned.is_err() && cells.is_poisoned(), "the cells are poisoned");
     let lack = vec!["portals: objects not culled, a panic having left the cells: 4".to_owned()];
-    assert_eq!(counts(&scene, &along()), [(4, lack.clone()), (4, lack)]);
+    assert_eq!(
+        counts(&scene, &along()),
+        [(4, lack.clone()), (4, lack)],
+        "both eyes say that a panic left the cells"
+    );
 }
 
 /// A door that is moved in its wall leaves cells, portals and volumes as many as before.
@@ -303,9 +392,12 @@ fn sets_of_another_graph_are_refused_and_unknown_ones_promise_nothing() {
         CellGraph::new(3, portals).unwrap()
     };
     let edited = moved(0.125);
-    assert_eq!(moved(0.0).version(), cells.graph().version());
-    assert!(edited.version() != cells.graph().version());
-    assert!(CellGraph::new(2, []).unwrap().version() != CellGraph::new(3, []).unwrap().version());
+    assert_eq!(moved(0.0).version(), cells.graph().version(), "the same portals have the same version");
+    assert!(edited.version() != cells.graph().version(), "portals moved by 1/8 m have another");
+    assert!(
+        CellGraph::new(2, []).unwrap().version() != CellGraph::new(3, []).unwrap().version(),
+        "another count of cells has another"
+    );
     let pvs = |graph: &CellGraph| Pvs::from_bytes(bake(graph).to_pvs(graph).unwrap().as_bytes()).unwrap();
     let accuracy = |cells: SceneCells| {
         let (culler, mut lacks) = (PortalCuller::new(cells), Vec::new());
@@ -313,20 +405,32 @@ fn sets_of_another_graph_are_refused_and_unknown_ones_promise_nothing() {
         (culler.accuracy(), lacks)
     };
     let with = |pvs: Pvs| cells.clone().with_pvs(pvs);
-    assert_eq!(accuracy(with(pvs(cells.graph())).unwrap()), (Accuracy::Conservative, Vec::new()));
+    assert_eq!(
+        accuracy(with(pvs(cells.graph())).unwrap()),
+        (Accuracy::Conservative, Vec::new()),
+        "a set of this graph"
+    );
     let refused = with(pvs(&edited)).err();
-    assert_eq!(refused, Some(SceneCellsError::OtherGraph));
-    assert!(refused.unwrap().to_string().ends_with("bake again"));
+    assert_eq!(refused, Some(SceneCellsError::OtherGraph), "a set of another graph");
+    assert!(refused.unwrap().to_string().ends_with("bake again"), "the error says what to do");
     // A matrix of bytes, or baked from another graph than that of the call, is of nobody knows which.
     let matrix = CellMatrix::from_bytes(3, &bake(&edited).to_bytes()).unwrap();
-    assert_eq!(matrix, bake(&edited));
+    assert_eq!(matrix, bake(&edited), "a matrix from bytes is equal");
     for unknown in [matrix.to_pvs(cells.graph()), bake(&edited).to_pvs(cells.graph())] {
         let unknown = unknown.unwrap();
-        assert_eq!(unknown.source(), None);
+        assert_eq!(unknown.source(), None, "a set without a known graph");
         let lack = "cells with a PVS that may be of another graph: 3".to_owned();
-        assert_eq!(accuracy(with(unknown.clone()).unwrap()), (Accuracy::Approximate, vec![lack]));
+        assert_eq!(
+            accuracy(with(unknown.clone()).unwrap()),
+            (Accuracy::Approximate, vec![lack]),
+            "what an unknown set promises, and lacks"
+        );
         let promised = unknown.with_source(cells.graph().version());
-        assert_eq!(accuracy(with(promised).unwrap()).0, Accuracy::Conservative);
+        assert_eq!(
+            accuracy(with(promised).unwrap()).0,
+            Accuracy::Conservative,
+            "a set that the caller vouches for"
+        );
     }
 }
 
@@ -336,17 +440,32 @@ fn errors_name_what_is_wrong() {
     let graph = cells.graph().clone();
     let said = |error: SceneCellsError| error.to_string();
     let none = SceneCells::new(graph.clone(), Viewcells::default(), 0.0).unwrap_err();
-    assert_eq!(said(none), "0 viewcells for 3 cells: each cell needs one");
+    assert_eq!(said(none), "0 viewcells for 3 cells: each cell needs one", "no viewcells");
     for tolerance in [-1.0, f64::NAN, f64::INFINITY] {
         let error = SceneCells::new(graph.clone(), cells.viewcells().clone(), tolerance).unwrap_err();
-        assert!(said(error).starts_with("the tolerance cannot be"));
+        assert!(
+            said(error).starts_with("the tolerance cannot be"),
+            "the error names the tolerance {tolerance}"
+        );
     }
     let mut cells = cells;
-    assert_eq!(said(cells.set_open(PortalId(2), true).unwrap_err()), "there is no portal 2");
-    assert!(!cells.is_open(PortalId(2)));
+    assert_eq!(
+        said(cells.set_open(PortalId(2), true).unwrap_err()),
+        "there is no portal 2",
+        "a portal that does not exist"
+    );
+    assert!(!cells.is_open(PortalId(2)), "a portal that does not exist is not open");
     let door = graph.portals()[0].polygon();
-    assert_eq!(cells.add_mirror(CellId(3), door), Err(SceneCellsError::UnknownCell(CellId(3))));
-    assert_eq!(cells.add_mirror(CellId(0), &ConvexPolygon::default()), Err(SceneCellsError::NoPlane));
+    assert_eq!(
+        cells.add_mirror(CellId(3), door),
+        Err(SceneCellsError::UnknownCell(CellId(3))),
+        "a mirror in a cell that does not exist"
+    );
+    assert_eq!(
+        cells.add_mirror(CellId(0), &ConvexPolygon::default()),
+        Err(SceneCellsError::NoPlane),
+        "a mirror without vertices"
+    );
 }
 
 /// Overlapping cells, NaN viewcells, huge and tiny scales: every frame ends without a panic.
@@ -411,7 +530,11 @@ fn no_input_panics_or_hangs() {
                 let Ok(view) = view else { continue };
                 visible.fill(&scene, &view);
                 culler.cull(&scene, &view, &mut visible);
-                assert!(culler.eye().stats().portals <= 20_000 * 9);
+                assert!(
+                    culler.eye().stats().portals <= 20_000 * 9,
+                    "scale {scale}: portals looked at: {}",
+                    culler.eye().stats().portals
+                );
             }
         }
     }

@@ -24,7 +24,7 @@ fn seen(cells: &SceneCells, scene: &Scene, view: &View) -> (PortalEye, usize) {
     let (mut eye, mut visible) = (PortalEye::new(), VisibleSet::new());
     visible.fill(scene, view);
     eye.cull(cells, scene, view, &mut visible);
-    assert_eq!(eye.stats().fallback, None);
+    assert_eq!(eye.stats().fallback, None, "the view begins in a cell");
     let count = visible.count(scene);
     (eye, count)
 }
@@ -97,7 +97,7 @@ fn a_door_that_is_not_flat_hides_nothing_beside_its_dents() {
     let graph = CellGraph::new(2, [(door, [CellId(0), CellId(1)])]).unwrap();
     let mut cells = SceneCells::new(graph, beside(0.0).viewcells().clone(), 1e-9).unwrap();
     cells.sync(&scene);
-    assert_eq!(seen(&cells, &scene, &view).1, 1);
+    assert_eq!(seen(&cells, &scene, &view).1, 1, "objects seen beside the dent");
 }
 
 #[test]
@@ -131,7 +131,11 @@ fn a_mirror_is_looked_into_from_its_plane_and_shows_what_is_in_it() {
     };
     let middle = DVec3::new(4.0, 2.0, 0.0);
     for (tolerance, shown) in [(0.01, vec![0, 1]), (0.001, vec![0])] {
-        assert_eq!(look(&mut room(tolerance), DVec3::new(0.0, 2.0, 0.0), middle), Some(shown));
+        assert_eq!(
+            look(&mut room(tolerance), DVec3::new(0.0, 2.0, 0.0), middle),
+            Some(shown),
+            "tolerance {tolerance}: objects in the mirror"
+        );
     }
     // Eyes beside the mirror, so near its plane that the mirror may face the eye.
     for x in [3.995, 4.0, 4.005] {
@@ -140,7 +144,7 @@ fn a_mirror_is_looked_into_from_its_plane_and_shows_what_is_in_it() {
         assert!(shown.is_some_and(|ids| ids.contains(&3)), "eye at {x}");
     }
     let from = DVec3::new(4.1, 0.0, 0.0);
-    assert_eq!(look(&mut room(0.001), from, from + DVec3::Y), None);
+    assert_eq!(look(&mut room(0.001), from, from + DVec3::Y), None, "an eye behind the mirror");
 }
 
 #[test]

@@ -30,7 +30,10 @@ fn no_reflected_ray_reaches_what_its_reflection_hides() {
             eye.cull(&maze.cells, &maze.scene, &camera.view, &mut visible);
             if eye.stats().reflections_left_out > 0 {
                 // Reflections may be left out only for more than two mirrors along a line of sight.
-                assert!(eye.reflections().len() < 64 && eye.reflections().iter().any(|one| one.depth() == 2));
+                assert!(
+                    eye.reflections().len() < 64 && eye.reflections().iter().any(|one| one.depth() == 2),
+                    "maze {number}, view {view}: a reflection is left out before the limits of 64 and depth 2"
+                );
             }
             for one in eye.reflections() {
                 let count = one.visible().count(&maze.scene) as u64;

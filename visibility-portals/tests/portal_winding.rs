@@ -28,7 +28,7 @@ fn a_hole_wound_the_wrong_way_is_seen_through() {
         let graph = CellGraph::new(2, [(hole, [CellId(0), CellId(1)])]).unwrap();
         let viewcells = Viewcells::new([room(0.0), room(-3.0)]);
         let mut portals = PortalCuller::new(SceneCells::new(graph, viewcells, 1e-6).unwrap());
-        assert_eq!(portals.cells().turned_portals(), turned);
+        assert_eq!(portals.cells().turned_portals(), turned, "portals that the cells' bodies turn");
         let mut scene = Scene::new();
         let below = scene.insert(Aabb::from_arrays([-5.3, -0.3, -2.3], [-4.7, 0.3, -1.7]));
         let aside = scene.insert(Aabb::from_arrays([-1.3, -0.3, -2.3], [-0.7, 0.3, -1.7]));
@@ -36,8 +36,11 @@ fn a_hole_wound_the_wrong_way_is_seen_through() {
         let mut visible = VisibleSet::new();
         visible.fill(&scene, &view);
         portals.cull(&scene, &view, &mut visible);
-        assert!(portals.eye().stats().fallback.is_none());
-        assert!(visible.contains(&scene, below) && !visible.contains(&scene, aside));
+        assert!(portals.eye().stats().fallback.is_none(), "the view begins in a cell");
+        assert!(
+            visible.contains(&scene, below) && !visible.contains(&scene, aside),
+            "the object below the hole, and none aside"
+        );
     }
 }
 
@@ -88,16 +91,30 @@ fn portals_that_are_not_between_their_cells_are_refused() {
     });
     for (first, second) in [([0.0, 4.0], [-4.0, 0.0]), ([0.0, 5.0], [3.0, 8.0]), ([4.0, 8.0], [4.0, 6.0])] {
         let viewcells = Viewcells::new([first, second].map(|[from, to]| body(from, to)));
-        assert_eq!(SceneCells::new(graph.clone(), viewcells, 1e-6).unwrap_err(), error);
+        assert_eq!(
+            SceneCells::new(graph.clone(), viewcells, 1e-6).unwrap_err(),
+            error,
+            "bodies of {first:?} and {second:?}, with a portal at 4"
+        );
     }
     // A graph that had to be turned takes no PVS, which may have been baked before.
     let pvs = || Pvs::new(PvsTargets::Cells, 2, &[[0u32, 1]; 2], |_| []).unwrap();
     let right = Viewcells::new([body(0.0, 4.0), body(4.0, 8.0)]);
     let wrong = Viewcells::new([body(4.0, 8.0), body(0.0, 4.0)]);
-    assert!(SceneCells::new(graph.clone(), right, 1e-6).unwrap().with_pvs(pvs()).is_ok());
+    assert!(
+        SceneCells::new(graph.clone(), right, 1e-6).unwrap().with_pvs(pvs()).is_ok(),
+        "a graph that was right from the start takes a PVS"
+    );
     let turned = SceneCells::new(graph, wrong.clone(), 1e-6).unwrap();
     let again = turned.graph().clone();
     let error = turned.with_pvs(pvs()).unwrap_err();
-    assert_eq!(error, SceneCellsError::TurnedPortals { first: PortalId(0), count: 1 });
-    assert!(SceneCells::new(again, wrong, 1e-6).unwrap().with_pvs(pvs()).is_ok());
+    assert_eq!(
+        error,
+        SceneCellsError::TurnedPortals { first: PortalId(0), count: 1 },
+        "a turned graph takes no PVS, which may be of before"
+    );
+    assert!(
+        SceneCells::new(again, wrong, 1e-6).unwrap().with_pvs(pvs()).is_ok(),
+        "a graph of the turned portals takes one"
+    );
 }

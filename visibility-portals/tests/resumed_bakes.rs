@@ -49,7 +49,7 @@ fn interrupted<B: Baker>(baker: impl Fn() -> B) -> B::Outcome {
     loop {
         let progress = bake.progress();
         bake = Bake::resume(baker(), &bake.save()).unwrap();
-        assert_eq!(bake.progress(), progress);
+        assert_eq!(bake.progress(), progress, "progress after resuming");
         if bake.advance().is_none() {
             return bake.finish();
         }
@@ -63,8 +63,11 @@ fn a_saved_bake_goes_on_to_the_same_answer() {
         [BakerSettings::default(), BakerSettings { steps_per_cell: 40, ..BakerSettings::default() }]
     {
         let whole = Bake::new(baker(&graph, settings)).run();
-        assert!(whole.complete && whole.matrix.count() < 49 * 49);
-        assert_eq!(interrupted(|| baker(&graph, settings)), whole);
+        assert!(
+            whole.complete && whole.matrix.count() < 49 * 49,
+            "{settings:?}: the bake is complete, and hides something"
+        );
+        assert_eq!(interrupted(|| baker(&graph, settings)), whole, "{settings:?}: the interrupted bake");
     }
 }
 
@@ -86,24 +89,45 @@ fn a_saved_bake_of_objects_goes_on_to_the_same_answer() {
         let settings = BakerSettings { steps_per_cell, ..BakerSettings::default() };
         let new = || ObjectBaker::new(&graph, &cells, bounds, settings).unwrap();
         let whole = Bake::new(new()).run();
-        assert_eq!(whole.fallbacks.is_empty(), steps_per_cell == u64::MAX);
-        assert!(whole.complete && whole.rows.iter().any(|row| row.len() > 1));
-        assert_eq!(interrupted(new), whole);
+        assert_eq!(
+            whole.fallbacks.is_empty(),
+            steps_per_cell == u64::MAX,
+            "{steps_per_cell} steps: cells that fall back"
+        );
+        assert!(
+            whole.complete && whole.rows.iter().any(|row| row.len() > 1),
+            "{steps_per_cell} steps: the bake is complete, and a cell sees several objects"
+        );
+        assert_eq!(interrupted(new), whole, "{steps_per_cell} steps: the interrupted bake");
         // A bake that is stopped early keeps at least the objects of the complete bake.
         let mut bake = Bake::new(new());
         bake.advance();
         let stopped = bake.clone().finish();
-        assert!(!stopped.complete && stopped.fallbacks.len() >= whole.fallbacks.len());
+        assert!(
+            !stopped.complete && stopped.fallbacks.len() >= whole.fallbacks.len(),
+            "{steps_per_cell} steps: a stopped bake falls back more often"
+        );
         for (less, more) in whole.rows.iter().zip(&stopped.rows) {
-            assert!(less.iter().all(|object| more.binary_search(object).is_ok()));
+            assert!(
+                less.iter().all(|object| more.binary_search(object).is_ok()),
+                "{steps_per_cell} steps: a stopped bake hides more"
+            );
         }
         // The fingerprint depends on all input of the bake.
         let saved = bake.save();
         let moved = |id: visibility_core::ObjectId| boxes.get(id.index()).map(|&[min, max]| [min, max + 0.1]);
         let other = ObjectBaker::new(&graph, &cells, moved, settings).unwrap();
-        assert_eq!(Bake::resume(other, &saved).err(), Some(FormatError::Fingerprint));
+        assert_eq!(
+            Bake::resume(other, &saved).err(),
+            Some(FormatError::Fingerprint),
+            "{steps_per_cell} steps: another box of an object"
+        );
         let cells = Bake::resume(baker(&graph, settings), &saved);
-        assert_eq!(cells.err(), Some(FormatError::Kind { found: 1, expected: 0 }));
+        assert_eq!(
+            cells.err(),
+            Some(FormatError::Kind { found: 1, expected: 0 }),
+            "{steps_per_cell} steps: a bake of cells from that of objects"
+        );
     }
 }
 
@@ -116,8 +140,12 @@ fn damaged_and_foreign_bytes_are_refused() {
     let refused =
         |graph: &CellGraph, settings, bytes: &[u8]| Bake::resume(baker(graph, settings), bytes).unwrap_err();
     let other = BakerSettings { steps_per_cell: 9, ..BakerSettings::default() };
-    assert_eq!(refused(&graph, other, &good), FormatError::Fingerprint);
-    assert_eq!(refused(&rooms(1.0), BakerSettings::default(), &good), FormatError::Fingerprint);
+    assert_eq!(refused(&graph, other, &good), FormatError::Fingerprint, "other settings");
+    assert_eq!(
+        refused(&rooms(1.0), BakerSettings::default(), &good),
+        FormatError::Fingerprint,
+        "another graph"
+    );
     for place in (0..good.len()).step_by(101) {
         let mut bytes = good.clone();
         bytes[place] ^= 0x10;
@@ -150,7 +178,10 @@ fn forged_counts_are_counted_on_as_far_as_numbers_go() {
         content[counts.clone()].fill(255);
     });
     let outcome = outcome.unwrap().run();
-    assert!(outcome.complete && outcome.steps.iter().all(|&steps| steps == u64::MAX));
+    assert!(
+        outcome.complete && outcome.steps.iter().all(|&steps| steps == u64::MAX),
+        "counts at their limits do not overflow"
+    );
     // Portals that do not exist, or that are listed twice.
     for portal in [u32::MAX, waiting as u32, 0] {
         let error = forged(&|content| content[16..20].copy_from_slice(&portal.to_le_bytes())).unwrap_err();
@@ -181,7 +212,7 @@ fn forged_counts_of_states_take_no_memory() {
     });
     // A matrix has no counts of its own: the bytes must be as many as the cells ask for.
     for cells in [usize::MAX, 1 << 32, 1 << 20, 50] {
-        assert!(CellMatrix::from_bytes(cells, &[0; 64]).is_none());
+        assert!(CellMatrix::from_bytes(cells, &[0; 64]).is_none(), "{cells} cells of 64 bytes");
     }
 }
 

@@ -55,7 +55,10 @@ fn doors_of_a_floor_plan_as_exact_arithmetic_has_it() {
             }
             Stab::No(certificate) => {
                 assert!(!has_line(&shorter), "{segments:?}");
-                assert!(certificate.multipliers().all(|(end, _)| end < 2 * segments.len()));
+                assert!(
+                    certificate.multipliers().all(|(end, _)| end < 2 * segments.len()),
+                    "{segments:?}: the certificate names its segments"
+                );
                 counts[1] += 1;
             }
             Stab::Undecided => {
@@ -150,8 +153,14 @@ fn what_separating_planes_exclude_has_no_line_and_some_more_is_excluded() {
             }
             Stab::No(certificate) => {
                 let edges: usize = polygons.iter().map(Vec::len).sum();
-                assert!(certificate.multipliers().count() <= 7);
-                assert!(certificate.multipliers().all(|(edge, _)| edge < edges));
+                assert!(
+                    certificate.multipliers().count() <= 7,
+                    "{polygons:?}: at most seven edges exclude a line"
+                );
+                assert!(
+                    certificate.multipliers().all(|(edge, _)| edge < edges),
+                    "{polygons:?}: the certificate names its edges"
+                );
                 both += u32::from(!passes);
                 more += u32::from(passes);
             }
@@ -197,14 +206,21 @@ fn rectangles_by_three_projections() {
             Stab::Line([point, direction]) => {
                 for r in &all {
                     let p = point + direction * ((r.min[r.axis] - point[r.axis]) / direction[r.axis]);
-                    assert_eq!(direction[r.axis] > 0.0, r.forward);
+                    assert_eq!(
+                        direction[r.axis] > 0.0,
+                        r.forward,
+                        "{all:?}: the line passes each rectangle forwards or not"
+                    );
                     assert!((0..3).all(|k| k == r.axis || p[k] > r.min[k] && p[k] < r.max[k]), "{all:?}");
                 }
                 lines += 1;
             }
             Stab::No(certificate) => {
                 assert!(!planted, "{all:?}");
-                assert!(certificate.multipliers().count() > 1);
+                assert!(
+                    certificate.multipliers().count() > 1,
+                    "{all:?}: it takes two sides at least to exclude a line"
+                );
                 none += 1;
             }
             Stab::Undecided => open += 1,
@@ -216,14 +232,17 @@ fn rectangles_by_three_projections() {
 #[test]
 fn what_is_no_sequence_is_not_decided() {
     let mut stabber = Stabber::new(1e-6);
-    assert_eq!(stabber.segments(&[]), Stab::Undecided);
-    assert_eq!(stabber.polygons::<Vec<DVec3>>(&[]), Stab::Undecided);
+    assert_eq!(stabber.segments(&[]), Stab::Undecided, "no segments");
+    assert_eq!(stabber.polygons::<Vec<DVec3>>(&[]), Stab::Undecided, "no polygons");
     for bad in [f64::NAN, f64::INFINITY, 1e300, -1e200] {
         let p = DVec2::splat(bad);
         assert!(!matches!(stabber.segments(&[[p, DVec2::ZERO], [DVec2::X, p]]), Stab::Line(_)), "{bad}");
         let polygon = [DVec3::ZERO, DVec3::X * bad, DVec3::Y];
-        assert!(!matches!(stabber.polygons(&[polygon, polygon]), Stab::Line(_)));
+        assert!(
+            !matches!(stabber.polygons(&[polygon, polygon]), Stab::Line(_)),
+            "polygons with a vertex at {bad}"
+        );
         let r = Rectangle { min: DVec3::ZERO, max: DVec3::splat(bad).with_x(0.0), axis: 0, forward: true };
-        assert!(!matches!(stabber.rectangles(&[r, r]), Stab::No(_)));
+        assert!(!matches!(stabber.rectangles(&[r, r]), Stab::No(_)), "rectangles with a side at {bad}");
     }
 }

@@ -36,8 +36,8 @@ fn an_eye_takes_the_pvs_of_the_cells_that_it_is_given() {
     far.sync(&scene);
     let mut eye = PortalEye::new();
     for _ in 0..2 {
-        assert_eq!(seen(&mut eye, &near, &scene, &view), [0, 1]);
-        assert_eq!(seen(&mut eye, &far, &scene, &view), [0, 1, 2, 3, 4]);
+        assert_eq!(seen(&mut eye, &near, &scene, &view), [0, 1], "the cells whose set ends at the next room");
+        assert_eq!(seen(&mut eye, &far, &scene, &view), [0, 1, 2, 3, 4], "the cells whose set has all rooms");
     }
 }
 
@@ -47,7 +47,11 @@ fn a_culler_takes_the_pvs_of_cells_that_are_put_in_the_place_of_others() {
     let mut culler = PortalCuller::new(row(5, 1));
     for reset in [false, true] {
         *culler.cells_mut() = row(5, 1);
-        assert_eq!(seen_by(&mut culler, &scene, &view), [0, 1]);
+        assert_eq!(
+            seen_by(&mut culler, &scene, &view),
+            [0, 1],
+            "reset: {reset}: the set that ends at the next room"
+        );
         *culler.cells_mut() = row(5, 4);
         if reset {
             culler.reset();
@@ -61,11 +65,15 @@ fn a_culler_that_is_reset_is_as_new() {
     let (scene, view) = (boxes(5).0, along());
     let mut culler = PortalCuller::new(row(5, 4)).with_eye(PortalEye::new().with_step_limit(1));
     seen_by(&mut culler, &scene, &view);
-    assert_eq!(culler.eye().stats().fallback, Some(NotCulled::Steps));
+    assert_eq!(culler.eye().stats().fallback, Some(NotCulled::Steps), "one step is too few");
     culler.reset();
     let eye = culler.eye();
-    assert_eq!(eye.stats(), PortalStats::default());
-    assert_eq!((eye.seen_cells().count(), eye.windows().count(), eye.reflections().len()), (0, 0, 0));
+    assert_eq!(eye.stats(), PortalStats::default(), "counts after a reset");
+    assert_eq!(
+        (eye.seen_cells().count(), eye.windows().count(), eye.reflections().len()),
+        (0, 0, 0),
+        "cells seen, windows and reflections after a reset"
+    );
     seen_by(&mut culler, &scene, &view);
     assert_eq!(culler.eye().stats().fallback, Some(NotCulled::Steps), "settings stay");
 }
@@ -81,8 +89,12 @@ fn an_eye_that_gave_up_in_a_large_building_looks_into_a_small_one() {
         seen(&mut eye, &large, &scene, &view);
         let mut eye = eye.with_step_limit(100);
         // Objects outside all cells of the small building stay visible.
-        assert_eq!(seen(&mut eye, &small, &scene, &view), [0, 1, 2, 3, 4, 5, 6, 7, 8]);
-        assert_eq!(eye.stats().fallback, None);
+        assert_eq!(
+            seen(&mut eye, &small, &scene, &view),
+            [0, 1, 2, 3, 4, 5, 6, 7, 8],
+            "{steps} steps before: objects outside the small building stay"
+        );
+        assert_eq!(eye.stats().fallback, None, "{steps} steps before: the walk of the small building ends");
     }
 }
 
@@ -98,11 +110,19 @@ fn mirrors_show_all_that_is_in_view_where_the_cells_do_not_know_the_scene() {
     let shown = |eye: &PortalEye| {
         eye.reflections().iter().map(|one| indices(&scene, one.visible())).collect::<Vec<_>>()
     };
-    assert_eq!(seen(&mut eye, &cells, &scene, &view), [0, 1]);
-    assert_eq!((eye.stats().fallback, shown(&eye)), (Some(NotCulled::NotSynced), vec![vec![0, 1]]));
+    assert_eq!(seen(&mut eye, &cells, &scene, &view), [0, 1], "objects seen before the sync");
+    assert_eq!(
+        (eye.stats().fallback, shown(&eye)),
+        (Some(NotCulled::NotSynced), vec![vec![0, 1]]),
+        "why nothing is culled, and objects in the mirror"
+    );
     cells.sync(&scene);
-    assert_eq!(seen(&mut eye, &cells, &scene, &view), [0, 1]);
-    assert_eq!((eye.stats().fallback, shown(&eye)), (None, vec![vec![0, 1]]));
+    assert_eq!(seen(&mut eye, &cells, &scene, &view), [0, 1], "objects seen after the sync");
+    assert_eq!(
+        (eye.stats().fallback, shown(&eye)),
+        (None, vec![vec![0, 1]]),
+        "objects in the mirror after the sync"
+    );
 }
 
 /// Results of all queries of an eye after a frame.
@@ -296,7 +316,10 @@ fn whatever_is_swapped_the_answer_is_that_of_a_new_eye_and_of_new_cells() {
             let newest = Answer::new(&fresh, &fresh_cells, scene, &newest);
             if told {
                 assert_eq!(answer, newest, "frame {frame}");
-                assert!(scene.ids().all(|id| live[a].cells_of(id) == fresh_cells.cells_of(id)));
+                assert!(
+                    scene.ids().all(|id| live[a].cells_of(id) == fresh_cells.cells_of(id)),
+                    "frame {frame}: cells of an object"
+                );
             } else if answer.stats.fallback != Some(NotCulled::Steps) {
                 assert!(newest.visible.iter().all(|id| answer.visible.contains(id)), "frame {frame}");
             }

@@ -28,8 +28,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     culler.cull(&scene, &cell, &mut visible);
     visible.finish(&scene);
     println!("{} of {} objects can be seen from the viewcell", visible.count(&scene), scene.len());
-    assert!(visible.contains(&scene, before));
-    assert!(behind.iter().all(|&id| !visible.contains(&scene, id)));
+    assert!(visible.contains(&scene, before), "the car before the houses is seen");
+    assert!(behind.iter().all(|&id| !visible.contains(&scene, id)), "a car behind the houses is seen");
 
     for occluder in culler.virtual_occluders(&scene, &cell).occluders() {
         let [a, _, c, _] = occluder.corners();

@@ -5,15 +5,15 @@ use visibility_core::OccluderMesh;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::scene::Triangle;
 
-/// Doubt about a transformed coordinate, of the sum of the magnitudes of its terms. The terms are multiplied
-/// and summed in `f64`, which errs by less than 8u = 4 epsilon.
+/// Error of a transformed coordinate, as a fraction of the sum of the magnitudes of its terms. The terms are
+/// multiplied and summed in `f64`, which errs by less than 8u = 4 epsilon.
 const TRANSFORMED: f64 = 8.0 * f64::EPSILON;
 
-/// Depth of the dents that a convex mesh may have, of the greatest magnitude of a coordinate: twice what
-/// [`OccluderMesh::is_convex`] allows.
+/// Greatest depth of the dents of a convex mesh, as a fraction of the greatest magnitude of a coordinate:
+/// twice the depth that [`OccluderMesh::is_convex`] allows.
 const DENTS: f64 = 4.0 * f32::EPSILON as f64;
 
-/// Returns the depth of the dents that a convex mesh may have, of the greatest magnitude of a coordinate.
+/// Returns the greatest depth of the dents of a convex mesh, in units of its coordinates.
 pub(crate) fn dents(mesh: &OccluderMesh) -> f64 {
     if mesh.is_convex() && !mesh.is_cuboid() { DENTS } else { 0.0 }
 }
@@ -27,16 +27,16 @@ pub(crate) struct Blocker {
     pub(crate) faces: Vec<core::ops::Range<usize>>,
     /// Vertex indices of the faces, one face after another.
     pub(crate) corners: Vec<u32>,
-    /// Doubt about each coordinate of the vertices, in metres.
+    /// Bound on the error of each coordinate of the vertices, in metres.
     pub(crate) slack: f64,
-    /// Triangles that close a hole and are not there: nothing is hidden from what is not strictly behind
-    /// them. They are among the faces too.
+    /// Triangles that close a hole of the mesh although nothing is there. Nothing is hidden from viewpoints
+    /// that are not strictly behind them. They are among `faces` too.
     pub(crate) caps: Vec<[DVec3; 3]>,
 }
 
 impl Blocker {
-    /// Makes the blocker that is a whole convex mesh. `caps` are triangles of the mesh that close a hole. The
-    /// mesh must be in the plane of one of them wherever it is closed.
+    /// Makes the blocker of a whole convex mesh. `caps` are triangles of the mesh that close a hole. Wherever
+    /// the mesh is closed, it must be in the plane of one of them.
     pub(crate) fn solid(mesh: &OccluderMesh, transform: &Affine3A, caps: &[Triangle]) -> Self {
         let mut blocker = Self::placed(mesh, transform, mesh.positions().iter().map(|p| p.as_dvec3()));
         let turned = turn(transform);
@@ -49,7 +49,7 @@ impl Blocker {
         blocker
     }
 
-    /// Makes the blocker that is one triangle of a mesh, with two faces if the mesh is two-sided.
+    /// Makes the blocker of one triangle of a mesh, with two faces if the mesh is two-sided.
     pub(crate) fn triangle(mesh: &OccluderMesh, transform: &Affine3A, triangle: usize) -> Self {
         let corners = mesh.triangles()[triangle].map(|i| mesh.positions()[i as usize].as_dvec3());
         let mut blocker = Self::placed(mesh, transform, corners.into_iter());
@@ -72,7 +72,7 @@ impl Blocker {
         }
     }
 
-    /// Makes the blocker that is a whole box.
+    /// Makes the blocker of a box, given by its least and greatest corner.
     pub(crate) fn cuboid(min: DVec3, max: DVec3) -> Self {
         let at = |corner: usize, bit: usize, axis: usize| {
             if corner >> bit & 1 != 0 { max[axis] } else { min[axis] }
@@ -90,8 +90,8 @@ impl Blocker {
     }
 }
 
-/// Returns the function that keeps the front of a triangle its front: under a mirroring transform its corners
-/// run the other way round.
+/// Returns a function that exchanges two corners of a triangle if the transform mirrors, so that the
+/// triangle's front stays its front.
 fn turn(transform: &Affine3A) -> impl Fn([u32; 3]) -> [u32; 3] {
     let is_mirrored = transform.matrix3.determinant() < 0.0;
     move |[a, b, c]| if is_mirrored { [a, c, b] } else { [a, b, c] }
@@ -102,9 +102,9 @@ pub(crate) struct Placement {
     /// Columns of the linear part. `None` for the identity.
     columns: Option<[DVec3; 3]>,
     translation: DVec3,
-    /// Greatest sum of magnitudes for a coordinate of a placed vertex, in metres.
+    /// Greatest sum of the magnitudes of a coordinate's terms over all placed vertices, in metres.
     size: f64,
-    /// Doubt about each coordinate of a placed vertex, in metres; 0 for the identity.
+    /// Bound on the error of each coordinate of a placed vertex, in metres. 0 for the identity.
     pub(crate) doubt: f64,
 }
 

@@ -18,10 +18,10 @@ use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Accuracy, CullStats, OccluderMesh, RegionCuller, Scene, VisibleSet};
 
-/// Number of blockers of a viewcell. Twice as many hide next to nothing more (measured).
+/// Greatest number of blockers of a viewcell. Twice as many hide next to nothing more (measured).
 const BLOCKERS: usize = 128;
 
-/// Hides what a single convex blocker hides from all of a viewcell. Conservative.
+/// Removes objects that a single convex blocker hides from all of a viewcell. Conservative.
 ///
 /// Blockers are the convex solids among the occluder meshes of the candidates, and the largest triangles of
 /// meshes without solids. Of these, the 128 that look largest from the viewcell are used. A solid that the
@@ -51,7 +51,7 @@ pub struct ConvexBlockersCuller {
     blockers: Vec<[DVec3; 2]>,
 }
 
-/// What may become a blocker.
+/// A solid that may become a blocker.
 struct Candidate<'a> {
     shape: Shape<'a>,
     /// Approximate solid angle from the viewcell.
@@ -61,7 +61,7 @@ struct Candidate<'a> {
 
 enum Shape<'a> {
     Solid(&'a Blocker),
-    /// Mesh, transform and index of a triangle.
+    /// One triangle: its mesh, the mesh's transform, and the triangle's index.
     Triangle(&'a OccluderMesh, &'a Affine3A, usize),
 }
 
@@ -72,7 +72,7 @@ impl Default for ConvexBlockersCuller {
 }
 
 impl ConvexBlockersCuller {
-    /// Makes a culler.
+    /// Makes a culler without blockers. The first call finds them.
     pub const fn new() -> Self {
         Self { solids: Solids::new(), umbrae: Vec::new(), blockers: Vec::new() }
     }
@@ -121,7 +121,7 @@ impl RegionCuller for ConvexBlockersCuller {
     }
 }
 
-/// Lists the solids of the candidate occluders, and the triangles of those without a solid.
+/// Returns the solids of the candidate occluders, and the triangles of occluders without a solid.
 fn candidates<'a>(
     scene: &'a Scene,
     visible: &VisibleSet,

@@ -1,16 +1,17 @@
-//! How far a scene reaches, whatever a few of its objects do: a sky, an endless floor, an object that was put
-//! astray. Coordinates decide by margins in proportion to the magnitudes around, and maps and octrees divide
-//! a range in proportion to its size, so that one such object would take the precision from all others.
+//! Extent of a scene without a few objects that reach much farther than the others: a sky, an endless floor,
+//! an object that was put astray. Margins of decisions grow with the magnitudes around, and maps and octrees
+//! divide a range in proportion to its size. So one such object would take the precision from all others.
 
 use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Scene};
 
-/// Number of objects that the reach of all is estimated from.
+/// Number of objects from which the reach of all is estimated.
 const SAMPLE: usize = 1024;
 
-/// Objects that reach so many times farther than nine of ten objects do are left out: 2^14.
+/// Greatest ratio of an object's reach to that of nine in ten objects, 2^14. Objects that reach farther are
+/// left out.
 const FARTHEST: f64 = 16_384.0;
 
 /// Returns the `part`-th quantile of some numbers, which are reordered. `None` without numbers.
@@ -19,8 +20,9 @@ pub(crate) fn quantile(numbers: &mut [f64], part: f64) -> Option<f64> {
     Some(*numbers.select_nth_unstable_by((last as f64 * part) as usize, f64::total_cmp).1)
 }
 
-/// Returns the bounds within which objects of a scene are looked at from a viewcell, relative to the scene's
-/// origin. Objects that reach out of these bounds count as visible, and hide nothing.
+/// Returns the bounds of the part of a scene that is looked at from a viewcell, relative to the scene's
+/// origin. Objects that reach out of these bounds count as visible and hide nothing. `None` without usable
+/// bounds.
 pub(crate) fn usable_bounds(scene: &Scene, cell: &Viewcell) -> Option<Aabb> {
     let bounds = scene.culled_bounds()?;
     let step = scene.index_limit() / SAMPLE + 1;

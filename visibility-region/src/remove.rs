@@ -1,4 +1,5 @@
-//! What cullers of viewcells share: the box of a viewcell, and the removal of the objects in umbrae.
+//! Functions that cullers of viewcells share: the box of a viewcell, and the removal of the objects in
+//! umbrae.
 
 use crate::umbra::Umbra;
 use alloc::vec::Vec;
@@ -27,10 +28,10 @@ pub(crate) fn cell_box(cell: &Viewcell, origin: DVec3) -> Option<(DVec3, DVec3)>
     (min.is_finite() && max.is_finite()).then_some((min, max))
 }
 
-/// A further test whether a box is hidden.
+/// A further test that returns whether a box is hidden.
 pub(crate) type IsHidden<'a> = &'a dyn Fn(&Aabb) -> bool;
 
-/// Removes the candidates that one of `umbrae` contains, or that `or` says are hidden.
+/// Removes the candidates that one of `umbrae` contains, or for which `or` returns true.
 pub(crate) fn remove_hidden(
     scene: &Scene,
     visible: &mut VisibleSet,
@@ -43,8 +44,8 @@ pub(crate) fn remove_hidden(
     walk.finish()
 }
 
-/// Removes candidates below a node. `live` are the umbrae that reach into the node. Returns whether any
-/// candidate is left.
+/// Removes hidden candidates below a node (`None`: the root). `live` are the indices of the umbrae that reach
+/// into the node. `or` is a further test of a box. Returns whether any candidate is left.
 fn remove_below(
     walk: &mut Walk<SceneHierarchy>,
     node: Option<usize>,

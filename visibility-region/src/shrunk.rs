@@ -22,8 +22,8 @@ use visibility_core::{
     View, VisibleSet,
 };
 
-/// Part of the viewcell's extent at which the views of a sample point begin. Objects within that distance of
-/// the viewcell are visible.
+/// Distance at which the views of a sample point begin, as a fraction of the viewcell's extent. Objects
+/// within this distance of the viewcell are visible.
 const NEAR: f64 = 1e-6;
 
 /// Least distance at which the views of a sample point begin, as a share of the greatest coordinate of the
@@ -51,8 +51,9 @@ const ROUNDING: f64 = 8.0 * f32::EPSILON as f64;
 /// Greatest number of points along a side of the viewcell.
 const MOST_POINTS_PER_SIDE: usize = 64;
 
-/// Hides what a culler from a point hides from each of some points of a viewcell's boundary, with the scene's
-/// occluders shrunk in proportion to the distance between the points. Conservative if the culler is.
+/// Removes objects that a culler from points finds hidden from each sample point of a viewcell's boundary.
+/// The scene's occluders are shrunk in proportion to the distance between the points. Conservative if the
+/// culler is.
 ///
 /// `C` must take its occluders from the occluder meshes of the scene that it is given, as
 /// [`OcclusionCuller`](visibility_core::OcclusionCuller) does with any map. Meshes keep their convex solids,
@@ -70,9 +71,9 @@ pub struct ShrunkCuller<C> {
 }
 
 impl<C: Culler> ShrunkCuller<C> {
-    /// Makes a culler that asks `culler` at points with `points_per_side` along the longest side of the
-    /// viewcell, and as densely along the others. 0 counts as 1, and more than 64 as 64. Occluders shrink by
-    /// about 0.7 of the side over `points_per_side`.
+    /// Makes a culler that calls `culler` for sample points. `points_per_side` are along the longest side of
+    /// the viewcell, and equally dense ones along the others. 0 counts as 1, and more than 64 as 64.
+    /// Occluders shrink by about 0.7 of the longest side over `points_per_side`.
     pub const fn new(culler: C, points_per_side: usize) -> Self {
         Self { culler, points_per_side, points: Vec::new(), solids: Solids::new() }
     }
@@ -103,11 +104,16 @@ impl<C: Culler> RegionCuller for ShrunkCuller<C> {
         let distance =
             sample_points(min, max, self.points_per_side.clamp(1, MOST_POINTS_PER_SIDE), &mut self.points);
         let magnitude = min.abs().max(max.abs()).max_element();
+        // The near plane of each point's views. Objects so close to the viewcell that it may cut them are
+        // kept below.
         let near = ((max - min).max_element() * NEAR).max(magnitude * NEAR_OF_MAGNITUDE).max(LEAST_NEAR);
         self.solids.sync(scene);
+        // A solid that the viewcell meets, or that is open towards it, hides nothing from some of its points.
         let usable = |solid: &&Solid| !solid.meets(min, max) && is_closed_from(&solid.blocker, min, max);
         let usable: Vec<&Solid> = self.solids.list.iter().filter(usable).collect();
         let (shrunk, ids) = shrunk_scene(scene, visible, &usable, distance);
+        // An object hidden from all sample points by occluders shrunk by the distance between points is
+        // hidden from all points of the viewcell.
         let mut seen = alloc::vec![false; scene.index_limit()];
         let (mut left, mut stats) = (ids.len(), CullStats::default());
         let mut set = VisibleSet::new();
@@ -139,7 +145,8 @@ impl<C: Culler> RegionCuller for ShrunkCuller<C> {
     }
 }
 
-/// Covers the sides of a box with points: no point of a side is farther from one than the distance returned.
+/// Covers the sides of a box with sample points. Returns the greatest distance in metres of a point of a side
+/// from the nearest sample point.
 fn sample_points(min: DVec3, max: DVec3, per_side: usize, points: &mut Vec<DVec3>) -> f64 {
     let size = max - min;
     let step = size.max_element() / per_side as f64;
@@ -164,9 +171,9 @@ fn sample_points(min: DVec3, max: DVec3, per_side: usize, points: &mut Vec<DVec3
     distance + min.abs().max(max.abs()).max_element() * POINT_ROUNDING
 }
 
-/// Copies the bounds of a scene, relative to its origin, and gives the copies of the candidates that occlude
-/// a mesh of their shrunk `solids`, which are grouped by object. Returns the copy with the objects' ids in
-/// `scene`, by their index in the copy.
+/// Copies the bounds of a scene, relative to its origin. Copies of the candidates that occlude get a mesh of
+/// their shrunk `solids`, which are grouped by object. Returns the copy, and each object's id in `scene` by
+/// its index in the copy.
 fn shrunk_scene(
     scene: &Scene,
     visible: &VisibleSet,
@@ -260,7 +267,10 @@ mod tests {
                 let (min, mut points) = (DVec3::splat(-1.0), Vec::new());
                 let max = min + DVec3::from_array(size);
                 let distance = sample_points(min, max, per_side, &mut points);
-                assert!(distance <= 0.71 * DVec3::from_array(size).max_element() / per_side as f64 + 1e-13);
+                assert!(
+                    distance <= 0.71 * DVec3::from_array(size).max_element() / per_side as f64 + 1e-13,
+                    "{size:?}, {per_side} points a side: the distance {distance} is more than half a diagonal"
+                );
                 let steps = (0..=20).flat_map(|i| (0..=20).map(move |j| (i, j)));
                 for (axis, (i, j)) in (0..3).flat_map(|axis| steps.clone().map(move |step| (axis, step))) {
                     let mut part = DVec3::new(1.0, f64::from(i) / 20.0, f64::from(j) / 20.0);
@@ -300,13 +310,22 @@ mod tests {
         let shrunk = |by| shrink(&mesh, &Affine3A::IDENTITY, by);
         let bounds = Aabb::from_points(shrunk(0.25).unwrap().into_iter().flatten());
         let inner = Aabb::from_arrays([3.25, 0.25, 0.25], [6.75, 3.75, 0.75]);
-        assert!(inner.contains_point(bounds.min) && inner.contains_point(bounds.max));
-        assert!((bounds.max - inner.max).abs().max_element() < 1e-4);
+        assert!(
+            inner.contains_point(bounds.min) && inner.contains_point(bounds.max),
+            "{bounds:?} is 0.25 m within the solid"
+        );
+        assert!(
+            (bounds.max - inner.max).abs().max_element() < 1e-4,
+            "{bounds:?} has shrunk by more than 0.25 m"
+        );
         assert!(shrunk(0.5).is_none(), "as thin as the distance");
         // Scaled by 2 along x, half the distance is enough there.
         let wide = Affine3A::from_scale(Vec3::new(2.0, 1.0, 1.0));
         let bounds = Aabb::from_points(shrink(&mesh, &wide, 0.25).unwrap().into_iter().flatten());
-        assert!((bounds.min.x - 3.125).abs() < 1e-4 && bounds.min.x >= 3.125);
+        assert!(
+            (bounds.min.x - 3.125).abs() < 1e-4 && bounds.min.x >= 3.125,
+            "{bounds:?} has shrunk by 0.125 m along x, in coordinates of the mesh"
+        );
         let pyramid = |x: f32| {
             let base = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
             let [a, b, c, d] = base.map(|[u, v]| Vec3::new(x + u, v, 0.0));
@@ -319,7 +338,10 @@ mod tests {
         // A pyramid scales about its middle: its base rises by the distance at least.
         let triangles = shrink(&pyramid(0.0), &Affine3A::IDENTITY, 0.25).unwrap();
         let points: Vec<DVec3> = triangles.iter().flatten().map(|p| p.as_dvec3()).collect();
-        assert!(planes.iter().all(|(normal, offset)| points.iter().all(|p| normal.dot(*p) + offset >= 0.25)));
+        assert!(
+            planes.iter().all(|(normal, offset)| points.iter().all(|p| normal.dot(*p) + offset >= 0.25)),
+            "a point of the pyramid is less than 0.25 m within: {points:?}"
+        );
         // Far from the origin of the mesh the vertices round by 0.03, however near the transform moves them.
         let far = Affine3A::from_translation(Vec3::new(-1e6, 0.0, 0.0));
         let pyramid = pyramid(1e6);

@@ -11,7 +11,7 @@ use visibility_core::glam::DVec3;
 use visibility_core::scene::{Changes, SceneCursor, Triangle};
 use visibility_core::{ObjectId, OccluderMesh, Scene, VisibleSet};
 
-/// Greatest number of triangles of an open mesh that is tried to be closed.
+/// Greatest number of triangles of an open mesh whose hole is closed.
 const OPEN: usize = 64;
 
 /// A convex solid of an occluder.
@@ -22,8 +22,9 @@ pub(crate) struct Solid {
     pub(crate) mesh: OccluderMesh,
     /// The solid in scene coordinates, which knows the faces that close the hole.
     pub(crate) blocker: Blocker,
-    /// Bounds in scene coordinates, doubt included.
+    /// Least corner of the bounds in scene coordinates, widened by the error of vertices.
     pub(crate) min: DVec3,
+    /// Greatest corner of these bounds.
     pub(crate) max: DVec3,
 }
 
@@ -91,8 +92,8 @@ pub(crate) fn occluding(scene: &Scene, visible: &VisibleSet) -> Bits {
     bits
 }
 
-/// Moves a cursor to the present state of a scene. Returns whether anything has changed since that is, or
-/// was, an occluder; `known` are the indices of the occluders at the cursor's state.
+/// Moves a cursor to the present state of a scene. Returns whether any object has changed since that is an
+/// occluder, or was one. `known` are the indices of the occluders at the cursor's former state.
 pub(crate) fn occluders_changed(cursor: &mut SceneCursor, scene: &Scene, known: &Bits) -> bool {
     match cursor.follow(scene) {
         Changes::Everything => true,
@@ -137,8 +138,8 @@ pub(crate) fn close(mesh: &OccluderMesh) -> Option<(OccluderMesh, Vec<Triangle>)
     closed.is_convex().then_some((closed, caps))
 }
 
-/// Returns the triangles of `fan` that have a plane to speak of. `None` if one without is not in the plane of
-/// one with.
+/// Returns the triangles of `fan` that have an area. `None` if a triangle without area is not in the plane of
+/// one with an area.
 ///
 /// A line of sight from strictly behind the plane of a cap does not enter the solid through the cap. If it
 /// enters through a sliver that is within the depth of the solid's dents of that plane, it stays as close to
@@ -200,7 +201,7 @@ mod tests {
                 assert!(caps.iter().any(is_in_slit), "{width} x {height}, from {first}: {caps:?}");
             }
         }
-        assert!(closed > 0);
+        assert!(closed > 0, "no house with a slit was closed");
     }
 
     #[test]
@@ -215,9 +216,13 @@ mod tests {
         let solid = solid.unwrap();
         let bottom = [p(0.0, 0.0, 0.0), p(0.0, 4.0, 0.0), p(4.0, 0.0, 0.0)];
         let sliver = |z: f32| [p(0.0, 0.0, 0.0), p(4.0, 0.0, 0.0), p(4.0, 1e-5, z)];
-        assert_eq!(caps(&[bottom, sliver(0.0)], &solid), Some(vec![bottom]));
+        assert_eq!(
+            caps(&[bottom, sliver(0.0)], &solid),
+            Some(vec![bottom]),
+            "the sliver in the plane of the cap is dropped"
+        );
         assert_eq!(caps(&[sliver(1e-6), bottom], &solid), Some(vec![bottom]), "as deep as the dents may be");
-        assert_eq!(caps(&[bottom, sliver(1e-5)], &solid), None);
+        assert_eq!(caps(&[bottom, sliver(1e-5)], &solid), None, "a sliver deeper than dents may be");
         assert_eq!(caps(&[sliver(0.0)], &solid), None, "no cap has a plane");
     }
 }

@@ -22,7 +22,7 @@ struct Side {
     anchor: DVec3,
     /// Cross product of `u` and `v`.
     normal: DVec3,
-    /// Greatest magnitudes of the coordinates of `u` and of `v`.
+    /// Greatest magnitude of a coordinate of `u`, and of `v`.
     sizes: [f64; 2],
 }
 
@@ -71,7 +71,7 @@ fn behind(blocker: &Blocker) -> impl Iterator<Item = Side> + '_ {
         .map(move |face| Side::new(vertex(face.start), vertex(face.start + 2), vertex(face.start + 1)))
 }
 
-/// Returns whether the box between two corners is strictly behind the hole of a blocker; true without a hole.
+/// Returns whether the box between two corners is strictly behind the hole of a blocker. True without a hole.
 pub(crate) fn is_closed_from(blocker: &Blocker, min: DVec3, max: DVec3) -> bool {
     let is_behind = |[a, b, c]: &[DVec3; 3]| {
         Side::new(*a, *c, *b).classify(min, max, blocker.slack) == Containment::Inside
@@ -187,12 +187,17 @@ mod tests {
         let half = 2.0 + slope * 3.0;
         let boxed = |half: f64| (DVec3::new(6.0, -half, -half), DVec3::new(6.5, half, half));
         let (min, max) = boxed(half - 1e-9);
-        assert_eq!(umbra.classify_box(min, max), Containment::Inside);
+        assert_eq!(umbra.classify_box(min, max), Containment::Inside, "a box within the umbra by 1e-9 m");
         let (min, max) = boxed(half + 1e-9);
-        assert_eq!(umbra.classify_box(min, max), Containment::Crossing);
+        assert_eq!(
+            umbra.classify_box(min, max),
+            Containment::Crossing,
+            "a box that leaves the umbra by 1e-9 m"
+        );
         assert_eq!(
             umbra.classify_box(DVec3::new(-5.0, 0.0, 0.0), DVec3::new(-4.0, 1.0, 1.0)),
-            Containment::Outside
+            Containment::Outside,
+            "a box on the viewcell's side of the wall"
         );
     }
 
@@ -208,7 +213,7 @@ mod tests {
     fn cells_in_or_beside_a_blocker_give_no_umbra() {
         let wall = Blocker::cuboid(DVec3::new(3.0, -2.0, -2.0), DVec3::new(4.0, 2.0, 2.0));
         let inside = |min: [f64; 3], max: [f64; 3]| Umbra::new(&wall, min.into(), max.into()).is_none();
-        assert!(inside([3.2, 0.0, 0.0], [3.4, 1.0, 1.0]));
+        assert!(inside([3.2, 0.0, 0.0], [3.4, 1.0, 1.0]), "a cell within the wall");
         assert!(inside([2.0, 0.0, 0.0], [3.5, 1.0, 1.0]), "a cell that reaches into the wall");
         assert!(inside([2.0, 0.0, 0.0], [3.0, 1.0, 1.0]), "a cell that touches the wall");
         assert!(inside([2.0, 0.0, 0.0], [5.0, 1.0, 1.0]), "a cell that the wall passes through");

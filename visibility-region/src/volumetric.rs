@@ -88,7 +88,7 @@ impl Default for VolumetricCuller {
 }
 
 impl VolumetricCuller {
-    /// Makes a culler.
+    /// Makes a culler without an octree. The first call builds it.
     pub const fn new() -> Self {
         let octree = Octree { min: DVec3::ZERO, max: DVec3::ZERO, nodes: Vec::new() };
         Self { solids: Solids::new(), octree, blockers: Vec::new() }
@@ -127,6 +127,8 @@ impl RegionCuller for VolumetricCuller {
         let usable: Vec<bool> = self.solids.list.iter().map(is_usable).collect();
         let mut space = Space::new(&self.octree, &usable);
         let mut umbrae = Vec::new();
+        // Opaque cells, those that look largest first, extended through opaque and hidden cells to a box. The
+        // umbra of each makes further cells hidden, through which later ones may extend.
         for leaf in space.largest(min, max) {
             if umbrae.len() == BLOCKERS {
                 break;
@@ -184,6 +186,8 @@ impl Octree {
         let mut listed = solids.len();
         let most = LISTED + 16 * solids.len();
         while let Some((node, [min, max], near)) = queue.pop_front() {
+            // A cell inside a solid is opaque. Any other cell that solids meet is divided while memory
+            // allows; breadth first, so that the limits cut off the smallest cells.
             let contains =
                 |&solid: &u32| behind[solid as usize].classify_box(min, max) == Containment::Inside;
             if let Some(solid) = near.iter().copied().find(contains) {
@@ -217,7 +221,7 @@ struct Leaf {
     rank: f64,
 }
 
-/// What is known of space from one viewcell.
+/// State of the octree's cells as seen from one viewcell.
 struct Space<'a> {
     octree: &'a Octree,
     /// Whether each solid may occlude.
@@ -360,7 +364,10 @@ mod tests {
         let space = Space::new(&octree, &usable);
         for leaf in space.largest(DVec3::splat(-9.0), DVec3::splat(-8.0)).iter().take(500) {
             let [min, max] = space.extended(leaf.min, leaf.max);
-            assert!(min.cmple(leaf.min).all() && leaf.max.cmple(max).all());
+            assert!(
+                min.cmple(leaf.min).all() && leaf.max.cmple(max).all(),
+                "the blocker {min} to {max} holds its leaf"
+            );
             assert!(min.min_element() > 0.0 && max.z < 8.0, "{min} {max}");
             assert!(max.x < 4.0 || max.y < 4.0, "{min} {max} holds the corner");
         }
@@ -372,9 +379,12 @@ mod tests {
     #[test]
     fn unusable_solids_are_not_opaque() {
         let octree = space_of(&[([0.0; 3], [8.0; 3])]);
-        assert!(Space::new(&octree, &[false]).largest(DVec3::ZERO, DVec3::ONE).is_empty());
+        assert!(
+            Space::new(&octree, &[false]).largest(DVec3::ZERO, DVec3::ONE).is_empty(),
+            "a solid that may not be used is opaque"
+        );
         let space = Space::new(&octree, &[true]);
-        assert!(space.is_blocked(DVec3::splat(3.0), DVec3::splat(4.0), true));
+        assert!(space.is_blocked(DVec3::splat(3.0), DVec3::splat(4.0), true), "a box within the solid");
         assert!(!space.is_blocked(DVec3::splat(3.0), DVec3::splat(8.0), true), "the surface is not opaque");
         assert!(!space.is_blocked(DVec3::splat(3.0), DVec3::splat(80.0), true), "nor is what is outside");
     }
@@ -385,6 +395,6 @@ mod tests {
         let boxes: Vec<_> = (0..2000).map(|i| ([0.0; 3], [8.0 + i as f32 * 1e-5; 3])).collect();
         let octree = space_of(&boxes);
         assert!((9..8 * LISTED / boxes.len()).contains(&octree.nodes.len()), "{}", octree.nodes.len());
-        assert!(space_of(&boxes[..1]).nodes.len() > 10_000);
+        assert!(space_of(&boxes[..1]).nodes.len() > 10_000, "one solid divides the space further");
     }
 }

@@ -62,6 +62,9 @@ fn world(random: &mut Random, scale: f32) -> Scene {
     scene
 }
 
+/// Names of the cullers, in the order in which all tests list them.
+const NAMES: [&str; 3] = ["convex blockers", "volumetric", "shrunk"];
+
 #[derive(Default, Debug)]
 struct Verdict {
     /// Objects seen by a ray.
@@ -88,12 +91,16 @@ fn trials(worlds: u64, rays: usize, scale: f32) -> Verdict {
         rays.cull(&scene, &cell, &mut VisibleSet::new());
         verdict.seen += rays.sight_lines().len();
         let cullers: [&mut dyn RegionCuller; 3] = [&mut convex, &mut volumetric, &mut shrunk];
-        for (culler, hidden) in cullers.into_iter().zip(&mut verdict.hidden) {
-            assert_eq!(culler.accuracy(), Accuracy::Conservative);
+        for ((name, culler), hidden) in NAMES.into_iter().zip(cullers).zip(&mut verdict.hidden) {
+            assert_eq!(culler.accuracy(), Accuracy::Conservative, "{name} is conservative");
             let mut visible = VisibleSet::new();
             let stats = culler.cull(&scene, &cell, &mut visible);
             *hidden += scene.len() - visible.count(&scene);
-            assert_eq!(stats.visible as usize, visible.count(&scene));
+            assert_eq!(
+                stats.visible as usize,
+                visible.count(&scene),
+                "{name}: objects counted and in the set"
+            );
             for line in rays.sight_lines() {
                 if !visible.contains(&scene, line.id) {
                     verdict.lost += 1;
@@ -126,7 +133,7 @@ fn scale_does_not_matter() {
     let of_size_1 = trials(3, 1000, 1.0);
     for scale in [1e-15, 1e-3, 1e6, 1e15] {
         let verdict = trials(3, 1000, scale);
-        assert_eq!(verdict.lost, 0);
+        assert_eq!(verdict.lost, 0, "scale {scale}: objects hidden that are seen");
         // The shrunk occluders are tested by absolute margins above.
         assert!(verdict.hidden[0].abs_diff(of_size_1.hidden[0]) < 20, "{scale}: {verdict:?} {of_size_1:?}");
     }
@@ -154,15 +161,21 @@ fn open_houses_hide_from_above_the_ground() {
         &mut VolumetricCuller::new(),
         &mut ShrunkCuller::new(PointShadows, 4),
     ];
-    for culler in cullers {
+    for (name, culler) in NAMES.into_iter().zip(cullers) {
         let mut visible = VisibleSet::new();
         let cell = Viewcell::from_box(DVec3::new(0.0, 0.0, 0.2), DVec3::new(1.0, 1.0, 1.0));
         culler.cull(&scene, &cell, &mut visible);
-        assert!(!visible.contains(&scene, behind) && visible.contains(&scene, house));
+        assert!(
+            !visible.contains(&scene, behind) && visible.contains(&scene, house),
+            "{name}: from the ground, the house hides what is behind"
+        );
         let cell = Viewcell::from_box(DVec3::new(5.0, 0.0, -3.0), DVec3::new(6.0, 1.0, -2.0));
         let mut visible = VisibleSet::new();
         culler.cull(&scene, &cell, &mut visible);
-        assert!(visible.contains(&scene, behind) && visible.contains(&scene, above));
+        assert!(
+            visible.contains(&scene, behind) && visible.contains(&scene, above),
+            "{name}: from below, the open house hides nothing"
+        );
     }
 }
 
@@ -185,11 +198,14 @@ fn what_shares_the_plane_of_a_blocker_is_seen() {
         &mut VolumetricCuller::new(),
         &mut ShrunkCuller::new(PointShadows, 4),
     ];
-    for culler in cullers {
+    for (name, culler) in NAMES.into_iter().zip(cullers) {
         let mut visible = VisibleSet::new();
         culler.cull(&scene, &cell, &mut visible);
-        assert!(seen.iter().chain([&id, &never, &improper]).all(|&id| visible.contains(&scene, id)));
-        assert!(hidden.iter().all(|&id| !visible.contains(&scene, id)));
+        assert!(
+            seen.iter().chain([&id, &never, &improper]).all(|&id| visible.contains(&scene, id)),
+            "{name}: what is before the wall, shares its plane, or is never culled"
+        );
+        assert!(hidden.iter().all(|&id| !visible.contains(&scene, id)), "{name}: what is behind the wall");
         // A cell inside the wall, one that reaches into it, and no proper cell at all.
         for (min, max) in [(5.0, 6.0), (0.0, 5.0), (1.0, 0.0), (f64::NAN, 1.0), (f64::NEG_INFINITY, 0.0)] {
             let cell = Viewcell::from_box(DVec3::splat(min), DVec3::splat(max));
@@ -202,10 +218,14 @@ fn what_shares_the_plane_of_a_blocker_is_seen() {
         open.set_occluder(id, false).unwrap();
         let mut visible = VisibleSet::new();
         culler.cull(&open, &cell, &mut visible);
-        assert_eq!(visible.count(&open), open.len());
+        assert_eq!(
+            visible.count(&open),
+            open.len(),
+            "{name}: objects visible after the wall stopped occluding"
+        );
         culler.cull(&Scene::new(), &cell, &mut VisibleSet::new());
     }
-    assert_eq!(wall.classify_aabb(&tile([5.0, 6.0])), Containment::Inside);
+    assert_eq!(wall.classify_aabb(&tile([5.0, 6.0])), Containment::Inside, "the tile is within the wall");
 }
 
 /// A viewcell that is a point, and an object there: nearer than the views of the point begin.
@@ -219,9 +239,9 @@ fn what_touches_the_cell_is_seen_however_small() {
         &mut VolumetricCuller::new(),
         &mut ShrunkCuller::new(PointShadows, 2),
     ];
-    for culler in cullers {
+    for (name, culler) in NAMES.into_iter().zip(cullers) {
         let mut visible = VisibleSet::new();
         culler.cull(&scene, &cell, &mut visible);
-        assert!(visible.contains(&scene, dust));
+        assert!(visible.contains(&scene, dust), "{name}: a point in the cell");
     }
 }

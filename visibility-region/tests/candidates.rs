@@ -55,7 +55,10 @@ fn what_an_earlier_stage_dropped_hides_nothing() {
             culler.cull(&world.scene, &cell(), &mut visible);
             visible.contains(&world.scene, behind)
         };
-        assert!(!sees(None) && sees(Some(wall)) && !sees(None));
+        assert!(
+            !sees(None) && sees(Some(wall)) && !sees(None),
+            "{transform:?}: a wall that was dropped hides nothing, and hides again as a candidate"
+        );
     }
 }
 
@@ -73,8 +76,11 @@ fn what_is_on_no_layer_of_the_candidates_hides_nothing() {
             visible
         };
         world.scene.set_layers(wall, 2).unwrap();
-        assert!(!sees(&world.scene, VisibleSet::new()));
-        assert!(!sees(&world.scene, of_layers(&world.scene, 3)));
+        assert!(
+            !sees(&world.scene, VisibleSet::new()),
+            "{transform:?}: a new set, on whose layers the wall is"
+        );
+        assert!(!sees(&world.scene, of_layers(&world.scene, 3)), "{transform:?}: a set on the wall's layer");
         assert!(sees(&world.scene, of_layers(&world.scene, 1)), "drawn by other cameras");
         world.scene.set_layers(wall, 0).unwrap();
         assert!(sees(&world.scene, VisibleSet::new()), "drawn by no camera");
@@ -88,14 +94,17 @@ fn virtual_occluders_stand_for_what_the_view_draws() {
         let (mut culler, bounds) = (ExtendedProjectionCuller::new(), world.scene.bounds(behind).unwrap());
         let mut hides = |scene: &Scene, layers: u32| {
             let mut map = culler.virtual_occluders(scene, &cell());
-            assert!(map.sync(scene));
+            assert!(map.sync(scene), "the occluders are of this scene");
             map.begin(&view(layers), DVec3::ZERO);
             map.test(&bounds) == Occlusion::Hidden
         };
-        assert!(hides(&world.scene, 1));
+        assert!(hides(&world.scene, 1), "the wall is on all layers");
         world.scene.set_layers(wall, 2).unwrap();
-        assert!(hides(&world.scene, 2) && hides(&world.scene, 3) && !hides(&world.scene, 1));
+        assert!(
+            hides(&world.scene, 2) && hides(&world.scene, 3) && !hides(&world.scene, 1),
+            "the wall is on layer 2"
+        );
         world.scene.set_layers(wall, 0).unwrap();
-        assert!(!hides(&world.scene, u32::MAX));
+        assert!(!hides(&world.scene, u32::MAX), "the wall is on no layer");
     }
 }

@@ -85,7 +85,7 @@ fn virtual_occluders_of_an_oriented_cell_are_for_eyes_in_it() {
         map.test(&post) == Occlusion::Hidden
     };
     for part in [0.1, 0.5, 0.9] {
-        assert!(hides(eye(DVec3::new(part, 0.5, 0.5))));
+        assert!(hides(eye(DVec3::new(part, 0.5, 0.5))), "an eye {part} along the cell");
     }
     assert!(!hides(DVec3::new(2.5, -2.5, 0.0)), "in the box, and out of the planes");
     // The planes of an empty viewcell leave nothing to see, and nothing to panic about.

@@ -70,7 +70,11 @@ fn no_ray_leaves_a_closed_room() {
         let mut visible = VisibleSet::new();
         culler.cull(&scene, &cell, &mut visible);
         assert!(outside.iter().all(|&id| !visible.contains(&scene, id)), "seed {seed}");
-        assert!(visible.count(&scene) > inside * 9 / 10);
+        assert!(
+            visible.count(&scene) > inside * 9 / 10,
+            "seed {seed}: {} of {inside} objects of the room are seen",
+            visible.count(&scene)
+        );
         sent += culler.rays_cast();
     }
     assert_eq!(sent, 240_000, "what is outside stays missing");
@@ -99,7 +103,7 @@ fn narrow_gaps_are_found() {
         let mut visible = VisibleSet::new();
         SamplingCuller::new().with_rays(rays).cull(&scene, &cell, &mut visible);
         assert!(visible.contains(&scene, behind), "a gap of {width} m");
-        assert!(!visible.contains(&scene, hidden));
+        assert!(!visible.contains(&scene, hidden), "a gap of {width} m shows what is elsewhere");
     }
 }
 
@@ -128,7 +132,7 @@ fn sight_lines_are_unobstructed() {
         culler.cull(&scene, &cell, &mut VisibleSet::new());
         for line in culler.sight_lines() {
             checked += 1;
-            assert!(cell.contains(line.eye));
+            assert!(cell.contains(line.eye), "{line:?} begins in the cell");
             for (id, half, transform) in &boxes {
                 let local = |p: DVec3| {
                     let turn =
@@ -168,7 +172,7 @@ fn what_is_no_occluder_is_seen_and_seen_through() {
     let lost = insert(&mut scene, vec![[Vec3::NAN; 3]], true);
     let behind = scene.insert(Aabb::from_arrays([6.0, 0.0, 0.0], [6.5, 0.5, 0.5]));
     let mut culler = SamplingCuller::new();
-    assert_eq!(culler.accuracy(), Accuracy::Aggressive);
+    assert_eq!(culler.accuracy(), Accuracy::Aggressive, "sampling is aggressive");
     let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
     let mut visible = VisibleSet::new();
     culler.cull(&scene, &cell, &mut visible);
@@ -181,7 +185,7 @@ fn what_is_no_occluder_is_seen_and_seen_through() {
     scene.set_occluder(wall, false).unwrap();
     let mut visible = VisibleSet::new();
     culler.cull(&scene, &cell, &mut visible);
-    assert!(visible.contains(&scene, behind));
+    assert!(visible.contains(&scene, behind), "the wall stopped occluding");
     // In a clone that is changed, and back in the first.
     let mut clone = scene.clone();
     clone.set_occluder(wall, true).unwrap();
@@ -190,7 +194,10 @@ fn what_is_no_occluder_is_seen_and_seen_through() {
         culler.cull(scene, &cell, &mut visible);
         !visible.contains(scene, behind)
     };
-    assert!(hides(&mut culler, &clone) && !hides(&mut culler, &scene) && hides(&mut culler, &clone));
+    assert!(
+        hides(&mut culler, &clone) && !hides(&mut culler, &scene) && hides(&mut culler, &clone),
+        "the wall occludes in the clone alone"
+    );
 }
 
 #[test]

@@ -10,7 +10,7 @@ use visibility_testing::{SlotScene, SlotSearch};
 
 /// Makes trials, and fails for one whose target is hidden though it is seen.
 fn search(culler: &mut dyn RegionCuller, first: usize, trials: usize) -> SlotSearch {
-    assert_eq!(culler.accuracy(), Accuracy::Conservative);
+    assert_eq!(culler.accuracy(), Accuracy::Conservative, "the culler is conservative");
     let search = SlotScene::search(culler, 1, first, trials);
     assert!(search.wrong.is_empty(), "targets of scenes {:?} are seen and hidden", search.wrong);
     search

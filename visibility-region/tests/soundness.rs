@@ -25,7 +25,7 @@ fn search(cullers: &mut [Box<dyn RegionCuller>], seed: u64, trials: usize, rays:
         sampling.cull(&world.scene, &cell, &mut VisibleSet::new());
         seen += sampling.sight_lines().len();
         for (number, culler) in cullers.iter_mut().enumerate() {
-            assert_eq!(culler.accuracy(), Accuracy::Conservative);
+            assert_eq!(culler.accuracy(), Accuracy::Conservative, "culler {number} is conservative");
             let hidden = world.hidden(culler.as_mut(), &cell);
             hidden_objects += hidden.len();
             if let Err((id, eye, direction)) = world.search(&mut rng, &cell, &hidden, rays) {
@@ -77,7 +77,11 @@ fn no_ray_from_the_cell_reaches_what_is_hidden_from_its_parts() {
     };
     let (all, whole) = (world.scene.len(), left(None, false));
     assert!(whole < all && left(Some(1), false) == whole, "one part is the whole");
-    assert_eq!((left(Some(0), false), left(Some(2), true)), (all, all));
+    assert_eq!(
+        (left(Some(0), false), left(Some(2), true)),
+        (all, all),
+        "no parts, and a sweep that is over, hide nothing"
+    );
 }
 
 #[test]

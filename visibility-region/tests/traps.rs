@@ -25,7 +25,10 @@ fn an_object_is_not_hidden_by_its_own_front_nor_by_a_front_in_the_same_plane() {
     let picture = world.add_target(Aabb::from_arrays([5.0, -1.0, -1.0], [5.0, 1.0, 1.0]));
     let thicker = world.add_target(Aabb::from_arrays([5.0, 2.0, -1.0], [5.2, 3.0, 1.0]));
     let behind = world.add_target(target(5.5, 0.0, 0.0));
-    assert!(!hides(&world, wall) && !hides(&world, picture) && !hides(&world, thicker));
+    assert!(
+        !hides(&world, wall) && !hides(&world, picture) && !hides(&world, thicker),
+        "the wall, the picture in its plane and the thing that begins there"
+    );
     assert!(hides(&world, behind), "what touches the back");
 }
 
@@ -37,8 +40,8 @@ fn rays_that_pass_beside_an_earlier_window_are_not_taken_for_blocked() {
     world.add_box([20.0, -6.0, -6.0], [20.2, 6.0, 6.0]);
     let middle = world.add_target(target(40.0, 0.0, 0.0));
     let aside = [-38.0, -30.0, -24.0, 24.0, 30.0, 38.0].map(|y| world.add_target(target(40.0, y, 0.0)));
-    assert!(hides(&world, middle));
-    assert!(aside.iter().all(|&id| !hides(&world, id)));
+    assert!(hides(&world, middle), "what is behind both walls");
+    assert!(aside.iter().all(|&id| !hides(&world, id)), "what is beside the far wall");
 }
 
 #[test]
@@ -53,7 +56,7 @@ fn walls_between_the_houses_of_a_row_do_not_divide_it() {
         let id = world.add_target(target(30.0, 0.0, 0.0));
         hides(&world, id)
     };
-    assert!(row(0.0));
+    assert!(row(0.0), "the row without gaps hides");
     assert!(!row(0.01), "through the gaps it is seen");
 }
 
@@ -63,7 +66,7 @@ fn what_stands_on_the_ground_behind_a_wall_is_hidden_though_the_wall_ends_there_
     world.add_box([-90.0, -90.0, -2.0], [90.0, 90.0, -1.0]);
     world.add_box([5.0, -20.0, -1.0], [5.2, 20.0, 9.0]);
     let id = world.add_target(Aabb::from_arrays([20.0, -1.0, -1.0], [21.0, 1.0, 1.0]));
-    assert!(hides(&world, id));
+    assert!(hides(&world, id), "the thing on the ground behind the wall");
 }
 
 #[test]
@@ -119,7 +122,7 @@ fn a_wall_gets_its_plane_however_many_small_occluders_there_are() {
         world.add_box([x, y, -9.0], [x + 0.05, y + 0.3, 9.0]);
     }
     let id = world.add_target(target(5.3, 0.0, 0.0));
-    assert!(hides(&world, id));
+    assert!(hides(&world, id), "what is just behind the wall");
 }
 
 #[test]
@@ -128,7 +131,7 @@ fn objects_between_two_directions_are_hidden_by_a_wall_around_the_corner() {
     world.add_box([5.0, -9.0, -9.0], [5.2, 5.2, 9.0]);
     world.add_box([-9.0, 5.0, -9.0], [5.2, 5.2, 9.0]);
     let ids = [target(20.0, 15.0, 0.0), target(15.0, 22.0, 0.0)].map(|bounds| world.add_target(bounds));
-    assert!(ids.iter().all(|&id| hides(&world, id)));
+    assert!(ids.iter().all(|&id| hides(&world, id)), "what is behind the corner");
 }
 
 #[test]
@@ -155,7 +158,7 @@ fn a_floor_that_ends_under_the_cell_is_seen_past_its_near_end() {
         hides(&world, id)
     };
     // From the lower back of the cell, rays pass the end that is 5 cm behind the front of the cell.
-    assert!(!floor(0.45));
+    assert!(!floor(0.45), "the floor hides what is below its near end");
 }
 
 #[test]
@@ -164,7 +167,7 @@ fn glass_doors_and_movers_never_occlude() {
     let door = world.add_box([5.0, -9.0, -9.0], [5.2, 9.0, 9.0]);
     let id = world.add_target(target(20.0, 0.0, 0.0));
     let mut culler = ExtendedProjectionCuller::new();
-    assert!(world.hidden(&mut culler, &cell()).contains(&id));
+    assert!(world.hidden(&mut culler, &cell()).contains(&id), "the shut door hides");
     world.scene.set_occluder(door, false).unwrap();
     assert!(!world.hidden(&mut culler, &cell()).contains(&id), "open");
     world.scene.set_occluder(door, true).unwrap();
@@ -178,17 +181,17 @@ fn another_scene_under_a_live_culler_is_taken_in() {
     let mut culler = ExtendedProjectionCuller::new();
     let mut with = World::new();
     let (_, id) = (with.add_box([5.0, -9.0, -9.0], [5.2, 9.0, 9.0]), with.add_target(target(20.0, 0.0, 0.0)));
-    assert!(with.hidden(&mut culler, &cell()).contains(&id));
+    assert!(with.hidden(&mut culler, &cell()).contains(&id), "the wall of the first scene hides");
     let mut without = World::new();
     without.add_box([5.0, 5.0, -9.0], [5.2, 9.0, 9.0]);
     let other = without.add_target(target(20.0, 0.0, 0.0));
-    assert!(!without.hidden(&mut culler, &cell()).contains(&other));
+    assert!(!without.hidden(&mut culler, &cell()).contains(&other), "the wall of the second scene is aside");
     let mut copy = with.scene.clone();
     copy.remove(with.bounds[0].0).unwrap();
     let original = core::mem::replace(&mut with.scene, copy);
     assert!(!with.hidden(&mut culler, &cell()).contains(&id), "a changed copy");
     with.scene = original;
-    assert!(with.hidden(&mut culler, &cell()).contains(&id));
+    assert!(with.hidden(&mut culler, &cell()).contains(&id), "the original scene is back");
 }
 
 #[test]
@@ -201,16 +204,20 @@ fn no_input_panics_and_improper_input_hides_nothing() {
     world.add_target(Aabb::new(Vec3::NAN, Vec3::ONE));
     world.add_target(Aabb::from_arrays([-f32::MAX; 3], [f32::MAX; 3]));
     let mut culler = ExtendedProjectionCuller::new();
-    assert_eq!(culler.accuracy(), Accuracy::Conservative);
+    assert_eq!(culler.accuracy(), Accuracy::Conservative, "extended projections are conservative");
     for at in [0.0, 1.0, f64::MIN_POSITIVE, 1e30, 1e300, f64::INFINITY, f64::NAN] {
         for size in [0.0, 1.0, 1e-300, 1e300, f64::NEG_INFINITY, f64::NAN] {
             let cell = Viewcell::from_box(DVec3::splat(at), DVec3::splat(at + size));
             let hidden = world.hidden(&mut culler, &cell);
-            assert!(at.is_finite() && size.is_finite() || hidden.is_empty());
+            assert!(
+                at.is_finite() && size.is_finite() || hidden.is_empty(),
+                "at {at} with size {size}: {} hidden",
+                hidden.len()
+            );
             culler.virtual_occluders(&world.scene, &cell);
         }
     }
-    assert!(World::new().hidden(&mut culler, &cell()).is_empty());
+    assert!(World::new().hidden(&mut culler, &cell()).is_empty(), "an empty scene has nothing to hide");
 }
 
 #[test]

@@ -22,7 +22,11 @@ fn no_ray_reaches_a_box_that_virtual_occluders_hide() {
         let scale = rng.pick(&[1.0, 1e3]);
         let (mut world, cell) = random_world(&mut rng, scale);
         let mut map = ExtendedProjectionCuller::new().virtual_occluders(&world.scene, &cell);
-        assert!(map.occluders().len() <= VirtualOccluders::MAX);
+        assert!(
+            map.occluders().len() <= VirtualOccluders::MAX,
+            "world {number}: {} virtual occluders",
+            map.occluders().len()
+        );
         if cell.max.cmple(cell.min).any() {
             continue; // no near plane fits into a flat cell
         }
@@ -73,14 +77,14 @@ fn nothing_is_hidden_from_an_eye_outside_of_the_cell() {
         map.begin(&view(eye, DVec3::X, near), DVec3::ZERO);
         map.test(&post)
     };
-    assert_eq!(answer(DVec3::splat(0.5), 0.1), Occlusion::Hidden);
+    assert_eq!(answer(DVec3::splat(0.5), 0.1), Occlusion::Hidden, "from within the cell");
     assert_eq!(answer(DVec3::new(-0.5, 0.5, 0.5), 0.1), Occlusion::Partial, "before the cell");
     assert_eq!(answer(DVec3::new(8.0, 0.5, 0.5), 0.1), Occlusion::Partial, "behind the wall");
     assert_eq!(answer(DVec3::splat(0.5), 7.0), Occlusion::Partial, "sight begins behind the wall");
     map.sync(&world.scene);
     map.begin(&view(DVec3::splat(0.5), DVec3::X, 0.1), DVec3::ZERO);
-    assert_eq!(map.test(&Aabb::EMPTY), Occlusion::Visible);
-    assert_eq!(map.test(&Aabb::new(Vec3::NAN, Vec3::ONE)), Occlusion::Visible);
+    assert_eq!(map.test(&Aabb::EMPTY), Occlusion::Visible, "the empty box");
+    assert_eq!(map.test(&Aabb::new(Vec3::NAN, Vec3::ONE)), Occlusion::Visible, "a box with NaN");
 }
 
 #[test]
@@ -92,14 +96,14 @@ fn the_scene_may_lie_anywhere_in_the_world() {
     let mut map = ExtendedProjectionCuller::new().virtual_occluders(&world.scene, &cell);
     map.sync(&world.scene);
     map.begin(&view(origin + 0.5, DVec3::X, 0.1), origin);
-    assert_eq!(map.test(&world.bounds[3].1), Occlusion::Hidden);
+    assert_eq!(map.test(&world.bounds[3].1), Occlusion::Hidden, "far from the origin");
     let corner = map.occluders()[0].corners()[0] - origin;
     assert!(corner.x > 4.99 && corner.x < 20.0, "{corner}");
     // Between the sync and the frame the walls move with the origin.
     map.sync(&world.scene);
     world.scene.set_origin(origin + DVec3::X * 30.0).unwrap();
     map.begin(&view(origin + 0.5, DVec3::X, 0.1), world.scene.origin());
-    assert_eq!(map.test(&world.bounds[3].1), Occlusion::Partial);
+    assert_eq!(map.test(&world.bounds[3].1), Occlusion::Partial, "the origin moved after the sync");
 }
 
 #[test]
@@ -108,12 +112,12 @@ fn empty_scenes_and_cells_have_no_virtual_occluders() {
         ExtendedProjectionCuller::new().virtual_occluders(scene, cell).occluders().is_empty()
     };
     let (world, cell) = wall();
-    assert!(none(&Scene::new(), &cell));
+    assert!(none(&Scene::new(), &cell), "an empty scene");
     for p in [DVec3::NAN, DVec3::INFINITY] {
-        assert!(none(&world.scene, &Viewcell::from_box(p, p)));
+        assert!(none(&world.scene, &Viewcell::from_box(p, p)), "a cell at {p}");
     }
-    assert!(none(&world.scene, &Viewcell::from_box(DVec3::ONE, DVec3::ZERO)));
-    assert!(!none(&world.scene, &cell));
+    assert!(none(&world.scene, &Viewcell::from_box(DVec3::ONE, DVec3::ZERO)), "an inverted cell");
+    assert!(!none(&world.scene, &cell), "a proper cell has virtual occluders");
 }
 
 /// Tests that virtual occluders hide only what the walls of the present scene hide, while scenes are changed,
@@ -188,7 +192,7 @@ fn other_scenes_and_changed_walls_make_virtual_occluders_inert() {
         let hides = live.test(&post) == Occlusion::Hidden;
         let is_same = made_from == Some(at) && !is_stale;
         assert_eq!(held, synced && is_same, "confirmed for the scene as it was, and for no other");
-        assert!(!hides || held && had_wall);
+        assert!(!hides || held && had_wall, "what hides was confirmed, and made of an occluding wall");
         counts[usize::from(hides)] += 1;
     }
     assert!(counts.iter().all(|&count| count > 60), "{counts:?}");

@@ -11,7 +11,7 @@ use visibility_core::{
     scene::Triangle,
 };
 
-/// Units of the judge in a metre.
+/// Units per metre of the whole coordinates in which the judge computes.
 const UNIT: f64 = 64.0;
 
 /// One occluder object that has a place for an eye inside its bounds.

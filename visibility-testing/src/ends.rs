@@ -1,6 +1,6 @@
 //! Ends of ranges on and around the borders of pixels, with exact places: the oracle compares integers.
 
-/// Ranks from one border of units to the next.
+/// Difference of the [ranks](End::rank) of two borders that are one unit apart.
 pub const UNIT: i64 = 12;
 
 /// A number and its exact place among the borders of units. The border at the whole number k has rank
@@ -8,9 +8,9 @@ pub const UNIT: i64 = 12;
 /// number just after it. Numbers of one list compare as their ranks do.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct End<T> {
-    /// The number, in units.
+    /// The number itself, in the units whose borders are meant: a pixel, for example.
     pub value: T,
-    /// Exact place of the number.
+    /// Place of the number among the borders, exact: numbers of one list compare as their ranks do.
     pub rank: i64,
 }
 

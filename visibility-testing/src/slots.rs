@@ -302,12 +302,12 @@ mod tests {
                 assert_eq!(misses([[x, y, -1], [x, y, 1]], triangle), !is_in, "{x} {y}");
                 assert_eq!(misses([[x, y, 1], [x, y, -1]], triangle), !is_in, "{x} {y}");
                 assert_eq!(misses([[x, y, 1], [x, y, 0]], triangle), !is_in, "{x} {y}");
-                assert!(misses([[x, y, 2], [x, y, 1]], triangle));
+                assert!(misses([[x, y, 2], [x, y, 1]], triangle), "{x} {y}: a segment above the triangle");
                 assert_eq!(misses([[x - 3, y + 5, -1], [x + 3, y - 5, 1]], triangle), !is_in, "{x} {y}");
             }
         }
         // Within the plane: not known.
-        assert!(!misses([[20, 20, 0], [30, 20, 0]], triangle));
+        assert!(!misses([[20, 20, 0], [30, 20, 0]], triangle), "a segment in the triangle's plane");
     }
 
     #[test]
@@ -319,8 +319,14 @@ mod tests {
         for scene in &scenes {
             let [eye, end] = scene.segment;
             let bounds = scene.scene.bounds(scene.target).unwrap();
-            assert!(scene.cell.min.cmple(eye).all() && eye.cmple(scene.cell.max).all());
-            assert!(bounds.min.as_dvec3().cmple(end).all() && end.cmple(bounds.max.as_dvec3()).all());
+            assert!(
+                scene.cell.min.cmple(eye).all() && eye.cmple(scene.cell.max).all(),
+                "the segment begins at {eye} in the viewcell"
+            );
+            assert!(
+                bounds.min.as_dvec3().cmple(end).all() && end.cmple(bounds.max.as_dvec3()).all(),
+                "the segment ends at {end} in the target"
+            );
         }
     }
 }

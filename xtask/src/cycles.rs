@@ -57,13 +57,17 @@ mod tests {
 
     #[test]
     fn circles_are_found_and_chains_are_not() {
-        assert!(circles(&[vec![1, 2], vec![2], vec![]]).is_empty());
-        assert_eq!(circles(&[vec![1], vec![2], vec![1], vec![0]]), [[1, 2]]);
+        assert!(circles(&[vec![1, 2], vec![2], vec![]]).is_empty(), "a chain of modules");
+        assert_eq!(
+            circles(&[vec![1], vec![2], vec![1], vec![0]]),
+            [[1, 2]],
+            "two modules that need each other, with one before"
+        );
     }
 
     #[test]
     fn this_crate_has_none() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/main.rs");
-        assert_eq!(cycles(&root), Ok(Vec::new()));
+        assert_eq!(cycles(&root), Ok(Vec::new()), "circles of modules in this crate");
     }
 }

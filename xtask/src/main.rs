@@ -1,7 +1,8 @@
-//! Checks of the workspace that the compiler does not make: `cargo run -p xtask -- (api | cycles | licenses |
-//! modules | package | width)`.
+//! Checks of the workspace that the compiler does not make: `cargo run -p xtask -- (api | assertions |
+//! cycles | licenses | modules | package | width)`.
 
 mod api;
+mod assertions;
 mod crates;
 mod cycles;
 mod item_lines;
@@ -23,15 +24,15 @@ fn main() -> ExitCode {
     let task = std::env::args().nth(1).unwrap_or_default();
     let found = match task.as_str() {
         "api" => api::check(root, std::env::args().nth(2).is_some_and(|option| option == "--write")),
+        "assertions" => check_assertions(root),
         "cycles" => check_cycles(root),
         "licenses" => licenses::check(root),
         "modules" => check_modules(root),
         "package" => package::check(root),
         "width" => check_width(root),
-        _ => Err(
-            "usage: cargo run -p xtask -- (api [--write] | cycles | licenses | modules | package | width)"
-                .to_owned(),
-        ),
+        _ => Err("usage: cargo run -p xtask -- (api [--write] | assertions | cycles | licenses | modules | \
+                  package | width)"
+            .to_owned()),
     };
     match found {
         Ok(0) => ExitCode::SUCCESS,
@@ -44,6 +45,20 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Prints each assertion below `root` without a message, and returns their number. Returns an error for the
+/// first folder or file that cannot be read or parsed.
+fn check_assertions(root: &Path) -> Result<usize, String> {
+    let mut count = 0;
+    for path in sources(root)? {
+        let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+        for line in assertions::silent(&text).map_err(|error| format!("{}: {error}", path.display()))? {
+            count += 1;
+            println!("{}:{line}: an assertion without a message", path.display());
+        }
+    }
+    Ok(count)
 }
 
 /// Prints each group of modules of a crate that need each other, for all crates below `root`, and returns the
@@ -66,10 +81,11 @@ fn check_cycles(root: &Path) -> Result<usize, String> {
     Ok(count)
 }
 
-/// Returns the files with Rust code of all crates below `root`. Returns an error for the first folder that
-/// cannot be read.
+/// Returns the files with Rust code of all crates below `root`, and the fuzz targets. Returns an error for
+/// the first folder that cannot be read.
 fn sources(root: &Path) -> Result<Vec<PathBuf>, String> {
     let (mut files, mut folders) = (Vec::new(), crates(root)?);
+    folders.push(root.join("fuzz"));
     while let Some(folder) = folders.pop() {
         let entries = std::fs::read_dir(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
         for path in entries.filter_map(|entry| Some(entry.ok()?.path())) {

@@ -201,6 +201,6 @@ mod tests {
             "c::d mod",
             "c::d::N const usize",
         ];
-        assert_eq!(lines.iter().map(String::as_str).collect::<Vec<_>>(), expected);
+        assert_eq!(lines.iter().map(String::as_str).collect::<Vec<_>>(), expected, "public items by path");
     }
 }

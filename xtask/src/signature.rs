@@ -105,7 +105,8 @@ mod tests {
         assert_eq!(
             super::of_function(&item.sig),
             "const fn<'a, const N: usize>(&'a mut self, x: &[f32; N], each: impl FnMut((u8,), \
-             &mut dyn X<T = u8>)) -> (Option<&'a T>, [u8; 2]) where Self: Sized + ?Copy"
+             &mut dyn X<T = u8>)) -> (Option<&'a T>, [u8; 2]) where Self: Sized + ?Copy",
+            "the signature on one line"
         );
     }
 }

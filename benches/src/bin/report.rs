@@ -1,5 +1,5 @@
-//! Program `report`: measures every benchmark in one run, with the contenders in turns, and prints the tables
-//! of `RESULTS.md`: `cargo run --release -p visibility-benches --bin report > benches/RESULTS.md`.
+//! Program `report`: measures every contender in one run, in turns, and prints the first part of
+//! `RESULTS.md`, up to the targets: `cargo run --release -p visibility-benches --bin report`.
 //!
 //! Numbers are ratios of medians. Each round measures every contender once, in a random order of the round.
 //! So disturbances from other processes hit all contenders alike, and no contender always follows the one

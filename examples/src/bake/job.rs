@@ -79,7 +79,11 @@ mod tests {
 
     #[test]
     fn sizes_are_read_or_refused() {
-        assert_eq!((bytes("512M"), bytes("2g"), bytes("77")), (Ok(512 << 20), Ok(2 << 30), Ok(77)));
+        assert_eq!(
+            (bytes("512M"), bytes("2g"), bytes("77")),
+            (Ok(512 << 20), Ok(2 << 30), Ok(77)),
+            "sizes in mebibytes, gibibytes and bytes"
+        );
         for wrong in ["", "M", "1.5G", "-1", "99999999999G", "1T"] {
             assert!(bytes(wrong).is_err(), "{wrong}");
         }
@@ -87,7 +91,11 @@ mod tests {
 
     #[test]
     fn parts_are_read_or_refused() {
-        assert_eq!((share("5%"), share("0.05"), share("1")), (Ok(0.05), Ok(0.05), Ok(1.0)));
+        assert_eq!(
+            (share("5%"), share("0.05"), share("1")),
+            (Ok(0.05), Ok(0.05), Ok(1.0)),
+            "parts in percent and as numbers"
+        );
         for wrong in ["", "5", "-1%", "101%", "nan", "x"] {
             assert!(share(wrong).is_err(), "{wrong}");
         }

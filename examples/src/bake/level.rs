@@ -276,7 +276,7 @@ mod tests {
         };
         let movers = of(|object| object.never_cull);
         assert!(0 < movers && movers < scene.len(), "{movers}");
-        assert!(of(|object| object.occluder) <= scene.len() - movers);
+        assert!(of(|object| object.occluder) <= scene.len() - movers, "movers are no occluders");
         for wrong in ["mover=house", "moover=b1", "mover"] {
             assert!(open(wrong).is_none(), "{wrong}");
         }
@@ -285,12 +285,19 @@ mod tests {
             let arguments = ["", "london:2,2", "--memory", "64M"].iter().chain(hints);
             let Only { job } = clap::Parser::parse_from(arguments);
             let error = Level::open(&job, &scratch, || false).err();
-            assert!(error.is_none() || !scratch.exists());
+            assert!(
+                error.is_none() || !scratch.exists(),
+                "{hints:?}: no scratch file is left after an error"
+            );
             error.map(|error| error.to_string())
         };
-        assert_eq!(refused(&["--hint", "mover=b1"]), None);
+        assert_eq!(refused(&["--hint", "mover=b1"]), None, "a hint with a known name");
         let error = refused(&["--hint", "door=b1", "--hint", "mover=house", "--hint", "mover=tree"]);
-        assert_eq!(error.as_deref(), Some("no name of an object contains `house`"));
+        assert_eq!(
+            error.as_deref(),
+            Some("no name of an object contains `house`"),
+            "the hint whose name is unknown"
+        );
     }
 
     #[test]
@@ -307,14 +314,17 @@ mod tests {
                 let save_every = Duration::from_secs(60);
                 let settings = Run { threads: 1, limit: None, save_every, state: path("state") };
                 let outcome = run(|| level.baker(), &settings, |_| {}).unwrap();
-                assert!(outcome.complete && outcome.error.is_none());
+                assert!(outcome.complete && outcome.error.is_none(), "{scene}: the bake is complete");
                 (level.fingerprint(), level.set(&outcome.cells).unwrap().to_bytes())
             };
             assert!(bytes(&[]) == bytes(&["--memory", "256M"]), "{scene}");
         }
         let Only { job } = clap::Parser::parse_from(["", "london:2,2", "--memory", "32M"]);
         let scratch = std::env::temp_dir().join(format!("bake-few-{}", std::process::id()));
-        assert!(matches!(Level::open(&job, &scratch, || false), Err(Failure::Memory(_))));
-        assert!(!scratch.exists());
+        assert!(
+            matches!(Level::open(&job, &scratch, || false), Err(Failure::Memory(_))),
+            "too little memory"
+        );
+        assert!(!scratch.exists(), "no scratch file is left");
     }
 }

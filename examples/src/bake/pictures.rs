@@ -174,9 +174,13 @@ mod tests {
 
     #[test]
     fn colors_run_from_no_gap_to_the_greatest() {
-        assert_eq!([0.0, 0.1, 0.2, 9.0].map(|gap| color(gap, 0.2)), [RAMP[0], RAMP[1], RAMP[2], RAMP[2]]);
-        assert_eq!(color(0.05, 0.2), [160, 187, 103]);
-        assert_eq!(color(0.0, 0.0), RAMP[0]);
+        assert_eq!(
+            [0.0, 0.1, 0.2, 9.0].map(|gap| color(gap, 0.2)),
+            [RAMP[0], RAMP[1], RAMP[2], RAMP[2]],
+            "colours from no gap to more than the greatest"
+        );
+        assert_eq!(color(0.05, 0.2), [160, 187, 103], "a quarter of the greatest gap");
+        assert_eq!(color(0.0, 0.0), RAMP[0], "no gap where the greatest is 0");
     }
 
     #[test]
@@ -195,10 +199,13 @@ mod tests {
         let outcome = run(|| level.baker(), &settings, |_| {}).unwrap();
         let set = level.set(&outcome.cells).unwrap();
         let report = Report::new(&level, &outcome.cells, &outcome.times, &set, 0.0, true);
-        assert!(report.viewcells.iter().all(|cell| cell.seconds.sweep > 0.0 && cell.seconds.rays > 0.0));
+        assert!(
+            report.viewcells.iter().all(|cell| cell.seconds.sweep > 0.0 && cell.seconds.rays > 0.0),
+            "each viewcell has times"
+        );
         draw(&level, &outcome.cells, &report, &folder).unwrap();
         let svg = std::fs::read_to_string(folder.join("gaps.svg")).unwrap();
-        assert_eq!(svg.matches("<rect ").count(), 8);
+        assert_eq!(svg.matches("<rect ").count(), 8, "rectangles: viewcells in the picture");
         let decoder =
             png::Decoder::new(std::io::BufReader::new(std::fs::File::open(folder.join("gaps.png")).unwrap()));
         let mut reader = decoder.read_info().unwrap();
@@ -206,10 +213,17 @@ mod tests {
         reader.next_frame(&mut pixels).unwrap();
         let has = |color: Color| pixels.chunks_exact(3).any(|pixel| pixel == color);
         let worst = report.viewcells.iter().map(|cell| cell.gap).fold(0.0, f64::max);
-        assert!(worst > 0.0 && report.viewcells.iter().all(|cell| has(color(cell.gap, worst))));
+        assert!(
+            worst > 0.0 && report.viewcells.iter().all(|cell| has(color(cell.gap, worst))),
+            "the colour of each viewcell is in the picture, the worst gap {worst}"
+        );
         let names = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name());
         let own = names.filter(|name| name.to_string_lossy().starts_with("worst-")).count();
-        assert_eq!(own, report.viewcells.iter().filter(|cell| cell.gap > 0.0).count().min(WORST));
+        assert_eq!(
+            own,
+            report.viewcells.iter().filter(|cell| cell.gap > 0.0).count().min(WORST),
+            "pictures of the worst viewcells"
+        );
         std::fs::remove_dir_all(&folder).unwrap();
     }
 }

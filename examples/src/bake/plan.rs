@@ -44,7 +44,7 @@ impl Plan {
         }
     }
 
-    /// Returns one line for a person.
+    /// Returns the forecast as one line of text for the terminal.
     pub fn text(&self) -> String {
         let Self { viewcells, first, limit, threads, size } = *self;
         let Some(first) = first.filter(|_| limit > 0.0) else {
@@ -85,13 +85,20 @@ mod tests {
             Plan { viewcells: 4000, first: Some(0.25), limit: 60.0, threads: 2, size: [4.0, 4.0, 2.0] };
         let needs = "4000 viewcells, the first swept in 0.25 s: some 408 are in 60 s; for the others only what \
                      is hidden from their groups is known; --size 13,13,2 makes some 408";
-        assert_eq!(plan.text(), needs);
+        assert_eq!(plan.text(), needs, "a plan that does not reach all");
         let all = "100 viewcells, the first swept in 0.25 s: all are in some 12 s, and 48 s are left for rays \
                    and proofs";
-        assert_eq!(Plan { viewcells: 100, ..plan }.text(), all);
+        assert_eq!(Plan { viewcells: 100, ..plan }.text(), all, "a plan that reaches all");
         let none = "4000 viewcells, and not even the first was swept in 6.0 s, a tenth of the time: for most only \
                     what is hidden from their groups will be known, if that";
-        assert_eq!(Plan { first: None, ..plan }.text(), none);
-        assert!(Plan { limit: 0.0, ..plan }.text().contains("not even the first was swept in 0.0 s"));
+        assert_eq!(
+            Plan { first: None, ..plan }.text(),
+            none,
+            "a plan in which the first viewcell takes too long"
+        );
+        assert!(
+            Plan { limit: 0.0, ..plan }.text().contains("not even the first was swept in 0.0 s"),
+            "a plan without time"
+        );
     }
 }

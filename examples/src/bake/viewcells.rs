@@ -289,6 +289,6 @@ mod tests {
             places: Places,
         }
         let Only { places } = clap::Parser::parse_from([""]);
-        assert_eq!(places, Places::default());
+        assert_eq!(places, Places::default(), "places without arguments and by default");
     }
 }

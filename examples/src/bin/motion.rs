@@ -151,9 +151,9 @@ struct Counts {
     outside: usize,
     /// Movers visible in the judged frames that the culler had not reported.
     late: usize,
-    /// Time for motion volumes and due bounds.
+    /// Time spent on the motion volumes and on setting the bounds of due movers.
     kept: Duration,
-    /// Time to set the bounds of all movers instead.
+    /// Time that setting the bounds of all movers in each frame takes, for comparison with `kept`.
     set_all: Duration,
 }
 

@@ -324,14 +324,18 @@ mod tests {
         let arguments = Arguments { workers: 1, slow: 1.0, ..arguments(1e9) };
         // 667 shards of three viewcells or two: each starts in 0.5 s, all four times as slow.
         let found = simulate(&arguments, &[0.25], 3);
-        assert_eq!(found, Found { seconds: 4.0 * (667.0 * 0.5 + 2000.0 * 0.25), lost: 0, copies: 0 });
+        assert_eq!(
+            found,
+            Found { seconds: 4.0 * (667.0 * 0.5 + 2000.0 * 0.25), lost: 0, copies: 0 },
+            "one worker does shard after shard"
+        );
     }
 
     #[test]
     fn the_same_input_gives_the_same_output() {
         let found = simulate(&arguments(0.05), &TIMES, 5);
         assert!(found.lost > 0 && found.copies > 0, "{found:?}");
-        assert_eq!(found, simulate(&arguments(0.05), &TIMES, 5));
+        assert_eq!(found, simulate(&arguments(0.05), &TIMES, 5), "the simulation runs alike again");
     }
 
     #[test]
@@ -339,7 +343,7 @@ mod tests {
         // Five times as many: a few more may be luck, as they may take work from slow workers.
         for size in [1, 5, 20, 100] {
             let found = [1e9, 0.5, 0.1, 0.02].map(|hours| simulate(&arguments(hours), &TIMES, size));
-            assert_eq!(found[0].lost, 0);
+            assert_eq!(found[0].lost, 0, "size {size}: shards lost without failures");
             let worse = |pair: &[Found]| pair[0].lost < pair[1].lost && pair[0].seconds <= pair[1].seconds;
             assert!(found.windows(2).all(worse), "{size}: {found:?}");
         }

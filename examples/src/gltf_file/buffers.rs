@@ -353,10 +353,10 @@ mod tests {
         let good: [(&str, &[u8]); 5] =
             [("", b""), ("TQ==", b"M"), ("TWE=", b"Ma"), ("TWFu", b"Man"), ("+/+/", &[0xfb, 0xff, 0xbf])];
         for (text, bytes) in good {
-            assert_eq!(base64(text).expect(text), bytes);
+            assert_eq!(base64(text).expect(text), bytes, "{text} decoded");
         }
-        assert!(base64("TWFuT").is_err());
-        assert!(base64("TW!u").is_err());
+        assert!(base64("TWFuT").is_err(), "five digits");
+        assert!(base64("TW!u").is_err(), "a digit that is none");
     }
 
     #[test]
@@ -376,6 +376,6 @@ mod tests {
             assert!(file_below(document, uri, 10).is_err(), "{uri}");
         }
         let here = file_below(document, "li%62.rs", 3).expect("a file of this crate");
-        assert_eq!(here, b"//!");
+        assert_eq!(here, b"//!", "the first bytes of a file whose name is escaped");
     }
 }

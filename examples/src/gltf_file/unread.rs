@@ -23,19 +23,19 @@ const KNOWN: [&str; 15] = [
     "MSFT_texture_",
 ];
 
-/// Counts of what is in a file and not read.
+/// Counts of the parts of a file that the program does not read, for a note to the user.
 #[derive(Default)]
 pub(super) struct Unread {
-    /// Primitives of points or lines, or without positions.
+    /// Number of primitives of points or lines, or without positions.
     pub without_triangles: usize,
-    /// Channels of animations by `KHR_animation_pointer`, whose nodes may be anywhere.
+    /// Number of channels of animations by `KHR_animation_pointer`, whose nodes may be anywhere.
     pub pointers: usize,
-    /// Nodes that `KHR_node_visibility` hides, with all below them.
+    /// Number of nodes that `KHR_node_visibility` hides, with all nodes below them.
     pub hidden_nodes: usize,
-    /// Cameras that are no walk.
+    /// Number of cameras that do not become a walk.
     pub cameras: usize,
     lights: usize,
-    /// Scenes beside the one that is read.
+    /// Number of scenes besides the one that is read.
     scenes: usize,
     /// Names of extensions that may place triangles.
     extensions: BTreeSet<String>,

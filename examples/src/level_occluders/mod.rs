@@ -53,9 +53,9 @@ mod tests {
         let level = make(&same, LevelSettings::default()).unwrap();
         let path = std::env::temp_dir().join(format!("level-{}.occ", std::process::id()));
         std::fs::write(&path, level.to_bytes()).unwrap();
-        assert_eq!(read(&path, &same), Ok(level));
+        assert_eq!(read(&path, &same), Ok(level), "the level from its file");
         let list = format!("hzb-level:{}", path.display());
-        assert_eq!(parse(&list, &same).unwrap().len(), 1);
+        assert_eq!(parse(&list, &same).unwrap().len(), 1, "one culler by the level's file");
         let other = world(|source| source.objects[0].opaque = !source.objects[0].opaque);
         let refused = parse(&list, &other).err().unwrap().to_string();
         assert!(refused.contains("make them again"), "{refused}");

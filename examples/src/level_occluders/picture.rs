@@ -155,10 +155,18 @@ mod tests {
         };
         let [all, half, none] = [1.0, 0.5, 0.0].map(pixels);
         let sum = |p: Pixels| p.covered + p.bare + p.left_out + p.no_occluder + p.empty;
-        assert_eq!([all, half, none].map(sum), [96 * 54; 3]);
+        assert_eq!(
+            [all, half, none].map(sum),
+            [96 * 54; 3],
+            "each pixel is of one kind: {all:?} {half:?} {none:?}"
+        );
         assert!(all.left_out == 0 && all.covered > 96 * 54 / 4 && all.bare > 0, "{all:?}");
         assert!(half.left_out > 0 && half.covered > 0 && half.covered < all.covered, "{half:?}");
         assert_eq!([none.covered, none.bare], [0; 2], "{none:?}");
-        assert_eq!([half, none].map(|p| p.no_occluder), [all.no_occluder; 2]);
+        assert_eq!(
+            [half, none].map(|p| p.no_occluder),
+            [all.no_occluder; 2],
+            "pixels without an occluder are the same"
+        );
     }
 }

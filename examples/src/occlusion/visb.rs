@@ -74,8 +74,8 @@ mod tests {
     fn answers_come_back_as_they_went() {
         let answer: Visb = vec![(0..19).map(|i| i % 3 == 0).collect(), vec![true; 19]];
         let bytes = write(&answer);
-        assert_eq!(bytes.len(), 12 + 2 * 3);
-        assert_eq!(parse(&bytes, Path::new("some.visb")).unwrap(), answer);
-        assert!(parse(&bytes[..13], Path::new("some.visb")).is_err());
+        assert_eq!(bytes.len(), 12 + 2 * 3, "bytes of two frames of 19 answers");
+        assert_eq!(parse(&bytes, Path::new("some.visb")).unwrap(), answer, "the answers from their bytes");
+        assert!(parse(&bytes[..13], Path::new("some.visb")).is_err(), "bytes that are cut off");
     }
 }

@@ -110,10 +110,10 @@ mod tests {
     #[test]
     fn short_and_foreign_files_are_refused() {
         let path = Path::new("some.visc");
-        assert!(parse(&[], path).is_err());
-        assert!(parse(&[0; 64], path).is_err());
+        assert!(parse(&[], path).is_err(), "an empty file");
+        assert!(parse(&[0; 64], path).is_err(), "a file of zeros");
         let mut claims = MAGIC.to_le_bytes().to_vec();
         claims.extend(u32::MAX.to_le_bytes());
-        assert!(parse(&claims, path).is_err());
+        assert!(parse(&claims, path).is_err(), "a file that claims more than it holds");
     }
 }

@@ -140,9 +140,9 @@ mod tests {
             assert!(step.seen.len() > 20 && step.seen.len() < 500, "{}", step.seen.len());
         }
         let picture = walk.draw();
-        assert_eq!(picture.matches("<g ").count(), 4);
-        assert_eq!(picture.matches("<g ").count(), picture.matches("</g>").count());
-        assert!(ForestWalk::new(10, f64::NAN, 1).is_err());
-        assert!(ForestWalk::new(0, 1.0, 0).unwrap().draw().starts_with("<svg"));
+        assert_eq!(picture.matches("<g ").count(), 4, "groups: a picture for each step");
+        assert_eq!(picture.matches("<g ").count(), picture.matches("</g>").count(), "each group ends");
+        assert!(ForestWalk::new(10, f64::NAN, 1).is_err(), "a radius of NaN");
+        assert!(ForestWalk::new(0, 1.0, 0).unwrap().draw().starts_with("<svg"), "a forest without trees");
     }
 }

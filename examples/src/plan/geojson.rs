@@ -90,25 +90,28 @@ mod tests {
                     {"type": "MultiPolygon", "coordinates": [[[[0, 0], [1, 1], [2, 0]]]]}]}}]}"#,
         )
         .unwrap();
-        assert_eq!(plan.walls.len(), 2 + 3 + 3);
-        assert_eq!(plan.walls[7], [[2.0, 0.0], [0.0, 0.0]]);
-        assert_eq!(plan.eyes, [[3.0, 4.0]]);
+        assert_eq!(plan.walls.len(), 2 + 3 + 3, "walls of the line, the polygon and the ring");
+        assert_eq!(plan.walls[7], [[2.0, 0.0], [0.0, 0.0]], "the last wall closes the ring");
+        assert_eq!(plan.eyes, [[3.0, 4.0]], "the point is an eye");
     }
 
     #[test]
     fn what_is_wrong_is_told_with_its_place() {
-        let place = |content| read(content).unwrap_err().place;
-        assert_eq!(place("{"), "line 1");
-        assert_eq!(place("[]"), ".type");
-        assert_eq!(place(r#"{"type": "LineString", "coordinates": [[0, 0], [1]]}"#), ".coordinates[1]");
-        assert_eq!(place(r#"{"type": "MultiPoint", "coordinates": [[0, 1], [1e61, 0]]}"#), ".coordinates[1]");
-        assert_eq!(place(r#"{"type": "LineString"}"#), ".coordinates");
         let nested = r#"{"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": {}}]}"#;
-        assert_eq!(place(nested), ".features[0].geometry.type");
-        assert_eq!(place(r#"{"type": "Polygon", "coordinates": 5}"#), ".coordinates");
-        assert_eq!(place(r#"{"type": "MultiPolygon", "coordinates": [5]}"#), ".coordinates[0]");
-        assert_eq!(place(r#"{"type": "MultiLineString"}"#), ".coordinates");
-        assert_eq!(place(r#"{"type": "FeatureCollection"}"#), ".features");
-        assert_eq!(place(r#"{"type": "GeometryCollection", "features": []}"#), ".geometries");
+        for (content, place) in [
+            ("{", "line 1"),
+            ("[]", ".type"),
+            (r#"{"type": "LineString", "coordinates": [[0, 0], [1]]}"#, ".coordinates[1]"),
+            (r#"{"type": "MultiPoint", "coordinates": [[0, 1], [1e61, 0]]}"#, ".coordinates[1]"),
+            (r#"{"type": "LineString"}"#, ".coordinates"),
+            (nested, ".features[0].geometry.type"),
+            (r#"{"type": "Polygon", "coordinates": 5}"#, ".coordinates"),
+            (r#"{"type": "MultiPolygon", "coordinates": [5]}"#, ".coordinates[0]"),
+            (r#"{"type": "MultiLineString"}"#, ".coordinates"),
+            (r#"{"type": "FeatureCollection"}"#, ".features"),
+            (r#"{"type": "GeometryCollection", "features": []}"#, ".geometries"),
+        ] {
+            assert_eq!(read(content).unwrap_err().place, place, "the place of what is wrong in {content}");
+        }
     }
 }

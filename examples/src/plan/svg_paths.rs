@@ -350,7 +350,11 @@ mod tests {
         ] {
             assert_eq!(walls(svg), square, "{svg}");
         }
-        assert_eq!(walls(r#"<line x1="1" y1="2" x2="-.5e1" y2="4"/>"#), [[[1.0, 2.0], [-5.0, 4.0]]]);
+        assert_eq!(
+            walls(r#"<line x1="1" y1="2" x2="-.5e1" y2="4"/>"#),
+            [[[1.0, 2.0], [-5.0, 4.0]]],
+            "a line with its own attributes"
+        );
     }
 
     #[test]
@@ -363,14 +367,17 @@ mod tests {
         ] {
             let walls = walls(svg);
             assert_eq!(walls.last().unwrap()[1], [4.0, 0.0], "{svg}");
-            assert!(walls.windows(2).all(|pair| pair[0][1] == pair[1][0]));
+            assert!(
+                walls.windows(2).all(|pair| pair[0][1] == pair[1][0]),
+                "{svg}: each chord begins where the one before ends"
+            );
         }
         for svg in [r#"<circle cx="3" r="2"/>"#, r#"<ellipse cx="3" rx="2" ry="2"/>"#] {
             let walls = walls(svg);
             assert_eq!((walls.len(), walls[0][0]), (2 * CHORDS, [5.0, 0.0]), "{svg}");
             assert!(walls.iter().all(|[a, _]| ((a[0] - 3.0).hypot(a[1]) - 2.0).abs() < 1e-12), "{svg}");
         }
-        assert!(walls(r#"<circle cx="3" r="0"/>"#).is_empty());
+        assert!(walls(r#"<circle cx="3" r="0"/>"#).is_empty(), "a circle of no radius");
         // The half circle with a positive sweep, y downwards, goes over negative y.
         let top = walls(r#"<path d="M0 0A2 2 0 0 1 4 0"/>"#)[CHORDS / 2][0];
         assert!((top[0] - 2.0).abs() < 1e-9 && (top[1] + 2.0).abs() < 1e-9, "{top:?}");
@@ -383,7 +390,7 @@ mod tests {
         let [[a, b], plain] = walls(svg)[..] else { panic!("two walls") };
         let is = |p: [f64; 2], q: [f64; 2]| (p[0] - q[0]).abs() < 1e-12 && (p[1] - q[1]).abs() < 1e-12;
         assert!(is(a, [10.0, 22.0]) && is(b, [4.0, 20.0]), "{a:?} {b:?}");
-        assert_eq!(plain, [[0.0, 0.0], [1.0, 0.0]]);
+        assert_eq!(plain, [[0.0, 0.0], [1.0, 0.0]], "a line outside the groups");
     }
 
     #[test]
@@ -426,7 +433,11 @@ mod tests {
             assert!(read(svg).is_err(), "{svg}");
         }
         let place = |svg| read(svg).unwrap_err().place;
-        assert_eq!(place("<svg>\n<g>\n<line\nx1='one'/></g></svg>"), "line 3");
-        assert_eq!(place("<svg>\n<g>\n</g>\n"), "line 3");
+        assert_eq!(
+            place("<svg>\n<g>\n<line\nx1='one'/></g></svg>"),
+            "line 3",
+            "the line of the number that is none"
+        );
+        assert_eq!(place("<svg>\n<g>\n</g>\n"), "line 3", "the line of the end that is missing");
     }
 }

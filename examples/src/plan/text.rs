@@ -57,8 +57,12 @@ mod tests {
     #[test]
     fn rows_are_walls_and_eyes() {
         let plan = read("2 1\n0 0 1 0\n\n1 0 1e1 -2.5 # a wall\n.5 .5\n").unwrap();
-        assert_eq!(plan.walls, [[[0.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [10.0, -2.5]]]);
-        assert_eq!(plan.eyes, [[0.5, 0.5]]);
+        assert_eq!(
+            plan.walls,
+            [[[0.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [10.0, -2.5]]],
+            "walls of rows of four numbers"
+        );
+        assert_eq!(plan.eyes, [[0.5, 0.5]], "the eye of a row of two numbers");
     }
 
     #[test]

@@ -85,19 +85,19 @@ mod tests {
             boxes.iter().any(|[a, b]| a.distance(min.into()) < 1e-6 && b.distance(max.into()) < 1e-6)
         };
         // The slab, and the lintel of the doorway to the stair.
-        assert!(has([0.0, -5.0, -0.3], [4.0, 8.0, 0.0]));
-        assert!(has([-0.1, 1.0, 2.1], [0.1, 2.0, 3.2]));
-        assert!(boxes.len() * FACES < source.triangle_count());
+        assert!(has([0.0, -5.0, -0.3], [4.0, 8.0, 0.0]), "the slab is a box");
+        assert!(has([-0.1, 1.0, 2.1], [0.1, 2.0, 3.2]), "the lintel of the doorway is a box");
+        assert!(boxes.len() * FACES < source.triangle_count(), "boxes instead of triangles: {}", boxes.len());
         // A face with the same half twice is incomplete, so the triangles are no box.
         let mut slab = source.objects[0].triangles.view().to_vec();
-        assert!(as_box(&slab).is_some());
+        assert!(as_box(&slab).is_some(), "twelve triangles of a slab are a box");
         slab[1] = slab[0];
-        assert!(as_box(&slab).is_none());
+        assert!(as_box(&slab).is_none(), "a slab with a half twice is none");
         // A one-sided object that turns its backs outwards makes no box.
         let mut source = SceneSource { objects: vec![source.objects[0].clone()], ..source };
         source.objects[0].one_sided = true;
-        assert_eq!(super::boxes(&source).len(), 1);
+        assert_eq!(super::boxes(&source).len(), 1, "a one-sided box that faces outwards");
         source.objects[0].edit_triangles(|triangles| triangles.iter_mut().for_each(|t| t.swap(0, 1)));
-        assert!(super::boxes(&source).is_empty());
+        assert!(super::boxes(&source).is_empty(), "a one-sided box that faces inwards");
     }
 }

@@ -295,6 +295,6 @@ mod tests {
 
     #[test]
     fn a_tree_has_exactly_a_thousand_triangles() {
-        assert_eq!(tree(&mut Random::new(9)).triangles.len(), 1_000);
+        assert_eq!(tree(&mut Random::new(9)).triangles.len(), 1_000, "triangles of a tree");
     }
 }

@@ -216,8 +216,8 @@ mod tests {
     #[test]
     fn solids_are_closed_and_face_outwards() {
         let cuboid = Mesh::from_cuboid([1.0, 2.0, 3.0], [2.0, 4.0, 6.0]);
-        assert_eq!(cuboid.triangles.len(), 12);
-        assert!((volume(&cuboid) - 6.0).abs() < 1e-12);
+        assert_eq!(cuboid.triangles.len(), 12, "triangles of a cuboid");
+        assert!((volume(&cuboid) - 6.0).abs() < 1e-12, "the cuboid's volume is {} m3", volume(&cuboid));
 
         let mut cone = Mesh::new();
         cone.cylinder(&Cylinder {
@@ -228,14 +228,17 @@ mod tests {
             top_radius: 0.0,
             sides: 4,
         });
-        assert_eq!(cone.triangles.len(), 8);
-        assert!((volume(&cone) - 2.0).abs() < 1e-12);
+        assert_eq!(cone.triangles.len(), 8, "triangles of a cone of four sides");
+        assert!((volume(&cone) - 2.0).abs() < 1e-12, "the cone's volume is {} m3", volume(&cone));
     }
 
     #[test]
     fn a_pose_turns_before_it_moves() {
         let pose = Pose::quarters(1, DVec3::new(10.0, 0.0, 1.0));
         let turned = pose.apply(DVec3::new(2.0, 0.0, 0.0));
-        assert!(turned.distance(DVec3::new(10.0, 2.0, 1.0)) < 1e-12);
+        assert!(
+            turned.distance(DVec3::new(10.0, 2.0, 1.0)) < 1e-12,
+            "the turned and moved point is {turned}"
+        );
     }
 }

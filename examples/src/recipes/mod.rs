@@ -216,7 +216,7 @@ mod tests {
     #[test]
     fn both_separators_and_spaces_are_read() {
         for spec in ["plpcity:1,1", "plpcity:1x1", "plpcity: 1, 1"] {
-            assert_eq!(built_in(spec).expect(spec).triangle_count(), 58_056);
+            assert_eq!(built_in(spec).expect(spec).triangle_count(), 58_056, "triangles of {spec}");
         }
     }
 }

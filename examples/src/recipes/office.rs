@@ -473,8 +473,8 @@ mod tests {
     fn cells_come_as_cullers_take_them() {
         let office = office(2, 4).unwrap();
         let cells = office.scene.cells.unwrap();
-        assert_eq!((cells.graph.cell_count(), cells.graph.portals().len()), (20, 19));
-        assert_eq!((cells.viewcells.cells().len(), cells.names.len()), (20, 20));
+        assert_eq!((cells.graph.cell_count(), cells.graph.portals().len()), (20, 19), "cells and portals");
+        assert_eq!((cells.viewcells.cells().len(), cells.names.len()), (20, 20), "bodies and names of cells");
         cells.graph.validate(1e-9).expect("portals that can bound convex cells");
         cells
             .graph
@@ -483,8 +483,16 @@ mod tests {
         // All portals except the opening in the stair shaft are doorways in walls; the opening in the shaft
         // has no depth.
         let deep = cells.with_doorways.unwrap();
-        assert_eq!((deep.graph.cell_count(), deep.graph.portals().len()), (20 + 18, 2 * 18 + 1));
-        assert_eq!((deep.viewcells.cells().len(), deep.names.len()), (38, 38));
+        assert_eq!(
+            (deep.graph.cell_count(), deep.graph.portals().len()),
+            (20 + 18, 2 * 18 + 1),
+            "cells and portals, with doorways as cells"
+        );
+        assert_eq!(
+            (deep.viewcells.cells().len(), deep.names.len()),
+            (38, 38),
+            "bodies and names, with doorways"
+        );
         deep.graph.validate(1e-9).expect("portals that can bound convex cells");
         // The bodies of the rooms reach to the middles of the walls, while the portals lie in the walls'
         // faces.

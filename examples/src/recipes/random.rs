@@ -59,10 +59,10 @@ mod tests {
         for _ in 0..5 {
             state = (u128::from(state) * 6_364_136_223_846_793_005 + 1_442_695_040_888_963_407) as u64;
         }
-        assert_eq!(random.unit(), (state >> 33) as f64 / 2_147_483_648.0);
+        assert_eq!(random.unit(), (state >> 33) as f64 / 2_147_483_648.0, "the first number of the sequence");
         for _ in 0..1000 {
-            assert!((0.0..1.0).contains(&random.unit()));
-            assert!(random.below(7) < 7);
+            assert!((0.0..1.0).contains(&random.unit()), "a number from 0 to 1");
+            assert!(random.below(7) < 7, "a whole number below 7");
         }
     }
 }

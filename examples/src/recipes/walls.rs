@@ -101,10 +101,14 @@ mod tests {
     #[test]
     fn a_door_and_a_window_leave_the_right_pieces() {
         let wall = Wall { from: [0.0, 0.0], to: [0.0, 6.0], foot: 1.0, top: 4.0, thickness: 0.2 };
-        assert_eq!(wall.build(&[]).triangles.len(), 12);
+        assert_eq!(wall.build(&[]).triangles.len(), 12, "triangles of a wall without openings");
         let door = Opening::new(1.0, 2.0, 0.0, 2.1);
         let window = Opening::new(3.0, 4.0, 0.9, 2.1);
         // Cuboids: three full-height strips, the lintel of the door, and the sill and lintel of the window.
-        assert_eq!(wall.build(&[door, window]).triangles.len(), 6 * 12);
+        assert_eq!(
+            wall.build(&[door, window]).triangles.len(),
+            6 * 12,
+            "triangles of a wall with door and window"
+        );
     }
 }

@@ -154,14 +154,14 @@ mod tests {
     #[test]
     fn boxes_and_sizes_are_read_or_refused() {
         let (min, max) = (DVec3::new(0.0, 1.0, 2.0), DVec3::new(3.0, 4.0, 5.0));
-        assert_eq!(parse("0,1, 2,3,4,5"), Ok(TurnedBox { min, max, degrees: 0.0 }));
-        assert_eq!(parse("0,1,2,3,4,5@-30.5"), Ok(TurnedBox { min, max, degrees: -30.5 }));
+        assert_eq!(parse("0,1, 2,3,4,5"), Ok(TurnedBox { min, max, degrees: 0.0 }), "a box");
+        assert_eq!(parse("0,1,2,3,4,5@-30.5"), Ok(TurnedBox { min, max, degrees: -30.5 }), "a turned box");
         let wrong =
             ["", "1,2,3", "0,0,0,1,1,nan", "0,0,0,1,1,-1", "a,0,0,1,1,1", "0,0,0,1,1,1@", "0,0,0,1,1,1@inf"];
         for wrong in wrong {
             assert!(parse(wrong).is_err(), "{wrong}");
         }
-        assert!(parse_size("1,2,3").is_ok() && parse_size("1,2,0").is_err());
+        assert!(parse_size("1,2,3").is_ok() && parse_size("1,2,0").is_err(), "a size, and one with a 0");
     }
 
     #[test]
@@ -189,7 +189,7 @@ mod tests {
     #[test]
     fn triangles_touch_boxes() {
         let triangle = [Vec3::new(2.0, 0.0, 0.0), Vec3::new(0.0, 2.0, 0.0), Vec3::new(0.0, 0.0, 2.0)];
-        assert!(touches(&triangle, DVec3::ZERO, DVec3::splat(0.7)));
-        assert!(!touches(&triangle, DVec3::ZERO, DVec3::splat(0.6)));
+        assert!(touches(&triangle, DVec3::ZERO, DVec3::splat(0.7)), "a triangle that touches a box");
+        assert!(!touches(&triangle, DVec3::ZERO, DVec3::splat(0.6)), "a triangle just beyond a box");
     }
 }

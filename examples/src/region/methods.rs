@@ -66,7 +66,7 @@ pub struct Sandwich {
     pub bad_proofs: usize,
 }
 
-/// A method, or a message for a person.
+/// A method that is ready to run, or the reason for a person why it cannot be made.
 pub type Made = Result<Box<dyn Method>, String>;
 
 /// A method with its text on the command line.

@@ -54,7 +54,7 @@ mod tests {
             point(1.0, 9.0, 0.0),
             point(2.0, 2.0, 1.0),
         ];
-        assert_eq!(best(&points), [1, 3, 4, 0]);
-        assert!(best(&[]).is_empty());
+        assert_eq!(best(&points), [1, 3, 4, 0], "points that are not beaten, by their first value");
+        assert!(best(&[]).is_empty(), "no points");
     }
 }

@@ -206,18 +206,36 @@ mod tests {
     #[test]
     fn auto_becomes_a_culler_that_hides_nothing_visible_and_is_worth_it() {
         let world = World::new(built_in("office:1,2").unwrap(), (64, 36), Some(3)).unwrap();
-        assert_eq!(resolve("frustum,hzb", &world, false).unwrap(), ("frustum,hzb".to_owned(), None));
+        assert_eq!(
+            resolve("frustum,hzb", &world, false).unwrap(),
+            ("frustum,hzb".to_owned(), None),
+            "a list without `auto`"
+        );
         let (list, advice) = resolve("frustum, auto", &world, false).unwrap();
         let advice = advice.unwrap();
-        assert_eq!(list, format!("frustum,{}", advice.entry));
-        assert!(advice.chosen.is_sound() && advice.chosen.total_us <= advice.frustum.total_us);
-        assert!(advice.tried > 1 && cullers::parse(&list, &world).is_ok());
+        assert_eq!(list, format!("frustum,{}", advice.entry), "`auto` is replaced");
+        assert!(
+            advice.chosen.is_sound() && advice.chosen.total_us <= advice.frustum.total_us,
+            "the choice is sound: {:?}",
+            advice.chosen
+        );
+        assert!(
+            advice.tried > 1 && cullers::parse(&list, &world).is_ok(),
+            "{} settings were tried, and the list is read",
+            advice.tried
+        );
         // Sets of cells that would have to be made are not baked in passing; the culler of cells is tried.
         let mut outdoors = World::new(built_in("town:1").unwrap(), (64, 36), Some(1)).unwrap();
         outdoors.makes_cells = true;
         let has = |world, name: &str| cullers::quick_entries(world).iter().any(|entry| entry.contains(name));
-        assert!(has(&world, "pvs:objects") && !has(&outdoors, "pvs:objects") && !has(&outdoors, "pvs+"));
-        assert!(has(&outdoors, "region-pvs") && has(&outdoors, "portals+hzb"));
+        assert!(
+            has(&world, "pvs:objects") && !has(&outdoors, "pvs:objects") && !has(&outdoors, "pvs+"),
+            "sets of cells are entries where the scene brings cells"
+        );
+        assert!(
+            has(&outdoors, "region-pvs") && has(&outdoors, "portals+hzb"),
+            "cullers of made cells are entries"
+        );
     }
 
     #[test]
@@ -232,9 +250,14 @@ mod tests {
         };
         let (quick, asked) = advice(false);
         assert!(asked.get() > TRYING && quick.tried > 0, "{} s, {} tried", asked.get(), quick.tried);
-        assert_eq!(quick.untried.last(), entries.last());
+        assert_eq!(quick.untried.last(), entries.last(), "the last entry is left");
         let (all, _) = advice(true);
-        assert!(all.tried > quick.tried && all.untried.is_empty());
+        assert!(
+            all.tried > quick.tried && all.untried.is_empty(),
+            "{} tried with time, {} without",
+            all.tried,
+            quick.tried
+        );
     }
 
     #[test]
@@ -244,7 +267,11 @@ mod tests {
         let triangles = sample.world.source.triangle_count();
         assert!(all > SAMPLE && (1..=SAMPLE).contains(&triangles), "{triangles} of {all}");
         // A preparation takes more than its share of the time for more triangles.
-        assert!(sample.factor > all as f64 / triangles as f64);
+        assert!(
+            sample.factor > all as f64 / triangles as f64,
+            "a factor of {} for {all} of {triangles} triangles",
+            sample.factor
+        );
 
         let facts = Advisor::new(&world.scene, &world.views, DrawCost::default()).unwrap().facts().to_owned();
         let untried = ["pvs:objects", "pvs:walls+hzb", "occlusion-tree:8"].map(str::to_owned).to_vec();

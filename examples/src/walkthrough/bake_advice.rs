@@ -38,7 +38,7 @@ fn is_too_late_to_place() -> bool {
 pub struct BakeEstimate {
     /// Measured times and counts of culling by the baked sets after the frustum.
     pub trial: CullerTrial,
-    /// The same of the culler that is advised.
+    /// Measured times and counts of the culler that is advised in place of a bake.
     pub advised: CullerTrial,
     /// Number of objects in the frustum that a line of sight from the viewcell is known to reach, at least
     /// those that the view shows. No bake of these viewcells leaves fewer.
@@ -47,7 +47,7 @@ pub struct BakeEstimate {
     pub viewcells: usize,
     /// Number of viewcells that were baked here.
     pub baked: usize,
-    /// Time in seconds in which they were baked, on all threads of the machine.
+    /// Time in seconds in which these viewcells were baked, on all threads of the machine.
     pub seconds: f64,
     /// Whether the bake here was finished. If not, what is open counts as visible, and a bake with more time
     /// hides more.
@@ -249,15 +249,36 @@ mod tests {
     fn a_bake_of_rooms_leaves_fewer_objects_than_the_frustum() {
         let world = World::new(built_in("office:1,3").unwrap(), (64, 36), Some(6)).unwrap();
         let by_frustum = estimate(&world, &world.views, "frustum", None).unwrap();
-        assert!(by_frustum.trial.objects < by_frustum.advised.objects && by_frustum.trial.is_sound());
-        assert!(by_frustum.least_objects <= by_frustum.trial.objects && by_frustum.least_objects > 0.0);
-        assert!((1..=by_frustum.viewcells).contains(&by_frustum.baked));
-        assert!(by_frustum.to_string().contains("narrower than 1.2 mm: --clearance 0"));
+        assert!(
+            by_frustum.trial.objects < by_frustum.advised.objects && by_frustum.trial.is_sound(),
+            "the bake leaves {} objects, the advised culler {}",
+            by_frustum.trial.objects,
+            by_frustum.advised.objects
+        );
+        assert!(
+            by_frustum.least_objects <= by_frustum.trial.objects && by_frustum.least_objects > 0.0,
+            "at least {} objects of {} are seen",
+            by_frustum.least_objects,
+            by_frustum.trial.objects
+        );
+        assert!(
+            (1..=by_frustum.viewcells).contains(&by_frustum.baked),
+            "{} of {} viewcells were baked",
+            by_frustum.baked,
+            by_frustum.viewcells
+        );
+        assert!(
+            by_frustum.to_string().contains("narrower than 1.2 mm: --clearance 0"),
+            "the estimate names the clearance: {by_frustum}"
+        );
         // What a set saves, if anything, is time in all.
         let costs = |total_us, false_hidden| CullerTrial { total_us, false_hidden, ..by_frustum.trial };
         let is_worth_it = |trial, advised| BakeEstimate { trial, advised, ..by_frustum }.is_worth_it();
-        assert!(is_worth_it(costs(9.0, 0), costs(10.0, 0)));
-        assert!(!is_worth_it(costs(10.0, 0), costs(10.0, 0)) && !is_worth_it(costs(9.0, 1), costs(10.0, 0)));
+        assert!(is_worth_it(costs(9.0, 0), costs(10.0, 0)), "a set that saves time");
+        assert!(
+            !is_worth_it(costs(10.0, 0), costs(10.0, 0)) && !is_worth_it(costs(9.0, 1), costs(10.0, 0)),
+            "a set that saves none, and one that errs"
+        );
     }
 
     #[test]
@@ -272,7 +293,10 @@ mod tests {
             complete: true,
         };
         let command = complete.command("office:1,3", &Reading::default(), None, &[], "office.pvs");
-        assert_eq!(command, "cargo run --release --bin bake -- office:1,3 -o office.pvs");
+        assert_eq!(
+            command, "cargo run --release --bin bake -- office:1,3 -o office.pvs",
+            "the command of a complete estimate"
+        );
         let hints = [(Hint::NeverCull, "a lift".to_owned()), (Hint::Door, "Door".to_owned())];
         let open = BakeEstimate { complete: false, ..complete };
         let reading = Reading { unit: Some(0.001), up: Some(Vec3::Z), two_sided: true };
@@ -288,7 +312,10 @@ mod tests {
     fn without_viewcells_there_is_a_reason() {
         let mut world = World::new(built_in("town:1").unwrap(), (64, 36), Some(1)).unwrap();
         world.source.walks.clear();
-        assert!(estimate(&world, &world.views, "frustum", None).unwrap_err().contains("viewcells"));
-        assert!(estimate(&world, &[], "frustum", None).is_err());
+        assert!(
+            estimate(&world, &world.views, "frustum", None).unwrap_err().contains("viewcells"),
+            "the reason names viewcells"
+        );
+        assert!(estimate(&world, &[], "frustum", None).is_err(), "no views");
     }
 }

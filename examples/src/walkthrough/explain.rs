@@ -47,7 +47,11 @@ mod tests {
         let world = World::new(built_in("office").unwrap(), (64, 36), Some(20)).unwrap();
         let mut pipeline = cullers::parse("frustum", &world).unwrap().remove(0).1;
         let first = find(&world, "slab").unwrap();
-        assert_eq!((first, find(&world, "7"), find(&world, "no such thing")), (0, Some(7), None));
+        assert_eq!(
+            (first, find(&world, "7"), find(&world, "no such thing")),
+            (0, Some(7), None),
+            "objects by name and by number, and an unknown one"
+        );
         let text = explain(&world, &mut pipeline, 778);
         assert!(text.starts_with("  frames    0 to") && text.trim_end().contains("to   19:"), "{text}");
         assert!(text.contains("removed by frustum") || text.contains("visible"), "{text}");

@@ -107,10 +107,13 @@ mod tests {
             std::thread::sleep(Duration::from_millis(2));
             Ok(5_u32)
         };
-        assert_eq!(*prepared.get("five", slow).unwrap(), 5);
+        assert_eq!(*prepared.get("five", slow).unwrap(), 5, "the value that was made");
         let again = || prepared.get::<u32>("five", || unreachable!("it is there"));
         let (five, cost) = prepared.cost_of(again);
-        assert!(*five.unwrap() == 5 && cost.time >= Duration::from_millis(2));
+        assert!(
+            *five.unwrap() == 5 && cost.time >= Duration::from_millis(2),
+            "the value is not made again, and its cost is told"
+        );
         again().unwrap();
         let (none, cost) = prepared.cost_of(|| prepared.get::<u32>("none", || Err("no".to_owned())));
         assert!(

@@ -252,7 +252,7 @@ pub(crate) const ALL: &[fn() -> Box<dyn Live>] = &[
         let live = live("virtual occluders", culler, |culler, scene| {
             if !culler.map_mut().sync(scene) {
                 *culler.map_mut() = virtual_occluders(scene);
-                assert!(culler.map_mut().sync(scene));
+                assert!(culler.map_mut().sync(scene), "the map is of this scene");
             }
         });
         Box::new(Near(live))

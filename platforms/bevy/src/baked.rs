@@ -71,7 +71,7 @@ pub struct BakedLevel {
 enum Place {
     /// Where it was baked: the entity's object in the scene, and its index in the bake.
     AsBaked(ObjectId, u32),
-    /// It was there, and has changed since.
+    /// No longer there: the entity was where it was baked once, and has changed since.
     Changed,
 }
 

@@ -158,9 +158,9 @@ pub(crate) struct Scratch {
     unclassed: EntitySorter,
     list: Vec<Entity>,
     marks: Marks,
-    /// For cameras that do not cull.
+    /// Pipeline of the cameras that do not cull: it keeps all entities.
     everything: CullingPipeline,
-    /// For cameras without a pipeline of their own. Remembers nothing, so that all can share it.
+    /// Pipeline of the cameras without one of their own. It remembers nothing, so all of them can share it.
     frustum: CullingPipeline,
 }
 

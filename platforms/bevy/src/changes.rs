@@ -32,7 +32,7 @@ const ROWS: usize = 128;
 /// Everything whose removal changes what the scene should say of an entity.
 #[derive(SystemParam)]
 pub(crate) struct Removals<'w, 's> {
-    /// One of these is gone: the entity too, perhaps.
+    /// Components that every followed entity has. If one is gone, the entity may be gone too.
     required: (
         RemovedComponents<'w, 's, InheritedVisibility>,
         RemovedComponents<'w, 's, ViewVisibility>,
@@ -163,7 +163,7 @@ pub(crate) fn sync_scene(
 /// The change ticks of a component's column, and what they are compared with.
 #[derive(Clone, Copy)]
 struct Ticks<'a> {
-    /// Empty if the table lacks the component.
+    /// Change tick of each row of the table; empty if the table lacks the component.
     ticks: &'a [Tick],
     last_run: Tick,
     this_run: Tick,

@@ -82,7 +82,7 @@ mod tests {
         let mut entities: Vec<Entity> = (0..500).map(|_| world.spawn_empty().id()).collect();
         for _ in 0..3 {
             let freed: Vec<Entity> = entities.split_off(350);
-            freed.into_iter().for_each(|entity| assert!(world.despawn(entity)));
+            freed.into_iter().for_each(|entity| assert!(world.despawn(entity), "{entity} was there"));
             world.flush();
             entities.extend((0..150).map(|_| world.spawn_empty().id()));
         }
@@ -93,8 +93,11 @@ mod tests {
             some.iter().for_each(|&entity| sorter.push(entity));
             some.sort();
             sorter.take(&mut list);
-            assert_eq!(list, some);
+            assert_eq!(list, some, "every {step}th entity, sorted as bevy sorts");
         }
-        assert!(entities.iter().any(|entity| entity.generation() != EntityGeneration::FIRST));
+        assert!(
+            entities.iter().any(|entity| entity.generation() != EntityGeneration::FIRST),
+            "entities that took the place of others"
+        );
     }
 }

@@ -24,7 +24,7 @@ use visibility_core::glam::Vec3;
 use visibility_core::scene::MeshId;
 use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, Scene};
 
-/// What the scene follows of an entity.
+/// The components of an entity from which the scene takes its object.
 #[derive(QueryData)]
 pub(crate) struct Described {
     entity: Entity,
@@ -47,20 +47,20 @@ pub(crate) struct Described {
 /// The entities that the scene follows: those that bevy culls on the CPU.
 pub(crate) type Followed = (With<ViewVisibility>, Without<NoCpuCulling>);
 
-/// What culling needs of an entity beside what the scene holds.
+/// What culling needs to know of an entity besides the object in the scene.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Record {
     pub(crate) entity: Entity,
     /// Index into `VisibilityScene::class_lists`.
     pub(crate) classes: u16,
-    /// Has a `VisibilityRange`, which each view must ask about.
+    /// Whether the entity has a `VisibilityRange`, which each view must ask about.
     pub(crate) has_range: bool,
-    /// On a layer above 30, so that layer masks do not decide.
+    /// Whether the entity is on a layer above 30, so that layer masks do not decide.
     pub(crate) has_other_layers: bool,
     pub(crate) casts_shadow: bool,
-    /// Placed by a transform of its own in the scene, as its occluder mesh is.
+    /// Whether the object has a transform in the scene, which places its occluder mesh.
     pub(crate) is_occluder: bool,
-    /// Bounds follow from the transform and the entity's `Aabb`.
+    /// Whether the object's bounds follow from the transform and the entity's `Aabb`.
     pub(crate) has_box: bool,
 }
 
@@ -84,9 +84,9 @@ impl Record {
 #[derive(Resource)]
 pub struct VisibilityScene {
     pub(crate) scene: Scene,
-    /// By entity index.
+    /// The object of each entity, by entity index.
     objects: Vec<EntityObject>,
-    /// By object index.
+    /// The record of each object's entity, by object index.
     records: Vec<Record>,
     /// By object index: the index of the object's entity if that is of the first generation, of no class but
     /// `Mesh3d`, and visible in any view that finds it by bounds and layer mask; else [`ASK`]. Most entities
@@ -107,10 +107,10 @@ pub struct VisibilityScene {
     fresh: Vec<(Fresh, Object)>,
 }
 
-/// Meshes of the scene below which unused ones stay.
+/// Number of meshes of the scene up to which meshes that no object has stay in memory.
 const FEWEST_MESHES: usize = 64;
 
-/// Stands for an object whose record must be asked.
+/// Value in `VisibilityScene::plain` of an object whose record must be asked.
 pub(crate) const ASK: u32 = u32::MAX;
 
 impl Default for VisibilityScene {
@@ -134,7 +134,7 @@ impl Default for VisibilityScene {
 /// The object of the entity that has some entity index now.
 #[derive(Clone, Copy)]
 struct EntityObject {
-    /// The placeholder if the scene follows no entity of this index.
+    /// Id of the object; [`ObjectId::PLACEHOLDER`] if the scene follows no entity of this index.
     id: ObjectId,
     generation: EntityGeneration,
     /// Whether nothing but the bounds changes when the entity moves: they follow from its `Aabb`, and it is

@@ -144,7 +144,7 @@ fn walk(world: &mut World) {
         world.check(x, cell);
     }
     let known = OBJECTS as usize - world.free.iter().filter(|&&number| number < OBJECTS).count();
-    assert_eq!(world.placed_count(), known);
+    assert_eq!(world.placed_count(), known, "entities at the places of the bake");
 }
 
 #[test]
@@ -227,14 +227,14 @@ fn what_changes_is_visible_from_then_on() {
     let hidden = world.hidden;
     world.check(5.0, Some(0));
     world.check(25.0, Some(2));
-    assert!(world.hidden > hidden + 50);
+    assert!(world.hidden > hidden + 50, "{} are hidden, {hidden} were before", world.hidden);
     // A level that was taken away for a while does not know what moved meanwhile.
     let baked = world.app.world_mut().remove_resource::<BakedLevel>().unwrap();
     world.app.update();
     world.app.world_mut().insert_resource(baked);
     world.free.extend(0..OBJECTS);
     world.check(5.0, Some(0));
-    assert_eq!(world.placed_count(), 0);
+    assert_eq!(world.placed_count(), 0, "entities at their places after the level came back");
 }
 
 #[test]
@@ -272,23 +272,31 @@ fn files_of_other_levels_are_refused() {
     let (one, mut other) = (level(random), level(random));
     let read =
         |level: &Level| BakedLevel::read(&one.file, Some(one.version), level.boxes.iter().copied()).err();
-    assert_eq!(read(&one), None);
-    assert_eq!(read(&other), Some(BakedSetError::OtherScene));
+    assert_eq!(read(&one), None, "the level's own file");
+    assert_eq!(read(&other), Some(BakedSetError::OtherScene), "a level with other boxes");
     other.boxes.clone_from(&one.boxes);
     other.boxes[7][1][2] += 0.001;
-    assert_eq!(read(&other), Some(BakedSetError::OtherScene));
+    assert_eq!(read(&other), Some(BakedSetError::OtherScene), "a level with a box 1 mm higher");
     other.boxes.clone_from(&one.boxes);
     other.boxes.pop();
-    assert_eq!(read(&other), Some(BakedSetError::OtherScene));
-    assert!(BakedLevel::read_unchecked(&one.file[1..]).is_err());
+    assert_eq!(read(&other), Some(BakedSetError::OtherScene), "a level with a box less");
+    assert!(BakedLevel::read_unchecked(&one.file[1..]).is_err(), "a file without its first byte");
     // An edit inside of a box leaves all boxes as they are.
     let (baked, level) = (one.version, one.version ^ 1);
     other = Level { boxes: one.boxes.clone(), version: level, rows: Vec::new(), file: one.file.clone() };
     let refused = BakedLevel::read(&other.file, Some(other.version), other.boxes.iter().copied()).err();
-    assert_eq!(refused, Some(BakedSetError::OtherVersion { baked, level }));
+    assert_eq!(
+        refused,
+        Some(BakedSetError::OtherVersion { baked, level }),
+        "a level that was edited inside of a box"
+    );
     let accuracy = |level: BakedLevel| level.culler().accuracy();
     let read = |version| BakedLevel::read(&one.file, version, one.boxes.iter().copied()).unwrap();
-    assert_eq!(accuracy(read(Some(baked))), Accuracy::Conservative);
-    assert_eq!(accuracy(read(None)), Accuracy::Approximate);
-    assert_eq!(accuracy(BakedLevel::read_unchecked(&one.file).unwrap()), Accuracy::Approximate);
+    assert_eq!(accuracy(read(Some(baked))), Accuracy::Conservative, "a set of a known version");
+    assert_eq!(accuracy(read(None)), Accuracy::Approximate, "a set of an unknown version");
+    assert_eq!(
+        accuracy(BakedLevel::read_unchecked(&one.file).unwrap()),
+        Accuracy::Approximate,
+        "a set that was not compared"
+    );
 }

@@ -38,14 +38,21 @@ fn culled_boxes_are_drawn_in_the_colour_of_their_culler() {
     let wall = Transform::from_xyz(0.0, 0.0, -5.0).with_scale(Vec3::new(8.0, 8.0, 0.2));
     app.world_mut().spawn((drawn(0, wall), cube(), Occluder::Box));
     app.world_mut().spawn((drawn(1, Transform::from_xyz(0.0, 0.0, 10.0)), cube()));
-    assert!(drawn_colors(&mut app).is_empty());
+    assert!(drawn_colors(&mut app).is_empty(), "nothing is drawn before it is asked for");
     app.world_mut().entity_mut(camera).insert(ShowCulled);
     let frustum_only = drawn_colors(&mut app);
-    assert!(!frustum_only.is_empty() && frustum_only.iter().all(|color| *color == frustum_only[0]));
+    assert!(
+        !frustum_only.is_empty() && frustum_only.iter().all(|color| *color == frustum_only[0]),
+        "one colour, of what the frustum culls: {frustum_only:?}"
+    );
     app.world_mut().spawn((drawn(2, Transform::from_xyz(0.0, 0.0, -10.0)), cube()));
     let both = drawn_colors(&mut app);
-    assert_eq!(both.len(), 2 * frustum_only.len());
-    assert_eq!(both.iter().filter(|color| **color == frustum_only[0]).count(), frustum_only.len());
+    assert_eq!(both.len(), 2 * frustum_only.len(), "lines of two culled boxes");
+    assert_eq!(
+        both.iter().filter(|color| **color == frustum_only[0]).count(),
+        frustum_only.len(),
+        "lines in the frustum's colour"
+    );
     app.world_mut().entity_mut(camera).remove::<ShowCulled>();
-    assert!(drawn_colors(&mut app).is_empty());
+    assert!(drawn_colors(&mut app).is_empty(), "lines are drawn after they were turned off");
 }

@@ -75,7 +75,7 @@ fn shadow_views(app: &mut bevy_app::App) -> Vec<(Frustum, BTreeSet<Number>, Opti
     let list = world.get::<VisibleMeshEntities>(spot).unwrap();
     views.push((*world.get::<Frustum>(spot).unwrap(), list, sphere(spot, 25.0)));
     let sorted = |list: &VisibleMeshEntities| {
-        assert!(list.entities.is_sorted_by(|a, b| a < b));
+        assert!(list.entities.is_sorted_by(|a, b| a < b), "{:?} are sorted", list.entities);
         numbers(app, &list.entities)
     };
     views.into_iter().map(|(frustum, list, sphere)| (frustum, sorted(list), sphere)).collect()
@@ -101,8 +101,8 @@ fn the_same_entities_cast_shadows() {
         }
         let [bevy, ours] = &mut apps;
         let (theirs, own) = (shadow_views(bevy), shadow_views(ours));
-        assert_eq!(own.len(), 4 + 6 + 1);
-        assert_eq!(own.len(), theirs.len());
+        assert_eq!(own.len(), 4 + 6 + 1, "shadow views: cascades, sides of the lamp, and the spot");
+        assert_eq!(own.len(), theirs.len(), "shadow views of ours and of bevy's");
         for (view, ((frustum, own, sphere), (_, theirs, _))) in own.iter().zip(&theirs).enumerate() {
             for &number in theirs.difference(own) {
                 // bevy takes a corner of the box for within reach that the light does not come to.

@@ -140,10 +140,14 @@ fn wall_before_thing(occluder: Occluder) -> bevy_app::App {
 fn is_seen(app: &mut bevy_app::App, number: u32) -> bool {
     app.update();
     let seen = seen_by(app, CAMERA);
-    assert_eq!(seen, {
-        let camera: BTreeSet<Number> = [CAMERA].into();
-        seen_by_any(app).difference(&camera).copied().collect()
-    });
+    assert_eq!(
+        seen,
+        {
+            let camera: BTreeSet<Number> = [CAMERA].into();
+            seen_by_any(app).difference(&camera).copied().collect()
+        },
+        "entities seen by the camera and by any"
+    );
     seen.contains(&Number(number))
 }
 
@@ -173,7 +177,7 @@ fn hidden_entities_come_back_when_the_wall_no_longer_hides_them() {
             assert!(is_seen(&mut app, 1), "{name}, a frame later");
             back(&mut app.world_mut().entity_mut(wall));
         }
-        assert!(!is_seen(&mut app, 1));
+        assert!(!is_seen(&mut app, 1), "the wall hides again after all changes");
         let wall = entity(&mut app, Number(0)).unwrap();
         app.world_mut().despawn(wall);
         assert!(is_seen(&mut app, 1), "despawned");
@@ -199,7 +203,7 @@ fn scale(wall: &mut EntityWorldMut, x: f32) {
 #[test]
 fn a_mesh_that_is_loaded_late_or_changed_is_followed() {
     let mut app = wall_before_thing(Occluder::Mesh);
-    assert!(!is_seen(&mut app, 1));
+    assert!(!is_seen(&mut app, 1), "the wall hides the thing");
     let wall = entity(&mut app, Number(0)).unwrap();
     let late = app.world().resource::<Assets<Mesh>>().reserve_handle();
     app.world_mut().entity_mut(wall).insert(Mesh3d(late.clone()));
@@ -260,21 +264,21 @@ fn occluders_that_change_every_frame_do_not_fill_the_scene() {
 fn cameras_choose_their_cullers() {
     let mut app = wall_before_thing(Occluder::Mesh);
     let camera = entity(&mut app, CAMERA).unwrap();
-    assert!(!is_seen(&mut app, 1));
+    assert!(!is_seen(&mut app, 1), "the default pipeline hides the thing");
     app.world_mut().entity_mut(camera).insert(CullingPipeline::frustum());
-    assert!(is_seen(&mut app, 1));
+    assert!(is_seen(&mut app, 1), "the frustum alone shows the thing");
     app.world_mut().entity_mut(camera).insert(CullingPipeline::occlusion(usize::MAX, 0));
-    assert!(!is_seen(&mut app, 1));
+    assert!(!is_seen(&mut app, 1), "occlusion without budget and price hides the thing");
     let thing = entity(&mut app, Number(1)).unwrap();
     let id = app.world().resource::<VisibilityScene>().object(thing).unwrap();
-    assert_eq!(app.world().resource::<VisibilityScene>().entity(id), Some(thing));
+    assert_eq!(app.world().resource::<VisibilityScene>().entity(id), Some(thing), "the entity of the object");
     let mut culling = app.world_mut().get_mut::<CullingPipeline>(camera).unwrap();
     culling.pipeline_mut().set_explaining(true);
-    assert!(!is_seen(&mut app, 1));
+    assert!(!is_seen(&mut app, 1), "explaining changes what is seen");
     let culling = app.world().get::<CullingPipeline>(camera).unwrap();
-    assert_eq!(culling.pipeline().explain(id).to_string(), "removed by hzb");
+    assert_eq!(culling.pipeline().explain(id).to_string(), "removed by hzb", "what removed the thing");
     let scene = app.world().resource::<VisibilityScene>();
-    assert_eq!(culling.culled(scene).collect::<Vec<_>>(), [(thing, "hzb")]);
+    assert_eq!(culling.culled(scene).collect::<Vec<_>>(), [(thing, "hzb")], "what is culled, and by what");
     app.world_mut().entity_mut(camera).remove::<CullingPipeline>();
     assert!(is_seen(&mut app, 1), "by the frustum alone");
 }

@@ -55,13 +55,13 @@ fn what_is_in_another_room_is_seen_through_the_door_alone() {
         let all = portals.cells().graph().portals().iter().zip(0..);
         let doors: Vec<_> =
             all.filter(|(portal, _)| is_door(portal.polygon())).map(|(_, i)| PortalId(i)).collect();
-        assert!(!doors.is_empty());
+        assert!(!doors.is_empty(), "there is a door");
         doors.into_iter().for_each(|door| portals.cells_mut().set_open(door, open).unwrap());
     };
     set_door(false);
     assert_eq!(seen(&mut app), [2], "the door is shut");
     set_door(true);
-    assert_eq!(seen(&mut app), [0, 2]);
+    assert_eq!(seen(&mut app), [0, 2], "the door is open again");
     let two = entity(&mut app, Number(2)).unwrap();
     app.world_mut().entity_mut(two).insert(Transform::from_xyz(4.75, 3.25, 1.0));
     assert_eq!(seen(&mut app), [0], "moved out of sight");

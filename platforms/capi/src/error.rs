@@ -148,16 +148,16 @@ mod tests {
 
     #[test]
     fn panics_end_at_the_border() {
-        assert_eq!(border(|| panic!("planted\0fault")), VIS_ERROR_PANIC);
-        assert_eq!(last(), "fault inside the library: planted fault");
-        assert_eq!(border(|| Ok(())), VIS_OK);
+        assert_eq!(border(|| panic!("planted\0fault")), VIS_ERROR_PANIC, "the status of a panic");
+        assert_eq!(last(), "fault inside the library: planted fault", "the message of a panic");
+        assert_eq!(border(|| Ok(())), VIS_OK, "a call that succeeds");
         assert!(last().starts_with("fault"), "successful calls leave the message");
     }
 
     #[test]
     fn messages_are_of_the_thread() {
-        assert_eq!(border(|| Err(Error::argument("ours"))), VIS_ERROR_ARGUMENT);
-        std::thread::spawn(|| assert_eq!(last(), "")).join().unwrap();
-        assert_eq!(last(), "ours");
+        assert_eq!(border(|| Err(Error::argument("ours"))), VIS_ERROR_ARGUMENT, "a call that is refused");
+        std::thread::spawn(|| assert_eq!(last(), "", "another thread has no message")).join().unwrap();
+        assert_eq!(last(), "ours", "the message of this thread");
     }
 }

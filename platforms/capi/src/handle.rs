@@ -43,20 +43,36 @@ mod tests {
             let _half = guarded.write()?;
             panic!("planted fault")
         });
-        assert_eq!(status, VIS_ERROR_PANIC);
-        assert_eq!(guarded.read().expect_err("poisoned").status, VIS_ERROR_PANIC);
-        assert_eq!(guarded.write().expect_err("poisoned").status, VIS_ERROR_PANIC);
+        assert_eq!(status, VIS_ERROR_PANIC, "the status of a panic");
+        assert_eq!(
+            guarded.read().expect_err("poisoned").status,
+            VIS_ERROR_PANIC,
+            "reading what a panic left"
+        );
+        assert_eq!(
+            guarded.write().expect_err("poisoned").status,
+            VIS_ERROR_PANIC,
+            "writing what a panic left"
+        );
     }
 
     #[test]
     fn readers_share_and_writers_exclude() {
         let guarded = Guarded::new(1);
         let reading = guarded.read().expect("nobody writes");
-        assert_eq!(*guarded.read().expect("readers share"), 1);
-        assert_eq!(guarded.write().expect_err("is read").status, VIS_ERROR_BUSY);
+        assert_eq!(*guarded.read().expect("readers share"), 1, "the value, read twice at once");
+        assert_eq!(guarded.write().expect_err("is read").status, VIS_ERROR_BUSY, "writing while it is read");
         drop(reading);
         let _writing = guarded.write().expect("nobody reads");
-        assert_eq!(guarded.read().expect_err("is written").status, VIS_ERROR_BUSY);
-        assert_eq!(guarded.write().expect_err("is written").status, VIS_ERROR_BUSY);
+        assert_eq!(
+            guarded.read().expect_err("is written").status,
+            VIS_ERROR_BUSY,
+            "reading while it is written"
+        );
+        assert_eq!(
+            guarded.write().expect_err("is written").status,
+            VIS_ERROR_BUSY,
+            "writing while it is written"
+        );
     }
 }

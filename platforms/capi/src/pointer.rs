@@ -83,7 +83,7 @@ pub(crate) unsafe fn optional_out<'a, T: Copy>(
 
 /// A buffer for results, not necessarily initialised, and the place for their number.
 pub(crate) struct Buffer<'a, T> {
-    /// `None` if the caller asks for the number alone.
+    /// First element of the caller's array; `None` if the caller asks for the number of results alone.
     start: Option<NonNull<T>>,
     capacity: usize,
     count: Out<'a, usize>,

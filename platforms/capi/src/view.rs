@@ -14,7 +14,7 @@ use visibility_core::{Pose, View};
 pub struct vis_view(Guarded<State>);
 
 struct State {
-    /// `None` until a camera is set.
+    /// The camera, as a view of core; `None` until the caller has set one.
     camera: Option<View>,
     layers: u32,
 }

@@ -1,6 +1,9 @@
 //! Random calls with the numbers that break programs: none ends in a panic, whatever the handles are used
 //! for.
 
+mod common;
+
+use common::{make, ok};
 use std::ptr::{null, null_mut};
 use visibility::vis_status::*;
 use visibility::*;
@@ -48,20 +51,18 @@ fn matrix(rng: &mut Random) -> [f32; 16] {
 #[test]
 fn no_number_makes_a_call_panic() {
     let rng = &mut Random(24);
-    let (mut scene, mut view, mut visible, mut measure) = (null_mut(), null_mut(), null_mut(), null_mut());
-    let (mut pipeline, mut graph, mut cells, mut pvs) = (null_mut(), null_mut(), null_mut(), null_mut());
+    let (scene, view, pipeline) = (make(vis_scene_create), make(vis_view_create), make(vis_pipeline_create));
+    let (mut visible, mut measure) = (null_mut(), null_mut());
+    let (mut graph, mut cells, mut pvs) = (null_mut(), null_mut(), null_mut());
     let (mut ids, mut meshes) = (vec![VIS_NO_OBJECT], vec![0]);
     let (mut list, mut count, mut outcomes) = ([0_u64; 64], 0, [0; 9]);
     // SAFETY: handles are live, and arrays as long as said.
     unsafe {
-        assert_eq!(vis_scene_create(&mut scene), VIS_OK);
-        assert_eq!(vis_view_create(&mut view), VIS_OK);
-        assert_eq!(vis_visible_create(true, &mut visible), VIS_OK);
-        assert_eq!(vis_measure_create(32, 32, &mut measure), VIS_OK);
-        assert_eq!(vis_pipeline_create(&mut pipeline), VIS_OK);
-        assert_eq!(vis_pipeline_add_frustum(pipeline), VIS_OK);
-        assert_eq!(vis_pipeline_add_z_buffer(pipeline, 32, 32), VIS_OK);
-        assert_eq!(vis_pipeline_add_contribution(pipeline, number(rng), number(rng)), VIS_OK);
+        ok(vis_visible_create(true, &mut visible));
+        ok(vis_measure_create(32, 32, &mut measure));
+        ok(vis_pipeline_add_frustum(pipeline));
+        ok(vis_pipeline_add_z_buffer(pipeline, 32, 32));
+        ok(vis_pipeline_add_contribution(pipeline, number(rng), number(rng)));
         for round in 0..20_000 {
             let (id, mesh) = (ids[rng.below(ids.len())], meshes[rng.below(meshes.len())]);
             let index = || number(&mut Random(round)) as u32;
@@ -149,9 +150,8 @@ fn no_number_makes_a_call_panic() {
                             &mut cells,
                         );
                         if made == VIS_OK {
-                            let mut own = null_mut();
-                            assert_eq!(vis_pipeline_create(&mut own), VIS_OK);
-                            assert_eq!(vis_pipeline_add_portals(own, cells), VIS_OK);
+                            let own = make(vis_pipeline_create);
+                            ok(vis_pipeline_add_portals(own, cells));
                             status = vis_pipeline_cull(own, scene, view, visible, null_mut());
                             vis_pipeline_destroy(own);
                             vis_cells_destroy(cells);

@@ -1,8 +1,10 @@
 //! A warm frame allocates nothing on this side of the border: batches, views, culling and results use memory
 //! that handles keep.
 
+mod common;
+
+use common::{make, ok};
 use std::ptr::null_mut;
-use visibility::vis_status::*;
 use visibility::*;
 use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
 
@@ -12,7 +14,8 @@ static ALLOCATOR: CountingAllocator = CountingAllocator;
 #[test]
 fn warm_frames_allocate_nothing() {
     const COUNT: usize = 5000;
-    let (mut scene, mut view, mut pipeline, mut visible) = (null_mut(), null_mut(), null_mut(), null_mut());
+    let (scene, view, pipeline) = (make(vis_scene_create), make(vis_view_create), make(vis_pipeline_create));
+    let mut visible = null_mut();
     let cube = |i: usize, step: f32| {
         let corner = [(i / 70) as f32 * 2.0 + step, (i % 70) as f32 * 2.0 - 70.0, 0.0];
         vis_box { min: corner, max: corner.map(|x| x + 1.0) }
@@ -23,16 +26,13 @@ fn warm_frames_allocate_nothing() {
     let (mut draw, mut bits, mut count) = (vec![0_u64; COUNT], vec![0_u32; COUNT.div_ceil(32)], 0);
     // SAFETY: handles are live, and arrays as long as said.
     unsafe {
-        assert_eq!(vis_scene_create(&raw mut scene), VIS_OK);
-        assert_eq!(vis_view_create(&raw mut view), VIS_OK);
-        assert_eq!(vis_visible_create(true, &raw mut visible), VIS_OK);
-        assert_eq!(vis_pipeline_create(&raw mut pipeline), VIS_OK);
-        assert_eq!(vis_pipeline_add_frustum(pipeline), VIS_OK);
-        assert_eq!(vis_pipeline_add_z_buffer(pipeline, 0, 0), VIS_OK);
-        assert_eq!(vis_scene_insert_batch(scene, descs.as_ptr(), COUNT, ids.as_mut_ptr()), VIS_OK);
+        ok(vis_visible_create(true, &raw mut visible));
+        ok(vis_pipeline_add_frustum(pipeline));
+        ok(vis_pipeline_add_z_buffer(pipeline, 0, 0));
+        ok(vis_scene_insert_batch(scene, descs.as_ptr(), COUNT, ids.as_mut_ptr()));
         let (placed, boxed) = ids.split_at(COUNT / 2);
         for &id in placed {
-            assert_eq!(vis_scene_set_local_bounds(scene, id, &cube(0, 0.0)), VIS_OK);
+            ok(vis_scene_set_local_bounds(scene, id, &cube(0, 0.0)));
         }
         let mut seen = 0;
         for frame in 0..40 {
@@ -47,24 +47,18 @@ fn warm_frames_allocate_nothing() {
                 transform[12..15].copy_from_slice(&corner);
             }
             let (matrices, boxes) = (transforms.as_ptr().cast(), moved[COUNT / 2..].as_ptr());
-            assert_eq!(
-                vis_scene_set_transforms_batch(scene, placed.as_ptr(), matrices, placed.len()),
-                VIS_OK
-            );
-            assert_eq!(vis_scene_set_bounds_batch(scene, boxed.as_ptr(), boxes, boxed.len()), VIS_OK);
-            assert_eq!(vis_scene_maintain(scene, 100, null_mut()), VIS_OK);
+            ok(vis_scene_set_transforms_batch(scene, placed.as_ptr(), matrices, placed.len()));
+            ok(vis_scene_set_bounds_batch(scene, boxed.as_ptr(), boxes, boxed.len()));
+            ok(vis_scene_maintain(scene, 100, null_mut()));
             let eye = [f64::from(step) - 10.0, 0.0, 1.7];
             let pose = vis_pose { eye, target: [eye[0] + 1.0, 0.0, 1.7], up: [0.0, 0.0, 1.0] };
-            assert_eq!(vis_view_set_perspective(view, &raw const pose, 1.0, 1.5, 0.1, 500.0), VIS_OK);
-            assert_eq!(vis_pipeline_cull(pipeline, scene, view, visible, null_mut()), VIS_OK);
-            assert_eq!(vis_visible_sort_by_index(visible, scene), VIS_OK);
-            assert_eq!(vis_visible_ids(visible, scene, draw.as_mut_ptr(), COUNT, &raw mut count), VIS_OK);
+            ok(vis_view_set_perspective(view, &raw const pose, 1.0, 1.5, 0.1, 500.0));
+            ok(vis_pipeline_cull(pipeline, scene, view, visible, null_mut()));
+            ok(vis_visible_sort_by_index(visible, scene));
+            ok(vis_visible_ids(visible, scene, draw.as_mut_ptr(), COUNT, &raw mut count));
             seen += count;
-            assert_eq!(
-                vis_visible_write_bits(visible, scene, bits.as_mut_ptr(), bits.len(), &raw mut count),
-                VIS_OK
-            );
-            assert_eq!(vis_visible_newly_visible(visible, draw.as_mut_ptr(), COUNT, &raw mut count), VIS_OK);
+            ok(vis_visible_write_bits(visible, scene, bits.as_mut_ptr(), bits.len(), &raw mut count));
+            ok(vis_visible_newly_visible(visible, draw.as_mut_ptr(), COUNT, &raw mut count));
             if frame >= 20 {
                 assert_eq!(ALLOCATIONS.get(), before, "frame {frame}");
             }

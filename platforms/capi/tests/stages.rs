@@ -1,6 +1,9 @@
 //! Stages, layers and the tools that tell why an object is not drawn, through the C interface. What C
 //! programs do with scenes, portals, baked sets and the judge is in `samples`.
 
+mod common;
+
+use common::{make, ok, returns};
 use std::ffi::{CStr, c_char};
 use std::ptr::{null, null_mut};
 use visibility::vis_status::*;
@@ -10,17 +13,10 @@ use visibility_core::Aabb;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Viewcell, Viewcells};
 
-fn make<T>(create: unsafe extern "C" fn(*mut *mut T) -> vis_status) -> *mut T {
-    let mut handle = null_mut();
-    // SAFETY: `handle` is a place for the result.
-    assert_eq!(unsafe { create(&raw mut handle) }, VIS_OK);
-    handle
-}
-
 fn new_visible(with_changes: bool) -> *mut vis_visible {
     let mut handle = null_mut();
     // SAFETY: `handle` is a place for the result.
-    assert_eq!(unsafe { vis_visible_create(with_changes, &raw mut handle) }, VIS_OK);
+    ok(unsafe { vis_visible_create(with_changes, &raw mut handle) });
     handle
 }
 
@@ -32,7 +28,7 @@ fn cube_at(x: f32) -> vis_box {
 fn insert(scene: *mut vis_scene, desc: vis_object_desc) -> u64 {
     let mut id = VIS_NO_OBJECT;
     // SAFETY: the scene is live.
-    assert_eq!(unsafe { vis_scene_insert(scene, &raw const desc, &raw mut id) }, VIS_OK);
+    ok(unsafe { vis_scene_insert(scene, &raw const desc, &raw mut id) });
     id
 }
 
@@ -42,8 +38,8 @@ fn setting() -> (*mut vis_scene, *mut vis_view, *mut vis_pipeline) {
     let pose = vis_pose { eye: [0.0; 3], target: [1.0, 0.0, 0.0], up: [0.0, 0.0, 1.0] };
     // SAFETY: handles are live.
     unsafe {
-        assert_eq!(vis_view_set_perspective(view, &raw const pose, 1.0, 1.0, 0.1, f64::INFINITY), VIS_OK);
-        assert_eq!(vis_pipeline_add_frustum(pipeline), VIS_OK);
+        ok(vis_view_set_perspective(view, &raw const pose, 1.0, 1.0, 0.1, f64::INFINITY));
+        ok(vis_pipeline_add_frustum(pipeline));
     }
     (make(vis_scene_create), view, pipeline)
 }
@@ -58,11 +54,11 @@ fn visible_ids(
     let mut count = 0;
     // SAFETY: handles are live, and the list is as long as said.
     unsafe {
-        assert_eq!(vis_pipeline_cull(pipeline, scene, view, visible, null_mut()), VIS_OK);
-        assert_eq!(vis_visible_sort_by_index(visible, scene), VIS_OK);
-        assert_eq!(vis_visible_count(visible, scene, &raw mut count), VIS_OK);
+        ok(vis_pipeline_cull(pipeline, scene, view, visible, null_mut()));
+        ok(vis_visible_sort_by_index(visible, scene));
+        ok(vis_visible_count(visible, scene, &raw mut count));
         let mut ids = vec![0; count];
-        assert_eq!(vis_visible_ids(visible, scene, ids.as_mut_ptr(), count, &raw mut count), VIS_OK);
+        ok(vis_visible_ids(visible, scene, ids.as_mut_ptr(), count, &raw mut count));
         ids
     }
 }
@@ -70,9 +66,9 @@ fn visible_ids(
 /// Reads a text that a function writes: its length first.
 fn text(write: impl Fn(*mut c_char, usize, *mut usize) -> vis_status) -> String {
     let mut length = 0;
-    assert_eq!(write(null_mut(), 0, &raw mut length), VIS_OK);
+    ok(write(null_mut(), 0, &raw mut length));
     let mut bytes: Vec<c_char> = vec![0; length];
-    assert_eq!(write(bytes.as_mut_ptr(), length, &raw mut length), VIS_OK);
+    ok(write(bytes.as_mut_ptr(), length, &raw mut length));
     // SAFETY: the text ends with a zero byte.
     unsafe { CStr::from_ptr(bytes.as_ptr()) }.to_str().expect("UTF-8").to_owned()
 }
@@ -87,55 +83,59 @@ fn layers_flags_ranges_and_parents_decide_what_is_drawn() {
     let see = || visible_ids(pipeline, scene, view, visible);
     // SAFETY: handles are live.
     unsafe {
-        assert_eq!(vis_pipeline_accuracy(pipeline, &raw mut accuracy), VIS_OK);
-        assert_eq!(accuracy, vis_accuracy::VIS_ACCURACY_CONSERVATIVE);
-        assert_eq!(see(), [near, far]);
-        assert_eq!(vis_scene_set_flags(scene, behind, VIS_OBJECT_NEVER_CULL), VIS_OK);
-        assert_eq!(see(), [near, far, behind]);
-        assert_eq!(vis_scene_set_flags(scene, behind, 0), VIS_OK);
-        assert_eq!(vis_scene_set_layers(scene, near, 1), VIS_OK);
-        assert_eq!(vis_view_set_layers(view, 2), VIS_OK);
-        assert_eq!(see(), [far]);
+        ok(vis_pipeline_accuracy(pipeline, &raw mut accuracy));
+        assert_eq!(accuracy, vis_accuracy::VIS_ACCURACY_CONSERVATIVE, "the frustum is conservative");
+        assert_eq!(see(), [near, far], "what is ahead");
+        ok(vis_scene_set_flags(scene, behind, VIS_OBJECT_NEVER_CULL));
+        assert_eq!(see(), [near, far, behind], "what is behind is never culled");
+        ok(vis_scene_set_flags(scene, behind, 0));
+        ok(vis_scene_set_layers(scene, near, 1));
+        ok(vis_view_set_layers(view, 2));
+        assert_eq!(see(), [far], "what shares a layer with the view");
         let (mut id, mut count) = (0, 0);
-        assert_eq!(vis_visible_newly_hidden(visible, &raw mut id, 1, &raw mut count), VIS_ERROR_TOO_SHORT);
+        returns(vis_visible_newly_hidden(visible, &raw mut id, 1, &raw mut count), VIS_ERROR_TOO_SHORT);
         assert_eq!(count, 2, "near and what was behind");
         let pose = vis_pose { eye: [0.1, 0.0, 0.0], target: [1.0, 0.0, 0.0], up: [0.0, 0.0, 1.0] };
-        assert_eq!(vis_view_set_perspective(view, &pose, 1.0, 1.0, 0.1, 900.0), VIS_OK);
+        ok(vis_view_set_perspective(view, &pose, 1.0, 1.0, 0.1, 900.0));
         assert_eq!(see(), [far], "layers outlast the camera");
-        assert_eq!(vis_view_set_layers(view, VIS_ALL_LAYERS), VIS_OK);
-        assert_eq!(see(), [near, far]);
-        assert_eq!(vis_visible_newly_visible(visible, &raw mut id, 1, &raw mut count), VIS_OK);
-        assert_eq!((count, id), (1, near));
+        ok(vis_view_set_layers(view, VIS_ALL_LAYERS));
+        assert_eq!(see(), [near, far], "all layers");
+        ok(vis_visible_newly_visible(visible, &raw mut id, 1, &raw mut count));
+        assert_eq!((count, id), (1, near), "one object has appeared, the near one");
         // A wall across the view, by a plane: only what is beyond 100 m.
         let plane = [1.0, 0.0, 0.0, -100.0_f64]; // relative to the eye
-        assert_eq!(vis_view_set_clip_planes(view, plane.as_ptr(), 1), VIS_OK);
-        assert_eq!(see(), [far]);
-        assert_eq!(vis_view_set_clip_planes(view, null(), 0), VIS_OK);
+        ok(vis_view_set_clip_planes(view, plane.as_ptr(), 1));
+        assert_eq!(see(), [far], "what is beyond the clip plane");
+        ok(vis_view_set_clip_planes(view, null(), 0));
         // The far cube is 2 pixels high in pictures of 1080 rows.
-        assert_eq!(vis_pipeline_add_contribution(pipeline, 1080.0, 8.0), VIS_OK);
-        assert_eq!(see(), [near]);
-        assert_eq!(vis_pipeline_accuracy(pipeline, &raw mut accuracy), VIS_OK);
-        assert_eq!(accuracy, vis_accuracy::VIS_ACCURACY_APPROXIMATE);
-        assert_eq!(vis_scene_set_draw_range(scene, near, 0.0, 3.0), VIS_OK);
-        assert_eq!(see(), []);
+        ok(vis_pipeline_add_contribution(pipeline, 1080.0, 8.0));
+        assert_eq!(see(), [near], "the far cube is too small");
+        ok(vis_pipeline_accuracy(pipeline, &raw mut accuracy));
+        assert_eq!(
+            accuracy,
+            vis_accuracy::VIS_ACCURACY_APPROXIMATE,
+            "with a limit of size the pipeline is approximate"
+        );
+        ok(vis_scene_set_draw_range(scene, near, 0.0, 3.0));
+        assert_eq!(see(), [], "the near cube is beyond its range");
         // A stand-in from 20 m on: nearer, the child is drawn instead.
         let coarse = insert(scene, vis_object_default(cube_at(5.0)));
-        assert_eq!(vis_scene_set_draw_range(scene, near, 0.0, f32::INFINITY), VIS_OK);
-        assert_eq!(vis_scene_set_draw_range(scene, coarse, 20.0, f32::INFINITY), VIS_OK);
-        assert_eq!(vis_scene_set_hlod_parent(scene, near, coarse), VIS_OK);
-        assert_eq!(see(), [near]);
-        assert_eq!(vis_scene_set_draw_range(scene, coarse, 2.0, f32::INFINITY), VIS_OK);
-        assert_eq!(see(), [coarse]);
-        assert_eq!(vis_scene_set_hlod_parent(scene, near, VIS_NO_OBJECT), VIS_OK);
+        ok(vis_scene_set_draw_range(scene, near, 0.0, f32::INFINITY));
+        ok(vis_scene_set_draw_range(scene, coarse, 20.0, f32::INFINITY));
+        ok(vis_scene_set_hlod_parent(scene, near, coarse));
+        assert_eq!(see(), [near], "the coarse stand-in begins at 20 m");
+        ok(vis_scene_set_draw_range(scene, coarse, 2.0, f32::INFINITY));
+        assert_eq!(see(), [coarse], "the coarse stand-in begins at 2 m");
+        ok(vis_scene_set_hlod_parent(scene, near, VIS_NO_OBJECT));
         let mut contains = false;
-        assert_eq!(see(), [near, coarse]);
-        assert_eq!(vis_visible_contains(visible, scene, near, &raw mut contains), VIS_OK);
-        assert!(contains);
-        assert_eq!(vis_scene_remove_batch(scene, [near, far].as_ptr(), 2), VIS_OK);
-        assert_eq!(vis_visible_contains(visible, scene, near, &raw mut contains), VIS_OK);
-        assert!(!contains);
-        assert_eq!(vis_scene_contains(scene, coarse, &raw mut contains), VIS_OK);
-        assert!(contains);
+        assert_eq!(see(), [near, coarse], "without a parent both are drawn");
+        ok(vis_visible_contains(visible, scene, near, &raw mut contains));
+        assert!(contains, "the near cube is visible");
+        ok(vis_scene_remove_batch(scene, [near, far].as_ptr(), 2));
+        ok(vis_visible_contains(visible, scene, near, &raw mut contains));
+        assert!(!contains, "the near cube was removed");
+        ok(vis_scene_contains(scene, coarse, &raw mut contains));
+        assert!(contains, "the coarse cube is in the scene");
     }
 }
 
@@ -159,7 +159,7 @@ fn each_depth_convention_has_its_near_and_far_plane() {
         (matrix[3], matrix[4], matrix[9]) = (1.0, -1.0, 1.0);
         (matrix[2], matrix[14]) = (a, b);
         // SAFETY: the view is live, and the matrix has 16 numbers.
-        assert_eq!(unsafe { vis_view_set_matrix(view, matrix.as_ptr(), depth as u32, null()) }, VIS_OK);
+        ok(unsafe { vis_view_set_matrix(view, matrix.as_ptr(), depth as u32, null()) });
         let is_infinite = depth as u32 % 2 == 1;
         let expected = if is_infinite { vec![between, beyond] } else { vec![between] };
         assert_eq!(visible_ids(pipeline, scene, view, visible), expected, "{depth:?}");
@@ -180,61 +180,64 @@ fn pipelines_explain_freeze_and_say_what_they_lack() {
             |id| text(|text, capacity, count| vis_pipeline_explain(pipeline, id, text, capacity, count));
         let lacks =
             || text(|text, capacity, count| vis_pipeline_lacks(pipeline, scene, text, capacity, count));
-        assert_eq!(vis_pipeline_add_z_buffer(pipeline, 64, 64), VIS_OK);
-        assert_eq!(vis_pipeline_set_explaining(pipeline, true), VIS_OK);
+        ok(vis_pipeline_add_z_buffer(pipeline, 64, 64));
+        ok(vis_pipeline_set_explaining(pipeline, true));
         let bounds = vis_box { min: [f32::NAN; 3], max: [1.0; 3] };
         let lost = insert(scene, vis_object_default(bounds));
-        assert_eq!(vis_scene_set_flags(scene, wall, VIS_OBJECT_ONE_SIDED), VIS_OK);
+        ok(vis_scene_set_flags(scene, wall, VIS_OBJECT_ONE_SIDED));
         let lines = lacks();
-        assert!(lines.contains("pipeline: objects whose bounds are NaN or inverted, never culled: 1\n"));
+        assert!(
+            lines.contains("pipeline: objects whose bounds are NaN or inverted, never culled: 1\n"),
+            "bounds of NaN are reported: {lines}"
+        );
         assert!(lines.contains("hzb: objects of which none is flagged as an occluder: 4\n"), "{lines}");
-        assert_eq!(vis_scene_remove(scene, lost), VIS_OK);
-        assert_eq!(vis_scene_set_flags(scene, wall, VIS_OBJECT_OCCLUDER), VIS_OK);
-        assert_eq!(see(), [wall, hidden]);
-        assert_eq!(lacks(), "hzb: occluders without a mesh: 1\n");
+        ok(vis_scene_remove(scene, lost));
+        ok(vis_scene_set_flags(scene, wall, VIS_OBJECT_OCCLUDER));
+        assert_eq!(see(), [wall, hidden], "a wall without a mesh hides nothing");
+        assert_eq!(lacks(), "hzb: occluders without a mesh: 1\n", "the wall lacks a mesh");
         // From the triangles that the wall is drawn with; first of them, one that faces the eye.
         let quad = [[4.0, -5.0, -5.0], [4.0, 5.0, 5.0], [4.0, 5.0, -5.0], [4.0, -5.0, 5.0_f32]];
         let triangles = [quad[0], quad[1], quad[2], quad[0], quad[3], quad[1]];
         let mut made = 0;
-        assert_eq!(vis_scene_set_triangles(scene, wall, triangles.as_ptr().cast(), 2), VIS_OK);
-        assert_eq!(vis_scene_prepare_occluders(scene, &raw mut made), VIS_OK);
-        assert_eq!((made, lacks().as_str()), (1, ""));
-        assert_eq!(see(), [wall]);
-        assert_eq!(explain(wall), "visible");
-        assert_eq!(explain(hidden), "removed by hzb");
-        assert_eq!(explain(behind), "removed by frustum");
+        ok(vis_scene_set_triangles(scene, wall, triangles.as_ptr().cast(), 2));
+        ok(vis_scene_prepare_occluders(scene, &raw mut made));
+        assert_eq!((made, lacks().as_str()), (1, ""), "one occluder is made, and nothing is lacking");
+        assert_eq!(see(), [wall], "the wall hides");
+        assert_eq!(explain(wall), "visible", "the wall's explanation");
+        assert_eq!(explain(hidden), "removed by hzb", "the hidden cube's explanation");
+        assert_eq!(explain(behind), "removed by frustum", "the explanation of what is behind");
         // The eye turns, the frozen pipeline does not.
-        assert_eq!(vis_pipeline_freeze(pipeline, true), VIS_OK);
+        ok(vis_pipeline_freeze(pipeline, true));
         let pose = vis_pose { eye: [0.0; 3], target: [-1.0, 0.0, 0.0], up: [0.0, 0.0, 1.0] };
-        assert_eq!(vis_view_set_orthographic(view, &raw const pose, 5.0, 5.0, 0.0, 50.0), VIS_OK);
-        assert_eq!(see(), [wall]);
-        assert_eq!(vis_pipeline_freeze(pipeline, false), VIS_OK);
-        assert_eq!(vis_pipeline_reset(pipeline), VIS_OK);
-        assert_eq!(see(), [behind]);
+        ok(vis_view_set_orthographic(view, &raw const pose, 5.0, 5.0, 0.0, 50.0));
+        assert_eq!(see(), [wall], "the frozen pipeline sees what it saw");
+        ok(vis_pipeline_freeze(pipeline, false));
+        ok(vis_pipeline_reset(pipeline));
+        assert_eq!(see(), [behind], "the eye has turned");
         // Far from the origin of the world, scene and camera move together.
         let far = [6.4e6, 0.0, 0.0];
-        assert_eq!(vis_scene_set_origin(scene, far.as_ptr()), VIS_OK);
-        assert_eq!(see(), []);
+        ok(vis_scene_set_origin(scene, far.as_ptr()));
+        assert_eq!(see(), [], "the scene has moved away with its origin");
         let mut matrix = [0.0_f64; 16];
         (matrix[3], matrix[4], matrix[9], matrix[14]) = (1.0, -1.0, 1.0, 0.1);
         let depth = vis_depth::VIS_DEPTH_REVERSED_INFINITE as u32;
-        assert_eq!(vis_view_set_matrix_f64(view, matrix.as_ptr(), depth, far.as_ptr()), VIS_OK);
-        assert_eq!(see(), [wall]);
+        ok(vis_view_set_matrix_f64(view, matrix.as_ptr(), depth, far.as_ptr()));
+        assert_eq!(see(), [wall], "the camera has followed");
         // A mesh of one's own, two-sided, on an object that is moved by its bounds and so loses it.
         let (mut mesh, corners) = (0, quad.map(|[_, y, z]| [4.0, y, z]));
         let indices = [0, 2, 1, 0, 1, 3_u32];
         let positions = corners.as_ptr().cast();
-        assert_eq!(vis_scene_add_mesh(scene, positions, 4, indices.as_ptr(), 2, true, &raw mut mesh), VIS_OK);
-        assert_eq!(vis_scene_set_mesh(scene, wall, mesh, null()), VIS_OK);
+        ok(vis_scene_add_mesh(scene, positions, 4, indices.as_ptr(), 2, true, &raw mut mesh));
+        ok(vis_scene_set_mesh(scene, wall, mesh, null()));
         // Removed, the mesh still hides until the object loses it.
         let (mut before, mut after) = (0, 0);
-        assert_eq!(vis_scene_mesh_count(scene, &raw mut before), VIS_OK);
-        assert_eq!(vis_scene_remove_mesh(scene, mesh), VIS_OK);
-        assert_eq!(see(), [wall]);
-        assert_eq!(vis_scene_set_bounds(scene, wall, &cube_at(2.0)), VIS_OK);
-        assert_eq!(see(), [wall, hidden]);
-        assert_eq!(vis_scene_mesh_count(scene, &raw mut after), VIS_OK);
-        assert_eq!(after + 1, before);
+        ok(vis_scene_mesh_count(scene, &raw mut before));
+        ok(vis_scene_remove_mesh(scene, mesh));
+        assert_eq!(see(), [wall], "the removed mesh still hides");
+        ok(vis_scene_set_bounds(scene, wall, &cube_at(2.0)));
+        assert_eq!(see(), [wall, hidden], "the wall has lost its mesh");
+        ok(vis_scene_mesh_count(scene, &raw mut after));
+        assert_eq!(after + 1, before, "meshes before and after");
     }
 }
 
@@ -257,66 +260,71 @@ fn doors_shut_for_all_views_that_share_the_cells() {
     // SAFETY: handles are live, and arrays as long as said.
     unsafe {
         let vertices = door.as_ptr().cast();
-        assert_eq!(
-            vis_graph_create(2, &raw const portal, 1, vertices, 3, &raw mut graph),
-            VIS_ERROR_ARGUMENT
-        );
-        assert_eq!(vis_graph_create(2, &raw const portal, 1, vertices, 4, &raw mut graph), VIS_OK);
+        returns(vis_graph_create(2, &raw const portal, 1, vertices, 3, &raw mut graph), VIS_ERROR_ARGUMENT);
+        ok(vis_graph_create(2, &raw const portal, 1, vertices, 4, &raw mut graph));
         let make = |count, planes, cells: *mut *mut vis_cells| {
             vis_cells_create(graph, volumes.as_ptr(), count, plane.as_ptr(), planes, 1e-6, cells)
         };
         assert_eq!(make(1, 1, &raw mut cells), VIS_ERROR_ARGUMENT, "a cell without a volume");
         assert_eq!(make(2, 0, &raw mut cells), VIS_ERROR_ARGUMENT, "a plane that is not there");
-        assert_eq!(make(2, 1, &raw mut cells), VIS_OK);
-        assert_eq!(vis_pipeline_add_portals(first, cells), VIS_OK);
-        assert_eq!(vis_pipeline_add_portals(second, cells), VIS_OK);
+        ok(make(2, 1, &raw mut cells));
+        ok(vis_pipeline_add_portals(first, cells));
+        ok(vis_pipeline_add_portals(second, cells));
         let see = || {
             [(first, visible[0]), (second, visible[1])]
                 .map(|(pipeline, visible)| visible_ids(pipeline, scene, view, visible).len())
         };
-        assert_eq!(see(), [1, 1]);
-        assert_eq!(vis_cells_set_open(cells, 0, false), VIS_OK);
-        assert_eq!(see(), [0, 0]);
-        assert_eq!(vis_cells_can_see(cells, 0, 1, &raw mut sees), VIS_OK);
-        assert!(!sees);
-        assert_eq!(vis_cells_set_open(cells, 0, true), VIS_OK);
-        assert_eq!(vis_cells_set_passage(cells, 0, false, true), VIS_OK);
+        assert_eq!(see(), [1, 1], "the door is open for both");
+        ok(vis_cells_set_open(cells, 0, false));
+        assert_eq!(see(), [0, 0], "the door is shut for both");
+        ok(vis_cells_can_see(cells, 0, 1, &raw mut sees));
+        assert!(!sees, "through a shut door cells do not see each other");
+        ok(vis_cells_set_open(cells, 0, true));
+        ok(vis_cells_set_passage(cells, 0, false, true));
         assert_eq!(see(), [0, 0], "the door is seen through from the other side only");
-        assert_eq!(vis_cells_set_passage(cells, 0, true, false), VIS_OK);
-        assert_eq!(see(), [1, 1]);
-        assert_eq!(vis_cells_set_passage(cells, 0, false, false), VIS_ERROR_ARGUMENT);
-        assert_eq!(vis_cells_set_open(cells, 7, true), VIS_ERROR_UNKNOWN_ID);
+        ok(vis_cells_set_passage(cells, 0, true, false));
+        assert_eq!(see(), [1, 1], "the door is seen through from this side");
+        returns(vis_cells_set_passage(cells, 0, false, false), VIS_ERROR_ARGUMENT);
+        returns(vis_cells_set_open(cells, 7, true), VIS_ERROR_UNKNOWN_ID);
         // The lamp leaves by bounds: both pipelines see the change.
-        assert_eq!(vis_scene_set_bounds(scene, lamp, &cube_at(-9.0)), VIS_OK);
+        ok(vis_scene_set_bounds(scene, lamp, &cube_at(-9.0)));
         assert_eq!(see(), [0, 1], "outside all cells nothing is hidden but by the frustum");
         // Another scene may use the cells in between.
         let elsewhere = crate::make(vis_scene_create);
         insert(elsewhere, vis_object_default(cube_at(5.0)));
-        assert_eq!(vis_cells_set_passage(cells, 0, false, true), VIS_OK);
-        assert_eq!(visible_ids(first, elsewhere, view, visible[0]).len(), 0);
-        assert_eq!(see(), [0, 1]);
-        assert_eq!(visible_ids(first, elsewhere, view, visible[0]).len(), 0);
+        ok(vis_cells_set_passage(cells, 0, false, true));
+        assert_eq!(
+            visible_ids(first, elsewhere, view, visible[0]).len(),
+            0,
+            "the lamp elsewhere, behind a one-way door"
+        );
+        assert_eq!(see(), [0, 1], "the own lamp, after another scene");
+        assert_eq!(
+            visible_ids(first, elsewhere, view, visible[0]).len(),
+            0,
+            "the lamp elsewhere, after the own scene"
+        );
         vis_scene_destroy(elsewhere);
         // A baked set of objects does not fit cells.
         let (mut pvs, ends, targets) = (null_mut(), [1_usize, 3], [0, 0, 1_u32]);
-        assert_eq!(vis_pvs_create(2, ends.as_ptr(), 2, targets.as_ptr(), 3, &raw mut pvs), VIS_OK);
-        assert_eq!(vis_cells_set_pvs(cells, pvs), VIS_ERROR_ARGUMENT);
+        ok(vis_pvs_create(2, ends.as_ptr(), 2, targets.as_ptr(), 3, &raw mut pvs));
+        returns(vis_cells_set_pvs(cells, pvs), VIS_ERROR_ARGUMENT);
         let (mut rows, mut columns) = (0, 0);
-        assert_eq!(vis_pvs_counts(pvs, &raw mut rows, &raw mut columns), VIS_OK);
-        assert_eq!((rows, columns), (2, 2));
-        assert_eq!(vis_pvs_sees(pvs, 0, 1, &raw mut sees), VIS_OK);
-        assert!(!sees);
+        ok(vis_pvs_counts(pvs, &raw mut rows, &raw mut columns));
+        assert_eq!((rows, columns), (2, 2), "rows and targets of the set");
+        ok(vis_pvs_sees(pvs, 0, 1, &raw mut sees));
+        assert!(!sees, "target 1 from viewcell 0");
         let mut row = 0;
-        assert_eq!(vis_pvs_write_row(pvs, 1, &mut row, 1, &mut rows), VIS_OK);
-        assert_eq!((rows, row), (1, 3));
-        assert_eq!(vis_pvs_write_row(pvs, 2, &mut row, 1, &mut rows), VIS_ERROR_UNKNOWN_ID);
+        ok(vis_pvs_write_row(pvs, 1, &mut row, 1, &mut rows));
+        assert_eq!((rows, row), (1, 3), "one word, and both targets");
+        returns(vis_pvs_write_row(pvs, 2, &mut row, 1, &mut rows), VIS_ERROR_UNKNOWN_ID);
         // A target in each half of a word of the set, and a row that ends in the first half.
         let (mut wide, targets) = (null_mut(), [0, 31, 32, 63, 64, 69_u32]);
-        assert_eq!(vis_pvs_create(70, &6, 1, targets.as_ptr(), 6, &mut wide), VIS_OK);
+        ok(vis_pvs_create(70, &6, 1, targets.as_ptr(), 6, &mut wide));
         let mut words = [0; 3];
-        assert_eq!(vis_pvs_write_row(wide, 0, words.as_mut_ptr(), 2, &mut rows), VIS_ERROR_TOO_SHORT);
-        assert_eq!(vis_pvs_write_row(wide, 0, words.as_mut_ptr(), 3, &mut rows), VIS_OK);
-        assert_eq!(words, [1 << 31 | 1, 1 << 31 | 1, 1 << 5 | 1]);
+        returns(vis_pvs_write_row(wide, 0, words.as_mut_ptr(), 2, &mut rows), VIS_ERROR_TOO_SHORT);
+        ok(vis_pvs_write_row(wide, 0, words.as_mut_ptr(), 3, &mut rows));
+        assert_eq!(words, [1 << 31 | 1, 1 << 31 | 1, 1 << 5 | 1], "the targets as bits");
         vis_pvs_destroy(wide);
         assert_eq!(see(), [0, 1], "a refused set leaves the cells as they were");
         vis_cells_destroy(cells);
@@ -350,29 +358,37 @@ fn a_baked_file_is_read_for_its_scene_alone() {
     insert(scene, vis_object_default(cube_at(5.0)));
     assert_eq!(read(&file, &raw mut set), VIS_ERROR_ARGUMENT, "an object is missing");
     let lamp = insert(scene, vis_object_default(cube_at(9.0)));
-    assert_eq!(read(&file[1..], &raw mut set), VIS_ERROR_FORMAT);
+    returns(read(&file[1..], &raw mut set), VIS_ERROR_FORMAT);
     let read_version = |version: u64, set: *mut *mut vis_scene_pvs| {
         // SAFETY: as before.
         unsafe { vis_scene_pvs_read_version(scene, file.as_ptr(), file.len(), version, set) }
     };
     assert_eq!(read_version(version ^ 1, &raw mut set), VIS_ERROR_ARGUMENT, "the level was edited");
-    assert_eq!(read_version(version, &raw mut set), VIS_OK);
+    ok(read_version(version, &raw mut set));
     // SAFETY: handles are live.
     unsafe {
         let mut accuracy = vis_accuracy::VIS_ACCURACY_EXACT;
         let before = {
-            assert_eq!(vis_pipeline_accuracy(pipeline, &raw mut accuracy), VIS_OK);
+            ok(vis_pipeline_accuracy(pipeline, &raw mut accuracy));
             accuracy
         };
-        assert_eq!(vis_pipeline_add_pvs(pipeline, set), VIS_OK);
-        assert_eq!(visible_ids(pipeline, scene, view, visible), [lamp]);
-        assert_eq!(vis_pipeline_accuracy(pipeline, &raw mut accuracy), VIS_OK);
-        assert_eq!(accuracy, before);
+        ok(vis_pipeline_add_pvs(pipeline, set));
+        assert_eq!(
+            visible_ids(pipeline, scene, view, visible),
+            [lamp],
+            "the lamp, by a set of a known version"
+        );
+        ok(vis_pipeline_accuracy(pipeline, &raw mut accuracy));
+        assert_eq!(accuracy, before, "a set of a known version keeps the accuracy");
         vis_scene_pvs_destroy(set);
-        assert_eq!(read(&file, &raw mut set), VIS_OK);
-        assert_eq!(vis_pipeline_add_pvs(pipeline, set), VIS_OK);
-        assert_eq!(visible_ids(pipeline, scene, view, visible), [lamp]);
-        assert_eq!(vis_pipeline_accuracy(pipeline, &raw mut accuracy), VIS_OK);
+        ok(read(&file, &raw mut set));
+        ok(vis_pipeline_add_pvs(pipeline, set));
+        assert_eq!(
+            visible_ids(pipeline, scene, view, visible),
+            [lamp],
+            "the lamp, by a set of an unknown version"
+        );
+        ok(vis_pipeline_accuracy(pipeline, &raw mut accuracy));
         assert_eq!(accuracy, vis_accuracy::VIS_ACCURACY_APPROXIMATE, "without a version");
         vis_scene_pvs_destroy(set);
         vis_visible_destroy(visible);

@@ -15,7 +15,7 @@ use visibility_core::view::ViewPlanes;
 use visibility_core::{Aabb, Accuracy, OccluderMesh, OcclusionMap, View};
 use wgpu::BufferUsages;
 
-/// As in `shaders/second_phase.wgsl`.
+/// Margins of rounding and of interpolation, the same as in `shaders/second_phase.wgsl`.
 const ROUNDING: f32 = 1.0 / (1 << 20) as f32;
 const INTERPOLATION: f32 = 1.0 / (1 << 14) as f32;
 /// Greatest number of columns and rows of a level that are looked at.

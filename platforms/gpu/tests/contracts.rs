@@ -259,7 +259,11 @@ fn pictures_of_any_size_are_read_back_whole() {
     for [width, height] in [[1, 1], [61, 7], [64, 64], [65, 3]] {
         viewer.target = Target::new(&gpu, width, height);
         viewer.draw_all(&view);
-        assert_eq!(viewer.target.items(&gpu).unwrap().len(), (width * height) as usize);
+        assert_eq!(
+            viewer.target.items(&gpu).unwrap().len(),
+            (width * height) as usize,
+            "{width} x {height}: pixels read"
+        );
         let Viewer { world, meshes, painter, target, .. } = &viewer;
         let mut culler = TwoPhaseCuller::new(&gpu, &world.scene, meshes, painter, target);
         let shown = target.visible(&gpu).unwrap();
@@ -267,7 +271,11 @@ fn pictures_of_any_size_are_read_back_whole() {
         Pipeline::new().with(FrustumCuller::new()).cull(&world.scene, &view, &mut visible);
         for _ in 0..2 {
             culler.draw(&gpu, target, meshes, painter, &world.scene, &visible).unwrap();
-            assert_eq!(target.visible(&gpu).unwrap(), shown);
+            assert_eq!(
+                target.visible(&gpu).unwrap(),
+                shown,
+                "{width} x {height}: objects shown by two phases"
+            );
         }
     }
 }
@@ -283,7 +291,7 @@ fn an_empty_scene_is_drawn() {
     let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
     painter.look(&gpu, &target, view.clip_from(scene.origin()).as_mat4());
     painter.draw(&gpu, &target, &meshes, &[]);
-    assert_eq!(target.visible(&gpu).unwrap(), [0; 0]);
+    assert_eq!(target.visible(&gpu).unwrap(), [0; 0], "an empty scene shows nothing");
 }
 
 /// Adds an object that is a rectangle across the x axis.

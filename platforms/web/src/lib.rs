@@ -8,10 +8,19 @@ use std::alloc::{Layout, alloc, dealloc};
 /// Sizes in bytes that `package/visibility.js` counts on: does not compile if a structure of the header
 /// changes.
 const _: () = {
-    assert!(size_of::<vis_box>() == 24 && size_of::<vis_object_desc>() == 36);
-    assert!(size_of::<vis_pose>() == 72 && size_of::<vis_volume>() == 56);
-    assert!(size_of::<vis_portal>() == 16 && size_of::<vis_stats>() == 40);
-    assert!(size_of::<vis_comparison>() == 16);
+    assert!(
+        size_of::<vis_box>() == 24 && size_of::<vis_object_desc>() == 36,
+        "sizes in bytes of the header's structures"
+    );
+    assert!(
+        size_of::<vis_pose>() == 72 && size_of::<vis_volume>() == 56,
+        "sizes in bytes of the header's structures"
+    );
+    assert!(
+        size_of::<vis_portal>() == 16 && size_of::<vis_stats>() == 40,
+        "sizes in bytes of the header's structures"
+    );
+    assert!(size_of::<vis_comparison>() == 16, "sizes in bytes of the header's structures");
 };
 
 /// Alignment of memory for arguments, in bytes: that of the most strictly aligned type of the header.

@@ -23,7 +23,7 @@ pub struct PlanCells {
     pub viewcells: Viewcells,
     /// Cell of each triangle of the plan, by number of the triangle.
     of_triangle: Vec<CellId>,
-    /// CSR offsets into `corners`, one more than cells.
+    /// First corner of each cell in `corners`; then the end of the last.
     first_corner: Vec<u32>,
     corners: Vec<Point>,
 }
@@ -45,8 +45,9 @@ impl PlanCells {
 /// Cells as rings of half-edges while they grow together.
 struct Rings<'a> {
     plan: &'a Plan,
-    /// Half-edge after and before each half-edge along the boundary of its cell.
+    /// Half-edge after each half-edge along the boundary of its cell.
     after: Vec<u32>,
+    /// Half-edge before each half-edge along the boundary of its cell.
     before: Vec<u32>,
     /// Parent of each triangle in a union-find forest.
     parent: Vec<u32>,
@@ -63,7 +64,7 @@ impl Rings<'_> {
         t
     }
 
-    /// Removes an edge if that leaves a convex cell.
+    /// Removes an edge if the joined cell is convex.
     fn try_remove(&mut self, h: u32) {
         let edge = self.plan.edges[h as usize];
         let Some(twin) = edge.twin().filter(|twin| edge.twin & WALL == 0 && h < *twin) else { return };
@@ -180,7 +181,8 @@ impl Plan {
     }
 }
 
-/// Returns the upright rectangle over a segment, made larger until it is a polygon. `None` if there is none.
+/// Returns the upright rectangle over a segment between two heights, enlarged by roundings until it is a
+/// valid polygon. `None` if no enlargement is one.
 fn portal(segment: [Point; 2], heights: [f64; 2]) -> Option<ConvexPolygon> {
     let [mut a, mut b] = segment.map(|[x, y]| DVec3::new(x, y, 0.0));
     let [mut low, mut high] = heights;

@@ -15,11 +15,11 @@ use super::predicates::{LEAST, Point, area, is_same_way, orient};
 use super::triangulation::{NONE, Place, Triangulation, next, previous};
 use alloc::vec::Vec;
 
-/// Greatest number of vertices of a triangulation, ends of walls and crossings together; also of items in its
-/// lists of walls.
+/// Greatest number of vertices of a triangulation, ends of walls and crossings together. Also the greatest
+/// number of items in its lists of walls.
 pub(crate) const MOST_VERTICES: usize = 1 << 24;
 
-/// Marks a link or a twin as the index of a boundary step.
+/// Flag of a link or a twin that is the index of a boundary step.
 const STEP: u32 = 1 << 31;
 
 /// A piece of a wall that is to become an edge or a chain of edges.
@@ -28,7 +28,7 @@ struct Task {
     from: u32,
     to: u32,
     walls: u32,
-    /// Whether the piece is a part of one that was split before.
+    /// Whether the piece is a part of a piece that was split before.
     is_part: bool,
 }
 
@@ -39,8 +39,8 @@ struct Step {
     vertex: u32,
     /// Half-edge of the removed triangle; later that of the new triangle.
     inner: u32,
-    /// Half-edge on the outer side, or [`STEP`] and the index of the step that is the other side of the same
-    /// edge, when both its triangles are removed. [`NONE`] on the outer rectangle.
+    /// Half-edge on the outer side. If both triangles at the edge are removed: [`STEP`] plus the index of the
+    /// step on its other side. [`NONE`] on the outer rectangle.
     outer: u32,
     walls: u32,
 }
@@ -53,21 +53,21 @@ enum Way {
     Through(u32),
 }
 
-/// Makes walls edges of a triangulation. Kept for all walls, for its memory.
+/// Turns walls into edges of a triangulation. One value serves all walls, and keeps its memory.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Constrainer {
     tasks: Vec<Task>,
-    /// Steps on the left side of the wall, then those on the right side, each in order of the turn
-    /// counter-clockwise around the hole.
+    /// Steps around the hole counter-clockwise: first those on the left side of the wall, then those on the
+    /// right side.
     steps: Vec<Step>,
     right: Vec<Step>,
     /// Triangles that the wall crosses.
     removed: Vec<u32>,
-    /// Chain of vertices with the link to the vertex before.
+    /// Chain of vertices, each with the link to the vertex before it.
     chain: Vec<(u32, u32)>,
-    /// Crossings met by the wall that is inserted.
+    /// Number of crossings so far of the wall that is inserted.
     splits: usize,
-    /// Number of crossings that a wall may well have, given the triangulation before it.
+    /// Number of crossings of one wall above which its pieces count as endless, and the wall is refused.
     usual: usize,
 }
 
@@ -113,7 +113,7 @@ impl Constrainer {
         Ok(())
     }
 
-    /// Does the first part of a task and leaves the rest as tasks.
+    /// Does the first part of a task, and puts the rest onto the stack of tasks.
     fn advance(&mut self, of: &mut Triangulation, task: Task) {
         let Task { from, to, walls, is_part } = task;
         if from == to {
@@ -133,9 +133,9 @@ impl Constrainer {
         self.tasks.push(Task { from: rest, to, walls, is_part });
     }
 
-    /// Walks from the vertex of `h` through the triangle of `h` until the next vertex on the way to `to`, and
-    /// collects what is crossed. Returns that vertex. `None` if a wall is in the way: then the two walls are
-    /// split, and their pieces are tasks.
+    /// Walks from the vertex of `h` through the triangle of `h` to the next vertex on the way to `to`, and
+    /// collects the edges crossed. Returns that vertex. `None` if a wall is in the way: both walls are then
+    /// split where they cross, and their pieces become tasks.
     fn cross(&mut self, of: &mut Triangulation, h: u32, task: &Task) -> Option<u32> {
         let (from, to) = (task.from, task.to);
         let [a, b] = [from, to].map(|v| of.points[v as usize]);
@@ -311,8 +311,8 @@ fn mark(of: &mut Triangulation, h: u32, walls: u32) {
     mark_as(of, h, head);
 }
 
-/// Returns whether a wall is among the last 64 added to a list. Without this, walls that bend onto each other
-/// again and again would double their lists each time.
+/// Returns whether a wall is among the last 64 walls of a list. Without this test, walls that bend onto each
+/// other again and again would double their lists each time.
 fn lists_lately(of: &Triangulation, mut item: u32, wall: u32) -> bool {
     for _ in 0..64 {
         if item == NONE {
@@ -327,8 +327,8 @@ fn lists_lately(of: &Triangulation, mut item: u32, wall: u32) -> bool {
     false
 }
 
-/// Returns how the wall from one vertex to another leaves the first. `None` only if the triangulation is
-/// broken.
+/// Returns the way by which the wall from one vertex to another leaves the first. `None` only if the
+/// triangulation is broken.
 fn way(of: &Triangulation, from: u32, to: u32) -> Option<Way> {
     let [a, b] = [from, to].map(|v| of.points[v as usize]);
     let first = of.out[from as usize];
@@ -393,7 +393,7 @@ fn may_bend([a, b]: [Point; 2], through: Point) -> bool {
         && area(a, b, through).abs() <= rounding(&[a, b, through]) * along[axis]
 }
 
-/// Returns the distance within which points that were rounded some times are taken for one.
+/// Returns the distance within which points that were rounded several times count as one.
 ///
 /// A crossing is wrong by some units of rounding of the greatest coordinate. Pieces of walls that cross there
 /// may cross again a little beside: on and on, each time by a unit, where a coordinate rounds back to the

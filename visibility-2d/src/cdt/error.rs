@@ -1,8 +1,8 @@
-//! What can be wrong with the walls of a plan, or with a query.
+//! Errors of plans: walls that cannot be triangulated, and queries with unusable numbers.
 
 use core::fmt;
 
-/// Error of making a [`Plan`](crate::cdt::Plan) or of asking it.
+/// Errors of making a [`Plan`](crate::cdt::Plan) and of queries.
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum PlanError {
@@ -10,7 +10,7 @@ pub enum PlanError {
     Coordinate {
         /// Index of the wall with the faulty point, or of the point among the points of a query, from 0.
         index: usize,
-        /// The faulty point.
+        /// The first point with a coordinate that cannot be used.
         point: [f64; 2],
     },
     /// There are too many walls, or walls that cross or overlap too often.
@@ -20,14 +20,14 @@ pub enum PlanError {
     },
     /// A wall has a number that the plan does not have.
     UnknownWall {
-        /// Number of the wall.
+        /// Index of the wall that was asked for.
         wall: u32,
         /// Number of walls of the plan.
         walls: usize,
     },
-    /// Objects are of another plan, or have none of the number given.
+    /// The objects belong to another plan, or no object has the given number.
     Objects,
-    /// A region or an object has no point, or one outside the rectangle around the plan.
+    /// A region or an object has no point, or a point outside the rectangle around the plan.
     Region,
     /// A height of a line of sight is not finite or above 1e60. Or the lower bound of heights of cells is not
     /// below the upper one, one is not finite, or they are so large or so close beside the plan that a portal

@@ -29,24 +29,25 @@ pub(crate) struct Cone {
     pub(crate) edge: u32,
     pub(crate) right: Ray,
     pub(crate) left: Ray,
-    /// Number of opaque walls that the cone may pass through.
+    /// Number of opaque walls that the cone may still pass through.
     through: u32,
     /// Whether the cone comes from outside the rectangle and enters the triangle of `edge`.
     enters: bool,
 }
 
 impl Cone {
-    /// Returns the triangle that the cone leaves, with the rays that bound the cone. `None` for a cone from
-    /// outside the rectangle.
+    /// Returns the triangle that the cone leaves, and the right and the left ray that bound the cone. `None`
+    /// for a cone from outside the rectangle.
     pub(crate) fn inside(&self) -> Option<(u32, Ray, Ray)> {
         (!self.enters).then_some((self.edge / 3, self.right, self.left))
     }
 }
 
-/// What happens to a cone at an edge.
+/// What happens to a cone of sight at an edge of a triangle.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Met {
-    /// The cone passes a wall: it is clear, or one of those that the view sees through.
+    /// The cone goes on beyond a wall that does not block, or that counts as one of those the view sees
+    /// through.
     Passed,
     /// The cone ends at a wall or at the outer rectangle.
     Ended,
@@ -54,7 +55,8 @@ pub(crate) enum Met {
     Far,
 }
 
-/// Eye and plan of an expansion.
+/// The eye of a look and the plan that it looks at: what all cones of one look from triangle to triangle
+/// share.
 #[derive(Clone, Copy)]
 pub(crate) struct Expansion<'a> {
     pub(crate) plan: &'a Plan,
@@ -164,9 +166,9 @@ impl Expansion<'_> {
     }
 
     /// Follows the cones on the stack, the last one first. Calls `meet(edge, right, left, met)` for each part
-    /// of an edge between two rays where a cone passes a wall or ends, from right to left. Cones end at edges
-    /// for which `is_near` is false, and pass walls for which `stops` is. Calls `enter(triangle, right,
-    /// left)` for each triangle that a cone enters.
+    /// of an edge between two rays where a cone passes a wall or ends, from right to left. A cone ends at an
+    /// edge for which `is_near` is false, and at a wall for which `stops` is true and `through` is used up.
+    /// Calls `enter(triangle, right, left)` for each triangle that a cone enters.
     #[inline(always)]
     pub(crate) fn run(
         &self,
@@ -179,6 +181,8 @@ impl Expansion<'_> {
         let plan = self.plan;
         while let Some(mut cone) = stack.pop() {
             loop {
+                // A cone that `enters` begins inside the triangle of its edge. Any other one crosses the edge
+                // to the triangle beyond it, if nothing there ends it.
                 let twin = if cone.enters {
                     cone.edge
                 } else {
@@ -188,6 +192,8 @@ impl Expansion<'_> {
                         break;
                     }
                     if twin & (WALL | BLOCKS) != 0 {
+                        // The outer boundary (no twin) ends every cone. A wall ends it only after `through`
+                        // other walls.
                         let blocks = twin & BLOCKS != 0 && (twin & TWIN == TWIN || stops(cone.edge));
                         let ends = blocks && (cone.through == 0 || twin & TWIN == TWIN);
                         if ends {
@@ -200,6 +206,9 @@ impl Expansion<'_> {
                     twin & TWIN
                 };
                 enter(twin / 3, cone.right, cone.left);
+                // In the triangle entered, the cone is divided by the ray through the apex, the corner
+                // opposite the edge it came by. Parts right of the ray go on through one edge, parts left of
+                // it through the other.
                 let (to_right, to_left) = (next(twin), previous(twin));
                 let apex = plan.edges[to_left as usize].origin;
                 let [x, y] = plan.points[apex as usize];
@@ -218,8 +227,9 @@ impl Expansion<'_> {
         }
     }
 
-    /// Returns the point in which a ray meets an edge, whose ends lie on either side of the ray or on it: the
-    /// end itself where the ray goes through it. Other points are rounded, but between the ends.
+    /// Returns the point at which a ray meets an edge. The edge's ends lie on either side of the ray or on
+    /// it. If the ray goes through an end, that end itself; other points are rounded, but lie between the
+    /// ends.
     pub(crate) fn meet(&self, ray: Ray, edge: u32) -> Point {
         let (a, b) = (self.plan.edges[edge as usize].origin, self.plan.edges[next(edge) as usize].origin);
         if ray.point == a || ray.point == b {

@@ -5,7 +5,7 @@
 
 use super::predicates::Point;
 
-/// Rectangle whose points have places on the curve: least corner, and steps per world unit.
+/// A space-filling curve through a rectangle, given by its least corner and its steps per world unit.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Curve {
     low: Point,
@@ -13,8 +13,8 @@ pub(crate) struct Curve {
 }
 
 impl Curve {
-    /// Makes the curve through the rectangle between two corners. If both have the same coordinate on an
-    /// axis, the axis has two steps: up to the coordinate, and beyond.
+    /// Makes the curve through the rectangle between two corners. An axis on which both corners have the same
+    /// coordinate has two steps: up to the coordinate, and beyond.
     pub(crate) fn new(low: Point, high: Point) -> Self {
         let scale = core::array::from_fn(|axis| 4_294_967_040.0 / (high[axis] - low[axis]));
         Self { low, scale }
@@ -58,7 +58,7 @@ mod tests {
         cells.sort_unstable();
         for pair in cells.windows(2) {
             let ((_, x, y), (_, u, v)) = (pair[0], pair[1]);
-            assert_eq!((x - u).abs() + (y - v).abs(), 1);
+            assert_eq!((x - u).abs() + (y - v).abs(), 1, "steps from {x}, {y} to {u}, {v}");
         }
     }
 
@@ -67,7 +67,11 @@ mod tests {
         let curve = Curve::new([-3.0, 5.0], [9.0, 6.0]);
         for i in 0..1000 {
             let point = [f64::from(i * 7 % 13) - 3.0, 5.0 + f64::from(i) / 1000.0];
-            assert_eq!(curve.place::<16>(point) >> 32, curve.place::<32>(point) >> 32);
+            assert_eq!(
+                curve.place::<16>(point) >> 32,
+                curve.place::<32>(point) >> 32,
+                "{point:?}: 16 levels and 32"
+            );
         }
     }
 }

@@ -4,12 +4,13 @@ use super::plan::Plan;
 use super::predicates::{Point, orient};
 use super::triangulation::{NONE, Place, next, place_in};
 
-/// Most steps from the place of the last eye: some steps more take as long as a binary search.
+/// Greatest number of steps of a walk from the triangle of the last eye. More steps take as long as a binary
+/// search.
 const MOST_STEPS: u32 = 16;
 
 impl Plan {
-    /// Finds where a point lies: within some steps from a half-edge, [`NONE`] if there is none, or else by a
-    /// search among all. The answer does not depend on where the search begins.
+    /// Returns the place of a point. The search walks from half-edge `from` if that is a few steps away.
+    /// Otherwise, or if `from` is [`NONE`], it searches all triangles. The answer does not depend on `from`.
     pub(crate) fn locate_near(&self, point: Point, from: u32) -> Place {
         match self.walk_to(point, from) {
             // The half-edge by which the walk came, of several.

@@ -9,14 +9,14 @@ use super::triangulation::NONE;
 use alloc::vec::Vec;
 use visibility_core::stamp::Stamp;
 
-/// An item of two lists: objects of a triangle, and triangles of an object.
+/// An item of two linked lists: the objects of a triangle, and the triangles of an object.
 #[derive(Clone, Copy, Debug)]
 struct Item {
     object: u32,
     triangle: u32,
-    /// Next item of the triangle, or [`NONE`].
+    /// Next item of the same triangle, or [`NONE`].
     next: u32,
-    /// Next item of the object, or [`NONE`]. In the list of free items, the next of those.
+    /// Next item of the same object, or [`NONE`]. For a free item, the next free item.
     next_of_object: u32,
 }
 
@@ -42,7 +42,7 @@ struct Item {
 /// ```
 #[derive(Clone, Debug)]
 pub struct PlanObjects {
-    /// Triangulation that the objects are listed on.
+    /// Stamp of the triangulation on which the objects are listed.
     pub(super) of: Stamp,
     /// First item of each triangle, or [`NONE`].
     of_triangle: Vec<u32>,
@@ -94,7 +94,7 @@ impl PlanObjects {
         Ok(object)
     }
 
-    /// Moves an object: it is the convex hull of other points from now on.
+    /// Replaces an object's outline: the object becomes the convex hull of `outline`.
     ///
     /// # Errors
     /// [`PlanError::Coordinate`] if a point is not finite or above 1e60, [`PlanError::Region`] if there is no
@@ -110,8 +110,8 @@ impl PlanObjects {
         Ok(())
     }
 
-    /// Removes an object, which is then never seen, until it is [set](Self::set) again. Its number is not
-    /// given to another one. Nothing happens if there is none of that number.
+    /// Removes an object. It is not seen until it is [set](Self::set) again, and its number is not given to
+    /// another object. Nothing happens for an unknown number.
     pub fn remove(&mut self, object: u32) {
         let Some(first) = self.of_object.get_mut(object as usize) else { return };
         let mut item = core::mem::replace(first, NONE);
@@ -132,7 +132,7 @@ impl PlanObjects {
         }
     }
 
-    /// Finds the hull of an outline and the triangles that it overlaps, in `scratch`.
+    /// Computes the hull of an outline and the triangles that it overlaps, in scratch memory.
     fn place(&mut self, plan: &Plan, outline: &[[f64; 2]]) -> Result<(), PlanError> {
         if self.of != plan.triangulated {
             return Err(PlanError::Objects);
@@ -178,8 +178,8 @@ impl PlanObjects {
         }
     }
 
-    /// Returns false only if no point of an object is in the closed cone between two rays from an eye. Exact
-    /// for points.
+    /// Returns false only if no point of an object is in the closed cone between the rays from an eye through
+    /// `right` and `left`. Exact for points.
     pub(super) fn is_in_cone(&self, object: u32, eye: Point, [right, left]: [Point; 2]) -> bool {
         let hull = &self.hulls[object as usize];
         hull.iter().any(|&p| orient(eye, right, p) >= 0.0)

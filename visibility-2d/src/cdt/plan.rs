@@ -9,10 +9,11 @@ use super::wall::{Opacity, Wall};
 use alloc::vec::Vec;
 use visibility_core::stamp::Stamp;
 
-/// Greatest number of walls of all pieces: one for each edge of a triangulation, and some that overlap.
+/// Greatest sum of the numbers of walls over all pieces: one for each edge of a triangulation, and some that
+/// overlap.
 const MOST_WALLS: usize = 4 * MOST_VERTICES;
 
-/// A half-edge of a plan: 8 bytes, of which one query reads some dozens.
+/// A half-edge of a plan. 8 bytes, since queries read these in random order.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HalfEdge {
     /// Vertex at which the half-edge begins.
@@ -65,23 +66,23 @@ impl HalfEdge {
 #[derive(Clone, Debug)]
 pub struct Plan {
     stamp: Stamp,
-    /// Identifies the triangles, which doors do not change.
+    /// Stamp of the triangles, which doors do not change.
     pub(super) triangulated: Stamp,
     pub(crate) points: Vec<Point>,
     pub(crate) edges: Vec<HalfEdge>,
-    /// A half-edge that begins at each vertex.
+    /// A half-edge that begins at each vertex, by vertex.
     pub(crate) out: Vec<u32>,
     curve: Curve,
-    /// Place of each vertex on the curve, ascending: the first 32 bits.
+    /// Place of each vertex on the curve, ascending: its first 32 bits.
     places: Vec<u32>,
     /// Piece of a wall along each half-edge, [`NONE`] without a wall. Both halves have the same piece.
     pub(crate) piece: Vec<u32>,
-    /// CSR offsets into `walls_of_pieces`.
+    /// First wall of each piece in `walls_of_pieces`, by piece; then the end of the last.
     first_wall: Vec<u32>,
     walls_of_pieces: Vec<u32>,
-    /// A half-edge of each piece.
+    /// One of the half-edges of each piece, by piece.
     piece_edge: Vec<u32>,
-    /// CSR offsets into `pieces_of_walls`.
+    /// First piece of each wall in `pieces_of_walls`, by wall; then the end of the last.
     first_piece: Vec<u32>,
     pieces_of_walls: Vec<u32>,
     walls: Vec<Wall>,
@@ -118,8 +119,8 @@ impl Plan {
         Self::from_walls_within(walls, |_| margin)
     }
 
-    /// Makes a plan like [`from_walls`](Self::from_walls), with the margin that `margin` gives for the least
-    /// and greatest coordinates of all walls.
+    /// Makes a plan like [`from_walls`](Self::from_walls). `margin` returns the margin from the least and
+    /// greatest coordinates of all walls.
     fn from_walls_within(walls: &[Wall], margin: impl Fn([Point; 2]) -> f64) -> Result<Self, PlanError> {
         if walls.len() > Self::LIMIT {
             return Err(PlanError::TooMany { count: walls.len() });
@@ -154,6 +155,7 @@ impl Plan {
         curve: Curve,
         bounds: [Point; 2],
     ) -> Result<Self, PlanError> {
+        // Neighbours on the curve are neighbours in memory: a query then touches few cache lines.
         let order = |points: &mut dyn Iterator<Item = Point>| {
             let mut order: Vec<_> =
                 points.zip(0u32..).map(|(point, i)| ((curve.place::<16>(point) >> 32) as u32, i)).collect();
@@ -191,6 +193,8 @@ impl Plan {
             bounds,
             outer: [0; 4],
         };
+        // Half-edges in the new order. Both halves of a wall's piece have the same piece number: the half
+        // that comes later takes that of its twin.
         for &(_, old) in &triangles {
             for h in 3 * old..3 * old + 3 {
                 let edge = from.edges[h as usize];
@@ -218,7 +222,8 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Appends a piece with the walls of a list, sorted and without repetition.
+    /// Appends a piece along half-edge `h`. Its walls are those of the list that begins with `item`, sorted
+    /// and without repetition.
     fn push_piece(&mut self, h: u32, lists: &[(u32, u32)], mut item: u32) -> Result<(), PlanError> {
         let first = self.walls_of_pieces.len();
         while item != NONE {
@@ -356,7 +361,7 @@ impl Plan {
     }
 
     /// Returns whether a wall along a half-edge stops lines of sight out of its triangle at all heights from
-    /// one to another.
+    /// `low` to `high`.
     pub(crate) fn stops_between(&self, h: u32, [low, high]: [f64; 2]) -> bool {
         let piece = self.piece[h as usize];
         let stops = |&wall: &u32| {
@@ -397,7 +402,7 @@ impl Plan {
     }
 }
 
-/// Returns the least and greatest coordinates of points; of the origin without points.
+/// Returns the least and greatest coordinates of points. The origin if there are none.
 fn bounds_of(points: &[Point]) -> [Point; 2] {
     let all = |start: Point, of: fn(f64, f64) -> f64| {
         points.iter().fold(start, |sum, point| [of(sum[0], point[0]), of(sum[1], point[1])])

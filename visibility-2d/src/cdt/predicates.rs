@@ -14,8 +14,9 @@ pub(crate) type Point = [f64; 2];
 /// 1e242, far from overflow.
 pub(crate) const GREATEST: f64 = 1e60;
 
-/// Least magnitude of a coordinate; what is smaller becomes 0. The last bit of a coordinate is then at least
-/// 1e-56, and the product of four such bits at least 1e-224: no product of the predicates underflows.
+/// Least magnitude of a nonzero coordinate: smaller ones are set to 0. The last bit of a coordinate is then
+/// at least 1e-56, and the product of four such bits at least 1e-224, so that no product of the predicates
+/// underflows.
 pub(crate) const LEAST: f64 = 1e-40;
 
 /// Shewchuk's bound `(3 + 16 u) u` on the error of the orientation, relative to the sum of the magnitudes of
@@ -45,8 +46,8 @@ pub(crate) fn orient_slow(a: Point, b: Point, c: Point) -> f64 {
     robust::orient2d(coord(a), coord(b), coord(c))
 }
 
-/// Returns twice the signed area that [`orient`] tells the sign of, with 106 bits: where the points are
-/// nearly collinear, `orient` may have the sign only.
+/// Returns twice the signed area of a triangle with 106 bits of precision. [`orient`] has the same sign, but
+/// where the points are nearly collinear no more than the sign.
 ///
 /// Differences are exact as sums of two numbers, and so are products: T. J. Dekker, "A Floating-Point
 /// Technique for Extending the Available Precision", 1971. What is left out is 2^-105 of the two products.
@@ -57,7 +58,7 @@ pub(crate) fn area(a: Point, b: Point, c: Point) -> f64 {
     high + (low + (left.1 - right.1))
 }
 
-/// Returns the rounded sum and what rounding took from it.
+/// Returns the rounded sum, and the error of rounding: the exact sum less the rounded one.
 fn sum(a: f64, b: f64) -> (f64, f64) {
     let sum = a + b;
     let of_b = sum - a;

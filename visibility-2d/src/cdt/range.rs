@@ -1,4 +1,4 @@
-//! Sight up to a distance: which edges come within it, and polygons cut off at the circle.
+//! Sight up to a distance: the test whether an edge comes within it, and polygons cut off at the circle.
 
 use super::predicates::Point;
 
@@ -57,8 +57,9 @@ impl Disc {
         cross * cross <= square * length * (1.0 + ERROR)
     }
 
-    /// Passes on the boundary of the part of a triangle within the range, counter-clockwise. The triangle's
-    /// corners are the eye and two points on the rays in two directions.
+    /// Calls `push` with the boundary of the part of a triangle within the range, counter-clockwise. The
+    /// triangle's corners are the eye, `a` on the ray in direction `right`, and `b` on the ray in direction
+    /// `left`.
     pub(crate) fn clip(&self, [a, b]: [Point; 2], [right, left]: [Point; 2], push: &mut impl FnMut(Point)) {
         let [p, q] = [a, b].map(|p| [p[0] - self.eye[0], p[1] - self.eye[1]]);
         let along = [q[0] - p[0], q[1] - p[1]];
@@ -87,7 +88,8 @@ impl Disc {
         }
     }
 
-    /// Passes on points of the circle from one direction to another, less than half a turn to the left.
+    /// Calls `push` with points of the circle from direction `right` to direction `left`, less than half a
+    /// turn apart.
     fn arc(&self, right: Point, left: Point, push: &mut impl FnMut(Point)) {
         let [right, left] = [right, left].map(unit);
         push(plus(self.eye, self.range, right));

@@ -17,7 +17,8 @@ use super::triangulation::{NONE, Place, next, previous};
 use super::wall::add_walls;
 use alloc::vec::Vec;
 
-/// Most triangles that all beams of a region enter together. A beam enters a triangle in some 40 ns.
+/// Greatest number of triangles that all beams of a region enter together. A beam enters a triangle in some
+/// 40 ns.
 const MOST_STEPS: usize = 1 << 24;
 
 /// A side of a beam's dual polygon, with the corner that follows it.
@@ -36,7 +37,8 @@ struct Beam {
     edge: u32,
     /// Range of the beam's sides in the list of all sides.
     sides: (u32, u32),
-    /// Length of the list of all sides that the beam and those below it on the stack need.
+    /// Length of the list of all sides up to which it belongs to this beam and to the beams below it on the
+    /// stack.
     kept: u32,
 }
 
@@ -50,15 +52,16 @@ pub struct RegionVisibility {
     query: u32,
     sides: Vec<Side>,
     beams: Vec<Beam>,
-    /// Points of the region, and the corners of their convex hull.
+    /// Points of the region.
     pub(super) points: Vec<Point>,
+    /// Corners of the convex hull of `points`, counter-clockwise.
     pub(super) hull: Vec<Point>,
     signs: Vec<i8>,
     steps: usize,
 }
 
 impl RegionVisibility {
-    /// Makes an empty answer.
+    /// Makes an empty answer, with no triangles and no walls.
     pub fn new() -> Self {
         Self::default()
     }
@@ -68,7 +71,7 @@ impl RegionVisibility {
         &self.walls
     }
 
-    /// Returns the numbers of the triangles seen, each once, those that the region overlaps first. See
+    /// Returns the numbers of the triangles seen, each once. Those that the region overlaps come first. See
     /// [`Plan::triangle`].
     pub fn triangles(&self) -> &[u32] {
         &self.triangles
@@ -110,8 +113,8 @@ impl RegionVisibility {
 }
 
 impl Plan {
-    /// Finds what is seen from anywhere inside the convex hull of some points in world units: a point, a
-    /// segment, a convex cell.
+    /// Finds the walls and triangles that are seen from anywhere inside the convex hull of some points in
+    /// world units: a point, a segment, a convex cell.
     ///
     /// Conservative, and exact for a triangle of the plan and for a region inside one: a wall or a triangle
     /// is listed if a line that crosses it meets the region, and meets no wall on its way from the triangles
@@ -166,7 +169,8 @@ impl Plan {
         Ok(())
     }
 
-    /// Lists the triangles that the hull overlaps: in area, or at all if the hull has none.
+    /// Lists the triangles that the hull overlaps in an area. For a hull without area, all triangles that it
+    /// touches.
     pub(super) fn overlapped(&self, answer: &mut RegionVisibility) -> Result<(), PlanError> {
         let first = *answer.hull.first().ok_or(PlanError::Region)?;
         let [low, high] = self.bounds();
@@ -209,8 +213,8 @@ impl Plan {
         Ok(())
     }
 
-    /// Returns whether a triangle and a convex polygon overlap: the two are apart only if a side of either
-    /// separates them. A polygon without area overlaps what it touches.
+    /// Returns whether a triangle and a convex polygon overlap. False only if a side of either separates
+    /// them. A polygon without area overlaps every triangle that it touches.
     fn overlaps(&self, triangle: u32, hull: &[Point]) -> bool {
         let corners = [0, 1, 2].map(|k| self.start(3 * triangle + k));
         let has_area = hull.len() > 2;
@@ -227,7 +231,8 @@ impl Plan {
         !by_triangle && !by_hull()
     }
 
-    /// Follows all lines that leave a triangle of the region by a half-edge and meet the region.
+    /// Follows all lines that leave a triangle of the region by half-edge `edge` and meet the region. Adds
+    /// the walls and triangles that they meet to `answer`.
     fn follow_from(&self, edge: u32, answer: &mut RegionVisibility) -> Result<(), PlanError> {
         answer.sides.clear();
         let (a, b) = (self.edges[edge as usize].origin, self.edges[next(edge) as usize].origin);
@@ -301,8 +306,8 @@ fn contains(hull: &[Point], point: Point) -> bool {
         && hull.iter().zip(after).all(|(&a, &b)| a == point || b == point || orient(a, b, point) >= 0.0)
 }
 
-/// Pushes the lines of a beam that pass the vertex `apex` on a side: `sign` is 1 for those with the vertex to
-/// their left.
+/// Pushes the part of a beam that passes the vertex `apex` on one side, as the beam that leaves by half-edge
+/// `edge`. `sign` is 1 for lines with the vertex to their left, -1 for those with it to their right.
 fn clip(answer: &mut RegionVisibility, beam: Beam, apex: u32, sign: i8, edge: u32) {
     let (first, count) = (beam.sides.0 as usize, answer.signs.len());
     let kept = answer.sides.len() as u32;

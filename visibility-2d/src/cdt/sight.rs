@@ -10,38 +10,41 @@ use super::plan::{BLOCKS, Plan};
 use super::predicates::{GREATEST, Point, area, checked, is_same_way, orient};
 use super::triangulation::{NONE, Place, next, previous};
 
-/// End of a ray: the first point that it does not pass.
+/// End of a ray: the first point at which it is stopped.
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub struct WallHit {
     /// Point in world units where the ray ends, rounded.
     pub point: [f64; 2],
-    /// Number of the wall at which the ray ends, the least of several that do not let the ray pass. `None`
-    /// at the rectangle around the plan.
+    /// Number of the wall at which the ray ends, the least if several stop it there. `None` at the rectangle
+    /// around the plan.
     pub wall: Option<u32>,
 }
 
-/// Bits of the sides on which a segment may pass a vertex.
+/// Bit of the left side: a segment may pass a vertex on it, or came on it.
 const LEFT: u8 = 1;
+/// Bit of the right side: see [`LEFT`].
 const RIGHT: u8 = 2;
 
-/// Where a walk along a segment is.
+/// Position of a walk from triangle to triangle along a segment.
 #[derive(Clone, Copy, Debug)]
 enum At {
-    /// Before a half-edge, in its triangle.
+    /// In the triangle of a half-edge, about to cross it. Index of the half-edge.
     Edge(u32),
-    /// At the vertex of a half-edge, come on some of the two sides.
+    /// At the origin of a half-edge. Index of the half-edge, and the sides of walls ([`LEFT`], [`RIGHT`]) on
+    /// which the segment came.
     Vertex(u32, u8),
 }
 
-/// How a walk along a segment ends.
+/// End of a walk along a segment.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Stop {
-    /// The second point is reached, or nothing more is in the way.
+    /// The walk has reached the second point, or no more triangle is on the way.
     Reached,
     /// The segment ends at a half-edge, between its ends.
     Edge(u32),
-    /// The segment ends at the vertex of a half-edge, come on some sides. On none: at the rectangle.
+    /// The segment ends at the origin of a half-edge. Index of the half-edge, and the sides ([`LEFT`],
+    /// [`RIGHT`]) on which the segment came: none at the rectangle.
     Vertex(u32, u8),
 }
 
@@ -255,7 +258,7 @@ impl Walk<'_> {
         }
     }
 
-    /// Returns whether the walk, on its way along an edge to the vertex of a half-edge, gets there.
+    /// Returns whether the walk reaches the vertex of a half-edge, along an edge on which it is.
     fn runs_to(&self, h: u32) -> bool {
         let axis = usize::from(self.a[0] == self.b[0]);
         let (from, to, end) = (self.a[axis], self.b[axis], self.plan.start(h)[axis]);
@@ -274,8 +277,8 @@ impl Walk<'_> {
         })
     }
 
-    /// Returns the step after entering the triangle of `h` across `h`, whose first end is to the left. `None`
-    /// if the walk ends before the vertex that it would get to.
+    /// Returns the step after the walk has entered the triangle of `h` across `h`, whose first end is to the
+    /// left. `None` if the walk ends before the next vertex or edge.
     fn cross(&self, h: u32) -> Option<At> {
         let apex = previous(h);
         let side = self.side(self.plan.start(apex));
@@ -312,14 +315,15 @@ impl Walk<'_> {
         corner.map(|h| At::Vertex(h, LEFT | RIGHT))
     }
 
-    /// Returns the sides on which a segment may pass a vertex, of which no wall keeps it.
+    /// Returns the sides ([`LEFT`], [`RIGHT`]) on which the segment may pass a vertex: those on which no wall
+    /// at the vertex stops it.
     fn open_sides(&self, h: u32) -> u8 {
         let is_closed = |side: u8| self.plan.fan(h).any(|h| self.stop_at(h, side).is_some());
         [LEFT, RIGHT].into_iter().filter(|&side| !is_closed(side)).sum()
     }
 
-    /// Returns the half of an edge, given by the half-edge that begins at a vertex, at which the walk ends
-    /// that passes the vertex on one of some sides. `None` if the edge does not end the walk.
+    /// Returns the half-edge at which a walk ends that passes a vertex on one of `sides`. `h` begins at the
+    /// vertex; the result is `h` or its twin. `None` if the edge does not end the walk.
     fn stop_at(&self, h: u32, sides: u8) -> Option<u32> {
         let plan = self.plan;
         let twin = plan.edges[h as usize].twin()?;
@@ -335,8 +339,8 @@ impl Walk<'_> {
         self.is_stopped(passed, Some(plan.start(h))).then_some(passed)
     }
 
-    /// Returns the step from a vertex in the direction of `b`, passed on some sides. `None` if no triangle
-    /// lies there, or if `b` is on the edge along which the segment runs.
+    /// Returns the step from the vertex of `h` in the direction of `b`, if the segment may pass the vertex on
+    /// `sides`. `None` if no triangle lies there, or if `b` is on the edge along which the segment runs.
     fn leave(&self, h: u32, sides: u8) -> Option<At> {
         let plan = self.plan;
         let from = plan.start(h);
@@ -344,6 +348,8 @@ impl Walk<'_> {
             let axis = usize::from(self.a[0] == self.b[0]);
             (self.b[axis] > self.a[axis]) == (point[axis] > from[axis])
         };
+        // Of the triangles around the vertex, the segment passes either along an edge that leads ahead, or
+        // between the other two corners of exactly one triangle.
         plan.fan(h)
             .find_map(|h| {
                 let side = self.side(plan.start(next(h)));
@@ -354,9 +360,12 @@ impl Walk<'_> {
                 is_through.then_some((h, false))
             })
             .and_then(|(h, along)| {
+                // Through the triangle's far edge.
                 if !along {
                     return Some(At::Edge(next(h)));
                 }
+                // Along an edge. If the edge is a wall that blocks, the segment goes on only on the sides of
+                // it that were open.
                 let edge = plan.edges[h as usize];
                 let back = edge.twin().map_or(0, |twin| plan.edges[twin as usize].twin);
                 let is_wall = edge.twin().is_some_and(|twin| {

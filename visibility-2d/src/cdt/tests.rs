@@ -18,19 +18,33 @@ fn check(plan: &Plan) {
         area += orient(a, b, c);
         for h in 3 * t..3 * t + 3 {
             let edge = plan.edges[h as usize];
-            assert_eq!(edge.twin & WALL != 0, plan.piece[h as usize] != NONE);
+            assert_eq!(
+                edge.twin & WALL != 0,
+                plan.piece[h as usize] != NONE,
+                "half-edge {h} is of a wall if and only if it has a piece"
+            );
             match edge.twin() {
-                None => assert!(edge.twin & BLOCKS != 0),
+                None => assert!(edge.twin & BLOCKS != 0, "half-edge {h} at the border blocks"),
                 Some(twin) => {
-                    assert_eq!(plan.edges[twin as usize].twin(), Some(h));
-                    assert_eq!(plan.edges[twin as usize].origin, plan.edges[next(h) as usize].origin);
-                    assert_eq!(plan.piece[twin as usize], plan.piece[h as usize]);
+                    assert_eq!(plan.edges[twin as usize].twin(), Some(h), "half-edge {h}: its twin's twin");
+                    assert_eq!(
+                        plan.edges[twin as usize].origin,
+                        plan.edges[next(h) as usize].origin,
+                        "half-edge {h}: its twin begins where it ends"
+                    );
+                    assert_eq!(
+                        plan.piece[twin as usize], plan.piece[h as usize],
+                        "half-edge {h}: its twin has the same piece"
+                    );
                 }
             }
         }
     }
     for (vertex, &h) in plan.out.iter().enumerate() {
-        assert_eq!(plan.edges[h as usize].origin as usize, vertex);
+        assert_eq!(
+            plan.edges[h as usize].origin as usize, vertex,
+            "vertex {vertex}: its half-edge begins there"
+        );
     }
     let [low, high] = plan.bounds();
     let whole = 2.0 * (high[0] - low[0]) * (high[1] - low[1]);
@@ -38,7 +52,10 @@ fn check(plan: &Plan) {
     // Each end of a wall is the end of one of its pieces, every other point of the chain of two.
     let mut ends: Vec<Vec<[u64; 2]>> = alloc::vec![Vec::new(); plan.walls().len()];
     for (piece, walls) in plan.pieces() {
-        assert!(!walls.is_empty() && walls.windows(2).all(|pair| pair[0] < pair[1]));
+        assert!(
+            !walls.is_empty() && walls.windows(2).all(|pair| pair[0] < pair[1]),
+            "{piece:?}: walls of the piece, ascending: {walls:?}"
+        );
         for &wall in walls {
             ends[wall as usize].extend(piece.map(|end| end.map(f64::to_bits)));
         }
@@ -184,7 +201,7 @@ fn a_wall_past_many_others_takes_no_quadratic_time() {
     }
     walls.push(Wall::new([-1.0, 0.0], [10_001.0, 0.01]));
     let plan = Plan::new(&walls).unwrap();
-    assert_eq!(plan.pieces().len(), walls.len());
+    assert_eq!(plan.pieces().len(), walls.len(), "no wall is split");
     check(&plan);
 }
 
@@ -234,7 +251,7 @@ fn hostile_bits_are_errors_or_plans() {
             let view = view.with_through(random.pick(&[0, 1, u32::MAX]));
             let valid = eye.iter().all(|x| x.abs() <= 1e60);
             if plan.look(&view, &mut answer).is_ok() {
-                assert!(valid);
+                assert!(valid, "an eye at {eye:?} is accepted");
                 assert!(answer.polygon().iter().flatten().all(|x| !x.is_nan()), "{view:?}");
             }
         }
@@ -255,9 +272,16 @@ fn check_structure(plan: &Plan) {
 fn too_many_overlaps_are_an_error() {
     // Wall i lies on i pieces: the lists grow while walls are laid.
     let nested: Vec<_> = (1..6500).map(|i| Wall::new([0.0, 0.0], [f64::from(i), 0.0])).collect();
-    assert!(matches!(Plan::new(&nested), Err(PlanError::TooMany { .. })));
+    assert!(
+        matches!(Plan::new(&nested), Err(PlanError::TooMany { .. })),
+        "6499 nested walls have too many overlaps"
+    );
     let few = Plan::new(&nested[..1000]).unwrap();
-    assert_eq!(few.pieces().map(|(_, walls)| walls.len()).sum::<usize>(), 1000 * 1001 / 2);
+    assert_eq!(
+        few.pieces().map(|(_, walls)| walls.len()).sum::<usize>(),
+        1000 * 1001 / 2,
+        "overlaps of 999 nested walls"
+    );
 }
 
 #[test]
@@ -265,13 +289,16 @@ fn too_many_overlaps_of_crossed_walls_are_an_error() {
     // Equal walls are one list, which crossings make that of many pieces.
     let mut crossed = alloc::vec![Wall::new([0.0, 0.0], [9000.0, 0.0]); 9000];
     crossed.extend((1..9000).map(f64::from).map(|x| Wall::new([x, -1.0], [x, 1.0])));
-    assert!(matches!(Plan::new(&crossed), Err(PlanError::TooMany { .. })));
+    assert!(matches!(Plan::new(&crossed), Err(PlanError::TooMany { .. })), "9000 equal walls, each crossed");
 }
 
 #[test]
 fn as_many_walls_as_the_limit_have_vertices() {
     // Two ends each, and the corners of the rectangle.
-    assert!(2 * core::hint::black_box(Plan::LIMIT) + 4 <= MOST_VERTICES);
+    assert!(
+        2 * core::hint::black_box(Plan::LIMIT) + 4 <= MOST_VERTICES,
+        "the limit of walls leaves room for their ends"
+    );
 }
 
 #[test]
@@ -338,7 +365,7 @@ fn crossings_obey_the_least_coordinate() {
     let walls =
         [Wall::new([-3e-40, -1e-40], [3.1e-40, 1e-40]), Wall::new([-1e-40, 3e-40], [1e-40, -3.1e-40])];
     let plan = Plan::new(&walls).unwrap();
-    assert_eq!(plan.pieces().len(), 4);
+    assert_eq!(plan.pieces().len(), 4, "pieces of two walls that cross");
     for (ends, _) in plan.pieces() {
         assert!(ends.iter().flatten().all(|&x| x == 0.0 || x.abs() >= 1e-40), "{ends:?}");
     }

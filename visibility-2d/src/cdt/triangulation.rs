@@ -18,7 +18,7 @@ use super::hilbert::Curve;
 use super::predicates::{Point, in_circle, orient};
 use alloc::vec::Vec;
 
-/// No half-edge, no vertex, no list.
+/// Index that no half-edge, no vertex and no list has.
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// Returns the half-edge that follows `h` in its triangle.
@@ -33,10 +33,10 @@ pub(crate) fn previous(h: u32) -> u32 {
     if h.is_multiple_of(3) { h + 2 } else { h - 1 }
 }
 
-/// Where a point lies in a triangulation.
+/// Place of a point in a triangulation.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Place {
-    /// Strictly inside the triangle with this number.
+    /// Strictly inside the triangle with this index.
     Triangle(u32),
     /// On a half-edge, between its ends.
     Edge(u32),
@@ -53,7 +53,7 @@ pub(crate) struct BuildEdge {
     pub(crate) origin: u32,
     /// Half-edge of the neighbouring triangle between the same vertices. [`NONE`] on the outer rectangle.
     pub(crate) twin: u32,
-    /// Head of the list of walls along the edge, in `Triangulation::lists`. [`NONE`]: no wall.
+    /// First item of the list of walls along the edge, in `Triangulation::lists`. [`NONE`] without a wall.
     pub(crate) walls: u32,
 }
 
@@ -64,11 +64,11 @@ pub(crate) struct Triangulation {
     pub(crate) edges: Vec<BuildEdge>,
     /// A half-edge that begins at each vertex.
     pub(crate) out: Vec<u32>,
-    /// Lists of walls: number of a wall, and the next item or [`NONE`]. Items never change.
+    /// Items of the lists of walls: the number of a wall, and the next item or [`NONE`]. Items never change.
     pub(crate) lists: Vec<(u32, u32)>,
     /// Label of each triangle, [`NONE`] without one. A label holds for all points of its triangle.
     pub(crate) labels: Vec<u32>,
-    /// Labels that some triangle has lost, with repetitions.
+    /// Labels that triangles have lost. A label may be listed several times.
     pub(crate) erased: Vec<u32>,
     /// Least and greatest coordinates of the triangles that have lost their labels.
     pub(crate) erased_bounds: [Point; 2],
@@ -77,7 +77,7 @@ pub(crate) struct Triangulation {
     stack: Vec<u32>,
 }
 
-/// Bounds of no point.
+/// Bounds of an empty set of points: least and greatest coordinates.
 pub(crate) const NOWHERE: [Point; 2] = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
 
 impl Triangulation {
@@ -88,7 +88,7 @@ impl Triangulation {
         new
     }
 
-    /// Makes the triangulation the two triangles of a rectangle again, and keeps its memory.
+    /// Resets the triangulation to the two triangles of a rectangle, and keeps its memory.
     pub(crate) fn restart(&mut self, low: Point, high: Point) {
         let edge = |origin, twin| BuildEdge { origin, twin, walls: NONE };
         let lists = [&mut self.out, &mut self.labels, &mut self.erased, &mut self.stack].into_iter();
@@ -105,7 +105,7 @@ impl Triangulation {
         self.erased_bounds = NOWHERE;
     }
 
-    /// Erases the labels of triangles whose points are about to be divided anew, unless all are equal.
+    /// Erases the labels of triangles that are about to be divided anew, unless all labels are equal.
     pub(crate) fn unify(&mut self, triangles: &[u32]) {
         let label = |of: &Self, t: u32| of.labels[t as usize];
         if triangles.windows(2).all(|pair| label(self, pair[0]) == label(self, pair[1])) {
@@ -162,8 +162,8 @@ impl Triangulation {
         vertices
     }
 
-    /// Inserts a point strictly inside the outer rectangle, and returns its vertex: an existing one if a
-    /// vertex is there already. A wall through the point is split there.
+    /// Inserts a point strictly inside the outer rectangle and returns its vertex. A point at an existing
+    /// vertex returns that vertex. A wall through the point is split there.
     pub(crate) fn insert(&mut self, point: Point) -> u32 {
         let place = self.locate(point);
         if let Place::Vertex(h) = place {
@@ -204,7 +204,7 @@ impl Triangulation {
         (0..self.edges.len() as u32 / 3).find_map(|t| self.place_in(t, point)).unwrap_or(Place::Outside)
     }
 
-    /// Returns where a point lies in a triangle or on its boundary, `None` if outside.
+    /// Returns the place of a point in a triangle or on its boundary. `None` if it is outside.
     fn place_in(&self, t: u32, point: Point) -> Option<Place> {
         place_in(core::array::from_fn(|k| self.start(3 * t + k as u32)), t, point)
     }
@@ -217,7 +217,7 @@ impl Triangulation {
         }
     }
 
-    /// Returns what lies across a half-edge: its twin and its walls.
+    /// Returns the twin of a half-edge, and its list of walls.
     fn across(&self, h: u32) -> (u32, u32) {
         let edge = self.edges[h as usize];
         (edge.twin, edge.walls)
@@ -271,8 +271,8 @@ impl Triangulation {
         self.stack.extend([hp, e + 1, gp, f + 1]);
     }
 
-    /// Flips the edges on the stack, and those that they make suspect, until all are Delaunay or walls, or
-    /// until `limit` edges have been looked at. The rest stay as they are, which costs only speed.
+    /// Flips the edges on the stack, and the edges around each flip, until all are Delaunay or walls, or
+    /// until `limit` edges have been tested. Edges left over cost speed, not correctness.
     pub(crate) fn restore_delaunay(&mut self, limit: usize) {
         for _ in 0..limit {
             let Some(h) = self.stack.pop() else { return };
@@ -289,7 +289,7 @@ impl Triangulation {
         self.stack.clear();
     }
 
-    /// Lets the next location begin at a half-edge.
+    /// Sets the half-edge at which the next search for a point begins.
     pub(crate) fn begin_at(&mut self, h: u32) {
         self.last = h;
     }
@@ -314,7 +314,8 @@ impl Triangulation {
     }
 }
 
-/// Returns where a point lies in triangle `t` with the given corners, or on its boundary. `None` if outside.
+/// Returns the place of a point in triangle `t` with the given corners, or on its boundary. `None` if it is
+/// outside.
 pub(crate) fn place_in(corners: [Point; 3], t: u32, point: Point) -> Option<Place> {
     let sides = [0, 1, 2].map(|k| orient(corners[k], corners[(k + 1) % 3], point));
     if sides.iter().any(|side| *side < 0.0) {

@@ -1,10 +1,11 @@
-//! A question to a plan: the eye, and limits on what it sees.
+//! Views of a plan: the eye, and limits on what it sees.
 
 use super::error::PlanError;
 use super::predicates::{Point, checked, is_same_way, orient};
 use alloc::vec::Vec;
 
-/// An eye on a plan, with limits on what it sees: a range, a sector, and walls to see through.
+/// An eye on a plan, with limits on its sight: a range, a sector, heights, and a number of walls to see
+/// through.
 ///
 /// ```
 /// use visibility_2d::cdt::PlanView;
@@ -23,10 +24,10 @@ pub struct PlanView {
     /// second: nothing if both have the same direction. `None` by default: all directions. A point equal to
     /// the eye has no direction, and the limit is ignored.
     pub sector: Option<[[f64; 2]; 2]>,
-    /// Heights of the eye and of what it looks for, in world units. `None` by default: all walls count. With
-    /// heights, a wall counts only if it stops every line of sight between the two heights: if it reaches
-    /// from the lower height or below to the upper one or above. So what is seen over a wall, or under
-    /// one, is never left out; what a wall of a height between the two hides is not found: ask
+    /// Heights of the eye and of the things it looks for, in world units. `None` by default: all walls count.
+    /// With heights, a wall counts only if it stops every line of sight between the two heights: if it
+    /// reaches from the lower height or below to the upper one or above. So nothing that is seen over or
+    /// under a wall is left out. A wall that hides only a part of the heights hides nothing here: ask
     /// [`Plan::sees_at`].
     ///
     /// [`Plan::sees_at`]: super::Plan::sees_at
@@ -55,7 +56,7 @@ impl PlanView {
         Self { sector: Some([right.into(), left.into()]), ..self }
     }
 
-    /// Returns the view with the heights of the eye and of what it looks for, in world units.
+    /// Returns the view with the heights of the eye and of the things it looks for, in world units.
     #[must_use]
     pub fn with_heights(self, eye: f64, target: f64) -> Self {
         Self { heights: Some([eye, target]), ..self }
@@ -67,7 +68,7 @@ impl PlanView {
         Self { through, ..self }
     }
 
-    /// Returns the eye, as exact predicates take it.
+    /// Returns the eye with coordinates that the exact predicates accept.
     ///
     /// # Errors
     /// [`PlanError::Coordinate`] if the eye (index 0) or a point of the sector (index 1 or 2) is not finite

@@ -1,4 +1,4 @@
-//! What an eye on a plan sees: the visibility polygon and the walls.
+//! Visibility from an eye on a plan: the visibility polygon, and the walls and objects seen.
 
 use super::error::PlanError;
 use super::expand::{Cone, Expansion, Met, Ray};
@@ -22,12 +22,12 @@ pub struct Visibility {
     twice_area: f64,
     cones: Vec<Cone>,
     sector: Vec<Point>,
-    /// For each wall the number of the query that has seen it last.
+    /// Number of the last query that saw each wall, by wall.
     marks: Vec<u32>,
-    /// For each object the number of the query that has seen it last.
+    /// Number of the last query that saw each object, by object.
     object_marks: Vec<u32>,
     query: u32,
-    /// Half-edge at the eye of the last query, and the triangles that it is of.
+    /// Half-edge at the eye of the last query, and the stamp of its triangulation.
     last: (u32, Stamp),
 }
 
@@ -54,9 +54,9 @@ impl Visibility {
     }
 
     /// Returns the corners of the visibility polygon in world units, counter-clockwise. Corners at ends of
-    /// walls are exact, those where a line of sight past an end of a wall ends are rounded. A range makes
-    /// arcs, of which the polygon has chords of at most a 64th of a turn. The eye is a corner if it does not
-    /// see all around. Empty if nothing is seen.
+    /// walls are exact. Corners where a line of sight past an end of a wall ends are rounded. A range makes
+    /// arcs, which become chords of at most a 64th of a turn. The eye is a corner if it does not see all
+    /// around. Empty if nothing is seen.
     pub fn polygon(&self) -> &[[f64; 2]] {
         &self.polygon
     }
@@ -99,7 +99,8 @@ impl Default for Visibility {
 }
 
 impl Plan {
-    /// Finds what a view sees. Time is in proportion to the triangles seen, and a search to find the eye.
+    /// Finds the walls that a view sees, and its visibility polygon. Time is in proportion to the triangles
+    /// seen, plus a search for the eye.
     ///
     /// # Errors
     /// [`PlanError::Coordinate`] if the eye or a point of the sector is not finite or above 1e60. The answer
@@ -108,8 +109,9 @@ impl Plan {
         self.look_for(view, None, answer)
     }
 
-    /// Finds what a view sees, objects too: those that a line of sight meets, within the view's limits, on
-    /// its way or where it ends. Time is in proportion to the triangles seen and to the objects in these.
+    /// Finds the walls and the objects that a view sees. An object is seen if a line of sight within the
+    /// view's limits meets it, up to and including the line's end. Time is in proportion to the triangles
+    /// seen and to the objects in them.
     ///
     /// Exact for objects that are points, up to rounding of the range. Conservative for others: an object
     /// counts if it overlaps a triangle of which a part is seen, and the directions of that part.
@@ -165,6 +167,7 @@ impl Plan {
         let Visibility {
             polygon, walls, objects: seen, twice_area, cones, marks, object_marks, query, ..
         } = answer;
+        // The walls that the eye stands on are seen.
         match place {
             Place::Edge(h) if self.piece[h as usize] != NONE => {
                 add_walls(walls, marks, *query, self.walls_of(self.piece[h as usize]));
@@ -176,12 +179,15 @@ impl Plan {
             }
             _ => {}
         }
+        // Cones around the eye, from right to left. They are taken from the end of the stack, so the order is
+        // reversed.
         from.start(place, view.through, cones);
         if limited {
             from.limit(cones);
         }
         cones.reverse();
         let disc = (view.range < f64::INFINITY).then(|| Disc::new(eye, view.range));
+        // Objects of each triangle that a cone enters are seen if they meet this cone, and are within range.
         let mut enter = |triangle: u32, right: Ray, left: Ray| {
             let Some(objects) = objects else { return };
             let cone = [from.point(right.point), from.point(left.point)];
@@ -196,6 +202,7 @@ impl Plan {
                 }
             });
         };
+        // The triangles around the eye are entered by no edge.
         for cone in cones.iter() {
             if let Some((triangle, right, left)) = cone.inside() {
                 enter(triangle, right, left);
@@ -203,6 +210,8 @@ impl Plan {
         }
         let heights = view.heights.map(|[a, b]| [a.min(b), a.max(b)]);
         let stops = |edge: u32| heights.is_none_or(|heights| self.stops_between(edge, heights));
+        // The polygon closes around the eye unless the view is limited or the eye is on the boundary of the
+        // plan: then the eye is a vertex of it.
         let around = !limited && !self.is_on_boundary(place);
         let mut last = [f64::NAN; 2];
         let mut push = |point: Point| {
@@ -217,6 +226,8 @@ impl Plan {
                 add_walls(walls, marks, *query, self.walls_of(piece));
             }
         };
+        // Within a range the polygon's boundary has arcs, and its area is that of the finished polygon.
+        // Without one it consists of parts of walls, whose triangles with the eye add up.
         if let Some(disc) = disc {
             from.run(
                 cones,

@@ -4,7 +4,7 @@ use super::predicates::Point;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec2;
 
-/// How a wall acts on lines of sight that cross it.
+/// Effect of a wall on lines of sight that cross it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
 pub enum Opacity {
     /// Lines of sight end at the wall: a wall, a closed door.
@@ -57,8 +57,8 @@ impl Wall {
         Self { heights: [low, high], ..self }
     }
 
-    /// Returns whether lines of sight end that cross a piece of the wall, from the left side of the piece as
-    /// given to the right side.
+    /// Returns whether the wall ends lines of sight that cross a piece of it from the piece's left side to
+    /// its right side.
     pub(crate) fn stops(&self, piece: [Point; 2]) -> bool {
         match self.opacity {
             Opacity::Opaque => true,
@@ -76,13 +76,13 @@ impl From<[DVec2; 2]> for Wall {
 }
 
 /// Returns whether a piece of a wall runs from the wall's first end towards its second. Both coordinates are
-/// monotonic along the pieces of a wall, so one of them decides.
+/// monotonic along a wall's pieces, so that one coordinate decides.
 pub(crate) fn is_along(wall: [Point; 2], piece: [Point; 2]) -> bool {
     let axis = usize::from(piece[0][0] == piece[1][0]);
     (wall[0][axis] < wall[1][axis]) == (piece[0][axis] < piece[1][axis])
 }
 
-/// Adds walls of a piece to an answer, those without the mark of the query, and marks them.
+/// Adds the walls that do not have the mark of the query to an answer, and marks them.
 pub(crate) fn add_walls(to: &mut Vec<u32>, marks: &mut [u32], query: u32, walls: &[u32]) {
     for &wall in walls {
         let mark = &mut marks[wall as usize];

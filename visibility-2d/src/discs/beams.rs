@@ -24,16 +24,17 @@ use alloc::vec::Vec;
 use smallvec::SmallVec;
 use visibility_core::geometry::sqrt;
 
-/// Cross product of the right and the left unit vector of a beam below which it is empty.
+/// Cross product of a beam's right and left unit vector below which the beam counts as empty.
 const NARROWEST: f64 = -1e-14;
 
-/// Cosine between the ends of an edge beside the eye below which the eye counts as on the edge.
+/// Cosine of the angle between an edge's ends, seen from the eye, below which the eye counts as on the edge.
 const STRAIGHT: f64 = -0.999_999;
 
-/// Most triangles that are searched for the parts of one disc. A larger disc is reported to all eyes.
+/// Greatest number of triangles that are searched for the parts of one disc. A larger disc is reported to all
+/// eyes.
 const MOST_TRIANGLES: usize = 128;
 
-/// Most triangles that the beams of one look enter. Beyond that all discs are reported.
+/// Greatest number of triangles that the beams of one look enter. Beyond it all discs are reported.
 const MOST_STEPS: usize = 1 << 24;
 
 /// Discs and the triangulation of their centres, for [`look`](Self::look). Immutable, and shared by all eyes.
@@ -51,11 +52,11 @@ const MOST_STEPS: usize = 1 << 24;
 pub struct DiscBeams {
     plan: Plan,
     discs: Vec<Disc>,
-    /// Widest disc around each vertex; [`NONE`] at the corners of the rectangle.
+    /// Widest disc around each vertex. [`NONE`] at the corners of the rectangle.
     disc_of: Vec<u32>,
-    /// Radius of that disc, 0 without one.
+    /// Radius in metres of the disc in `disc_of`, 0 without one.
     radius_of: Vec<f64>,
-    /// First of `others` of each triangle, and the end of the last.
+    /// First element of `others` of each triangle; then the end of the last.
     first_other: Vec<u32>,
     /// Discs that touch a triangle and are not in `disc_of` of its corners.
     others: Vec<u32>,
@@ -71,7 +72,7 @@ pub struct DiscBeams {
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct BeamScratch {
-    /// Last look that reported each disc.
+    /// Number of the last look that reported each disc.
     marks: Vec<u32>,
     look: u32,
     beams: Vec<Beam>,
@@ -86,7 +87,7 @@ struct Beam {
 }
 
 impl BeamScratch {
-    /// Makes empty working memory.
+    /// Makes empty working memory. It grows with the first queries.
     pub fn new() -> Self {
         Self::default()
     }
@@ -141,7 +142,7 @@ impl DiscBeams {
         Ok(made)
     }
 
-    /// Lists the discs of vertices and the discs that touch triangles besides.
+    /// Lists for each vertex its disc, and for each triangle the other discs that touch it.
     fn list(&mut self) {
         let mut edges = Vec::with_capacity(self.discs.len());
         for (index, disc) in (0u32..).zip(&self.discs) {
@@ -153,6 +154,7 @@ impl DiscBeams {
                 continue;
             };
             edges.push(edge);
+            // Several discs may have the same centre. The largest is the disc of the vertex.
             let vertex = self.plan.edges[edge as usize].origin as usize;
             if self.disc_of[vertex] == NONE || self.radius_of[vertex] < disc.radius {
                 (self.disc_of[vertex], self.radius_of[vertex]) = (index, disc.radius);
@@ -165,6 +167,9 @@ impl DiscBeams {
                 continue;
             }
             let vertex = self.plan.edges[edge as usize].origin;
+            // Each disc is listed by the triangles that it touches, found from the centre outward through the
+            // edges that the disc reaches. Triangles with the centre as a corner know the vertex's own disc
+            // already.
             let is_first = self.disc_of[vertex as usize] == index;
             found.clear();
             found.extend(self.plan.fan(edge).map(|h| h / 3));
@@ -186,10 +191,12 @@ impl DiscBeams {
                 }
                 at += 1;
             }
+            // Too large for lists: such a disc is reported by every query.
             if found.len() > MOST_TRIANGLES {
                 self.large.push(index);
             }
         }
+        // Counts by triangle, then their sums: the start of each triangle's list.
         touched.sort_unstable();
         for &(triangle, _) in &touched {
             self.first_other[triangle as usize + 1] += 1;
@@ -248,6 +255,8 @@ impl DiscBeams {
     fn expand(&self, eye: [f64; 2], scratch: &mut BeamScratch, seen: &mut Vec<u32>) -> Option<()> {
         let plan = &self.plan;
         self.large.iter().for_each(|&disc| scratch.report(disc, seen));
+        // The edges opposite the eye in the triangles around it: each begins a beam. An edge so close that it
+        // spans nearly half a turn is replaced by the two edges beyond it, since a beam must be narrower.
         let mut around: SmallVec<[u32; 16]> = SmallVec::new();
         match plan.locate(eye, plan.near(eye)) {
             Place::Triangle(t) => around.extend(3 * t..3 * t + 3),
@@ -270,6 +279,8 @@ impl DiscBeams {
             }
         }
         let mut steps = 0;
+        // A beam that crosses an edge is divided among the two far edges of the triangle beyond; `push`
+        // narrows each part by the discs at its ends, or drops it.
         while let Some(beam) = scratch.beams.pop() {
             let Some(twin) = plan.edges[beam.edge as usize].twin() else { continue };
             steps += 1;
@@ -320,7 +331,8 @@ impl DiscBeams {
         self.report_others(twin / 3, scratch, seen);
     }
 
-    /// Pushes what is left of a beam, or of all directions, beyond an edge.
+    /// Narrows a beam (`None`: all directions) by the discs at the ends of an edge, and pushes the rest as a
+    /// beam beyond the edge. Pushes nothing if no direction is left.
     fn push(&self, h: u32, eye: [f64; 2], beam: Option<Beam>, scratch: &mut BeamScratch) {
         let [a, b] = self.plan.ends(h);
         let [to_a, to_b] = [a, b].map(|end| minus(end, eye));

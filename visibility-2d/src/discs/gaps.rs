@@ -5,13 +5,13 @@
 
 use alloc::vec::Vec;
 
-/// Number of sectors.
+/// Number of equal sectors into which the full turn around the eye is divided.
 const SECTORS: usize = 256;
 
-/// Sectors for each unit of direction numbers.
+/// Number of sectors per unit of direction numbers.
 const PER_UNIT: f64 = SECTORS as f64 / 4.0;
 
-/// A set of directions: those in which nothing has been met so far.
+/// A set of directions in which no disc has been met so far.
 #[derive(Clone, Debug)]
 pub(crate) struct Gaps {
     /// Open intervals of each sector, ascending.
@@ -124,7 +124,7 @@ fn sector_of(number: f64) -> usize {
     ((number.max(0.0) * PER_UNIT) as usize).min(SECTORS - 1)
 }
 
-/// Removes what is between `first` and `last` from an ascending list of disjoint intervals.
+/// Removes the directions from `first` to `last` from an ascending list of disjoint intervals.
 pub(super) fn cut_list(gaps: &mut Vec<(f64, f64)>, first: f64, last: f64) {
     let begin = gaps.partition_point(|gap| gap.1 <= first);
     let end = begin + gaps[begin..].partition_point(|gap| gap.0 < last);
@@ -194,7 +194,7 @@ mod tests {
             let mut gaps = Gaps::new();
             gaps.begin(None);
             gaps.cut(first, last, ERROR);
-            assert!(!gaps.is_closed());
+            assert!(!gaps.is_closed(), "{first} to {last}: one cut closes all");
             for (&(from, c), &(to, d)) in all.iter().flat_map(|x| all.iter().map(move |y| (x, y))) {
                 let asked = width(c, d);
                 if asked > TURN / 2 || asked == 0 && from != to {

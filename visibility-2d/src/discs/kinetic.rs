@@ -29,7 +29,7 @@ use alloc::vec::Vec;
 use smallvec::SmallVec;
 use visibility_core::geometry::sqrt;
 
-/// Index of no disc.
+/// Index that no disc has.
 const NONE: u32 = u32::MAX;
 
 /// Relative distance of the eye to a bitangent within which the class counts as ended. Greater than the
@@ -39,7 +39,7 @@ const MARGIN: f64 = 1e-9;
 /// Sine of the angle between a bitangent and the line of centres below which rounding of it is too great.
 const LEAST_SINE: f64 = 1e-4;
 
-/// What the last move of a [`KineticZone`] did.
+/// Counts of the work of a [`KineticZone`]'s last move.
 ///
 /// ```
 /// assert_eq!(visibility_2d::discs::ZoneWork::default().steps, 0);
@@ -49,27 +49,29 @@ const LEAST_SINE: f64 = 1e-4;
 pub struct ZoneWork {
     /// Tangent segments at the eye after the move.
     pub segments: usize,
-    /// Elementary steps at the eye: tangent segments whose pivot or front was not that of a segment before.
+    /// Number of elementary steps at the eye: tangent segments with a pivot or a front that they did not have
+    /// before.
     pub steps: usize,
     /// Tangent segments whose classes had ended or reached the limit of their derivation.
     pub ended: usize,
-    /// Whether all segments were made anew: at first, for eyes that touch a disc or go far, and where
-    /// rounding cannot tell.
+    /// Whether all segments were made anew: in the first move, for eyes that touch a disc or have gone far,
+    /// and where rounding cannot decide.
     pub rebuilt: bool,
 }
 
-/// Half-plane of eyes: those with `normal . (eye - anchor) + offset > 0`.
+/// Half-plane of eyes with `normal . (eye - anchor) + offset > 0`.
 #[derive(Clone, Copy, Debug, Default)]
 struct HalfPlane {
     normal: [f64; 2],
     offset: f64,
 }
 
-/// Class of a tangent segment, as the eyes that are surely in it.
+/// Class of a tangent segment, given by the eyes that are certainly in it.
 #[derive(Clone, Copy, Debug, Default)]
 struct Class {
     anchor: [f64; 2],
-    /// Squared distance from the anchor up to which the class is known. Negative: nowhere.
+    /// Squared distance in square metres from the anchor up to which the class is known. Negative if it is
+    /// known nowhere.
     reach_squared: f64,
     bounds: [HalfPlane; 2],
 }
@@ -88,10 +90,10 @@ impl Class {
     }
 }
 
-/// Directions in which the same disc is seen, and the tangent segment at their clockwise end.
+/// Range of directions in which the same disc is seen, and the tangent segment at its clockwise end.
 #[derive(Clone, Copy, Debug)]
 struct Arc {
-    /// Disc seen, or [`NONE`].
+    /// Index of the disc that is seen in the arc, or [`NONE`].
     disc: u32,
     pivot: u32,
     front: u32,
@@ -100,7 +102,7 @@ struct Arc {
     class: Class,
 }
 
-/// Keeps the discs that a moving eye sees.
+/// Keeps the set of discs that a moving eye sees from frame to frame.
 ///
 /// # Exactness
 /// The discs reported are those that [`DiscZone::look`] reports for the same eye, in another order. Nothing
@@ -124,25 +126,25 @@ pub struct KineticZone<'a> {
     /// Place in `discs.discs` of each disc by the index that users know.
     places: Vec<u32>,
     zone: DiscZone,
-    /// Counter-clockwise. Empty: to be rebuilt.
+    /// Arcs around the eye, counter-clockwise. Empty if the zone must be rebuilt.
     arcs: Vec<Arc>,
     next_arcs: Vec<Arc>,
     is_held: Vec<bool>,
     painter: Painter,
     looked: Vec<u32>,
     seen: Vec<u32>,
-    /// Last move that reported each disc.
+    /// Number of the last move that reported each disc.
     marks: Vec<u32>,
     mark: u32,
     work: ZoneWork,
 }
 
-/// Orders discs that come front to back by direction.
+/// Assigns directions to discs that come front to back.
 #[derive(Clone, Debug, Default)]
 struct Painter {
-    /// Open directions, ascending.
+    /// Ranges of directions that no disc drawn so far covers, ascending, in radians.
     open: Vec<(f64, f64)>,
-    /// Begin of the directions in which each disc is seen, and the disc.
+    /// First direction in which a disc is seen, and the disc.
     runs: Vec<(f64, u32)>,
 }
 
@@ -153,7 +155,7 @@ impl Painter {
         self.open.push((first, last));
     }
 
-    /// Gives the open directions of a span to a disc. Returns whether there are any.
+    /// Assigns the open directions from `first` to `last` to a disc. Returns whether there are any.
     fn paint(&mut self, first: f64, last: f64, disc: u32) -> bool {
         let wrapped = [(first, last + 4.0), (first - 4.0, last), (first + 4.0, last + 8.0)];
         let plain = [(first, last), (first + 4.0, last + 4.0)];
@@ -171,7 +173,7 @@ impl Painter {
         self.runs.len() > before
     }
 
-    /// Gives what is still open to no disc, and orders all by direction.
+    /// Assigns the directions that are still open to [`NONE`], and orders all arcs by direction.
     fn finish(&mut self) {
         self.runs.extend(self.open.iter().map(|gap| (gap.0, NONE)));
         self.runs.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
@@ -221,7 +223,7 @@ impl<'a> KineticZone<'a> {
         }
     }
 
-    /// Returns what the last move did.
+    /// Returns the counts of the last move's work.
     pub fn work(&self) -> ZoneWork {
         self.work
     }
@@ -261,7 +263,7 @@ impl<'a> KineticZone<'a> {
         }
     }
 
-    /// Looks around from scratch. Without segments if rounding cannot tell them.
+    /// Finds the arcs from scratch. Leaves none if rounding cannot decide them.
     fn rebuild(&mut self, eye: [f64; 2]) {
         self.work.rebuilt = true;
         self.arcs.clear();
@@ -287,8 +289,8 @@ impl<'a> KineticZone<'a> {
         }
     }
 
-    /// Paints the discs of the last look. `None` if one touches the eye or is seen in no direction that
-    /// rounding tells, unless it is one of `beside`.
+    /// Assigns directions to the discs of the last look. `None` if one of them, other than those of `beside`,
+    /// touches the eye or is seen in no direction that rounding can tell.
     fn paint(&mut self, eye: [f64; 2], between: (f64, f64), beside: &[u32]) -> Option<()> {
         self.painter.begin(between.0, between.1);
         for &index in &self.looked {
@@ -302,7 +304,8 @@ impl<'a> KineticZone<'a> {
         Some(())
     }
 
-    /// Makes `next_arcs` of the arcs, those beside ended classes anew. `None` if the zone must be rebuilt.
+    /// Makes `next_arcs` from the present arcs. Arcs beside classes that have ended are found anew. `None` if
+    /// the zone must be rebuilt.
     fn mend(&mut self, eye: [f64; 2]) -> Option<()> {
         self.next_arcs.clear();
         let count = self.arcs.len();
@@ -344,7 +347,8 @@ impl<'a> KineticZone<'a> {
         Some(if arc.is_first { first } else { last })
     }
 
-    /// Makes the arc in which `disc` is seen, next to the one of `before`. Either may be [`NONE`], not both.
+    /// Makes the arc of directions in which `disc` is seen, next to the arc of `before`. Either may be
+    /// [`NONE`], not both.
     fn arc(&self, eye: [f64; 2], before: u32, disc: u32) -> Arc {
         let power = |index: u32| {
             let Some(disc) = self.discs.discs.get(index as usize) else { return f64::INFINITY };
@@ -357,7 +361,7 @@ impl<'a> KineticZone<'a> {
         Arc { disc, pivot, front, is_first, class }
     }
 
-    /// Derives the class of a tangent segment. `None` if rounding cannot tell it.
+    /// Derives the class of a tangent segment. `None` if rounding cannot decide it.
     fn class(&self, eye: [f64; 2], pivot: u32, front: u32, is_first: bool) -> Option<Class> {
         let mut search = Search::new(self.discs, eye, pivot, front, is_first, self.reach)?;
         let mut stack: SmallVec<[(usize, usize); 64]> = SmallVec::new();
@@ -396,7 +400,8 @@ fn span(disc: &Disc, eye: [f64; 2]) -> Option<(f64, f64)> {
     (error <= WIDEST_ERROR).then_some((first, last))
 }
 
-/// A bound on the class: a direction of the rolling segment, and the sine of the angle from that at the eye.
+/// A bound of a class: a direction of the rolling segment, and the sine of the angle between it and the
+/// segment's present direction.
 #[derive(Clone, Copy, Debug)]
 struct Bound {
     along: [f64; 2],
@@ -411,13 +416,15 @@ struct Search<'a> {
     front: Option<Disc>,
     /// Signed distance of the pivot's centre to the left of the segment: plus or minus its radius.
     aside: f64,
-    /// Unit direction of the segment, and its length up to the pivot.
+    /// Unit direction of the segment.
     along: [f64; 2],
+    /// Length of the segment up to the pivot, in metres.
     length: f64,
     reach: f64,
-    /// Farthest that the front may be met.
+    /// Greatest distance from the eye, in metres along the segment, at which the segment may meet `front`,
+    /// the disc that stops it; infinite if no disc does.
     farthest: f64,
-    /// Clockwise and counter-clockwise bounds.
+    /// Nearest bitangents found so far on the clockwise and on the counter-clockwise side of the segment.
     bounds: [Bound; 2],
 }
 
@@ -481,7 +488,8 @@ impl<'a> Search<'a> {
         !misses
     }
 
-    /// Narrows the bounds to where the segment first touches a disc. `None` if rounding cannot tell that.
+    /// Narrows the bounds to the directions before the segment first touches a disc. `None` if rounding
+    /// cannot decide that.
     fn limit_by(&mut self, index: u32) -> Option<()> {
         let disc = self.discs[index as usize];
         let between = minus(disc.center, self.pivot.center);
@@ -520,7 +528,7 @@ impl<'a> Search<'a> {
         Some(())
     }
 
-    /// Returns the class between the bounds. `None` if the eye is at one of them.
+    /// Returns the class between the bounds. `None` if the eye lies on one of them.
     fn finish(&self) -> Option<Class> {
         let from_pivot = minus(self.eye, self.pivot.center);
         let size = from_pivot[0].abs() + from_pivot[1].abs() + self.reach;

@@ -28,7 +28,7 @@ mod tree;
 mod zone;
 
 /// Relative margin for the rounding of lengths and of their squares: 9,000 times the round-off of `f64`. They
-/// are some ten roundings away from the numbers given.
+/// take some ten roundings.
 const ROUNDING: f64 = 1e-12;
 
 /// Greatest magnitude of a coordinate or a radius, so that sums of squares are finite.

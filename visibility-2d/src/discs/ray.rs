@@ -54,6 +54,8 @@ impl Discs {
         if !is_good || count == 0 || range.is_nan() {
             return;
         }
+        // A walk of the tree, nearest node first. Once `count` discs are known, the farthest of them is the
+        // limit.
         let along = [x / length, y / length];
         let mut stack: SmallVec<[(f64, u32, u32); 64]> = SmallVec::new();
         stack.push((0.0, top as u32, 0));

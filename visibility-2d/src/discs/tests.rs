@@ -22,7 +22,11 @@ fn a_disc_thinner_than_rounding_hides_nothing_beside_it() {
         ([134201342.99987791, 2097152.0], 1.2108671669563533e-10),
     ] {
         let far = Disc { center: [-5.0 * center[0], 0.0], ..wall };
-        assert_eq!(look(&[Disc { center, radius }, far], &DiscView::new([0.0; 2])), [0, 1]);
+        assert_eq!(
+            look(&[Disc { center, radius }, far], &DiscView::new([0.0; 2])),
+            [0, 1],
+            "the disc thinner than rounding, and the wall behind"
+        );
     }
 }
 
@@ -51,10 +55,16 @@ fn a_cut_closes_nothing_outside_its_bounds() {
 fn an_interval_moved_outwards_goes_on_beyond_the_seam() {
     let mut gaps = Gaps::new();
     gaps.begin(Some((3.5, 4.0)));
-    assert!(gaps.any(1e-16, 0.1, 1e-15) && !gaps.any(1e-14, 0.1, 1e-15));
+    assert!(
+        gaps.any(1e-16, 0.1, 1e-15) && !gaps.any(1e-14, 0.1, 1e-15),
+        "a sector that begins before the seam"
+    );
     gaps.begin(Some((0.0, 0.5)));
     let last = 4.0f64.next_down();
-    assert!(gaps.any(3.9, last, 1e-14) && !gaps.any(3.9, last - 1e-13, 1e-14));
+    assert!(
+        gaps.any(3.9, last, 1e-14) && !gaps.any(3.9, last - 1e-13, 1e-14),
+        "a sector that begins after the seam"
+    );
 }
 
 #[test]
@@ -80,8 +90,16 @@ fn a_sector_takes_vectors_of_any_length() {
         assert_eq!(look(&discs, &view.with_sector([length, length], [length, -length])), [1], "{length}");
         assert_eq!(look(&discs, &view.with_sector([length, 0.0], [length, 0.0])), [0u32; 0], "{length}");
         for bad in [f64::INFINITY, f64::NEG_INFINITY, f64::NAN] {
-            assert_eq!(look(&discs, &view.with_sector([bad, 0.0], [length, length])), [0, 1]);
-            assert_eq!(look(&discs, &view.with_sector([length, 0.0], [length, bad])), [0, 1]);
+            assert_eq!(
+                look(&discs, &view.with_sector([bad, 0.0], [length, length])),
+                [0, 1],
+                "a sector from {bad}"
+            );
+            assert_eq!(
+                look(&discs, &view.with_sector([length, 0.0], [length, bad])),
+                [0, 1],
+                "a sector up to {bad}"
+            );
         }
     }
 }
@@ -96,7 +114,7 @@ fn a_disc_far_from_the_origin_is_found_to_its_tangent() {
         .collect();
     let eye = [far - 2_516_582.0 / 8_388_608.0, 0.0];
     let view = DiscView::new(eye).with_sector([-1e-8, 1.0], [-1.0, 0.0]);
-    assert_eq!(look(&discs, &view), [0]);
+    assert_eq!(look(&discs, &view), [0], "the disc at the sector's edge");
 }
 
 #[test]
@@ -129,7 +147,11 @@ fn a_disc_in_a_pile_hides_nothing_and_others_hide() {
     let made = Discs::new(&discs).unwrap();
     let solid = |of: u32| made.solid_radii[made.indices.iter().position(|&i| i == of).unwrap()];
     // The first meets more discs than are looked at.
-    assert_eq!([solid(0), solid(1), solid(2), solid(10_000)], [0.0, 0.5, 0.0, 0.0]);
+    assert_eq!(
+        [solid(0), solid(1), solid(2), solid(10_000)],
+        [0.0, 0.5, 0.0, 0.0],
+        "solid radii of discs in the pile and beside it"
+    );
 }
 
 #[test]

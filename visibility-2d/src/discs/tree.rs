@@ -6,10 +6,11 @@ use alloc::vec::Vec;
 use core::fmt;
 use smallvec::SmallVec;
 
-/// Children of an inner node.
+/// Greatest number of children of an inner node of the tree of discs.
 pub(crate) const FAN: usize = 8;
 
-/// Most nodes that are searched for what overlaps a disc. Beyond that the disc hides nothing.
+/// Greatest number of nodes that are searched for discs that overlap a disc. Beyond it the disc hides
+/// nothing.
 const MOST_NODES: usize = 512;
 
 /// A disc on the plan: a trunk, a pillar, a silo.
@@ -27,7 +28,7 @@ pub struct Disc {
     pub radius: f64,
 }
 
-/// The reason why discs cannot be taken.
+/// Reasons why discs cannot be used.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum DiscError {
@@ -79,8 +80,8 @@ impl Node {
         })
     }
 
-    /// Returns the node's discs' bounds relative to a point, rounded outwards: least x and y, greatest x and
-    /// y, from -1e300 to 1e300.
+    /// Returns the bounds of the node's discs relative to a point, rounded outwards: least x and y, greatest
+    /// x and y, from -1e300 to 1e300.
     pub(crate) fn around(&self, [x, y]: [f64; 2]) -> [f64; 4] {
         let radius = f64::from(self.radius);
         // Three roundings of at most `u (|away| + radius)`, so `4u` of that are outwards. Bounds may be
@@ -140,11 +141,12 @@ fn up(x: f64) -> f32 {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Discs {
-    /// Discs along the curve.
+    /// All discs, in the order of a space-filling curve.
     pub(crate) discs: Vec<Disc>,
-    /// For each of `discs`, its index in the order that they were given in.
+    /// Index that the caller gave each of `discs`.
     pub(crate) indices: Vec<u32>,
-    /// For each of `discs`, the radius within which it is disjoint from all others: what it hides with.
+    /// Radius in metres within which each of `discs` is disjoint from all others. Only this part of the disc
+    /// hides.
     pub(crate) solid_radii: Vec<f64>,
     /// Whether no disc touches another or has radius 0.
     pub(crate) are_disjoint: bool,
@@ -169,6 +171,7 @@ impl Discs {
             return Err(DiscError::Disc { index });
         }
         let mut order: Vec<([f64; 2], u32)> = (0..).zip(discs).map(|(i, disc)| (disc.center, i)).collect();
+        // In the order of a space-filling curve, neighbours of the plan share leaves and nodes.
         put_in_order(&mut order);
         let indices: Vec<u32> = order.iter().map(|&(_, index)| index).collect();
         let discs: Vec<Disc> = indices.iter().map(|&index| discs[index as usize]).collect();
@@ -182,6 +185,7 @@ impl Discs {
             }
         }
         let mut made = Self { discs, indices, solid_radii: Vec::new(), are_disjoint: false, levels };
+        // The part of each disc that no other disc reaches into: only that part hides.
         made.solid_radii = (0..made.len()).map(|index| made.solid_radius(index)).collect();
         made.are_disjoint = made
             .discs
@@ -201,8 +205,8 @@ impl Discs {
         self.discs.is_empty()
     }
 
-    /// Returns what the discs that overlap a disc leave of its radius: that of a disc around the same centre
-    /// that they do not reach into. 0 if too many have to be asked.
+    /// Returns the radius in metres of the part of a disc that no other disc reaches into, around the same
+    /// centre. 0 if too many discs would have to be tested.
     fn solid_radius(&self, index: usize) -> f64 {
         let disc = &self.discs[index];
         let mut solid = disc.radius;

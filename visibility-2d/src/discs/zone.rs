@@ -9,16 +9,17 @@ use alloc::collections::BinaryHeap;
 use alloc::vec::Vec;
 use core::cmp::Reverse;
 
-/// Bits of an index into a level or the discs, below the level in an entry of the queue.
+/// Number of the low bits of a queue entry that are an index into a level or into the discs. The level is
+/// above them.
 const INDEX_BITS: u32 = 27;
-/// Level of a disc that is to be looked at.
+/// Level of a queue entry that is a disc to be tested.
 const DISC: u32 = 31;
-/// Level of a disc that overlaps others and closes gaps with a lesser radius.
+/// Level of a queue entry that is a disc which overlaps others, and closes gaps with a lesser radius.
 const SOLID: u32 = 30;
 /// Error of the directions in which a rectangle is seen: more than `4u` of 4.
 const RECTANGLE_ERROR: f64 = 16.0 * f64::EPSILON;
 
-/// Error of the tangents of a disc beyond which the eye counts as on its circle.
+/// Greatest error of the tangents of a disc. Beyond it the eye counts as on the disc's circle.
 pub(super) const WIDEST_ERROR: f64 = 0.1;
 
 /// An eye among discs: where it is, and how far and in which directions it looks.
@@ -31,7 +32,7 @@ pub(super) const WIDEST_ERROR: f64 = 0.1;
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct DiscView {
     eye: [f64; 2],
-    /// Number of the first and the last direction. `None`: all.
+    /// Direction numbers of the first and the last direction. `None` for all directions.
     directions: Option<(f64, f64)>,
     range: f64,
     ball: f64,
@@ -101,7 +102,7 @@ impl DiscView {
 #[derive(Clone, Debug)]
 pub struct DiscZone {
     gaps: Gaps,
-    /// Power as the bits of a number that is at least 0, and level and index.
+    /// Queue of nodes and discs: the power as the bits of a number that is at least 0; then level and index.
     queue: BinaryHeap<Reverse<(u64, u32)>>,
 }
 

@@ -44,7 +44,7 @@ impl QueryEye {
     }
 }
 
-/// Boxes of a block of 64 that are computed together.
+/// Number of boxes of a block of 64 that are computed together.
 const LANES: usize = 16;
 
 /// Boxes relative to the eye in metres, rounded outwards, one per lane: least and greatest coordinates on the
@@ -59,17 +59,21 @@ struct Relative<const N: usize> {
 struct Parts<const N: usize> {
     /// Whether the box meets the wedge.
     meets: [bool; N],
-    /// Least and greatest position in columns.
+    /// Least position of the part, in columns.
     from: [f32; N],
+    /// Greatest position of the part, in columns.
     to: [f32; N],
-    /// Greatest inverse depth, least and greatest height in the picture, of what must be hidden.
+    /// Greatest inverse depth of the part, in 1/m.
     inverse_depth: [f32; N],
+    /// Least height of the part in the picture.
     low: [f32; N],
+    /// Greatest height of the part in the picture.
     high: [f32; N],
 }
 
 impl<const N: usize> Relative<N> {
-    /// `boxes` are the rows of least and of greatest coordinates on the plan's x, y and the height.
+    /// Makes boxes relative to an eye. `boxes` are the rows of least and of greatest coordinates: the plan's
+    /// x, the plan's y and the height.
     #[inline(always)]
     fn new(eye: &QueryEye, boxes: [[&[f32; N]; 2]; 3]) -> Self {
         let around = |axis: usize| {
@@ -141,8 +145,9 @@ impl<const N: usize> Relative<N> {
 }
 
 impl Columns {
-    /// Tests the lanes of `state.0`, candidates that are hidden in the faces so far, in the face `FACE`.
-    /// Removes those that are not hidden there, and adds those that meet the face to `state.1`.
+    /// Tests the lanes of `state.0` in the face `FACE`. Removes those that are not hidden there, and adds
+    /// those that meet the face to `state.1`. `state.0` are the candidates that are hidden in all faces so
+    /// far.
     #[inline(always)]
     fn hidden_in_face<const FACE: usize, const N: usize>(
         &self,
@@ -209,8 +214,8 @@ impl Columns {
         state.0 & state.1
     }
 
-    /// Returns whether each column from `first` to `last` of a face has a step that hides what is at inverse
-    /// depth `inverse_depth` or less, between the heights `low` and `high`.
+    /// Returns whether each column from `first` to `last` of a face has a step that hides a surface from
+    /// `low` to `high` at inverse depth `inverse_depth` or less.
     #[inline(always)]
     fn is_behind(
         &self,
@@ -276,8 +281,8 @@ impl Columns {
         self.hidden_lanes(eye, [[&a, &d], [&b, &e], [&c, &f]], 1) != 0
     }
 
-    /// Calls `each` with the part of a box in each face in view: the face, the first and the last column, and
-    /// the greatest height in the picture; until `each` returns false. Returns whether it never did; false
+    /// Calls `each` with the part of a box in each face in view (the face, the first and the last column, and
+    /// the greatest height in the picture) until `each` returns false. Returns whether it never did. False
     /// for a box over or under the eye and for NaN.
     pub(crate) fn for_each_part(
         &self,

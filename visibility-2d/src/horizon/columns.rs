@@ -1,4 +1,4 @@
-//! The columns of the picture: for each a few steps behind which nothing low enough is seen.
+//! The columns of the picture: each has a few steps, behind which everything between two heights is hidden.
 
 use super::frame::{FACES, Frame};
 use super::outline::{Corner, CornerError, Edge, Outline, Post};
@@ -6,8 +6,8 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::ops::Range;
 
-/// Number of steps that a column keeps. With one step fewer, a tower behind a house hides the house's part;
-/// one more changed next to nothing (measured).
+/// Number of steps that a column keeps. With one fewer, a tower behind a house replaces a part of the house's
+/// occlusion; one more changed next to nothing (measured).
 pub(crate) const STEPS: usize = 3;
 
 /// A step of a column: every line of sight through the column whose height in the picture is between `low`
@@ -20,10 +20,10 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    /// Hides nothing.
+    /// A step that hides nothing.
     const OPEN: Self = Self { inverse_depth: 0.0, low: f32::INFINITY, high: f32::NEG_INFINITY };
 
-    /// Returns whether whatever `other` hides is hidden by this step.
+    /// Returns whether this step hides everything that `other` hides.
     fn covers(&self, other: &Self) -> bool {
         self.inverse_depth >= other.inverse_depth && self.low <= other.low && self.high >= other.high
     }
@@ -34,13 +34,13 @@ impl Step {
     }
 }
 
-/// Columns of a [`Block`].
+/// Number of columns of a [`Block`].
 pub(crate) const BLOCK: usize = 8;
 
 /// The steps of eight neighbouring columns, by step and column: tested together.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Block {
-    /// What all columns hide, each with the step of the highest top.
+    /// Step that every column of the block hides at least, made from the step with the highest top in each.
     common: Step,
     inverse_depth: [[f32; BLOCK]; STEPS],
     low: [[f32; BLOCK]; STEPS],
@@ -69,7 +69,7 @@ impl Block {
         self.high[step][column] = value.high;
     }
 
-    /// Computes `common` anew.
+    /// Computes `common` from the steps of the columns.
     fn summarize(&mut self) {
         let mut all = Step { inverse_depth: f32::INFINITY, low: f32::NEG_INFINITY, high: f32::INFINITY };
         for column in 0..BLOCK {
@@ -87,16 +87,16 @@ impl Block {
         self.common = all;
     }
 
-    /// Returns whether all columns hide what is at inverse depth `inverse_depth` or less, between the
-    /// heights `low` and `high`, each with the step of the highest top.
+    /// Returns whether all columns hide a surface from height `low` to `high` at inverse depth
+    /// `inverse_depth` or less, by the step that they have in common.
     #[inline(always)]
     pub(crate) fn is_hidden_throughout(&self, inverse_depth: f32, low: f32, high: f32) -> bool {
         let Step { inverse_depth: w, low: from, high: to } = self.common;
         (w > inverse_depth) & (from < low) & (to > high)
     }
 
-    /// Returns a mask of the columns with a step that hides what is at inverse depth `inverse_depth` or
-    /// less, between the heights `low` and `high`.
+    /// Returns a mask of the columns with a step that hides a surface from height `low` to `high` at inverse
+    /// depth `inverse_depth` or less.
     // Not inlined, since it compiles to vector instructions only by itself.
     #[inline(never)]
     pub(crate) fn hides(&self, inverse_depth: f32, low: f32, high: f32) -> u32 {
@@ -211,8 +211,9 @@ impl Columns {
         block.summarize();
     }
 
-    /// Adds what is between two outlines, each from its first to its last column, to the columns of a face
-    /// that both span. `bends` is whether the outlines may bend inwards, as those of walls do.
+    /// Adds the area between two outlines to the columns of a face that both outlines span. Each outline runs
+    /// from its first to its last column. `bends` is true if the outlines may bend inwards, as those of walls
+    /// do.
     fn draw(&mut self, face: usize, outline: &Outline, bends: bool) {
         let Outline { upper, lower, error, .. } = outline;
         let ([first, .., last], [low_first, .., low_last]) = (&upper[..], &lower[..]) else { return };
@@ -226,10 +227,14 @@ impl Columns {
             return;
         }
         let sides = &mut self.sides;
+        // Upper height, lower height (negated) and inverse depth at each boundary between columns, each
+        // bounded so that the face hides no more than it does.
         sides.iter_mut().for_each(|entries| entries[begin..=end].fill(f64::INFINITY));
         let [highs, lows, inverse_depths] = sides;
         sample(&mut highs[begin..=end], &mut inverse_depths[begin..=end], begin, upper, error, 1.0);
         sample(&mut lows[begin..=end], &mut inverse_depths[begin..=end], begin, lower, error, -1.0);
+        // Between two boundaries an outline of a wall may dip at a corner: the corner's height counts for its
+        // column.
         if bends {
             let corners = |outline: &[Corner]| 1..outline.len() - 1;
             for corner in &upper[corners(upper)] {
@@ -255,6 +260,7 @@ impl Columns {
         }
         let count = self.per_face.div_ceil(BLOCK);
         let blocks = &mut self.blocks[face * count..][..count];
+        // A column takes the lesser of the values at its two boundaries, rounded inwards.
         for column in begin..end {
             let least =
                 |of: &[f64]| (if of[column] < of[column + 1] { of[column] } else { of[column + 1] }) as f32;
@@ -273,10 +279,10 @@ impl Columns {
     }
 }
 
-/// Part of itself by which a number is moved inwards after rounding to `f32`, twice the unit round-off.
+/// Relative amount by which a number is moved inwards after rounding to `f32`: twice the unit round-off.
 const INWARDS: f32 = f32::EPSILON;
 
-/// Returns the least whole number that is not less.
+/// Returns the least whole number that is not less than `x`.
 fn ceil(x: f64) -> f64 {
     let whole = x.clamp(-1e15, 1e15) as i64 as f64;
     if whole < x { whole + 1.0 } else { whole }
@@ -339,7 +345,8 @@ fn lower_at(
     }
 }
 
-/// Adds a step to a column of a block. If the column is full, the step that spans the least height goes.
+/// Adds a step to a column of a block. If the column is full, the step that spans the least height is
+/// dropped.
 fn insert(block: &mut Block, column: usize, step: Step) {
     // Most columns are drawn once.
     if block.high.iter().all(|high| high[column] == f32::NEG_INFINITY) {
@@ -455,7 +462,11 @@ mod tests {
                     let is_held = holds(-i64::from(error > 0.0));
                     assert!(!is_hidden || is_held, "{low:?} to {high:?}, {error}: not all of {column}");
                     let is_seen = (2..=12).contains(&column);
-                    assert_eq!(is_hidden, is_hidden && is_seen);
+                    assert_eq!(
+                        is_hidden,
+                        is_hidden && is_seen,
+                        "{low:?} to {high:?}: column {column} is hidden out of view"
+                    );
                     assert!(is_hidden || !is_seen || !holds(HAIR), "{low:?} to {high:?}, {error}: {column}");
                 }
             }
@@ -534,7 +545,10 @@ mod tests {
                         assert!(in_part(column) || !meets(column, 0), "{low:?} to {high:?}: {parts:?}");
                         assert!(!in_part(column) || meets(column, HAIR), "{low:?} to {high:?}: {parts:?}");
                     }
-                    assert!(parts.iter().all(|&(face, first, last)| face == 0 && 1 <= first && last <= 14));
+                    assert!(
+                        parts.iter().all(|&(face, first, last)| face == 0 && 1 <= first && last <= 14),
+                        "{low:?} to {high:?}: parts in view: {parts:?}"
+                    );
                 }
             }
         }

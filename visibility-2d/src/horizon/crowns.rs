@@ -12,17 +12,18 @@ use alloc::vec;
 use alloc::vec::Vec;
 use visibility_core::{Aabb, ObjectId};
 
-/// Part of a crown's width that counts: its middle half. Its rim is thin.
+/// Share of a crown's width that counts: its middle half, since its rim is thin.
 const CORE: f32 = 0.5;
 
-/// The crowns that each column has met.
+/// Count of the crowns that each column has met.
 #[derive(Clone, Debug)]
 pub(crate) struct CrownColumns {
     /// Objects that are crowns, ascending.
     crowns: Vec<ObjectId>,
-    /// Number of crowns that hide what is behind them, at least 1.
+    /// Number of crowns in a row that count as opaque, at least 1.
     crossings: u8,
-    /// Crowns met, and the sum of the heights of their tops in the picture, by column of all faces.
+    /// Number of crowns met by each column of all faces, and the sum of the heights of their tops in the
+    /// picture.
     met: Vec<(u8, f32)>,
 }
 
@@ -33,7 +34,7 @@ impl CrownColumns {
         Self { crowns, crossings: crossings.max(1), met: Vec::new() }
     }
 
-    /// Empties the columns for a new frame with so many columns a face.
+    /// Empties the columns for a new frame, with `per_face` columns in each face.
     pub(crate) fn begin(&mut self, per_face: usize) {
         if self.met.len() != per_face * FACES {
             self.met = vec![(0, 0.0); per_face * FACES];

@@ -55,16 +55,16 @@ use visibility_core::{Aabb, Accuracy, CullStats, Culler, ObjectId, OcclusionMap,
 pub struct HorizonCuller {
     occluders: Arc<HorizonOccluders>,
     horizon: Horizon,
-    /// Empty between frames; kept for its memory.
+    /// Queue of nodes and objects. Empty between frames, and kept for its memory.
     queue: Queue,
     /// Indices of the objects that changed since the occluders were made, ascending.
     changed: Vec<u32>,
-    /// Scratch: which objects of the ground are drawn.
+    /// Scratch: whether each object of the ground is drawn.
     presence: Presence,
     crowns: Option<CrownColumns>,
 }
 
-/// Nodes and objects that wait, nearest first.
+/// Queue of nodes and objects, nearest first.
 #[derive(Clone, Debug, Default)]
 struct Queue {
     /// Squared distance on the plan as the bits of an `f32`, above the index into `entries`.
@@ -123,10 +123,10 @@ impl HorizonCuller {
         Self { horizon: self.horizon.with_columns(per_face), ..self }
     }
 
-    /// Counts crowns of trees as well: what `crossings` crowns hide between them, in each direction, counts
-    /// as hidden, though something may show through leaves. The culler is then approximate. `crowns` are
-    /// objects whose bounds are those of a tree; those that are not in the scene are ignored. 0 counts as
-    /// 1.
+    /// Counts crowns of trees as occluders: an object behind `crossings` crowns in a direction is hidden
+    /// there, though it may show through leaves. The culler is then approximate. `crowns` are objects whose
+    /// bounds are those of a tree. Objects that are not in the scene are ignored. Zero `crossings` count as
+    /// one.
     ///
     /// ```
     /// use visibility_2d::horizon::{HorizonCuller, HorizonOccluders, UpAxis};
@@ -142,7 +142,7 @@ impl HorizonCuller {
         Self { crowns: Some(CrownColumns::new(crowns.into_iter().collect(), crossings)), ..self }
     }
 
-    /// Replaces the occluders, by those of another scene or by an updated copy.
+    /// Replaces the occluders, for another scene or by an updated copy.
     pub fn set_occluders(&mut self, occluders: Arc<HorizonOccluders>) {
         self.horizon.set_up(occluders.up());
         self.occluders = occluders;
@@ -153,7 +153,7 @@ impl HorizonCuller {
         &self.horizon
     }
 
-    /// Notes which objects have changed since the occluders were made. Returns whether any occluder can
+    /// Collects the objects that have changed since the occluders were made. Returns whether any occluder can
     /// be used.
     fn follow(&mut self, scene: &Scene) -> bool {
         self.changed.clear();
@@ -167,7 +167,8 @@ impl HorizonCuller {
         }
     }
 
-    /// Tests the children of a node and queues those that are not hidden.
+    /// Tests the children of a node and queues the ones that are not hidden. `drawn` is the number of solids
+    /// drawn so far.
     fn open(&mut self, walk: &mut Walk<SceneHierarchy>, node: Option<usize>, drawn: u32) {
         let (horizon, queue) = (&self.horizon, &mut self.queue);
         let (up, eye) = (horizon.up(), horizon.frame.eye.map(|x| x as f32));
@@ -241,15 +242,19 @@ impl Culler for HorizonCuller {
             crowns.begin(self.horizon.columns.per_face());
         }
         let (mut drawn, mut kept) = (0, 0);
+        // From near to far: each object is tested against all that is drawn before it, and then drawn itself
+        // if it stays.
         self.queue.clear();
         self.open(&mut walk, None, drawn);
         while let Some(next) = self.queue.pop() {
             let (rows, columns, eye) = (self.horizon.up().rows(), &self.horizon.columns, &self.horizon.eye);
+            // A node was tested when it was queued. The test is repeated only if more has been drawn since.
             let mut is_hidden = false;
             if next.drawn != drawn {
                 walk.stats.tests += 1;
                 is_hidden = columns.hides_box(eye, rows, &next.bounds);
             }
+            // Crowns of trees hide as far as their leaves do. They are drawn after their own test.
             if let Some(crowns) = &mut self.crowns
                 && !is_hidden
             {
@@ -292,7 +297,7 @@ impl Culler for HorizonCuller {
     }
 }
 
-/// Keeps all candidates.
+/// Keeps all candidates of a walk: nothing hides.
 fn keep_all(walk: &mut Walk<SceneHierarchy>) {
     walk.visit(None, |walk, block, candidates| {
         let mut nodes = candidates & !block.objects(candidates);

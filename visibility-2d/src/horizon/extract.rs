@@ -10,17 +10,17 @@ use alloc::vec::Vec;
 use visibility_core::OccluderMesh;
 use visibility_core::glam::{Affine3A, DVec3};
 
-/// Most vertices of a solid. Rounder solids are rare, and cost more than they hide.
+/// Greatest number of posts of a solid. Rounder solids are rare, and cost more than they hide.
 const MAX_POSTS: usize = 32;
 
-/// Solids whose upright face, width times height, is less than this part of the largest of the same mesh are
-/// left out: posts and rails of a house hide next to nothing beside its walls.
+/// Least size of a solid's upright face, width times height, as a fraction of the largest of the same mesh.
+/// Smaller solids are left out: posts and rails of a house hide next to nothing beside its walls.
 const LEAST_FACE: f64 = 1.0 / 16.0;
 
-/// What the posts of a [`Solid`] stand for.
+/// Shape that the posts of a [`Solid`] span.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Shape {
-    /// The hull of all posts.
+    /// The convex hull of all posts.
     Convex,
     /// Upright panels, each between two successive posts, its front to the right of the way from the first to
     /// the second. Their backs hide only if `two_sided`.
@@ -36,7 +36,7 @@ pub(crate) struct Solid {
     pub(crate) count: u32,
     /// Bound on the distance in metres of each post from a point of the exact solid.
     pub(crate) error: f64,
-    /// Part of `error` that is no rounding of the posts: the hull may reach so far out of the mesh, which
+    /// Part of `error` that is not rounding: the hull of the posts may reach this far out of the mesh, which
     /// may be dented.
     pub(crate) dent: f64,
     /// Height in metres that the eye must be above, since the solid has no face there; negative infinity for
@@ -100,7 +100,8 @@ impl Solids {
         }
     }
 
-    /// Adds a post to the solid that began at `first`; one that stands on another is joined with it.
+    /// Adds a post to the solid that began at index `first`. A post over the same point of the plan as the
+    /// last one is joined with it.
     fn add_post(&mut self, first: usize, post: Post) {
         for other in &mut self.posts[first..] {
             if other.x == post.x && other.y == post.y {
@@ -135,7 +136,7 @@ impl Solids {
         self.solids.push(Solid { shape, first, count, error, dent, open_below, face });
     }
 
-    /// Drops the solids from `begin` on that are small beside the largest of these or beside
+    /// Removes solids, from index `begin` on, that are small beside the largest of these or beside
     /// [`least_face`](Self::least_face).
     fn drop_small(&mut self, begin: usize) {
         let largest = self.solids[begin..].iter().map(|solid| solid.face).fold(0.0, f64::max);
@@ -343,15 +344,15 @@ mod tests {
     fn a_prism_without_a_floor_is_a_solid_from_outside() {
         let house = prism(&SQUARE);
         let turned: Vec<_> = house.iter().map(|[a, b, c]| [*a, *c, *b]).collect();
-        assert_eq!(count(&house, false, Affine3A::IDENTITY), 1);
-        assert_eq!(count(&house, true, Affine3A::IDENTITY), 1);
+        assert_eq!(count(&house, false, Affine3A::IDENTITY), 1, "a house without a floor");
+        assert_eq!(count(&house, true, Affine3A::IDENTITY), 1, "a house without a floor, two-sided");
         // A room, seen from inside only, unless both sides hide.
-        assert_eq!(count(&turned, false, Affine3A::IDENTITY), 0);
-        assert_eq!(count(&turned, true, Affine3A::IDENTITY), 1);
+        assert_eq!(count(&turned, false, Affine3A::IDENTITY), 0, "a room, turned inside out");
+        assert_eq!(count(&turned, true, Affine3A::IDENTITY), 1, "a room, two-sided");
         let mirror = Affine3A::from_mat3(Mat3::from_diagonal(Vec3::new(-1.0, 1.0, 1.0)));
         assert_eq!(count(&house, false, mirror), 0, "the front of a mirrored triangle stays its front");
         assert_eq!(count(&turned, false, mirror), 0, "a mirrored room is a room");
-        assert_eq!(count(&house, true, mirror), 1);
+        assert_eq!(count(&house, true, mirror), 1, "a mirrored house, two-sided");
     }
 
     #[test]
@@ -364,20 +365,20 @@ mod tests {
         }
         // A plan with a dent, whose top from the first corner is still whole.
         let dented = prism(&[[1.0, 0.5], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0], [0.0, 0.0]]);
-        assert_eq!(count(&dented, true, Affine3A::IDENTITY), 0);
+        assert_eq!(count(&dented, true, Affine3A::IDENTITY), 0, "a house with a dent");
     }
 
     /// Two triangles back to back have no edge of a single triangle, and cover half of their hull.
     #[test]
     fn a_flap_of_two_triangles_is_no_solid() {
         let [a, b, c] = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 0.0, 3.0)];
-        assert_eq!(count(&[[a, b, c], [a, c, b]], true, Affine3A::IDENTITY), 0);
+        assert_eq!(count(&[[a, b, c], [a, c, b]], true, Affine3A::IDENTITY), 0, "a flap of two triangles");
         // The same, hung on the top of a square whose other half is open.
         let mut house = prism(&SQUARE);
         let last = house.len() - 1;
         let [a, b, c] = house[last];
         house.truncate(last - 1);
         house.extend([[a, b, c], [a, c, b]]);
-        assert_eq!(count(&house, true, Affine3A::IDENTITY), 0);
+        assert_eq!(count(&house, true, Affine3A::IDENTITY), 0, "a flap on the top of a house");
     }
 }

@@ -58,8 +58,8 @@ impl UpAxis {
 /// Number of faces of the picture: towards +x, +y, -x and -y of the plan.
 pub(crate) const FACES: usize = 4;
 
-/// Returns the depth and the lateral coordinate, growing counter-clockwise, in a face of the picture of a
-/// point on the plan relative to the eye. Exact.
+/// Returns the depth of a point in a face of the picture, and its lateral coordinate, which grows
+/// counter-clockwise. The point is on the plan, relative to the eye. Exact.
 pub(crate) fn turned<T: core::ops::Neg<Output = T>>(face: usize, x: T, y: T) -> (T, T) {
     match face {
         0 => (x, y),
@@ -69,7 +69,7 @@ pub(crate) fn turned<T: core::ops::Neg<Output = T>>(face: usize, x: T, y: T) -> 
     }
 }
 
-/// The eye of a view on the plan, and what the view sees of each face.
+/// Eye of a view on the plan, and the part of each face that the view sees.
 #[derive(Clone, Debug)]
 pub(crate) struct Frame {
     pub(crate) up: UpAxis,
@@ -78,11 +78,11 @@ pub(crate) struct Frame {
     /// Bound on the distance in metres of the exact eye from `eye`. Infinite if nothing can be hidden:
     /// before the first frame, in parallel views, and where rounding leaves the eye undecided.
     pub(crate) error: f64,
-    /// Positive beyond the near plane, for points relative to `anchor`.
+    /// Row of the near plane: positive beyond it, for points relative to `anchor`.
     near: ClipRow,
     /// Point in metres relative to the scene's origin: the eye up to rounding.
     anchor: DVec3,
-    /// Columns of each face that the view can see, in parts of the face from 0 to 1; empty if none.
+    /// Range of each face that the view can see, from 0 to 1 across the face. Empty if none.
     pub(crate) seen: [Range<f64>; FACES],
 }
 

@@ -13,15 +13,15 @@ use visibility_core::scene::Boxes64;
 use visibility_core::view::ViewPlanes;
 use visibility_core::{Aabb, Accuracy, OccluderMesh, OcclusionMap, View};
 
-/// Columns of each face of the picture: 1,440 around, a quarter of a degree each. Twice as many report less
-/// than a tenth fewer objects on cities and take a half longer (measured).
+/// Default number of columns of each face of the picture: 1,440 around, a quarter of a degree each. Twice as
+/// many report less than a tenth fewer objects on cities and take a half longer (measured).
 const DEFAULT_COLUMNS: usize = 360;
 
 /// Largest number of columns of a face.
 const MAX_COLUMNS: usize = 1 << 14;
 
-/// A horizon: how high, and from which distance on, occluders hide what is behind them, for each of some
-/// thousand directions on the plan.
+/// A horizon: for each of some thousand directions on the plan, the height and the distance from which on
+/// occluders hide what is behind them.
 ///
 /// For scenes of upright solids on a ground: cities, walls, trunks. Anything else that is convex occludes
 /// too; meshes that are not made of convex solids or of prisms without a floor hide nothing. Conservative. In
@@ -83,7 +83,7 @@ impl Horizon {
         self.up
     }
 
-    /// Sets the axis that points up. If it is another one, nothing is hidden until the next frame begins.
+    /// Sets the axis that points up. If it changes, nothing is hidden until the next frame begins.
     pub(crate) fn set_up(&mut self, up: UpAxis) {
         if up != self.up {
             (self.frame, self.eye) = (Frame::BLIND, QueryEye::BLIND);
@@ -91,12 +91,12 @@ impl Horizon {
         self.up = up;
     }
 
-    /// Returns whether a frame has begun in which something can be hidden.
+    /// Returns whether nothing can be hidden: before the first frame, and in frames whose eye is not known.
     pub(crate) fn is_blind(&self) -> bool {
         !self.frame.error.is_finite()
     }
 
-    /// Adds a solid, unless the near plane, or the eye below its open bottom, leave doubt.
+    /// Adds a solid. Does nothing if the near plane may cut it, or if the eye may be below its open bottom.
     pub(crate) fn add_solid(&mut self, solid: &Solid, posts: &[Post]) {
         let frame = &self.frame;
         let doubt = 2.0 * (frame.error + solid.error);

@@ -9,10 +9,11 @@ use visibility_core::glam::Affine3A;
 use visibility_core::scene::{Changes, SceneCursor};
 use visibility_core::{ObjectId, OccluderMesh, Scene};
 
-/// Part of the solids that have no larger upright face than the face that all are compared with.
+/// Share of the solids whose upright face is at most as large as the face that all are compared with.
 const USUAL: f64 = 0.95;
 
-/// Solids with less than this part of that face are left out: furniture hides next to nothing beside walls.
+/// Least size of a solid's upright face as a fraction of that face. Smaller solids are left out: furniture
+/// hides next to nothing beside walls.
 const LEAST_FACE: f64 = 1.0 / 8.0;
 
 /// The convex solids of a scene's occluders that a [`HorizonCuller`](super::HorizonCuller) draws, made from
@@ -44,14 +45,14 @@ pub struct HorizonOccluders {
     solids: Solids,
     /// Range of the solids of each object, by object index.
     ranges: Vec<[u32; 2]>,
-    /// Number of solids in use; the others are of former states of objects.
+    /// Number of solids in use. The others belong to former states of objects.
     used: usize,
     terrain: Terrain,
 }
 
 impl HorizonOccluders {
-    /// Makes the solids of all objects of `scene` that are flagged as occluders and have a mesh, but for
-    /// those that are small beside the large ones of the scene: furniture, where there are walls. Takes
+    /// Makes the solids of all objects of `scene` that are flagged as occluders and have a mesh. Solids that
+    /// are small beside the large ones of the scene are left out: furniture, where there are walls. Takes
     /// time proportional to the triangles of all occluders: about a microsecond for a house, and as much for
     /// each triangle that faces up and may be ground.
     pub fn new(scene: &Scene, up: UpAxis) -> Self {
@@ -67,8 +68,8 @@ impl HorizonOccluders {
         occluders
     }
 
-    /// Takes in the changes of `scene` since the last call: in time proportional to the changed occluders, or
-    /// all anew for another scene and after more changes than the scene's log holds.
+    /// Updates the solids to the changes of `scene` since the last call, in time proportional to the changed
+    /// occluders. Another scene, or more changes than the scene's log holds, makes all solids anew.
     pub fn sync(&mut self, scene: &Scene) {
         match self.cursor.follow(scene) {
             Changes::Objects(changed) => {
@@ -103,7 +104,7 @@ impl HorizonOccluders {
         self.terrain = Terrain::new(scene, self.up);
     }
 
-    /// Keeps only the solids in use that are not too small.
+    /// Removes solids that are not in use, and those that are too small.
     fn drop_former(&mut self) {
         let least_face = self.solids.least_face;
         let all = core::mem::replace(&mut self.solids, Solids { least_face, ..Solids::default() });
@@ -157,7 +158,7 @@ impl HorizonOccluders {
         &self.terrain
     }
 
-    /// Returns the changes of `scene` that are not taken in.
+    /// Returns the changes of `scene` since the last [`sync`](Self::sync).
     pub(crate) fn missed<'a>(&self, scene: &'a Scene) -> Changes<'a> {
         self.cursor.peek(scene)
     }

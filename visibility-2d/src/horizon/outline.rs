@@ -30,14 +30,14 @@ use alloc::vec::Vec;
 /// Unit round-off of `f64`: 2^-53.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// Bound on the units of round-off of a sum along an edge: one for each of the at most 2^14 columns of a
-/// face, and those of its first term.
+/// Bound on the rounding of a sum along an edge, in units of round-off: one for each of the at most 2^14
+/// columns of a face, and as many for its first term.
 const STEPS: f64 = 32768.0;
 
 /// An upright segment inside of an occluder, in metres relative to the scene's origin.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Post {
-    /// Position on the plan.
+    /// First coordinate on the plan, in metres from the scene's origin.
     pub(crate) x: f64,
     pub(crate) y: f64,
     /// Height of the lower end.
@@ -75,8 +75,9 @@ pub(crate) struct Outline {
     pub(crate) error: CornerError,
     cut: Vec<Relative>,
     projected: Vec<Projected>,
-    /// Runs of a wall: the panel that the next run begins with, and the number of panels in no run so far.
+    /// Panel of a wall with which the next run begins.
     next_panel: usize,
+    /// Number of the wall's panels that are in no run so far.
     panels_left: usize,
 }
 
@@ -90,7 +91,7 @@ struct Relative {
 }
 
 impl Relative {
-    /// Returns the post of the panel from this post to a deeper one that is at the given depth.
+    /// Returns the post at the given depth on the panel from this post to a deeper one.
     fn towards(&self, other: &Self, depth: f64) -> Self {
         let part = (depth - self.depth) / (other.depth - self.depth);
         let at = |from: f64, to: f64| from + (to - from) * part;
@@ -221,9 +222,9 @@ impl Outline {
             && self.ascends(a) == self.ascends(b)
     }
 
-    /// Places posts relative to the eye, in `cut`. Returns the least depth that is drawn and a bound on the
-    /// error of coordinates, both in metres. `None` if all posts are behind the face, or if rounding leaves
-    /// the picture undecided.
+    /// Computes the posts relative to the eye, in `cut`. Returns the least depth that is drawn and a bound on
+    /// the error of coordinates, both in metres. `None` if all posts are behind the face, or if rounding
+    /// leaves the picture undecided.
     fn place(&mut self, frame: &Frame, posts: &[Post], error: f64, face: usize) -> Option<(f64, f64)> {
         self.cut.clear();
         let (mut deepest, mut size) = (0.0f64, 0.0f64);
@@ -264,7 +265,8 @@ impl Outline {
         };
     }
 
-    /// Replaces the posts nearer than `nearest` by those in which the hull of all posts meets that depth.
+    /// Replaces the posts nearer than the depth `nearest` by the posts at which the hull of all posts meets
+    /// this depth.
     fn cut_at(&mut self, nearest: f64) {
         let near = |p: &Relative| p.depth < nearest;
         if !self.cut.iter().any(near) {
@@ -308,18 +310,21 @@ fn push_to_hull(chain: &mut Vec<Corner>, corner: Corner, sense: f64) {
 /// bounds.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Edge {
-    /// First column of the edge, and the inverse depth and the height there, less the error bounds.
+    /// First column of the edge.
     column: f64,
+    /// Inverse depth at `column` in 1/m, less its error bound.
     inverse_depth: f64,
+    /// Height in the picture at `column`, less its error bound.
     height: f64,
-    /// Growth of both from column to column.
+    /// Change of the inverse depth from column to column.
     pub(crate) inverse_depth_slope: f64,
+    /// Change of the height from column to column.
     pub(crate) slope: f64,
 }
 
 impl Edge {
     /// Makes the edge between two successive corners of an outline, with heights times `sense`, 1 or -1. A
-    /// steep edge has the lesser of both ends everywhere.
+    /// steep edge has everywhere the lesser values of its two ends.
     pub(crate) fn new(from: Corner, to: Corner, error: &CornerError, sense: f64) -> Self {
         let width = to.column - from.column;
         let is_steep = width.is_nan() || width <= 4.0 * error.column;

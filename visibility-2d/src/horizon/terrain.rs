@@ -24,37 +24,39 @@ use alloc::vec::Vec;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{Aabb, ObjectId, Scene};
 
-/// Most sheets of a scene. Each takes its own time in a frame.
+/// Greatest number of sheets of a scene. Each takes its own time in a frame.
 const MAX_SHEETS: usize = 4;
 
-/// Sheets that cover less than this part of the scene, on the plan, are left out: roofs and rocks.
+/// Least area of a sheet on the plan, as a fraction of the scene's. Smaller ones are left out: roofs and
+/// rocks.
 const LEAST_AREA: f64 = 1.0 / 64.0;
 
-/// Least height of a sheet as a part of its lesser width: a floor hides next to nothing.
+/// Least height of a sheet as a fraction of its lesser width. A floor hides next to nothing.
 const LEAST_HEIGHT: f64 = 1.0 / 128.0;
 
-/// Squares of a grid for each triangle of its sheet, within a factor of four. Borders break whole squares.
+/// Number of squares of a grid for each triangle of its sheet, within a factor of four. Borders break whole
+/// squares.
 const SQUARES_PER_TRIANGLE: usize = 64;
 
 /// Least and greatest number of squares of a grid, within a factor of four.
 const SQUARES: [usize; 2] = [1 << 10, 1 << 22];
 
-/// Times that squares are joined by fours.
+/// Number of levels of squares. Each level joins the squares of the one below by fours.
 const LEVELS: usize = 8;
 
-/// Distance in squares below which a triangle counts as met. A hundred times the errors of positions, which
-/// [`Sheet::new`] checks.
+/// Distance in squares below which a triangle counts as meeting a square. A hundred times the errors of
+/// positions, which [`Sheet::new`] checks.
 pub(crate) const PAD: f64 = 1e-4;
 
 /// A triangle of a sheet: corners on the plan and in height in metres, counter-clockwise from above.
 #[derive(Clone, Copy, Debug)]
 struct Triangle {
     corners: [[f64; 3]; 3],
-    /// Vertices; those of one point are equal.
+    /// Numbers of the vertices. Corners at one point have the same number.
     vertices: [u32; 3],
     /// Bound on the distance of a corner from the exact one, in metres.
     error: f64,
-    /// Position in [`Terrain::objects`].
+    /// Position of the triangle's object in [`Terrain::objects`].
     object: u32,
 }
 
@@ -72,12 +74,12 @@ pub(crate) struct Square {
     /// Least and greatest height of the sheet over the square in metres, rounded outwards.
     pub(crate) low: f32,
     pub(crate) high: f32,
-    /// Objects whose triangles are over the square, a list of [`Sheet::owners`]. [`BROKEN`] if the sheet
-    /// has a border there, or is not there.
+    /// List of the objects whose triangles are over the square: see [`Sheet::owners`]. [`BROKEN`] if the
+    /// sheet has a border there, or does not cover the square.
     pub(crate) owners: u32,
 }
 
-/// Owners of a square that a sheet does not cover without a border.
+/// Value of `owners` of a square that hides nothing: the sheet has a border there, or does not cover it.
 pub(crate) const BROKEN: u32 = u32::MAX;
 
 impl Square {
@@ -98,14 +100,15 @@ pub(crate) struct Sheet {
     pub(crate) corner: [f64; 2],
     /// Side of a square in metres, a power of two.
     pub(crate) side: f64,
-    /// Squares of side `side`, then of twice that, and so on.
+    /// Squares of side `side`; then of twice that side, and so on.
     pub(crate) levels: Vec<Level>,
     /// Least and greatest height of unbroken squares in metres.
     pub(crate) bottom: f32,
     pub(crate) top: f32,
-    /// Ends of the lists of [`objects`](Self::objects).
+    /// By number of a list of owners (the objects whose triangles meet a square): the end, exclusive, of the
+    /// list in [`objects`](Self::objects). A list begins where the list before it ends.
     owner_ends: Vec<u32>,
-    /// Positions in [`Terrain::objects`], list by list.
+    /// Owners of all lists, one list after another, as positions in [`Terrain::objects`].
     objects: Vec<u32>,
 }
 
@@ -113,7 +116,7 @@ pub(crate) struct Sheet {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Terrain {
     pub(crate) sheets: Vec<Sheet>,
-    /// In the order of their indices.
+    /// Objects whose triangles are in the sheet, ascending by their indices.
     pub(crate) objects: Vec<GroundObject>,
     /// Bit for each object that has changed since the sheets were made.
     lost: Vec<bool>,
@@ -143,7 +146,7 @@ impl Terrain {
         Self { sheets, objects: kept, lost }
     }
 
-    /// Notes that an object has changed: what it hid is open from now on.
+    /// Notes that an object has changed: from now on its triangles hide nothing.
     pub(crate) fn lose(&mut self, index: usize) {
         for (object, lost) in self.objects.iter().zip(&mut self.lost) {
             *lost |= object.id.index() == index;
@@ -169,8 +172,8 @@ impl Sheet {
         self.owner_ends.len()
     }
 
-    /// Puts the triangles `members` into squares. `None` if it is flat, or if coordinates are too large
-    /// beside the sheet.
+    /// Sorts the triangles `members` into squares. `None` if the sheet is flat, or if coordinates are too
+    /// large beside its extent.
     fn new(triangles: &[Triangle], borders: &[[bool; 3]], members: &[u32]) -> Option<Self> {
         let (mut min, mut max) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         let (mut size, mut error) = (0.0f64, 0.0f64);
@@ -182,6 +185,8 @@ impl Sheet {
             }
             size = corner.iter().fold(size, |size, x| size.max(x.abs()));
         }
+        // The side of a square is a power of two, so that indices of squares are exact: about as many squares
+        // as triangles ask for.
         let wanted = (members.len() * SQUARES_PER_TRIANGLE).clamp(SQUARES[0], SQUARES[1]) as f64;
         let [width, depth] = [max[0] - min[0], max[1] - min[1]];
         let mut side = 1.0f64;
@@ -191,6 +196,8 @@ impl Sheet {
         while width * depth <= wanted * side * side * 0.25 && side > 1e-30 {
             side *= 0.5;
         }
+        // Squares must be much larger than the error of coordinates, or a triangle could be put into the
+        // wrong one.
         let error = error + 16.0 * f64::EPSILON * size;
         // NaN and infinite extents are refused, too.
         let fits = error < 0.01 * PAD * side && width < side * 1e7 && depth < side * 1e7;
@@ -207,6 +214,9 @@ impl Sheet {
         let mut squares = vec![Square::EMPTY; columns * rows];
         let mut is_border = vec![false; columns * rows];
         let mut owned: Vec<(u32, u32)> = Vec::new();
+        // Each square takes the heights of all triangles that meet it, rounded outwards, and the objects that
+        // own them. A square that a border of the sheet meets hides nothing: sight could pass beside the
+        // sheet.
         for &t in members {
             let triangle = &triangles[t as usize];
             let range = HeightRange::new(triangle, error);
@@ -222,6 +232,7 @@ impl Sheet {
                 grid.for_each_met(&[a, b, b], 8.0 * PAD, |index, _, _| is_border[index] = true);
             }
         }
+        // Equal lists of owners are stored once.
         owned.sort_unstable();
         owned.dedup();
         let mut lists = Lists::default();
@@ -235,11 +246,12 @@ impl Sheet {
         let unbroken = || squares.iter().filter(|square| square.owners != BROKEN);
         let bottom = unbroken().map(|square| square.low).fold(f32::INFINITY, f32::min);
         let top = unbroken().map(|square| square.high).fold(f32::NEG_INFINITY, f32::max);
-        // False where no square is unbroken, too.
+        // A flat sheet hides nothing from above it. False where no square is unbroken, too.
         let is_hilly = f64::from(top) - f64::from(bottom) > LEAST_HEIGHT * width.min(depth);
         if !is_hilly {
             return None;
         }
+        // Coarser levels, each of 2 by 2 squares of the level below, for rings far from the eye.
         let mut levels = vec![Level { columns, squares }];
         for _ in 1..LEVELS {
             let last = &levels[levels.len() - 1];
@@ -254,7 +266,7 @@ impl Sheet {
 }
 
 impl Level {
-    /// Returns the squares joined by fours.
+    /// Returns the next coarser level, in which four squares are one.
     fn joined(&self, lists: &mut Lists) -> Self {
         let rows = self.squares.len() / self.columns;
         let columns = self.columns.div_ceil(2);
@@ -292,7 +304,7 @@ struct Lists {
 }
 
 impl Lists {
-    /// Returns the number of an ascending list.
+    /// Returns the number of an ascending list, which is stored if it is new.
     fn number(&mut self, list: Vec<u32>) -> u32 {
         if let Some(&number) = self.numbers.get(&list) {
             return number;
@@ -372,18 +384,20 @@ impl Grid {
 struct HeightRange {
     low: f64,
     high: f64,
-    /// Bounds on the plan.
+    /// Least coordinates of the triangle on the plan.
     min: [f64; 2],
+    /// Greatest coordinates of the triangle on the plan.
     max: [f64; 2],
-    /// First corner, and the growth of the height from there, in metres per metre; `None` for a triangle
-    /// that is too narrow to tell.
+    /// First corner of the triangle, and the growth of the height from there, in metres per metre. `None` for
+    /// a triangle that is too narrow to tell.
     plane: Option<([f64; 3], [f64; 2])>,
-    /// Bound on the error of a height of the plane.
+    /// Bound in metres on the error of a height of the plane.
     slack: f64,
 }
 
 impl HeightRange {
-    /// `error` bounds the distance of corners from the exact ones.
+    /// Makes the range of a triangle. `error` bounds in metres the distance of its corners from the exact
+    /// ones.
     fn new(triangle: &Triangle, error: f64) -> Self {
         let [a, b, c] = triangle.corners;
         let least = |axis: usize| a[axis].min(b[axis]).min(c[axis]);
@@ -420,13 +434,13 @@ impl HeightRange {
     }
 }
 
-/// Returns the greatest whole number that is not greater, of a number below 1e15.
+/// Returns the greatest whole number that is not greater than `x`. `x` must be below 1e15 in magnitude.
 pub(crate) fn floor(x: f64) -> i64 {
     let whole = x.clamp(-1e15, 1e15) as i64;
     whole - i64::from(whole as f64 > x)
 }
 
-/// Returns a point under a transform if no rounding is needed for it.
+/// Returns a point under a transform if the result is exact. `None` if it would be rounded.
 fn placed_exactly(p: Vec3, transform: &Affine3A) -> Option<DVec3> {
     if *transform == Affine3A::IDENTITY {
         return Some(p.as_dvec3());
@@ -454,7 +468,8 @@ fn placed_exactly(p: Vec3, transform: &Affine3A) -> Option<DVec3> {
     Some(out)
 }
 
-/// What makes two corners one vertex: a position in bits, or the number of an object and of its vertex.
+/// Key of a corner. Corners with equal keys are one vertex. Either the bits of an exact position, or the
+/// number of an object and of its vertex.
 type VertexKey = [u64; 4];
 
 /// Returns the objects and the triangles that face up. Triangles
@@ -474,6 +489,8 @@ fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, Vec<
         if !(keeps_fronts || mesh.is_two_sided()) {
             continue;
         }
+        // Vertices join triangles if their world coordinates are equal to the last bit. A key is the
+        // coordinates where the transform is exact, or else the vertex of this object alone.
         let object = objects.len() as u32;
         let mut bounds = Aabb::EMPTY;
         let points: Vec<([f64; 3], VertexKey, f64)> = (0u32..)
@@ -495,6 +512,7 @@ fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, Vec<
                 continue;
             }
             let [a, b, c] = t.map(|(p, ..)| [p[0], p[1]]);
+            // Turned up means counter-clockwise on the plan.
             let area = orient(a, b, c);
             if area < 0.0 && mesh.is_two_sided() {
                 t.swap(1, 2);
@@ -516,6 +534,7 @@ fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, Vec<
             objects.push(GroundObject { id, bounds });
         }
     }
+    // Corners with equal keys get the same vertex number.
     keys.sort_unstable();
     for (vertex, group) in (0u32..).zip(keys.chunk_by(|a, b| a.0 == b.0)) {
         for &(_, corner) in group {
@@ -525,7 +544,7 @@ fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, Vec<
     (objects, triangles)
 }
 
-/// How triangles join.
+/// Result of joining triangles at their sides.
 struct Borders {
     /// Sides of each triangle, from corner to next corner, that are borders: joined to no other triangle, or
     /// to several.
@@ -568,12 +587,14 @@ fn largest(triangles: &[Triangle], borders: &Borders) -> Vec<Vec<u32>> {
         }
         i
     }
+    // Union-find: triangles with a common edge are of one sheet, named by its least triangle.
     for &[a, b] in &borders.pairs {
         let (a, b) = (root(&mut parent, a), root(&mut parent, b));
         parent[a.max(b) as usize] = a.min(b);
     }
     let mut order: Vec<(u32, u32)> = (0..triangles.len() as u32).map(|i| (root(&mut parent, i), i)).collect();
     order.sort_unstable();
+    // Twice the area on the plan. All triangles face up, so that no parts cancel.
     let area = |group: &[(u32, u32)]| -> f64 {
         let of = |&(_, i): &(u32, u32)| {
             let [a, b, c] = triangles[i as usize].corners;
@@ -590,6 +611,7 @@ fn largest(triangles: &[Triangle], borders: &Borders) -> Vec<Vec<u32>> {
             (min[axis], max[axis]) = (min[axis].min(p[axis]), max[axis].max(p[axis]));
         }
     }
+    // Sheets below this share of the scene's extent cost more than they hide.
     let least = LEAST_AREA * (max[0] - min[0]) * (max[1] - min[1]);
     let is_large = |sheet: &&(f64, &[(u32, u32)])| sheet.0 >= least;
     sheets
@@ -625,7 +647,7 @@ mod tests {
                         let mut met = [None; 4];
                         grid.for_each_met(&corners, PAD, |index, from, to| {
                             let place = [index % 4, index / 4];
-                            assert_eq!(place[1 - axis], 1);
+                            assert_eq!(place[1 - axis], 1, "the square's place across the axis");
                             met[place[axis]] = Some((from[axis], to[axis]));
                         });
                         for (place, met) in met.into_iter().enumerate() {
@@ -639,7 +661,10 @@ mod tests {
                             assert!(met.is_none() || is_near || is_beyond, "{low:?} to {high:?}, {place}");
                             if let Some((from, to)) = met {
                                 let [start, end] = [start, end].map(|rank| rank as f64 / UNIT as f64);
-                                assert!(from < start && end < to && to - from < side * 1.001);
+                                assert!(
+                                    from < start && end < to && to - from < side * 1.001,
+                                    "square {place} from {start} to {end}: reached from {from} to {to}"
+                                );
                             }
                         }
                     }

@@ -21,23 +21,25 @@ use visibility_core::{Aabb, Scene, VisibleSet};
 /// Unit round-off of `f64`: 2^-53.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// Length of a ring as a part of its depth.
+/// Length of a ring as a fraction of its depth.
 const RING: f64 = 0.1;
 
-/// Most squares along each axis that a ring looks up. Larger ones are taken where there would be more.
+/// Greatest number of squares along each axis that a ring reads. Where there would be more, a coarser level
+/// is read.
 const MOST_SQUARES: i64 = 3;
 
-/// Rings behind a crest after which its step is added.
+/// Number of rings behind a crest after which the crest's step is added.
 const BEHIND_CREST: u32 = 2;
 
-/// Which of the objects of the ground are drawn in a frame, found out when it is asked first.
+/// Whether objects of the ground are drawn in a frame. Computed on the first request for each list.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Presence {
-    /// By list of owners of a sheet: whether all are drawn or surely outside of the view.
+    /// Whether all owners in a list are drawn or certainly outside the view, by number of the list. `None` if
+    /// not asked yet.
     lists: Vec<Option<bool>>,
 }
 
-/// Whether an object hides what is behind its triangles in the view.
+/// What decides, in one frame, whether the triangles of an object of the ground may hide others.
 struct Drawn<'a> {
     scene: &'a Scene,
     visible: &'a VisibleSet,
@@ -48,8 +50,8 @@ struct Drawn<'a> {
 }
 
 impl Drawn<'_> {
-    /// Returns whether an object of the ground is a candidate of the frame, as it was when the sheets were
-    /// made, or is outside of the view.
+    /// Returns whether the triangles of an object of the ground may hide: it is unchanged since the sheets
+    /// were made, and it is a candidate of the frame or outside the view.
     fn is_drawn(&self, object: usize) -> bool {
         let ground = &self.terrain.objects[object];
         if self.terrain.is_lost(object) || self.changed.binary_search(&(ground.id.index() as u32)).is_ok() {
@@ -109,18 +111,18 @@ pub(crate) fn draw_terrain(
     }
 }
 
-/// The walk along the wedge of a block of columns.
+/// A walk outwards along the wedge of a block of columns.
 struct Wedge<'a> {
     frame: &'a Frame,
     sheet: &'a Sheet,
     face: usize,
-    /// Lateral coordinates at depth 1.
+    /// Right and left side of the wedge: lateral coordinates at depth 1.
     sides: [f64; 2],
     /// Inverse of the side of a square in 1/m, exact.
     per_side: f64,
     /// Depth at which the next ring begins, in metres.
     depth: f64,
-    /// Depth behind which there is no square.
+    /// Depth in metres beyond which the sheet has no square.
     end: f64,
     /// Bound on the error of coordinates and heights, in metres.
     error: f64,
@@ -130,14 +132,14 @@ struct Wedge<'a> {
     top: f64,
 }
 
-/// Unbroken rings so far.
+/// Consecutive rings of a column in which no square is broken.
 #[derive(Clone, Copy)]
 struct Run {
-    /// Least of the greatest heights in the picture.
+    /// Least of the rings' greatest heights in the picture.
     low: f64,
     /// The step at the crest: its lower and upper height, its depth.
     crest: [f64; 3],
-    /// Rings since the crest, if its step is not added yet.
+    /// Number of rings since the crest. `None` if the crest's step is added already.
     since: Option<u32>,
 }
 
@@ -145,7 +147,7 @@ impl Run {
     const EMPTY: Self =
         Self { low: f64::INFINITY, crest: [f64::INFINITY, f64::NEG_INFINITY, 0.0], since: None };
 
-    /// Returns the step at the crest, once.
+    /// Returns the step at the crest, if it was not returned before.
     fn take(&mut self) -> Option<Step> {
         self.since.take()?;
         let [low, high, depth] = self.crest;
@@ -234,14 +236,16 @@ impl<'a> Wedge<'a> {
     }
 
     /// Returns the least and the greatest height of the sheet above the eye, in metres, in the ring between
-    /// two depths. `None` if a square there is broken, its objects are not drawn, or it is not surely beyond
-    /// the near plane.
+    /// two depths. `None` if a square in the ring is broken, one of its objects is not drawn, or the ring is
+    /// not certainly beyond the near plane.
     fn heights(&self, from: f64, to: f64, is_present: &mut impl FnMut(u32) -> bool) -> Option<[f64; 2]> {
         let [right, left] = self.sides;
         let (right, left) = ((right * from).min(right * to), (left * from).max(left * to));
         let e = self.error;
         let ring = [from - e, to + e, right - e, left + e];
         let [near, far, right, left] = ring;
+        // The ring's part in this column as a rectangle on the plan: `from` to `to` along the axis of the
+        // face, the column's sides across it.
         let ([x0, x1], [y0, y1]) = match self.face {
             0 => ([near, far], [right, left]),
             1 => ([-left, -right], [near, far]),
@@ -255,6 +259,7 @@ impl<'a> Wedge<'a> {
         };
         let first = [index(min, 0, -PAD), index(min, 1, -PAD)];
         let last = [index(max, 0, PAD), index(max, 1, PAD)];
+        // The finest level on which the rectangle meets few squares.
         let mut level = 0;
         while (0..2).any(|axis| (last[axis] >> level) - (first[axis] >> level) >= MOST_SQUARES) {
             level += 1;
@@ -283,6 +288,7 @@ impl<'a> Wedge<'a> {
         if !self.frame.is_box_beyond_near([min[0], min[1], low], [max[0], max[1], high]) {
             return None;
         }
+        // Relative to the eye, outward by the roundings of both heights.
         let outward = |height: f64| (height - eye[2], e + 4.0 * U * (height.abs() + eye[2].abs()));
         let ((low, a), (high, b)) = (outward(low), outward(high));
         // Quotients by depths round once: 4u of themselves.

@@ -18,15 +18,15 @@ use core::cmp::Ordering;
 use visibility_core::OccluderMesh;
 use visibility_core::glam::{Affine3A, Vec3};
 
-/// Most panels of a wall. A longer chain is cut, which costs a column of the picture.
+/// Greatest number of panels of a wall. A longer chain is cut, which costs a column of the picture.
 const MAX_PANELS: usize = 64;
 
-/// Least height of a panel, as a part of the height of its mesh. Lower ones, such as the edge of a table,
+/// Least height of a panel as a fraction of the height of its mesh. Lower ones, such as the edge of a table,
 /// hide next to nothing and take as long.
 const LEAST_HEIGHT: f32 = 1.0 / 4.0;
 
-/// Most panels that are considered to follow another one, so that many panels at one point of the plan take
-/// time in proportion.
+/// Greatest number of panels that are tried as the next of a wall, so that many panels at one point of the
+/// plan take time in proportion.
 const MOST_BESIDE: usize = 16;
 
 /// An upright trapezoid in mesh coordinates, its front to the right of the way from its first side to its
@@ -39,7 +39,7 @@ struct Panel {
 /// An upright side of a panel.
 #[derive(Clone, Copy, Debug)]
 struct Side {
-    /// Position on the plan.
+    /// Position on the plan, in metres from the scene's origin.
     at: [f32; 2],
     low: f32,
     high: f32,
@@ -150,8 +150,8 @@ fn panels(mesh: &OccluderMesh, triangles: &[u32], up: UpAxis) -> Vec<Panel> {
     panels
 }
 
-/// Returns chains of panels, each beginning where the one before ends, at a common height. Each panel is in
-/// one chain.
+/// Returns chains of panels at a common height. Each panel of a chain begins where the one before ends. Each
+/// panel is in one chain.
 fn chains(panels: &[Panel]) -> Vec<Vec<usize>> {
     let sorted = |side: usize| {
         let mut order: Vec<usize> = (0..panels.len()).collect();

@@ -11,13 +11,13 @@ use crate::cdt::constrain::Constrainer;
 use crate::cdt::triangulation::{NONE, NOWHERE, Place, Triangulation};
 use alloc::vec::Vec;
 
-/// Greatest number of triangles: those beyond are never filled.
+/// Greatest number of triangles that may be filled. Further triangles stay open.
 pub(crate) const MOST_TRIANGLES: usize = 1 << 13;
 
-/// Number of the list that marks every edge of an outline. What is in the list is of no use here.
+/// Number of the list of walls that marks every edge of an outline. Its content is not used.
 const OUTLINE: u32 = 0;
 
-/// Bounds of the plane.
+/// Least and greatest coordinates of a region that is all of the image plane.
 const EVERYWHERE: [[f64; 2]; 2] = [[f64::NEG_INFINITY; 2], [f64::INFINITY; 2]];
 
 /// Triangles of a search, in memory of fixed size, so that a test of a borrowed image needs no other.
@@ -58,8 +58,8 @@ impl Search {
     }
 }
 
-/// Convex region of the image: the rectangle between two corners, within the hull of some points that are
-/// wrong by at most one unit.
+/// A convex region of the image: the rectangle between two corners, within the hull of points that have
+/// errors of at most one unit.
 #[derive(Clone, Copy)]
 struct Region<'a> {
     low: [f64; 2],
@@ -91,8 +91,8 @@ impl Region<'_> {
     }
 }
 
-/// Returns whether a box is certainly behind all planes of a shape. What is behind a plane is a half-space,
-/// so the corners decide.
+/// Returns whether a box is certainly behind all planes of a shape. The points behind a plane are a
+/// half-space, so that the corners decide.
 ///
 /// Corners are wrong by a quarter of a unit, and the bound on a plane holds in the triangulated rectangle.
 fn is_behind(shapes: &Shapes, shape: &Shape, bounds: &ProjectedBox) -> bool {
@@ -118,7 +118,7 @@ fn least_key(shapes: &Shapes, shape: &Shape, triangle: &[[f64; 2]; 3], rectangle
     planes.reduce(f64::min).map_or(shape.floor, |key| key.max(shape.floor))
 }
 
-/// Triangulated image of a frame.
+/// The triangulated image of a frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Image {
     triangulation: Triangulation,
@@ -130,7 +130,7 @@ pub(crate) struct Image {
 }
 
 impl Image {
-    /// Empties the image.
+    /// Empties the image: no cell hides.
     pub(crate) fn clear(&mut self) {
         self.triangulation.restart([-RIM; 2], [REACH; 2]);
         self.is_filled = false;
@@ -146,8 +146,8 @@ impl Image {
         !self.is_filled
     }
 
-    /// Adds a shape: its outline, and then its number as the label of the triangles that it fills. Nothing
-    /// happens if all of its outline is filled already.
+    /// Adds a shape: its outline, and its number as the label of the triangles that it fills. Does nothing if
+    /// all of its outline is filled already.
     pub(crate) fn add(&mut self, shapes: &Shapes, number: u32) {
         let shape = &shapes.list[number as usize];
         let outline = &shapes.outlines[shape.outline.clone()];
@@ -239,8 +239,8 @@ impl Image {
         })
     }
 
-    /// Calls `each` for the triangles that meet a region, until it returns false. Triangles that meet the
-    /// rectangle hang together, so all are found from the one in its middle. Returns whether all were
+    /// Calls `each` for the triangles that meet a region, until it returns false. These triangles are
+    /// connected, so that all are found from the one in the region's middle. Returns whether all were
     /// visited.
     fn visit(&self, region: Region<'_>, mut each: impl FnMut(u32, &[[f64; 2]; 3]) -> bool) -> bool {
         let middle = [0, 1].map(|axis| 0.5 * (region.low[axis] + region.high[axis]));

@@ -73,14 +73,14 @@ impl ViewCdt {
         }
     }
 
-    /// Sets the number of vertices of the image from which on no occluder is entered, at most 3,072, which
-    /// is the default. An occluder has some six, and as many as it crosses outlines.
+    /// Sets the number of vertices of the image from which on no more occluder is added: at most 3,072, the
+    /// default. An occluder adds some six vertices, and one for each outline that it crosses.
     #[must_use]
     pub fn with_vertices(self, most: usize) -> Self {
         Self { most: most.min(MOST_VERTICES), ..self }
     }
 
-    /// Returns the number of vertices of the image, four of which bound it.
+    /// Returns the number of vertices of the image. Four of them are its corners.
     pub fn vertices(&self) -> usize {
         self.image.len()
     }

@@ -28,16 +28,16 @@ pub(crate) type Corner = [f64; 5];
 pub(crate) struct Screen {
     rows: [ClipRow; 5],
     anchor: DVec3,
-    /// Sign of the determinant of triangles that face the eye; 0 if it is not known.
+    /// Sign of the determinant of triangles that face the eye. 0 if it is not known.
     facing: f64,
 }
 
-/// Projected corners of an object with one bound for all.
+/// Projected corners of an object, with one error bound for all.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Projected {
     pub(crate) corners: alloc::vec::Vec<Corner>,
-    /// Bound on the absolute error of each of the five values of any corner, also of points on edges between
-    /// two corners that are interpolated with up to four roundings.
+    /// Bound on the absolute error of each of the five values of a corner. It also holds for points
+    /// interpolated between two corners with up to four roundings.
     pub(crate) error: Corner,
     /// Greatest magnitude of each value with its error.
     pub(crate) size: Corner,
@@ -48,8 +48,9 @@ pub(crate) struct Projected {
 pub(crate) struct ProjectedBox {
     /// Corners, each wrong by at most a quarter of a grid unit on each axis.
     pub(crate) corners: [[f64; 2]; 8],
-    /// Least and greatest column and row in grid units, rounded outwards.
+    /// Least column and row in grid units, rounded outwards.
     pub(crate) low: [f64; 2],
+    /// Greatest column and row in grid units, rounded outwards.
     pub(crate) high: [f64; 2],
     /// Upper bound on the depth key of each corner.
     pub(crate) keys: [f64; 8],
@@ -57,7 +58,7 @@ pub(crate) struct ProjectedBox {
     pub(crate) nearest: f64,
 }
 
-/// Where a box is.
+/// Place of a box relative to the view.
 #[derive(Clone, Copy, Debug)]
 #[expect(clippy::large_enum_variant, reason = "matched at once, never stored")]
 pub(crate) enum BoxPlace {
@@ -129,7 +130,7 @@ impl Screen {
         is_finite
     }
 
-    /// Returns where a proper box is.
+    /// Returns the place of a proper box relative to the view.
     ///
     /// A quotient `q = a / w` with errors `e_a` and `e_w` is wrong by `(e_a + |q| e_w) / w` to first order
     /// and by two roundings. The factor 2 covers higher orders, since `w` exceeds `1024 e_w`.

@@ -34,7 +34,7 @@ pub(crate) fn at([a, b, c]: Line, [x, y]: [f64; 2]) -> f64 {
 pub(crate) struct Shape {
     /// Half-planes of the shape: a point of the grid at which all are positive is covered.
     pub(crate) lines: Range<usize>,
-    /// Lower bounds on the depth key of the occluder, the least of which holds.
+    /// Planes of lower bounds on the occluder's depth key. At each point the least of the bounds holds.
     pub(crate) planes: Range<usize>,
     /// Vertices of the outline on the grid, counter-clockwise.
     pub(crate) outline: Range<usize>,
@@ -42,7 +42,7 @@ pub(crate) struct Shape {
     pub(crate) floor: f64,
 }
 
-/// Shapes of a frame.
+/// Outlines of the occluders of a frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Shapes {
     pub(crate) list: Vec<Shape>,
@@ -62,7 +62,7 @@ enum State {
     Unused,
     /// Faces the eye and is in no shape yet.
     Free,
-    /// In the shape that is being made.
+    /// Is in the shape that is being made.
     Joined,
 }
 
@@ -74,7 +74,7 @@ fn dot(line: Line, a: &Corner) -> f64 {
     line[0] * a[0] + line[1] * a[1] + line[2] * a[2]
 }
 
-/// A projected mesh with the bounds that its corners share.
+/// A projected mesh with the bounds that hold for all of its corners.
 struct Meshed<'a> {
     mesh: &'a OccluderMesh,
     corners: &'a [Corner],
@@ -123,7 +123,8 @@ impl<'a> Meshed<'a> {
         [line[0], line[1], line[2] - error]
     }
 
-    /// Returns whether a triangle is certainly turned as the shape is, and reaches beyond the near plane.
+    /// Returns whether a triangle certainly faces the same way as the shape, and reaches beyond the near
+    /// plane.
     fn is_drawn(&self, [a, b, c]: [u32; 3]) -> bool {
         let determinant = dot(cross(self.corner(b), self.corner(c)), self.corner(a));
         determinant * self.facing > self.of_determinant && [a, b, c].iter().any(|&v| self.is_beyond(v))
@@ -188,7 +189,7 @@ impl Shapes {
         }
     }
 
-    /// Collects the triangles of a shape, from one on.
+    /// Collects the triangles of a shape, from the triangle `seed` on.
     fn join(&mut self, of: &Meshed<'_>, seed: u32) {
         self.joined.clear();
         if of.mesh.is_convex() {
@@ -264,7 +265,7 @@ impl Shapes {
         }
     }
 
-    /// Makes the collected triangles a shape, unless it has no outline in the image.
+    /// Makes a shape of the collected triangles. Does nothing if it has no outline in the image.
     fn finish(&mut self, of: &Meshed<'_>) {
         let starts = [self.lines.len(), self.planes.len(), self.outlines.len()];
         self.push_contour(of);
@@ -310,6 +311,7 @@ impl Shapes {
         let begin = self.outlines.len();
         let (low, high) = (-0.5 * super::screen::RIM, REACH - 0.5 * super::screen::RIM);
         self.outlines.extend([[low, low], [high, low], [high, high], [low, high]]);
+        // Sutherland-Hodgman: the square that holds the whole grid, clipped by each line in turn.
         for &line in &self.lines[first..] {
             let inset = INSET * (line[0].abs() + line[1].abs());
             let height = |p| at(line, p) - inset;
@@ -329,6 +331,7 @@ impl Shapes {
             self.outlines.truncate(begin);
             self.outlines.append(&mut self.clipped);
         }
+        // Rounding may make neighbours equal. Such vertices are dropped.
         for p in &mut self.outlines[begin..] {
             *p = p.map(round);
         }

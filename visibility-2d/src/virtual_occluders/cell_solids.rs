@@ -6,13 +6,14 @@ use crate::median_order::{LEAF, put_in_order};
 use alloc::vec::Vec;
 use visibility_core::geometry::sqrt;
 
-/// Children of an inner node of the tree.
+/// Greatest number of children of an inner node of the tree of solids.
 const FAN: usize = 8;
 
-/// Most solids of a viewcell: those that look largest.
+/// Greatest number of solids of a viewcell. Those that look largest are used.
 const MOST: usize = 2048;
 
-/// The box that viewpoints are in, relative to the scene's origin: the plan's two coordinates and the height.
+/// The box that contains all viewpoints, relative to the scene's origin: the plan's two coordinates and the
+/// height.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct CellBox {
     pub(crate) min: [f64; 3],
@@ -26,13 +27,13 @@ impl CellBox {
         [[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(|[x, y]| Point::exact(x, y))
     }
 
-    /// Returns the least distance on the plan from a rectangle, less what rounding may have added.
+    /// Returns a lower bound in metres on the distance on the plan from a rectangle.
     pub(crate) fn distance(&self, min: [f64; 2], max: [f64; 2]) -> f64 {
         let gap = |axis: usize| (min[axis] - self.max[axis]).max(self.min[axis] - max[axis]).max(0.0);
         sqrt(gap(0) * gap(0) + gap(1) * gap(1)) * (1.0 - 8.0 * U)
     }
 
-    /// Returns the greatest distance on the plan from a point, or more.
+    /// Returns an upper bound in metres on the greatest distance on the plan from a point.
     fn reach(&self, x: f64, y: f64) -> f64 {
         let along = |at: f64, axis: usize| (at - self.min[axis]).abs().max((at - self.max[axis]).abs());
         let (dx, dy) = (along(x, 0), along(y, 1));
@@ -44,10 +45,10 @@ impl CellBox {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Post {
     pub(crate) at: Point,
-    /// Height of the lower end, or more.
+    /// Upper bound on the height of the lower end.
     pub(crate) low: f64,
-    /// Greatest rise, per metre on the plan, of a line from a viewpoint that meets the post. Negative if
-    /// lines from the highest viewpoint have to descend to meet the post.
+    /// Greatest rise, in metres per metre on the plan, of a line from a viewpoint that meets the post.
+    /// Negative if lines from the highest viewpoint have to descend to meet the post.
     pub(crate) slope: f64,
 }
 
@@ -58,13 +59,13 @@ pub(crate) struct CellSolid {
     count: u32,
     /// Approximate solid angle from the middle of the viewcell.
     pub(crate) size: f64,
-    /// Middle on the plan.
+    /// Middle of the solid's bounds on the plan, in metres.
     pub(crate) middle: [f64; 2],
-    /// Distance of the middle from that of the viewcell.
+    /// Distance in metres between the middles of the solid and of the viewcell.
     pub(crate) distance: f64,
     min: [f64; 2],
     max: [f64; 2],
-    /// Greatest slope of a post.
+    /// Greatest slope of the solid's posts.
     pub(crate) slope: f64,
 }
 
@@ -75,17 +76,18 @@ struct Node {
     slope: f64,
 }
 
-/// Solids around a viewcell, none of which meets it on the plan.
+/// Solids around a viewcell. On the plan none of them meets the viewcell.
 #[derive(Clone, Debug)]
 pub(crate) struct CellSolids {
-    /// In the order of the leaves.
+    /// Chosen solids, in the order of the tree's leaves.
     solids: Vec<CellSolid>,
     posts: Vec<Post>,
-    /// Posts of all solids that the solids are restricted to, and the end of those of each solid.
+    /// Posts of the solids that are high enough for the present slope, solid by solid. `used_ends` has the
+    /// end of each solid's range.
     used: Vec<Post>,
     used_ends: Vec<u32>,
     levels: Vec<Vec<Node>>,
-    /// Solids that look large enough: size, then index.
+    /// Solids of candidates above the viewpoints: size, then index.
     ranked: Vec<(f64, u32)>,
     order: Vec<([f64; 2], u32)>,
 }
@@ -113,19 +115,20 @@ impl CellSolids {
         &self.posts[solid.first as usize..][..solid.count as usize]
     }
 
-    /// Returns the posts of a solid that it is restricted to, counter-clockwise.
+    /// Returns the posts to which a solid is restricted at present, counter-clockwise.
     pub(crate) fn ring(&self, index: u32) -> &[Post] {
         let end = |index: usize| self.used_ends[index] as usize;
         let first = (index as usize).checked_sub(1).map_or(0, end);
         &self.used[first..end(index as usize)]
     }
 
-    /// Returns whether a solid is restricted to all of its posts.
+    /// Returns whether all posts of a solid are in use at present.
     pub(crate) fn is_whole(&self, index: u32) -> bool {
         self.ring(index).len() == self.solids[index as usize].count as usize
     }
 
-    /// Restricts all solids to the posts that reach up to a slope and are of use otherwise.
+    /// Restricts all solids to the posts whose slope is at least `slope` and for which `is_of_use` returns
+    /// true.
     pub(crate) fn restrict(&mut self, slope: f64, is_of_use: impl Fn(&Post) -> bool) {
         self.used.clear();
         self.used_ends.clear();
@@ -144,10 +147,13 @@ impl CellSolids {
         (0..2).all(|axis| a.min[axis] <= b.max[axis] && b.min[axis] <= a.max[axis])
     }
 
-    /// Chooses the solids of the objects for which `is_candidate` holds that look largest from a viewcell.
+    /// Chooses the solids that look largest from a viewcell, of the objects for which `is_candidate` returns
+    /// true.
     pub(crate) fn fill(&mut self, all: &PlanSolids, cell: &CellBox, is_candidate: impl Fn(u32) -> bool) {
         let middle = [0, 1].map(|axis| 0.5 * cell.min[axis] + 0.5 * cell.max[axis]);
         self.ranked.clear();
+        // Size in the view of the nearest eye of the cell, about a solid angle: an estimate, which only
+        // orders the solids.
         for (index, solid) in (0..).zip(&all.solids) {
             let height = solid.high - cell.max[2];
             if height > 0.0 && is_candidate(solid.object) {
@@ -159,6 +165,8 @@ impl CellSolids {
                 }
             }
         }
+        // At most `MOST` solids, the largest; equal sizes are ordered by index, so that the choice is the
+        // same every time.
         if self.ranked.len() > MOST {
             self.ranked.select_nth_unstable_by(MOST, |a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
             self.ranked.truncate(MOST);
@@ -168,6 +176,7 @@ impl CellSolids {
             let solid = &all.solids[index as usize];
             ([0, 1].map(|axis| 0.5 * solid.min[axis] + 0.5 * solid.max[axis]), i)
         }));
+        // In the order of a curve, for the tree that `build` makes.
         put_in_order(&mut self.order);
         self.solids.clear();
         self.posts.clear();
@@ -180,6 +189,7 @@ impl CellSolids {
             // The height above the eyes is rounded once, the distance is an upper bound, the sum and the
             // quotient are rounded once each.
             self.posts.extend(ring.iter().map(|post| {
+                // The least tangent, over all eyes of the cell, of the elevation of the post's top.
                 let slope = ((post.high - cell.max[2]) * (1.0 - 4.0 * U) - 2.0 * solid.error)
                     / (cell.reach(post.x, post.y) + 2.0 * solid.error);
                 let at = Point { x: post.x, y: post.y, error: solid.error };
@@ -188,6 +198,7 @@ impl CellSolids {
                 Post { at, low: post.low + solid.error * (1.0 + 4.0 * U), slope }
             }));
             let ring = &self.posts[first..];
+            // A solid that may touch the cell, or that no eye looks up to, hides nothing.
             if !is_apart(ring, &corners) || ring.iter().all(|post| post.slope < 0.0) {
                 self.posts.truncate(first);
                 continue;
@@ -260,7 +271,8 @@ impl CellSolids {
     }
 }
 
-/// Returns whether a side of the ring or of the viewcell has the other on its outer side for certain.
+/// Returns whether the ring and the viewcell are certainly apart on the plan: whether a side of either
+/// separates them.
 fn is_apart(ring: &[Post], corners: &[Point; 4]) -> bool {
     let next = |i: usize| if i + 1 == ring.len() { 0 } else { i + 1 };
     let beside_cell = |i: usize| {
@@ -274,7 +286,7 @@ fn is_apart(ring: &[Post], corners: &[Point; 4]) -> bool {
     (0..4).any(beside_cell) || (0..ring.len()).any(beside_ring)
 }
 
-/// A segment against boxes. Rounding may miss a box, which is then no blocker.
+/// A segment that is tested against boxes. Rounding may miss a box, whose solids are then no blockers.
 struct Segment {
     min: [f64; 2],
     max: [f64; 2],

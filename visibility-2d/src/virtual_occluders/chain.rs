@@ -28,8 +28,8 @@ pub(crate) struct BackLine {
     /// Unit vector that points away from the viewcell.
     normal: [f64; 2],
     pub(crate) distance: f64,
-    /// Bound on the distance of points of the line from it, by rounding, and of the line through two of
-    /// them.
+    /// Bound in metres on the distance between the line and points computed on it, and between the line and
+    /// the line through two such points.
     pub(crate) error: f64,
 }
 
@@ -67,13 +67,15 @@ struct Link {
     /// First and last end of the chord, counter-clockwise as seen from the hidden point.
     from: Point,
     to: Point,
-    /// Height of the lower end of the chord's posts, the greater of both.
+    /// Height of the lower ends of the chord's two posts, the greater one.
     low: f64,
-    /// Where the chord of the link before has to end instead: in a point of both solids.
+    /// Point of both solids in which the chord of the link before must end in place of its own end. `None` if
+    /// that chord needs no other end.
     joint: Option<Point>,
 }
 
-/// What a chain has to hide: a viewcell, by the posts that solids are restricted to, before a line.
+/// Task of a chain: to hide the points beyond a line from a viewcell. The viewcell is given by its corners
+/// and by `solids`, whose posts have slopes as seen from it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Task<'a> {
     pub(crate) solids: &'a CellSolids,
@@ -82,7 +84,7 @@ pub(crate) struct Task<'a> {
     pub(crate) slope: f64,
 }
 
-/// A chain of solids. Kept for its memory.
+/// A chain of solids. One value serves many chains, and keeps its memory.
 #[derive(Clone, Debug)]
 pub(crate) struct Chain {
     links: Vec<Link>,
@@ -99,13 +101,14 @@ impl Chain {
         self.links.iter().map(|link| link.low).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Forgets the solids.
+    /// Removes all solids from the chain.
     pub(crate) fn clear(&mut self) {
         self.links.clear();
     }
 
-    /// Makes the chain that hides the viewcell from a point, first of the solids that the chain had before.
-    /// Returns whether there is one; the chain is of no use if not.
+    /// Makes the chain that hides the viewcell from the point at `position` of the task's line. The chain's
+    /// present solids are tried first. Returns whether there is such a chain. If not, the chain must not be
+    /// used.
     pub(crate) fn cover(&mut self, task: &Task, position: f64) -> bool {
         core::mem::swap(&mut self.links, &mut self.former);
         let is_hidden = self.cover_anew(task, task.line.at(position));
@@ -166,7 +169,8 @@ impl Chain {
         !self.links.is_empty() && self.conditions(task).all(|(a, b)| left_of(a, b, at) >= 0.0)
     }
 
-    /// Returns pairs of points: the chain hides what is to the left of all lines through them.
+    /// Returns pairs of points. The chain hides the viewcell from every point that is to the left of all
+    /// lines through the pairs.
     fn conditions<'a>(&'a self, task: &'a Task) -> impl Iterator<Item = (Point, Point)> + 'a {
         let chords = self.links.iter().map(|link| (link.from, link.to));
         let joints = self
@@ -180,8 +184,8 @@ impl Chain {
         chords.chain(joints).chain(ends)
     }
 
-    /// Returns the position up to which the chain hides the viewcell, from a position where it does towards
-    /// another; the first position if it holds no farther.
+    /// Returns the farthest position from `from` towards `to` up to which the chain hides the viewcell. It
+    /// must do so at `from`.
     pub(crate) fn reach(&self, task: &Task, from: f64, to: f64) -> f64 {
         if self.holds(task, to) {
             return to;
@@ -213,8 +217,8 @@ impl Task<'_> {
         first(first(a, b), first(c, d))
     }
 
-    /// Returns the link of a solid that begins in the one before, or before the viewcell, and reaches
-    /// farther. `None` if it does neither for certain.
+    /// Returns the link of a solid that begins inside the link before, or before the viewcell if there is
+    /// none, and reaches farther. `None` if that is not certain.
     fn link(&self, at: Point, last: Option<&Link>, solid: u32) -> Option<Link> {
         if last.is_some_and(|last| last.solid == solid) {
             return None;
@@ -266,8 +270,8 @@ impl Task<'_> {
         other.find(|link| begins(link) && is_good(link))
     }
 
-    /// Returns whether a segment is certainly passed, and the viewcell beyond it, by all lines of sight from
-    /// a point that are between the segment's ends.
+    /// Returns whether all lines of sight from a point between the ends of a segment certainly pass the
+    /// segment, and then the viewcell beyond it.
     fn is_chord(&self, at: Point, from: Point, to: Point) -> bool {
         left_of(at, from, to) >= 0.0 && all_left_of(to, from, self.corners)
     }

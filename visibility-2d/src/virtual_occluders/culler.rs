@@ -1,4 +1,4 @@
-//! The virtual occluders of a viewcell, and what is visible from it by them alone.
+//! `VirtualOccluderCuller`: makes the virtual occluders of a viewcell and culls with them alone.
 
 use super::VirtualOccluder;
 use super::cell_solids::{CellBox, CellSolids};
@@ -15,23 +15,24 @@ use visibility_core::pvs::Viewcell;
 use visibility_core::walk::{Child, SceneHierarchy, Walk};
 use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
 
-/// Parts of the directions on the plan in each of which occluders grow from one solid.
+/// Number of equal sectors of directions around the viewcell. The solid that looks largest in each is a seed.
 const SEEDS: usize = 16;
 
-/// Each line behind a seed is farther than the one before by this factor.
+/// Ratio of the distances of two successive lines behind a seed.
 const FARTHER: f64 = 2.0;
 
-/// A line behind a seed is followed by a farther one if its occluder looks wider than the one before by this
-/// factor.
+/// Least ratio of an occluder's apparent width to that of the widest before it, for a farther line behind the
+/// seed to be tried.
 const WIDER: f64 = 1.1;
 
-/// Objects that virtual occluders are compared by, evenly spread over all.
+/// Approximate number of objects, evenly chosen by index, by which virtual occluders are compared.
 const SAMPLE: usize = 1024;
 
-/// Parts of the objects that each slice of heights is made for.
+/// For each slice of heights: the share of the sampled objects, lowest tops first, that the slice is high
+/// enough to hide.
 const SLICES: [f64; 5] = [0.5, 0.8, 0.93, 0.98, 0.995];
 
-/// Finds virtual occluders of viewcells on the plan, and hides what they hide. Conservative.
+/// Finds virtual occluders of viewcells on the plan, and removes the objects that they hide. Conservative.
 ///
 /// Occluders are upright convex solids among the meshes of the candidates, as [`HorizonOccluders`] finds
 /// them, that stand lower than the lowest viewpoint and do not meet the viewcell on the plan: houses, walls.
@@ -96,7 +97,7 @@ impl VirtualOccluderCuller {
         Self { most, ..self }
     }
 
-    /// Returns the virtual occluders of the last viewcell, those that hide most first.
+    /// Returns the virtual occluders of the last viewcell. The one that hides most comes first.
     pub fn occluders(&self) -> &[VirtualOccluder] {
         &self.occluders
     }
@@ -143,7 +144,7 @@ impl VirtualOccluderCuller {
         self.occluders.extend(self.umbrae.iter().map(of));
     }
 
-    /// Returns for each part of the directions the solid that looks largest, largest first.
+    /// Returns the solid that looks largest in each sector of directions, largest first.
     fn seeds(&self, middle: [f64; 2]) -> Vec<u32> {
         let solids = self.solids.solids();
         let mut seeds: [Option<u32>; SEEDS] = [None; SEEDS];
@@ -184,14 +185,14 @@ fn plan_box(bounds: &Aabb, up: UpAxis) -> PlanBox {
     [bounds.min, bounds.max].map(|p| up.split(p.as_dvec3()))
 }
 
-/// Returns the boxes of objects evenly spread over a scene.
+/// Returns the boxes of about [`SAMPLE`] objects, evenly chosen by index.
 fn sample(scene: &Scene, up: UpAxis) -> Vec<PlanBox> {
     let step = scene.len() / SAMPLE + 1;
     scene.ids().step_by(step).filter_map(|id| Some(plan_box(&scene.bounds(id).ok()?, up))).collect()
 }
 
-/// Returns the slopes of lines of sight that slices are made for, ascending: those by which lines to the tops
-/// of so many objects rise, of the objects that are not too high for all seeds.
+/// Returns the slopes of lines of sight for which slices are made, ascending. They are quantiles of the
+/// slopes of lines to the tops of the objects that are not too high for all seeds.
 fn slopes(boxes: &[PlanBox], cell: &CellBox, highest: f64) -> Vec<f64> {
     let mut all: Vec<f64> = boxes
         .iter()

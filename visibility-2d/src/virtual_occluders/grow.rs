@@ -4,16 +4,16 @@ use super::cell_solids::{CellBox, CellSolids};
 use super::chain::{BackLine, Chain, Task, WIDEST};
 use super::lines::Point;
 
-/// Step beside the end of what a chain hides, as a part of the line's distance from the viewcell, with which
-/// another chain is tried. A try that fails is repeated with a quarter of the step.
+/// Step beyond the end of a chain's reach at which another chain is tried, as a fraction of the line's
+/// distance from the viewcell. A try that fails is repeated with a quarter of the step.
 const STEP: f64 = 1.0 / 32.0;
 const TRIES: u32 = 5;
 
 /// Greatest number of chains to each side.
 const CHAINS: usize = 256;
 
-/// A segment of a line from no point of which a line of sight reaches the viewcell, if it rises from there
-/// by less than a slope and stays above a height.
+/// A segment that no line of sight from the viewcell reaches, if the line rises by less than a slope and
+/// stays above a height.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Grown {
     /// Ends, the first counter-clockwise of the second as seen from the viewcell.
@@ -34,7 +34,7 @@ impl Grown {
 }
 
 /// Finds the widest segment around the middle of a line that is hidden from a viewcell. `None` if the middle
-/// is not.
+/// itself is not hidden.
 pub(crate) fn grow(
     chain: &mut Chain,
     solids: &mut CellSolids,
@@ -65,8 +65,8 @@ pub(crate) fn grow(
     })
 }
 
-/// Grows from the middle to one side, with chains that each hide what is between two positions. Returns the
-/// position of the end.
+/// Grows a segment from its middle to one side. Each step is a chain that hides all points between two
+/// positions. Returns the position of the end.
 fn grow_to(chain: &mut Chain, task: &Task, side: f64, bottom: &mut f64) -> f64 {
     let (limit, step) = (side * WIDEST * task.line.distance, side * STEP * task.line.distance);
     let (mut begin, mut position) = (0.0f64, 0.0f64);

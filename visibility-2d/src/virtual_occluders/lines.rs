@@ -18,14 +18,14 @@ impl Point {
         Self { x, y, error: 0.0 }
     }
 
-    /// Returns whether two points are certainly one point.
+    /// Returns whether two points are certainly the same.
     pub(crate) fn is(self, other: Self) -> bool {
         self == other && self.error == 0.0
     }
 }
 
-/// Returns a number that is at least 0 only if `c` is certainly to the left of the line from `a` to `b` or on
-/// it: twice the area of the triangle less a bound on its error. NaN for NaN.
+/// Returns twice the area of the triangle less a bound on its error: at least 0 only if `c` is certainly to
+/// the left of the line from `a` to `b` or on it. NaN for NaN.
 ///
 /// With `p` and `q` the vectors from `a` to `b` and `c`, the area is a difference of two products of
 /// differences: each product is rounded by less than `4u` of itself, the difference by `u`. The errors of

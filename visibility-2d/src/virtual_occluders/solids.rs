@@ -25,9 +25,11 @@ pub(crate) struct PlanSolid {
     /// Bound on the distance in metres of each post from a point of the exact solid. 0 if the solid is the
     /// hull of its posts.
     pub(crate) error: f64,
-    /// Bounds on the plan, and the greatest height.
+    /// Least corner of the bounds on the plan, in metres.
     pub(crate) min: [f64; 2],
+    /// Greatest corner of the bounds on the plan, in metres.
     pub(crate) max: [f64; 2],
+    /// Greatest height of a post, in metres.
     pub(crate) high: f64,
 }
 
@@ -93,8 +95,8 @@ impl PlanSolids {
     }
 }
 
-/// Returns whether a mesh that is convex up to dents of depth `dent` is exactly the hull of its posts: a
-/// prism between two heights, no corner of which is so flat that a face may leave it out.
+/// Returns whether a mesh is exactly the hull of its posts: a prism between two heights, no corner of which
+/// is so flat that a face may leave it out. The mesh is known to be convex up to dents of depth `dent`.
 fn is_prism(posts: &[Post], dent: f64) -> bool {
     let Some(first) = posts.first() else { return false };
     if dent == 0.0 {

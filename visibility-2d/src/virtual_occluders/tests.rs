@@ -59,7 +59,10 @@ fn points_that_are_known_up_to_an_error_may_be_anywhere_within() {
                 let (dx, dy) = (p.error * side(random.one_in(2)), p.error * side(random.one_in(2)));
                 Point::exact(p.x + dx, p.y + dy)
             });
-            assert!((b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x) > -1e-12);
+            assert!(
+                (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x) > -1e-12,
+                "the corners {a:?} {b:?} {c:?} turn right"
+            );
         }
     }
     assert!(decided > 50_000, "{decided}");
@@ -78,24 +81,24 @@ fn boxes_are_hidden_up_to_the_line_the_ends_the_slope_and_the_bottom() {
     let umbra = umbra();
     let hides = |x: [f64; 2], y: [f64; 2], z: [f64; 2]| umbra.hides([x[0], y[0], z[0]], [x[1], y[1], z[1]]);
     // 20 m from the viewcell: 5 m above the highest eye.
-    assert!(hides([-1.0, 1.0], [20.0, 21.0], [0.5, 6.999_999]));
+    assert!(hides([-1.0, 1.0], [20.0, 21.0], [0.5, 6.999_999]), "a box lower than the slope");
     assert!(!hides([-1.0, 1.0], [20.0, 21.0], [0.5, 7.000_001]), "over the top");
-    assert!(hides([-1.0, 1.0], [10.000_001, 21.0], [0.5, 4.0]));
+    assert!(hides([-1.0, 1.0], [10.000_001, 21.0], [0.5, 4.0]), "a box just behind the line");
     assert!(!hides([-1.0, 1.0], [9.999_999, 21.0], [0.5, 4.0]), "before the line");
     // The line from the corner (-1, -2) past the end at (-20, 10) is at x = -35.833 where y is 20.
-    assert!(hides([-35.83, 1.0], [20.0, 20.0], [0.5, 4.0]));
+    assert!(hides([-35.83, 1.0], [20.0, 20.0], [0.5, 4.0]), "a box just within the end");
     assert!(!hides([-35.84, 1.0], [20.0, 20.0], [0.5, 4.0]), "beside the end");
     // Lines from 1 m to the ground far behind are above half a metre where solids stand, those to what is
     // close behind are not.
-    assert!(hides([-1.0, 1.0], [24.0, 25.0], [0.1, 4.0]));
+    assert!(hides([-1.0, 1.0], [24.0, 25.0], [0.1, 4.0]), "a box just above the bottom");
     assert!(!hides([-1.0, 1.0], [10.1, 11.0], [0.1, 4.0]), "below the bottom");
-    assert!(!hides([f64::NAN, 1.0], [20.0, 21.0], [0.5, 4.0]));
+    assert!(!hides([f64::NAN, 1.0], [20.0, 21.0], [0.5, 4.0]), "a box with NaN");
 }
 
 #[test]
 fn the_rectangle_is_within_the_slope_of_the_nearest_viewpoint() {
     let (ends, bottom, top) = umbra().rectangle();
-    assert_eq!((ends, bottom), ([[-20.0, 10.0], [20.0, 10.0]], 0.5));
+    assert_eq!((ends, bottom), ([[-20.0, 10.0], [20.0, 10.0]], 0.5), "ends and bottom of the rectangle");
     assert!(top <= 4.5 && top > 4.499_999, "{top}");
 }
 
@@ -103,10 +106,19 @@ fn the_rectangle_is_within_the_slope_of_the_nearest_viewpoint() {
 fn posts_on_the_line_or_beyond_it_are_not_before_it() {
     let line = BackLine::new([1e3, 1e3], [0.6, 0.8], 50.0);
     let at = |by: f64, error: f64| Point { x: 1e3 + 0.6 * by, y: 1e3 + 0.8 * by, error };
-    assert!(line.is_before(at(49.999_999, 0.0)) && !line.is_before(at(49.999_999, 1e-5)));
-    assert!(!line.is_before(at(50.0, 0.0)) && !line.is_before(at(50.1, 0.0)));
+    assert!(
+        line.is_before(at(49.999_999, 0.0)) && !line.is_before(at(49.999_999, 1e-5)),
+        "a post before the line, and one known too badly"
+    );
+    assert!(
+        !line.is_before(at(50.0, 0.0)) && !line.is_before(at(50.1, 0.0)),
+        "posts on the line and beyond it"
+    );
     for position in [-150.0, 0.0, 77.0] {
         let p = line.at(position);
-        assert!(line.beyond(p.x, p.y).abs() < line.error && !line.is_before(p));
+        assert!(
+            line.beyond(p.x, p.y).abs() < line.error && !line.is_before(p),
+            "{position}: a point of the line"
+        );
     }
 }

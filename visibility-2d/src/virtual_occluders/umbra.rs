@@ -1,4 +1,4 @@
-//! What a virtual occluder hides: boxes in its umbra from a viewcell.
+//! Test whether a virtual occluder hides boxes from a viewcell: whether they are in its umbra.
 
 use super::cell_solids::CellBox;
 use super::grow::Grown;
@@ -9,8 +9,9 @@ use super::lines::{Point, U, left_of};
 pub(crate) struct Umbra {
     grown: Grown,
     cell: CellBox,
-    /// Unit normal of the segment, away from the viewcell, and the distance of both ends along it.
+    /// Unit normal of the segment, away from the viewcell.
     normal: [f64; 2],
+    /// Position of both ends along `normal`, in metres.
     distance: f64,
 }
 
@@ -63,8 +64,8 @@ impl Umbra {
         is_between && self.is_within_heights([min[0], min[1]], [max[0], max[1]], min[2], max[2], gap)
     }
 
-    /// Returns whether all lines of sight to a box rise by at most the slope and stay above the bottom.
-    /// `gap` is a distance on the plan from the segment.
+    /// Returns whether all lines of sight to a box rise by at most the slope and stay above the bottom. `gap`
+    /// is the distance in metres on the plan between the box and the segment.
     fn is_within_heights(&self, min: [f64; 2], max: [f64; 2], low: f64, high: f64, gap: f64) -> bool {
         let Grown { slope, bottom, .. } = self.grown;
         let (lowest, highest) = (self.cell.min[2], self.cell.max[2]);

@@ -113,7 +113,10 @@ fn compare_sight(seeds: std::ops::Range<u64>, pairs: usize) {
                 let inside = [a, b].iter().all(|p| (0..2).all(|k| low[k] < p[k] && p[k] < high[k]));
                 let right = if expected { !inside || far >= near - 1e-9 } else { far <= near + 1e-9 };
                 assert!(right, "seed {seed}: from {p:?} through {q:?}: {hit:?}");
-                assert!(expected || hit.wall.is_some());
+                assert!(
+                    expected || hit.wall.is_some(),
+                    "seed {seed}: a ray that does not reach {q:?} hits a wall"
+                );
             }
         }
     }
@@ -223,7 +226,10 @@ fn regions_across_triangles_miss_nothing() {
         }
     }
     let plan = plan_of(&[]);
-    assert!(plan.look_from_region(&[], &mut answer).is_err());
-    assert!(plan.look_from_region(&[[0.0, 0.0], [1e3, 0.0]], &mut answer).is_err());
-    assert!(plan.look_from_region(&[[f64::NAN, 0.0]], &mut answer).is_err());
+    assert!(plan.look_from_region(&[], &mut answer).is_err(), "a region without corners");
+    assert!(
+        plan.look_from_region(&[[0.0, 0.0], [1e3, 0.0]], &mut answer).is_err(),
+        "a region that leaves the plan"
+    );
+    assert!(plan.look_from_region(&[[f64::NAN, 0.0]], &mut answer).is_err(), "a region at NaN");
 }

@@ -1,8 +1,9 @@
-//! How a camera moves: the distance it keeps from surfaces, and its height above the ground.
+//! Range of a camera: the distance it keeps from surfaces, and its height above the ground.
 
 use visibility_core::glam::DVec3;
 
-/// How a camera moves, for [`Grid::free`](crate::Grid::free) and [`Grid::above`](crate::Grid::above).
+/// Range of a camera's positions, for [`Grid::free`](crate::Grid::free) and
+/// [`Grid::above`](crate::Grid::above).
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct CameraRange {
     /// Least distance in metres that the camera keeps from every solid surface.
@@ -10,12 +11,12 @@ pub struct CameraRange {
     /// Least and greatest height in metres of the camera above a surface that is less steep than 60 degrees,
     /// on the vertical line through the camera. `None` for a camera that flies.
     pub heights: Option<[f64; 2]>,
-    /// Direction that points up. The axis nearest to it counts.
+    /// Direction that points up, of any length. The nearest coordinate axis is used.
     pub up: DVec3,
 }
 
 impl Default for CameraRange {
-    /// A person: a quarter of a metre to every surface, 1 to 3 m above what is below, z up.
+    /// A person: a quarter of a metre from every surface, 1 to 3 m above the ground, z up.
     fn default() -> Self {
         Self { radius: 0.25, heights: Some([1.0, 3.0]), up: DVec3::Z }
     }

@@ -12,21 +12,21 @@ use std::collections::hash_map::Entry;
 use std::collections::{HashMap, VecDeque};
 use visibility_core::glam::DVec3;
 
-/// Most voxels of all boxes that a flood reaches. They take two gigabytes.
+/// Greatest number of voxels of all boxes that a flood reaches. They take two gigabytes.
 const ALL_VOXELS: u64 = 1 << 33;
 
 /// A flood within the [limits](SolidTriangles::limits) of solid triangles.
 pub(super) struct Flood<'a> {
     solids: &'a SolidTriangles<'a>,
-    /// By place of a box, its voxels.
+    /// Voxels of each box that was entered, by the box's place in the grid.
     boxes: HashMap<[i64; 3], BoxVoxels>,
     /// Places of the boxes with voxels from which the flood goes on, first come, first served.
     queue: VecDeque<[i64; 3]>,
-    /// Places of the boxes reached, in order.
+    /// Places of the boxes reached, in the order of reaching them.
     reached: Vec<[i64; 3]>,
 }
 
-/// The voxels of a box.
+/// State of the voxels of a box.
 struct BoxVoxels {
     /// Voxels where the camera can be and that the flood has not reached.
     open: VoxelSet,
@@ -43,8 +43,8 @@ impl<'a> Flood<'a> {
         Self { solids, boxes: HashMap::new(), queue: VecDeque::new(), reached: Vec::new() }
     }
 
-    /// Lets the flood begin at the free voxel nearest to a point within the limits, among those of the
-    /// point's box. Does nothing if there is none.
+    /// Begins the flood at the free voxel nearest to a point, within the limits and the point's box. Does
+    /// nothing if the box has no free voxel.
     ///
     /// # Errors
     /// [`GridError::TooMany`].
@@ -80,7 +80,7 @@ impl<'a> Flood<'a> {
         Ok(self.reached.into_iter().filter_map(voxels).collect())
     }
 
-    /// Notes open voxels of a box from which the flood goes on.
+    /// Adds open voxels of a box to the front of the flood, and queues the box.
     fn enter(&mut self, place: [i64; 3], entered: impl IntoIterator<Item = u32>) -> Result<(), GridError> {
         let voxels = self.voxels(place)?;
         let is_queued = !voxels.entered.is_empty();
@@ -96,13 +96,14 @@ impl<'a> Flood<'a> {
         Ok(())
     }
 
-    /// Floods a box from the voxels entered, and enters the voxels beyond its faces.
+    /// Floods a box from its entered voxels, and enters the voxels beyond its faces.
     fn spread(&mut self, place: [i64; 3]) -> Result<(), GridError> {
         let counts = self.solids.counts;
         let Some(voxels) = self.boxes.get_mut(&place) else { return Ok(()) };
         // By side of the box, lower and upper x, y and z, the voxels entered beyond it.
         let mut beyond: [Vec<u32>; 6] = Default::default();
         let entered = std::mem::take(&mut voxels.entered);
+        // Connected voxels come in runs along x, from `at` to `last`.
         voxels.open.take_connected(entered, |at, last| {
             let run = voxel_number(at, counts)..=voxel_number([last, at[1], at[2]], counts);
             run.for_each(|voxel| voxels.reached.insert(voxel));
@@ -127,6 +128,7 @@ impl<'a> Flood<'a> {
                 }
             }
         });
+        // Boxes beyond the grid's limits are not flooded.
         let [first, last] = self.solids.limits;
         for (side, entered) in beyond.into_iter().enumerate() {
             let (axis, mut other) = (side / 2, place);
@@ -138,7 +140,7 @@ impl<'a> Flood<'a> {
         Ok(())
     }
 
-    /// Returns the voxels of a box, which are made when they are first asked for.
+    /// Returns the state of a box's voxels. It is made on the first call for the box.
     fn voxels(&mut self, place: [i64; 3]) -> Result<&mut BoxVoxels, GridError> {
         let (solids, box_count) = (self.solids, self.boxes.len());
         match self.boxes.entry(place) {

@@ -14,11 +14,11 @@ use visibility_core::Scene;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::scene::Triangle;
 
-/// Most pairs of a triangle and a column that it touches. A column of its own takes about 64 bytes, and all
-/// together four gigabytes.
+/// Greatest number of pairs of a triangle and a column that it touches. All pairs take four gigabytes: 64
+/// bytes for a column with a single triangle.
 const MOST_ENTRIES: usize = 1 << 26;
 
-/// Most voxels of a box of the grid.
+/// Greatest number of voxels of a box of the grid.
 const BOX_VOXELS: usize = 1 << 21;
 
 /// The triangles of a scene's occluders in some columns of a grid.
@@ -34,15 +34,15 @@ pub(super) struct SolidTriangles<'a> {
     /// `None` for a camera that flies.
     offsets: Option<[f64; 2]>,
     triangles: Vec<SolidTriangle>,
-    /// By column of boxes, the indices of the triangles that touch it.
+    /// Indices of the triangles that touch each column of boxes.
     by_column: HashMap<[i64; 2], Vec<u32>>,
 }
 
-/// A solid triangle.
+/// A triangle that blocks the camera.
 pub(super) struct SolidTriangle {
     /// Corners in metres relative to the grid's origin.
     pub corners: [DVec3; 3],
-    /// Whether the camera can be above it.
+    /// Whether the triangle is a floor, above which a camera can be.
     is_floor: bool,
 }
 
@@ -69,6 +69,8 @@ impl<'a> SolidTriangles<'a> {
         let [first, last] = grid.places(bounds)?;
         let (up, offsets) = (camera.up_axis(), camera.offsets());
         let columns = Columns::new(up, grid.size);
+        // Triangles are listed by column of boxes, since a camera above a floor depends on all triangles
+        // below and above it.
         let mut triangles: Vec<SolidTriangle> = Vec::new();
         let mut by_column: HashMap<[i64; 2], Vec<u32>> = HashMap::new();
         let mut entries = 0;
@@ -180,7 +182,7 @@ mod tests {
                 let own = heights.map(|_| [0.25, 0.5]);
                 let camera = CameraRange { radius, heights: own, up };
                 let solids = SolidTriangles::new(&grid, &scene, &camera, [DVec3::ZERO, DVec3::ONE]).unwrap();
-                assert_eq!(solids.counts, [4; 3]);
+                assert_eq!(solids.counts, [4; 3], "voxels along each axis");
                 let free = solids.free_voxels([0; 3]);
                 for voxel in free.all() {
                     let start = 3 * voxel_place(voxel, solids.counts)[2] as i64;

@@ -2,12 +2,12 @@
 
 use visibility_core::glam::DVec3;
 
-/// Part of the least side of a box of the grid by which its columns count as wider, for rounding.
+/// Width by which columns count as wider, for rounding, as a fraction of the least side of a box.
 const SLACK: f64 = 1e-6;
 
 /// The columns of a grid along one of its axes. Column 0 begins at coordinate 0 on the two other axes.
 pub(super) struct Columns {
-    /// Axis along the columns.
+    /// Axis along the columns: 0, 1 or 2.
     pub up: usize,
     /// The two axes across the columns.
     across: [usize; 2],
@@ -84,8 +84,8 @@ pub(super) fn extent([a, b, c]: &[DVec3; 3]) -> (DVec3, DVec3) {
     (a.min(*b).min(*c), a.max(*b).max(*c))
 }
 
-/// Most corners of a [`ClippedTriangle`]: three, and half as many again for each of the six sides of a box,
-/// which is more than rounding can add.
+/// Greatest number of corners of a [`ClippedTriangle`]: three, and half as many again for each of the six
+/// sides of a box, which is more than rounding can add.
 const CORNERS: usize = 28;
 
 /// The part of a triangle between sides of a box: a convex polygon, without corners if it is empty.
@@ -169,7 +169,7 @@ mod tests {
                 let triangle = [corner(low.value, 1.5), corner(high.value, 1.25), corner(high.value, 1.75)];
                 let mut found = Vec::new();
                 let Ok(()) = columns.for_each(triangle, [[0; 2], [3; 2]], |column, heights| {
-                    assert_eq!(column[1 - axis], 1);
+                    assert_eq!(column[1 - axis], 1, "{low:?} to {high:?}: the column across the axis");
                     found.push((column[axis], heights));
                     Ok::<(), std::convert::Infallible>(())
                 });
@@ -188,7 +188,10 @@ mod tests {
                         assert!(from - least < 1e-5 && most - to < 1e-5, "{low:?} to {high:?}, {column}");
                     }
                 }
-                assert!(found.iter().all(|(column, _)| (0..4).contains(column)));
+                assert!(
+                    found.iter().all(|(column, _)| (0..4).contains(column)),
+                    "{low:?} to {high:?}: columns within the limits: {found:?}"
+                );
             }
         }
     }

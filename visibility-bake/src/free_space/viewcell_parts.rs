@@ -11,7 +11,8 @@ use crate::grid::{Grid, GridError};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 
-/// Appends the viewcells of the parts of a box to `all`, without those that are within another part's.
+/// Appends the viewcells of the parts of a box to `all`. A viewcell inside another part's viewcell is left
+/// out.
 ///
 /// # Errors
 /// [`GridError::TooMany`].
@@ -34,12 +35,13 @@ pub(super) fn add_viewcells(
     if all.len() > Grid::LIMIT { Err(GridError::TooMany) } else { Ok(()) }
 }
 
-/// Returns the box around a part, grown on one side after another to the next solid surface or the side of
-/// the grid's box.
+/// Returns the bounding box of a part, grown on one side after another up to the next solid surface or the
+/// side of the grid's box.
 fn grown(solids: &SolidTriangles<'_>, place: [i64; 3], part: &VoxelBounds) -> Viewcell {
     let (origin, whole) = (solids.grid.origin, solids.grid.cell(place));
     let (start, end) = (whole.min - origin, whole.max - origin);
     let (mut low, mut high, edge) = (start, end, solids.voxel_size());
+    // The part's own box. A side that is the grid's box's own side keeps its coordinate.
     for axis in 0..3 {
         if part.first[axis] > 0 {
             low[axis] = start[axis] + part.first[axis] as f64 * edge[axis];
@@ -52,6 +54,7 @@ fn grown(solids: &SolidTriangles<'_>, place: [i64; 3], part: &VoxelBounds) -> Vi
     // rounding.
     let gap = edge.min_element() * 0.01;
     let slack = gap * 0.5;
+    // Each side moves outwards to the nearest triangle in the way, across the box as it is grown so far.
     for side in 0..6 {
         let (axis, is_upper) = (side / 2, side % 2 == 1);
         let (from, to) = if is_upper { (high[axis], end[axis]) } else { (start[axis], low[axis]) };

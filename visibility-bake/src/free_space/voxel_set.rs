@@ -11,7 +11,7 @@ pub(super) struct VoxelSet {
     bits: Vec<u64>,
 }
 
-/// The bounds of some voxels: the first and the last place on each axis.
+/// Bounds of a set of voxels: the first and the last place on each axis, inclusive.
 pub(super) struct VoxelBounds {
     pub first: [usize; 3],
     pub last: [usize; 3],
@@ -28,7 +28,7 @@ pub(super) fn voxel_number(place: [usize; 3], counts: [usize; 3]) -> usize {
 }
 
 impl VoxelSet {
-    /// Returns the set of no voxels.
+    /// Returns the empty set of the voxels of a box.
     pub(super) fn empty(counts: [usize; 3]) -> Self {
         Self { counts, bits: vec![0; counts.iter().product::<usize>().div_ceil(64)] }
     }
@@ -58,8 +58,8 @@ impl VoxelSet {
         self
     }
 
-    /// Removes the voxels that are connected with one of the set, and returns their bounds. `None` if that
-    /// voxel is not in the set.
+    /// Removes the part of the set that is connected with `voxel`, and returns the part's bounds. `None` if
+    /// `voxel` is not in the set.
     pub(super) fn take_part(&mut self, voxel: usize) -> Option<VoxelBounds> {
         if !self.contains(voxel) {
             return None;
@@ -73,8 +73,8 @@ impl VoxelSet {
         Some(bounds)
     }
 
-    /// Removes the voxels that are connected with those of a list that are in the set. Calls `each` with runs
-    /// of them along x: the place of the first, and the x of the last.
+    /// Removes from the set all voxels connected with those of `list`. Calls `each` with runs of them along
+    /// x: the place of the first voxel, and the x of the last.
     pub(super) fn take_connected(&mut self, mut list: Vec<u32>, mut each: impl FnMut([usize; 3], usize)) {
         let counts = self.counts;
         let strides = [1, counts[0], counts[0] * counts[1]];
@@ -107,13 +107,13 @@ impl VoxelSet {
 }
 
 impl VoxelBounds {
-    /// Encloses the voxel at a place.
+    /// Extends the bounds to the voxel at a place.
     fn add(&mut self, place: [usize; 3]) {
         self.first = [0, 1, 2].map(|axis| self.first[axis].min(place[axis]));
         self.last = [0, 1, 2].map(|axis| self.last[axis].max(place[axis]));
     }
 
-    /// Encloses the voxels at most `around` voxels from a place on each axis, as far as they are in a box of
+    /// Extends the bounds to all voxels at most `around` voxels from a place on each axis, within a box of
     /// `counts` voxels.
     pub(super) fn add_around(&mut self, place: [usize; 3], around: [usize; 3], counts: [usize; 3]) {
         self.add([0, 1, 2].map(|axis| place[axis].saturating_sub(around[axis])));

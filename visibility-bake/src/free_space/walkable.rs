@@ -9,9 +9,9 @@ use visibility_core::pvs::Viewcell;
 
 impl Grid {
     /// Returns the viewcells that hold positions of a camera above walkable triangles, such as those of a
-    /// navigation mesh, given in world space: at the [heights](CameraRange::heights) above a point of one of
-    /// them (0 for a camera that flies). In ascending order of z, y and x. A triangle that is not finite
-    /// counts for nothing.
+    /// navigation mesh, in world space. The camera is at the [heights](CameraRange::heights) above a point of
+    /// one of the triangles; 0 for a camera that flies. In ascending order of z, y and x. A triangle that is
+    /// not finite is ignored.
     ///
     /// # Errors
     /// [`GridError::TooMany`], [`GridError::Stopped`].

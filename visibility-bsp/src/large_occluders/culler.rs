@@ -149,6 +149,7 @@ impl Culler for LargeOccludersCuller {
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         let news = self.selector.follow(&self.occluders, scene);
         let rounded_eye = self.rounded_eye(view.eye(scene.origin()));
+        // The choice depends on the eye alone, rounded to a grid so that it lasts for several frames.
         let chosen = news || self.chosen_at != Some(rounded_eye) || !self.inner.map().coherent;
         if chosen {
             self.selector.choose(&self.occluders, &rounded_eye, false, None, self.most);
@@ -171,6 +172,8 @@ impl Culler for LargeOccludersCuller {
                 let mut solids = self.sections.iter().flat_map(|&polygon| self.occluders.solids_of(polygon));
                 solids.all(|solid| projection.is_outside(solid, clear))
             });
+        // Of the chosen polygons, those whose objects are drawn and that hide from this eye. The map groups
+        // them anew only if this set has changed.
         if !settled {
             let projection = ClipProjection::new(view, scene.origin());
             self.selector.chosen.clear();

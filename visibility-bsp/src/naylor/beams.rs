@@ -307,11 +307,13 @@ impl Beams {
         if self.root == CLOSED {
             return visibility;
         }
+        // Each corner remembers the edge that leaves it: an open leaf is divided along such edges only.
         for (edge, &corner) in (0..).zip(polygon) {
             self.corners.push(ImageCorner { edge, ..corner });
         }
         self.tasks.push(Task { parent: NO_PARENT, side: 0, thin: false, begin: 0 });
         while let Some(task) = self.tasks.pop() {
+            // A closed leaf hides the part. In an open leaf the part is seen, unless it is too thin to tell.
             match *self.child_mut((task.parent, task.side)) {
                 CLOSED => self.corners.truncate(task.begin),
                 OPEN => {
@@ -353,7 +355,10 @@ impl Beams {
             sum += distance;
             self.sides.push(distance);
         }
+        // A corner within the margin of the line is on neither side.
         let (front, back) = (greatest > line.margin, least < -line.margin);
+        // The whole part goes to one child. A part within the margin altogether goes to the side where most
+        // of it lies, and is `thin` from there on: rounding may have put it there.
         if !(generous || front && back) {
             let side = u8::from(if front || back { front } else { sum > 0.0 });
             let count = self.sides.len();
@@ -371,6 +376,7 @@ impl Beams {
             self.tasks.push(Task { parent: id, side, thin, begin: task.begin });
             return;
         }
+        // The line cuts the part. Each half is clipped from a copy, since the halves go back onto the stack.
         self.part.clear();
         self.part.extend_from_slice(&self.corners[task.begin..]);
         self.corners.truncate(task.begin);
@@ -515,7 +521,7 @@ mod tests {
         for row in 0..rows {
             let columns = 5 + row * 3 % 7;
             for column in 0..columns {
-                assert!(!beams.is_closed());
+                assert!(!beams.is_closed(), "row {row}, column {column}: the picture is not closed yet");
                 let at = |c: usize| -1.1 + 2.2 * c as f64 / columns as f64;
                 let noise = |c: usize| if (c * 7 + row * 3) % 5 < 2 { 0.5 * ERROR } else { -0.5 * ERROR };
                 let (left, right) = (at(column), at(column + 1));
@@ -525,11 +531,19 @@ mod tests {
                     (right, height(row + 1, right) - noise(column + 1)),
                     (left, height(row + 1, left) - noise(column)),
                 ]);
-                assert_eq!(beams.test_and_cover(&quad, ERROR), Visibility::Seen);
+                assert_eq!(
+                    beams.test_and_cover(&quad, ERROR),
+                    Visibility::Seen,
+                    "row {row}, column {column}: the quadrilateral is seen before it covers"
+                );
             }
         }
-        assert!(beams.is_closed());
-        assert_eq!(beams.test(&polygon(&[(-0.5, -0.5), (0.5, -0.5), (0.0, 0.5)])), Visibility::Hidden);
+        assert!(beams.is_closed(), "the picture is closed");
+        assert_eq!(
+            beams.test(&polygon(&[(-0.5, -0.5), (0.5, -0.5), (0.0, 0.5)])),
+            Visibility::Hidden,
+            "a triangle behind the closed picture"
+        );
     }
 
     #[test]
@@ -549,7 +563,12 @@ mod tests {
             let visibility = beams.test(&polygon(&[(-0.9, -0.9), (0.9, -0.8), (0.9, 0.9)]));
             assert_eq!(visibility, if seen { Visibility::Seen } else { Visibility::Hidden }, "{gap}");
             let witness = beams.witness;
-            assert!(!seen || (witness.x - 0.3).abs() <= half && witness.width <= gap);
+            assert!(
+                !seen || (witness.x - 0.3).abs() <= half && witness.width <= gap,
+                "gap {gap}: the witness at {} of width {} is in the gap",
+                witness.x,
+                witness.width
+            );
         }
     }
 
@@ -563,20 +582,29 @@ mod tests {
             let mut beams = Beams::default();
             beams.begin(ERROR);
             let shape = polygon(shape);
-            assert_eq!(beams.test_and_cover(&shape, ERROR), Visibility::Seen);
-            assert_eq!(beams.test(&shape), Visibility::Hidden);
+            assert_eq!(beams.test_and_cover(&shape, ERROR), Visibility::Seen, "the first polygon is seen");
+            assert_eq!(beams.test(&shape), Visibility::Hidden, "the same polygon again");
             // Polygons beside the shape stay visible.
             assert_eq!(
                 beams.test(&polygon(&[(0.91, -0.1), (0.95, -0.1), (0.95, 0.1), (0.91, 0.1)])),
-                Visibility::Seen
+                Visibility::Seen,
+                "a polygon beyond the short edge"
             );
-            assert_eq!(beams.test(&polygon(&[(-0.5, 0.6), (0.5, 0.6), (0.0, 0.7)])), Visibility::Seen);
+            assert_eq!(
+                beams.test(&polygon(&[(-0.5, 0.6), (0.5, 0.6), (0.0, 0.7)])),
+                Visibility::Seen,
+                "a polygon beside the shape"
+            );
         }
         // A polygon that is hardly more than a point hides nothing.
         let mut beams = Beams::default();
         beams.begin(ERROR);
         beams.test_and_cover(&polygon(&[(0.3, 0.3), (0.3 + 1e-13, 0.3), (0.3, 0.3 + 1e-13)]), ERROR);
-        assert_eq!(beams.test(&polygon(&[(0.2, 0.2), (0.4, 0.2), (0.3, 0.4)])), Visibility::Seen);
+        assert_eq!(
+            beams.test(&polygon(&[(0.2, 0.2), (0.4, 0.2), (0.3, 0.4)])),
+            Visibility::Seen,
+            "a point hides nothing"
+        );
     }
 
     #[test]
@@ -587,21 +615,50 @@ mod tests {
         let needle = |x: f64, low: f64, high: f64| {
             polygon(&[(x, low), (x + 1e-12, low), (x + 1e-12, high), (x, high)])
         };
-        assert_eq!(beams.test(&needle(0.3, -0.5, 0.5)), Visibility::Glimpsed);
-        assert_eq!(beams.test(&needle(0.0, -0.5, 0.5)), Visibility::Glimpsed);
+        assert_eq!(
+            beams.test(&needle(0.3, -0.5, 0.5)),
+            Visibility::Glimpsed,
+            "a needle with nothing in front"
+        );
+        assert_eq!(
+            beams.test(&needle(0.0, -0.5, 0.5)),
+            Visibility::Glimpsed,
+            "a needle on a line of the tree"
+        );
         // Half of the needle is covered, or all of it, or the needle is within the margin of the covering
         // polygon's edge.
         assert_eq!(
             beams.test_and_cover(&polygon(&[(0.2, -0.6), (0.4, -0.6), (0.4, 0.1), (0.2, 0.1)]), ERROR),
-            Visibility::Seen
+            Visibility::Seen,
+            "the covering polygon is seen"
         );
-        assert_eq!(beams.test(&needle(0.3, -0.5, 0.5)), Visibility::Glimpsed);
-        assert_eq!(beams.test(&needle(0.3, -0.5, 0.0)), Visibility::Hidden);
-        assert_eq!(beams.test(&needle(0.4, -0.5, 0.0)), Visibility::Glimpsed);
-        assert_eq!(beams.test(&needle(0.4 - 5e-13, -0.5, 0.0)), Visibility::Glimpsed);
+        assert_eq!(
+            beams.test(&needle(0.3, -0.5, 0.5)),
+            Visibility::Glimpsed,
+            "half of the needle is covered"
+        );
+        assert_eq!(beams.test(&needle(0.3, -0.5, 0.0)), Visibility::Hidden, "all of the needle is covered");
+        assert_eq!(
+            beams.test(&needle(0.4, -0.5, 0.0)),
+            Visibility::Glimpsed,
+            "a needle on the covering polygon's edge"
+        );
+        assert_eq!(
+            beams.test(&needle(0.4 - 5e-13, -0.5, 0.0)),
+            Visibility::Glimpsed,
+            "a needle within the margin of the edge"
+        );
         // A needle covers its own area, but not a needle beside it.
-        assert_eq!(beams.test_and_cover(&needle(-0.3, -0.5, 0.5), 1e-16), Visibility::Glimpsed);
-        assert_eq!(beams.test(&needle(-0.3 + 2e-12, -0.5, 0.5)), Visibility::Glimpsed);
+        assert_eq!(
+            beams.test_and_cover(&needle(-0.3, -0.5, 0.5), 1e-16),
+            Visibility::Glimpsed,
+            "the first needle is narrow itself"
+        );
+        assert_eq!(
+            beams.test(&needle(-0.3 + 2e-12, -0.5, 0.5)),
+            Visibility::Glimpsed,
+            "a needle beside the first"
+        );
     }
 
     #[test]
@@ -617,9 +674,17 @@ mod tests {
             if flip {
                 before.rotate_left(2);
             }
-            assert_eq!(beams.test_and_cover(&before, error), Visibility::Seen);
+            assert_eq!(
+                beams.test_and_cover(&before, error),
+                Visibility::Seen,
+                "flipped: {flip}: the strip is seen"
+            );
             for (left, right) in [(0.41, 0.49), (-0.49, -0.41)] {
-                assert_eq!(beams.test(&strip(left, right)), Visibility::Seen);
+                assert_eq!(
+                    beams.test(&strip(left, right)),
+                    Visibility::Seen,
+                    "flipped: {flip}: the strip's continuation from {left} to {right}"
+                );
             }
         }
     }

@@ -92,7 +92,7 @@ enum ObjectState {
     Seen { surface: Surface },
 }
 
-/// How an object is drawn.
+/// Sides from which an object is drawn and hides.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 struct Surface {
     /// True if the object hides others, false if it hides nothing.

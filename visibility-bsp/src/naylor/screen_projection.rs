@@ -116,6 +116,7 @@ impl ScreenProjection {
         let [polygon, inner, outer] = &mut image.space;
         polygon.clear();
         polygon.extend_from_slice(vertices);
+        // Clipped to the view before the projection, so that every corner is beyond the near plane.
         for plane in &self.planes[..self.count] {
             let (mut inside, mut outside) = (false, false);
             for &v in polygon.iter() {
@@ -135,6 +136,7 @@ impl ScreenProjection {
             core::mem::swap(polygon, inner);
         }
         image.polygon.clear();
+        // The error in NDC grows as `w` shrinks: that of the nearest corner bounds all.
         let mut nearest = f64::INFINITY;
         for v in polygon.iter() {
             let q = self.clip * v.extend(1.0);
@@ -143,6 +145,7 @@ impl ScreenProjection {
             image.polygon.push(ImageCorner::new(q.x / w, q.y / w));
         }
         image.error = self.error_at(nearest);
+        // Counter-clockwise in the image, whichever side of the polygon is seen.
         if area(&image.polygon) < 0.0 {
             image.polygon.reverse();
         }

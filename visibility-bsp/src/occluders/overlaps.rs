@@ -42,7 +42,7 @@ struct Interval {
 }
 
 impl Interval {
-    /// An interval without rectangles.
+    /// Interval that no rectangle meets.
     const EMPTY: Self = Self { spanning: NONE, any: NONE, end: f64::NEG_INFINITY, one_group: true };
 }
 

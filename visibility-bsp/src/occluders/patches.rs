@@ -32,6 +32,8 @@ struct Polygon {
 /// Joins triangles greedily and returns the resulting polygons; a triangle that joins with none becomes a
 /// polygon of its own.
 pub(super) fn join(triangles: &[OccluderTriangle]) -> Vec<Outline> {
+    // `edges` maps each directed edge to the polygon that runs along it: the neighbour runs along it in the
+    // other direction.
     let (positions, corners) = weld(triangles);
     let mut polygons: Vec<Option<Polygon>> = Vec::with_capacity(triangles.len());
     let mut edges: BTreeMap<(u32, u32), u32> = BTreeMap::new();
@@ -45,6 +47,8 @@ pub(super) fn join(triangles: &[OccluderTriangle]) -> Vec<Outline> {
             edges.insert((corners[i], corners[(i + 1) % 3]), number);
         }
     }
+    // Each polygon grows across its edges while the union stays convex and flat. After a join all of its
+    // edges are tried again. The number of tries is limited, since polygons with more vertices are of no use.
     for number in 0..polygons.len() {
         let Some(mut polygon) = polygons[number].take() else { continue };
         let mut i = 0;
@@ -166,10 +170,14 @@ mod tests {
             |a, b, c, source| OccluderTriangle { corners: [p(a), p(b), p(c)], source, two_sided: false };
         let flat = [triangle(0, 1, 2, 0), triangle(0, 2, 3, 1), triangle(0, 3, 4, 2)];
         let outlines = join(&flat);
-        assert_eq!(outlines.len(), 1);
-        assert_eq!((outlines[0].vertices.len(), &outlines[0].sources[..]), (5, &[0, 1, 2][..]));
+        assert_eq!(outlines.len(), 1, "a flat fan is one polygon");
+        assert_eq!(
+            (outlines[0].vertices.len(), &outlines[0].sources[..]),
+            (5, &[0, 1, 2][..]),
+            "its vertices, and the triangles that it is of"
+        );
         let mut bent = flat;
         bent[2].corners[2].z += 0.1;
-        assert_eq!(join(&bent).len(), 2);
+        assert_eq!(join(&bent).len(), 2, "a bent fan is two polygons");
     }
 }

@@ -291,6 +291,8 @@ impl Occluders {
             }
             shell_of.push(shell);
         }
+        // Axis-aligned rectangles first, which join to the largest walls. Boxes made of them get sections,
+        // walls inside solids. All other triangles are joined as patches.
         let levels = rectangles::take_rectangles(&mut triangles);
         let mut outlines = rectangles::join(&levels);
         let solids = sections::solids(&levels);
@@ -309,6 +311,8 @@ impl Occluders {
         for alike in order.chunk_by_mut(|&a, &b| class(a) == class(b)) {
             halve(alike, &centers);
         }
+        // A polygon of a convex two-sided solid hides from behind, too, if the eye is inside the box around
+        // this solid, its shell.
         let (start, mut classes) = (self.polygons.len(), Vec::with_capacity(order.len()));
         for &number in &order {
             let outline = &outlines[number as usize];
@@ -345,6 +349,8 @@ impl Occluders {
                 self.of_object.entry(id.index() as u32).or_default().push(number);
             }
         }
+        // Blocks of polygons of one class, each with a ball and the largest area in it, to bound all of its
+        // solid angles at once.
         let mut first = start;
         let blocks = classes.chunk_by(|a, b| a == b).flat_map(|alike| alike.chunks(BLOCK)).map(<[u64]>::len);
         for count in blocks {

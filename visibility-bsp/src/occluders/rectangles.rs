@@ -144,20 +144,26 @@ mod tests {
         let mut triangles: Vec<OccluderTriangle> =
             parts.iter().zip(0..).flat_map(|(&(low, high), source)| quad(low, high, source)).collect();
         let outlines = join(&take_rectangles(&mut triangles));
-        assert!(triangles.is_empty());
+        assert!(triangles.is_empty(), "all triangles belong to rectangles");
         let mut boxes: Vec<_> = outlines.iter().map(|o| (o.vertices[0].truncate(), o.vertices[2])).collect();
         boxes.sort_by(|a, b| (a.0.y, a.1.z).partial_cmp(&(b.0.y, b.1.z)).unwrap());
-        assert_eq!(outlines.len(), 4);
+        assert_eq!(outlines.len(), 4, "strips around the window");
         let open = |y: f64, z: f64| (2.0..3.0).contains(&y) && (1.0..2.0).contains(&z);
         for o in &outlines {
             let (low, high) = (o.vertices[0], o.vertices[2]);
-            assert!(low.y < high.y && low.z < high.z && low.x == 1.0);
+            assert!(
+                low.y < high.y && low.z < high.z && low.x == 1.0,
+                "{o:?} has an area in the plane of the wall"
+            );
             let middle = (low + high) * 0.5;
-            assert!(!open(middle.y, middle.z));
+            assert!(!open(middle.y, middle.z), "the middle of {o:?} is not in the window");
             assert!(!(low.y < 3.0 && high.y > 2.0 && low.z < 2.0 && high.z > 1.0), "{o:?} covers the window");
         }
         let widest = outlines.iter().find(|o| o.sources.len() == 3).expect("below the window, all along");
-        assert!(widest.vertices.iter().any(|v| v.y == 5.0) && widest.vertices.iter().any(|v| v.y == 0.0));
+        assert!(
+            widest.vertices.iter().any(|v| v.y == 5.0) && widest.vertices.iter().any(|v| v.y == 0.0),
+            "the strip of three parts runs along the whole wall"
+        );
     }
 
     #[test]
@@ -167,15 +173,19 @@ mod tests {
         let mut shifted = quad([1.0, 0.0], [2.0, 1.0], 2);
         shifted.iter_mut().flat_map(|p| &mut p.corners).for_each(|p| p.x = 1.0 + f64::EPSILON);
         triangles.extend(shifted);
-        assert_eq!(join(&take_rectangles(&mut triangles)).len(), 3);
+        assert_eq!(
+            join(&take_rectangles(&mut triangles)).len(),
+            3,
+            "squares that touch in a corner or lie in another plane"
+        );
     }
 
     #[test]
     fn numbers_keep_their_order_as_bits() {
         for pair in [-1e30, -2.0, -1e-30, 0.0, 1e-30, 5.0, 1e30].windows(2) {
-            assert!(ordered(pair[0]) < ordered(pair[1]));
-            assert_eq!(from_ordered(ordered(pair[0])), pair[0]);
+            assert!(ordered(pair[0]) < ordered(pair[1]), "{pair:?} keep their order");
+            assert_eq!(from_ordered(ordered(pair[0])), pair[0], "the number from its bits");
         }
-        assert_eq!(ordered(-0.0), ordered(0.0));
+        assert_eq!(ordered(-0.0), ordered(0.0), "both zeros are one number");
     }
 }

@@ -167,6 +167,8 @@ pub(super) fn sections(solids: &[SolidBox]) -> Vec<Outline> {
     let near = Near::new(solids.iter().map(|solid| (solid.min, solid.max)).collect());
     let mut outlines = Vec::new();
     for axis in 0..3 {
+        // A section lies in a plane in which a box begins and into which another box reaches: the boxes
+        // together hide whatever is behind the section.
         let mut planes: BTreeMap<u64, Vec<u32>> = BTreeMap::new();
         for (number, solid) in (0..).zip(solids) {
             planes.entry(ordered(solid.min[axis])).or_default().push(number);
@@ -189,6 +191,7 @@ pub(super) fn sections(solids: &[SolidBox]) -> Vec<Outline> {
             }
             cut.sort_unstable();
             cut.dedup();
+            // The cuts of the boxes in this plane join to rectangles, as faces of walls do.
             let rectangle = |&number: &u32| {
                 let SolidBox { min, max, .. } = solids[number as usize];
                 Rectangle { low: flat(min, axis), high: flat(max, axis), source: number }

@@ -44,7 +44,7 @@ pub(crate) struct Selector {
     /// Stamp of the polygons that the other fields refer to; `Stamp::NONE` before the first frame and after
     /// a reset.
     occluders: Stamp,
-    /// The scene, and the revision of the scene, up to which changes are recorded in `stale`.
+    /// The scene whose changes `stale` records, and the revision of that scene up to which it does.
     seen: SceneCursor,
     /// Bitset by object index: a bit is 1 if the object has changed since the polygons were made.
     stale: Bits,
@@ -141,6 +141,8 @@ impl Selector {
         // Only a selection: rounding is harmless.
         let is_in =
             |center: DVec3, radius: f64| volume.is_none_or(|volume| volume.meets_sphere(center, radius));
+        // Blocks in descending order of a bound on their polygons' solid angles: the search ends when no
+        // later block can have a polygon among the best.
         for (block, number) in occluders.blocks.iter().zip(0..) {
             if is_in(block.center, block.radius) {
                 self.blocks.push((block.bound(eye), number));
@@ -161,6 +163,8 @@ impl Selector {
                     self.chosen.push(Chosen { polygon: number, bound });
                 }
             }
+            // Twice as many as needed are collected before the best are picked, which takes linear time in
+            // sum.
             if self.chosen.len() >= count.saturating_mul(2) {
                 self.chosen.select_nth_unstable_by(count - 1, by_angle);
                 self.chosen.truncate(count);

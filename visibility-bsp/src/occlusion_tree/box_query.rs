@@ -121,6 +121,7 @@ impl Nodes {
         if !projection.is_beyond_near(bounds) {
             return Occlusion::Partial;
         }
+        // The box is first taken as the cone around it, down to the first node whose line crosses this cone.
         let Some(cone) = projection.cone(bounds) else { return Occlusion::Partial };
         let mut child = self.root;
         while let Some(node) = self.nodes.get(child as usize) {
@@ -139,6 +140,8 @@ impl Nodes {
             VISIBLE => return Occlusion::Visible,
             _ => {}
         }
+        // Only from there on the box's own outline is cut by the lines of the tree, and its depth is compared
+        // in the leaves.
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let (heights, margin) = face_heights(projection, min, max);
         let faces = (0..6).filter(|&face| heights[face] > 0.0).fold(0, |mask, face| mask | 1 << face);

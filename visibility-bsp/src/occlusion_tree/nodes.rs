@@ -282,6 +282,8 @@ impl Nodes {
         if least >= -size {
             return Some(*task);
         }
+        // A convex fragment leaves the plane once: the walk around it starts at the edge on which it comes to
+        // the front.
         let corner = |corners: &[ShadowCorner], i: usize| corners[range.start + i % range.len()];
         let is_before = |corners: &[ShadowCorner], i: usize| plane.at(corner(corners, i).p) > 0.0;
         let start =
@@ -293,6 +295,8 @@ impl Nodes {
             if at_a > 0.0 {
                 self.corners.push(a);
             }
+            // A corner on the plane begins the edge along the plane, which belongs to no edge of the
+            // occluder.
             if (at_a > 0.0) != (at_b > 0.0) {
                 let edge = if at_a > 0.0 { u8::MAX } else { a.edge };
                 self.corners.push(ShadowCorner { edge, ..between(&a, &b, at_a / (at_a - at_b))? });

@@ -27,7 +27,7 @@ enum Region {
     Leaf { first: u32, count: u32 },
 }
 
-/// For each region of space, the occluder polygons that hide most objects from eyes in the region.
+/// The occluder polygons that hide most objects from eyes in each region of space.
 ///
 /// Made when a scene is loaded, and shared by the cullers of all views. An eye outside the scene's bounds
 /// uses the nearest region. Polygons of objects that have changed since are not used until the frusta are
@@ -150,6 +150,8 @@ impl Bake<'_> {
         // The centre, and points near four alternate corners of the region.
         let eyes: [DVec3; SAMPLES] =
             [[0.5, 0.5, 0.5], [0.1, 0.1, 0.1], [0.9, 0.9, 0.1], [0.9, 0.1, 0.9], [0.1, 0.9, 0.9]].map(at);
+        // Candidates look large from any of the sample eyes. A polygon that several eyes choose keeps its
+        // greatest bound.
         let mut candidates: Vec<(u32, f32)> = Vec::new();
         for eye in eyes {
             self.selector.choose(self.occluders, &Eye::Point(eye), true, None, CANDIDATES / 2);
@@ -161,6 +163,8 @@ impl Bake<'_> {
             .into_iter()
             .map(|(polygon, bound)| (polygon, bound, self.hidden_by(polygon, &eyes)))
             .collect();
+        // Greedy: the polygon that hides most samples not hidden yet. Ties go to the larger solid angle, then
+        // to the lower index.
         let mut hidden = [0u64; WORDS];
         for _ in 0..self.most {
             let gain = |set: &[u64; WORDS]| -> u32 {
@@ -172,6 +176,7 @@ impl Bake<'_> {
             });
             let Some((_, best)) = best else { break };
             let (polygon, _, set) = sets.swap_remove(best);
+            // No further candidate hides more. One polygon is chosen even if it hides no sample.
             if set.iter().zip(&hidden).all(|(a, b)| a & !b == 0) && !sets.is_empty() && hidden != [0; WORDS] {
                 break;
             }

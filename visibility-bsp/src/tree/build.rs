@@ -208,6 +208,8 @@ impl BspTree {
                 PolygonSide::Back => back.push(piece),
                 PolygonSide::On => self.attach(&piece, &sources[piece.source as usize], node),
                 PolygonSide::Across => {
+                    // Both halves are stored anew, the cut piece is freed. A half of fewer than three corners
+                    // has no area.
                     let [whole, ahead, behind] = &mut *cut;
                     whole.clear();
                     whole.extend_from_slice(self.store.vertices_at(piece.start, piece.len));
@@ -223,6 +225,7 @@ impl BspTree {
                 }
             }
         }
+        // Pieces behind first: the task on top of the stack, the front, has its pieces at the end.
         tasks.push(Task { begin, parent: node, side: 0, level: level + 1 });
         pieces.extend_from_slice(back);
         tasks.push(Task { begin: pieces.len(), parent: node, side: 1, level: level + 1 });

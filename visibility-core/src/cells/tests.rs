@@ -16,24 +16,51 @@ fn row(cells: usize) -> CellGraph {
 #[test]
 fn a_row_of_rooms_knows_its_doors() {
     let graph = row(4);
-    assert_eq!((graph.cell_count(), graph.portals().len()), (4, 3));
-    assert_eq!(graph.portals_of(CellId(0)), [PortalId(0)]);
-    assert_eq!(graph.portals_of(CellId(1)), [PortalId(0), PortalId(1)]);
-    assert_eq!(graph.portals_of(CellId(4)), []);
-    assert_eq!(graph.portal(PortalId(2)).unwrap().plane().normal, DVec3::X);
-    assert_eq!(graph.validate(1e-9), Ok(()));
-    assert_eq!(CellGraph::default().cell_count(), 0);
+    assert_eq!(
+        (graph.cell_count(), graph.portals().len()),
+        (4, 3),
+        "cells and portals of a row of four rooms"
+    );
+    assert_eq!(graph.portals_of(CellId(0)), [PortalId(0)], "the room at the end has one door");
+    assert_eq!(
+        graph.portals_of(CellId(1)),
+        [PortalId(0), PortalId(1)],
+        "a room in the middle has a door to each side"
+    );
+    assert_eq!(graph.portals_of(CellId(4)), [], "an unknown cell has no portals");
+    assert_eq!(
+        graph.portal(PortalId(2)).unwrap().plane().normal,
+        DVec3::X,
+        "the normal points from the first cell to the second"
+    );
+    assert_eq!(graph.validate(1e-9), Ok(()), "rooms of a row are a valid graph");
+    assert_eq!(CellGraph::default().cell_count(), 0, "the default graph is empty");
 }
 
 #[test]
 fn errors_name_what_is_wrong() {
     let one = |ends| CellGraph::new(2, [(door(0.0), ends)]).unwrap_err();
     let unknown = one([CellId(0), CellId(2)]);
-    assert_eq!(unknown.to_string(), "portal 0 leads to cell 2, but there are only 2");
-    assert_eq!(one([CellId(1); 2]), CellGraphError::SameCell { portal: PortalId(0), cell: CellId(1) });
+    assert_eq!(
+        unknown.to_string(),
+        "portal 0 leads to cell 2, but there are only 2",
+        "the error names the portal and the cell that does not exist"
+    );
+    assert_eq!(
+        one([CellId(1); 2]),
+        CellGraphError::SameCell { portal: PortalId(0), cell: CellId(1) },
+        "a portal from a cell to itself"
+    );
     let empty = CellGraph::new(2, [(ConvexPolygon::default(), [CellId(0), CellId(1)])]).unwrap_err();
-    assert_eq!(empty, CellGraphError::NoPlane { portal: PortalId(0) });
-    assert!(matches!(CellGraph::new(usize::MAX, []), Err(CellGraphError::TooMany { .. })));
+    assert_eq!(
+        empty,
+        CellGraphError::NoPlane { portal: PortalId(0) },
+        "a polygon without vertices has no plane"
+    );
+    assert!(
+        matches!(CellGraph::new(usize::MAX, []), Err(CellGraphError::TooMany { .. })),
+        "more cells than ids can name"
+    );
 }
 
 #[test]
@@ -49,7 +76,7 @@ fn a_portal_that_is_no_convex_polygon_is_named() {
     let ends = [CellId(0), CellId(1)];
     let square = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[y, z]| DVec3::new(0.0, y, z));
     let with = |vertices: [DVec3; 4]| CellGraph::from_vertices(2, [(square, ends), (vertices, ends)]);
-    assert_eq!(with(square).unwrap().portals().len(), 2);
+    assert_eq!(with(square).unwrap().portals().len(), 2, "two square portals are accepted");
     let mut bent = square;
     bent[2].x = 0.01;
     let error = with(bent).unwrap_err();
@@ -68,7 +95,7 @@ fn a_portal_that_is_no_convex_polygon_is_named() {
     let error = with(dart).unwrap_err().to_string();
     assert!(error.starts_with("portal 1: the polygon is not convex"), "{error}");
     let error = with([DVec3::ZERO; 4]).unwrap_err().to_string();
-    assert_eq!(error, "portal 1: the polygon has no area");
+    assert_eq!(error, "portal 1: the polygon has no area", "four equal vertices");
 }
 
 #[test]
@@ -80,8 +107,12 @@ fn portals_that_are_on_no_boundary_are_named() {
         let portals = [(door(first), [CellId(0), CellId(1)]), (door(second), ends.map(CellId))];
         CellGraph::new(3, portals).unwrap().validate_bodies(&bodies, 1e-6)
     };
-    assert_eq!(check(4.0, 8.0, [1, 2]), Ok(()));
-    assert_eq!(check(4.0 + 1e-7, 8.0 - 1e-7, [1, 2]), Ok(()));
+    assert_eq!(check(4.0, 8.0, [1, 2]), Ok(()), "portals on the faces that the bodies share");
+    assert_eq!(
+        check(4.0 + 1e-7, 8.0 - 1e-7, [1, 2]),
+        Ok(()),
+        "portals off by a tenth of the tolerance of 1e-6 m"
+    );
     let off = |portal, cell, distance| CellGraphError::NotOnBody {
         portal: PortalId(portal),
         cell: CellId(cell),
@@ -89,13 +120,29 @@ fn portals_that_are_on_no_boundary_are_named() {
     };
     // The portal ends short of the first body, reaches out of the first into the second, lies in the middle
     // of a body, and joins two bodies that do not touch.
-    assert_eq!(check(3.75, 8.0, [1, 2]), Err(off(0, 0, 0.25)));
-    assert_eq!(check(4.0, 8.25, [1, 2]), Err(off(1, 1, 0.25)));
-    assert_eq!(check(4.0, 6.0, [1, 2]), Err(off(1, 1, 2.0)));
-    assert_eq!(check(4.0, 8.0, [0, 2]), Err(off(1, 0, 4.0)));
-    assert_eq!(check(4.0, 8.0, [2, 1]), Err(CellGraphError::Normal { portal: PortalId(1), cell: CellId(2) }));
+    assert_eq!(
+        check(3.75, 8.0, [1, 2]),
+        Err(off(0, 0, 0.25)),
+        "the portal lies within the first body, 0.25 m before its end"
+    );
+    assert_eq!(
+        check(4.0, 8.25, [1, 2]),
+        Err(off(1, 1, 0.25)),
+        "the portal lies 0.25 m within the third body"
+    );
+    assert_eq!(
+        check(4.0, 6.0, [1, 2]),
+        Err(off(1, 1, 2.0)),
+        "the portal lies in the middle of the second body, 2 m from its end"
+    );
+    assert_eq!(check(4.0, 8.0, [0, 2]), Err(off(1, 0, 4.0)), "the bodies of cells 0 and 2 do not touch");
+    assert_eq!(
+        check(4.0, 8.0, [2, 1]),
+        Err(CellGraphError::Normal { portal: PortalId(1), cell: CellId(2) }),
+        "the normal points from the second cell to the first"
+    );
     let few = CellGraph::new(3, []).unwrap().validate_bodies(&bodies[..2], 1e-6);
-    assert_eq!(few, Err(CellGraphError::Bodies { cells: 3, bodies: 2 }));
+    assert_eq!(few, Err(CellGraphError::Bodies { cells: 3, bodies: 2 }), "bodies are missing");
     // The portal lies in a side of the body's box, but not in a face of what a slanting plane leaves of the
     // box.
     let mut slanted = bodies.clone();
@@ -113,16 +160,23 @@ fn objects_are_found_by_cell() {
     let mut graph = row(3);
     let pairs = [(CellId(2), ids[1]), (CellId(0), ids[2]), (CellId(0), ids[0]), (CellId(0), ids[2])];
     graph.set_objects(pairs).unwrap();
-    assert_eq!(graph.objects_in(CellId(0)), [ids[0], ids[2]]);
-    assert_eq!(graph.objects_in(CellId(1)), []);
-    assert_eq!(graph.objects_in(CellId(2)), [ids[1]]);
+    assert_eq!(
+        graph.objects_in(CellId(0)),
+        [ids[0], ids[2]],
+        "objects are sorted, and one given twice counts once"
+    );
+    assert_eq!(graph.objects_in(CellId(1)), [], "no object was given for this cell");
+    assert_eq!(graph.objects_in(CellId(2)), [ids[1]], "one object was given for this cell");
     let (before, stamp) = (graph.clone(), graph.stamp());
-    assert!(graph.set_objects([(CellId(3), ids[0])]).is_err());
-    assert_eq!(graph.objects_in(CellId(2)), [ids[1]]);
+    assert!(graph.set_objects([(CellId(3), ids[0])]).is_err(), "an unknown cell is refused");
+    assert_eq!(graph.objects_in(CellId(2)), [ids[1]], "a refused call leaves the objects as they were");
     assert_eq!(graph.stamp(), stamp, "nothing has changed");
     assert_eq!(before.stamp(), stamp, "a clone has the same content");
     graph.set_objects([(CellId(2), ids[0])]).unwrap();
-    assert!(graph.stamp() != stamp && graph != before);
+    assert!(
+        graph.stamp() != stamp && graph != before,
+        "other objects are other content, with a stamp of its own"
+    );
     graph.set_objects([(CellId(0), ids[0]), (CellId(2), ids[1]), (CellId(0), ids[2])]).unwrap();
     assert!(graph.stamp() != stamp && graph == before, "equal content may have another stamp");
 }
@@ -170,12 +224,20 @@ fn bodies_on_the_two_sides_of_a_portal_turn_it() {
     }
     // Bodies that reach across the plane by less than what portal and body may be misplaced by still decide.
     let across = |by: f64| body([-4.0, -2.0, -2.0], [by, 2.0, 2.0]);
-    assert_eq!(turn(door(0.0), [&across(1e-6), &court]), Ok(DVec3::X));
-    assert_eq!(turn(door(0.0), [&across(1e-3), &court]), no_sides);
+    assert_eq!(
+        turn(door(0.0), [&across(1e-6), &court]),
+        Ok(DVec3::X),
+        "a body that reaches 1e-6 m across still decides the direction"
+    );
+    assert_eq!(
+        turn(door(0.0), [&across(1e-3), &court]),
+        no_sides,
+        "a body that reaches 1 mm across leaves no side to decide by"
+    );
     let error = error.to_string();
     assert!(error.starts_with("portal 0 is not between cells 0 and 1: "), "{error}");
     let few = CellGraph::new(3, []).unwrap().turn_portals(&[west], 1e-6);
-    assert_eq!(few, Err(CellGraphError::Bodies { cells: 3, bodies: 1 }));
+    assert_eq!(few, Err(CellGraphError::Bodies { cells: 3, bodies: 1 }), "bodies are missing");
 }
 
 /// Boxes of slanted bodies reach across the plane of a slanted portal: their planes decide. Far from the
@@ -211,6 +273,14 @@ fn planes_of_bodies_decide_where_their_boxes_do_not() {
     wedge.planes.push(crate::geometry::Plane::new(DVec3::new(-1.0, -0.5, 0.0), -2.0));
     let all = crate::pvs::Viewcell::from_box(DVec3::splat(-9.0), DVec3::splat(9.0));
     // Where x + y / 2 <= -2 and y >= -4, x is at most 0.
-    assert_eq!(turn(door(0.0), [&wedge, &all]), Ok(DVec3::X));
-    assert_eq!(turn(door(0.0), [&all, &wedge]), Ok(DVec3::NEG_X));
+    assert_eq!(
+        turn(door(0.0), [&wedge, &all]),
+        Ok(DVec3::X),
+        "a wedge that touches the plane with its corner lies on one side"
+    );
+    assert_eq!(
+        turn(door(0.0), [&all, &wedge]),
+        Ok(DVec3::NEG_X),
+        "a wedge that touches the plane with its corner lies on one side"
+    );
 }

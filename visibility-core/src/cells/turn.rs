@@ -14,9 +14,9 @@ use glam::DVec3;
 
 impl CellGraph {
     /// Turns each portal whose polygon is wound the wrong way, so that its normal points from its first cell
-    /// into its second, and returns the portals turned, ascending. `bodies[i]` is the body of cell `i` in
-    /// world space. Bodies and portals may be misplaced by up to `tolerance` metres. Call this function
-    /// before anything is baked from the graph.
+    /// into its second. Returns the portals turned, ascending. `bodies[i]` is the body of cell `i` in world
+    /// space. Bodies and portals may be misplaced by up to `tolerance` metres. Call this function before
+    /// anything is baked from the graph.
     ///
     /// A body decides if it lies on one side of the portal's plane. One that reaches across the plane, such
     /// as a courtyard around a house, or one that is inverted, infinite or NaN, leaves the decision to the

@@ -251,30 +251,51 @@ mod tests {
     fn both_halves_of_a_cut_add_up() {
         let (mut a, mut b) = (ConvexPolygon::default(), ConvexPolygon::default());
         let plane = Plane::through(DVec3::new(0.3, 0.0, 0.0), DVec3::new(1.0, 0.2, 0.0));
-        assert_eq!(square().clip(&plane, &mut a), Containment::Crossing);
-        assert_eq!(square().clip(&plane.flipped(), &mut b), Containment::Crossing);
-        assert!((a.area() + b.area() - 1.0).abs() < 1e-14 && a.area() > 0.1 && b.area() > 0.1);
+        assert_eq!(square().clip(&plane, &mut a), Containment::Crossing, "the cut goes through the square");
+        assert_eq!(
+            square().clip(&plane.flipped(), &mut b),
+            Containment::Crossing,
+            "the cut goes through the square"
+        );
+        assert!(
+            (a.area() + b.area() - 1.0).abs() < 1e-14 && a.area() > 0.1 && b.area() > 0.1,
+            "the halves of a unit square have the areas {} and {}",
+            a.area(),
+            b.area()
+        );
     }
 
     #[test]
     fn clipping_away_leaves_nothing_and_touching_keeps_all() {
         let mut out = square();
-        assert_eq!(square().clip(&Plane::new(DVec3::X, -2.0), &mut out), Containment::Outside);
-        assert!(out.is_empty());
+        assert_eq!(
+            square().clip(&Plane::new(DVec3::X, -2.0), &mut out),
+            Containment::Outside,
+            "a square wholly behind the plane"
+        );
+        assert!(out.is_empty(), "clipping all away empties the output, which held a square before");
         square().clip(&Plane::new(DVec3::X, 0.0), &mut out);
-        assert_eq!(out.area(), 1.0);
+        assert_eq!(out.area(), 1.0, "a plane along an edge cuts nothing off the unit square");
     }
 
     #[test]
     fn bad_polygons_are_refused_with_the_reason() {
         let new =
             |points: &[[f64; 3]]| ConvexPolygon::new(points.iter().map(|&p| p.into()).collect::<Vec<_>>());
-        assert_eq!(new(&[[0.0; 3]]), Err(PolygonError::TooFewVertices { count: 1 }));
-        assert_eq!(new(&[[0.0; 3], [1.0, 0.0, 0.0], [f64::NAN; 3]]), Err(PolygonError::Vertex { vertex: 2 }));
-        assert_eq!(new(&[[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]), Err(PolygonError::NoPlane));
+        assert_eq!(new(&[[0.0; 3]]), Err(PolygonError::TooFewVertices { count: 1 }), "one vertex");
+        assert_eq!(
+            new(&[[0.0; 3], [1.0, 0.0, 0.0], [f64::NAN; 3]]),
+            Err(PolygonError::Vertex { vertex: 2 }),
+            "the index of the vertex that is NaN"
+        );
+        assert_eq!(
+            new(&[[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]),
+            Err(PolygonError::NoPlane),
+            "collinear vertices"
+        );
         let bent = new(&[[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.3], [0.0, 1.0, 0.0]]);
         assert!(matches!(bent, Err(PolygonError::NotPlanar { .. })), "{bent:?}");
         let dart = new(&[[0.0; 3], [2.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.0, 2.0, 0.0]]);
-        assert_eq!(dart, Err(PolygonError::NotConvex { vertex: 3 }));
+        assert_eq!(dart, Err(PolygonError::NotConvex { vertex: 3 }), "the index of the reflex vertex");
     }
 }

@@ -28,7 +28,7 @@ pub struct DoubleDouble {
 }
 
 impl DoubleDouble {
-    /// The number 0.
+    /// Zero.
     pub const ZERO: Self = Self { hi: 0.0, lo: 0.0 };
 
     /// Upper bound on the relative error of [`plus`](Self::plus) and [`times`](Self::times): 16 u^2 = 2^-102,
@@ -69,7 +69,7 @@ impl DoubleDouble {
         Self::sum_ordered(v.hi, t.lo + v.lo)
     }
 
-    /// Returns `-self`, exactly.
+    /// Returns the number with the opposite sign, exactly.
     #[must_use]
     pub fn negated(self) -> Self {
         Self { hi: -self.hi, lo: -self.lo }
@@ -114,7 +114,7 @@ mod tests {
     fn exact(a: DoubleDouble) -> i128 {
         let scaled = |v: f64| {
             let v = v * (1u128 << 80) as f64;
-            assert_eq!(v, v.trunc());
+            assert_eq!(v, v.trunc(), "a part is not a multiple of 2^-80");
             v as i128
         };
         scaled(a.hi) + scaled(a.lo)
@@ -131,9 +131,17 @@ mod tests {
         for _ in 0..10_000 {
             let (a, b) = (random(), random());
             let [x, y] = [a, b].map(|v| v as f64 / (1 << 26) as f64);
-            assert_eq!(exact(DoubleDouble::difference(x, y)), i128::from(a - b) << 54);
+            assert_eq!(
+                exact(DoubleDouble::difference(x, y)),
+                i128::from(a - b) << 54,
+                "the difference of {x} and {y}, in units of 2^-80"
+            );
             // The product in units of 2^-52.
-            assert_eq!(exact(DoubleDouble::product(x, y)), (i128::from(a) * i128::from(b)) << 28);
+            assert_eq!(
+                exact(DoubleDouble::product(x, y)),
+                (i128::from(a) * i128::from(b)) << 28,
+                "the product of {x} and {y}, in units of 2^-80"
+            );
             let sum = DoubleDouble::product(x, y)
                 .plus(DoubleDouble::product(y, y))
                 .plus(DoubleDouble::product(x, -y));
@@ -147,8 +155,8 @@ mod tests {
         // (1 + 2^-60) (1 - 2^-60) = 1 - 2^-120.
         let tiny = 2f64.powi(-60);
         let p = DoubleDouble { hi: 1.0, lo: tiny }.times(DoubleDouble { hi: 1.0, lo: -tiny });
-        assert_eq!((p.hi, p.lo), (1.0, 0.0));
+        assert_eq!((p.hi, p.lo), (1.0, 0.0), "a product whose rest is below the last digit");
         let p = DoubleDouble { hi: 1.0, lo: tiny }.times(DoubleDouble { hi: 1.0, lo: tiny });
-        assert_eq!((p.hi, p.lo), (1.0, 2.0 * tiny));
+        assert_eq!((p.hi, p.lo), (1.0, 2.0 * tiny), "a product whose rest of 2^-59 is kept");
     }
 }

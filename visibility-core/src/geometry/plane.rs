@@ -167,31 +167,49 @@ mod tests {
     fn a_box_is_classified_by_its_extreme_corners() {
         let plane = Plane::new(DVec3::new(1.0, -1.0, 0.0), 0.0);
         let at = |x: f32, y: f32| Aabb::new(Vec3::new(x, y, 0.0), Vec3::new(x + 1.0, y + 1.0, 1.0));
-        assert_eq!(plane.classify_aabb(&at(5.0, 0.0)), Containment::Inside);
-        assert_eq!(plane.classify_aabb(&at(0.0, 5.0)), Containment::Outside);
-        assert_eq!(plane.classify_aabb(&at(0.5, 0.0)), Containment::Crossing);
+        assert_eq!(
+            plane.classify_aabb(&at(5.0, 0.0)),
+            Containment::Inside,
+            "a box whose nearest corner is in front"
+        );
+        assert_eq!(
+            plane.classify_aabb(&at(0.0, 5.0)),
+            Containment::Outside,
+            "a box whose farthest corner is behind"
+        );
+        assert_eq!(
+            plane.classify_aabb(&at(0.5, 0.0)),
+            Containment::Crossing,
+            "a box with corners on both sides"
+        );
     }
 
     #[test]
     fn touching_and_non_finite_shapes_are_crossing() {
         let plane = Plane::new(DVec3::X, -1.0);
         let touching = Aabb::from_arrays([0.0; 3], [1.0; 3]);
-        assert_eq!(plane.classify_aabb(&touching), Containment::Crossing);
+        assert_eq!(plane.classify_aabb(&touching), Containment::Crossing, "a box that touches the plane");
         let nan = Aabb::from_arrays([f32::NAN; 3], [1.0; 3]);
-        assert_eq!(plane.classify_aabb(&nan), Containment::Crossing);
-        assert_eq!(plane.classify_aabb(&Aabb::EMPTY), Containment::Crossing);
+        assert_eq!(plane.classify_aabb(&nan), Containment::Crossing, "a box with a corner that is NaN");
+        assert_eq!(plane.classify_aabb(&Aabb::EMPTY), Containment::Crossing, "the empty box");
         let broken = Plane::new(DVec3::NAN, 0.0);
-        assert_eq!(broken.classify_aabb(&touching), Containment::Crossing);
+        assert_eq!(broken.classify_aabb(&touching), Containment::Crossing, "a plane that is NaN");
     }
 
     #[test]
     fn normalizing_survives_extreme_magnitudes() {
         for scale in [1e-300, 1e-30, 1.0, 1e30, 1e300] {
             let plane = Plane::new(DVec3::new(3.0, 4.0, 0.0) * scale, 10.0 * scale).normalized().unwrap();
-            assert!((plane.normal.length() - 1.0).abs() < 1e-15);
-            assert!((plane.offset - 2.0).abs() < 1e-15);
+            assert!(
+                (plane.normal.length() - 1.0).abs() < 1e-15,
+                "the normal's length, with coefficients times {scale}"
+            );
+            assert!(
+                (plane.offset - 2.0).abs() < 1e-15,
+                "the distance to the origin in metres, with coefficients times {scale}"
+            );
         }
-        assert_eq!(Plane::new(DVec3::ZERO, 1.0).normalized(), None);
+        assert_eq!(Plane::new(DVec3::ZERO, 1.0).normalized(), None, "a normal of no length");
     }
 
     #[test]
@@ -221,7 +239,11 @@ mod tests {
                     "{u} {v}: the normal is {}",
                     plane.normal
                 );
-                assert_eq!(Plane::from_points(points[0], points[1], points[2]), Some(plane));
+                assert_eq!(
+                    Plane::from_points(points[0], points[1], points[2]),
+                    Some(plane),
+                    "{u} {v}: three points and the triangle of them have the same plane"
+                );
                 let magnitude = points.iter().fold(DVec3::ZERO, |most, p| most.max(p.abs()));
                 for p in points {
                     let share = plane.signed_distance(p).abs() / plane.error_bound(magnitude);
@@ -237,15 +259,23 @@ mod tests {
     #[test]
     fn polygons_without_an_area_have_no_plane() {
         let (x, y) = (DVec3::X, DVec3::Y);
-        assert_eq!(Plane::from_polygon(&[]), None);
-        assert_eq!(Plane::from_polygon(&[x, y]), None);
-        assert_eq!(Plane::from_polygon(&[x; 3]), None);
+        assert_eq!(Plane::from_polygon(&[]), None, "no vertices");
+        assert_eq!(Plane::from_polygon(&[x, y]), None, "two vertices");
+        assert_eq!(Plane::from_polygon(&[x; 3]), None, "three equal vertices");
         for broken in [f64::NAN, f64::INFINITY] {
-            assert_eq!(Plane::from_polygon(&[x, y, DVec3::splat(broken)]), None);
+            assert_eq!(
+                Plane::from_polygon(&[x, y, DVec3::splat(broken)]),
+                None,
+                "a vertex with coordinates of {broken}"
+            );
         }
         // A bow tie: two areas that cancel out.
-        assert_eq!(Plane::from_polygon(&[DVec3::ZERO, x + y, x, y]), None);
+        assert_eq!(Plane::from_polygon(&[DVec3::ZERO, x + y, x, y]), None, "two areas that cancel out");
         let square = [DVec3::ZERO, x, x + y, y].map(|p| p + DVec3::Z);
-        assert_eq!(Plane::from_polygon(&square), Some(Plane::new(DVec3::Z, -1.0)));
+        assert_eq!(
+            Plane::from_polygon(&square),
+            Some(Plane::new(DVec3::Z, -1.0)),
+            "the normal of a square whose vertices are counterclockwise seen from it"
+        );
     }
 }

@@ -233,10 +233,14 @@ mod tests {
         // Scaling by powers of ten keeps these answers.
         for scale in [1e-60, 1e60] {
             let [a, b, c, p] = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z].map(|v| v * scale);
-            assert_eq!(orientation(a, b, c, p), Side::Front);
-            assert_eq!(orientation(a, b, c, -p), Side::Back);
+            assert_eq!(orientation(a, b, c, p), Side::Front, "the point in front, coordinates times {scale}");
+            assert_eq!(orientation(a, b, c, -p), Side::Back, "the point behind, coordinates times {scale}");
         }
-        assert_eq!(orientation(DVec3::NAN, DVec3::X, DVec3::Y, DVec3::Z), Side::On);
+        assert_eq!(
+            orientation(DVec3::NAN, DVec3::X, DVec3::Y, DVec3::Z),
+            Side::On,
+            "a vertex that is NaN leaves the side open"
+        );
     }
 
     #[test]
@@ -250,7 +254,11 @@ mod tests {
             let [a, b, c, p] = core::array::from_fn(|_| {
                 u * random.fine_range(-1e5, 1e5).round() + v * random.fine_range(-1e5, 1e5).round()
             });
-            assert_eq!(orientation(a, b, c, p), Side::On);
+            assert_eq!(
+                orientation(a, b, c, p),
+                Side::On,
+                "the points {a} {b} {c} {p} lie in one plane exactly"
+            );
             rounded += usize::from((a - p).dot((b - p).cross(c - p)) != 0.0);
         }
         assert!(rounded > 1000, "{rounded}");
@@ -270,9 +278,17 @@ mod tests {
                     continue;
                 }
                 let cut = plane.crossing(a, b);
-                assert_eq!(cut, plane.crossing(b, a));
-                assert_eq!(cut, SidePlane { plane: plane.plane.flipped(), ..plane }.crossing(a, b));
-                assert_eq!(plane.side(cut), Side::On);
+                assert_eq!(cut, plane.crossing(b, a), "the cut of {a} and {b} depends on which comes first");
+                assert_eq!(
+                    cut,
+                    SidePlane { plane: plane.plane.flipped(), ..plane }.crossing(a, b),
+                    "the cut of {a} and {b} depends on the sign of the normal"
+                );
+                assert_eq!(
+                    plane.side(cut),
+                    Side::On,
+                    "the cut of {a} and {b} is within the margin of the plane"
+                );
                 worst = worst.max(plane.plane.signed_distance(cut).abs() / plane.margin);
             }
         }
@@ -291,13 +307,28 @@ mod tests {
                 DVec3::new(0.0, 1.0, c),
             ])
         };
-        assert_eq!(at([0.0, 0.0, 0.5]), PolygonSide::Front);
-        assert_eq!(at([0.0, -1e-17, -0.5]), PolygonSide::Back);
-        assert_eq!(at([plane.margin, -plane.margin, 0.0]), PolygonSide::On);
-        assert_eq!(at([2.0 * plane.margin, -plane.margin, 0.0]), PolygonSide::Front);
-        assert_eq!(at([2.0 * plane.margin, -2.0 * plane.margin, 0.0]), PolygonSide::Across);
-        assert_eq!(at([f64::NAN, 0.0, 0.0]), PolygonSide::On);
-        assert_eq!(plane.side_of_polygon(&[]), PolygonSide::On);
-        assert!(!plane.crossing(DVec3::ZERO, DVec3::ZERO).is_nan());
+        assert_eq!(at([0.0, 0.0, 0.5]), PolygonSide::Front, "touching the plane from the front");
+        assert_eq!(
+            at([0.0, -1e-17, -0.5]),
+            PolygonSide::Back,
+            "touching the plane from behind, but for a rounding"
+        );
+        assert_eq!(at([plane.margin, -plane.margin, 0.0]), PolygonSide::On, "all vertices within the margin");
+        assert_eq!(
+            at([2.0 * plane.margin, -plane.margin, 0.0]),
+            PolygonSide::Front,
+            "one vertex in front, one within the margin behind"
+        );
+        assert_eq!(
+            at([2.0 * plane.margin, -2.0 * plane.margin, 0.0]),
+            PolygonSide::Across,
+            "vertices beyond the margin on both sides"
+        );
+        assert_eq!(at([f64::NAN, 0.0, 0.0]), PolygonSide::On, "a vertex that is NaN");
+        assert_eq!(plane.side_of_polygon(&[]), PolygonSide::On, "no vertices");
+        assert!(
+            !plane.crossing(DVec3::ZERO, DVec3::ZERO).is_nan(),
+            "the cut of an edge without length is a number"
+        );
     }
 }

@@ -1,4 +1,4 @@
-//! Spheres in `f32`.
+//! Spheres in `f32`, by centre and radius.
 
 use glam::{DVec3, Vec3};
 

@@ -14,16 +14,16 @@ const INITIAL_CREDIT: f32 = 2048.0;
 /// takes what six triangles take; with three times as much, frames of real levels end their search early).
 const TEST_WORK: f32 = 0.1;
 
-/// Greatest cost of an occluder that is paid from the credit, beyond what objects found hidden have paid so
-/// far, if it is more than half of what all objects behind are worth. So a frame of few objects draws no mesh
-/// that costs as much as all of them.
+/// Greatest cost of an occluder, in triangles, that is paid from the credit and the earnings so far although
+/// it exceeds half the worth of all objects behind. So a frame of few objects draws no mesh that costs as
+/// much as all of them.
 const UNPROVEN_COST: f32 = 512.0;
 
 /// Expected gain of an occluder, as a multiple of its cost and of all loans that are open, from which it is
 /// drawn on a loan.
 const LOAN_SAFETY: f32 = 4.0;
 
-/// Greatest share of a frame's work on occluders that a map may spend on those of its own.
+/// Greatest share of a frame's work on occluders that a map may spend on occluders that it draws by itself.
 const OWN_SHARE: f32 = 0.75;
 
 /// Greatest share of the initial credit that hidden objects may have paid in a frame in which nearly nothing
@@ -33,26 +33,26 @@ const NEARLY_NOTHING: f32 = 0.25;
 /// Work of one frame, in triangles.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Budget {
-    /// Work that hiding one object is worth.
+    /// Work in triangles that a hidden object is worth.
     price: f32,
-    /// Work that the search for occluders may still spend before more objects are found hidden. The search
-    /// ends when it is 0 or less.
+    /// Work in triangles that the search for occluders may still spend before more objects are found hidden.
+    /// The search ends when it is 0 or less.
     credit: f32,
-    /// Work that all objects found hidden so far are worth.
+    /// Work in triangles that all objects found hidden so far are worth.
     earned: f32,
-    /// Cost of the occluders drawn on loans that objects found hidden have not paid back yet.
+    /// Cost in triangles of the occluders drawn on loans that objects found hidden have not paid back yet.
     debt: f32,
-    /// Work that the frame may still spend at all.
+    /// Work in triangles that the frame may still spend.
     limit: f32,
-    /// Part of the limit that the search leaves for the tests after it.
+    /// Part of `limit` that the search leaves for the tests after it.
     reserve: f32,
-    /// Work spent so far.
+    /// Work of this frame so far, in triangles.
     spent: f32,
 }
 
 impl Budget {
-    /// Creates the budget of a frame from the price of an object and the most work that the frame may spend.
-    /// With a price of 0 there is no credit.
+    /// Creates the budget of a frame. `price` is the work in triangles that a hidden object is worth, `limit`
+    /// the most work of the frame. With a price of 0 there is no credit.
     pub(super) fn new(price: u32, limit: u32) -> Self {
         let credit = if price > 0 { INITIAL_CREDIT + price as f32 } else { 0.0 };
         let limit = limit as f32;
@@ -74,19 +74,21 @@ impl Budget {
         self.limit <= 0.0
     }
 
-    /// Returns whether the search has spent its credit and found nearly nothing hidden, as a bird does.
+    /// Returns whether the search has spent its credit and found nearly nothing hidden, as in the view of a
+    /// bird.
     pub(super) fn is_spent_in_vain(&self) -> bool {
         self.price > 0.0 && self.credit <= 0.0 && self.earned <= NEARLY_NOTHING * INITIAL_CREDIT
     }
 
-    /// Spends work.
+    /// Adds `work`, in triangles, to the work of this frame.
     pub(super) fn spend(&mut self, work: f32) {
         self.credit -= work;
         self.limit -= work;
         self.spent += work;
     }
 
-    /// Spends work that the credit of the search is not for.
+    /// Adds `work`, in triangles, to the work of this frame, but does not take it from the credit of the
+    /// search.
     pub(super) fn spend_outside_search(&mut self, work: f32) {
         self.limit -= work;
         self.spent += work;
@@ -97,8 +99,8 @@ impl Budget {
         self.limit -= work;
     }
 
-    /// Returns the work that a map may spend on occluders of its own, if `objects` may be found hidden. With
-    /// a price of 0 all that leaves the search a share.
+    /// Returns the work in triangles that a map may spend on occluders that it draws by itself. `objects` may
+    /// be found hidden. With a price of 0, all work that leaves the search its share.
     pub(super) fn for_own_occluders(&self, objects: f32) -> f32 {
         let worth = if self.price > 0.0 { self.worth(objects) } else { f32::INFINITY };
         worth.min(OWN_SHARE * (self.limit - self.reserve))
@@ -114,12 +116,12 @@ impl Budget {
         self.spend(TEST_WORK * boxes as f32);
     }
 
-    /// Returns whether the frame may test the boxes of so many objects, and of the nodes above them.
+    /// Returns whether the frame may test the boxes of `objects` objects, and of the nodes above them.
     pub(super) fn can_test(&self, objects: usize) -> bool {
         2.0 * TEST_WORK * objects as f32 <= self.limit
     }
 
-    /// Enters objects found hidden. They pay loans back first.
+    /// Records `objects` found hidden. They pay loans back first.
     pub(super) fn earn(&mut self, objects: f32) {
         let earned = self.worth(objects);
         let paid_back = self.debt.min(earned);
@@ -165,7 +167,7 @@ const MORE_IN_VIEW: usize = 2;
 /// Cosine of the angle by which the camera must have turned for a frame to try again: 30 degrees.
 const OTHER_DIRECTION: f64 = 0.866;
 
-/// What the frames of a culler so far have shown: whether finding hidden objects pays.
+/// Balance of the past frames of a culler: whether the search for hidden objects pays.
 ///
 /// Where it does not for [`MOST_LOSSES`] frames in a row, as in the view of a bird, frames are left out until
 /// they have saved what the last one spent in vain, or the camera sees something else: it has turned, or many
@@ -186,8 +188,8 @@ pub(super) struct Experience {
 }
 
 impl Experience {
-    /// Returns whether a frame with so many objects in view, of a camera that looks along `forward` (any
-    /// length, zero in parallel views), is left out. Otherwise [`record`](Self::record) is to be told of it.
+    /// Returns whether a frame is left out. `objects` are in view; the camera looks along `forward`, of any
+    /// length, zero in parallel views. After false, the caller must [`record`](Self::record) the frame.
     pub(super) fn leaves_out(&mut self, objects: usize, forward: DVec3) -> bool {
         let forward = forward.normalize_or_zero();
         let is_alike = objects < MORE_IN_VIEW * self.objects
@@ -203,7 +205,7 @@ impl Experience {
         is_left_out
     }
 
-    /// Enters a frame that found so many objects hidden.
+    /// Records a frame that found `hidden` objects hidden.
     pub(super) fn record(&mut self, budget: &Budget, hidden: usize) {
         self.debt = budget.spent() - budget.worth(hidden as f32);
         self.losses = if self.debt > 0.0 { self.losses.saturating_add(1) } else { 0 };
@@ -230,14 +232,15 @@ pub(super) struct LeafSampling {
 }
 
 impl LeafSampling {
-    /// Returns whether the next leaf is to be tested, which [`record`](Self::record) is then told of.
+    /// Returns whether the next leaf is to be tested. If so, the caller must [`record`](Self::record) its
+    /// result.
     pub(super) fn tests_next(&mut self) -> bool {
         let tests = self.left_out >= self.misses.saturating_sub(MOST_MISSES).min(MOST_LEFT_OUT);
         self.left_out = if tests { 0 } else { self.left_out + 1 };
         tests
     }
 
-    /// Enters whether any object of a tested leaf was hidden.
+    /// Records whether any object of a tested leaf was hidden.
     pub(super) fn record(&mut self, is_any_hidden: bool) {
         self.misses = if is_any_hidden { 0 } else { self.misses.saturating_add(1) };
     }

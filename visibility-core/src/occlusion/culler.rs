@@ -70,7 +70,7 @@ pub struct OcclusionCuller<M, H = SceneHierarchy> {
     price: u32,
     /// Most work of a frame, in triangles.
     work_limit: u32,
-    /// Whether earlier frames paid.
+    /// Balance of earlier frames, which decides whether a frame draws occluders.
     experience: Experience,
     /// Memory of the search for occluders. Its content does not outlive a frame.
     queue: Queue,
@@ -118,8 +118,8 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         Self { work_limit: triangles, ..self }
     }
 
-    /// Returns the occlusion map, with the occluders of the last frame still in it: none of a frame that was
-    /// left out.
+    /// Returns the occlusion map, with the occluders of the last frame still in it. Empty after a frame that
+    /// was left out.
     pub fn map(&self) -> &M {
         &self.map
     }
@@ -134,7 +134,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         &mut self.hierarchy
     }
 
-    /// Culls on the threads of a job system, if there is one.
+    /// Culls, on the threads of a job system if `jobs` is given.
     fn cull_with(
         &mut self,
         jobs: Option<&dyn Jobs>,
@@ -189,7 +189,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     }
 
     /// Drops the objects that the map hides, as far as the budget allows, on the threads of a job system if
-    /// there is one. Returns the work counters.
+    /// `jobs` is given. Returns the work counters.
     fn sweep(
         &mut self,
         jobs: Option<&dyn Jobs>,
@@ -220,15 +220,15 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     }
 }
 
-/// What a walk that drops hidden objects tests.
+/// Choice of the boxes that a walk which drops hidden objects tests.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum SweepKind {
-    /// All objects, before the search for occluders, which gets the credit for those that are hidden. Once
-    /// the credit is spent in vain, only a choice of the leaves.
+    /// All nodes and leaves, before the search for occluders. Objects found hidden add to the search's
+    /// credit. Once the credit is spent in vain, only some of the leaves.
     First,
-    /// All that is left after the search.
+    /// All nodes and leaves that are left after the search.
     All,
-    /// As `All`, but only a choice of the leaves.
+    /// All nodes, but only some of the leaves.
     Sampled,
     /// No object: the walk counts the objects that are left.
     Count,
@@ -279,7 +279,7 @@ struct Sweep<'a, M> {
 }
 
 impl<M: OcclusionMap> Sweep<'_, M> {
-    /// Returns whether only a choice of the leaves is tested.
+    /// Returns whether only some of the leaves are tested.
     fn samples(&self) -> bool {
         match self.kind {
             SweepKind::First => self.budget.is_spent_in_vain(),
@@ -288,17 +288,20 @@ impl<M: OcclusionMap> Sweep<'_, M> {
         }
     }
 
-    /// Drops the objects below a node (`None`: all objects) that the map hides, but for leaves that are left
-    /// out. Returns whether any object is left below the node; always true in another hierarchy than the
+    /// Drops the objects below a node (`None`: all objects) that the map hides. Objects of untested leaves
+    /// stay. Returns whether any object is left below the node. Always true in another hierarchy than the
     /// scene's own.
     fn keep_unhidden<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>, node: Option<usize>) -> bool {
         walk.visit(node, |walk, block, candidates| {
             let objects = block.objects(candidates);
+            // After many leaves in a row without a hidden object, only some leaves are tested. Objects of the
+            // others stay.
             let is_leaf = objects == candidates;
             let is_sampled = is_leaf && self.samples();
             if is_sampled && !self.sampling.tests_next() {
                 return candidates;
             }
+            // All boxes of the block in one call. A sweep that only counts asks the map for nothing.
             let answer = if self.kind != SweepKind::Count {
                 walk.stats.tests += u64::from(candidates.count_ones());
                 self.budget.spend_tests(candidates.count_ones());
@@ -309,10 +312,13 @@ impl<M: OcclusionMap> Sweep<'_, M> {
             if is_sampled {
                 self.sampling.record(answer.hidden != 0);
             }
+            // Hidden objects pay for more occluders: the budget grows by what this sweep saved.
             if self.kind == SweepKind::First {
                 let hidden = lanes(answer.hidden).map(|lane| objects_of(walk, block.child(lane)));
                 self.budget.earn(hidden.sum());
             }
+            // Below a box that the map has found visible, tests go on only for nodes: a whole node whose box
+            // is certainly visible, or any node once the limit of work is reached, is taken without tests.
             let mut mask = candidates & !answer.hidden;
             for lane in lanes(mask & !objects) {
                 let Child::Node(child) = block.child(lane) else { continue };
@@ -328,7 +334,7 @@ impl<M: OcclusionMap> Sweep<'_, M> {
     }
 }
 
-/// What [`HiddenTest`] knows of a node that occluders may hide.
+/// Value of `known` in [`HiddenTest`] for a node that occluders may hide: its children must be tested.
 const UNDECIDED: u32 = 1;
 
 /// The test of the walk after the search, for several threads. A node is known to be undecided.

@@ -117,7 +117,8 @@ impl OccluderMesh {
         [1, 7, 5],
     ];
 
-    /// Returns a number that depends on all cache lines of the mesh which the choice of occluders reads.
+    /// Reads all cache lines of the mesh that the choice of occluders needs, so that they are loaded. The
+    /// number returned depends on all of them.
     pub(crate) fn fetched(&self) -> u32 {
         let sizes = self.triangles.len() ^ self.solid_triangles;
         sizes as u32 ^ self.bounds.min.x.to_bits() ^ self.facing[0].to_bits() ^ self.facing[5].to_bits()
@@ -137,6 +138,8 @@ impl OccluderMesh {
         let bounds = Aabb::from_points(triangles.iter().flat_map(corner));
         let convex = closed && is_convex(&positions, &triangles, &bounds);
         let corners = bounds.corners();
+        // A convex mesh of twelve triangles with the eight corners of its bounds is that box. It is stored in
+        // one fixed order, so that all such meshes are drawn by the box's own code.
         let cuboid = convex
             && triangles.len() == Self::CUBOID.len()
             && positions.len() == corners.len()
@@ -144,6 +147,8 @@ impl OccluderMesh {
         if cuboid && (positions != corners || triangles != Self::CUBOID) {
             return Self::whole(&corners, Self::CUBOID.to_vec());
         }
+        // Area towards each of the six directions along the axes: an estimate of the area that the mesh shows
+        // to an eye on that side.
         let mut facing = [0.0; 6];
         for t in &triangles {
             let [a, b, c] = corner(t).map(|p| p.as_dvec3());
@@ -153,6 +158,7 @@ impl OccluderMesh {
                 facing[axis + 3] += (-area[axis]).max(0.0) as f32;
             }
         }
+        // Equal meshes have equal fingerprints, on every machine: bits of the coordinates, then indices.
         let numbers = positions.iter().flat_map(|p| p.to_array().map(f32::to_bits));
         let fingerprint = numbers
             .chain(triangles.as_flattened().iter().copied())
@@ -323,10 +329,13 @@ pub(super) fn join(triangles: &[[u32; 3]]) -> (Vec<Edge>, Vec<[u32; 3]>) {
             });
         }
     }
+    // Sides of one edge are then neighbours, whichever way each triangle runs along it.
     sides.sort_unstable_by_key(|s| (s.low, s.high, s.triangle));
     let mut edges = Vec::with_capacity(sides.len() / 2);
     let mut triangle_edges = alloc::vec![[0; 3]; triangles.len()];
     for group in sides.chunk_by(|a, b| (a.low, a.high) == (b.low, b.high)) {
+        // Two triangles that run along the edge in opposite directions continue each other. Any other group,
+        // of one, of three or more, or of two in the same direction, is taken as separate open edges.
         let joined = group.len() == 2 && group[0].backwards != group[1].backwards;
         for (position, side) in group.iter().enumerate() {
             if position == 0 || !joined {
@@ -375,15 +384,19 @@ mod tests {
     #[test]
     fn a_box_is_closed_convex_and_faces_outwards() {
         let cube = cube();
-        assert!(cube.is_closed() && cube.is_convex());
-        assert_eq!((cube.positions().len(), cube.triangles().len()), (8, 12));
+        assert!(cube.is_closed() && cube.is_convex(), "a cuboid is closed and convex");
+        assert_eq!(
+            (cube.positions().len(), cube.triangles().len()),
+            (8, 12),
+            "vertices and triangles of a cuboid"
+        );
         let center = cube.bounds().center();
         for t in cube.triangles() {
             let [a, b, c] = t.map(|i| cube.positions()[i as usize]);
-            assert!((b - a).cross(c - a).dot(a - center) > 0.0);
+            assert!((b - a).cross(c - a).dot(a - center) > 0.0, "the triangle {a} {b} {c} faces inwards");
         }
-        assert_eq!(cube.area_towards(Vec3::X), 6.0);
-        assert_eq!(cube.area_towards(Vec3::NEG_Z), 6.0);
+        assert_eq!(cube.area_towards(Vec3::X), 6.0, "the projected area in square metres");
+        assert_eq!(cube.area_towards(Vec3::NEG_Z), 6.0, "the projected area in square metres");
     }
 
     #[test]
@@ -392,11 +405,15 @@ mod tests {
         let loose: Vec<crate::scene::Triangle> =
             cube.triangles().iter().map(|t| t.map(|i| cube.positions()[i as usize])).collect();
         let again = OccluderMesh::from_triangles(&loose).unwrap();
-        assert_eq!((again.positions().len(), again.edges().len()), (8, 18));
-        assert!(again.is_closed() && again.is_convex());
+        assert_eq!(
+            (again.positions().len(), again.edges().len()),
+            (8, 18),
+            "vertices and edges of the welded cuboid"
+        );
+        assert!(again.is_closed() && again.is_convex(), "the welded cuboid is closed and convex");
         let open = OccluderMesh::from_triangles(&loose[1..]).unwrap();
-        assert!(!open.is_closed() && !open.is_convex());
-        assert_eq!(open.edges().iter().filter(|edge| edge.right.is_none()).count(), 3);
+        assert!(!open.is_closed() && !open.is_convex(), "a cuboid without one triangle is open");
+        assert_eq!(open.edges().iter().filter(|edge| edge.right.is_none()).count(), 3, "edges of the hole");
     }
 
     #[test]
@@ -408,9 +425,13 @@ mod tests {
                 let t = cube.triangles()[triangle];
                 let side = [t[corner], t[(corner + 1) % 3]];
                 if left as usize == triangle {
-                    assert_eq!(vertices, side);
+                    assert_eq!(vertices, side, "an edge runs the way of its left triangle, {triangle}");
                 } else {
-                    assert_eq!((right, [vertices[1], vertices[0]]), (Some(triangle as u32), side));
+                    assert_eq!(
+                        (right, [vertices[1], vertices[0]]),
+                        (Some(triangle as u32), side),
+                        "an edge runs against its right triangle"
+                    );
                 }
             }
         }
@@ -420,10 +441,16 @@ mod tests {
     fn an_edge_of_three_triangles_joins_none() {
         let p = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_Y];
         let fan = OccluderMesh::from_indexed(&p, &[[0, 1, 2], [1, 0, 3], [0, 1, 4]]).unwrap();
-        assert!(fan.edges().iter().all(|edge| edge.right.is_none()));
-        assert_eq!(fan.edges().len(), 9);
+        assert!(
+            fan.edges().iter().all(|edge| edge.right.is_none()),
+            "three triangles at an edge: each keeps an edge of its own"
+        );
+        assert_eq!(fan.edges().len(), 9, "edges of three triangles that share none");
         let same_way = OccluderMesh::from_indexed(&p, &[[0, 1, 2], [0, 1, 3]]).unwrap();
-        assert!(same_way.edges().iter().all(|edge| edge.right.is_none()));
+        assert!(
+            same_way.edges().iter().all(|edge| edge.right.is_none()),
+            "two triangles that run the same way along an edge share none"
+        );
     }
 
     #[test]
@@ -431,15 +458,25 @@ mod tests {
         let p = [Vec3::ZERO, Vec3::X, Vec3::Y];
         assert_eq!(
             OccluderMesh::from_indexed(&p, &[[0, 1, 2], [0, 1, 7]]),
-            Err(MeshError::Index { triangle: 1, index: 7 })
+            Err(MeshError::Index { triangle: 1, index: 7 }),
+            "the triangle and the index of the vertex that does not exist"
         );
-        assert_eq!(OccluderMesh::from_indexed(&p, &[[0, 1, 1]]), Err(MeshError::NoTriangle));
-        assert_eq!(OccluderMesh::from_triangles(&[]), Err(MeshError::NoTriangle));
+        assert_eq!(
+            OccluderMesh::from_indexed(&p, &[[0, 1, 1]]),
+            Err(MeshError::NoTriangle),
+            "a triangle with the same vertex twice is left out, and none remains"
+        );
+        assert_eq!(OccluderMesh::from_triangles(&[]), Err(MeshError::NoTriangle), "no triangles");
         assert_eq!(
             OccluderMesh::from_triangles(&[[Vec3::ZERO, Vec3::NAN, Vec3::X]]),
-            Err(MeshError::Vertex { vertex: 1 })
+            Err(MeshError::Vertex { vertex: 1 }),
+            "the index of the vertex that is NaN"
         );
-        assert_eq!(OccluderMesh::cuboid(&Aabb::EMPTY), Err(MeshError::NoTriangle));
+        assert_eq!(
+            OccluderMesh::cuboid(&Aabb::EMPTY),
+            Err(MeshError::NoTriangle),
+            "the cuboid of the empty box"
+        );
     }
 
     #[test]
@@ -448,9 +485,13 @@ mod tests {
         p.insert(0, Vec3::splat(100.0));
         let triangles: Vec<_> = cube().triangles().iter().map(|t| t.map(|i| i + 1)).collect();
         let mesh = OccluderMesh::from_indexed(&p, &triangles).unwrap();
-        assert!(mesh.is_convex() && mesh.positions().len() == 8);
-        assert_eq!(mesh.fingerprint(), cube().fingerprint());
-        assert_ne!(mesh.fingerprint(), cube().with_two_sided(true).fingerprint());
+        assert!(mesh.is_convex() && mesh.positions().len() == 8, "the vertex far away is dropped");
+        assert_eq!(mesh.fingerprint(), cube().fingerprint(), "the same triangles have the same fingerprint");
+        assert_ne!(
+            mesh.fingerprint(),
+            cube().with_two_sided(true).fingerprint(),
+            "two-sided meshes have another fingerprint"
+        );
     }
 
     #[test]
@@ -458,7 +499,7 @@ mod tests {
         let mut p = cube().positions().to_vec();
         p[0] += Vec3::splat(0.5);
         let dented = OccluderMesh::from_indexed(&p, cube().triangles()).unwrap();
-        assert!(dented.is_closed());
+        assert!(dented.is_closed(), "moving a vertex opens no edge");
         let mut p = cube().positions().to_vec();
         p.push(Vec3::new(0.0, 1.5, 3.5));
         // The top face, split at a point pushed inwards.
@@ -466,7 +507,7 @@ mod tests {
             cube().triangles().iter().filter(|t| !t.iter().all(|i| *i >= 4)).copied().collect();
         triangles.extend([[4, 5, 8], [5, 7, 8], [7, 6, 8], [6, 4, 8]]);
         let dented = OccluderMesh::from_indexed(&p, &triangles).unwrap();
-        assert!(dented.is_closed() && !dented.is_convex());
+        assert!(dented.is_closed() && !dented.is_convex(), "a dent in the top face");
     }
 
     /// Far from the origin, rounding tolerance must not make a box turned inside out a convex solid: at
@@ -482,7 +523,11 @@ mod tests {
             let inwards = OccluderMesh::CUBOID.map(|[a, b, c]| [a, c, b]);
             let room = OccluderMesh::from_indexed(&bounds.corners(), &inwards).unwrap();
             assert!(room.is_closed() && !room.is_convex() && !room.is_cuboid(), "{reach}");
-            assert_eq!(room.solid_triangles(), 0);
+            assert_eq!(
+                room.solid_triangles(),
+                0,
+                "reach {reach}: a room that faces inwards has no solid triangles"
+            );
             let turned: Vec<_> =
                 room.triangles().iter().map(|t| t.map(|i| room.positions()[i as usize])).collect();
             let given = inwards.map(|t| t.map(|i| bounds.corners()[i as usize]));
@@ -504,7 +549,10 @@ mod tests {
             OccluderMesh::CUBOID.into_iter().filter(|t| !t.iter().all(|i| *i >= 4)).collect();
         triangles.extend([[4, 5, 8], [5, 7, 8], [7, 6, 8], [6, 4, 8]]);
         let dented = OccluderMesh::from_indexed(&p, &triangles).unwrap();
-        assert!(dented.is_closed() && !dented.is_convex());
+        assert!(
+            dented.is_closed() && !dented.is_convex(),
+            "a dent of 1 m in a mesh 10,000 km from the origin"
+        );
     }
 
     /// A closed sheet of two opposite triangles has no vertex in front of a face, but it has no volume
@@ -513,6 +561,6 @@ mod tests {
     fn a_sheet_with_two_faces_is_no_solid() {
         let p = [Vec3::ZERO, Vec3::X, Vec3::Y];
         let sheet = OccluderMesh::from_indexed(&p, &[[0, 1, 2], [0, 2, 1]]).unwrap();
-        assert!(sheet.is_closed() && !sheet.is_convex());
+        assert!(sheet.is_closed() && !sheet.is_convex(), "two triangles back to back enclose no volume");
     }
 }

@@ -159,8 +159,8 @@ pub trait OcclusionMap {
     /// [`Occlusion::Visible`].
     fn test(&self, bounds: &Aabb) -> Occlusion;
 
-    /// Tests those of 64 boxes whose bits are set in `candidates`. Bit `i` stands for box `i`. The other bits
-    /// of the result are clear in both masks.
+    /// Tests the boxes whose bits are set in `candidates`, of 64 boxes. Bit `i` stands for box `i`. All other
+    /// bits are clear in both masks of the result.
     fn test_64(&self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
         Occlusion64::of_each(candidates, |lane| self.test(&boxes.get(lane)))
     }

@@ -122,11 +122,22 @@ mod tests {
         triangles.push([Vec3::splat(5.0), Vec3::new(6.0, 5.0, 5.0), Vec3::new(5.0, 6.0, 5.0)]);
         let mesh = OccluderMesh::from_triangles(&triangles).unwrap().with_two_sided(true);
         let parts = mesh.parts();
-        assert_eq!(parts.len(), 3);
-        assert!(parts[0].is_cuboid() && parts[1].is_cuboid() && !parts[2].is_closed());
-        assert!(parts.iter().all(OccluderMesh::is_two_sided));
-        assert_eq!(parts.iter().map(|part| part.triangles().len()).sum::<usize>(), 25);
-        assert_eq!(parts[1].bounds(), &Aabb::from_arrays([1.0, 0.0, 0.0], [2.0, 1.0, 3.0]));
+        assert_eq!(parts.len(), 3, "two boxes and a triangle");
+        assert!(
+            parts[0].is_cuboid() && parts[1].is_cuboid() && !parts[2].is_closed(),
+            "the boxes are cuboids, the triangle is open"
+        );
+        assert!(parts.iter().all(OccluderMesh::is_two_sided), "parts of a two-sided mesh are two-sided");
+        assert_eq!(
+            parts.iter().map(|part| part.triangles().len()).sum::<usize>(),
+            25,
+            "triangles of all parts: 12 and 12 and 1"
+        );
+        assert_eq!(
+            parts[1].bounds(),
+            &Aabb::from_arrays([1.0, 0.0, 0.0], [2.0, 1.0, 3.0]),
+            "the second part is the second box"
+        );
     }
 
     #[test]
@@ -136,15 +147,15 @@ mod tests {
         let far = solid.map(|t| t.map(|p| p + 9.0));
         let mixed: Vec<_> = solid.into_iter().zip(far).flat_map(|(a, b)| [a, b]).collect();
         let mesh = OccluderMesh::from_triangles(&mixed).unwrap();
-        assert_eq!(mesh.parts().len(), 2);
-        assert!(mesh.parts().iter().all(OccluderMesh::is_convex));
+        assert_eq!(mesh.parts().len(), 2, "two solids whose triangles alternate");
+        assert!(mesh.parts().iter().all(OccluderMesh::is_convex), "each of the solids is convex");
     }
 
     #[test]
     fn what_is_of_one_piece_has_no_parts() {
         let mut one = cuboid([0.0; 3], [1.0; 3]);
-        assert!(OccluderMesh::from_triangles(&one).unwrap().parts().is_empty());
+        assert!(OccluderMesh::from_triangles(&one).unwrap().parts().is_empty(), "a single box");
         one.pop();
-        assert!(OccluderMesh::from_triangles(&one).unwrap().parts().is_empty());
+        assert!(OccluderMesh::from_triangles(&one).unwrap().parts().is_empty(), "a single box with a hole");
     }
 }

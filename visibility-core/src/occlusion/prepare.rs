@@ -79,6 +79,8 @@ impl Scene {
                 continue;
             };
             let sides = Preparation { two_sided: preparation.two_sided && !object.one_sided, ..*preparation };
+            // Instances of one mesh share the prepared mesh, keyed by the address of the triangles and the
+            // sides they are seen from.
             let placed = triangles.rounded_transform().filter(|_| self.local_bounds(id).is_none());
             if let Some(transform) = placed {
                 let key = (triangles.mesh_address(), sides.two_sided);
@@ -95,6 +97,7 @@ impl Scene {
                     continue;
                 }
             }
+            // No shared mesh fits: the object gets one of its own, in world coordinates.
             let own = match triangles.view().mesh() {
                 (triangles, None) => prepare(triangles, &sides),
                 _ => prepare(&triangles.view().to_vec(), &sides),

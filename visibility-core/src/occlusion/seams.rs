@@ -6,7 +6,7 @@ use crate::scene::{FAN_OUT, Scene, lanes};
 use crate::walk::{BoxHierarchy, Child, SceneHierarchy, unculled_blocks};
 use crate::{Aabb, ObjectId};
 
-/// Most occluders that are inspected.
+/// Greatest number of occluders that are inspected.
 const MOST: usize = 256;
 
 /// Returns how many occluders of `scene` go on in another occluder beside them, as the panels of a wall or
@@ -70,7 +70,7 @@ fn grown(bounds: &Aabb) -> Aabb {
     Aabb::new(bounds.min - by, bounds.max + by)
 }
 
-/// Tests whether the box of a flat thing goes on in another box, which touches it.
+/// Tests whether the box of a flat object continues in another box that touches it.
 fn is_continued(bounds: &Aabb, beside: &Aabb) -> bool {
     let thinnest = |b: &Aabb| (b.max - b.min).min_position();
     let (axis, tolerance) = (thinnest(bounds), tolerance(bounds));

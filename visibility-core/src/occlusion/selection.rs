@@ -38,24 +38,24 @@ const MANY_OCCLUDERS: u64 = 1024;
 /// alone.
 const LATER_WORK: f32 = 8.0;
 
-/// Number of objects that an unopened leaf stands for: those of a full one.
+/// Number of objects that an unopened leaf counts as: those of a full leaf.
 const OBJECTS_PER_LEAF: u32 = 64;
 
 /// Least number of objects that an occluder is taken to have behind it, so that a scene of few objects is
 /// culled as tightly as a large one (measured).
 pub(super) const LEAST_BEHIND: f32 = 256.0;
 
-/// Distance from the eye to the middle of a mesh, as a multiple of half the diagonal of its bounds, up to
-/// which the share is estimated by triangles where the estimate from the middle is too small. The middle of a
-/// wall of length `2 r` that is seen from its end at twice `r` is at twice the distance of the end: the two
-/// estimates differ by no more than about 2 from here on.
+/// Greatest distance from the eye to the middle of a mesh, as a multiple of half the diagonal of its bounds,
+/// at which the share is estimated triangle by triangle. That is done where the estimate from the middle is
+/// too small. The middle of a wall of length `2 r` that is seen from its end at twice `r` is at twice the
+/// distance of the end: from there on the two estimates differ by no more than about 2.
 const NEAR_RADII: f32 = 2.0;
 
-/// Number of triangles whose solid angles are estimated by the work of drawing one.
+/// Number of triangles whose solid angles are estimated in the time in which one is drawn.
 const ESTIMATED_PER_DRAWN: f32 = 4.0;
 
-/// Most triangles of a mesh whose solid angles are estimated. Of a larger mesh every second, third, ...
-/// triangle stands for its neighbours in the list.
+/// Greatest number of triangles of a mesh whose solid angles are computed for an estimate. Of a larger mesh
+/// only every second, third or further triangle is, and counts for those left out.
 const MOST_ESTIMATED: usize = 2048;
 
 /// A node or an occluder that waits in the queue of [`OccluderSearch`].
@@ -66,7 +66,7 @@ pub(super) struct Waiting {
     /// Number of flushes before `bounds` was tested last.
     tested: u32,
     child: Child,
-    /// Number of objects that the entry stands for, an estimate.
+    /// Estimate of the number of objects below the entry, 1 for an object.
     objects: f32,
     bounds: Aabb,
 }
@@ -117,8 +117,8 @@ pub(super) struct OccluderSearch<'a, M> {
     share_per_area: f32,
     /// Whether all objects left had been tested before the first occluder was added.
     is_tested: bool,
-    /// Objects not found hidden so far, as far as none of them is known to lie in front of the occluders to
-    /// come. Unopened leaves count as [`OBJECTS_PER_LEAF`].
+    /// Number of objects that may lie behind the occluders to come: all objects not found hidden so far.
+    /// Unopened leaves count as [`OBJECTS_PER_LEAF`].
     undecided: f32,
     /// Number of flushes in this frame.
     flushes: u32,
@@ -155,8 +155,8 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
     }
 
     /// Adds the occluders of the frame to the map and flushes it. In the scene's own hierarchy, also drops
-    /// the objects and nodes that it finds hidden on the way. Returns what is left of the budget, and whether
-    /// all objects left have been tested against all that the map holds.
+    /// the objects and nodes that it finds hidden on the way. Returns the rest of the budget, and whether all
+    /// objects left have been tested against everything in the map.
     pub(super) fn run<H: BoxHierarchy>(mut self, walk: &mut Walk<H>) -> (Budget, bool) {
         self.queue.clear();
         let begins = self.budget.has_credit();
@@ -204,6 +204,8 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
             self.flush();
         }
         walk.visit(node, |walk, block, candidates| {
+            // Children hidden by the occluders drawn so far are dropped with all below them. A map that
+            // answers frames later, as a graphics card does, cannot tell yet.
             let hidden = if self.map.answers_at_once() && !self.is_tested {
                 self.budget.spend_tests(candidates.count_ones());
                 walk.stats.tests += u64::from(candidates.count_ones());
@@ -212,6 +214,7 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
                 0
             };
             let (objects, found) = (block.objects(candidates), candidates & !hidden);
+            // An occluder whose object the map draws by itself, as a part of a level, is not added.
             let mut occluders = found & objects & block.occluders();
             for lane in lanes(occluders) {
                 if let Child::Object(id) = block.child(lane) {
@@ -221,6 +224,8 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
             if let Some((_, ids)) = block.leaf() {
                 walk.scene().fetch_occluders(ids, occluders);
             }
+            // The budget of work earns by the objects that are hidden; `undecided` counts those that still
+            // may be.
             self.budget.earn((hidden & objects).count_ones() as f32);
             self.undecided += (found & objects).count_ones() as f32;
             for lane in lanes(hidden & !objects) {
@@ -274,7 +279,8 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
         }
     }
 
-    /// Makes the occluders added so far count, for a map that can be tested before all are there.
+    /// Flushes the map, so that tests count the occluders added so far, if the map can be tested before all
+    /// are there.
     fn flush(&mut self) {
         if self.map.answers_at_once() {
             self.map.flush();
@@ -366,7 +372,7 @@ fn solid_angle_by_triangles(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye
     (if mesh.is_two_sided() { f64::max(fronts, backs) } else { fronts }) as f32 * stride as f32
 }
 
-/// Returns the number of objects that a child which the walk has not visited stands for, an estimate.
+/// Returns an estimate of the number of objects below a child that the walk has not visited.
 pub(super) fn objects_of<H: BoxHierarchy>(walk: &Walk<H>, child: Child) -> f32 {
     match child {
         Child::Node(node) => (walk.leaves_below(node) * OBJECTS_PER_LEAF) as f32,

@@ -35,7 +35,7 @@ pub struct ScenePvs {
     never_hidden: Vec<ObjectId>,
     /// The revision of the scene for which this value was made. Objects that change later are visible.
     cursor: SceneCursor,
-    /// Whether somebody has checked, or the caller promises, that the PVS is of this scene.
+    /// Whether the PVS is known to be of this scene: it was compared, or the caller promises it.
     is_checked: bool,
     stamp: Stamp,
 }
@@ -58,6 +58,8 @@ impl ScenePvs {
     ) -> Self {
         let mut pairs: Vec<_> = pairs.into_iter().filter(|(id, _)| scene.contains(*id)).collect();
         pairs.sort_unstable_by_key(|&(id, target)| (id.index(), target));
+        // For each index the object, or `None` if it is never hidden, and the start of its targets in
+        // `targets`.
         let mut objects = Vec::with_capacity(scene.index_limit() + 1);
         let mut next = 0;
         for index in 0..scene.index_limit() {
@@ -72,6 +74,7 @@ impl ScenePvs {
         objects.push((None, next as u32));
         let never_hidden = scene.ids().filter(|id| objects[id.index()].0.is_none()).collect();
         let targets = pairs.iter().map(|&(_, target)| target).collect();
+        // The same pairs by target, so that the objects of a seen target are one range.
         let mut by_target: Vec<_> = pairs.into_iter().map(|(id, target)| (target, id)).collect();
         by_target.sort_unstable();
         let known = by_target.partition_point(|&(target, _)| (target as usize) < pvs.target_count());
@@ -103,7 +106,7 @@ impl ScenePvs {
         self.is_checked
     }
 
-    /// Returns the PVS.
+    /// Returns the PVS that was passed to the constructor.
     pub fn pvs(&self) -> &Pvs {
         &self.pvs
     }
@@ -126,9 +129,9 @@ impl ScenePvs {
         })
     }
 
-    /// Calls `each` with every object that has a target in `seen`, once for each such target; bit `t % 64` of
-    /// word `t / 64` stands for target `t`. Time is linear in the number of words and of calls, and
-    /// logarithmic in the number of pairs that are skipped from one target in `seen` to the next.
+    /// Calls `each` with every object that has a target in `seen`, once for each such target. Bit `t % 64` of
+    /// word `t / 64` stands for target `t`. Time is linear in the number of words and of calls, plus a binary
+    /// search in the pairs for each target in `seen`.
     fn for_each_seen(&self, seen: &[u64], mut each: impl FnMut(ObjectId)) {
         let mut rest = &self.by_target[..];
         for (number, &word) in seen.iter().enumerate() {
@@ -146,7 +149,7 @@ impl ScenePvs {
     }
 }
 
-/// Returns how many of the pairs, which ascend, have a target below `target`. Time is logarithmic in that
+/// Returns the number of pairs with a target below `target`. The pairs ascend. Time is logarithmic in that
 /// number.
 fn count_below(pairs: &[(u32, ObjectId)], target: u32) -> usize {
     let is_below = |&(of, _): &(u32, ObjectId)| of < target;
@@ -332,6 +335,8 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
             }
         };
         self.entering.clear();
+        // Lines of sight start on the near plane, whose corners may lie in other viewcells than the eye: the
+        // visible set is the union over all viewcells that the starts reach.
         let mut covered = true;
         let known = view.for_each_sight_start(anchor, |corners, error| {
             covered &= viewcells.reached(corners, anchor, error, &mut self.reached);
@@ -340,11 +345,14 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
         self.entering.sort_unstable();
         self.entering.dedup();
         self.is_outside = known && !covered;
+        // A start outside all viewcells may see anything, and after too many changes of the scene nothing is
+        // known: then all objects stay.
         let idle = !known || !covered || self.lost;
         let is_new = !self.is_entered || self.entering != self.entered;
         if idle {
             return visible.intersect(scene, &|_| u64::MAX);
         }
+        // Rows are read only when the viewcells have changed, which is rare.
         if is_new {
             core::mem::swap(&mut self.entering, &mut self.entered);
             self.is_entered = true;

@@ -81,13 +81,14 @@ impl Eq for Pvs {}
 
 const FORMAT: Format = Format { magic: *b"VISI-PVS", version: 3 };
 
-/// In the form of a row: the row is the difference from another.
+/// Flag in the first byte of a stored row: the list has the targets in which the row differs from an earlier
+/// row.
 const DIFFERS: u8 = 1;
-/// In the form of a row: targets are bits instead of runs.
+/// Flag in the first byte of a stored row: the list is one bit per target, not runs.
 const BITS: u8 = 2;
 /// Number of viewcells whose rows share an offset.
 const BLOCK: usize = 16;
-/// Most rows that a row is the difference from, one after another.
+/// Greatest number of rows that must be read to decode a row, besides the row itself.
 const DEPTH: u8 = 4;
 
 /// Checks the rows of a PVS: each must be strictly ascending, with targets below `target_count`.
@@ -137,6 +138,7 @@ impl Pvs {
         let offset = |bytes: &[u8]| u32::try_from(bytes.len()).map_err(|_| PvsError::TooLarge);
         for (viewcell, row) in rows.iter().enumerate() {
             let row = row.as_ref();
+            // The row by itself, in runs or in bits, whichever is shorter.
             best.clear();
             best.push(0);
             write_runs(row.iter().copied(), &mut best);
@@ -146,6 +148,8 @@ impl Pvs {
             if trial.len() < best.len() {
                 core::mem::swap(&mut trial, &mut best);
             }
+            // The differences from rows of neighbours, of which the shortest form is kept. The chain of
+            // differences is short, since reading a row reads all of its chain.
             for base in neighbours(ViewcellId(viewcell as u32)) {
                 if base.index() >= viewcell || depths[base.index()] >= DEPTH {
                     continue;
@@ -180,8 +184,8 @@ impl Pvs {
         Ok(Self { bytes: writer.finish(), stamp: Stamp::new() })
     }
 
-    /// Returns the PVS with a hash of what it was made from, in place of the one that it had. The hash is
-    /// stored with it. For a PVS whose targets are cells it is the
+    /// Returns the PVS with `source`, a hash of the data that it was made from, in place of its former one.
+    /// The hash is stored with it. For a PVS whose targets are cells it is the
     /// [`CellGraph::version`](crate::cells::CellGraph::version).
     #[must_use]
     pub fn with_source(self, source: u64) -> Self {

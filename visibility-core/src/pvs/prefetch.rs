@@ -20,7 +20,7 @@ pub struct Arrival {
     /// Seconds from now until the eye reaches the first viewcell from which the object is seen. Greater than
     /// 0.
     pub seconds: f64,
-    /// The object.
+    /// Object that may become visible.
     pub object: ObjectId,
 }
 
@@ -61,7 +61,7 @@ pub struct Prefetch {
 }
 
 impl Prefetch {
-    /// Makes empty scratch memory.
+    /// Makes empty scratch memory. It grows with the first searches.
     pub fn new() -> Self {
         Self::default()
     }
@@ -186,7 +186,7 @@ impl Path {
         Some([from, to])
     }
 
-    /// As [`part_in_box`](Self::part_in_box), for a viewcell.
+    /// Returns the part of the path inside a viewcell, as [`part_in_box`](Self::part_in_box) does for a box.
     fn part_in_cell(&self, cell: &Viewcell, reach: f64) -> Option<[f64; 2]> {
         let [mut from, mut to] = self.part_in_box(cell.min, cell.max, reach)?;
         let magnitude = self.start.abs() + self.step.abs() + reach;

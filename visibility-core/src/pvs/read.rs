@@ -6,7 +6,7 @@ use crate::binary_format::{FormatError, HEADER_LENGTH, Reader, take_number};
 use crate::stamp::Stamp;
 use alloc::vec::Vec;
 
-/// Number of bytes of a source.
+/// Length in bytes of the number after the last row that [`Pvs::source`] returns, where the file has it.
 const SOURCE_BYTES: usize = 8;
 
 impl Pvs {
@@ -83,8 +83,8 @@ impl Pvs {
         rest.get(..length as usize)
     }
 
-    /// Returns the runs of a viewcell's row, and of those that it differs from. The viewcell sees exactly the
-    /// targets that are in an odd number of them. Empty for an unknown viewcell.
+    /// Returns the runs of a viewcell's row, and of the rows that it is stored as a difference from. The
+    /// viewcell sees exactly the targets that are in an odd number of runs. Empty for an unknown viewcell.
     fn runs(&self, viewcell: ViewcellId) -> impl Iterator<Item = (u32, u32)> {
         let row = |viewcell| Row::new(viewcell, self.row(viewcell)?);
         let rows = core::iter::successors(row(viewcell), move |last| row(last.base?));
@@ -149,7 +149,7 @@ impl Pvs {
     }
 }
 
-/// A stored row.
+/// A stored row: its flags, its base row and its list, not decoded.
 struct Row<'a> {
     /// Viewcell from whose row it differs, with a lesser number. `None` for a plain row.
     base: Option<ViewcellId>,

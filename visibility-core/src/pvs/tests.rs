@@ -27,9 +27,16 @@ fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
 fn rows_next_to_each_other_are_stored_as_differences() {
     let pvs = sample();
     // Four bytes: form 1, one viewcell back, a run of 33 absent numbers and a run of one present number.
-    assert!(pvs.bytes.ends_with(&[4, 1, 1, 33, 1]));
-    assert!(!pvs.sees(ViewcellId(3), 33) && pvs.sees(ViewcellId(2), 33) && pvs.sees(ViewcellId(3), 36));
-    assert_eq!((pvs.targets(), pvs.viewcell_count(), pvs.target_count()), (PvsTargets::Cells, 4, 400));
+    assert!(pvs.bytes.ends_with(&[4, 1, 1, 33, 1]), "the last row is stored as a difference");
+    assert!(
+        !pvs.sees(ViewcellId(3), 33) && pvs.sees(ViewcellId(2), 33) && pvs.sees(ViewcellId(3), 36),
+        "targets 33 and 36 differ between viewcells 2 and 3"
+    );
+    assert_eq!(
+        (pvs.targets(), pvs.viewcell_count(), pvs.target_count()),
+        (PvsTargets::Cells, 4, 400),
+        "what the set was made with"
+    );
 }
 
 #[test]
@@ -48,7 +55,11 @@ fn the_form_of_a_stored_set_stays() {
     };
     // Row 0 in bits; then the difference from row 0 in runs, in which 299 are left out and one follows.
     let short = [&[0, 0, 0, 0, 10, 0, 0, 0][..], &[3, 2, 0x56, 5], &[5, 1, 1, 0xab, 2, 1]];
-    assert_eq!(pvs.as_bytes(), stored(&short.concat()));
+    assert_eq!(
+        pvs.as_bytes(),
+        stored(&short.concat()),
+        "the bytes that version 3 has written since it exists"
+    );
     // Row 0 in runs: one is left out, two follow, and so on; and the difference in bits.
     let long =
         [&[0, 0, 0, 0, 53, 0, 0, 0][..], &[11, 0, 1, 2, 1, 1, 1, 1, 1, 1, 1, 1], &[40, 3, 1], &[0; 37], &[8]];
@@ -69,14 +80,15 @@ fn every_damaged_byte_is_noticed() {
             bytes[i] ^= flip;
             assert!(Pvs::from_bytes(bytes).is_err(), "byte {i}");
         }
-        assert!(Pvs::from_bytes(&good[..i]).is_err());
+        assert!(Pvs::from_bytes(&good[..i]).is_err(), "the first {i} bytes of {}", good.len());
     }
     let mut longer = good.clone();
     longer.push(0);
     let error = Pvs::from_bytes(longer).unwrap_err();
     assert_eq!(
         error.to_string(),
-        alloc::format!("{} bytes, where {} are expected", good.len() + 1, good.len())
+        alloc::format!("{} bytes, where {} are expected", good.len() + 1, good.len()),
+        "the error says both lengths"
     );
 }
 
@@ -90,39 +102,76 @@ fn wrong_rows_with_a_right_checksum_are_refused_and_say_why() {
         Pvs::from_bytes(resealed(bytes)).unwrap_err().to_string()
     };
     let last = good.len() - 1;
-    assert_eq!(wrong(8, 2), "version 2 of the format, where only version 3 is known: bake again");
+    assert_eq!(
+        wrong(8, 2),
+        "version 2 of the format, where only version 3 is known: bake again",
+        "an older version"
+    );
     assert_eq!(
         wrong(8, 4),
-        "version 4 of the format, where only version 3 is known: it is of a later release"
+        "version 4 of the format, where only version 3 is known: it is of a later release",
+        "a later version"
     );
-    assert_eq!(wrong(12, 7), "at byte 40: the targets are neither cells nor objects");
-    assert_eq!(wrong(rows + 1, 9), "the row of viewcell 0: it has no known form");
+    assert_eq!(
+        wrong(12, 7),
+        "at byte 40: the targets are neither cells nor objects",
+        "an unknown kind of targets"
+    );
+    assert_eq!(
+        wrong(rows + 1, 9),
+        "the row of viewcell 0: it has no known form",
+        "a row that begins with an unknown form"
+    );
     let number = "a number is cut off, too large or longer than it need be";
-    assert_eq!(wrong(last, 0x81), alloc::format!("the row of viewcell 3: {number}"));
+    assert_eq!(
+        wrong(last, 0x81),
+        alloc::format!("the row of viewcell 3: {number}"),
+        "the last number of the last row goes on after its end"
+    );
     for back in [0, 4, 9] {
-        assert_eq!(wrong(last - 2, back), "the row of viewcell 3: it has no known form");
+        assert_eq!(
+            wrong(last - 2, back),
+            "the row of viewcell 3: it has no known form",
+            "a difference from {back} rows back"
+        );
     }
-    assert_eq!(wrong(last - 4, 5), "the row of viewcell 3: it lies outside the rows");
-    assert_eq!(wrong(20, 99), "the row of viewcell 2: it names an unknown target");
-    assert_eq!(wrong(HEADER_LENGTH + 7, 0xff), "the row of viewcell 0: it lies outside the rows");
+    assert_eq!(
+        wrong(last - 4, 5),
+        "the row of viewcell 3: it lies outside the rows",
+        "a length of more bytes than there are"
+    );
+    assert_eq!(
+        wrong(20, 99),
+        "the row of viewcell 2: it names an unknown target",
+        "a target number beyond the last target"
+    );
+    assert_eq!(
+        wrong(HEADER_LENGTH + 7, 0xff),
+        "the row of viewcell 0: it lies outside the rows",
+        "a row that begins after the end"
+    );
 }
 
 #[test]
 fn a_source_is_stored_after_the_rows_and_changes_none() {
     for pvs in [sample(), Pvs::new(PvsTargets::Cells, 0, &[[0; 0]; 0], |_| []).unwrap()] {
-        assert_eq!(pvs.source(), None);
+        assert_eq!(pvs.source(), None, "a set without a source");
         let with = pvs.clone().with_source(u64::MAX - 6);
-        assert_eq!(with.source(), Some(u64::MAX - 6));
-        assert!(with.stamp() != pvs.stamp());
+        assert_eq!(with.source(), Some(u64::MAX - 6), "the source that was set");
+        assert!(with.stamp() != pvs.stamp(), "a set with a source has other content");
         let loaded = Pvs::from_bytes(with.as_bytes()).unwrap();
-        assert_eq!((loaded.source(), &loaded), (with.source(), &with));
-        assert_eq!(loaded.clone().with_source(0).as_bytes().len(), with.as_bytes().len());
-        assert_eq!(loaded.with_source(0).source(), Some(0));
+        assert_eq!((loaded.source(), &loaded), (with.source(), &with), "the source survives being stored");
+        assert_eq!(
+            loaded.clone().with_source(0).as_bytes().len(),
+            with.as_bytes().len(),
+            "a second source takes the place of the first"
+        );
+        assert_eq!(loaded.with_source(0).source(), Some(0), "zero is a source like any other");
         for number in 0..5 {
             let [mut a, mut b] = [Vec::new(), Vec::new()];
             pvs.write_bits(ViewcellId(number), &mut a);
             with.write_bits(ViewcellId(number), &mut b);
-            assert_eq!(a, b);
+            assert_eq!(a, b, "viewcell {number}: the row does not depend on the source");
         }
         for more in [1, 7, 9, 16] {
             let longer = [pvs.as_bytes(), &vec![0; more]].concat();
@@ -160,8 +209,15 @@ fn rows_differ_from_rows_that_differ_up_to_a_depth() {
         Pvs::from_bytes(writer.finish())
     };
     let deepest = chain(5).unwrap();
-    assert!((0..5).all(|target| deepest.sees(ViewcellId(4), target)) && !deepest.sees(ViewcellId(3), 4));
-    assert_eq!(chain(6).unwrap_err().to_string(), "the row of viewcell 5: it takes too many other rows");
+    assert!(
+        (0..5).all(|target| deepest.sees(ViewcellId(4), target)) && !deepest.sees(ViewcellId(3), 4),
+        "a chain of four differences is read to its beginning"
+    );
+    assert_eq!(
+        chain(6).unwrap_err().to_string(),
+        "the row of viewcell 5: it takes too many other rows",
+        "a chain of five differences is one too many"
+    );
 }
 
 /// A row for each range of targets, and one for each range left out, in both forms: around the borders of
@@ -180,7 +236,7 @@ fn ranges_are_read_as_they_were_written() {
         let pvs = Pvs::new(PvsTargets::Cells, COUNT as usize, &rows, |_| []).unwrap();
         let mut words = Vec::new();
         for (row, viewcell) in rows.iter().zip((0..).map(ViewcellId)) {
-            assert!(pvs.write_bits(viewcell, &mut words));
+            assert!(pvs.write_bits(viewcell, &mut words), "{viewcell:?} is in the set");
             let mut expected = vec![0u64; 3];
             row.iter().for_each(|x| expected[*x as usize / 64] |= 1 << (x % 64));
             assert_eq!(words, expected, "{row:?}");
@@ -201,7 +257,7 @@ fn several_viewcells_see_what_any_of_them_sees() {
     for set in 0..32u32 {
         let some: Vec<ViewcellId> = all.into_iter().filter(|id| set >> id.0 & 1 != 0).collect();
         pvs.write_union(&some, &mut words, &mut row);
-        assert_eq!(words.len(), 400usize.div_ceil(64));
+        assert_eq!(words.len(), 400usize.div_ceil(64), "one bit per target, in words of 64");
         for target in 0..400u32 {
             // There is no row 4: an unknown viewcell sees all targets.
             let sees = |&id: &ViewcellId| id.0 == 4 || pvs.sees(id, target);
@@ -218,8 +274,12 @@ fn several_viewcells_see_what_any_of_them_sees() {
 #[test]
 fn rows_that_make_no_sense_are_not_taken() {
     let new = |row: &[u32]| Pvs::new(PvsTargets::Cells, 9, &[row], |_| []).unwrap_err();
-    assert_eq!(new(&[3, 3]), PvsError::Target { viewcell: ViewcellId(0), target: 3 });
-    assert_eq!(new(&[3, 9]), PvsError::Target { viewcell: ViewcellId(0), target: 9 });
+    assert_eq!(new(&[3, 3]), PvsError::Target { viewcell: ViewcellId(0), target: 3 }, "a target named twice");
+    assert_eq!(
+        new(&[3, 9]),
+        PvsError::Target { viewcell: ViewcellId(0), target: 9 },
+        "a target beyond the last"
+    );
 }
 
 proptest! {

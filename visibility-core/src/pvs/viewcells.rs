@@ -232,10 +232,14 @@ mod tests {
             found
         };
         assert_eq!(touching([7.5, 0.1, 0.1], [9.0, 0.2, 0.2]), [7, 8, 9], "touching counts");
-        assert_eq!(touching([3.2, 0.1, 0.1], [3.3, 0.2, 0.2]), [3]);
-        assert_eq!(touching([3.7, 0.7, 0.1], [3.8, 0.8, 0.2]), []);
+        assert_eq!(touching([3.2, 0.1, 0.1], [3.3, 0.2, 0.2]), [3], "a box before the cut corner");
+        assert_eq!(touching([3.7, 0.7, 0.1], [3.8, 0.8, 0.2]), [], "a box in the cut corner");
         assert_eq!(touching([3.75, 0.2, 0.1], [9.0, 0.3, 0.2])[..2], [4, 5], "beyond the corner");
-        assert_eq!(touching([f64::NAN; 3], [9.0; 3]), []);
-        assert_eq!(touching([f64::NEG_INFINITY; 3], [f64::INFINITY; 3]).len(), 40);
+        assert_eq!(touching([f64::NAN; 3], [9.0; 3]), [], "a box whose minimum is NaN touches none");
+        assert_eq!(
+            touching([f64::NEG_INFINITY; 3], [f64::INFINITY; 3]).len(),
+            40,
+            "the box of all space touches all"
+        );
     }
 }

@@ -123,15 +123,31 @@ mod tests {
         for i in 0..5000 {
             log.push(ObjectId { index: i, generation: 0 }, 10);
         }
-        assert!(log.entries.capacity() <= 2048);
-        assert_eq!(log.revision(), start + 5000);
-        assert_eq!(log.since(start), Changes::Everything);
-        assert_eq!(log.since(start + 5001), Changes::Everything);
-        assert_eq!(log.since(start + 5000), Changes::Objects(&[]));
-        assert_eq!(log.since(start + 4999), Changes::Objects(&[ObjectId { index: 4999, generation: 0 }]));
+        assert!(
+            log.entries.capacity() <= 2048,
+            "the log has room for {} changes, however many were made",
+            log.entries.capacity()
+        );
+        assert_eq!(log.revision(), start + 5000, "each change makes a revision");
+        assert_eq!(log.since(start), Changes::Everything, "the first changes are forgotten");
+        assert_eq!(log.since(start + 5001), Changes::Everything, "a revision of the future");
+        assert_eq!(
+            log.since(start + 5000),
+            Changes::Objects(&[]),
+            "nothing has changed since the last revision"
+        );
+        assert_eq!(
+            log.since(start + 4999),
+            Changes::Objects(&[ObjectId { index: 4999, generation: 0 }]),
+            "the last change is kept"
+        );
         log.invalidate();
-        assert_eq!(log.since(start + 5000), Changes::Everything);
-        assert_eq!(log.since(log.revision()), Changes::Objects(&[]));
+        assert_eq!(log.since(start + 5000), Changes::Everything, "invalidating forgets all changes");
+        assert_eq!(
+            log.since(log.revision()),
+            Changes::Objects(&[]),
+            "nothing has changed since the invalidation"
+        );
         assert_eq!(ChangeLog::new().since(start), Changes::Everything, "a revision of another log");
     }
 }

@@ -74,28 +74,44 @@ mod tests {
         a.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
         let b = a.clone();
         let cursor = SceneCursor::at(&a);
-        assert!(cursor.is_current(&a) && !cursor.is_current(&b));
-        assert!(cursor.is_in(&a) && !cursor.is_in(&b) && !SceneCursor::START.is_in(&a));
-        assert_eq!(cursor.peek(&a), Changes::Objects(&[]));
-        assert_eq!(cursor.peek(&b), Changes::Everything);
-        assert_eq!(SceneCursor::START.peek(&Scene::new()), Changes::Everything);
+        assert!(
+            cursor.is_current(&a) && !cursor.is_current(&b),
+            "a cursor is current in the scene that it was taken of, not in a clone"
+        );
+        assert!(
+            cursor.is_in(&a) && !cursor.is_in(&b) && !SceneCursor::START.is_in(&a),
+            "a cursor is in its scene alone, and the start is in none"
+        );
+        assert_eq!(cursor.peek(&a), Changes::Objects(&[]), "nothing has changed in the cursor's scene");
+        assert_eq!(cursor.peek(&b), Changes::Everything, "all is new in another scene");
+        assert_eq!(
+            SceneCursor::START.peek(&Scene::new()),
+            Changes::Everything,
+            "all is new to the start, even in an empty scene"
+        );
         // The scene's log does not reach back past a change of the origin.
         a.set_origin(glam::DVec3::ONE).unwrap();
-        assert_eq!(cursor.peek(&a), Changes::Everything);
-        assert!(cursor.is_in(&a));
+        assert_eq!(cursor.peek(&a), Changes::Everything, "another origin changes all objects");
+        assert!(cursor.is_in(&a), "the cursor stays in its scene when the origin moves");
     }
 
     #[test]
     fn a_cursor_knows_whether_the_origin_was_set() {
         let mut a = Scene::new();
-        assert!(!SceneCursor::START.is_at_origin_of(&a));
+        assert!(!SceneCursor::START.is_at_origin_of(&a), "the start is at no origin");
         let cursor = SceneCursor::at(&a);
         let id = a.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
         (0..5000).for_each(|_| a.set_cost(id, 1).unwrap());
         assert_eq!(cursor.peek(&a), Changes::Everything, "the log does not reach back");
-        assert!(cursor.is_at_origin_of(&a) && !cursor.is_at_origin_of(&a.clone()));
+        assert!(
+            cursor.is_at_origin_of(&a) && !cursor.is_at_origin_of(&a.clone()),
+            "changes of objects leave the origin, and a clone is another scene"
+        );
         a.set_origin(glam::DVec3::ONE).unwrap();
         a.set_origin(glam::DVec3::ZERO).unwrap();
-        assert!(!cursor.is_at_origin_of(&a) && SceneCursor::at(&a).is_at_origin_of(&a));
+        assert!(
+            !cursor.is_at_origin_of(&a) && SceneCursor::at(&a).is_at_origin_of(&a),
+            "an origin that came back was set all the same"
+        );
     }
 }

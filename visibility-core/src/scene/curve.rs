@@ -80,8 +80,16 @@ mod tests {
         let corners = Aabb::from_arrays([0.0; 3], [2.0; 3]).corners();
         let curve = Curve::through(corners.into_iter(), 8);
         let code = |x: f32, y: f32, z: f32| curve.code(Vec3::new(x, y, z)) >> 61;
-        assert_eq!([code(0.5, 0.5, 0.5), code(1.5, 0.5, 0.5), code(0.5, 1.5, 0.5)], [0, 1, 2]);
-        assert_eq!([code(1.5, 1.5, 1.5), code(9.0, 9.0, 9.0), code(f32::NAN, 1.5, -3.0)], [7, 7, 2]);
+        assert_eq!(
+            [code(0.5, 0.5, 0.5), code(1.5, 0.5, 0.5), code(0.5, 1.5, 0.5)],
+            [0, 1, 2],
+            "octants are numbered along x first, then y"
+        );
+        assert_eq!(
+            [code(1.5, 1.5, 1.5), code(9.0, 9.0, 9.0), code(f32::NAN, 1.5, -3.0)],
+            [7, 7, 2],
+            "the last octant, a point outside the bounds, and one with a NaN"
+        );
         let (a, b) = (curve.code(Vec3::splat(1.0)), curve.code(Vec3::splat(1.0 + 2.0 / 2097152.0)));
         assert_eq!((a, b - a), (7 << 61, 14), "the finest cell is a step of one on each axis");
     }
@@ -90,9 +98,15 @@ mod tests {
     fn points_far_from_the_rest_do_not_blunt_the_curve() {
         let near = (0..1000).map(|i| Vec3::splat(i as f32 * 1e-3));
         let curve = Curve::through(near.chain([Vec3::splat(1e30)]), 1001);
-        assert!(curve.code(Vec3::splat(1e30)) > curve.code(Vec3::splat(0.9)));
+        assert!(
+            curve.code(Vec3::splat(1e30)) > curve.code(Vec3::splat(0.9)),
+            "the point at 1e30 comes after the others"
+        );
         let curve =
             Curve::through((0..10000).map(|i| Vec3::splat(if i == 7 { 1e6 } else { i as f32 })), 10000);
-        assert!(curve.code(Vec3::splat(5000.0)) != curve.code(Vec3::splat(5001.0)));
+        assert!(
+            curve.code(Vec3::splat(5000.0)) != curve.code(Vec3::splat(5001.0)),
+            "points 1 m apart keep codes of their own beside one at 1000 km"
+        );
     }
 }

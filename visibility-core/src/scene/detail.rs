@@ -22,11 +22,11 @@ fn linked(link: Link) -> Option<usize> {
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub struct DetailedObject {
-    /// The object.
+    /// Object that has a draw range, a stand-in or stands in for others.
     pub id: ObjectId,
-    /// Its bounds, relative to the scene's origin.
+    /// Bounds of the object, in metres relative to the scene's origin.
     pub bounds: Aabb,
-    /// Its draw range.
+    /// Distances from the eye between which the object is drawn.
     pub range: DrawRange,
     /// Leaf and lane of the object that [stands in](Scene::stand_in) for it.
     pub stand_in: Option<(usize, usize)>,
@@ -94,9 +94,9 @@ impl Scene {
         self.tree.detailed.get(leaf).copied().unwrap_or(0)
     }
 
-    /// Returns bounds on the size and the draw ranges of all objects below a node of the
-    /// [scene's hierarchy](crate::walk::SceneHierarchy), by which whole nodes are dropped. Those of no object
-    /// if there is no such node.
+    /// Returns bounds on the size and the draw ranges of all objects below a node of the [scene's
+    /// hierarchy](crate::walk::SceneHierarchy), by which whole nodes are dropped. For an unknown node, the
+    /// bounds of an empty set of objects.
     pub fn detail_bounds(&self, node: usize) -> DetailBounds {
         self.tree.detail_bounds.get(node).copied().unwrap_or(DetailBounds::NONE)
     }
@@ -194,7 +194,8 @@ impl Scene {
         self.log.push(id, self.generations.len());
     }
 
-    /// Raises the bounds above the object in a slot, and lets [`maintain`](Self::maintain) lower them.
+    /// Raises the [bounds](DetailBounds) of the nodes above the object in `slot` to the object's details, and
+    /// queues the object's leaf, so that [`maintain`](Self::maintain) lowers bounds that are too high.
     fn raise_bounds(&mut self, slot: Slot) {
         self.tree.raise_to_object(slot);
         self.queue.push(slot.node());

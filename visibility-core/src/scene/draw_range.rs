@@ -55,8 +55,8 @@ impl Default for DrawRange {
 /// Index of an object plus one.
 pub(crate) type Link = Option<NonZeroU32>;
 
-/// What the scene stores of an object that has a draw range, an HLOD parent or children. The children of a
-/// parent are a doubly linked list.
+/// Details of an object that has a draw range, an HLOD parent or children. The children of a parent are a
+/// doubly linked list.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Detail {
     pub(crate) range: DrawRange,

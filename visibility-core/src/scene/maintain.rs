@@ -54,8 +54,12 @@ impl Tree {
                 continue;
             }
             done.budget_used += 1;
+            // Cheap work first: bounds as tight as they can be without moving objects.
             self.tighten(node);
             self.lower(node);
+            // Redistributing nodes costs more. It is tried if neighbours overlap more than when it last
+            // failed, or if few objects are left in the node. The limit decays, so that a place that has
+            // changed is tried again.
             let mut group = self.neighbours(node);
             group.truncate(1 + (budget - done.budget_used) / REGROUP_COST);
             let sparse = self.occupied[node as usize].count_ones() <= MERGE_BELOW;
@@ -70,6 +74,7 @@ impl Tree {
             if let Some(moved) = self.regroup(&group, sparse) {
                 *layout += 1;
                 done.rehomed += if leaves { moved } else { 0 };
+                // The nodes above have new bounds below them, and may overlap less now.
                 for &node in group.nodes() {
                     queue.remove_regrouped(node as usize);
                     if let Some(above) = self.parent(node) {

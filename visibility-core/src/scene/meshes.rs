@@ -82,7 +82,7 @@ impl Meshes {
         self.free_unused(index);
     }
 
-    /// Frees the slot of a removed mesh that no object has.
+    /// Frees slot `index` if its mesh is removed and no object has it any more.
     fn free_unused(&mut self, index: u32) {
         let slot = &mut self.slots[index as usize];
         if slot.is_removed && slot.users == 0 {

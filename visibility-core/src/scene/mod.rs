@@ -80,7 +80,7 @@ pub struct Scene {
     costs: Vec<u32>,
     /// Objects that were flagged as never to be culled, by index.
     never_cull: Bits,
-    /// Objects that what is behind is drawn through, by index.
+    /// Objects through which the objects behind them are drawn, by index.
     see_through: Bits,
     /// Objects whose triangles are drawn from their front alone, by index.
     one_sided: Bits,
@@ -316,6 +316,7 @@ impl Scene {
         self.tree.slots.reserve(expected);
         let mut ids = Vec::with_capacity(expected);
         let mut entries = Vec::with_capacity(expected);
+        // Objects that are never culled are kept outside the hierarchy. The others are collected first.
         for object in objects {
             let object = object.into();
             let payload = self.register(&object);
@@ -326,6 +327,8 @@ impl Scene {
                 entries.push(Entry::new(object.bounds, payload));
             }
         }
+        // A rebuild sorts all objects once, which is cheaper than as many searches if the batch is at least
+        // half of them.
         if entries.len() >= count_before {
             self.tree.rebuild(entries, &self.generations);
             self.queue.clear();
@@ -334,6 +337,7 @@ impl Scene {
                 self.tree.insert_entry(entry, &self.generations);
             }
         }
+        // The log holds a quarter of the objects. Readers of a longer one would be as quick from the start.
         if ChangeLog::is_too_much(ids.len(), self.generations.len()) {
             self.log.invalidate();
         } else {
@@ -547,7 +551,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Sets whether what is behind an object is drawn through it: see [`Object::see_through`].
+    /// Sets whether objects behind an object are drawn through it: see [`Object::see_through`].
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.

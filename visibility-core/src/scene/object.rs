@@ -69,7 +69,7 @@ impl ObjectId {
 }
 
 impl fmt::Display for ObjectId {
-    /// Writes the index alone, so that what is printed is the same in every run.
+    /// Writes the index alone, so that output is the same in every run.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.index)
     }
@@ -145,10 +145,10 @@ pub struct Object {
     /// Whether the object is opaque and may hide others. False by default, because a transparent object used
     /// as an occluder hides visible objects.
     pub occluder: bool,
-    /// Whether what is behind the object is drawn through it: glass, blended and alpha-tested surfaces. Such
-    /// an object must not be an occluder. Cullers ask [`occluder`](Self::occluder) alone; a judge that draws
-    /// the [triangles](crate::Scene::set_triangles) asks this too, since an opaque object that is no occluder
-    /// still covers pixels. False by default.
+    /// Whether objects behind the object are drawn through it: glass, blended and alpha-tested surfaces. Such
+    /// an object must not be an occluder. Cullers read [`occluder`](Self::occluder) alone. A judge that draws
+    /// the [triangles](crate::Scene::set_triangles) reads this too, since an opaque object that is no
+    /// occluder still covers pixels. False by default.
     pub see_through: bool,
     /// Whether the object's [triangles](crate::Scene::set_triangles) are drawn from their front alone, as
     /// with backface culling: from behind they are neither seen nor in the way. False by default: triangles

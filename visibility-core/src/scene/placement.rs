@@ -1,5 +1,5 @@
-//! Where objects with a local box or an occluder mesh are: a transform from which the object's bounds and the
-//! place of its mesh both follow, and what places a mesh otherwise.
+//! Placements: the transform of an object that has a local box or an occluder mesh. The object's bounds and
+//! the position of its mesh both follow from it.
 
 use crate::Aabb;
 use alloc::vec::Vec;
@@ -8,7 +8,7 @@ use glam::Affine3A;
 /// The transform of an object, and the box that it places.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placement {
-    /// Index of the object.
+    /// Index of the placed object.
     index: u32,
     /// Box of the object in its local coordinates. `None` if the object's bounds are given in scene
     /// coordinates.
@@ -27,15 +27,16 @@ pub(super) struct PlacedMesh {
     pub(super) is_inside: bool,
 }
 
-/// Where an object's occluder mesh comes from, and so what places it.
+/// Origin of an object's occluder mesh, which decides what transforms it.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) enum MeshOrigin {
-    /// It was given, and the object's transform places it.
+    /// The caller gave the mesh. The object's transform places it.
     Given,
-    /// It was made from a mesh of [`SharedTriangles`](super::SharedTriangles), whose transform places it, and
-    /// is dropped with them.
+    /// The mesh was made from [`SharedTriangles`](super::SharedTriangles). The transform of these places it,
+    /// and it is removed with them.
     Placed,
-    /// It was made from the object's triangles in scene coordinates, and is dropped with them.
+    /// The mesh was made from the object's triangles in scene coordinates, has no transform, and is removed
+    /// with them.
     InScene,
 }
 

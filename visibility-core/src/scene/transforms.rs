@@ -439,8 +439,8 @@ impl Scene {
         Some((self.meshes.at(mesh.index)?, self.mesh_transform(id.index, mesh)))
     }
 
-    /// Loads into the cache what is asked of the occluders of a leaf. The processor waits for many cache
-    /// misses at once, whereas asking one occluder after the other would wait for each.
+    /// Loads the data of a leaf's occluders into the cache. The processor waits for many cache misses at
+    /// once, but reading one occluder after the other would wait for each.
     pub(crate) fn fetch_occluders(&self, ids: &[ObjectId; FAN_OUT], mask: u64) {
         let mut sum = 0;
         for lane in lanes(mask) {

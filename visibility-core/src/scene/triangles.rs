@@ -30,7 +30,7 @@ pub struct SharedTriangles {
     source: Source,
 }
 
-/// Where triangles come from.
+/// Storage of an object's triangles.
 #[derive(Clone, Debug)]
 enum Source {
     /// A mesh in scene coordinates.
@@ -141,7 +141,7 @@ impl SharedTriangles {
         }
     }
 
-    /// Returns whether the triangles are those of the same mesh in memory.
+    /// Returns whether two objects' triangles are the same mesh in memory.
     pub fn shares_mesh(&self, other: &Self) -> bool {
         Arc::ptr_eq(self.mesh(), other.mesh())
     }
@@ -214,7 +214,8 @@ impl PartialEq for SharedTriangles {
 }
 
 impl From<Box<[Triangle]>> for SharedTriangles {
-    /// Takes triangles in scene coordinates, or in those of a mesh that is to be [placed](Self::placed).
+    /// Takes triangles in scene coordinates, or in the coordinates of a mesh that is [placed](Self::placed)
+    /// later.
     fn from(triangles: Box<[Triangle]>) -> Self {
         let bounds = Aabb::from_points(triangles.as_flattened().iter().copied());
         Self { source: Source::InScene(Arc::new(Mesh { triangles, bounds })) }
@@ -368,7 +369,7 @@ impl Iterator for TriangleIter<'_> {
 
 impl ExactSizeIterator for TriangleIter<'_> {}
 
-/// How the triangles of a mesh are placed in the scene as they are read.
+/// Way in which the triangles of a mesh are transformed to the scene as they are read.
 #[derive(Clone, Copy, Debug)]
 enum Placement {
     InScene,

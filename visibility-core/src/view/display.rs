@@ -29,6 +29,8 @@ impl fmt::Display for View {
         let Some(edges) = Edges::new(self) else {
             return write!(f, "a view whose matrix cannot be inverted");
         };
+        // Directions of the picture from the middles of its edges, since the matrix need not be one that this
+        // crate made.
         let up = (edges.top - edges.bottom).normalize_or(DVec3::Z);
         let right = (edges.right - edges.left).normalize_or(DVec3::X);
         let (ahead, planes) = match self.eye(DVec3::ZERO) {
@@ -86,7 +88,7 @@ struct Edges {
 }
 
 impl Edges {
-    /// Returns `None` for a matrix without an inverse.
+    /// Returns the points of the edges of a view's picture. `None` for a clip matrix without an inverse.
     fn new(view: &View) -> Option<Self> {
         let local_from_clip: DMat4 = view.clip_from_local.inverse();
         let near = view.depth.at_near();
@@ -124,7 +126,7 @@ fn short(x: f64) -> String {
     }
 }
 
-/// Returns three numbers in parentheses, in which what is left of rounding counts as zero.
+/// Returns a point as three numbers in parentheses. Numbers as small as rounding leaves are written as zero.
 fn point(p: DVec3) -> String {
     let size = p.abs().max_element();
     let number = |x: f64| short(if x.abs() <= size * 1e-6 { 0.0 } else { x });

@@ -48,7 +48,11 @@ fn engine_matrices_of_every_convention_give_the_same_view() {
                 assert_eq!(in_view(&view, p), in_view(reference, p), "{depth:?} at {distance}, {height}");
             }
         }
-        assert_eq!(view.planes(DVec3::ZERO).as_slice().len(), if depth.is_infinite() { 5 } else { 6 });
+        assert_eq!(
+            view.planes(DVec3::ZERO).as_slice().len(),
+            if depth.is_infinite() { 5 } else { 6 },
+            "{depth:?}: planes of the view"
+        );
     }
 }
 
@@ -57,10 +61,16 @@ fn orthographic_views_look_along_a_direction() {
     let window = Window { left: -2.0, right: 4.0, bottom: -1.0, top: 1.0 };
     let view = View::orthographic(pose(), window, -5.0, 20.0).unwrap();
     let Eye::Direction(d) = view.eye(DVec3::ZERO) else { panic!("parallel") };
-    assert!(d.distance(pose().forward) < 1e-12);
+    assert!(d.distance(pose().forward) < 1e-12, "the direction {d} is not the camera's");
     let at = |x: f64, y: f64, z: f64| pose().eye + pose().right * x + pose().up * y + pose().forward * z;
-    assert!(in_view(&view, at(3.9, 0.9, 19.0)) && in_view(&view, at(-1.9, -0.9, -4.0)));
-    assert!(!in_view(&view, at(-2.1, 0.0, 0.0)) && !in_view(&view, at(0.0, 0.0, 20.1)));
+    assert!(
+        in_view(&view, at(3.9, 0.9, 19.0)) && in_view(&view, at(-1.9, -0.9, -4.0)),
+        "points just within the window"
+    );
+    assert!(
+        !in_view(&view, at(-2.1, 0.0, 0.0)) && !in_view(&view, at(0.0, 0.0, 20.1)),
+        "points just outside the window"
+    );
     let depth_out = -view.clip_from(DVec3::ZERO).row(2).truncate().dot(d);
     assert!(depth_out > 0.0, "reversed depth falls along the line of sight");
 }
@@ -75,7 +85,11 @@ fn parallel_lines_of_sight_of_which_w_differs_are_of_no_camera() {
         [2.125, 2.125, -0.375, 2.125],
         [2.125, 2.125, 2.125, -0.6875],
     ]);
-    assert_eq!(View::from_clip_from_world(m, Depth::ZeroToOneInfinite).map(|_| ()), Err(ViewError::NoCamera));
+    assert_eq!(
+        View::from_clip_from_world(m, Depth::ZeroToOneInfinite).map(|_| ()),
+        Err(ViewError::NoCamera),
+        "the lines of sight of this matrix do not meet"
+    );
     m.y_axis.w = 2.25;
     assert!(View::from_clip_from_world(m, Depth::ZeroToOneInfinite).is_ok(), "they meet in a point");
 }
@@ -83,24 +97,34 @@ fn parallel_lines_of_sight_of_which_w_differs_are_of_no_camera() {
 #[test]
 fn bad_cameras_are_refused_with_the_reason() {
     let new = |m: Mat4| View::from_clip_from_world(m, Depth::ZeroToOne).map(|_| ());
-    assert_eq!(new(Mat4::ZERO), Err(ViewError::NotInvertible));
+    assert_eq!(new(Mat4::ZERO), Err(ViewError::NotInvertible), "the zero matrix");
     let mut m = Mat4::IDENTITY;
     m.z_axis.y = f32::NAN;
-    assert_eq!(new(m), Err(ViewError::Matrix { row: 1, column: 2 }));
+    assert_eq!(new(m), Err(ViewError::Matrix { row: 1, column: 2 }), "the entry that is NaN");
     m.z_axis.y = 0.0;
     m.y_axis = m.x_axis;
-    assert_eq!(new(m), Err(ViewError::NotInvertible));
+    assert_eq!(new(m), Err(ViewError::NotInvertible), "a matrix with two equal columns");
     // The third row is a combination of the others, but rounding keeps the determinant from being exactly
     // zero.
     let mut rows = [[0.1, 0.7, 0.3, 0.9], [0.2, 0.4, 0.6, 0.3], [0.0; 4], [0.5, 0.1, 0.2, 0.7]];
     rows[2] = core::array::from_fn(|i| rows[0][i] * 0.3 + rows[1][i] * 0.7);
     let combined = View::from_clip_from_world(DMat4::from_cols_array_2d(&rows), Depth::ZeroToOne);
-    assert_eq!(combined.map(|_| ()), Err(ViewError::NotInvertible));
+    assert_eq!(
+        combined.map(|_| ()),
+        Err(ViewError::NotInvertible),
+        "a matrix whose third row follows from the others"
+    );
     let view = View::perspective(pose(), 1.0, 1.0, 0.1, 1.0).unwrap();
-    assert_eq!(view.relative_to(DVec3::NAN).map(|_| ()), Err(ViewError::Origin));
+    assert_eq!(view.relative_to(DVec3::NAN).map(|_| ()), Err(ViewError::Origin), "an origin that is NaN");
     let bad = |fov, aspect, near, far| View::perspective(pose(), fov, aspect, near, far).is_err();
-    assert!(bad(0.0, 1.0, 0.1, 1.0) && bad(4.0, 1.0, 0.1, 1.0) && bad(1.0, -1.0, 0.1, 1.0));
-    assert!(bad(1.0, 1.0, 0.0, 1.0) && bad(1.0, 1.0, 2.0, 1.0) && bad(1.0, f64::NAN, 0.1, 1.0));
+    assert!(
+        bad(0.0, 1.0, 0.1, 1.0) && bad(4.0, 1.0, 0.1, 1.0) && bad(1.0, -1.0, 0.1, 1.0),
+        "angles of 0 and 4 radians and a negative aspect are refused"
+    );
+    assert!(
+        bad(1.0, 1.0, 0.0, 1.0) && bad(1.0, 1.0, 2.0, 1.0) && bad(1.0, f64::NAN, 0.1, 1.0),
+        "near of 0, far before near and an aspect of NaN are refused"
+    );
 }
 
 #[test]
@@ -110,9 +134,12 @@ fn extreme_cameras_are_accepted() {
     {
         let view = View::perspective(pose(), fov(angle), 1.7, near, far).unwrap();
         assert!(in_view(&view, pose().eye + pose().forward * (near * 2.0)), "{angle} {near} {far}");
-        assert!(!in_view(&view, pose().eye - pose().forward * far));
+        assert!(
+            !in_view(&view, pose().eye - pose().forward * far),
+            "{angle} {near} {far}: a point behind the eye is in view"
+        );
         let (Eye::Point(eye), error) = (view.eye(DVec3::ZERO), 1e-12) else { panic!("perspective") };
-        assert!(eye.distance(pose().eye) < error);
+        assert!(eye.distance(pose().eye) < error, "{angle} {near} {far}: the eye is {eye}");
     }
 }
 
@@ -123,9 +150,9 @@ fn only_the_difference_of_origins_counts() {
     let origin = DVec3::new(12.5, -7.25, 1.0 / 1048576.0);
     let view = View::perspective(pose(), 1.0, 1.5, 0.25, f64::INFINITY).unwrap();
     let moved = view.relative_to(view.origin() + step).unwrap();
-    assert_eq!(view.planes(origin), moved.planes(origin + step));
-    assert_eq!(view.clip_from(origin), moved.clip_from(origin + step));
-    assert_eq!(view.eye(origin), moved.eye(origin + step));
+    assert_eq!(view.planes(origin), moved.planes(origin + step), "both origins moved by the same step");
+    assert_eq!(view.clip_from(origin), moved.clip_from(origin + step), "both origins moved by the same step");
+    assert_eq!(view.eye(origin), moved.eye(origin + step), "both origins moved by the same step");
 }
 
 /// Tests that a view in words names the camera that its matrix was made for, in every depth convention.
@@ -135,10 +162,14 @@ fn views_say_what_camera_they_are() {
     let eye = "eye (1, 2, 3), looks along (0.6, 0.8, 0) with (0, 0, 1) up, ";
     let finite = View::perspective(pose(), 1.0, 1.5, 0.25, 64.0).unwrap();
     let words = "field of view 78.67 x 57.3 degrees, near 0.25, far 64, depth Reversed";
-    assert_eq!(finite.to_string(), format!("{eye}{words}"));
+    assert_eq!(finite.to_string(), format!("{eye}{words}"), "a perspective view with a far plane");
     let wide = View::perspective_off_center(pose(), window, 0.0001, f64::INFINITY).unwrap();
     let words = "field of view 116.6 x 90 degrees, near 1.0e-4, no far plane, depth ReversedInfinite";
-    assert_eq!(wide.with_layers(layers).to_string(), format!("{eye}{words}, layers 0x5"));
+    assert_eq!(
+        wide.with_layers(layers).to_string(),
+        format!("{eye}{words}, layers 0x5"),
+        "an off-centre view without a far plane, on some layers"
+    );
     // With x exchanged, and other ranges of depth.
     let scaled = |depth, z: DVec3| {
         let rows = DMat4::from_cols_array_2d(&[
@@ -151,13 +182,21 @@ fn views_say_what_camera_they_are() {
     };
     let ahead = "eye (0, 0, 0), looks along (0, 0, 1) with (0, 1, 0) up, field of view 90 x 90 degrees, ";
     let right = scaled(Depth::ZeroToOneInfinite, DVec3::new(1.0, 1.0, -2.0));
-    assert_eq!(right, format!("{ahead}near 2, no far plane, depth ZeroToOneInfinite"));
+    assert_eq!(
+        right,
+        format!("{ahead}near 2, no far plane, depth ZeroToOneInfinite"),
+        "a mirrored view without a far plane"
+    );
     let right = scaled(Depth::NegativeOneToOne, DVec3::new(1.5, 1.0, -2.5));
-    assert_eq!(right, format!("{ahead}near 1, far 5, depth NegativeOneToOne"));
+    assert_eq!(
+        right,
+        format!("{ahead}near 1, far 5, depth NegativeOneToOne"),
+        "a mirrored view with depth from -1"
+    );
     let left = View::from_clip_from_world(DMat4::from_scale(DVec3::new(0.5, 0.25, 0.1)), Depth::ZeroToOne);
     let words = "parallel view at (0, 0, 0), looks along (0, 0, 1) with (0, 1, 0) up, 4 x 8, near 0, far 10, \
                  depth ZeroToOne, left-handed";
-    assert_eq!(left.unwrap().to_string(), words);
+    assert_eq!(left.unwrap().to_string(), words, "a parallel, left-handed view");
 }
 
 #[test]
@@ -168,16 +207,24 @@ fn parameters_out_of_range_are_refused_with_range_and_unit() {
     assert!(
         degrees.ends_with(
             "fov_y cannot be 60: it is in radians, above 0 and below pi; was it meant in degrees?"
-        )
+        ),
+        "an angle in degrees: {degrees}"
     );
-    assert!(error(-1.0, 1.5, 0.1, 10.0).ends_with("in radians, above 0 and below pi"));
+    assert!(error(-1.0, 1.5, 0.1, 10.0).ends_with("in radians, above 0 and below pi"), "a negative angle");
     assert!(
         error(1.0, 0.0, 0.1, 10.0)
-            .ends_with("aspect cannot be 0: it is width over height, above 0 and finite")
+            .ends_with("aspect cannot be 0: it is width over height, above 0 and finite"),
+        "an aspect of 0"
     );
-    assert!(error(1.0, 1.5, 0.0, 10.0).ends_with("near cannot be 0: it is a distance in metres, above 0"));
-    assert!(error(1.0, 1.5, f64::NAN, 10.0).ends_with("in metres, and finite"));
-    assert!(error(1.0, 1.5, 0.1, 0.1).contains("far cannot be 0.1: it is a distance in metres, above near"));
+    assert!(
+        error(1.0, 1.5, 0.0, 10.0).ends_with("near cannot be 0: it is a distance in metres, above 0"),
+        "near of 0"
+    );
+    assert!(error(1.0, 1.5, f64::NAN, 10.0).ends_with("in metres, and finite"), "far of NaN");
+    assert!(
+        error(1.0, 1.5, 0.1, 0.1).contains("far cannot be 0.1: it is a distance in metres, above near"),
+        "far equal to near"
+    );
     let window = Window { left: 1.0, right: -1.0, bottom: -1.0, top: 1.0 };
     let error = View::orthographic(pose(), window, 0.0, 1.0).unwrap_err().to_string();
     assert!(error.contains("width cannot be -2: the left edge must be less than the right"), "{error}");

@@ -1,4 +1,4 @@
-//! What became visible and what became hidden between two frames.
+//! Objects that became visible and objects that became hidden between two frames.
 
 use crate::{ObjectId, Scene, scene::SceneCursor};
 use alloc::vec::Vec;

@@ -85,20 +85,20 @@ pub struct VisibleSet {
     changes: Option<Changes>,
 }
 
-/// What a set's list of ids says of its content.
+/// State of a set's list of ids relative to its masks.
 #[derive(Clone, Debug)]
 enum Listing {
-    /// Nothing: the masks alone define the set.
+    /// The list is not made: the masks alone define the set.
     Masks,
     /// The list has the order that `iter` follows. It contains every object of the set, and maybe objects
     /// that are no longer in the set.
     Order,
-    /// Nothing, and the set is finished: the masks are the set, including those of the leaves outside the
-    /// tree, for the layout at which the tree had this root. The token reads the tree as it was then; `None`
-    /// only while the set is being finished, on processors without tokens.
+    /// The set is finished, and its list is not made. The masks are the set, including those of the leaves
+    /// outside the tree, for the layout at which the tree had this root. The token reads the tree as it was
+    /// then. It is `None` only while the set is being finished, on processors without tokens.
     Unlisted { token: Option<Token>, root: u32 },
-    /// The set is finished: the list is the set, each object once. While the layout stays, the masks say the
-    /// same, including those of the leaves outside the tree.
+    /// The set is finished, and its list is the set, each object once. Until the layout changes, the masks
+    /// hold the same objects, including the masks of the leaves outside the tree.
     Finished,
 }
 
@@ -204,8 +204,8 @@ impl VisibleSet {
         self.listing = Listing::Masks;
     }
 
-    /// Unites the masks of this set, which must be of the scene's present layout, with those of another set,
-    /// which `other` gives for each node.
+    /// Adds the objects of another set, which `other` gives as a mask for each node. The masks of this set
+    /// must be of the scene's present layout.
     fn add(&mut self, scene: &Scene, other: &impl Fn(usize) -> u64) {
         if scene.tree().root != NONE {
             self.union_below(scene, other, scene.tree().root as usize, true, true);

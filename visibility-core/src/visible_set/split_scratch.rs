@@ -6,7 +6,8 @@ use alloc::vec::Vec;
 /// Memory of walks on several threads, kept from frame to frame.
 #[derive(Clone, Debug)]
 pub(crate) struct SplitScratch {
-    /// Subtrees in the order of the walk: root, and what is known of it.
+    /// Subtrees in the order of the walk: the root, and the knowledge about it that the test above has
+    /// returned.
     pub(crate) subtrees: Vec<(u32, u32)>,
     /// Empty before the first walk, then a fixed number of elements, among which the subtrees are dealt out.
     pub(crate) parts: Vec<Part>,
@@ -16,7 +17,7 @@ impl SplitScratch {
     pub(crate) const EMPTY: Self = Self { subtrees: Vec::new(), parts: Vec::new() };
 }
 
-/// What a part of a walk has found.
+/// Result of a part of a walk on several threads.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Part {
     pub(crate) masks: NewMasks,

@@ -27,8 +27,9 @@ pub(crate) trait NodeTest: Sync {
     /// What a test finds of the children, beyond which of them are kept.
     type Found;
 
-    /// Tests the `candidates` among the children of a node of which `known` is known. Returns the mask of the
-    /// children to keep, and what [`below`](Self::below) needs. Adds to the `tests` of `stats`.
+    /// Tests the `candidates` among the children of a node. `known` is the knowledge about the node from the
+    /// tests above. Returns the mask of the children to keep, and data for [`below`](Self::below). Adds to
+    /// the `tests` of `stats`.
     fn test(
         &self,
         block: &Block<'_>,
@@ -37,12 +38,13 @@ pub(crate) trait NodeTest: Sync {
         stats: &mut CullStats,
     ) -> (u64, Self::Found);
 
-    /// Returns what is known of the child in a lane that the test has kept.
+    /// Returns the knowledge about the child in a lane that the test has kept, 0 if nothing below it needs a
+    /// test.
     fn below(&self, found: &Self::Found, known: u32, lane: usize) -> u32;
 }
 
 /// Removes from `visible` the objects that `test` does not keep, on the threads of a job system. `known` is
-/// what is known of the root. Returns the work counters; their `visible` counts objects that are never
+/// the knowledge about the root. Returns the work counters; their `visible` counts objects that are never
 /// culled, too. The answer is that of a [`Walk`](super::Walk) with the same test.
 pub(crate) fn retain_on<T: NodeTest>(
     jobs: &dyn Jobs,
@@ -58,10 +60,13 @@ pub(crate) fn retain_on<T: NodeTest>(
         let mut scratch = core::mem::replace(&mut visible.split_scratch, SplitScratch::EMPTY);
         scratch.parts.resize_with(PARTS, Part::default);
         scratch.subtrees.clear();
+        // The upper levels on this thread. Nodes whose subtrees are small enough are put into `subtrees`.
         let mut top = Top { scene, is_current, test, subtrees: &mut scratch.subtrees, stats };
         top.visit(visible, root, known);
         stats = top.stats;
         let (subtrees, set) = (&scratch.subtrees, &*visible);
+        // Part `index` takes every `PARTS`-th subtree: neighbours in the scene are about equally costly, so
+        // parts are, too.
         if let Some(parts) = scratch.parts.first_chunk_mut::<PARTS>() {
             let mut index = 0;
             let numbered = parts.each_mut().map(|part| {
@@ -87,12 +92,15 @@ pub(crate) fn retain_on<T: NodeTest>(
                 part.stats = walk.stats;
             });
         }
+        // Masks are written after all parts have ended, in the order of parts: the answer does not depend on
+        // threads.
         for part in &scratch.parts {
             part.masks.runs().for_each(|(first, run)| visible.set_masks(first, run));
             let before = stats.visible;
             stats += part.stats;
             stats.visible += before;
         }
+        // A subtree in which no object is left makes the nodes above it lose a child.
         let mut next = 0;
         drop_empty(visible, scene, root, &scratch.parts, &mut next);
         visible.split_scratch = scratch;
@@ -114,13 +122,14 @@ struct Top<'a, T> {
     scene: &'a Scene,
     is_current: bool,
     test: &'a T,
-    /// See [`SplitScratch::subtrees`].
+    /// Nodes whose subtrees are dealt out, and the knowledge about each: see [`SplitScratch::subtrees`].
     subtrees: &'a mut Vec<(u32, u32)>,
     stats: CullStats,
 }
 
 impl<T: NodeTest> Top<'_, T> {
-    /// Tests the children of a node of which `known` is known, and notes the subtrees below that are kept.
+    /// Tests the children of a node, and lists the subtrees below that are kept. `known` is the knowledge
+    /// about the node from the tests above.
     fn visit(&mut self, visible: &mut VisibleSet, node: usize, known: u32) {
         let tree = self.scene.tree();
         if tree.levels[node] <= subtree_level(self.scene) {
@@ -194,7 +203,8 @@ struct PartWalk<'a, T> {
 }
 
 impl<T: NodeTest> PartWalk<'_, T> {
-    /// Tests everything below a node of which `known` is known. Returns whether any object is left.
+    /// Tests everything below a node. `known` is the knowledge about the node from the tests above. Returns
+    /// whether any object is left.
     fn visit(&mut self, node: usize, known: u32) -> bool {
         let candidates = self.set.mask_if(self.is_current, self.scene, node);
         let block = block(self.scene, node);

@@ -1,32 +1,33 @@
-//! What is known of a proof while its nodes are checked.
+//! State of a proof's check: the scene, the proof's steps and the errors of positions.
 
 use crate::proof::Step;
 use crate::triangles::SceneTriangles;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// A point, and the corner of the target triangle that it is.
+/// Position of a point, and the corner of the target triangle that it is equal to, if any.
 pub(super) type Corner = (DVec3, Option<usize>);
 
-/// An edge and the sign of the side on which lines pass it.
+/// An edge, and the sign (1 or -1) of the side on which lines pass it.
 pub(super) type Divider = ([Corner; 2], f64);
 
-/// A proof being checked.
+/// A proof while it is checked.
 pub(super) struct Check<'a> {
     pub(super) triangles: &'a SceneTriangles,
     pub(super) clearance: f64,
     /// Bound on the errors of positions.
     pub(super) delta: f64,
-    /// Vertices of the target triangle, of proofs without clearance.
+    /// Vertices of the target triangle in proofs without clearance. Empty otherwise.
     pub(super) target_vertices: Vec<u32>,
-    /// Nodes that were not checked yet.
+    /// Nodes of the proof that are not checked yet.
     pub(super) steps: core::slice::Iter<'a, Step>,
     /// Number of cuts of P on the way to the node at work.
     pub(super) splits: u32,
 }
 
 impl Check<'_> {
-    /// Returns the corner of the target triangle that a vertex is.
+    /// Returns which corner of the target triangle (0, 1 or 2) the vertex with index `vertex` is. `None` for
+    /// all other vertices, and in proofs with clearance.
     pub(super) fn tag(&self, vertex: u32) -> Option<usize> {
         self.target_vertices.iter().position(|&v| v == vertex)
     }

@@ -4,7 +4,7 @@ use crate::line_side::U;
 use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::DVec3;
 
-/// A number with 106 bits.
+/// Number of 106 bits of precision.
 pub(super) type D = DoubleDouble;
 
 pub(super) fn difference(a: DVec3, b: DVec3) -> [D; 3] {
@@ -19,7 +19,7 @@ pub(super) fn dot(a: [D; 3], b: [D; 3]) -> D {
     a[0].times(b[0]).plus(a[1].times(b[1])).plus(a[2].times(b[2]))
 }
 
-/// Returns the sum of the magnitudes.
+/// Returns the sum of the magnitudes of the components.
 pub(super) fn norm(a: [D; 3]) -> f64 {
     a.iter().map(|x| x.hi.abs()).sum()
 }
@@ -90,8 +90,8 @@ mod tests {
             DVec3::new(201.8103790283203, 2.48138427734375, 127.65131378173828),
             DVec3::new(201.65684509277344, 2.325841188430786, 127.33496856689453),
         ];
-        assert!(is_before(x, triangle, 1.757e-12));
-        assert!(!is_before(x, triangle, 4.7e-12));
+        assert!(is_before(x, triangle, 1.757e-12), "the point is 1.757e-12 before the triangle at least");
+        assert!(!is_before(x, triangle, 4.7e-12), "the point is 4.7e-12 before the triangle at least");
         let [a, b, c] = triangle;
         assert!(!is_before(x, [a, c, b], 0.0), "its back");
     }

@@ -1,4 +1,4 @@
-//! Dividing edges that leave a node without segments.
+//! Proofs that a node has no segments: its dividing edges contradict each other.
 
 use super::context::{Check, Divider};
 use super::exact_side::{D, cross, difference, dot, norm, side};

@@ -21,7 +21,7 @@ use alloc::vec::Vec;
 use context::{Check, Corner, Divider};
 use core::fmt;
 
-/// Why a [`Proof`] does not hold.
+/// Reasons why a [`Proof`] does not hold.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum ProofError {
@@ -83,7 +83,7 @@ impl Proof {
     }
 }
 
-/// Greatest depth of nodes.
+/// Greatest depth of nested nodes. A deeper proof is refused.
 const DEPTH: usize = 400;
 
 impl Check<'_> {
@@ -100,6 +100,7 @@ impl Check<'_> {
                 Ok(())
             }
             Step::Split { triangle } => {
+                // The part behind the triangle's plane and the part before it, both to be proven.
                 let front = (*triangle as usize) < self.triangles.len() && self.splits < SPLITS;
                 let front = front.then(|| self.triangles.front(*triangle)).flatten();
                 let parts = front.and_then(|front| sight.split(front, self.clearance, 4.0 * self.delta));
@@ -123,6 +124,8 @@ impl Check<'_> {
                 self.corner_excludes(sight, [a, b, c]).then_some(()).ok_or(ProofError::Corner)
             }
             Step::Loop { piece, ring, side, edges } => {
+                // Segments inside all edges of the loop are blocked, since the loop lies on the piece. Each
+                // edge that divides leaves a part of the segments outside of it.
                 let ring: Vec<Corner> =
                     ring.iter().map(|&(x, tag)| (x, (tag < 3).then_some(usize::from(tag)))).collect();
                 if ring.len() != edges.len() || side.abs() != 1.0 {
@@ -149,6 +152,8 @@ impl Check<'_> {
                         LoopEdge::Divides => inside.push((edge, *side)),
                     }
                 }
+                // The k-th part passes inside the edges before k and outside edge k. So the parts have no
+                // segment in common, and leave none out.
                 for k in 0..inside.len() {
                     rows.truncate(base);
                     rows.extend_from_slice(&inside[..k]);

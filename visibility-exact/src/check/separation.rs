@@ -42,8 +42,9 @@ impl Check<'_> {
         })
     }
 
-    /// Returns by how much positions may differ from the given ones where sides of edges are asked. Without a
-    /// clearance, by their errors; with one, points near Q's plane may be moved into it.
+    /// Returns the bound on the distance between given positions and those that count for the sides of edges.
+    /// Without a clearance it is the error of positions. With one, points near Q's plane may be moved into
+    /// it.
     pub(super) fn moved(&self, sight: &Sight) -> f64 {
         sight.near.map_or(self.delta, |near| 2.0 * near)
     }

@@ -42,6 +42,8 @@ impl Check<'_> {
             is_odd ^= found == Some(true);
             found.is_some()
         };
+        // The boundary is the edges that an odd number of the triangles have. Each triangle must be clear of
+        // P and Q, and the line must certainly cross or miss it.
         for &t in surface {
             let (numbers, corners) = (all.vertices(t), all.corners(t));
             for k in 0..3 {
@@ -59,6 +61,8 @@ impl Check<'_> {
                 return false;
             }
         }
+        // Corners may be moved by three clearances. No line of sight may meet the moved edge, and the strip
+        // up to it belongs to the surface.
         for (&[v, w], &[a, b]) in &boundary {
             let place = |v: u32, x: DVec3| moved.get(&v).copied().unwrap_or(x);
             let (c, d) = (place(v, a), place(w, b));

@@ -37,7 +37,8 @@ fn hidden() -> (SceneTriangles, Proof) {
     let mut search = Search::new(&triangles, cell, 1e-4, None);
     assert_eq!(
         search.solve_target(target, Budget { nodes: 20_000, divided: 200, halvings: 12 }).0,
-        Answer::Hidden
+        Answer::Hidden,
+        "the target is hidden"
     );
     let steps = core::mem::take(&mut search.steps);
     (triangles, Proof { cell, target, clearance: 1e-4, steps })
@@ -136,7 +137,7 @@ fn edges_in_the_plane_of_a_face_divide_the_lines_that_start_around_them() {
             let ends = [DVec3::new(x, -5.0, 0.0), DVec3::new(x, 9.0, 0.0)];
             let found = signs(&sight, &Edge::new(ends[0], ends[1]), check.delta);
             assert_eq!(found == POSITIVE || found == NEGATIVE, !is_divided, "{x}: {found}");
-            assert_ne!(found, 0);
+            assert_ne!(found, 0, "{x}: a sign is possible");
             let edge = ends.map(|end| (end, None));
             let on_a_side = [1.0, -1.0].map(|side| check.is_on_side(&sight, &edge, side));
             assert_eq!(on_a_side.contains(&true), !is_divided, "{x}: {on_a_side:?}");
@@ -175,12 +176,18 @@ fn edges_near_the_plane_of_a_face_are_in_it() {
         }
         // One end alone is in the plane.
         let edge = [(at(6.0, -5.0, 0.0), None), (at(6.0, 9.0, 1e-3), None)];
-        assert!([1.0, -1.0].iter().all(|&side| !check.is_on_side(&sight, &edge, side)));
+        assert!(
+            [1.0, -1.0].iter().all(|&side| !check.is_on_side(&sight, &edge, side)),
+            "an edge of which one end is in the plane"
+        );
         // Where all points are in the plane, an edge in the plane has them on no side.
         let corners = [at(9.0, 0.0, 0.0), at(10.0, 0.0, 0.0), at(10.0, 4.0, 0.0)];
         let flat = Sight { p: Polygon::new(&corners), ..sight };
         let edge = [(at(2.0, -5.0, 0.0), None), (at(2.0, 9.0, 0.0), None)];
-        assert!([1.0, -1.0].iter().all(|&side| !check.is_on_side(&flat, &edge, side)));
+        assert!(
+            [1.0, -1.0].iter().all(|&side| !check.is_on_side(&flat, &edge, side)),
+            "an edge in the plane of all points"
+        );
     }
 }
 
@@ -230,7 +237,7 @@ fn what_the_search_is_sure_to_cross_is_crossed() {
     let line = [[-2.5, 3.000_000_000_000_511_6, 4.0], [8.000_000_000_000_048, 3.0, 4.000_000_000_000_682]];
     let exact = |x: f64| {
         let scaled = x * (1u64 << 51) as f64;
-        assert_eq!(scaled, scaled.trunc());
+        assert_eq!(scaled, scaled.trunc(), "{x} has more digits than integers of the test");
         scaled as i128
     };
     let minus = |a: [f64; 3], b: [f64; 3]| core::array::from_fn::<i128, 3, _>(|k| exact(a[k]) - exact(b[k]));
@@ -242,10 +249,14 @@ fn what_the_search_is_sure_to_cross_is_crossed() {
     let edge = |k: usize| minus(t[(k + 1) % 3], t[k]).map(|x| x >> 51);
     let sides = [0, 1, 2].map(|k| sign(minus(line[1], line[0]), minus(t[k], line[0]), edge(k)));
     assert!(sides[0] != 0 && sides == [sides[0]; 3], "{sides:?}");
-    assert_eq!(line.map(|x| sign(minus(x, t[0]), edge(0), edge(1))).iter().product::<i128>(), -1);
+    assert_eq!(
+        line.map(|x| sign(minus(x, t[0]), edge(0), edge(1))).iter().product::<i128>(),
+        -1,
+        "the segment's ends are on both sides of the triangle's plane"
+    );
     let (line, t) = (line.map(DVec3::from_array), t.map(DVec3::from_array));
-    assert_eq!(segment_triangle(line[0], line[1], &t), Crossing::Yes);
-    assert_eq!(crosses(line, &t), Some(true));
+    assert_eq!(segment_triangle(line[0], line[1], &t), Crossing::Yes, "the search is sure of the crossing");
+    assert_eq!(crosses(line, &t), Some(true), "the check finds the same crossing");
     // Segments that pass near an edge, at whatever scale on each axis.
     let mut random = Random(8);
     let mut sure = 0;
@@ -320,7 +331,7 @@ fn what_touches_by_less_than_the_error_is_not_apart() {
         }
         assert!(!check.corner_excludes(&sight, [&rows[0], &rows[1], &rows[2]]), "{round}");
     }
-    assert!(proof.len() > 1);
+    assert!(proof.len() > 1, "the proof has several steps");
 }
 
 /// Without a clearance a line that passes an edge within the error of positions is on neither side: what is
@@ -352,8 +363,8 @@ fn without_clearance_edges_within_the_error_of_positions_are_met() {
     };
     let [near, far] = [20.0, 1e6].map(scene);
     let (answer, proof) = solve(&near);
-    assert_eq!(answer, Answer::Hidden);
+    assert_eq!(answer, Answer::Hidden, "the target is hidden where errors are small");
     proof.check(&near).unwrap();
-    assert!(proof.check(&far).is_err());
-    assert_ne!(solve(&far).0, Answer::Hidden);
+    assert!(proof.check(&far).is_err(), "the proof is refused where errors are large");
+    assert_ne!(solve(&far).0, Answer::Hidden, "the target is not hidden where errors are large");
 }

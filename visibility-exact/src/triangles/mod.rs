@@ -49,25 +49,25 @@ pub struct SceneTriangles {
     /// Index of each triangle's object in `objects`.
     object_of: Vec<u32>,
     occludes: Vec<bool>,
-    /// For each triangle the side of its plane that it is seen from, if that is one side alone.
+    /// Side of its plane from which each triangle is seen and occludes. `None` for both sides.
     fronts: Vec<Option<Half>>,
-    /// Areas in square metres, for orders of trial alone.
+    /// Area of each triangle in square metres, rounded. It decides only what is tried first.
     areas: Vec<f32>,
     /// Edges of each triangle: edge k joins corners k and k + 1.
     edges: Vec<[u32; 3]>,
-    /// For each edge the range of its occluding triangles in `edge_triangles`, and the end of the last.
+    /// Start of each edge's occluding triangles in `edge_triangles`; then the end of the last.
     edge_starts: Vec<u32>,
     edge_triangles: Vec<u32>,
     /// Convex polygons of coplanar occluding triangles.
     pieces: Vec<Piece>,
-    /// For each triangle its piece, `u32::MAX` if it does not occlude.
+    /// Index of the piece of each triangle, `u32::MAX` if the triangle does not occlude.
     piece_of: Vec<u32>,
     pub(crate) tree: TriangleTree,
-    /// Greatest absolute coordinate.
+    /// Greatest absolute coordinate of the scene, in metres.
     magnitude: f64,
 }
 
-/// An object as a target.
+/// An object that may be seen.
 #[derive(Clone, Debug)]
 pub(crate) struct TargetObject {
     pub(crate) id: ObjectId,
@@ -84,9 +84,9 @@ pub(crate) struct TargetObject {
 /// A convex polygon of coplanar triangles.
 #[derive(Clone, Debug)]
 pub(crate) struct Piece {
-    /// Vertices around the polygon.
+    /// Indices of the vertices around the polygon.
     pub(crate) ring: Box<[u32]>,
-    /// A position of each vertex.
+    /// Position of each vertex of `ring`.
     pub(crate) positions: Box<[DVec3]>,
     pub(crate) triangles: Box<[u32]>,
 }
@@ -94,7 +94,8 @@ pub(crate) struct Piece {
 /// Greatest number of corners of a [`Piece`].
 const PIECE: usize = 8;
 
-/// Greatest absolute coordinate that is used, so that products of three differences stay finite.
+/// Greatest absolute coordinate, in metres, of objects that are decided, so that products of three
+/// differences stay finite.
 pub(crate) const LIMIT: f64 = 1e30;
 
 impl SceneTriangles {
@@ -317,7 +318,7 @@ impl SceneTriangles {
         self.front(i).is_none() || sign(side(from, a, b, c, 0.0)) < 0
     }
 
-    /// Returns numbers that determine the triangles, which of them occlude, and from which sides.
+    /// Returns numbers that determine the triangles, whether each occludes, and from which sides. For hashes.
     pub(crate) fn numbers(&self) -> impl Iterator<Item = u64> + '_ {
         let objects = self.objects.iter().flat_map(|object| {
             let bounds = object.min.to_array().into_iter().chain(object.max.to_array()).map(f64::to_bits);

@@ -22,7 +22,7 @@ use visibility_core::{CullStats, ObjectId, OcclusionMap, Scene, View, VisibleSet
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct ClusterInstance<'m> {
-    /// Clusters of the mesh.
+    /// Clusters of the instance's mesh.
     pub mesh: &'m ClusterMesh,
     /// Maps mesh coordinates to coordinates relative to the scene's origin. May mirror, shear and scale. All
     /// clusters are listed if the transform is flat or not finite.
@@ -55,7 +55,7 @@ impl<'m> ClusterInstance<'m> {
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Hash)]
 pub struct VisibleCluster {
-    /// The object.
+    /// Object that has the cluster.
     pub instance: ObjectId,
     /// Number of the cluster, in the order in which [`ClusterMesh::new`] was given the clusters.
     pub cluster: u32,
@@ -229,6 +229,7 @@ impl InstanceWalk<'_> {
             stats.tests += u64::from(mask.count_ones());
             mask &= !self.simd.inside_cones(self.mesh.cones(block), &self.view.eye);
         }
+        // `unhidden` are the children whose box the map found visible: below them it is not asked again.
         let mut unhidden = 0;
         if let Some(map) = map.filter(|_| mask != 0) {
             let (placed, known) = self.placed(boxes, mask);
@@ -243,6 +244,7 @@ impl InstanceWalk<'_> {
             lanes(mask).for_each(|lane| each(clusters[lane]));
             return;
         }
+        // A plane that contains a child needs no test below it.
         let mut inside = [0; MAX_PLANES];
         for plane in lanes(active.into()) {
             inside[plane] = volume.inside(boxes, plane);

@@ -9,7 +9,7 @@ use visibility_core::scene::{DetailBounds, DetailedObject, SceneCursor, lanes};
 use visibility_core::walk::{Child, SceneHierarchy, Walk};
 use visibility_core::{Aabb, Accuracy, CullStats, Culler, Scene, View, VisibleSet, simd::Simd};
 
-/// Share of a distance by which the eye must come back before what it has switched switches back.
+/// Share of a distance by which the eye must move back past a limit before an object switches back.
 const HYSTERESIS: f64 = 0.05;
 
 /// Removes objects that contribute too little: that are smaller than a number of pixels, out of their [draw
@@ -173,7 +173,7 @@ impl ContributionCuller {
     }
 }
 
-/// What a frame tests by.
+/// Data of a frame's test of sizes and distances.
 struct Frame {
     size: Option<SizeTest>,
     eye: EyeBox,

@@ -1,4 +1,4 @@
-//! How large and how far an object is for a view.
+//! Size in pixels and distance of an object in a view.
 
 use super::eye_box::{EyeBox, MARGIN};
 use super::size_threshold::SizeTest;

@@ -8,7 +8,7 @@ use visibility_core::glam::DVec3;
 use visibility_core::scene::{DrawRange, SceneCursor};
 use visibility_core::{ObjectId, Scene, View, VisibleSet};
 
-/// What to draw of a visible object.
+/// Level of detail to draw for a visible object.
 ///
 /// ```
 /// use visibility_frame::lod::Lod;
@@ -75,7 +75,7 @@ pub struct LodSelector {
     scene: SceneCursor,
     /// Number of the last frame, by which `states` are dated; 1 before the first.
     frame: u64,
-    /// Indexed by object index.
+    /// State of each object, by object index.
     states: Vec<State>,
     selected: Vec<(ObjectId, Lod)>,
 }
@@ -198,6 +198,8 @@ impl LodSelector {
             let Ok(bounds) = scene.bounds(id) else { return };
             let (size, sizes) = (scale.diameter_squared(&bounds), sizes(id));
             let level = |factor: f64| level_of(size, &sizes[..sizes.len().min(255)], factor);
+            // An object that was selected in the frame before keeps its level within the hysteresis, and goes
+            // on with its fade. Any other one starts at the level of its size.
             let state = &mut self.states[id.index()];
             if state.frame + 1 == self.frame && state.generation == id.generation() {
                 let levels = level(1.0 - self.hysteresis)..=level(1.0 + self.hysteresis);
@@ -207,6 +209,8 @@ impl LodSelector {
                 *state = State { generation: id.generation(), level, previous: level, ..State::NONE };
             }
             state.frame = self.frame;
+            // The draw range begins at the object's own bounds and ends at those of its stand-in, so that
+            // neither leaves a gap.
             state.opacity = match scene.draw_range(id) {
                 Ok(range) if range != DrawRange::ALWAYS => {
                     let around = scene.stand_in(id).map_or(bounds, |(_, around)| around);

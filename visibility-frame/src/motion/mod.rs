@@ -14,7 +14,7 @@ use visibility_core::glam::Vec3;
 use visibility_core::scene::{Changes, SceneCursor, SceneError};
 use visibility_core::{Aabb, ObjectId, Scene, VisibleSet};
 
-/// What is known of the motion of an object.
+/// Bounds on the motion of an object.
 ///
 /// ```
 /// use visibility_core::Aabb;
@@ -83,10 +83,10 @@ impl Motion {
     }
 }
 
-/// How the scene's bounds of a mover are to be read.
+/// Meaning of the bounds that the scene has for a mover.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum State {
-    /// The place in the list is free.
+    /// The place in the list has no mover.
     Free,
     /// The mover is due in the next frame, the first since it was inserted. Its region is relative to the
     /// scene's origin there, whatever the origin is now.
@@ -96,7 +96,7 @@ enum State {
     New,
     /// The mover is due in the present frame: its bounds are exact once the caller has set them.
     Active,
-    /// As `Active`, and visible in the present frame. Used within `end_frame` only.
+    /// The mover is due in the present frame and visible in it. Used within `end_frame` only.
     Visible,
     /// The mover was hidden in the last frame and gets its volume when the next one begins.
     Hidden,
@@ -116,7 +116,7 @@ struct Mover {
     volume: Aabb,
 }
 
-/// What is read of a mover in every frame: 2 bytes, so that the status of all movers stays in the cache.
+/// Data of a mover that every frame reads: 2 bytes, so that the status of all movers stays in the cache.
 #[derive(Clone, Copy, Debug)]
 struct Status {
     state: State,
@@ -184,7 +184,7 @@ fn is_volume(movers: &[Mover], status: &[Status]) -> impl Fn(f64, u32) -> bool {
 #[derive(Clone, Debug)]
 pub struct MotionVolumes {
     movers: Vec<Mover>,
-    /// Indexed like `movers`.
+    /// Status of each mover, indexed like `movers`.
     status: Vec<Status>,
     /// Indexed by object index: the place in `movers`, or `NONE`.
     places: Vec<u32>,
@@ -192,7 +192,7 @@ pub struct MotionVolumes {
     /// Places of all movers without a volume, each once, and maybe of free ones.
     active: Vec<u32>,
     deadlines: Deadlines,
-    /// Volumes that `begin_frame` sets.
+    /// Scratch: movers whose bounds in the scene `begin_frame` replaces, with their new volumes.
     moved: Vec<(ObjectId, Aabb)>,
     cursor: SceneCursor,
     time: f64,
@@ -411,6 +411,7 @@ impl MotionVolumes {
     fn take_changes(&mut self, scene: &Scene) {
         let is_placed = self.cursor.is_at_origin_of(scene);
         match self.cursor.follow(scene) {
+            // The origin has moved: all volumes begin anew from the next position of each mover.
             Changes::Everything if !is_placed => {
                 for place in 0..self.movers.len() {
                     let state = self.status[place].state;
@@ -427,6 +428,7 @@ impl MotionVolumes {
                     }
                 }
             }
+            // The log was too long to be kept: a mover is due unless the scene still has its volume.
             Changes::Everything => {
                 for place in 0..self.movers.len() {
                     let (Mover { id, volume, .. }, state) = (self.movers[place], self.status[place].state);

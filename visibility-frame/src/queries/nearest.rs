@@ -24,7 +24,7 @@ use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy};
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub struct Neighbor {
-    /// The object.
+    /// Object that was found.
     pub id: ObjectId,
     /// Squared distance in square metres from the point to the nearest point of the object's bounds: 0 if
     /// the point is in the bounds, and for improper bounds. The relative rounding error is below 2^-50.

@@ -138,7 +138,7 @@ impl Ray {
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub struct RayHit {
-    /// The object.
+    /// Object that the ray hits.
     pub id: ObjectId,
     /// Distance in metres from the ray's origin to the point where the ray enters the object's bounds,
     /// rounded down by at most 2^-20 of itself. 0 if the origin is in the bounds, and for improper bounds.

@@ -17,7 +17,7 @@ pub(crate) trait Region {
     fn inside(&self, boxes: &Boxes64) -> u64;
 }
 
-/// All of space.
+/// Region that is all of space.
 pub(super) struct Everywhere;
 
 impl Region for Everywhere {

@@ -22,7 +22,8 @@ impl DepthPlanes {
     /// No planes: the depth key is bounded by negative infinity, so these planes hide no box.
     pub(crate) const NONE: Self = Self { planes: [[0.0; 3]; 3], count: 0 };
 
-    /// A single plane, as [`ScreenShape::planes`] has it.
+    /// Returns the planes of an occluder that a single plane bounds, with coefficients as in
+    /// [`ScreenShape::planes`].
     #[inline(always)]
     pub(crate) fn one(plane: [f32; 3]) -> Self {
         Self { planes: [plane; 3], count: 1 }
@@ -107,7 +108,7 @@ mod tests {
         for (a, b) in [(0.01, 0.02), (-0.01, 0.02), (0.01, -0.02), (-0.01, -0.02)] {
             let plane = [a, b, 5.0];
             let mut shape = ScreenShape::default();
-            assert!(shape.add_depth_plane(plane, [64.0, 64.0]));
+            assert!(shape.add_depth_plane(plane, [64.0, 64.0]), "the plane {plane:?} is kept");
             let depth_planes = DepthPlanes::of(&shape);
             for (left, top, size) in [(8.0, 16.0, 8.0), (11.0, 19.0, 1.0), (40.0, 50.0, 3.0), (0.0, 0.0, 1.0)]
             {
@@ -120,6 +121,6 @@ mod tests {
                 assert!(depth_planes.hides(sides, (least - 1e-4) as f32), "{a} {b} {sides:?}");
             }
         }
-        assert!(!DepthPlanes::NONE.hides([0.0, 1.0, 0.0, 1.0], f32::NEG_INFINITY));
+        assert!(!DepthPlanes::NONE.hides([0.0, 1.0, 0.0, 1.0], f32::NEG_INFINITY), "no planes hide nothing");
     }
 }

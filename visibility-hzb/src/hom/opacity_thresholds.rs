@@ -129,10 +129,22 @@ mod tests {
     fn only_whole_texels_are_opaque_at_a_threshold_of_one() {
         for level in 0..LEVELS {
             let area = 1 << (2 * level);
-            assert_eq!(Thresholds::OPAQUE.need(level, area), area);
-            assert_eq!(Thresholds::from_tile_threshold(f32::NAN).need(level, area), area);
+            assert_eq!(
+                Thresholds::OPAQUE.need(level, area),
+                area,
+                "level {level}: pixels needed of {area} at a threshold of 1"
+            );
+            assert_eq!(
+                Thresholds::from_tile_threshold(f32::NAN).need(level, area),
+                area,
+                "level {level}: pixels needed of {area} at a threshold of NaN"
+            );
             // The greatest number below one leaves nothing out either: it rounds to no fewer pixels than all.
-            assert_eq!(Thresholds::from_tile_threshold(1.0f32.next_down()).need(level, area), area);
+            assert_eq!(
+                Thresholds::from_tile_threshold(1.0f32.next_down()).need(level, area),
+                area,
+                "level {level}: pixels needed of {area} just below a threshold of 1"
+            );
         }
     }
 
@@ -144,8 +156,15 @@ mod tests {
             let holes = area - thresholds.need(level, area);
             assert!((15..=16).contains(&holes) || level > 8 && holes < 16, "level {level}: {holes}");
         }
-        assert_eq!(thresholds.need(2, 16), 16);
-        assert!(!thresholds.is_fine() && !thresholds.all_opaque());
-        assert_eq!(Thresholds::from_tile_threshold(-3.0).need(TILE, 64), 1);
+        assert_eq!(thresholds.need(2, 16), 16, "texels finer than a tile have no holes");
+        assert!(
+            !thresholds.is_fine() && !thresholds.all_opaque(),
+            "a threshold of 0.75 allows holes, in whole tiles alone"
+        );
+        assert_eq!(
+            Thresholds::from_tile_threshold(-3.0).need(TILE, 64),
+            1,
+            "a tile needs one pixel, however low the threshold"
+        );
     }
 }

@@ -143,7 +143,11 @@ mod tests {
             let (opacity, pixels) = map(&mut random, size);
             for level in 0..TILE + opacity.levels.len() {
                 let [columns, rows] = opacity.size(level).unwrap();
-                assert_eq!([columns, rows], size.map(|side| side.div_ceil(1 << level)));
+                assert_eq!(
+                    [columns, rows],
+                    size.map(|side| side.div_ceil(1 << level)),
+                    "round {round}, level {level}: texels in each direction"
+                );
                 for (x, y) in (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y))) {
                     let (mut count, mut area) = (0, 0);
                     for v in (y << level)..((y + 1) << level).min(size[1]) {
@@ -219,10 +223,13 @@ mod tests {
         let mut opacity = OpacityPyramid::new([16, 16]);
         opacity.update(&tiles, &TileRange([0, 1, 0, 1]));
         let block = |left| Rectangle { columns: [left, left + 2], lines: [0, 2] };
-        assert!(!is_opaque(&opacity, &block(0), true));
+        assert!(!is_opaque(&opacity, &block(0), true), "one pixel of the block is open");
         let mut thresholds = Thresholds::OPAQUE;
         thresholds.set(1, 0.75);
         opacity.set(thresholds);
-        assert!(is_opaque(&opacity, &block(0), true) && !is_opaque(&opacity, &block(2), true));
+        assert!(
+            is_opaque(&opacity, &block(0), true) && !is_opaque(&opacity, &block(2), true),
+            "three quarters of a block are enough, a half is not"
+        );
     }
 }

@@ -17,9 +17,9 @@ use alloc::vec::Vec;
 use visibility_core::jobs::{Jobs, for_each_part};
 use visibility_core::simd::Simd;
 
-/// Number of bands. More bands would share the work among more threads, but what lies in several bands is set
-/// up in each (measured with all bands on one thread: two bands take 1.05 times, four 1.25 times as long as
-/// the buffer as a whole; two halves share the work better than two sides of the clusters' median).
+/// Number of bands. More bands would share the work among more threads, but clusters in several bands are set
+/// up in each (measured with all bands on one thread: two bands take 1.05 times as long as the whole buffer,
+/// four 1.25 times; two halves share the work better than a division at the clusters' median).
 const BANDS: usize = 2;
 
 /// The raster of levels, with its memory from frame to frame.
@@ -29,7 +29,7 @@ pub(crate) struct LevelRaster {
     candidates: Vec<Candidate>,
     scratch: LevelScratch,
     bands: [Band; BANDS],
-    /// Buffers of the bands after the first one, which is drawn where it belongs. Empty before the first
+    /// Buffers of all bands but the first, which is drawn into the buffer itself. Empty before the first
     /// frame on several threads.
     tiles: Vec<Tiles>,
 }
@@ -42,15 +42,15 @@ struct Band {
     /// The view of each level, for the columns of the band.
     frames: Vec<Option<LevelFrame>>,
     scratch: LevelScratch,
-    /// Upper bound on the depth keys of what was drawn, and the work spent.
+    /// Upper bound on the depth keys of the clusters drawn, and the work spent in triangles.
     drawn: (f32, f32),
 }
 
 impl LevelRaster {
-    /// Draws levels into `tiles`, which are empty, the nearest clusters of all of them first, until about
-    /// `work` is spent, in triangles: in bands, each of which may spend it, on the threads of a job system,
-    /// if there is one. `frames` has the view for each level, `None` for a level that is not drawn. Returns
-    /// an upper bound on the depth keys of what was drawn, and the work spent.
+    /// Draws levels into `tiles`, which must be empty: the nearest clusters of all levels first, until about
+    /// `work`, in triangles, is spent. With a job system, bands of columns are drawn on its threads, and each
+    /// band may spend `work`. `frames` has the view for each level, `None` for a level that is not drawn.
+    /// Returns an upper bound on the depth keys drawn, and the work spent.
     pub(crate) fn draw(
         &mut self,
         simd: Simd,
@@ -68,6 +68,8 @@ impl LevelRaster {
                 draw_candidates(simd, levels, frames, candidates, left, scratch, tiles)
             }
             Some(jobs) => {
+                // A band is a range of columns of tiles. The first band draws into `tiles` itself, each other
+                // one into tiles of its own, so that threads share no memory that they write.
                 self.tiles.resize_with(BANDS - 1, || Tiles::new_like(tiles));
                 for (i, band) in self.bands.iter_mut().enumerate() {
                     band.columns = [i, i + 1].map(|i| tiles.columns * i / BANDS);
@@ -84,6 +86,8 @@ impl LevelRaster {
                     let (own, scratch) = (&band.frames, &mut band.scratch);
                     band.drawn = draw_candidates(simd, levels, own, candidates, left, scratch, tiles);
                 });
+                // The bands are disjoint, so copying the columns of each joins them, in any order of the
+                // threads.
                 for (band, own) in self.bands[1..].iter().zip(&self.tiles) {
                     tiles.take_columns(own, band.columns);
                 }

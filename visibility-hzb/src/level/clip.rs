@@ -17,13 +17,14 @@ type Point = [f64; 5];
 pub(super) struct End {
     /// The point in homogeneous screen coordinates.
     pub(super) point: Point,
-    /// Column and row of a plain vertex, which takes part in no cut and is at that very place in all
+    /// Column and row of a plain vertex: one that no cut concerns, and that is at the same place in all
     /// outlines.
     pub(super) plain: Option<[f32; 2]>,
 }
 
 impl End {
-    /// Returns whether value `of` of the end is above `limit`, as it counts as being for a plain vertex.
+    /// Returns whether the end stays when the edge is cut: coordinate `of` (an index into `point`) is above
+    /// `limit`. True for a plain vertex, which no cut concerns.
     fn stays(&self, of: usize, limit: f64) -> bool {
         self.plain.is_some() || self.point[of] > limit
     }
@@ -32,9 +33,9 @@ impl End {
 /// Scratch for edges that are cut.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ClipScratch {
-    /// Edges before a cut.
+    /// Edges before the cut by a plane.
     pub(super) edges: Vec<[End; 2]>,
-    /// Edges after the cut.
+    /// Edges after the cut by a plane.
     cut: Vec<[End; 2]>,
 }
 
@@ -64,9 +65,9 @@ impl ClipScratch {
         core::mem::swap(&mut self.edges, &mut self.cut);
     }
 
-    /// Cuts the outline of the flat polygon in `edges` and pushes what is left of it to `out`. Returns upper
-    /// bounds on the error of its points in pixels, and the least and the greatest `w`: infinity and 0
-    /// if nothing is left.
+    /// Cuts the outline of the flat polygon in `edges` by the near plane and the guard band, and pushes the
+    /// rest to `out`. Returns an upper bound on the error of its points in pixels, and the least and the
+    /// greatest `w`: infinity and 0 if nothing is left.
     #[inline(always)]
     pub(super) fn clip(&mut self, frame: &LevelFrame, out: &mut Edges) -> [f64; 3] {
         self.cut(4, frame.least_near);

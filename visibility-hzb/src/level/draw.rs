@@ -28,8 +28,8 @@ use visibility_occluders::{OccluderCluster, OccluderPolygon};
 /// Least area of a drawn polygon on the screen, in square pixels, as estimated from its middle.
 const LEAST_AREA_PX: f32 = 32.0;
 
-/// Work of finding out whether a cluster may be seen, in triangles of a tenth of a microsecond (measured, as
-/// the following).
+/// Work of testing whether a cluster may be seen, in triangles of a tenth of a microsecond (measured, as the
+/// following ones).
 pub(super) const CANDIDATE_WORK: f32 = 0.05;
 
 /// Work of choosing the polygons of a cluster, in triangles.
@@ -44,7 +44,7 @@ const TILE_WORK: f32 = 0.25;
 /// A cluster that may be seen.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidate {
-    /// Order of drawing: less is nearer. Bits of the greatest depth key, inverted.
+    /// Key of the order of drawing: less is nearer. Inverted bits of the greatest depth key.
     order: u32,
     /// Index of the level.
     level: u32,
@@ -63,7 +63,7 @@ impl Candidate {
     }
 }
 
-/// Scratch of the raster of a level, kept from frame to frame.
+/// Scratch memory for drawing a level, kept from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LevelScratch {
     vertices: Vertices,
@@ -81,8 +81,8 @@ pub(crate) struct LevelScratch {
 }
 
 /// Draws clusters of levels into the frames' columns of `tiles`, in the order of `candidates`, until about
-/// `work` is spent, in triangles. `frames` has the view for each level. Returns an upper bound on the depth
-/// keys of what was drawn, and the work spent.
+/// `work`, in triangles, is spent. `frames` has the view for each level. Returns an upper bound on the depth
+/// keys drawn, and the work spent.
 pub(crate) fn draw_candidates(
     simd: Simd,
     levels: &[Arc<PreparedLevel>],
@@ -120,8 +120,8 @@ pub(crate) fn draw_candidates(
     (nearest, scratch.work)
 }
 
-/// Appends the clusters that may be seen of a level, given with its index. Returns the number of clusters
-/// looked at.
+/// Appends the clusters of a level that may be seen. `index` is the index of the level. Returns the number of
+/// clusters tested.
 #[inline(always)]
 pub(crate) fn find_candidates(
     index: u32,
@@ -169,7 +169,8 @@ pub(crate) fn find_candidates(
     looked_at
 }
 
-/// Returns the mask of the clusters whose largest polygon, as near as its cluster, could cover enough pixels.
+/// Returns the mask of the clusters whose largest polygon could cover enough pixels at the nearest distance
+/// of its cluster.
 #[inline(always)]
 fn are_large(boxes: &BoxLanes, largest: &[f32; WIDTH], frame: &LevelFrame) -> u32 {
     let eye = frame.eye.as_vec3().to_array();
@@ -209,8 +210,8 @@ fn draw_cluster(
     drawn
 }
 
-/// Chooses the polygons of a cluster that are worth drawing, and projects its vertices. Returns whether there
-/// is any such polygon.
+/// Chooses the polygons of a cluster that are worth drawing, and projects the cluster's vertices. Returns
+/// whether any polygon is worth it.
 #[inline(always)]
 pub(crate) fn begin_cluster(
     level: &PreparedLevel,
@@ -256,7 +257,7 @@ fn is_inside_clip_planes(level: &PreparedLevel, frame: &LevelFrame, cluster: &Oc
     (0..8).all(|i| frame.clip_planes.contains(DVec3::new(side(i, 0), side(i, 1), side(i, 2))))
 }
 
-/// Returns the mask of the polygons that cover enough pixels to be worth drawing, as estimated.
+/// Returns the mask of the polygons that cover enough pixels to be worth drawing, by an estimate.
 #[inline(always)]
 fn worth_drawing(polygons: &Polygons, frame: &LevelFrame) -> u32 {
     let eye = frame.eye.as_vec3().to_array();
@@ -319,6 +320,8 @@ fn draw_polygon(
     let ([x, y], [least_w, own_most_w]) = (&vertices.places, &vertices.w);
     for (edge, &PreparedEdge { ends, partner }) in (polygon.edges[0]..).zip(&level.edges[outline.clone()]) {
         let [a, b] = ends.map(|vertex| vertex as usize);
+        // Both ends were projected with the whole cluster, and are far enough before the eye to be used as
+        // they are.
         if vertices.plain[a] && vertices.plain[b] {
             let shared = if partner != NO_EDGE && seams_are_bare { first_edge + edge } else { NO_EDGE };
             edges.push([x[a], y[a]], [x[b], y[b]], shared);
@@ -326,6 +329,8 @@ fn draw_polygon(
             (nearest_w, most_w) = (least(least_w[a], nearest_w), greatest(own_most_w[a], most_w));
             continue;
         }
+        // An edge that the near plane or the guard band may cut is cut in `f64`, from the vertices
+        // themselves.
         let flatten = *flattened.get_or_insert_with(|| !is_beyond_window(frame, polygon, far));
         clip.edges.push([0, 1].map(|end| {
             let at = [a, b][end];
@@ -344,10 +349,13 @@ fn draw_polygon(
         (error, least_w) = (error.max(own_error), least_w.min(own_w));
         most_w = most_w.max(most_own_w);
     }
+    // Cheap rejections come before the work on depth planes and tiles.
     simd.finish_edges(edges);
     if plain && !may_be_seen(simd, frame, tiles, edges.bounds, nearest_w) {
         return false;
     }
+    // The polygon's vertices lie in a slab about its plane. Where its outline may deviate from that of its
+    // faces by more than the slack allows, or the projection is too inexact, it must not be drawn.
     let thickness = polygon.extent[1] - polygon.extent[0];
     let lanes = &level.polygons[level.first_polygons[index] as usize + at / WIDTH];
     let middle = DVec3::from([0, 1, 2].map(|axis| f64::from(lanes.middle[axis][at % WIDTH])));
@@ -364,6 +372,7 @@ fn draw_polygon(
     } else {
         f32::NEG_INFINITY
     };
+    // Tiles whose depth is already nearer than this polygon everywhere need no coverage.
     let Some(keys) = TileKeys::new(edges, frame, &DepthBound { plane, floor }, tiles) else {
         return false;
     };
@@ -376,8 +385,9 @@ fn draw_polygon(
     covered | simd.cover_seams(seams, &level.edges[outline], polygon.edges[0], first_edge, tiles)
 }
 
-/// Returns whether a polygon may cover pixels that hold nothing as near: one within `bounds` (least column,
-/// least row, greatest column, greatest row), at least `w` away. An estimate: it decides what is drawn only.
+/// Returns whether a polygon may cover pixels that are still empty or farther. `bounds` (least column, least
+/// row, greatest column, greatest row) hold the polygon, and `w` is its least distance. An estimate: it
+/// decides only what is drawn.
 fn may_be_seen(simd: Simd, frame: &LevelFrame, tiles: &Tiles, bounds: [f32; 4], w: f32) -> bool {
     let size = [(tiles.columns * SIDE) as f32, (tiles.rows * SIDE) as f32];
     let range = |axis: usize| {
@@ -389,9 +399,9 @@ fn may_be_seen(simd: Simd, frame: &LevelFrame, tiles: &Tiles, bounds: [f32; 4], 
     !frame.perspective || simd.rectangle_may_be_seen(tiles, &rectangle, 1.0 / (BARELY_NEARER * w))
 }
 
-/// Returns the coordinate along a polygon's normal of the side of its slab that is away from the eye. `None`
-/// if the polygon is not seen from a side from which it hides, the eye is in the slab, or rays may meet the
-/// slab before the near plane.
+/// Returns the coordinate, along a polygon's normal, of the side of its slab that is away from the eye.
+/// `None` if the polygon does not hide from the side on which the eye is, if the eye is in the slab, or if
+/// rays may meet the slab before the near plane.
 #[inline(always)]
 fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<f64> {
     let [low, high] = polygon.extent;
@@ -412,7 +422,8 @@ fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<f64> {
     (seen && (beside > thickness + margin || is_beyond_window(frame, polygon, far))).then_some(far)
 }
 
-/// Returns 1 if the eye is in front of a polygon whose slab has its far side at `far`, -1 if behind.
+/// Returns 1 if the eye is in front of a polygon's slab, -1 if behind it. `far` is the coordinate along
+/// `normal` of the slab's far side.
 #[inline(always)]
 fn eye_side(frame: &LevelFrame, normal: DVec3, far: f64) -> f64 {
     let along = normal.dot(frame.eye);
@@ -420,8 +431,9 @@ fn eye_side(frame: &LevelFrame, normal: DVec3, far: f64) -> f64 {
     if front { 1.0 } else { -1.0 }
 }
 
-/// Returns whether the eye's window is certainly on the eye's side of a polygon's slab, whose far side is at
-/// `far`: then what the picture sees of the slab is beyond the distance at which outlines are cut.
+/// Returns whether the eye's window is certainly on the eye's side of a polygon's slab. `far` is the
+/// coordinate of the slab's far side. Then all points of the slab in the picture are beyond the distance at
+/// which outlines are cut.
 #[inline(always)]
 fn is_beyond_window(frame: &LevelFrame, polygon: &OccluderPolygon, far: f64) -> bool {
     let (normal, anchor) = (polygon.normal, frame.projection.anchor);
@@ -452,8 +464,8 @@ fn faces_eye(frame: &LevelFrame, polygon: &OccluderPolygon, middle: DVec3, radiu
     height > 0.0 && height * height > sine_squared * distance * distance * (1.0 + 1e-5)
 }
 
-/// Returns the plane, over tile columns and rows, that is the least depth key of a polygon in a tile: that of
-/// the points whose coordinate along `normal` is `far`.
+/// Returns the plane of least depth keys of a polygon, as a function of tile column and tile row: the key of
+/// points whose coordinate along `normal` is `far`.
 fn depth_plane(frame: &LevelFrame, normal: DVec3, middle: DVec3, radius: f64, far: f64) -> [f32; 3] {
     let axis = normal.abs().min_position();
     let across = normal.cross(DVec3::AXES[axis]).normalize_or_zero() * radius;

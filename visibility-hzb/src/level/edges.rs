@@ -11,26 +11,26 @@ const LEVEL_EDGE_PX: f32 = 1.0 / 64.0;
 /// lie below all rows.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Edges16 {
-    /// Column of the upper end; of an edge that counts as level, the least column.
+    /// Column of the upper end, in pixels. For an edge that counts as level, the least column.
     pub(super) x: [f32; WIDTH],
-    /// Row of the upper end.
+    /// Row of the upper end, in pixels.
     pub(super) top: [f32; WIDTH],
-    /// Row of the lower end.
+    /// Row of the lower end, in pixels.
     pub(super) bottom: [f32; WIDTH],
-    /// Change of the column from one row to the next; 0 for an edge that counts as level.
+    /// Change of the column from one row to the next. 0 for an edge that counts as level.
     pub(super) slope: [f32; WIDTH],
-    /// Least column.
+    /// Least column of each edge, in pixels.
     pub(super) low: [f32; WIDTH],
-    /// Greatest column.
+    /// Greatest column of each edge, in pixels.
     pub(super) high: [f32; WIDTH],
-    /// Width of an edge that counts as level, else 0.
+    /// Width in pixels of an edge that counts as level, 0 for any other edge.
     pub(super) level: [f32; WIDTH],
     /// For each edge that two polygons share its index in the frame, else [`NO_EDGE`].
     pub(super) shared: [u32; WIDTH],
 }
 
 impl Edges16 {
-    /// No edges.
+    /// Lanes without an edge.
     const NONE: Self = {
         let none = [0.0; WIDTH];
         Self {
@@ -129,7 +129,7 @@ impl Edges {
 struct Bounds([[f32; WIDTH]; 4]);
 
 impl Bounds {
-    /// No edges.
+    /// Bounds of an outline without edges.
     const EMPTY: Self = Self([
         [f32::INFINITY; WIDTH],
         [f32::INFINITY; WIDTH],

@@ -11,10 +11,10 @@ use crate::coverage::Coverage;
 use crate::lanes::WIDTH;
 use alloc::vec::Vec;
 
-/// Scratch of [`fill`].
+/// Scratch memory of [`fill`].
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FillScratch {
-    /// Open tiles: for each row of tiles a mask for each [`WIDTH`] columns.
+    /// Masks of the open tiles: for each row of tiles, one for each [`WIDTH`] columns.
     pub(super) open: Vec<u32>,
     /// Edges that meet a row of tiles.
     row: Vec<RowEdges>,

@@ -1,4 +1,4 @@
-//! The view of a frame, as the raster of a level's occluders needs it.
+//! View of a frame, in the form that drawing a level needs.
 
 use super::prepared::PreparedLevel;
 use crate::buffer::tile_layout::SIDE;
@@ -44,23 +44,22 @@ pub(crate) struct LevelFrame {
     pub(super) perspective: bool,
     /// Clip planes of the view.
     pub(super) clip_planes: ViewPlanes,
-    /// Distance beyond the near plane, in the unit of clip space, at which outlines are cut. What a ray meets
-    /// in the slab of a polygon is then beyond the near plane if the point of the polygon's plane is beyond
-    /// this distance.
+    /// Distance beyond the near plane, in the unit of clip space, at which outlines are cut. If a point of a
+    /// polygon's plane is beyond it, all points of the polygon's slab on the same ray are beyond the near
+    /// plane.
     pub(super) least_near: f64,
-    /// `w` at which outlines are cut.
+    /// Least `w` of outlines: they are cut there.
     pub(super) least_w: f64,
     /// In a parallel view, the greatest thickness of a polygon's slab whose outline may be moved into one
     /// plane to be cut, in metres.
     pub(super) most_flattened: f64,
-    /// The eye's *window*: four points on rays beside the corners of the buffer, so far from the eye that
-    /// outlines are not cut there, relative to the anchor. What the picture shows of the space before the
-    /// distance at which outlines are cut is in the hull of the eye and these. `None` if not all the rays
-    /// come to that distance.
+    /// The eye's *window*: four points, relative to the anchor, on rays beside the corners of the buffer, at
+    /// a distance at which outlines are not cut. All points in the picture nearer than the cut are in the
+    /// hull of the eye and the window. `None` if not all the rays reach that distance.
     pub(super) window: Option<[DVec3; 4]>,
-    /// Greatest magnitude of columns and rows of outlines, in pixels. Where they leave it they are cut.
+    /// Greatest magnitude in pixels of columns and rows of outlines: outlines are cut there.
     pub(super) guard: f64,
-    /// Distance in pixels within which an edge is near a pixel: more than outlines are off by.
+    /// Distance in pixels within which an edge counts as near a pixel. It is more than the error of outlines.
     pub(super) slack: f32,
     /// Pixels that one square metre covers in the middle of the view, facing the eye at a distance of one
     /// metre; in a parallel view at any distance.
@@ -68,11 +67,11 @@ pub(crate) struct LevelFrame {
     /// Upper bound on the distance in pixels by which a point in the picture moves on the screen if it moves
     /// by one metre, times its `w`.
     pub(super) pixels_per_metre: f64,
-    /// The [`sides`] of the view.
+    /// The [`sides`] of the view, for tests of balls.
     pub(super) sides: [[f32; 5]; 5],
     /// Greatest change of `w` over one metre.
     pub(super) w_per_metre: f64,
-    /// Rule of which pixels an outline covers.
+    /// Rule that decides which pixels an outline covers.
     pub(super) coverage: Coverage,
     /// Columns of tiles that are drawn, half-open: all columns, or those of a band.
     pub(super) columns: [usize; 2],
@@ -89,6 +88,8 @@ impl LevelFrame {
         coverage: Coverage,
     ) -> Option<Self> {
         let projection = ScreenProjection::new(view, level.origin, picture, size);
+        // All errors are bounded once for the frame, for points in a box that holds every polygon and the
+        // balls around them.
         let reach = level.reach.to_array().map(up);
         let bounds = Aabb { min: -Vec3::from(reach), max: Vec3::from(reach) };
         let (object, _) = project_object(&projection, &bounds, &Affine3A::IDENTITY)?;
@@ -102,6 +103,7 @@ impl LevelFrame {
             let Eye::Direction(along) = view.eye(level.origin) else { return None };
             (along, projection.rows[2].constant * projection.rows[2].constant)
         };
+        // Upper bound on the pixels by which a point moves for a metre that it is moved, times its `w`.
         let side = projection.size[0].max(projection.size[1]);
         let pixels_per_metre = x.length().max(y.length()) + side * w.length();
         // Along the ray through a pixel, the distance beyond the near plane is linear in `w`, and has the
@@ -114,7 +116,10 @@ impl LevelFrame {
             near.length() * level.thickness.min(most_flattened) * (2.0 / LEAST_PARALLEL_COSINE)
         };
         let least_near = least_near * (1.0 + 1e-6) + 2.0 * object.near_limit();
+        // A `w` of at least 1,024 times its error: quotients by it err by a thousandth at most.
         let least_w = 1024.0 * object.error[2];
+        // A polygon's area in pixels, estimated from its area in square metres: only its order in the queue
+        // depends on it.
         let across = |row: DVec3| {
             let along = if perspective && depth > 0.0 { w * (row.dot(w) / depth) } else { DVec3::ZERO };
             (row - along).length()

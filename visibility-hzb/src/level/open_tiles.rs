@@ -1,4 +1,4 @@
-//! Open tiles of an outline: those that it may come near and that hold nothing as near.
+//! Open tiles of an outline: the tiles that the outline may come near and that do not hold anything as near.
 
 use super::edges::Edges;
 use super::frame::LevelFrame;
@@ -8,8 +8,8 @@ use crate::buffer::tiles::Tiles;
 use crate::lanes::{WHOLE, WIDTH, bits, greatest, least};
 use alloc::vec::Vec;
 
-/// Factor of depth keys by which a polygon must be nearer than what a tile holds to be drawn there: what is
-/// nearer by less hides next to nothing more.
+/// Least ratio of a polygon's depth key to that of a tile for the polygon to be drawn there. A polygon that
+/// is barely nearer hides next to nothing more.
 pub(super) const BARELY_NEARER: f32 = 1.05;
 
 /// Returns the whole number nearest to `x`, whose magnitude must be below 2^22.
@@ -18,13 +18,14 @@ fn nearest_whole(x: f32) -> f32 {
     (x + WHOLE) - WHOLE
 }
 
-/// Returns the first tile at or beyond `side`, in tiles, that is in the buffer.
+/// Returns the first tile of the buffer at or beyond the position `side`, in tiles.
 #[inline(always)]
 pub(super) fn first_tile(side: f32) -> usize {
     greatest(side, 0.0) as usize
 }
 
-/// Returns the end of the tiles up to `side`, in tiles, of the `count` tiles of the buffer.
+/// Returns the end, exclusive, of the tiles before the position `side`, in tiles. `count` is the number of
+/// tiles of the buffer.
 #[inline(always)]
 pub(super) fn end_tile(side: f32, count: usize) -> usize {
     ((greatest(side, 0.0) + 1.0) as usize).min(count)
@@ -38,8 +39,8 @@ pub(super) fn first_tiles(count: u32) -> u32 {
 
 /// Bounds on the depth keys of a polygon.
 pub(crate) struct DepthBound {
-    /// Least key in a tile: `a * column + b * row + c` for the tile at tile column `column` and tile row
-    /// `row`.
+    /// Coefficients `[a, b, c]` of the least key in a tile: `a * column + b * row + c`, in tile columns and
+    /// tile rows.
     pub(super) plane: [f32; 3],
     /// Lower bound on all keys.
     pub(super) floor: f32,
@@ -48,24 +49,25 @@ pub(crate) struct DepthBound {
 /// Tiles that an outline may come near, and the least depth keys of its polygon there.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TileKeys {
-    /// First and end column of tiles.
+    /// Columns of tiles that the outline may come near, half-open.
     pub(super) columns: [usize; 2],
-    /// First and end row of tiles.
+    /// Rows of tiles that the outline may come near, half-open.
     pub(super) rows: [usize; 2],
     /// Left, upper, right and lower side of the pixels that the outline may come near, in tiles.
     sides: [f32; 4],
-    /// The least key of a tile in columns, rows, and a constant, for the part of it within `sides`.
+    /// Coefficients of the least key of a tile for column, row and the constant, for the part of the tile
+    /// within `sides`.
     pub(super) plane: [f32; 3],
-    /// Term of the least key that is the same in all tiles: `plane` is of whole tiles, and this takes it to
-    /// the corner of a part of a tile at which the key is least.
+    /// Constant added to the least key of each tile: `plane` is for whole tiles, and this moves it to the
+    /// corner of a part of a tile at which the key is least.
     constant: f32,
     /// Lower bound on all keys.
     floor: f32,
 }
 
 impl TileKeys {
-    /// Returns the tiles of an outline in the frame's columns. The outline comes near what is within the
-    /// slack of its edges. `None` if there are none.
+    /// Returns the tiles of the frame's columns that an outline comes near: within the slack of its edges.
+    /// `None` if there are none.
     #[inline(always)]
     pub(super) fn new(
         edges: &Edges,

@@ -1,4 +1,4 @@
-//! What the raster keeps of a level, computed once: boxes of clusters and sizes of polygons, in lanes.
+//! A level prepared for the raster, once: boxes of clusters and sizes of polygons, in lanes.
 
 use crate::lanes::WIDTH;
 use alloc::sync::Arc;
@@ -14,7 +14,7 @@ pub(crate) type BoxLanes = [[f32; WIDTH]; 6];
 /// Up to [`WIDTH`] polygons of one cluster, by coordinate. Lanes without a polygon have no area.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Polygons {
-    /// Unit normals.
+    /// Unit normals, by axis and lane.
     pub(crate) normal: [[f32; WIDTH]; 3],
     /// Middles of the boxes around the polygons in metres.
     pub(crate) middle: [[f32; WIDTH]; 3],
@@ -31,15 +31,15 @@ pub(crate) struct Polygons {
 /// not drawn. It takes about as much memory as the occluders themselves.
 #[derive(Clone, Debug)]
 pub struct PreparedLevel {
-    /// The occluders.
+    /// Occluders of the level.
     pub(crate) level: Arc<LevelOccluders>,
     /// Origin in world space that all positions are relative to.
     pub(crate) origin: DVec3,
-    /// Middle of the box around all clusters in metres, and the distance of its corners from there.
-    /// The middle is not a number without clusters.
+    /// Middle of the box around all clusters, and distance of the box's corners from it, in metres. The
+    /// middle is NaN without clusters.
     pub(crate) ball: (DVec3, f64),
-    /// Greatest magnitude of the x, y and z of all vertices, and of points beside polygons as far from their
-    /// middles as their vertices.
+    /// Greatest magnitudes of the coordinates of all vertices, and of all points as far from a polygon's
+    /// middle as its vertices.
     pub(crate) reach: DVec3,
     /// Greatest thickness of a polygon's slab in metres.
     pub(crate) thickness: f64,
@@ -49,7 +49,7 @@ pub struct PreparedLevel {
     pub(crate) largest: Vec<[f32; WIDTH]>,
     /// Boxes around the clusters of [`WIDTH`] elements of `clusters`, [`WIDTH`] at a time.
     pub(crate) groups: Vec<BoxLanes>,
-    /// Polygons of all clusters.
+    /// Polygons of all clusters, in lanes. Each cluster begins a new element.
     pub(crate) polygons: Vec<Polygons>,
     /// For each cluster, the index of its first element of `polygons`; one more at the end.
     pub(crate) first_polygons: Vec<u32>,
@@ -77,6 +77,7 @@ impl PreparedLevel {
     pub fn new(level: Arc<LevelOccluders>, origin: DVec3) -> Self {
         let boxes: Vec<Aabb> = level.clusters().iter().map(|cluster| cluster.bounds).collect();
         let clusters = in_lanes(&boxes);
+        // The largest polygon of a cluster comes first. Its area decides how early the cluster is drawn.
         let area = |cluster: &OccluderCluster| {
             level.polygons().get(cluster.polygons[0] as usize).map_or(0.0, |largest| largest.area as f32)
         };
@@ -86,6 +87,7 @@ impl PreparedLevel {
             areas
         });
         let largest = largest.collect();
+        // Boxes around `WIDTH` times `WIDTH` clusters, so that one test rejects many of them.
         let groups: Vec<Aabb> = boxes
             .chunks(WIDTH * WIDTH)
             .map(|boxes| {
@@ -98,6 +100,8 @@ impl PreparedLevel {
         let all = Aabb::from_points(all);
         let ball = (all.center().as_dvec3(), all.half_extent().as_dvec3().length());
         let groups = in_lanes(&groups);
+        // Polygons are stored in lanes of `WIDTH`, a cluster's own from a new group of lanes on: a test of
+        // facing and size then takes `WIDTH` polygons at once.
         let (mut polygons, mut first_polygons) = (Vec::new(), Vec::new());
         let (mut reach, mut thickness) = (DVec3::ZERO, 0.0f64);
         let none = PreparedEdge { ends: [0; 2], partner: NO_EDGE };
@@ -131,7 +135,10 @@ impl PreparedLevel {
         }
         first_polygons.push(polygons.len() as u32);
         find_partners(&level, &mut edges);
+        // A polygon's vertices lie in its slab, which may reach beyond the ball about its middle by the
+        // slab's thickness.
         let reach = reach + thickness;
+        // The level lists its objects; the cullers look them up by index.
         let indices = level.objects().iter().map(|id| id.index() + 1).max().unwrap_or(0);
         let mut objects = alloc::vec![ObjectId::PLACEHOLDER; indices];
         level.objects().iter().for_each(|&id| objects[id.index()] = id);
@@ -205,7 +212,7 @@ fn find_partners(level: &LevelOccluders, edges: &mut [PreparedEdge]) {
     }
 }
 
-/// Returns boxes in lanes.
+/// Returns boxes in lanes of [`WIDTH`]. Lanes beyond the last box are empty.
 fn in_lanes(boxes: &[Aabb]) -> Vec<BoxLanes> {
     let lanes = |boxes: &[Aabb]| {
         let mut lanes = [[0.0; WIDTH]; 6];

@@ -10,7 +10,7 @@ use visibility_core::glam::Vec3;
 /// Vertices of one cluster on the screen.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Vertices {
-    /// Columns, and rows.
+    /// Columns and rows of the vertices in the picture, in pixels.
     pub(super) places: [Vec<f32>; 2],
     /// Whether each vertex is plain: in the guard band and beyond the distance at which outlines are cut,
     /// with an error of at most [`MAX_ERROR_PX`].

@@ -113,14 +113,14 @@ impl Window {
 /// Edges that meet a row of tiles.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RowEdges {
-    /// Index into [`Edges::drawn`].
+    /// Index into [`Edges::drawn`] of the 16 edges that the lanes of the other fields stand for.
     chunk: u32,
     /// Least column that each edge comes near in the row. Infinity for an edge that does not meet it.
     left: [f32; WIDTH],
     /// Greatest column that each edge comes near in the row. Negative infinity for an edge that does not meet
     /// it.
     right: [f32; WIDTH],
-    /// For each edge, the rows of pixels whose centres it crosses: bit i for row i of the tiles.
+    /// Rows of pixels whose centres each edge crosses: bit i for row i of the tiles.
     crosses: [u32; WIDTH],
 }
 
@@ -151,6 +151,8 @@ pub(super) fn edges_of_row(edges: &Edges, top: f32, slack: f32, row: &mut Vec<Ro
         let (mut left, mut right) = ([0.0; WIDTH], [0.0; WIDTH]);
         let (mut crosses, mut any) = ([0; WIDTH], false);
         for i in 0..WIDTH {
+            // The part of each edge in this row of tiles, widened by the slack, and the columns that this
+            // part spans.
             let (from, to) = (greatest(first, lanes.top[i]), least(last, lanes.bottom[i]));
             let meets = from <= to;
             let (p, q) = (lanes.column(i, from), lanes.column(i, to));

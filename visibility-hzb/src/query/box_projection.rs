@@ -115,7 +115,7 @@ impl ScreenProjection32 {
 pub(crate) struct ScreenPoints {
     /// Columns in pixels. Meaningless where `error` is infinite, as are all other values.
     pub(crate) x: [f32; WIDTH],
-    /// Rows in pixels.
+    /// Rows of the points in pixels.
     pub(crate) y: [f32; WIDTH],
     /// Lower bounds on `w`.
     pub(crate) w: [f32; WIDTH],
@@ -304,6 +304,8 @@ pub(crate) fn project<const N: usize>(
     projection: &ScreenProjection32,
     boxes: &[[f32; N]; 6],
 ) -> ProjectedBoxes<N> {
+    // Coordinates relative to the anchor. The anchor is the sum of two `f32`, subtracted one after the other,
+    // so that a box near the eye keeps its digits far from the origin.
     let (mut low, mut high) = ([[0.0; N]; 3], [[0.0; N]; 3]);
     for axis in 0..3 {
         for i in 0..N {
@@ -314,6 +316,8 @@ pub(crate) fn project<const N: usize>(
     let (w, w_error) = corners(&projection.rows[2], &low, &high);
     let (x, x_error) = corners(&projection.rows[0], &low, &high);
     let (y, y_error) = corners(&projection.rows[1], &low, &high);
+    // Screen bounds are those of the eight projected corners, as the perspective map of a convex body before
+    // the eye is convex.
     let mut out = ProjectedBoxes::NONE;
     let [width, height] = projection.picture;
     let mut bounds = [[f32::INFINITY; N], [f32::NEG_INFINITY; N], [f32::INFINITY; N], [f32::NEG_INFINITY; N]];
@@ -332,6 +336,8 @@ pub(crate) fn project<const N: usize>(
     }
     let (mut unknown, mut any) = ([false; N], false);
     for i in 0..N {
+        // The quotient x / w errs by the errors of x and of w, over the least `w`. The factor 1.25 allows for
+        // a computed `w` that is too large by up to an eighth, as `known` makes sure of.
         let over = 1.25 / w_least[i];
         let x_margin = (x_error[i] + width * w_error[i]) * over + MARGIN * width;
         let y_margin = (y_error[i] + height * w_error[i]) * over + MARGIN * height;
@@ -341,6 +347,8 @@ pub(crate) fn project<const N: usize>(
         out.known[i] = known && left <= right && top <= bottom;
         out.outside[i] = known && (right < 0.0 || left > width || bottom < 0.0 || top > height);
         out.inside[i] = known && left >= 0.0 && right <= width && top >= 0.0 && bottom <= height;
+        // Pixel columns and rows that the bounds meet: rounded outwards, at least one of each, inside the
+        // picture.
         out.sides[0][i] = round_to_i32(clamped(left, width - 1.0) - 0.5).max(0);
         out.sides[1][i] =
             round_to_i32(clamped(right, width) + 0.5).max(out.sides[0][i] + 1).min(width as i32);
@@ -352,6 +360,7 @@ pub(crate) fn project<const N: usize>(
         unknown[i] = !known;
         any |= !known;
     }
+    // In a parallel view `w` is the same everywhere, and depth keys come from the row of the depth.
     if !projection.perspective {
         let (n, n_error) = corners(&projection.rows[3], &low, &high);
         for i in 0..N {

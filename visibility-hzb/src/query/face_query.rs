@@ -30,7 +30,8 @@ pub(crate) struct FaceTest<'a> {
     /// Bounds on the box's depth key by its faces.
     planes: BoxFacePlanes,
     tiles: &'a Tiles,
-    /// May be older than the tiles, which is conservative.
+    /// Pyramid above `tiles`. It may be older than the tiles: its minima are then farther away, and hide
+    /// less.
     pyramid: &'a Pyramid,
     /// Pixels that the box may meet.
     rectangle: Rectangle,
@@ -57,8 +58,8 @@ impl<'a> FaceTest<'a> {
         if tiles > most { None } else { Self::anywhere(query, rectangle, sides, nearest) }
     }
 
-    /// As [`new`](Self::new), of a box that may meet any pixel, as near as its faces are: it may reach the
-    /// plane of the eye. `None` also if the eye may be in the box.
+    /// Prepares the test of a box that may meet any pixel and may reach the plane of the eye. Its faces tell
+    /// how near it is. `None` if the eye may be in the box, and otherwise as for [`new`](Self::new).
     #[inline(always)]
     pub(crate) fn at_eye(query: &BoxQuery<'a>, sides: [f32; 6]) -> Option<Self> {
         let [width, height] = query.projection.picture_size();

@@ -134,10 +134,13 @@ pub(crate) fn draw_mesh(
     let mut vertex_bounds = VertexBounds::NONE;
     project(mesh.positions, object, near_limit, scratch, &mut vertex_bounds);
     let MeshScratch { corners, screen, facing: drawn, earlier } = scratch;
+    // A mesh that the near plane cuts gets further corners on that plane, whose errors and depth keys count
+    // as well.
     let uncut = vertex_bounds.nearest > near_limit;
     if !uncut {
         bound_cuts(mesh, corners, object, near_limit, &mut vertex_bounds);
     }
+    // An eighth of a pixel: more slack would eat up the contour of most meshes.
     if !(vertex_bounds.error <= 0.125) {
         return f32::NEG_INFINITY;
     }
@@ -150,6 +153,8 @@ pub(crate) fn draw_mesh(
     let marked = coverage == Coverage::Conservative;
     // In a parallel view the ratio of depth keys tells little. Either answer is right.
     let farthest = || screen[..mesh.positions.len()].iter().fold(f32::INFINITY, |far, v| least(v.far, far));
+    // A mesh whose near and far parts differ much in depth is drawn sheet by sheet, so that the far sheet
+    // does not lower the depth keys of the near one.
     let has_sheets = mesh.triangles.len() <= MAX_SHEET_TRIANGLES
         && uncut
         && vertex_bounds.greatest >= f64::from(MIN_SHEET_DEPTH_RATIO * farthest());
@@ -163,6 +168,7 @@ pub(crate) fn draw_mesh(
             continue;
         }
         let mut contours = ContourRaster::new(contour_tiles, tiles.columns, projection.size, slack);
+        // First the depth keys: of every tile that a triangle meets, the least of the triangle there.
         for (t, &facing) in mesh.triangles.iter().zip(drawn.iter()) {
             if facing != sheet {
                 continue;
@@ -183,6 +189,8 @@ pub(crate) fn draw_mesh(
                 contours.contour(&a, &b, side, marked);
             }
         }
+        // Then the contour: the edges between a drawn and an undrawn triangle, each with the drawn side on a
+        // known hand.
         for edge in mesh.edges {
             let left = i8::from(drawn[edge.left as usize] == sheet);
             let right = edge.right.map_or(0, |t| i8::from(drawn[t as usize] == sheet));
@@ -286,6 +294,8 @@ fn project(
                 (f64::from(position.x), f64::from(position.y), f64::from(position.z));
         }
         rest = &rest[count..];
+        // Rows of the projection (x, y, w, depth, distance from the near plane) times the vertices of all
+        // lanes.
         let mut values = [[0.0; LANES]; 5];
         for row in 0..5 {
             let [a, b, c] = [object.linear[0][row], object.linear[1][row], object.linear[2][row]];
@@ -295,6 +305,8 @@ fn project(
         }
         let [x, y, w, n, near] = &values;
         let (mut sx, mut sy, mut far) = ([0.0; LANES], [0.0; LANES], [0.0f32; LANES]);
+        // Vertices before the near plane have no screen position: they count for `nearest` alone, which makes
+        // the caller cut.
         let (mut error, mut most, mut nearest) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
         for i in 0..LANES {
             let known = near[i] > near_limit;

@@ -262,9 +262,9 @@ mod tests {
                 let (mut shape, mut tiles) = (ScreenShape::default(), Tiles::new(64, 64));
                 shape.begin([0.0, 64.0], [0.0, 64.0], 1.0, 100.0);
                 for plane in order {
-                    assert!(shape.add_depth_plane(plane, size));
+                    assert!(shape.add_depth_plane(plane, size), "{plane:?} is kept");
                 }
-                assert!(fill_shape(&shape, &mut tiles));
+                assert!(fill_shape(&shape, &mut tiles), "{order:?} covers the tiles");
                 for at in [3, 60] {
                     assert_eq!(tiles.pixel_closely(at, at), 1.0, "{order:?} at {at}, {at}");
                 }

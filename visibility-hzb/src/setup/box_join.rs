@@ -192,15 +192,23 @@ mod tests {
             for (x, y, z) in (0..60).map(|i| (i % 5, i / 5 % 4, i / 20)) {
                 join.add(&cell(x, y, z), &transform, false);
             }
-            assert_eq!(left(&join), [Aabb::from_arrays([0.0; 3], [5.0, 4.0, 3.0])]);
-            assert_eq!(join.boxes.last().unwrap().transform, transform);
+            assert_eq!(left(&join), [Aabb::from_arrays([0.0; 3], [5.0, 4.0, 3.0])], "60 cells are one box");
+            assert_eq!(
+                join.boxes.last().unwrap().transform,
+                transform,
+                "the joined box has the transform of its parts"
+            );
         }
         // One mesh that several objects have.
         let mut join = BoxJoin::new();
         for shift in [Vec3::ZERO, Vec3::X, Vec3::new(2.0, 0.0, 0.0)] {
             join.add(&cell(7, 0, 0), &Affine3A::from_translation(shift), true);
         }
-        assert_eq!(left(&join), [Aabb::from_arrays([7.0, 0.0, 0.0], [10.0, 1.0, 1.0])]);
+        assert_eq!(
+            left(&join),
+            [Aabb::from_arrays([7.0, 0.0, 0.0], [10.0, 1.0, 1.0])],
+            "one mesh in three places is one box"
+        );
     }
 
     #[test]
@@ -212,11 +220,11 @@ mod tests {
             left(&join).len() == 2
         };
         let beside = cell(2, 1, 1);
-        assert!(!apart(beside, Affine3A::IDENTITY, false));
+        assert!(!apart(beside, Affine3A::IDENTITY, false), "boxes that share a face");
         assert!(apart(beside, Affine3A::IDENTITY, true), "the back of one of them does not hide");
-        assert!(apart(beside, Affine3A::from_rotation_x(0.1), false));
+        assert!(apart(beside, Affine3A::from_rotation_x(0.1), false), "a box that is turned");
         assert!(apart(cell(1, 1, 1), Affine3A::IDENTITY, false), "the same box twice");
-        assert!(apart(cell(3, 1, 1), Affine3A::IDENTITY, false));
+        assert!(apart(cell(3, 1, 1), Affine3A::IDENTITY, false), "a box one cell away");
         assert!(apart(cell(2, 2, 1), Affine3A::IDENTITY, false), "only an edge is shared");
         let step = 2.0_f32.next_up() - 2.0;
         for axis in 0..3 {
@@ -231,9 +239,15 @@ mod tests {
         }
         // A shift of which a part is rounded away: the box ends a little beyond the other.
         let far = Aabb::from_arrays([0.0, 1.0, 1.0], [1.0, 2.0, 2.0]);
-        assert!(!apart(far, Affine3A::from_translation(Vec3::new(2.0, 0.0, 0.0)), false));
+        assert!(
+            !apart(far, Affine3A::from_translation(Vec3::new(2.0, 0.0, 0.0)), false),
+            "a box moved to share a face exactly"
+        );
         let fine = Aabb::new(Vec3::new(1e-9, 1.0, 1.0), far.max);
-        assert!(apart(fine, Affine3A::from_translation(Vec3::new(2.0, 0.0, 0.0)), false));
+        assert!(
+            apart(fine, Affine3A::from_translation(Vec3::new(2.0, 0.0, 0.0)), false),
+            "a box that ends 1e-9 beyond the face"
+        );
     }
 
     /// Whatever part of a lattice there is, in any order: each box that is left consists of boxes that were

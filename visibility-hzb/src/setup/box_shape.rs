@@ -92,6 +92,8 @@ pub(crate) fn box_shape(
         return ShapeResult::Nothing;
     };
     let (min, max) = (bounds.min.to_array().map(f64::from), bounds.max.to_array().map(f64::from));
+    // The projection is linear before the division, so every corner is the first one plus a subset of three
+    // steps.
     let base = object.at(min);
     let mut steps = [[0.0; 5]; 3];
     for axis in 0..3 {
@@ -99,6 +101,8 @@ pub(crate) fn box_shape(
             steps[axis][i] = object.linear[axis][i] * (max[axis] - min[axis]);
         }
     }
+    // The distance of the nearest corner from the near plane: of each step, only a part towards the eye
+    // counts.
     let mut nearest = base[4];
     for step in &steps {
         nearest += if step[4] < 0.0 { step[4] } else { 0.0 };
@@ -133,6 +137,8 @@ pub(crate) fn box_shape(
     let products = object.cross_error(projection.size);
     let mut seen = 0usize;
     for axis in 0..3 {
+        // Of two opposite faces at most one is certainly seen from the eye: the sign of the determinant tells
+        // on which side of the face the eye is, if it exceeds the error.
         let (second, third) = match axis {
             0 => (v, t),
             1 => (t, u),
@@ -150,6 +156,8 @@ pub(crate) fn box_shape(
             continue;
         };
         seen |= 1 << face;
+        // The depth key on the face's plane as a linear function of the pixel. In a perspective view it is 1
+        // / w.
         let over = 1.0 / height;
         let plane = if projection.perspective {
             [normal[0] * over, normal[1] * over, normal[2] * over]
@@ -174,6 +182,7 @@ pub(crate) fn box_shape(
             return ShapeResult::DrawAsMesh;
         }
     }
+    // The seen faces determine which edges form the outline: an edge between a seen and an unseen face.
     let outline = &OUTLINES[seen];
     if outline.count == 0 {
         return ShapeResult::Nothing;

@@ -114,6 +114,7 @@ fn looks_convex(mesh: &OccluderTriangles, screen: &[[f64; 3]], drawn: &[bool], f
     /// Tolerance in depth, as a fraction of the depth key: how far a vertex may lie in front of a triangle's
     /// plane for the mesh still to count as looking convex.
     const DEPTH: f64 = 1e-3;
+    // No vertex may be outside the line of a contour edge, which has a drawn triangle on one side only.
     for edge in mesh.edges {
         let left = drawn[edge.left as usize];
         let right = edge.right.is_some_and(|t| drawn[t as usize]);
@@ -132,6 +133,7 @@ fn looks_convex(mesh: &OccluderTriangles, screen: &[[f64; 3]], drawn: &[bool], f
             return false;
         }
     }
+    // No vertex may be before the plane of a drawn triangle: a dent would be drawn as if it were filled.
     for (i, t) in mesh.triangles.iter().enumerate() {
         if !drawn[i] {
             continue;

@@ -125,7 +125,11 @@ mod tests {
             let exact = points.map(|p| exact_values(&projection, &Affine3A::IDENTITY, p.to_array()));
             let [x, y, w, n] = [0, 1, 2, 3].map(|i| corners.map(|corner| corner[i]));
             let Some(bounds) = extent(&x, &y, &w, &n, &object) else { continue };
-            assert_eq!(extent_of(&corners, &mut Vec::new(), &object), Some(bounds));
+            assert_eq!(
+                extent_of(&corners, &mut Vec::new(), &object),
+                Some(bounds),
+                "trial {trial}: both ways bound alike"
+            );
             for [x, y, w, n, _] in exact {
                 for (i, value) in [x, y, n].into_iter().enumerate() {
                     let beyond = |side: f64| value.plus(w.times((-side).into())).hi;

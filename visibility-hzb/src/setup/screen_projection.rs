@@ -321,6 +321,9 @@ mod tests {
             let flat = Affine3A::from_cols(a.into(), b.into(), (a - b).into(), (Vec3::X * 5.0).into());
             assert!(project_object(&projection, &bounds, &flat).is_none(), "{a} {b}");
         }
-        assert!(project_object(&projection, &bounds, &Affine3A::from_scale(Vec3::splat(3.0))).is_some());
+        assert!(
+            project_object(&projection, &bounds, &Affine3A::from_scale(Vec3::splat(3.0))).is_some(),
+            "a transform that is not flat is projected"
+        );
     }
 }

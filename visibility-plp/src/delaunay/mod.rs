@@ -178,10 +178,12 @@ impl DelaunayTessellation {
             for_each_shape(scene, id, &mut |shape| {
                 number += 1;
                 let shape = shape.map(|p| self.to_fine(p));
+                // The cell of one corner, searched from that of the shape before, which is usually near.
                 let Some(first) = self.find_cell(shape.corner(), start) else { return };
                 start = first;
                 stack.push(first);
                 visited[first as usize] = number;
+                // Cells that meet a shape are connected through their faces, since the shape is.
                 while let Some(cell) = stack.pop() {
                     let solid = &solids[cell as usize];
                     if !shape_meets_tetrahedron(&shape, solid) {

@@ -51,18 +51,25 @@ mod tests {
 
     #[test]
     fn sides_and_spheres_are_told_exactly() {
-        assert_eq!(volume(CORNER), 512);
-        assert_eq!(volume([CORNER[1], CORNER[0], CORNER[2], CORNER[3]]), -512);
+        assert_eq!(volume(CORNER), 512, "six times the volume, counterclockwise");
+        assert_eq!(
+            volume([CORNER[1], CORNER[0], CORNER[2], CORNER[3]]),
+            -512,
+            "six times the volume, clockwise"
+        );
         // The sphere goes through all corners of the cube.
-        assert!(!is_in_sphere(CORNER, [8, 8, 8]));
-        assert!(!is_in_sphere(CORNER, [8, 8, 0]));
-        assert!(is_in_sphere(CORNER, [7, 8, 8]));
-        assert!(is_in_sphere(CORNER, [4, 4, 4]));
-        assert!(!is_in_sphere(CORNER, [9, 8, 8]));
+        assert!(!is_in_sphere(CORNER, [8, 8, 8]), "a corner of the cube on the sphere");
+        assert!(!is_in_sphere(CORNER, [8, 8, 0]), "another corner on the sphere");
+        assert!(is_in_sphere(CORNER, [7, 8, 8]), "a point just within the sphere");
+        assert!(is_in_sphere(CORNER, [4, 4, 4]), "the middle of the sphere");
+        assert!(!is_in_sphere(CORNER, [9, 8, 8]), "a point just beyond the sphere");
         // The largest coordinates, one step off the sphere.
         let n = 1 << 17;
         let large = [[0, 0, 0], [n, 0, 0], [0, n, 0], [0, 0, n]];
-        assert!(!is_in_sphere(large, [n, n, n]) && is_in_sphere(large, [n, n, n - 1]));
+        assert!(
+            !is_in_sphere(large, [n, n, n]) && is_in_sphere(large, [n, n, n - 1]),
+            "the largest coordinates, on the sphere and one step within"
+        );
     }
 
     /// Points on one sphere and one step off it. Points of a sphere are made by permuting three coordinate

@@ -109,6 +109,8 @@ impl Mesh {
     fn insert(&mut self, point: Point, start: u32) -> Option<u32> {
         let corners_of = |cell: u32| self.corners(&self.cells[cell as usize]);
         let first = find_cell(&self.neighbours, start, point, corners_of, |solid| volume(solid) < 0)?;
+        // Bowyer-Watson: the cavity is the cells whose circumscribed sphere contains the point. Its boundary
+        // faces are joined with the point to new cells.
         let mut cavity = alloc::vec![first];
         let mut cavity_faces: Vec<CavityFace> = Vec::new();
         let mut next = 0;
@@ -137,6 +139,7 @@ impl Mesh {
         if cavity_faces.iter().any(is_flat) {
             return None;
         }
+        // The new cells, with the neighbour outside and the face towards it, before any cell is overwritten.
         let vertex = self.points.len() as u32;
         self.points.push(point);
         let made: Vec<([u32; 4], u32, usize)> = cavity_faces
@@ -151,6 +154,7 @@ impl Mesh {
         // vertices and twice the new point, that cell, and its face at the edge.
         let mut open: Vec<([u32; 4], u32, usize)> = Vec::new();
         for (number, &(cell, outer, face)) in made.iter().enumerate() {
+            // Places of the cavity are used again first.
             let place = match cavity.get(number).copied().or_else(|| self.free.pop()) {
                 Some(place) => place,
                 None => {
@@ -168,6 +172,7 @@ impl Mesh {
                 self.neighbours[outer as usize][back] = place;
             }
             self.neighbours[place as usize] = around;
+            // Two new cells are neighbours where their boundary faces share an edge.
             for side in (0..4).filter(|&side| side != face) {
                 let mut edge = cell;
                 edge[side] = vertex;
@@ -237,7 +242,7 @@ mod tests {
         let mut sum = 0;
         for (number, (cell, neighbours)) in mesh.cells.iter().zip(&mesh.neighbours).enumerate() {
             let own = volume(mesh.corners(cell));
-            assert!(own > 0);
+            assert!(own > 0, "cell {number}: six times its volume is {own}");
             sum += own;
             for (face, &neighbour) in neighbours.iter().enumerate() {
                 if neighbour == NONE {
@@ -246,15 +251,27 @@ mod tests {
                 let other = mesh.cells[neighbour as usize];
                 let back =
                     mesh.neighbours[neighbour as usize].iter().position(|&n| n as usize == number).unwrap();
-                assert!((0..4).filter(|&i| i != face).all(|i| other.contains(&cell[i])));
-                assert!(!cell.contains(&other[back]));
-                assert!(!is_in_sphere(mesh.corners(cell), mesh.points[other[back] as usize]));
+                assert!(
+                    (0..4).filter(|&i| i != face).all(|i| other.contains(&cell[i])),
+                    "cell {number}: a neighbour shares the corners of face {face}"
+                );
+                assert!(
+                    !cell.contains(&other[back]),
+                    "cell {number}: the neighbour's opposite vertex is a corner"
+                );
+                assert!(
+                    !is_in_sphere(mesh.corners(cell), mesh.points[other[back] as usize]),
+                    "cell {number}: the neighbour's opposite vertex is in its sphere"
+                );
             }
             if all_spheres {
-                assert!(mesh.points.iter().all(|&p| !is_in_sphere(mesh.corners(cell), p)));
+                assert!(
+                    mesh.points.iter().all(|&p| !is_in_sphere(mesh.corners(cell), p)),
+                    "cell {number}: a vertex is in its sphere"
+                );
             }
         }
-        assert_eq!(sum, 6 * side * side * side);
+        assert_eq!(sum, 6 * side * side * side, "six times the volume of all cells");
     }
 
     #[test]
@@ -266,7 +283,7 @@ mod tests {
         let mut mesh = Mesh::cube(side);
         check(&mesh, side.into(), true);
         mesh.insert_all(points.len(), |i, _| points[i]);
-        assert_eq!(mesh.points.len(), 308);
+        assert_eq!(mesh.points.len(), 308, "points with the eight corners of the cube");
         check(&mesh, side.into(), true);
     }
 
@@ -279,10 +296,13 @@ mod tests {
         let (mut mesh, mut gaps) = (Mesh::cube(1 << 16), 0);
         for number in 0..400 {
             let last = mesh.cells.len() as u32 - 1;
-            assert!(mesh.insert([random(), random(), random()], last.min(number)).is_some());
+            assert!(
+                mesh.insert([random(), random(), random()], last.min(number)).is_some(),
+                "point {number} is inserted"
+            );
             gaps += mesh.free.len();
             mesh.close_gaps();
-            assert!(mesh.free.is_empty());
+            assert!(mesh.free.is_empty(), "point {number}: a gap is left");
             check(&mesh, 1 << 16, false);
         }
         assert!(gaps > 1, "{gaps}");
@@ -299,7 +319,7 @@ mod tests {
         };
         let mut mesh = Mesh::cube(8192);
         mesh.insert_all(points.len(), nudge);
-        assert_eq!(mesh.points.len(), 351);
+        assert_eq!(mesh.points.len(), 351, "points with the eight corners of the cube");
         check(&mesh, 8192, true);
     }
 }

@@ -258,6 +258,7 @@ impl Walk {
         self.candidate_count = 0;
         (self.reached, self.projected) = (0, 0);
         self.taken.reset(frame.scene.index_limit().max(content.index_limit()));
+        // Most candidates that one cell can have, in whole batches.
         let at_once = self.candidates.len();
         make_room(&mut self.seen, at_once);
         make_room(&mut self.tested, at_once * MAX_TESTED_TRIANGLES);
@@ -267,6 +268,7 @@ impl Walk {
         }
         self.front.reserve(cells);
         make_room(&mut self.sides, content.side_count);
+        // The cell with the most faces decides the room for faces. Faces are counted once for each content.
         let mut most_faces = 0;
         for cell in 0..cells as u32 {
             let mut count = 0;

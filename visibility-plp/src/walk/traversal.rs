@@ -214,12 +214,14 @@ impl Walk {
             Solidity::Coverage => state.direction.as_dvec3(),
             Solidity::Count => frame.frustum.direction(tessellation.center(cell)),
         };
+        // The share of the cell's view rays that its own triangles do not stop goes on through its faces.
         let stopped = stopped_share(tessellation.content().cover(cell), direction);
         let source =
             SourceCell { cell, direction, transmittance_or_solidity: state.transmittance_or_solidity };
         let through = f64::from(state.transmittance_or_solidity) * (1.0 - stopped);
         let mut faces = core::mem::take(&mut self.faces);
         faces.clear();
+        // Faces through which no ray from the eye leaves the cell are skipped.
         let is_open = |neighbour: u32| !self.is_closed(neighbour);
         tessellation.for_each_face(cell, &is_open, &mut |face| {
             if frame.frustum.may_exit_through(face.point, face.normal) {

@@ -129,6 +129,7 @@ impl Reflections {
                 + self.seen[next..].iter().take_while(|(p, m)| (*p, m.mirror) == (parent, mirror)).count();
             let windows = next..end;
             next = end;
+            // Mirrors in mirrors end at a depth, and at a number of reflections in all.
             let depth = parent.map_or(1, |parent| self.all[parent].depth + 1);
             if depth > self.max_depth || self.count == self.max_count {
                 stats.reflections_left_out += 1;
@@ -145,6 +146,7 @@ impl Reflections {
                 continue;
             };
             stats.reflections += 1;
+            // Reflections of earlier frames are overwritten, so that their sets keep their memory.
             let place = self.count;
             self.count += 1;
             if self.all.len() == place {
@@ -159,12 +161,15 @@ impl Reflections {
                 continue;
             }
             let Some(eye_view) = PortalView::new(&view) else { continue };
+            // From the mirrored eye, lines of sight begin in the mirror: the walk starts in each window
+            // through which the mirror is seen, mirrored as well.
             self.walk.begin(cells);
             for (_, seen) in &self.seen[windows] {
                 let sides = &self.sides[seen.window.sides.start as usize..seen.window.sides.end as usize];
                 let sides = sides.iter().map(|side| reflect_side(side, &plane, &parent_lines, &eye_view));
                 self.walk.start_in_window(cells, &eye_view, seen.cell, sides, seen.window.rectangle);
             }
+            // A walk that reaches the limit of steps hides nothing, and may have missed mirrors.
             if self.walk.run(cells, &eye_view, settings.0, settings.1, stats) {
                 let seen = WalkedScene { cells, scene, walk: &self.walk, eye_view: &eye_view };
                 let (unknown, frame) = known;

@@ -147,6 +147,7 @@ impl PortalEye {
         self.anchor = eye_view.anchor;
         let synced = self.mark_changed_objects(cells, scene);
         let walk = &mut self.walk;
+        // The first reason, if any, for which all objects must stay.
         let why = if !synced {
             Some(NotCulled::NotSynced)
         } else if !self.start_cells.find(cells, view, eye_view.anchor, |cell| walk.start_in_full_view(cell)) {

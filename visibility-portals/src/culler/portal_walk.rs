@@ -306,6 +306,7 @@ impl PortalWalk {
         {
             return;
         }
+        // An undecided side, of an eye near the portal's plane, counts as crossing, without a direction.
         let (outline, vertices) = (&cells.outlines[id.index()], portal.polygon().vertices());
         let sign = match (crossing(eye_view, outline, vertices), forward) {
             (Crossing::Along, true) => Some(1.0),
@@ -318,6 +319,8 @@ impl PortalWalk {
         else {
             return;
         };
+        // Too many paths into one cell: the cell is walked once more with the full view in place of further
+        // windows.
         if self.counts[next.index()] >= MAX_PATHS_PER_CELL {
             self.entered_full_view[next.index()] = true;
             self.waiting.push(next);
@@ -385,6 +388,7 @@ impl PortalWalk {
         sign: Option<f64>,
         narrowing: Narrowing,
     ) -> Option<(Window, Range<u32>)> {
+        // The polygon relative to the anchor, where differences are small and rounding is too.
         self.polygon.clear();
         let mut reach = 0.0f64;
         for (i, &vertex) in (0..).zip(vertices) {
@@ -394,6 +398,8 @@ impl PortalWalk {
         }
         let given = outline.error + eye_view.error + 4.0 * U * reach;
         let mut error = given;
+        // Clipped to the planes of the window and to the ends of the lines of sight. `error` grows by the
+        // rounding of each cut.
         let sides = window.sides.clone().map(|i| (&self.sides[i as usize], EdgeSource::Window(i)));
         let ends = eye_view.ends.iter().map(|side| (side, EdgeSource::End));
         let is_left = sides.chain(ends).all(|(side, edge)| {
@@ -407,6 +413,8 @@ impl PortalWalk {
         let first_corner = self.corners.len() as u32;
         self.corners.extend(self.polygon.iter().map(|corner| corner.at));
         let corners = first_corner..self.corners.len() as u32;
+        // The corners are kept for the cullers of objects. An undecided portal does not narrow by its own
+        // edges.
         let Some(sign) = sign else {
             return Some((self.edge_on(eye_view, outline, vertices, window, error), corners));
         };
@@ -414,6 +422,8 @@ impl PortalWalk {
         let mut rectangle = window.rectangle;
         match narrowing {
             Narrowing::Polygon => {
+                // Each edge of the clipped polygon keeps the plane it comes from: a plane of the window is
+                // used again, exactly. Only edges of the portal itself make a new plane through the eye.
                 let mut last = EdgeSource::End;
                 for i in 0..self.polygon.len() {
                     let edge = self.polygon[i].edge;

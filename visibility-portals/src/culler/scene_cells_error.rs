@@ -1,4 +1,4 @@
-//! Errors of `SceneCells`.
+//! Errors in the input of `SceneCells`.
 
 use super::hung_mirrors::MirrorId;
 use core::fmt;

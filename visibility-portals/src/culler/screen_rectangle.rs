@@ -116,7 +116,10 @@ mod tests {
                 assert!(!side.excludes(point, point, 0.0), "{x:?} {w:?} {bound}");
                 // A point displaced outwards by 64 times the margin must be excluded.
                 let out = point - side.plane.normal * (64.0 * side.margin(point.length()));
-                assert!(side.excludes(out, out, 0.0));
+                assert!(
+                    side.excludes(out, out, 0.0),
+                    "{x:?} {w:?} {bound}: a point 64 margins outside is within"
+                );
             }
             found[round % 2] += sides.len();
         }

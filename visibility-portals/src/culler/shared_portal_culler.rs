@@ -64,7 +64,7 @@ impl SharedPortalCuller {
         Self { eye, ..self }
     }
 
-    /// Returns the cells.
+    /// Returns the cells, which other cullers may share.
     pub fn cells(&self) -> &Arc<RwLock<SceneCells>> {
         &self.cells
     }

@@ -39,7 +39,7 @@ pub(super) struct Node {
 /// An opaque polygon in the plane of a node.
 #[derive(Clone, Debug)]
 pub(super) struct NodeCover {
-    /// Vertices in world space.
+    /// Vertices of the polygon in world space.
     pub(super) vertices: Vec<DVec3>,
     /// True if the polygon faces the front of the plane, false if it faces the back.
     pub(super) faces_front: bool,
@@ -212,6 +212,7 @@ impl Bsp {
         let mut leaves = alloc::vec![leaf; self.leaves];
         let root = if self.nodes.is_empty() { Child::Leaf(0) } else { Child::Node(0) };
         let (mut ahead, mut behind) = (Vec::new(), Vec::new());
+        // The faces of the box around everything bound the outermost leaves.
         for axis in DVec3::AXES {
             for plane in [Plane::new(axis, -axis.dot(self.min)), Plane::new(-axis, axis.dot(self.max))] {
                 let face = section_of_box(&plane, self.min, self.max, lengths);
@@ -224,6 +225,8 @@ impl Bsp {
         }
         let mut portals = Vec::new();
         for node in &self.nodes {
+            // The node's plane within its region, divided among the leaves in front and then among those
+            // behind: each piece separates two leaves.
             let section = self.section(&node.plane, node.parent, lengths);
             if section.is_empty() {
                 continue;
@@ -237,6 +240,7 @@ impl Bsp {
                 for (back, piece) in behind.drain(..) {
                     leaves[front as usize].bound(&piece, Some(node.plane));
                     leaves[back as usize].bound(&piece, Some(node.plane.flipped()));
+                    // Polygons in the plane cover parts of the piece. The open rest is a portal.
                     let (mut open, mut covered) = (Vec::new(), [0.0; 2]);
                     let all: Vec<&Cover> = covers.iter().collect();
                     let normal = node.plane.normal;
@@ -251,6 +255,7 @@ impl Bsp {
                         leaves[sees_front as usize].fronts += area;
                         leaves[sees_back as usize].backs += area;
                     }
+                    // Slivers are left out: no line that keeps the tolerance from polygons passes them.
                     open.retain(|piece| width(piece, node.plane.normal) > lengths.sliver);
                     merge_pieces(&mut open, node.plane.normal);
                     let polygons = open.into_iter().filter_map(|piece| ConvexPolygon::new(piece).ok());

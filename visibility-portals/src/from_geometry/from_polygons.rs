@@ -89,7 +89,7 @@ struct Fragment {
     /// Index of the fragment's plane in the list of distinct planes that [`fragments`] returns.
     plane: u32,
     area: f64,
-    /// Whether lines from behind pass the polygon.
+    /// Whether the polygon blocks lines from its front alone, so that lines from behind pass it.
     one_sided: bool,
 }
 
@@ -130,6 +130,7 @@ pub fn from_polygons(
     if !min.cmple(max).all() {
         return Ok(Subdivision::default());
     }
+    // The tolerance must exceed the roundings of coordinates this large, or planes of one wall would differ.
     let margin = checked("the margin", settings.margin)?;
     (min, max) = (min - margin, max + margin);
     let extent = min.abs().max(max.abs()).max_element();
@@ -155,6 +156,7 @@ pub fn from_polygons(
     let bsp = build(fragments, &planes, min, max, &limits);
     let (leaves, portals) = bsp.portals(&limits.lengths);
 
+    // Regions that count as the inside of solids are no cells.
     let solid = match settings.solid {
         SolidRule::Nothing => alloc::vec![false; leaves.len()],
         SolidRule::Backs => leaves.iter().map(|leaf| leaf.backs > 0.0 && leaf.fronts == 0.0).collect(),
@@ -167,6 +169,7 @@ pub fn from_polygons(
             reached.into_iter().map(|reached| any && !reached).collect()
         }
     };
+    // Regions from which sight passes a one-sided face from behind, and all that portals join to them.
     let leaking = (0..leaves.len() as u32).filter(|&leaf| leaves[leaf as usize].leaks);
     let leaking = reached(leaves.len(), &portals, leaking);
     // A leaf that no polygon piece bounds is thinner than the rounding, and is no cell.

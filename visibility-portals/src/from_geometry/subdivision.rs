@@ -50,9 +50,9 @@ pub enum GeometryError {
     },
     /// A setting is NaN, infinite, negative, or too small for coordinates of this size.
     Setting {
-        /// Name of the setting.
+        /// Name of the setting, as in "the tolerance".
         what: &'static str,
-        /// Value of the setting.
+        /// Value that was refused.
         value: f64,
     },
     /// The number of cells or portals exceeds the limits of a graph.

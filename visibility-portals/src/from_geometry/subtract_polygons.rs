@@ -176,8 +176,12 @@ mod tests {
         // A distant polygon subtracts nothing.
         widened_sides(&square(50.0, 50.0, 5.0), DVec3::Z, lengths.widen, &mut planes);
         let before = pieces.clone();
-        assert_eq!(subtract(&mut pieces, &planes, DVec3::Z, &lengths), 0.0);
-        assert_eq!(pieces, before);
+        assert_eq!(
+            subtract(&mut pieces, &planes, DVec3::Z, &lengths),
+            0.0,
+            "the area that a distant polygon subtracts"
+        );
+        assert_eq!(pieces, before, "a distant polygon changes no piece");
     }
 
     #[test]
@@ -187,7 +191,13 @@ mod tests {
         let mut planes = Vec::new();
         widened_sides(&needle, DVec3::Z, lengths.widen, &mut planes);
         let inside = |p: DVec3| planes.iter().all(|plane| plane.signed_distance(p) >= 0.0);
-        assert!(inside(DVec3::new(-0.002, 0.0, 0.0)) && !inside(DVec3::new(-0.004, 0.0, 0.0)));
-        assert!(inside(DVec3::new(5.0, -0.002, 0.0)) && !inside(DVec3::new(5.0, -0.003, 0.0)));
+        assert!(
+            inside(DVec3::new(-0.002, 0.0, 0.0)) && !inside(DVec3::new(-0.004, 0.0, 0.0)),
+            "the needle's tip, 2 mm and 4 mm beyond"
+        );
+        assert!(
+            inside(DVec3::new(5.0, -0.002, 0.0)) && !inside(DVec3::new(5.0, -0.003, 0.0)),
+            "the needle's side, 2 mm and 3 mm beyond"
+        );
     }
 }

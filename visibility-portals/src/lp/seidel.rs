@@ -301,6 +301,8 @@ impl SeidelSolver {
         self.steps = STEPS_PER_ROW * (count as u64 + 1);
         self.conflicting = 0;
         self.bounds[..D].copy_from_slice(&bounds);
+        // One instance for each dimension, whose arrays have a fixed size. A random order of the constraints
+        // makes the expected time linear.
         macro_rules! run {
             ($solve:ident, $rows:ident, $d:literal, $n:literal) => {{
                 self.$rows.clear();

@@ -115,9 +115,9 @@ pub struct SeenObjects {
 /// objects seen so far.
 #[derive(Default, Debug)]
 pub struct Chains {
-    /// By target: whether it is known to be seen.
+    /// Whether each target is known to be seen, by target.
     seen: Vec<bool>,
-    /// By target: whether it is a candidate of the present first portal, and not known to be seen.
+    /// Whether each target is a candidate of the present first portal and not known to be seen, by target.
     open: Vec<bool>,
     /// Targets that became candidates of the present first portal, each once.
     candidates: Vec<u32>,

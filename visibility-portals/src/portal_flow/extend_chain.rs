@@ -39,6 +39,7 @@ impl FlowScratch {
             self.reach_all(frame.set, row);
             return;
         }
+        // First test: the portals clipped against each other. An empty part means that no line passes.
         let points = self.chain.points.len();
         let portal = self.candidates[child];
         let Some((source, pass)) = self.chain.narrow(input.portals, first, &frame, portal, self.cut[child])
@@ -48,6 +49,8 @@ impl FlowScratch {
         };
         let cell = self.to[child];
         let mut proven = false;
+        // Second test, of goals alone, as it costs more: a line found proves the cell seen, a certificate in
+        // Pluecker space proves that the chain has none.
         if is_goal {
             let line = self.middle_line(&source, &pass);
             proven = self.witness(input, portal, line);
@@ -67,6 +70,7 @@ impl FlowScratch {
             self.chain.points.truncate(points);
             return;
         }
+        // The chain goes on if goals are left behind this portal that the new planes let through.
         let (planes, set) = (self.chain.planes.len(), self.chain.sets.len());
         self.chain.push_planes(input.portals, (first, &source), (portal, &pass));
         let planes = planes..self.chain.planes.len();

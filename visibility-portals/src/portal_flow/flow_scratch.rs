@@ -78,6 +78,8 @@ impl FlowScratch {
         self.balls.clear();
         self.to.clear();
         self.cut.clear();
+        // Candidates of one cell are neighbours, as directed portals are ordered by cell: `of_cell` is their
+        // range.
         let plane = all[source as usize].plane;
         for (i, &candidate) in self.candidates.iter().enumerate() {
             let portal = &all[candidate as usize];
@@ -97,6 +99,7 @@ impl FlowScratch {
             set.clear();
             set.resize(self.words, 0);
         }
+        // Goals lead to a cell that is not known to be seen from the source's cell.
         let seen = input.seen.row(all[source as usize].from as usize);
         for (i, &to) in self.to.iter().enumerate() {
             if seen[to as usize / 64] >> (to % 64) & 1 == 0 {
@@ -176,7 +179,11 @@ mod tests {
             let mut out = Vec::new();
             compress(&row, &mask, numbers.len().div_ceil(64), &mut out);
             for (place, &i) in numbers.iter().enumerate() {
-                assert_eq!(out[place / 64] >> (place % 64) & 1, row[i / 64] >> (i % 64) & 1);
+                assert_eq!(
+                    out[place / 64] >> (place % 64) & 1,
+                    row[i / 64] >> (i % 64) & 1,
+                    "target {i} is bit {place} of the compressed row"
+                );
             }
         }
     }

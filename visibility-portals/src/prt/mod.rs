@@ -109,6 +109,7 @@ impl core::error::Error for PrtError {}
 pub fn read(text: &str) -> Result<PortalFile, PrtError> {
     let mut lines = Lines { rest: text.lines(), number: 0 };
     let form = lines.next("a line PRT1, PRT2 or PRT1-AM")?.trim();
+    // The order of the counts differs by form.
     let (leaves, cells, portals) = match form {
         "PRT1" => {
             let cells = lines.count("the number of cells")?;
@@ -150,6 +151,7 @@ pub fn read(text: &str) -> Result<PortalFile, PrtError> {
         let line = portal.and_then(|portal| numbers.get(portal)).copied().unwrap_or(header);
         PrtError::Graph { line, error }
     })?;
+    // PRT2 has a line of leaves for each cell, PRT1-AM a line with the cell for each leaf.
     let mut cell_of_leaf = Vec::new();
     if form == "PRT2" {
         for cell in 0..cells as u32 {

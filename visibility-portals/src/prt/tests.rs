@@ -8,11 +8,11 @@ fn all_three_forms_give_the_same_graph() {
     let plain = read(&format!("PRT1\n2\n1\n{ONE}\n")).unwrap();
     let grouped = read(&format!("PRT2\n4\n2\n1\n{ONE}\n0 2 -1\n3 -1\n")).unwrap();
     let other = read(&format!("PRT1-AM\r\n2\r\n1\r\n3\r\n{ONE} \r\n1\r\n0\r\n1\r\n")).unwrap();
-    assert!(plain.graph == grouped.graph && plain.graph == other.graph);
+    assert!(plain.graph == grouped.graph && plain.graph == other.graph, "the same graph in three forms");
     let leaves = |file: PortalFile| file.cell_of_leaf.iter().map(|c| c.map(|c| c.0)).collect::<Vec<_>>();
-    assert_eq!(leaves(plain), []);
-    assert_eq!(leaves(grouped), [Some(0), None, Some(0), Some(1)]);
-    assert_eq!(leaves(other), [Some(1), Some(0), Some(1)]);
+    assert_eq!(leaves(plain), [], "the plain form has no leaves");
+    assert_eq!(leaves(grouped), [Some(0), None, Some(0), Some(1)], "cells of the grouped form's leaves");
+    assert_eq!(leaves(other), [Some(1), Some(0), Some(1)], "cells of the third form's leaves");
 }
 
 #[test]
@@ -20,7 +20,7 @@ fn what_was_written_reads_the_same() {
     let text = "PRT1\n3\n2\n3 0 1 (0.1 0 0) (0.1 1e-3 0) (0.1 0.3333333333333333 7)\n\
         4 2 1 (5 0 0) (5 1 0) (5 1 1) (5 0 1)\n";
     let file = read(text).unwrap();
-    assert_eq!(read(&write(&file.graph)).unwrap(), file);
+    assert_eq!(read(&write(&file.graph)).unwrap(), file, "the file as written");
 }
 
 #[test]
@@ -74,13 +74,17 @@ fn portals_that_are_not_planar_or_not_convex_are_named() {
         other => panic!("{other}"),
     };
     assert!(dart.to_string().starts_with("line 5, portal 1: the polygon is not convex"), "{dart}");
-    assert!(matches!(named(bent), PolygonError::NotPlanar { .. }));
-    assert!(matches!(named(dart), PolygonError::NotConvex { .. }));
+    assert!(matches!(named(bent), PolygonError::NotPlanar { .. }), "a bent polygon");
+    assert!(matches!(named(dart), PolygonError::NotConvex { .. }), "a dart");
 }
 
 #[test]
 fn cells_without_portals_are_read() {
-    assert_eq!(read("PRT1\n60000\n0\n").unwrap().graph.cell_count(), 60_000);
+    assert_eq!(
+        read("PRT1\n60000\n0\n").unwrap().graph.cell_count(),
+        60_000,
+        "cells of a file without portals"
+    );
 }
 
 #[test]

@@ -60,6 +60,8 @@ impl FloorPlan {
         // If the approximate line crosses no segment from the proper side, the perpendicular of the segment
         // is used to start from.
         let start = if width.dot(along.perp()) > 0.0 { start } else { width / width.length_squared() };
+        // A line is a normal `start + turn * t`, whose product with the segment `square` is 1 for any t, and
+        // an offset: two unknowns. Each end of a segment must be on its side of the line.
         let turn = width.perp() / width.length_squared();
         let size =
             segments.iter().flatten().fold(0.0, |size: f64, p| size.max((*p - origin).abs().max_element()));
@@ -68,6 +70,7 @@ impl FloorPlan {
             let (sign, p) = (if p.0 % 2 == 0 { 1.0 } else { -1.0 }, *p.1 - origin);
             self.rows.push(([sign * turn.dot(p), sign * size * turn.length()], sign * start.dot(p)));
         }
+        // First a line well inside all segments, then closer to their ends.
         for inside in INSIDE_FRACTIONS {
             let rows = &self.rows;
             let inside = |i: usize| {

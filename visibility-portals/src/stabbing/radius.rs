@@ -34,8 +34,15 @@ mod tests {
             }
             let exact = radius as i128;
             assert!(exact * exact >= p.dot(p), "{p:?}: {radius}");
-            assert!(radius < distance * (1.0 + 1e-14) && unit >= radius && unit < 2.0 * radius);
+            assert!(
+                radius < distance * (1.0 + 1e-14) && unit >= radius && unit < 2.0 * radius,
+                "{p:?}: the radius {radius} exceeds {distance} by a rounding, below the unit {unit}"
+            );
         }
-        assert_eq!(radius_of([f64::INFINITY].into_iter()), (f64::INFINITY, f64::INFINITY));
+        assert_eq!(
+            radius_of([f64::INFINITY].into_iter()),
+            (f64::INFINITY, f64::INFINITY),
+            "an infinite point has an infinite radius"
+        );
     }
 }

@@ -1,4 +1,4 @@
-//! Axis-aligned openings.
+//! Axis-aligned rectangles as openings that lines pass.
 
 use visibility_core::glam::{DVec2, DVec3};
 

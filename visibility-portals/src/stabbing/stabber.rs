@@ -122,6 +122,8 @@ impl Stabber {
         };
         let from = middle(first);
         let direction = (middle(last) - from).try_normalize().unwrap_or(self.ends[0].1);
+        // The line between the middles of the first and the last polygon often passes all others: it is tried
+        // before the linear program.
         if self.is_clear(from, direction) {
             return Stab::Line([from, direction]);
         }
@@ -200,7 +202,10 @@ mod tests {
             let stabber = Stabber { edges: alloc::vec![edge], ..Stabber::new(clearance) };
             [DVec3::X, DVec3::NEG_X].map(|direction| stabber.is_clear(DVec3::ZERO, direction))
         };
-        assert!(is_clear(1.0 - 1e-12).contains(&true) && is_clear(1.0) == [false; 2]);
+        assert!(
+            is_clear(1.0 - 1e-12).contains(&true) && is_clear(1.0) == [false; 2],
+            "an edge 1 m off is clear of slightly less than 1 m alone"
+        );
     }
 
     #[test]
@@ -215,7 +220,7 @@ mod tests {
             let Stab::Line([p, d]) = answer else { panic!("{answer:?}") };
             let y = [0.0, 1.0, 2.0].map(|x| p.y + d.y * (x - p.x) / d.x);
             assert!(y[0] <= 1.0 && y[1] >= 0.7 && y[2] <= 1.0, "{clearance}: {y:?}");
-            assert_eq!(answer, Stabber::new(0.0).polygons(&doors));
+            assert_eq!(answer, Stabber::new(0.0).polygons(&doors), "clearance {clearance}: the answer for 0");
         }
     }
 
@@ -235,7 +240,13 @@ mod tests {
         }
         // A clearance smaller by ten times the margin is met.
         let segment = [[DVec2::new(5.0, 1.0), DVec2::new(5.0, -1.0)]];
-        assert!(is_clear_in_plan(&segment, [DVec2::ZERO, DVec2::X], 1.0 - 1e-13));
-        assert!(!is_clear_in_plan(&segment, [DVec2::ZERO, DVec2::X], 1.0));
+        assert!(
+            is_clear_in_plan(&segment, [DVec2::ZERO, DVec2::X], 1.0 - 1e-13),
+            "a segment 1 m off is clear of slightly less than 1 m"
+        );
+        assert!(
+            !is_clear_in_plan(&segment, [DVec2::ZERO, DVec2::X], 1.0),
+            "a segment 1 m off is not clear of 1 m"
+        );
     }
 }

@@ -122,9 +122,15 @@ fn compare<const D: usize>(solver: &mut Solver<D>, random: &mut Random, tally: &
         Feasible::No(certificate) => {
             assert!(!truth.is_feasible(), "{rows:?}");
             let (mut sum, mut constant) = ([0.0; D], 0.0);
-            assert!(certificate.multipliers().count() <= D + 1);
+            assert!(
+                certificate.multipliers().count() <= D + 1,
+                "{rows:?}: at most one multiplier more than variables"
+            );
             for (i, [l, rest]) in certificate.multipliers() {
-                assert!(l > 0.0 && rest.abs() <= l);
+                assert!(
+                    l > 0.0 && rest.abs() <= l,
+                    "{rows:?}: row {i} has the multiplier {l} with the rest {rest}"
+                );
                 constant += l * halves[i].offset;
                 sum.iter_mut().zip(halves[i].normal).for_each(|(sum, a)| *sum += l * a);
             }
@@ -227,5 +233,5 @@ fn nearly_parallel_opposites_are_decided() {
     ];
     let halves = rows.map(|(a, b)| HalfSpace { normal: a.map(f64::from), offset: f64::from(b) });
     let answer = Solver::new().feasible(&halves, BOUND as f64);
-    assert!(!matches!(answer, Feasible::Undecided));
+    assert!(!matches!(answer, Feasible::Undecided), "nearly parallel opposites are decided");
 }

@@ -5,11 +5,11 @@ use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_core::random::Random;
 
-/// Part of a viewcell's extent that viewpoints keep from its sides. What only touches the boundary, such as a
-/// wall in the same plane, would be decided by rounding.
+/// Distance of viewpoints from the sides of a viewcell, as a fraction of its extent. A surface that only
+/// touches the boundary, such as a wall in the same plane, would otherwise be seen or not by rounding.
 const INSET: f64 = 1e-6;
 
-/// Random points to try for a viewcell that planes cut.
+/// Number of random points that are tried for a viewpoint if planes cut the viewcell.
 const TRIES: usize = 64;
 
 /// The viewpoints of a viewcell, relative to the scene's origin.
@@ -36,7 +36,8 @@ impl<'a> Eyes<'a> {
         self.planes.iter().all(|plane| plane.signed_distance(p + self.origin) >= 0.0)
     }
 
-    /// Returns the point at fractions from 0 to 1 of the box on each axis. `None` if a plane cuts it off.
+    /// Returns the point at fractions from 0 to 1 of the box on each axis. `None` if a plane of the viewcell
+    /// cuts it off.
     pub(super) fn at(&self, part: DVec3) -> Option<DVec3> {
         let p = (self.min + (self.max - self.min) * part).clamp(self.min, self.max);
         self.contains(p).then_some(p)

@@ -29,10 +29,11 @@ use visibility_core::pvs::Viewcell;
 use visibility_core::random::Random;
 use visibility_core::{Accuracy, CullStats, ObjectId, RegionCuller, Scene, VisibleSet};
 
-/// Rays of a call unless [`SamplingCuller::with_rays`] says otherwise. A tenth of a second in a city.
+/// Default number of rays of a call: see [`SamplingCuller::with_rays`]. They take a tenth of a second in a
+/// city.
 const RAYS: usize = 100_000;
 
-/// Rows and columns of each face of a cube of rays.
+/// Number of rows, and of columns, of each face of a cube of rays.
 const CUBE: usize = 16;
 
 /// Number of blockers that reverse sampling tries to look past for one target.
@@ -54,11 +55,11 @@ const DETOURS: usize = 4;
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct SightLine {
-    /// Object that is seen.
+    /// Object that the line reaches.
     pub id: ObjectId,
-    /// Viewpoint in the viewcell.
+    /// Viewpoint in the viewcell, in world space.
     pub eye: DVec3,
-    /// Point of the object.
+    /// Point of the object's surface, in world space.
     pub point: DVec3,
 }
 
@@ -173,6 +174,7 @@ impl RegionCuller for SamplingCuller {
             lines: Vec::new(),
         };
         let mut candidates = Vec::new();
+        // The search ends early once every candidate with triangles is found.
         visible.retain(scene, |id, _| {
             if !search.tree.triangles_of(id.index()).is_empty() {
                 search.wanted.insert(id.index());
@@ -187,6 +189,7 @@ impl RegionCuller for SamplingCuller {
         let Search { found, lines, rays, .. } = search;
         self.rays_cast = self.rays - rays;
         let origin = scene.origin();
+        // Found in scene coordinates, reported in those of the world.
         self.sight_lines.extend(lines.into_iter().filter_map(|(object, eye, point)| {
             let id = scene.id_at(object as usize)?;
             Some(SightLine { id, eye: eye + origin, point: point + origin })
@@ -197,22 +200,22 @@ impl RegionCuller for SamplingCuller {
     }
 }
 
-/// One call in progress. Points are relative to the scene's origin.
+/// A call in progress. Points are in metres relative to the scene's origin.
 struct Search<'a> {
     tree: &'a TriangleTree,
     cast: &'a mut Cast,
     random: Random,
-    /// Number of rays left.
+    /// Number of rays that may still be cast.
     rays: usize,
-    /// Objects found, by index.
+    /// Indices of the objects that rays have met.
     found: Bits,
-    /// Candidates, by index.
+    /// Indices of the candidates that have triangles.
     wanted: Bits,
-    /// Number of candidates not found.
+    /// Number of objects in `wanted` that no ray has met so far.
     missing: usize,
-    /// Triangles seen so far.
+    /// Triangles that rays have met.
     explored: Bits,
-    /// The same, in the order of finding.
+    /// The triangles of `explored`, in the order in which rays met them.
     found_triangles: Vec<TriangleIndex>,
     /// Triangles whose borders are to be sampled, each with the viewpoint that it was found from.
     queue: VecDeque<(DVec3, TriangleIndex)>,
@@ -220,7 +223,7 @@ struct Search<'a> {
     lines: Vec<(u32, DVec3, DVec3)>,
 }
 
-/// What a ray ended at: a triangle that blocks it, and whether that is nearer than the ray's target.
+/// End of a ray: the triangle that blocks it, and whether that is nearer than the ray's target.
 struct End {
     triangle: TriangleIndex,
     point: DVec3,
@@ -278,7 +281,7 @@ impl Search<'_> {
         }
     }
 
-    /// Samples past the borders of the triangles in the queue, and of those found meanwhile.
+    /// Casts rays past the borders of the triangles in the queue, and of triangles found by these rays.
     fn borders(&mut self, eyes: &Eyes<'_>, reserve: usize) {
         while self.goes_on(reserve) {
             let Some((eye, triangle)) = self.queue.pop_front() else { return };
@@ -295,7 +298,7 @@ impl Search<'_> {
         }
     }
 
-    /// Sends rays to random points of objects not found, in turns.
+    /// Casts rays to random points of objects not found yet, one object after another.
     fn directed(&mut self, eyes: &Eyes<'_>, candidates: &[usize]) {
         while self.goes_on(0) {
             let before = self.rays;
@@ -322,8 +325,8 @@ impl Search<'_> {
         }
     }
 
-    /// Sends a ray to `x` from a viewpoint that sees `x` just past a random edge of a triangle, which blocks
-    /// a ray to `x` at `near`. `None` without such a viewpoint.
+    /// Casts a ray to `x` from a viewpoint that sees `x` just past a random edge of a triangle. The triangle
+    /// blocks a ray to `x` at the point `near`. `None` without such a viewpoint.
     fn reverse(&mut self, eyes: &Eyes<'_>, x: DVec3, triangle: TriangleIndex, near: DVec3) -> Option<End> {
         let side = self.random.below(3);
         let gap = self.past_edge(triangle, side, near);
@@ -341,8 +344,8 @@ impl Search<'_> {
         a + (b - a) * u + (c - a) * v
     }
 
-    /// Returns a point in the plane of a triangle, a little outside of one of its edges: beside `near` three
-    /// times of four, otherwise anywhere along the edge.
+    /// Returns a point in the plane of a triangle, a little outside one of its edges: beside `near` three
+    /// times in four, otherwise anywhere along the edge.
     fn past_edge(&mut self, triangle: TriangleIndex, side: usize, near: DVec3) -> DVec3 {
         let corners = self.tree.corners(triangle).map(|p| p.as_dvec3());
         let [a, b, c] = [0, 1, 2].map(|i| corners[(side + i) % 3]);
@@ -357,8 +360,8 @@ impl Search<'_> {
         a + edge * part + outwards * random::small(&mut self.random)
     }
 
-    /// Sends a ray through `target` and notes what it sees. `None` if the ray cannot be sent, or ends
-    /// nowhere for certain.
+    /// Casts a ray through `target` and notes the objects seen. `None` if the ray cannot be cast, or has no
+    /// certain end.
     fn send(&mut self, eye: DVec3, target: DVec3) -> Option<End> {
         self.rays = self.rays.checked_sub(1)?;
         let ray = Ray::through(eye, target)?;

@@ -14,19 +14,20 @@ const U: f64 = f64::EPSILON / 2.0;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ray {
     pub(super) origin: DVec3,
-    /// Direction whose component of greatest magnitude is about 1. A parameter is a multiple of it.
+    /// Direction of the ray. The greatest magnitude of its components is about 1. A parameter of the ray is a
+    /// multiple of it.
     pub(super) along: DVec3,
     inverse: DVec3,
     /// Squared length of `along`, from 1 to 3.
     length_squared: f64,
 }
 
-/// Where a ray meets a triangle, as parameters of the ray.
+/// Range of the ray's parameter in which the ray meets a triangle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Meeting {
-    /// Lower bound of the parameter, possibly negative.
+    /// Lower bound of the ray's parameter, possibly negative.
     pub(super) least: f64,
-    /// Upper bound of the parameter; infinite if the ray may miss the triangle.
+    /// Upper bound of the ray's parameter. Infinite if the ray may miss the triangle.
     pub(super) most: f64,
 }
 

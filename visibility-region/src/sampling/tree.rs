@@ -11,10 +11,10 @@ use visibility_core::{Aabb, OccluderMesh, Scene};
 /// Greatest number of triangles in a leaf.
 const LEAF: usize = 4;
 
-/// Error of a coordinate that was rounded to `f32`, of its magnitude. A half would do.
+/// Relative error of a coordinate that was rounded to `f32`. Half of this would do.
 const ROUNDED: f64 = f32::EPSILON as f64;
 
-/// A triangle of the tree by its index.
+/// Index of a triangle in the tree.
 pub(super) type TriangleIndex = u32;
 
 #[derive(Clone, Copy, Debug)]
@@ -27,14 +27,14 @@ struct Node {
     count: u32,
 }
 
-/// What the tree knows of an object of the scene.
+/// Properties of an object that rays need, and the range of its triangles.
 #[derive(Clone, Copy, Debug, Default)]
 struct Owner {
     /// First triangle of the object.
     start: u32,
     /// End of the object's triangles, exclusive; equal to `start` for an object without any.
     end: u32,
-    /// Doubt about each coordinate of the object's triangles, in metres.
+    /// Bound on the error of each coordinate of the object's triangles, in metres.
     slack: f32,
     /// Whether the object blocks rays.
     blocks: bool,
@@ -49,19 +49,19 @@ pub(super) struct TriangleTree {
     corners: Vec<[Vec3; 3]>,
     /// Object index of each triangle.
     owners: Vec<u32>,
-    /// By object index.
+    /// Properties of each object, by object index.
     objects: Vec<Owner>,
     /// Triangles in the order of the leaves.
     order: Vec<TriangleIndex>,
     nodes: Vec<Node>,
 }
 
-/// The result of a ray: nothing that may block it is nearer than what it shows.
+/// Result of a ray: the triangles that it certainly meets before anything may block it.
 #[derive(Clone, Debug)]
 pub(super) struct Cast {
-    /// Object index, triangle and parameter of everything that the ray certainly sees.
+    /// Object index, triangle and ray parameter of each triangle that the ray certainly sees.
     pub(super) seen: Vec<(u32, TriangleIndex, f64)>,
-    /// The blocker that ends the ray, if it is certain which one does: triangle and parameter.
+    /// Triangle that ends the ray, and its parameter. `None` if it is not certain which blocker does.
     pub(super) end: Option<(TriangleIndex, f64)>,
     hits: Vec<Hit>,
     stack: Vec<(u32, f64)>,
@@ -94,8 +94,9 @@ impl TriangleTree {
         }
     }
 
-    /// Builds the tree anew if the scene has changed. An object is its triangles, else its occluder mesh,
-    /// else its box, which never blocks. Triangles that are not finite are left out.
+    /// Builds the tree anew if the scene has changed. An object has its triangles in the tree, or else those
+    /// of its occluder mesh, or else those of its box, which never blocks. Triangles that are not finite are
+    /// left out.
     pub(super) fn sync(&mut self, scene: &Scene) {
         if self.cursor.is_current(scene) {
             return;
@@ -108,6 +109,7 @@ impl TriangleTree {
         for id in scene.ids() {
             let (Ok(object), Ok(triangles)) = (scene.object(id), scene.triangles(id)) else { continue };
             let start = self.corners.len() as u32;
+            // Rays may be blocked by occluders only; any object may be seen.
             let (blocks, one_sided) = (object.occluder, object.one_sided);
             let mut owner = Owner { blocks, one_sided, ..Owner::default() };
             if !triangles.is_empty() {
@@ -122,6 +124,8 @@ impl TriangleTree {
                 };
                 let triangles = mesh.triangles().iter().map(|t| t.map(&mut place));
                 self.corners.extend(triangles.filter(|t| t.iter().all(|p| p.is_finite())));
+                // Corners that were placed and rounded to `f32` may be off by `slack`: a ray that passes
+                // within it is not certain to meet the triangle.
                 if *transform != Affine3A::IDENTITY {
                     owner.slack = (placement.doubt + largest * ROUNDED) as f32;
                 }
@@ -190,7 +194,7 @@ impl TriangleTree {
         self.objects.get(object).map_or(0..0, |owner| owner.start..owner.end)
     }
 
-    /// Sends a ray, and replaces the content of `cast` with what it sees.
+    /// Casts a ray, and replaces the content of `cast` with its result.
     ///
     /// Something is seen if it is certainly met before everything that another object may block the ray with.
     /// What its own object blocks does not matter, since that part of it is then seen instead.
@@ -207,6 +211,7 @@ impl TriangleTree {
         {
             stack.push((0, enter));
         }
+        // The nearer child is taken first, so that `limit` soon rules out the farther nodes.
         while let Some((node, enter)) = stack.pop() {
             if enter > limit {
                 continue;
@@ -234,12 +239,14 @@ impl TriangleTree {
                 if met.least > limit {
                     continue;
                 }
+                // Every hit before the limit is kept, as the order of two hits may be uncertain.
                 if blocks && met.is_certain() {
                     limit = limit.min(met.most);
                 }
                 hits.push(Hit { object, triangle, least: met.least, most: met.most, blocks });
             }
         }
+        // An object is compared with the first blocker, the first blocker itself with the next other object.
         let blockers = || hits.iter().filter(|hit| hit.blocks);
         let by_least = |a: &&Hit, b: &&Hit| a.least.total_cmp(&b.least);
         let first = blockers().min_by(by_least).copied();

@@ -6,12 +6,12 @@ use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 
-/// Greatest number of planes whose normals are tried as axes. Pairs of them are tried.
+/// Greatest number of a viewcell's planes whose normals are tried as axes, in pairs.
 const MOST_AXES: usize = 16;
 
-/// Axes other than those of the world are taken if the box along them has less than this part of the surface.
-/// Bounds of objects are boxes along the axes of the world, and grow when turned: where the gain is smaller,
-/// more objects are found visible than from the upright box (measured).
+/// Greatest ratio of the surface of a box along other axes to that of the upright box, at which the other
+/// axes are taken. Bounds of objects are boxes along the axes of the world, and grow when turned: where the
+/// gain is smaller, more objects are found visible than from the upright box (measured).
 const SMALLER: f64 = 0.3;
 
 /// A viewcell relative to the scene's origin.
@@ -27,8 +27,8 @@ pub(crate) struct CellExtent {
 }
 
 impl CellExtent {
-    /// `None` for a viewcell whose box is inverted or not finite. Planes that cannot be normalized are left
-    /// out.
+    /// Returns the extent of a viewcell. `None` if its box is inverted or not finite. Planes that cannot be
+    /// normalized are left out.
     pub(crate) fn new(cell: &Viewcell, origin: DVec3) -> Option<Self> {
         let (min, max) = (cell.min - origin, cell.max - origin);
         if !(min.is_finite() && max.is_finite() && cell.min.cmple(cell.max).all()) {
@@ -149,7 +149,11 @@ mod tests {
         let plain = Viewcell::from_box(-DVec3::ONE, DVec3::ONE);
         let cut = Viewcell { planes: vec![Plane::new(DVec3::new(1.0, 1.0, 0.0), 0.0)], ..plain.clone() };
         for cell in [plain, cut] {
-            assert_eq!(CellExtent::new(&cell, DVec3::ZERO).unwrap().axes(), DVec3::AXES);
+            assert_eq!(
+                CellExtent::new(&cell, DVec3::ZERO).unwrap().axes(),
+                DVec3::AXES,
+                "{cell:?} has the axes of the world"
+            );
         }
     }
 }

@@ -20,7 +20,7 @@ use super::ray_map::{PixelRect, RayMap, SIDE};
 use super::window::{FARTHEST_PIXEL, Window};
 use visibility_core::glam::DVec3;
 
-/// The two maps that one piece is drawn on.
+/// Two maps on which one piece is drawn: its triangles and its contour.
 #[derive(Clone, Debug)]
 pub(super) struct PieceMaps {
     inside: RayMap,
@@ -28,13 +28,13 @@ pub(super) struct PieceMaps {
     sides: Sides,
 }
 
-/// What the drawing of one occluder needs in every step.
+/// Data for drawing one occluder, the same in every step.
 pub(super) struct Target<'a> {
     pub(super) direction: &'a Direction,
     pub(super) window: &'a Window,
     /// Depth at which the chain is cut, on the side of the viewcell.
     pub(super) near: f64,
-    /// Pixels that the occluder may cover. Nothing is drawn outside of them.
+    /// Pixels that the occluder may cover. No other pixel is drawn.
     pub(super) rect: PixelRect,
 }
 

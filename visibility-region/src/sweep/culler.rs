@@ -1,4 +1,4 @@
-//! The culler that sweeps all six directions.
+//! `ExtendedProjectionCuller`: the culler that sweeps all six directions.
 
 use super::Sweep;
 use super::cell_extent::CellExtent;
@@ -57,9 +57,9 @@ pub struct ExtendedProjectionCuller {
     cursor: SceneCursor,
     pieces: Pieces,
     sweep: Sweep,
-    /// Occludees of each direction.
+    /// Occludees of each direction: objects and nodes.
     lists: [Vec<Item>; 6],
-    /// Those of the present direction that are still asked, with the children of nodes.
+    /// Occludees of the present direction that are still tested, with the children of opened nodes.
     asked: Vec<Item>,
     /// Projections of the occludees onto the present plane: ends along x and y.
     projections: Vec<[[f64; 2]; 2]>,
@@ -102,9 +102,9 @@ impl ExtendedProjectionCuller {
         }
     }
 
-    /// Sweeps all directions with maps that all rays of a convex cone stay within, so that a bit of a map
-    /// holds for every ray from the cell through its pixel. Calls `each` with the direction and each plane
-    /// with its map.
+    /// Sweeps all directions with maps as large as a convex cone of rays, so that a bit of a map holds for
+    /// every ray from the cell through its pixel. Calls `each` with the direction, and with each plane and
+    /// its map.
     pub(crate) fn sweep_open(
         &mut self,
         scene: &Scene,
@@ -196,7 +196,8 @@ impl ExtendedProjectionCuller {
         stats
     }
 
-    /// Removes hidden objects as [`cull_until`](Self::cull_until) does, behind some objects, by index.
+    /// Removes hidden objects as [`cull_until`](Self::cull_until) does, with the objects of `occluding`, by
+    /// index, as the only occluders.
     fn cull_behind(
         &mut self,
         scene: &Scene,
@@ -238,6 +239,7 @@ impl ExtendedProjectionCuller {
         let rims = [0, 1].map(|lat| Rim::of(list, lat, direction, &mut self.coordinates));
         self.sweep.begin();
         let (mut nearest, mut behind_left) = (Nearest::new(all, direction, &cone), BEHIND);
+        // Portions of occluders from near to far. Each serves the planes before the next portion begins.
         while let Some(range) =
             nearest.advance(all, &mut self.pieces, cell_box, direction, &cone, Some(list.as_slice()))
         {
@@ -248,6 +250,7 @@ impl ExtendedProjectionCuller {
                 }
                 job.drop_reached(d, list, stats);
                 self.projections.clear();
+                // The window of the map is as small as holds the projections of all items still asked about.
                 self.projections.extend(list.iter().map(|item| direction.occludee(d, &item.bounds)));
                 let unite = |a: [[f64; 2]; 2], b: [[f64; 2]; 2]| {
                     [0, 1].map(|lat| [a[lat][0].min(b[lat][0]), a[lat][1].max(b[lat][1])])
@@ -256,6 +259,8 @@ impl ExtendedProjectionCuller {
                 let window = ends.and_then(|ends| Window::fit(direction, d, ends, rims));
                 let Some(window) = window else { return };
                 let place = |source| all.place(&self.pieces, direction, source);
+                // The map is reprojected to this plane, the occluders between the planes are drawn, and the
+                // items behind it tested.
                 stats.occluders += self.sweep.advance(direction, window, occluders, &cone, place);
                 self.test(job, &window, list, stats);
             }
@@ -265,8 +270,8 @@ impl ExtendedProjectionCuller {
         }
     }
 
-    /// Removes from `list` what is hidden behind the present plane, and marks its objects. Nodes of which
-    /// part may be hidden are replaced by their children.
+    /// Removes from `list` the items that are hidden behind the present plane, and marks their objects. A
+    /// node that may be hidden in part is replaced by its children.
     fn test(&mut self, job: &Job<'_>, window: &Window, list: &mut Vec<Item>, stats: &mut CullStats) {
         let (mut at, mut kept) = (0, 0);
         while let Some(&item) = list.get(at) {
@@ -293,21 +298,21 @@ impl ExtendedProjectionCuller {
     }
 }
 
-/// One direction of one call.
+/// Sweep of one direction in one call.
 struct Job<'a> {
     scene: &'a Scene,
     visible: &'a VisibleSet,
     direction: &'a Direction,
     all: Occluders<'a>,
     cell_box: &'a CellBox,
-    /// Returns true once no more planes are to be swept.
+    /// Function that returns true once no more planes are to be swept.
     stop: &'a dyn Fn() -> bool,
 }
 
 impl Job<'_> {
-    /// Removes from `list` the objects that the plane at `d` is not strictly before. They count as visible:
-    /// tested on such a plane, an object would hide itself, and what lies in the plane of another's front.
-    /// Nodes are replaced by their children, which may be farther.
+    /// Removes from `list` the objects that are not strictly behind the plane at `d`. They count as visible:
+    /// tested on such a plane, an object would hide itself, or objects in the plane of its front. Nodes are
+    /// replaced by their children, which may be farther.
     fn drop_reached(&self, d: f64, list: &mut Vec<Item>, stats: &mut CullStats) {
         let reach = d + self.direction.guard();
         let mut at = 0;
@@ -370,7 +375,7 @@ mod tests {
         let (mut culler, mut visible) = (ExtendedProjectionCuller::new(), VisibleSet::new());
         let cell = Viewcell::from_box(DVec3::splat(-0.5), DVec3::splat(0.5));
         culler.cull(&scene, &cell, &mut visible);
-        assert_eq!(visible.count(&scene), 1);
+        assert_eq!(visible.count(&scene), 1, "objects visible: the wall");
         let touched = culler.pieces.len();
         assert!((1..20_000).contains(&touched), "{touched}");
     }

@@ -20,8 +20,8 @@ pub(crate) struct CellBox {
     /// Middle of the box and half its extent, along `axes`.
     center: DVec3,
     half: DVec3,
-    /// Axis of the scene and ends of the viewcell along it, rounded outwards, for each axis of the box that
-    /// is one of the scene.
+    /// For each axis of the box that is an axis of the scene: that axis, and the ends of the viewcell along
+    /// it, rounded outwards.
     exact: [Option<(usize, [f64; 2])>; 3],
     /// Bound on the error of every local coordinate, in metres; see [`Direction::error`].
     error: f64,
@@ -123,15 +123,15 @@ impl Direction {
         LocalBox { lo: DVec3::new(x.0, y.0, z.0) - offset, hi: DVec3::new(x.1, y.1, z.1) - offset }
     }
 
-    /// Returns whether the viewcell is certainly outside of a box whose coordinates err by up to `error`.
+    /// Returns whether the viewcell is certainly outside a box whose coordinates have errors up to `error`.
     pub(crate) fn is_outside(&self, b: &LocalBox, error: f64) -> bool {
         let ends = [self.half[0], self.half[1], 0.0];
         let begins = [-self.half[0], -self.half[1], -self.depth];
         (0..3).any(|axis| b.lo[axis] > ends[axis] + error || b.hi[axis] < begins[axis] - error)
     }
 
-    /// Returns the distance between a plane and what is certainly behind it, or what certainly ends before
-    /// it, in metres. Occluders end and occludees begin where their local coordinates say, up to 4 and 1
+    /// Returns the distance in metres that an object must keep from a plane to be certainly behind or before
+    /// it. Occluders end and occludees begin where their local coordinates say, up to 4 and 1
     /// [`error`](Self::error); a plane's own distance is exact.
     pub(crate) fn guard(&self) -> f64 {
         8.0 * self.error
@@ -142,23 +142,25 @@ impl Direction {
         self.half[0].max(self.half[1])
     }
 
-    /// Returns, along the lateral axis `lat`, where rays from the viewcell through a point at `x` and `z > 0`
-    /// meet the plane at `d >= z`.
+    /// Returns the range along lateral axis `lat` (0 or 1) in which rays from the viewcell through a point
+    /// meet a plane. The point is at lateral position `x`. `near` and `far` are the factors from
+    /// [`beyond`](Self::beyond).
     #[inline]
     pub(crate) fn spread(&self, x: f64, lat: usize, [near, far]: [f64; 2]) -> [f64; 2] {
         let (a, b) = (x - self.half[lat], x + self.half[lat]);
         [x + (a * near).min(a * far), x + (b * near).max(b * far)]
     }
 
-    /// Returns the two factors for [`spread`](Self::spread): how far beyond the point, in distances from the
-    /// viewpoint to the point, the plane at `d` is, for viewpoints on the front and on the back of the cell.
+    /// Returns the two factors for [`spread`](Self::spread): for viewpoints on the front and on the back of
+    /// the cell, how far the plane at depth `d` is beyond the point at depth `z`, in distances from the
+    /// viewpoint to the point.
     #[inline]
     pub(crate) fn beyond(&self, z: f64, d: f64) -> [f64; 2] {
         [(d - z) / z, (d - z) / (z + self.depth)]
     }
 
-    /// Returns, along both lateral axes, where the rays from the viewcell to a box behind the plane at `d`
-    /// meet that plane: the extended projection of an occludee, by separating lines.
+    /// Returns the ranges along both lateral axes in which rays from the viewcell to a box behind the plane
+    /// at `d` meet that plane: the extended projection of an occludee, by separating lines.
     #[inline]
     pub(crate) fn occludee(&self, d: f64, b: &LocalBox) -> [[f64; 2]; 2] {
         // From viewpoint v at depth w behind the front, to x at z: v + (x - v) t with t = (d + w) / (z + w),
@@ -172,7 +174,7 @@ impl Direction {
     }
 
     /// Tests whether a box may meet a segment from the viewcell to another box, between the cell's front and
-    /// the nearest side of that other box. True more often.
+    /// the nearest side of the other box. May be true although no segment does.
     pub(crate) fn is_between(&self, b: &LocalBox, other: &LocalBox) -> bool {
         let (near, far) = (b.lo.z.max(0.0), b.hi.z.min(other.lo.z));
         // The ends of the projection are convex in the plane's distance, so they are greatest at an end.
@@ -184,14 +186,15 @@ impl Direction {
             })
     }
 
-    /// Returns the least width, along the lateral axis `lat`, of the projection of an occludee that is at
-    /// least `z` away onto the plane at `d`: that of a point.
+    /// Returns the least width along lateral axis `lat` (0 or 1) of the projection onto the plane at `d` of
+    /// an occludee at depth `z` or more: the width that a point has.
     pub(crate) fn least_width(&self, d: f64, z: f64, lat: usize) -> f64 {
         2.0 * self.half[lat] * (1.0 - d / z)
     }
 
-    /// Returns, along the lateral axis `lat`, a range on the plane at `d` outside of which no point is in all
-    /// views of a box between the depths `near > 0` and `far <= d`. Empty ranges have their ends swapped.
+    /// Returns a range along lateral axis `lat` (0 or 1) on the plane at depth `d` that holds all points
+    /// inside every view of a box, between the depths `near > 0` and `far <= d`. The ends of an empty range
+    /// are swapped.
     pub(crate) fn common_view(&self, d: f64, b: &LocalBox, [near, far]: [f64; 2], lat: usize) -> [f64; 2] {
         let (mut left, mut right) = (f64::NEG_INFINITY, f64::INFINITY);
         for w in [0.0, self.depth] {

@@ -1,4 +1,4 @@
-//! Which side of a triangle faces a whole viewcell.
+//! Test which side of a triangle faces all of a viewcell.
 
 use visibility_core::glam::DVec3;
 

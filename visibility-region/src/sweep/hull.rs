@@ -2,12 +2,12 @@
 
 use super::ray_map::{PixelRect, RayMap};
 
-/// A rectangle in pixel coordinates: minimum and maximum x, then y. An end of a contour edge is seen in it
-/// from somewhere in the viewcell.
+/// A rectangle in pixel coordinates: minimum and maximum x, then y. It contains the pixels in which rays from
+/// the viewcell through one end of a contour edge arrive.
 pub(super) type Spread = [[f64; 2]; 2];
 
-/// Sets the pixels of `rect` that the convex hull of two rectangles meets: all that is between two rectangles
-/// which the ends of an edge may be seen in.
+/// Sets the pixels of `rect` that the convex hull of two rectangles meets: those in which a contour edge may
+/// be seen whose ends may be seen in the rectangles.
 pub(super) fn draw_hull(map: &mut RayMap, p: &Spread, q: &Spread, rect: PixelRect) {
     let (low, high) = (p[1][0].min(q[1][0]), p[1][1].max(q[1][1]));
     let (left, right) = (p[0][0].min(q[0][0]), p[0][1].max(q[0][1]));
@@ -30,16 +30,18 @@ pub(super) fn draw_hull(map: &mut RayMap, p: &Spread, q: &Spread, rect: PixelRec
 
 /// The left side of the hull of two upright segments: a convex function of y.
 struct Side {
-    /// The segment farther to the left: x and both ends.
+    /// x of the segment farther to the left.
     x: f64,
+    /// Least and greatest y of that segment.
     ends: [f64; 2],
-    /// x of the other segment, and the slopes from this segment's ends to that one's.
+    /// x of the other segment.
     other: f64,
+    /// Slopes from the first segment's ends to the other's.
     slopes: [f64; 2],
 }
 
 impl Side {
-    /// From two segments as x, least y and greatest y.
+    /// Makes the common side of two vertical segments, each given as x, least y and greatest y.
     fn new(p: [f64; 3], q: [f64; 3]) -> Self {
         let ([x, low, high], [other, other_low, other_high]) = if p[0] <= q[0] { (p, q) } else { (q, p) };
         let slope = |from: f64, to: f64| if from == to { 0.0 } else { (other - x) / (to - from) };

@@ -29,11 +29,12 @@ use planes::{Candidate, Cone};
 use ray_map::RayMap;
 use window::Window;
 
-/// Number of planes behind an occluder that it is drawn on, besides those that cut it. Each reprojection
-/// loses up to a pixel around what is covered, so drawing once more keeps more than reprojecting.
+/// Number of planes behind an occluder on which it is drawn, besides the planes that cut it. Each
+/// reprojection loses up to a pixel around a covered area, so that drawing again keeps more.
 const AGAIN: usize = 6;
 
-/// Depth at which pieces of several meshes are cut on the side of the cell, as a fraction of the plane's.
+/// Depth at which pieces of several meshes are cut on the side of the cell, as a fraction of the depth of the
+/// plane that they are drawn on.
 const CUT: f64 = 0.3;
 
 /// The map of a sweep along one direction, and scratch memory. One value serves any number of sweeps.
@@ -44,8 +45,8 @@ pub(crate) struct Sweep {
     raster: OccluderRaster,
     /// Window of the map. `None` before the first plane of a sweep.
     window: Option<Window>,
-    /// Occluders that have begun and not ended, by index, each with the number of planes behind it that it
-    /// is still to be drawn on.
+    /// Occluders that have begun and not ended: the index of each, and the number of planes behind it on
+    /// which it is still to be drawn.
     open: Vec<(usize, usize)>,
     /// Number of occluders that have begun.
     begun: usize,
@@ -71,7 +72,7 @@ impl Sweep {
         self.begun = 0;
     }
 
-    /// Moves the map on to the plane of `window`: reprojects what was covered, and draws the occluders that
+    /// Moves the map on to the plane of `window`: reprojects the covered pixels, and draws the occluders that
     /// end shortly before the plane or reach through it. `occluders` are those of the whole sweep, nearest
     /// first, and `place` places one. Returns the number of occluders drawn.
     pub(crate) fn advance<'a>(

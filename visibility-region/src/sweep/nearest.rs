@@ -1,5 +1,5 @@
-//! Occluders of one direction, nearest first and in portions, so that a sweep that hides all at the next
-//! corner never touches the rest of a city.
+//! Occluders of one direction, collected from the nearest on and in portions. A sweep in which the next
+//! corner hides everything never touches the rest of a city.
 
 use super::direction::{CellBox, Direction, LocalBox};
 use super::occludees::Item;
@@ -16,19 +16,18 @@ use visibility_core::bits::Bits;
 use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy};
 use visibility_core::{ObjectId, Scene};
 
-/// Number of occluding objects of the first portion. Each further portion has twice as many as the one
-/// before. The planes right behind occluders are chosen portion by portion, so a smaller number is faster,
-/// and takes planes that are not the best.
+/// Number of occluding objects of the first portion. Each further portion doubles it. The planes right behind
+/// occluders are chosen portion by portion: a smaller number is faster, and chooses worse planes.
 const FIRST_PORTION: usize = 4096;
 
-/// Greatest number of occludees that occluders are compared with, one by one, before they are collected.
+/// Greatest number of occludees with which each occluder is compared before it is collected.
 const FEW: usize = 128;
 
-/// What may occlude in one call.
+/// Occluders that one call may use.
 #[derive(Clone, Copy)]
 pub(crate) struct Occluders<'a> {
     pub(crate) scene: &'a Scene,
-    /// Objects that may occlude.
+    /// Indices of the objects that may occlude.
     pub(crate) occluding: &'a Bits,
     pub(crate) surfaces: &'a Surfaces,
 }
@@ -60,7 +59,8 @@ impl PartialEq for Entry {
 
 impl Eq for Entry {}
 
-/// The occluders of one direction that have been collected, and what is left of the hierarchy.
+/// The occluders of one direction that have been collected, and the queue of nodes and objects still to be
+/// visited.
 #[derive(Debug)]
 pub(crate) struct Nearest {
     queue: BinaryHeap<Entry>,
@@ -70,7 +70,7 @@ pub(crate) struct Nearest {
     occluders: Vec<Candidate>,
     settled: usize,
     portion: usize,
-    /// Depths between which the last portion is complete.
+    /// Depths between which all occluders of the last portion are collected.
     complete: Range<f64>,
 }
 
@@ -88,8 +88,9 @@ impl Nearest {
         new
     }
 
-    /// Collects the next portion, without the occluders that no ray to `asked` meets, if there are such.
-    /// Returns the depths of the planes that the portion serves, `None` after the last.
+    /// Collects the next portion of occluders. Occluders that no ray to one of `asked` meets are left out, if
+    /// `asked` is given. Returns the depths of the planes that the portion serves, `None` after the last
+    /// portion.
     pub(crate) fn advance(
         &mut self,
         all: &Occluders<'_>,
@@ -103,9 +104,12 @@ impl Nearest {
         if before == f64::INFINITY {
             return None;
         }
+        // With few items left, occluders beside all of their lines of sight are skipped. With many, the test
+        // would cost more than drawing.
         let asked = asked.filter(|items| before > 0.0 && items.len() <= FEW);
         let (mut count, mut end) = (0, f64::INFINITY);
         while let Some(entry) = self.queue.pop() {
+            // The portion is full: the planes that it serves end where the next occluder begins.
             if count >= self.portion && entry.bounds.lo.z > before.max(cone.near) {
                 end = entry.bounds.lo.z;
                 self.queue.push(entry);
@@ -124,6 +128,8 @@ impl Nearest {
                 }
             }
         }
+        // Occluders that begin before the end are settled, in the order in which they begin. Portions double,
+        // so that their number is logarithmic.
         let open = &mut self.occluders[self.settled..];
         open.sort_by(|a, b| a.begins.total_cmp(&b.begins));
         self.settled += open.partition_point(|occluder| occluder.begins < end);
@@ -205,7 +211,8 @@ impl<'a> Occluders<'a> {
     }
 }
 
-/// Returns what the choice of planes needs of an occluder. `None` if it cannot cover a pixel of the cone.
+/// Returns the data of an occluder that the choice of planes needs. `None` if it cannot cover a pixel of the
+/// cone.
 fn candidate(
     all: &Occluders<'_>,
     pieces: &Pieces,

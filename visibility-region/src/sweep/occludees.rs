@@ -1,5 +1,5 @@
-//! Occludees: nodes and objects of the scene's hierarchy, each asked of the direction that it is farthest
-//! along.
+//! Occludees: nodes and objects of the scene's hierarchy, each assigned to the direction in which it is
+//! farthest.
 
 use super::direction::{Direction, LocalBox};
 use crate::extent::contains;
@@ -8,7 +8,7 @@ use visibility_core::bits::Bits;
 use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy};
 use visibility_core::{Aabb, Scene, VisibleSet};
 
-/// A node or an object in local coordinates of the direction that it is asked of.
+/// A node or an object in local coordinates of the direction that it is assigned to.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Item {
     pub(crate) child: Child,
@@ -17,12 +17,13 @@ pub(crate) struct Item {
     pub(crate) scene_bounds: Aabb,
 }
 
-/// Slopes of rays that are too steep for a map: objects that reach so far aside count as visible.
+/// Greatest slope of rays that a map holds, in lateral metres per metre of depth. Objects farther aside count
+/// as visible.
 const STEEPEST: f64 = 4.0;
 
-/// Assigns the objects of `visible` to the six directions, as whole nodes where all objects below are
-/// farthest along one direction, or nearly. Objects that reach out of `usable_bounds`, into the box of the
-/// viewcell, or too far aside of it, are left out: they count as visible.
+/// Assigns the objects of `visible` to the six directions. Where all objects below a node are farthest along
+/// one direction, or nearly, the whole node is assigned. Objects that reach out of `usable_bounds`, into the
+/// box of the viewcell, or too far aside of it, are left out: they count as visible.
 pub(crate) fn assign(
     scene: &Scene,
     visible: &VisibleSet,
@@ -69,7 +70,7 @@ fn is_ahead(direction: &Direction, b: &LocalBox) -> bool {
     (0..2).all(|lat| b.lo[lat].abs().max(b.hi[lat].abs()) - direction.half[lat] <= STEEPEST * b.lo.z)
 }
 
-/// Calls `each` with the children of a node that are asked, in local coordinates.
+/// Calls `each` with the children of a node that are candidates, in local coordinates.
 pub(crate) fn for_each_child(
     scene: &Scene,
     visible: &VisibleSet,

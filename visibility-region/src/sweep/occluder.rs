@@ -8,12 +8,12 @@ use super::window::Window;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{ObjectId, OccluderMesh};
 
-/// Where an occluder is found again.
+/// Key of an occluder, by which it is found again.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Source {
-    /// A piece, by index.
+    /// Index of a piece of a mesh.
     Piece(u32),
-    /// A part of the mesh of an object.
+    /// A part of an object's mesh, by index.
     Part(ObjectId, u32),
 }
 
@@ -31,7 +31,7 @@ pub(crate) struct Occluder<'a> {
     pub(crate) bounds: LocalBox,
 }
 
-/// What an occluder is drawn from.
+/// Geometry from which an occluder is drawn.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Shape<'a> {
     /// A mesh, or one part of a mesh, in coordinates of its own.
@@ -74,7 +74,7 @@ impl<'a> Occluder<'a> {
         Some(Self { shape, rows, offset, error, mirrored: determinant < 0.0, bounds })
     }
 
-    /// Places a piece.
+    /// Makes the occluder of a piece in the coordinates of a direction.
     pub(crate) fn piece(
         direction: &Direction,
         surfaces: &'a Surfaces,
@@ -100,15 +100,15 @@ impl<'a> Occluder<'a> {
         DVec3::new(self.rows[0].dot(p), self.rows[1].dot(p), self.rows[2].dot(p)) + self.offset
     }
 
-    /// Returns whether the error of vertices is no more than planes and occludees allow for: at most 4 times
-    /// that of points of the scene. Meshes of which a transform cancels nearly all are not.
+    /// Returns whether the error of the occluder's vertices is within the margins of planes and occludees: at
+    /// most 4 times that of points of the scene. False for a mesh whose transform cancels nearly all digits.
     pub(crate) fn is_precise(&self, direction: &Direction) -> bool {
         self.error <= 4.0 * direction.error
     }
 }
 
-/// Returns the pixels that may be within all views of what an occluder, or a part of one, within `bounds` has
-/// between depth `near` and the plane. `None` if there are none: it then covers no pixel.
+/// Returns the pixels that the part of an occluder between depth `near` and the plane may cover, since they
+/// may be inside its views from all viewpoints. `bounds` contain the occluder. `None` if it covers no pixel.
 pub(super) fn pixels_behind(
     bounds: &LocalBox,
     direction: &Direction,

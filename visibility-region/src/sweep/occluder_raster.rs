@@ -16,8 +16,8 @@ use visibility_core::glam::DVec3;
 pub(crate) struct OccluderRaster {
     maps: PieceMaps,
     vertices: Vec<DVec3>,
-    /// For each triangle, 1 if it faces the whole cell, -1 if its back does, 0 if neither; twice that once
-    /// it is in a piece.
+    /// Facing of each triangle: 1 if its front faces the whole cell, -1 if its back does, 0 if neither. Twice
+    /// that once the triangle is in a piece.
     facing: Vec<i8>,
     stack: Vec<u32>,
     piece: Vec<u32>,
@@ -34,7 +34,7 @@ impl OccluderRaster {
         }
     }
 
-    /// Adds to `map` the pixels that an occluder covers. What is nearer than `near` does not count. Returns
+    /// Adds to `map` the pixels that an occluder covers. Parts nearer than depth `near` do not count. Returns
     /// whether the occluder was drawn at all.
     pub(crate) fn draw(
         &mut self,
@@ -99,8 +99,8 @@ impl OccluderRaster {
         })
     }
 
-    /// Classifies the triangles by the side that faces the viewcell. Returns whether there are any that show
-    /// it their front, and their back.
+    /// Classifies the triangles by the side that faces the viewcell. Returns whether any shows its front, and
+    /// whether any shows its back.
     fn classify(
         &mut self,
         direction: &Direction,

@@ -33,18 +33,18 @@ const MOST_ON_SEGMENT: usize = 32;
 /// The pieces of one viewcell.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pieces {
-    /// For each triangle of a cluster whose pieces are found, 1 if its front faces the whole cell, -1 if its
-    /// back occludes and does, otherwise 0. 0 for the triangles of objects that do not occlude in this
+    /// Facing of each triangle of a cluster whose pieces are found: 1 if its front faces the whole cell, -1
+    /// if its back occludes and faces it, otherwise 0. 0 for triangles of objects that do not occlude in this
     /// call.
     facing: Vec<i8>,
     parent: Vec<u32>,
-    /// Number of triangles of the piece that each triangle represents.
-    /// Once all are paired, the number of that piece instead.
+    /// Number of triangles of each piece, at the triangle that represents it. Once all are paired, the index
+    /// of the piece instead.
     count: Vec<u32>,
     /// Clusters whose pieces are found, and the pieces of each.
     found: Bits,
     ranges: Vec<[u32; 2]>,
-    /// Segments of the contour, each with a triangle on it, before they are sorted by piece.
+    /// Segments of contours, each with a triangle on it, in the order of finding.
     bounding: Vec<(u32, u32)>,
     triangles: Vec<u32>,
     contours: Vec<u32>,
@@ -53,7 +53,7 @@ pub(crate) struct Pieces {
     minus: Vec<u32>,
 }
 
-/// A piece: ranges of the lists of its pieces.
+/// A piece, as ranges of the lists of [`Pieces`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Piece {
     pub(crate) bounds: Aabb,
@@ -64,7 +64,7 @@ pub(crate) struct Piece {
 }
 
 impl Pieces {
-    /// Forgets the pieces of the viewcell before.
+    /// Removes the pieces of the viewcell before.
     pub(crate) fn begin(&mut self, surfaces: &Surfaces) {
         self.triangles.clear();
         self.contours.clear();
@@ -77,8 +77,8 @@ impl Pieces {
         self.count.resize(count, 0);
     }
 
-    /// Finds the pieces of a cluster's occluding objects, unless they are found already. First come those of
-    /// single parts of meshes, then those that join several. Returns their indices.
+    /// Finds the pieces of a cluster's occluding objects, unless they are found already. Pieces of single
+    /// parts of meshes come first, then those that join several parts. Returns their indices.
     pub(crate) fn find(
         &mut self,
         surfaces: &Surfaces,
@@ -134,7 +134,7 @@ impl Pieces {
         &self.contours[piece.contour[0] as usize..piece.contour[1] as usize]
     }
 
-    /// Pairs the drawn triangles on each segment; across parts of meshes if `joins`.
+    /// Pairs the drawn triangles on each segment. With `joins`, also triangles of different parts of meshes.
     fn pair(&mut self, surfaces: &Surfaces, cluster: usize, joins: bool) {
         for &triangle in surfaces.triangles_of(cluster) {
             self.parent[triangle as usize] = triangle;
@@ -145,6 +145,8 @@ impl Pieces {
         for &segment in surfaces.segments_of(cluster) {
             self.plus.clear();
             self.minus.clear();
+            // Sides of drawn triangles on this segment, by the direction in which the triangle's outline runs
+            // along it as seen from the cell.
             for &side in surfaces.sides(segment as usize) {
                 let (triangle, forward) = (side / 2, side % 2 == 1);
                 match self.facing[triangle as usize] {
@@ -153,6 +155,7 @@ impl Pieces {
                     _ => self.minus.push(triangle),
                 }
             }
+            // Too many triangles on one segment to pair: each of them ends there.
             if self.plus.len().max(self.minus.len()) > MOST_ON_SEGMENT {
                 let all = self.plus.iter().chain(&self.minus);
                 self.bounding.extend(all.map(|&triangle| (triangle, segment)));
@@ -161,6 +164,7 @@ impl Pieces {
             while let Some(first) = self.plus.pop() {
                 let fits = |&(_, &other): &(usize, &u32)| joins || part(first) == part(other);
                 let partners = self.minus.iter().enumerate().filter(fits);
+                // Of several partners the flattest continuation, so that pieces stay as flat as possible.
                 let partner = if self.minus.len() == 1 {
                     partners.map(|(at, _)| at).next()
                 } else {
@@ -177,12 +181,13 @@ impl Pieces {
                     None => self.bounding.push((first, segment)),
                 }
             }
+            // A side without a partner is on the contour of its piece.
             self.bounding.extend(self.minus.iter().map(|&triangle| (triangle, segment)));
         }
     }
 
-    /// Returns the cosine of the angle between two drawn triangles, turned to face the cell, times its
-    /// magnitude.
+    /// Returns the cosine of the angle between two drawn triangles, both turned to face the cell, times its
+    /// magnitude. Greater is flatter.
     fn flatness(&self, surfaces: &Surfaces, a: u32, b: u32) -> f64 {
         let [m, n] = [a, b].map(|triangle| {
             let [p, q, r] = surfaces.triangles[triangle as usize].corners.map(|p| p.as_dvec3());
@@ -192,7 +197,7 @@ impl Pieces {
         dot * dot.abs() / (m.length_squared() * n.length_squared())
     }
 
-    /// Lists the pieces that [`pair`](Self::pair) found; only those of several parts if `joins`.
+    /// Lists the pieces that [`pair`](Self::pair) found. With `joins`, only pieces of several parts.
     fn collect(&mut self, surfaces: &Surfaces, cluster: usize, joins: bool) {
         let (facing, parent, number) = (&self.facing, &mut self.parent, &mut self.count);
         let triangles = surfaces.triangles_of(cluster);
@@ -235,6 +240,8 @@ impl Pieces {
                 }
             }
         }
+        // Counting sort: counts of triangles and contour segments by piece, then starts, then the items in
+        // place.
         for &(triangle, _) in &self.bounding {
             if let Some(piece) = self.pieces.get_mut(number[find(parent, triangle) as usize] as usize) {
                 piece.contour[1] += 1;
@@ -263,7 +270,7 @@ impl Pieces {
     }
 }
 
-/// Makes the pieces of two triangles one. Returns false if they are different and too large for that.
+/// Joins the pieces of two triangles. Returns false if they are different pieces that are too large together.
 fn unite(parent: &mut [u32], count: &mut [u32], a: u32, b: u32) -> bool {
     let (a, b) = (find(parent, a), find(parent, b));
     if a == b {
@@ -331,9 +338,13 @@ mod tests {
 
     #[test]
     fn a_segment_that_many_triangles_share_bounds_all_of_them() {
-        assert_eq!(book(2), [[2, 4]]);
-        assert_eq!(book(2 * MOST_ON_SEGMENT), [[2, 4]; MOST_ON_SEGMENT]);
+        assert_eq!(book(2), [[2, 4]], "two triangles that share a segment");
+        assert_eq!(
+            book(2 * MOST_ON_SEGMENT),
+            [[2, 4]; MOST_ON_SEGMENT],
+            "as many triangles as a segment may bound"
+        );
         let more = 2 * (MOST_ON_SEGMENT + 1);
-        assert_eq!(book(more), vec![[1, 3]; more]);
+        assert_eq!(book(more), vec![[1, 3]; more], "more triangles than a segment may bound: {more}");
     }
 }

@@ -16,23 +16,24 @@ use crate::extent::quantile;
 use alloc::vec::Vec;
 use core::ops::Range;
 
-/// Number of planes right behind occluders.
+/// Greatest number of planes right behind occluders.
 pub(crate) const BEHIND: usize = 24;
-/// Least ratio of the distances of planes that are not behind occluders, and greatest number of these planes.
-/// Where objects are at very different distances, the planes are farther apart.
+/// Least ratio of the distances of successive planes that are not behind occluders. Where objects are at very
+/// different distances, the planes are farther apart.
 const GROWTH: f64 = 1.3;
+/// Greatest number of planes that are not behind occluders.
 const GROWING: usize = 27;
-/// Two planes behind occluders are at least this ratio apart.
+/// Least ratio of the distances of two planes behind occluders.
 const APART: f64 = 1.004;
 
-/// The cone of rays from the viewcell to all that is asked, by its slopes, and the depths it has.
+/// Cone of rays from the viewcell to all occludees of a direction: its slopes, and its range of depths.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cone {
     /// Least and greatest slope along x and y, in lateral metres per metre from the back of the viewcell.
     slopes: [[f64; 2]; 2],
-    /// Depth of the first plane, before which nothing is asked.
+    /// Depth of the first plane. All occludees are behind it.
     pub(crate) first: f64,
-    /// Depth of the nearest side of the object farthest away.
+    /// Greatest depth of an occludee's nearest side.
     pub(crate) deepest: f64,
     /// Depth at which occluders are cut on the side of the viewcell.
     pub(crate) near: f64,
@@ -60,14 +61,13 @@ impl Cone {
         (first > 0.0).then_some(Self { slopes, first, deepest, near: 0.5 * first })
     }
 
-    /// Returns the cone opened so far that it contains the cell's own shape swept along the direction.
-    /// Between the cell and a point of the cone at any depth, a ray then stays in the cone: the cone is
-    /// convex, and contains the cell.
+    /// Returns a wider cone, which contains the cell's own shape swept along the direction. A ray between the
+    /// cell and a point of this cone, at any depth, stays in it: it is convex, and contains the cell.
     pub(crate) fn opened(&self) -> Self {
         Self { slopes: self.slopes.map(|[low, high]| [low.min(0.0), high.max(0.0)]), ..*self }
     }
 
-    /// Returns the range of the cone at a depth, along the lateral axis `lat`.
+    /// Returns the range of the cone at depth `z` along lateral axis `lat` (0 or 1).
     pub(crate) fn at(&self, direction: &Direction, z: f64, lat: usize) -> [f64; 2] {
         let [low, high] = self.slopes[lat].map(|slope| slope * (z + direction.depth));
         [low - direction.half[lat], high + direction.half[lat]]
@@ -84,7 +84,7 @@ impl Cone {
             })
     }
 
-    /// Estimates the share of the cone that an occluder covers on a plane right behind it: 0 if it cannot
+    /// Estimates the share of the cone that an occluder covers on a plane right behind it. 0 if it cannot
     /// cover a pixel.
     fn share(&self, direction: &Direction, b: &LocalBox) -> f64 {
         let (near, far) = (b.lo.z.max(self.near), b.hi.z.min(self.deepest));
@@ -105,7 +105,7 @@ impl Cone {
             .product()
     }
 
-    /// Returns what the choice of planes needs of an occluder. `None` if it cannot cover a pixel.
+    /// Returns the data of an occluder that the choice of planes needs. `None` if it cannot cover a pixel.
     pub(crate) fn candidate(
         &self,
         direction: &Direction,
@@ -126,12 +126,13 @@ impl Cone {
     }
 }
 
-/// An occluder, by its depths and by the share of the cone that it covers. There are many of these, so they
-/// are small: the occluder itself is placed again whenever it is drawn.
+/// Depths of an occluder, and the share of the cone that it covers. There are many of these, so that they are
+/// small: the occluder itself is placed again whenever it is drawn.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidate {
-    /// Depths of its nearest and farthest point.
+    /// Depth of the occluder's nearest point, in metres.
     pub(crate) begins: f64,
+    /// Depth of the occluder's farthest point, in metres.
     pub(crate) ends: f64,
     share: f64,
     pub(crate) source: Source,
@@ -140,8 +141,8 @@ pub(crate) struct Candidate {
 }
 
 /// Chooses the distances of the projection planes within `range`, ascending, all before `cone.deepest`. Of
-/// the planes right behind occluders, the best of all ranges are chosen: `behind_left` is the number of those
-/// that earlier ranges have left over.
+/// the possible planes right behind occluders, the best of all ranges are chosen. `behind_left` is the number
+/// of them that earlier ranges have left over.
 pub(crate) fn distances(
     direction: &Direction,
     cone: &Cone,
@@ -216,8 +217,8 @@ mod tests {
         let occluders: Vec<Candidate> = occluders.map(candidate).collect();
         let mut behind_left = BEHIND;
         let planes = distances(&direction, &cone, &occluders, &(0.0..f64::INFINITY), &mut behind_left);
-        assert_eq!((behind_left, planes.len()), (0, BEHIND + GROWING));
-        assert!(planes.is_sorted());
+        assert_eq!((behind_left, planes.len()), (0, BEHIND + GROWING), "occluders left over, and planes");
+        assert!(planes.is_sorted(), "planes in order: {planes:?}");
         planes
     }
 

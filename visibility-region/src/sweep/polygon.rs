@@ -11,8 +11,8 @@ pub(super) fn cut(a: DVec3, b: DVec3, z: f64) -> DVec3 {
     DVec3::new(p.x, p.y, z)
 }
 
-/// By row of a map, the x at which an edge that runs up crosses the middle line of the row, and one that runs
-/// down.
+/// For each row of a map, the x at which an upward edge crosses the middle line of the row, and the x at
+/// which a downward edge does.
 pub(super) type Sides = [[f64; SIDE]; 2];
 
 /// Returns the rows from `first` to `last`, both included, whose middle lines are at `low` or above it, and
@@ -27,7 +27,7 @@ fn rows_between([low, high]: [f64; 2], [first, last]: [usize; 2]) -> Range<usize
     start..from(high).min(last + 1).max(start)
 }
 
-/// A triangle, and what two cuts leave of it.
+/// A triangle, and the part of it between two depths.
 pub(super) struct Polygon {
     points: [DVec3; 5],
     count: usize,
@@ -46,7 +46,7 @@ impl Polygon {
         &self.points[..self.count]
     }
 
-    /// Keeps the part with `z` at least `at` (`side` 1) or at most `at` (`side` -1).
+    /// Cuts the polygon to the part with `z` at least `at` (`side` 1) or at most `at` (`side` -1).
     fn clip(&mut self, at: f64, side: f64) {
         let behind = |p: DVec3| (p.z - at) * side < 0.0;
         if !self.points().iter().any(|&p| behind(p)) {
@@ -75,7 +75,7 @@ impl Polygon {
     }
 
     /// Sets the pixels of `rect` in which the polygon, seen from the middle of the cell's front, meets the
-    /// middle line of the pixel's row. Pixels that `map` has need not be set. Returns whether any was
+    /// middle line of the pixel's row. Pixels that are set in `map` may be left out. Returns whether any was
     /// set. `sides` is scratch.
     pub(super) fn fill(
         &self,

@@ -1,4 +1,4 @@
-//! The planes of a sweep with their maps, to look at.
+//! The planes of a sweep with their maps, for pictures and measurements.
 
 use super::culler::ExtendedProjectionCuller;
 use super::direction::Direction;
@@ -53,8 +53,8 @@ impl ProjectionPlane<'_> {
 
 impl ExtendedProjectionCuller {
     /// Calls `each` with the planes of a sweep from a viewcell, direction by direction and nearest first. The
-    /// maps reach as far aside as the objects of the scene, and all occluders of the scene are in them, as in
-    /// those that [virtual occluders](Self::virtual_occluders) are chosen from.
+    /// maps reach as far aside as the objects of the scene. They hold all occluders of the scene, as the maps
+    /// that [virtual occluders](Self::virtual_occluders) are chosen from.
     pub fn for_each_plane(
         &mut self,
         scene: &Scene,

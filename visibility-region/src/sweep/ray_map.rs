@@ -66,8 +66,9 @@ impl RayMap {
         })
     }
 
-    /// Tests whether a rectangle within `rect` of at least `least` columns and rows may be all set. True more
-    /// often. Where `least` is more than half of `rect`, all such rectangles have the middle in common.
+    /// Tests whether a rectangle within `rect` of at least `least` columns and rows may be all set. May be
+    /// true although none is. Where `least` is more than half of `rect`, all such rectangles have the middle
+    /// in common.
     pub(crate) fn may_hold(&self, rect: PixelRect, least: [usize; 2]) -> bool {
         let middle = |[first, last]: [usize; 2], least: usize| {
             let middle = [(last + 1).saturating_sub(least).max(first), (first + least - 1).min(last)];
@@ -89,7 +90,7 @@ impl RayMap {
         self.rows.iter().flatten().any(|&word| word != 0)
     }
 
-    /// Tests whether `other` has a pixel that this map has not, in the words of `rect`.
+    /// Tests whether `other` has a pixel that this map lacks, in the words of `rect`.
     pub(crate) fn lacks(&self, other: &Self, rect: PixelRect) -> bool {
         let words = rect.x[0] / 64..=rect.x[1] / 64;
         (rect.y[0]..=rect.y[1]).any(|y| {
@@ -190,8 +191,8 @@ fn set_span(row: &mut Row, first: usize, last: usize) {
     }
 }
 
-/// Returns the first position from `at` on whose bit differs from those of `than`, all bits 0 or all bits 1.
-/// `None` if there is none.
+/// Returns the first position from `at` on whose bit differs from the bits of `than`, which are all 0 or all
+/// 1. `None` if all are equal.
 fn next(row: &Row, at: usize, than: u64) -> Option<usize> {
     let mut word = at / 64;
     let mut bits = (*row.get(word)? ^ than) & u64::MAX << (at % 64);
@@ -237,7 +238,7 @@ mod tests {
                     let rect = PixelRect { x: column.map(usize::from), y: rows[y].map(usize::from) };
                     let all = (rect.y[0]..=rect.y[1]).all(|y| (rect.x[0]..=rect.x[1]).all(|x| map.get(x, y)));
                     assert_eq!(eroded.get(x, y), all, "{x} {y}");
-                    assert_eq!(map.all_set(rect), all);
+                    assert_eq!(map.all_set(rect), all, "{rect:?} as a whole");
                     kept += usize::from(all);
                 }
             }
@@ -258,26 +259,39 @@ mod tests {
             let rect = PixelRect { x: [first, last], y: [2, 2] };
             map.set_span(2, first, last);
             assert!((0..SIDE).all(|x| map.get(x, 2) == (first..=last).contains(&x)), "{first} to {last}");
-            assert!((0..SIDE).all(|x| !map.get(x, 1) && !map.get(x, 3)));
-            assert!(map.all_set(rect) && map.may_hold(rect, [last + 1 - first, 1]));
+            assert!(
+                (0..SIDE).all(|x| !map.get(x, 1) && !map.get(x, 3)),
+                "{first} to {last}: rows above and below"
+            );
+            assert!(
+                map.all_set(rect) && map.may_hold(rect, [last + 1 - first, 1]),
+                "{first} to {last}: the span is set, and holds itself"
+            );
             let wider = [first.saturating_sub(1), (last + 1).min(SIDE - 1)];
             for x in [[wider[0], last], [first, wider[1]]] {
                 assert_eq!(map.all_set(PixelRect { x, y: [2, 2] }), x == rect.x, "{first} to {last}");
             }
             assert!(
                 !map.all_set(PixelRect { y: [2, 3], ..rect })
-                    && !map.all_set(PixelRect { y: [1, 2], ..rect })
+                    && !map.all_set(PixelRect { y: [1, 2], ..rect }),
+                "{first} to {last}: the rows above and below are not set"
             );
             // One hole, at either end.
             for hole in rect.x {
                 let mut other = map.clone();
                 other.rows[2][hole / 64] &= !(1 << (hole % 64));
-                assert!(!other.all_set(rect) && other.lacks(&map, rect) && !map.lacks(&other, rect));
+                assert!(
+                    !other.all_set(rect) && other.lacks(&map, rect) && !map.lacks(&other, rect),
+                    "{first} to {last}: with a hole at {hole}"
+                );
                 other.add_difference(&map, &RayMap::new(), rect);
-                assert!(other.all_set(rect));
+                assert!(
+                    other.all_set(rect),
+                    "{first} to {last}: the hole at {hole} is filled from the whole map"
+                );
             }
             map.clear_rect(rect);
-            assert!(!map.any_set());
+            assert!(!map.any_set(), "{first} to {last}: a pixel is left after clearing");
         }
     }
 
@@ -342,7 +356,7 @@ mod tests {
         // Across a boundary of words, one of which is empty.
         map.clear();
         map.set_span(3, 61, 63);
-        assert!(map.may_hold(PixelRect { x: [58, 69], y: [3, 3] }, [3, 1]));
+        assert!(map.may_hold(PixelRect { x: [58, 69], y: [3, 3] }, [3, 1]), "a span that ends with a word");
         // Of the rectangles that hold none, at least this part is found out, by whether pixels are common.
         for (kind, part) in [0.8, 0.9, 0.75, 0.97].into_iter().enumerate() {
             assert!(holding[kind] > 1000 && empty[kind] > 500, "{holding:?} {empty:?}");

@@ -16,23 +16,23 @@ use visibility_core::{Aabb, Scene};
 pub(crate) struct Surfaces {
     pub(crate) triangles: Vec<Surface>,
     pub(crate) segments: Vec<[Vec3; 2]>,
-    /// First element of `sides` of each segment, and the end of the last.
+    /// First element of `sides` of each segment; then the end of the last.
     starts: Vec<u32>,
     /// Sides of triangles on each segment, as twice the index of the triangle, plus 1 if the triangle runs
     /// from the first end to the second.
     sides: Vec<u32>,
-    /// Indices of the objects whose triangles are here.
+    /// Indices of the objects whose triangles are in the lists.
     pub(crate) objects: Bits,
     parts: Vec<Part>,
-    /// Cluster of each object by index: objects whose triangles meet along segments, directly or by others,
-    /// are one cluster. `u32::MAX` for objects without triangles here.
+    /// Cluster of each object, by object index. Objects whose triangles meet along segments, directly or
+    /// through others, are one cluster. `u32::MAX` for objects without triangles in the lists.
     cluster_of: Vec<u32>,
     /// Triangles and segments of each cluster.
     cluster_triangles: Groups,
     cluster_segments: Groups,
 }
 
-/// Numbers in groups: those of group `g` are `members[starts[g]..starts[g + 1]]`, ascending.
+/// Numbers in groups: group `g` is `members[starts[g]..starts[g + 1]]`, ascending.
 #[derive(Debug, Default)]
 struct Groups {
     starts: Vec<u32>,
@@ -40,7 +40,7 @@ struct Groups {
 }
 
 impl Groups {
-    /// Sorts the numbers from 0 on by group; `group_of` names the group of each.
+    /// Sorts the numbers from 0 on by group. `group_of` returns the group of each.
     fn new(groups: usize, group_of: impl Iterator<Item = u32> + Clone) -> Self {
         let mut starts = alloc::vec![0u32; groups + 1];
         let mut count = 0;
@@ -65,14 +65,14 @@ impl Groups {
     }
 }
 
-/// What the back of a triangle does.
+/// Effect of the back of a triangle on rays.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Back {
-    /// It is seen through.
+    /// Rays pass the back.
     Transparent,
-    /// It occludes.
+    /// The back occludes as the front does.
     Opaque,
-    /// It occludes from outside of the convex solid that the triangle bounds: a ray that reaches it has
+    /// The back occludes rays from outside of the convex solid that the triangle bounds: such a ray has
     /// passed the front of another triangle of the solid.
     OfSolid,
 }
@@ -81,8 +81,7 @@ pub(crate) enum Back {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Surface {
     pub(crate) corners: Triangle,
-    /// Number of the [part](visibility_core::OccluderMesh::parts) that the triangle is of, of all parts of
-    /// all objects.
+    /// Index of the triangle's [part](visibility_core::OccluderMesh::parts), counted over all objects.
     pub(crate) part: u32,
     pub(crate) back: Back,
 }
@@ -90,25 +89,26 @@ pub(crate) struct Surface {
 /// A part of a mesh, or a mesh without parts.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Part {
-    /// Index of the object.
+    /// Index of the object that has the part.
     pub(crate) owner: u32,
     pub(crate) bounds: Aabb,
 }
 
 /// A side of a triangle, on the line that `key` names.
 struct LineSide {
-    /// Axis and the two other coordinates, for a line along an axis. Otherwise 3, and a number of each end.
+    /// Axis and the two other coordinates, for a line along an axis. Otherwise 3, and a number for each end.
     key: [u32; 3],
-    /// Ends along the axis, ascending; for lines of other directions both 0.
+    /// Ends along the axis, ascending. Both 0 for lines of other directions.
     ends: [f32; 2],
-    /// As in [`Surfaces::sides`].
+    /// Twice the index of the triangle, plus 1 if the side runs in the direction of its line: as in
+    /// [`Surfaces::sides`].
     side: u32,
     /// Number of the triangle's corner at which the side begins.
     corner: u32,
 }
 
-/// A line with so many segments for each of its sides is not divided: its sides join where they have equal
-/// ends. This bounds memory where many long sides and many short ones lie on one line.
+/// Greatest number of segments per side of a line. A line with more is not divided: its sides join where they
+/// have equal ends. This bounds memory where many long sides and many short ones lie on one line.
 const MOST_SEGMENTS: usize = 16;
 
 /// Returns the representative of the set that `at` is in.
@@ -152,7 +152,7 @@ impl Surfaces {
         all
     }
 
-    /// Returns the cluster that an object belongs to. `None` for an object without triangles here.
+    /// Returns the cluster that an object belongs to. `None` for an object without triangles in the lists.
     pub(crate) fn cluster_of(&self, object: usize) -> Option<usize> {
         self.cluster_of.get(object).filter(|&&cluster| cluster != u32::MAX).map(|&cluster| cluster as usize)
     }
@@ -201,7 +201,7 @@ impl Surfaces {
         (self.cluster_of, self.cluster_triangles, self.cluster_segments) = (cluster_of, triangles, segments);
     }
 
-    /// Returns the part that a triangle is of.
+    /// Returns the part that a triangle belongs to.
     pub(crate) fn part(&self, surface: &Surface) -> &Part {
         &self.parts[surface.part as usize]
     }
@@ -215,6 +215,8 @@ impl Surfaces {
     fn find_segments(&mut self) {
         let mut sides = self.line_sides();
         sides.sort_unstable_by(|a, b| a.key.cmp(&b.key).then(a.side.cmp(&b.side)));
+        // Sides along an axis that lie on one line may overlap in part, as at T-junctions: the line is cut at
+        // all ends, so that each segment has the same sides everywhere.
         let mut cuts: Vec<f32> = Vec::new();
         for line in sides.chunk_by(|a, b| a.key == b.key) {
             if line[0].key[0] == 3 {
@@ -230,6 +232,8 @@ impl Surfaces {
             let mut pieces: Vec<([u32; 2], u32)> = Vec::new();
             for side in line {
                 let [low, high] = side.ends.map(|x| at(x) as u32);
+                // Too many cuts for too few sides: each side stays one segment. Then fewer triangles join,
+                // which loses nothing but occlusion.
                 if count > MOST_SEGMENTS * line.len() {
                     pieces.push(([low, high], side.side));
                 } else {
@@ -257,7 +261,7 @@ impl Surfaces {
         self.sides.extend(sides);
     }
 
-    /// Returns the ends of a side, in the order that its number tells.
+    /// Returns the ends of a side, in the order in which its line runs.
     fn points(&self, side: &LineSide) -> [Vec3; 2] {
         let corners = self.triangles[side.side as usize / 2].corners;
         let (a, b) = (corners[side.corner as usize], corners[(side.corner as usize + 1) % 3]);
@@ -278,6 +282,8 @@ impl Surfaces {
             for corner in 0..3 {
                 let (a, b) = (surface.corners[corner], surface.corners[(corner + 1) % 3]);
                 let same = [a.x == b.x, a.y == b.y, a.z == b.z];
+                // A side along an axis is keyed by the axis and its two other coordinates, so that all sides
+                // on the line have one key. Any other side is keyed by its end points.
                 if same.iter().filter(|&&same| same).count() == 2 {
                     let axis = same.iter().position(|same| !same).unwrap_or(0);
                     let forward = a[axis] < b[axis];

@@ -7,32 +7,31 @@ use alloc::vec::Vec;
 use visibility_core::Aabb;
 use visibility_core::glam::Vec3;
 
-/// The margin of every decision in pixels. All pixel coordinates that decide are in error by less: see
+/// Margin in pixels of every decision. All pixel coordinates that decide are in error by less: see
 /// [`Window::fit`] for the lateral positions and [`OccluderRaster`](super::occluder_raster::OccluderRaster)
 /// for projected vertices.
 pub(crate) const SLACK: f64 = 1.0 / 1024.0;
 
-/// Pixel coordinates beyond this are not computed with: 2^30, whose rounding errors are below
-/// `SLACK / 2^10`.
+/// Greatest pixel coordinate that is used: 2^30, whose rounding errors are below `SLACK / 2^10`.
 pub(crate) const FARTHEST_PIXEL: f64 = 1_073_741_824.0;
 
 /// Least width of a window, in units of the rounding error of positions on it: 2^26.
 const WIDTH: f64 = 67_108_864.0;
 
-/// Distance in pixels from a rim to the boundary of pixels next to it: edges at the rim, with their margin,
+/// Distance in pixels from a rim to the boundary of pixels next to it. Edges at the rim, with their margin,
 /// then mark pixels on one side of the boundary alone.
 const BESIDE: f64 = 4.0 * SLACK;
 
 /// A coordinate along a lateral axis at which most objects begin, or end, such as the ground that houses
 /// stand on. Rays to these objects pass on its inner side. If a pixel had rays of both sides, the lower edge
-/// of a house in front would open the pixel to all that stands behind.
+/// of a house in front would open the pixel to all objects behind it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rim {
     at: f64,
     /// 1 if objects begin at the rim, -1 if they end there.
     inwards: f64,
-    /// Axis of the scene and position of the rim along it, exact, if all of the viewcell is on the inner
-    /// side of the rim or touches it.
+    /// Axis of the scene and exact position of the rim along it, if all of the viewcell is on the inner side
+    /// of the rim or touches it. `None` otherwise.
     exact: Option<(usize, f64)>,
 }
 
@@ -49,18 +48,18 @@ struct ExactRim {
     at: f64,
     inwards: f64,
     exact: (usize, f64),
-    /// The pixel on the inner side.
+    /// Index of the pixel on the inner side of the boundary.
     inner: usize,
 }
 
 impl ExactRim {
-    /// Cuts a range of pixel coordinates off, whose points are all on the inner side.
+    /// Cuts a range of pixel coordinates off at the rim, for points that are all on its inner side.
     fn clip_inwards(&self, [low, high]: [f64; 2]) -> [f64; 2] {
         let inner = self.inner as f64;
         if self.inwards > 0.0 { [low.max(inner), high] } else { [low, high.min(inner + 1.0 - SLACK)] }
     }
 
-    /// Cuts a range of pixel coordinates off, whose points are all on the outer side or at the rim.
+    /// Cuts a range of pixel coordinates off at the rim, for points that are all on its outer side or at it.
     fn clip_outwards(&self, [low, high]: [f64; 2]) -> [f64; 2] {
         let inner = self.inner as f64;
         if self.inwards > 0.0 {
@@ -74,8 +73,8 @@ impl ExactRim {
 }
 
 impl Rim {
-    /// Returns the coordinate that most items share along a lateral axis, up to rounding. `None` if no two
-    /// do.
+    /// Returns the rim at the coordinate that most items share along a lateral axis, up to rounding. `None`
+    /// if no two share one.
     pub(crate) fn of(
         items: &[Item],
         lat: usize,
@@ -83,6 +82,7 @@ impl Rim {
         scratch: &mut Vec<f64>,
     ) -> Option<Self> {
         let (mut best, mut most) = (None, 1);
+        // Lower coordinates first, then upper ones: the longest run of equal coordinates wins.
         for inwards in [1.0, -1.0] {
             scratch.clear();
             scratch.extend(items.iter().map(
@@ -99,6 +99,8 @@ impl Rim {
             }
         }
         let (range, inwards) = best?;
+        // Where the lateral axis is an axis of the world, the coordinate is known to the last bit, and can be
+        // compared with the cell's face without error.
         let exact = direction.exact[lat].and_then(|(axis, cell)| {
             let outermost = items
                 .iter()
@@ -126,7 +128,7 @@ impl Rim {
 /// if it passes through the windows of this plane and of all earlier planes of the sweep.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Window {
-    /// Distance from the front of the viewcell.
+    /// Distance in metres from the front of the viewcell.
     pub(crate) d: f64,
     /// Ends of the window along x and y.
     pub(crate) ends: [[f64; 2]; 2],
@@ -181,13 +183,13 @@ impl Window {
         usable.then_some(Self { d, ends, scale, rims: exact_rims })
     }
 
-    /// Returns the pixel coordinate of a position along the lateral axis `lat`.
+    /// Returns the pixel coordinate of a lateral position in metres along axis `lat` (0 or 1).
     #[inline]
     pub(crate) fn pixel(&self, x: f64, lat: usize) -> f64 {
         (x - self.ends[lat][0]) * self.scale[lat]
     }
 
-    /// Returns the length of a pixel's side along the lateral axis `lat`.
+    /// Returns the side of a pixel in metres along lateral axis `lat` (0 or 1).
     pub(crate) fn pixel_size(&self, lat: usize) -> f64 {
         1.0 / self.scale[lat]
     }
@@ -196,7 +198,7 @@ impl Window {
         self.scale[lat]
     }
 
-    /// Returns the margin of ranges of pixels along a lateral axis, in pixels.
+    /// Returns the margin of ranges of pixels along lateral axis `lat` (0 or 1), in pixels.
     fn margin(&self, lat: usize) -> f64 {
         if self.rims[lat].is_some() { SLACK + BESIDE } else { SLACK }
     }
@@ -206,8 +208,8 @@ impl Window {
         [self.pixel(low, lat) - self.margin(lat), self.pixel(high, lat) + self.margin(lat)]
     }
 
-    /// Returns along which lateral axes all of some points of the scene, exact, are on the outer side of the
-    /// rim or at it.
+    /// Returns for each lateral axis whether all of some exact points of the scene are on the outer side of
+    /// the rim or at it.
     pub(crate) fn is_outside(&self, points: &[Vec3]) -> [bool; 2] {
         self.rims.map(|rim| {
             rim.is_some_and(|ExactRim { inwards, exact: (axis, at), .. }| {
@@ -221,8 +223,8 @@ impl Window {
         self.rims[lat].map_or(range, |rim| rim.clip_outwards(range))
     }
 
-    /// Returns the pixels that the projection of an occludee on the plane meets, or `None` unless it is
-    /// within the window. `bounds` are those of the occludee in the scene.
+    /// Returns the pixels that the projection of an occludee on the plane meets. `None` unless the projection
+    /// is within the window. `bounds` are those of the occludee in the scene.
     pub(crate) fn pixels(&self, [x, y]: [[f64; 2]; 2], bounds: &Aabb) -> Option<PixelRect> {
         let along = |range: [f64; 2], lat| {
             let [mut low, mut high] = self.widened(range, lat);
@@ -257,7 +259,8 @@ impl Window {
         self.ends
     }
 
-    /// Returns a rectangle on the plane that is certainly within some pixels: its ends along x and y.
+    /// Returns a rectangle on the plane that is certainly within the pixels of `rect`: its ends along x and
+    /// y.
     pub(crate) fn inside(&self, rect: PixelRect) -> [[f64; 2]; 2] {
         let along = |[first, last]: [usize; 2], lat: usize| {
             let at = |pixel: f64| self.ends[lat][0] + pixel * self.pixel_size(lat);
@@ -267,8 +270,9 @@ impl Window {
         [along(rect.x, 0), along(rect.y, 1)]
     }
 
-    /// Returns for each pixel of this window, along the lateral axis `lat`, the pixels of the earlier window
-    /// `from` that asked rays through it meet: reprojection with the cell itself as the source.
+    /// Returns for each pixel of this window, along lateral axis `lat` (0 or 1), the pixels of the earlier
+    /// window `from` that asked rays through it meet. This is the reprojection with the cell itself as the
+    /// source.
     pub(crate) fn reprojection(&self, direction: &Direction, from: &Self, lat: usize) -> Ranges {
         // A ray from v, at w behind the front, to p on this plane meets the earlier one at
         // p (1 - t) + v t with t = (d - from.d) / (d + w).
@@ -341,7 +345,7 @@ mod tests {
             let range = [low as f64 / 1024.0, high as f64 / 1024.0];
             let found = window.pixels([range, [3.5, 4.5]], &bounds).map(|rect| rect.x);
             let turned = window.pixels([[3.5, 4.5], range], &bounds).map(|rect| rect.y);
-            assert_eq!(found, turned);
+            assert_eq!(found, turned, "{low} to {high}: pixels along x and along y");
             // Every pixel that the closed range comes near must be asked, and be within the window.
             let near = [low - 1, high + 1].map(|at| at.div_euclid(1024));
             let is_within = low <= high + 2 && near[0] >= 0 && near[1] < side;

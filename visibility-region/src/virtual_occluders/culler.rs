@@ -1,4 +1,5 @@
-//! Virtual occluders as a culler of their own viewcell: how much a few rectangles keep of what a sweep hides.
+//! `VirtualSweepCuller`: culls a viewcell with its virtual occluders alone, which shows how much of a sweep's
+//! occlusion a few rectangles keep.
 
 use super::VirtualOccluders;
 use crate::ExtendedProjectionCuller;
@@ -9,7 +10,7 @@ use visibility_core::occlusion::Occlusion;
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Accuracy, CullStats, OcclusionMap, RegionCuller, Scene, VisibleSet};
 
-/// Hides what the [`VirtualOccluders`] of a viewcell hide from all of it. Conservative.
+/// Removes objects that the [`VirtualOccluders`] of a viewcell hide from all of it. Conservative.
 ///
 /// An object that the sweep of [`ExtendedProjectionCuller`] hides is found visible here if no single virtual
 /// occluder hides it. Hides nothing if an occluder of the scene is no candidate, since the virtual occluders

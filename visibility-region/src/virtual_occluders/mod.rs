@@ -90,21 +90,21 @@ impl VirtualOccluder {
 pub struct VirtualOccluders {
     cell: Viewcell,
     occluders: Vec<VirtualOccluder>,
-    /// The scene's state up to which its changes are known to matter not.
+    /// State of the scene up to which no change has made the virtual occluders wrong.
     cursor: SceneCursor,
     /// Indices of the objects that occluded when the virtual occluders were made.
     occluding: Bits,
-    /// Layers of these objects, each mask once. All of them are drawn by a view that shares a layer with
-    /// each mask.
+    /// Layer masks of these objects, each mask once. A view draws all of these objects if it shares a layer
+    /// with each mask.
     layers: Vec<u32>,
-    /// Whether [`sync`](Self::sync) has been called since the last frame began, and the occluders are as
-    /// they were.
+    /// Whether [`sync`](Self::sync) has been called since the last frame began, and has found the occluders
+    /// unchanged.
     confirmed: bool,
-    /// The virtual occluders as the lines of sight of this frame see them.
+    /// Virtual occluders relative to the starts of this frame's lines of sight.
     active: Vec<Active>,
 }
 
-/// A virtual occluder in local coordinates of the box that lines of sight begin in.
+/// A virtual occluder in local coordinates of the box in which lines of sight begin.
 #[derive(Clone, Copy, Debug)]
 struct Active {
     direction: Direction,
@@ -116,7 +116,7 @@ impl VirtualOccluders {
     /// Greatest number of virtual occluders of a viewcell.
     pub const MAX: usize = 16;
 
-    /// Returns the virtual occluders, those that hide most first.
+    /// Returns the virtual occluders. The one that hides most comes first.
     pub fn occluders(&self) -> &[VirtualOccluder] {
         &self.occluders
     }
@@ -143,8 +143,8 @@ impl VirtualOccluders {
         self.confirmed
     }
 
-    /// Returns a box in world space, minimum and maximum corner, that lines of sight of a view begin in.
-    /// `None` if there is none within the viewcell.
+    /// Returns a box in world space, minimum and maximum corner, that contains the starts of all lines of
+    /// sight of a view. `None` if they are not all within the viewcell.
     fn sight_start(&self, view: &View) -> Option<(DVec3, DVec3)> {
         let anchor = self.cell.min * 0.5 + self.cell.max * 0.5;
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -171,8 +171,8 @@ impl VirtualOccluders {
         (known && finite && within).then_some((low, high))
     }
 
-    /// Makes the virtual occluders hide what no line of sight that begins in `start` reaches. `start` is
-    /// within the viewcell and relative to `origin`, as the boxes that are tested.
+    /// Prepares the virtual occluders for a frame whose lines of sight begin in `start`. `start` is within
+    /// the viewcell and relative to `origin`, as the tested boxes are.
     fn activate(&mut self, start: &CellExtent, origin: DVec3) {
         self.active.clear();
         for occluder in &self.occluders {
@@ -214,7 +214,7 @@ impl OcclusionMap for VirtualOccluders {
         }
     }
 
-    /// Does nothing: the occluders of the scene are in the virtual ones already.
+    /// Does nothing, since the virtual occluders contain the occluders of the scene already.
     fn add(&mut self, _: &OccluderMesh, _: &Affine3A) {}
 
     fn flush(&mut self) {}

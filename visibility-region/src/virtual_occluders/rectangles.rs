@@ -3,13 +3,13 @@
 use crate::sweep::ray_map::{PixelRect, RayMap, SIDE};
 use alloc::vec::Vec;
 
-/// Side of the blocks of pixels that rectangles consist of. Blocks of 4 pixels lose the rims of umbrae, and
-/// with them, in a city, a sixth of what is hidden (measured).
+/// Side in pixels of the blocks that rectangles consist of. Blocks of 4 pixels lose the rims of umbrae, and
+/// with them, in a city, a sixth of the occlusion (measured).
 const BLOCK: usize = 2;
 const COUNT: usize = SIDE / BLOCK;
 
-/// Returns up to `most` rectangles of pixels that are all set, the largest first, none of which meet. They
-/// consist of blocks of `BLOCK` by `BLOCK` pixels.
+/// Returns up to `most` disjoint rectangles of set pixels, the largest first. They consist of blocks of
+/// `BLOCK` by `BLOCK` pixels.
 pub(super) fn largest(map: &RayMap, most: usize) -> Vec<PixelRect> {
     let block = |x: usize, y: usize| PixelRect {
         x: [x * BLOCK, x * BLOCK + BLOCK - 1],
@@ -72,11 +72,11 @@ mod tests {
             map.set_span(row, 100, 180);
         }
         let all = largest(&map, 3);
-        assert_eq!(all[0], PixelRect { x: [6, 299], y: [10, 209] });
-        assert_eq!(all[1], PixelRect { x: [100, 179], y: [210, 399] });
-        assert_eq!(all.len(), 2);
-        assert!(all.iter().all(|&rect| map.all_set(rect)));
-        assert!(largest(&RayMap::new(), 3).is_empty());
+        assert_eq!(all[0], PixelRect { x: [6, 299], y: [10, 209] }, "the largest rectangle");
+        assert_eq!(all[1], PixelRect { x: [100, 179], y: [210, 399] }, "the second: what is left below it");
+        assert_eq!(all.len(), 2, "rectangles found");
+        assert!(all.iter().all(|&rect| map.all_set(rect)), "a rectangle holds a pixel that is not set");
+        assert!(largest(&RayMap::new(), 3).is_empty(), "an empty map has no rectangles");
     }
     /// Spans whose ends are in each half of a block, at the first and the last blocks.
     #[test]

@@ -253,16 +253,23 @@ mod tests {
         }
         // Before the near plane nothing is seen, and nothing hides.
         let close = object(plate(0.25, all, all));
-        assert_eq!(met(vec![close, object(behind.clone())]), [1]);
+        assert_eq!(met(vec![close, object(behind.clone())]), [1], "a plate before the near plane is not met");
         // Glass is seen and hides nothing, and neither does the back of a plate that has only a front.
         let glass = SourceObject { see_through: true, opaque: false, ..object(plate(3.0, all, all)) };
-        assert_eq!(met(vec![glass, object(behind.clone())]), [0, 1]);
+        assert_eq!(met(vec![glass, object(behind.clone())]), [0, 1], "glass is met, and the plate behind");
         let turned = plate(3.0, all, all).into_iter().map(|[a, b, c]| [a, c, b]).collect();
         for (triangles, seen) in [(turned, vec![1]), (plate(3.0, all, all), vec![0])] {
             let wall = SourceObject { one_sided: true, ..object(triangles) };
-            assert_eq!(met(vec![wall, object(behind.clone())]), seen);
+            assert_eq!(
+                met(vec![wall, object(behind.clone())]),
+                seen,
+                "a one-sided plate: the one behind is met, or it"
+            );
         }
         // Two plates in the same place: rays certainly meet neither of the plates first.
-        assert!(met(vec![object(behind.clone()), object(behind)]).is_empty());
+        assert!(
+            met(vec![object(behind.clone()), object(behind)]).is_empty(),
+            "of two plates in one place neither is met"
+        );
     }
 }

@@ -142,11 +142,18 @@ mod tests {
         let world = World::new(built_in("town:1").unwrap(), (64, 36), Some(1)).unwrap();
         let names: Vec<_> =
             parse("frustum, hzb + frustum", &world).unwrap().into_iter().map(|(name, _)| name).collect();
-        assert_eq!(names, ["frustum", "hzb+frustum"]);
+        assert_eq!(names, ["frustum", "hzb+frustum"], "names of cullers without spaces");
         let refused = |list| parse(list, &world).err();
-        assert_eq!(refused("frustum,fog"), Some(CullerError::Unknown { name: "fog".into() }));
-        assert!(refused("").is_some());
-        assert!(matches!(refused("hzb:soon"), Some(CullerError::Unsuited { .. })));
+        assert_eq!(
+            refused("frustum,fog"),
+            Some(CullerError::Unknown { name: "fog".into() }),
+            "an unknown culler"
+        );
+        assert!(refused("").is_some(), "an empty list");
+        assert!(
+            matches!(refused("hzb:soon"), Some(CullerError::Unsuited { .. })),
+            "a setting that does not fit"
+        );
     }
 
     #[test]

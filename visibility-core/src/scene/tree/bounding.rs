@@ -58,7 +58,7 @@ impl Tree {
         DetailBounds { diagonal_squared, end }
     }
 
-    /// Marks the lanes of a leaf whose objects have details, and sets the leaf's bounds to what it holds.
+    /// Marks the lanes of a leaf whose objects have details, and computes the leaf's bounds on details.
     pub(in crate::scene) fn measure_leaf(&mut self, leaf: usize) {
         let mask = if self.details.is_empty() { 0 } else { self.occupied[leaf] };
         let detailed = lanes(mask).filter(|&lane| self.detail(self.ids[leaf][lane].index()) != Detail::NONE);
@@ -98,8 +98,8 @@ impl Tree {
         }
     }
 
-    /// Sets the bounds of a node and of the nodes above it to what they hold, stopping at the first that
-    /// does not change.
+    /// Computes the bounds on details of a node and of the nodes above it from their contents. Stops at the
+    /// first node whose bounds do not change.
     pub(in crate::scene) fn lower(&mut self, node: u32) {
         let mut node = node as usize;
         loop {

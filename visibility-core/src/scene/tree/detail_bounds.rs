@@ -7,7 +7,7 @@ use crate::scene::boxes64::{Boxes64, FAN_OUT};
 /// Upper bounds on the objects below a node of the hierarchy.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct DetailBounds {
-    /// Greatest squared diagonal of the boxes of these objects, in square metres, as
+    /// Greatest squared diagonal of the boxes of the objects below, in square metres, as
     /// [`Aabb::diagonal_squared`] computes it.
     pub diagonal_squared: f64,
     /// Greatest distance at which an object may still be drawn, in metres; infinite if one has no limit.

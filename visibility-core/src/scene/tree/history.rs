@@ -33,17 +33,18 @@ pub(crate) struct History {
     copies: VecDeque<Copied>,
     /// Number of copies that were dropped from the front of `copies` so far.
     dropped: u64,
-    /// For each node, one more than the number of its newest copy, counted from the first copy ever. 0, and
-    /// past the end, for nodes without a copy. Meaningless if the copy is dropped.
+    /// For each node: one more than the number of its newest copy, where copies are numbered from the first
+    /// one ever made. 0, and past the end, for nodes without a copy. If that copy is dropped, the node has
+    /// none.
     newest: Vec<u64>,
 }
 
-/// What a node held at a state.
+/// Content of a node at an earlier state of the scene.
 #[derive(Debug)]
 struct Copied {
     /// Number of the state: the newest one with a token when the copy was made.
     state: u64,
-    /// `newest` of the node before this copy.
+    /// What `newest` was for the node before this copy was made.
     older: u64,
     level: u8,
     ids: [ObjectId; FAN_OUT],

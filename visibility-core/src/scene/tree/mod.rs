@@ -195,7 +195,7 @@ impl Tree {
         self.raise_to_object(slot);
     }
 
-    /// Returns what a lane of a leaf holds besides bounds. The slot must be occupied.
+    /// Returns the id, the layers and the occluder flag in a lane of a leaf. The slot must be occupied.
     pub(super) fn payload(&self, slot: Slot) -> Payload {
         let (node, lane) = (slot.node(), slot.lane());
         Payload {

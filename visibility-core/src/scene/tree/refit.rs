@@ -31,6 +31,8 @@ impl Tree {
                 leavers.extend(lanes(mask).map(|lane| of_lane[lane]));
                 continue;
             }
+            // The new boxes go into a copy, so that lanes of objects that leave can take their old boxes
+            // back.
             fetch(moved, of_lane);
             let mut boxes = self.bounds[leaf].clone();
             for lane in lanes(mask) {
@@ -38,6 +40,8 @@ impl Tree {
             }
             let above = self.parent(leaf as u32);
             let home = above.map(|above| self.bounds[above.node()].get(above.lane()));
+            // One vectorised test for the usual case that no object leaves its leaf. Otherwise a test for
+            // each lane.
             let free = !self.occupied[leaf];
             if !all_stay(&boxes, free, home.as_ref()) {
                 for lane in lanes(mask) {

@@ -77,6 +77,8 @@ impl Tree {
         }
         let mut group = Group::EMPTY;
         group.insert_by_nearness(at, f32::INFINITY);
+        // From the root down, level by level: children of the best nodes found above, ranked by overlap with
+        // the node's box or by distance from it.
         for depth in (0..height).rev() {
             let mut below = Group::EMPTY;
             below.insert_by_nearness(ancestors[depth], f32::INFINITY);
@@ -94,7 +96,10 @@ impl Tree {
             }
             group = below;
         }
-        debug_assert!(group.nodes().iter().all(|&n| self.levels[n as usize] == level));
+        debug_assert!(
+            group.nodes().iter().all(|&n| self.levels[n as usize] == level),
+            "the group of node {node} is of level {level}"
+        );
         group
     }
 
@@ -107,6 +112,7 @@ impl Tree {
     /// if nothing was changed. After `Some(0)` objects may still have changed lanes.
     pub(in crate::scene) fn regroup(&mut self, group: &Group, merge: bool) -> Option<usize> {
         let nodes = group.nodes();
+        // Contents of all nodes of the group, numbered by member and lane, and the present sum of sizes.
         let mut boxes = [Aabb::EMPTY; FAN_OUT * GROUP];
         let mut centers = [Vec3A::ZERO; FAN_OUT * GROUP];
         let mut order = [0u64; FAN_OUT * GROUP];
@@ -124,10 +130,12 @@ impl Tree {
             }
             before += size(&hulls[member]);
         }
+        // As few nodes as hold the contents with some lanes to spare.
         let mut wanted = nodes.len();
         while wanted > 1 && count <= (wanted - 1) * MERGE_FILL {
             wanted -= 1;
         }
+        // A trial: divide the contents anew, and compare the sum of sizes before anything is written.
         let mut pieces = [(0, 0, Aabb::EMPTY); GROUP];
         let (mut done, mut start, mut after) = (0, 0, 0.0);
         pack(&mut order[..count], &centers, wanted, &mut |piece| {
@@ -187,6 +195,7 @@ impl Tree {
             self.occupied[node] = if end - start == FAN_OUT { u64::MAX } else { (1 << (end - start)) - 1 };
             self.detailed[node] = new_detailed;
         }
+        // Nodes left over become empty and are freed.
         for member in lanes(free.into()) {
             let node = nodes[member] as usize;
             self.bounds[node] = Boxes64::EMPTY;

@@ -2,7 +2,7 @@
 
 use crate::scene::FAN_OUT;
 
-/// No node.
+/// Node number that no node has.
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// A lane of a node, encoded as `node * 64 + lane`.

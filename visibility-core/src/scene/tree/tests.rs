@@ -24,10 +24,18 @@ fn check(scene: &Scene, seen: &mut Seen) {
     let tree = scene.tree();
     let nodes = tree.node_count();
     for length in [tree.bounds.len(), tree.ids.len(), tree.layers.len(), tree.occluders.len()] {
-        assert_eq!(length, nodes);
+        assert_eq!(length, nodes, "each array of the tree has an entry for each of {nodes} nodes");
     }
-    assert_eq!((tree.parents.len(), tree.levels.len()), (nodes, nodes));
-    assert_eq!((tree.detail_bounds.len(), tree.detailed.len()), (nodes, nodes));
+    assert_eq!(
+        (tree.parents.len(), tree.levels.len()),
+        (nodes, nodes),
+        "each array of the tree has an entry for each of {nodes} nodes"
+    );
+    assert_eq!(
+        (tree.detail_bounds.len(), tree.detailed.len()),
+        (nodes, nodes),
+        "each array of the tree has an entry for each of {nodes} nodes"
+    );
 
     let mut reached: HashSet<usize> = HashSet::new();
     let mut objects: HashSet<ObjectId> = HashSet::new();
@@ -54,8 +62,12 @@ fn check(scene: &Scene, seen: &mut Seen) {
 
     let mut stack = Vec::new();
     if tree.root != NONE {
-        assert_eq!(tree.parents[tree.root as usize], Slot::NONE);
-        assert!(tree.levels[tree.root as usize] < 10);
+        assert_eq!(tree.parents[tree.root as usize], Slot::NONE, "the root has no parent");
+        assert!(
+            tree.levels[tree.root as usize] < 10,
+            "the root's level is {}",
+            tree.levels[tree.root as usize]
+        );
         stack.push(tree.root as usize);
         seen.height = seen.height.max(tree.levels[tree.root as usize]);
     }
@@ -66,14 +78,22 @@ fn check(scene: &Scene, seen: &mut Seen) {
             continue;
         }
         assert_ne!(tree.occupied[node], 0, "inner node {node} is empty and not free");
-        assert_eq!((tree.occluders[node], tree.detailed[node]), (0, 0));
+        assert_eq!(
+            (tree.occluders[node], tree.detailed[node]),
+            (0, 0),
+            "inner node {node} has marks that only leaves have"
+        );
         for lane in 0..FAN_OUT {
             if tree.occupied[node] >> lane & 1 == 0 {
                 check_lane_is_free(tree, node, lane);
                 continue;
             }
             let child = tree.child(node, lane);
-            assert_eq!(tree.levels[child] + 1, tree.levels[node]);
+            assert_eq!(
+                tree.levels[child] + 1,
+                tree.levels[node],
+                "the level of node {child} is one below that of its parent {node}"
+            );
             assert_eq!(tree.parents[child], Slot::new(node as u32, lane), "node {child} points up");
             let (bounds, hull) = (tree.bounds[node].get(lane), tree.bounds[child].hull());
             assert!(
@@ -81,7 +101,10 @@ fn check(scene: &Scene, seen: &mut Seen) {
                 "{bounds:?} above node {child} contains {hull:?}"
             );
             let (above, below) = (tree.detail_bounds[node], tree.detail_bounds[child]);
-            assert!(above.diagonal_squared >= below.diagonal_squared && above.end >= below.end);
+            assert!(
+                above.diagonal_squared >= below.diagonal_squared && above.end >= below.end,
+                "the limits of node {node} cover those of its child {child}"
+            );
             stack.push(child);
         }
     }
@@ -89,7 +112,11 @@ fn check(scene: &Scene, seen: &mut Seen) {
     for (place, &leaf) in tree.unculled.iter().enumerate() {
         let leaf = leaf as usize;
         assert!(reached.insert(leaf), "leaf {leaf} is in the tree or outside");
-        assert_eq!((tree.levels[leaf], tree.parents[leaf].0 as usize), (UNCULLED, place));
+        assert_eq!(
+            (tree.levels[leaf], tree.parents[leaf].0 as usize),
+            (UNCULLED, place),
+            "leaf {leaf} of unculled objects knows its place"
+        );
         check_leaf(leaf, &mut objects, seen);
     }
     let free: HashSet<usize> = tree.free.iter().map(|&node| node as usize).collect();
@@ -100,18 +127,26 @@ fn check(scene: &Scene, seen: &mut Seen) {
         (0..FAN_OUT).for_each(|lane| check_lane_is_free(tree, node, lane));
     }
     assert_eq!(reached.len(), nodes, "no node is lost");
-    assert_eq!(objects.len(), scene.len());
-    assert!(scene.ids().all(|id| objects.contains(&id)));
+    assert_eq!(objects.len(), scene.len(), "objects in the tree and in the scene");
+    assert!(scene.ids().all(|id| objects.contains(&id)), "all ids of the scene are in the tree");
     let layered = objects.iter().filter(|&&id| scene.object(id).unwrap().layers != u32::MAX).count();
-    assert_eq!(scene.layered, layered);
+    assert_eq!(scene.layered, layered, "objects that are not on all layers");
     (seen.free, seen.unculled) = (seen.free.max(free.len()), seen.unculled.max(tree.unculled.len()));
 }
 
 fn check_lane_is_free(tree: &Tree, node: usize, lane: usize) {
     assert_eq!(tree.bounds[node].get(lane), Aabb::EMPTY, "free lane {lane} of node {node} bounds nothing");
-    assert_eq!(tree.ids[node][lane], ObjectId::PLACEHOLDER);
+    assert_eq!(
+        tree.ids[node][lane],
+        ObjectId::PLACEHOLDER,
+        "free lane {lane} of node {node} names no object"
+    );
     assert_eq!(tree.layers[node][lane], u32::MAX, "free lane {lane} of node {node} is on all layers");
-    assert_eq!((tree.occluders[node] >> lane & 1, tree.detailed[node] >> lane & 1), (0, 0));
+    assert_eq!(
+        (tree.occluders[node] >> lane & 1, tree.detailed[node] >> lane & 1),
+        (0, 0),
+        "free lane {lane} of node {node} has no marks"
+    );
 }
 
 /// Asserts that the bounds of a leaf on size and draw distance cover the object in a lane. Returns whether a
@@ -128,7 +163,10 @@ fn check_detail(scene: &Scene, leaf: usize, lane: usize, id: ObjectId) -> bool {
     let object = scene.object(id).unwrap();
     let diagonal = |bounds: &Aabb| bounds.max.as_dvec3().distance(bounds.min.as_dvec3());
     let bounds = tree.detail_bounds[leaf];
-    assert!(bounds.diagonal_squared.sqrt() >= diagonal(&object.bounds) * (1.0 - 1e-12));
+    assert!(
+        bounds.diagonal_squared.sqrt() >= diagonal(&object.bounds) * (1.0 - 1e-12),
+        "{id}: the leaf's largest diagonal covers the object's"
+    );
     let mut end = f64::from(range.end);
     let parent = parent.map(|parent| (parent, scene.object(parent).unwrap()));
     let parent = parent.filter(|(_, parent)| {
@@ -284,7 +322,11 @@ fn the_tree_stays_consistent_under_batches_and_churn() {
             scene.maintain(usize::MAX);
             check(&scene, &mut seen);
         }
-        assert!(seen.height >= 2);
+        assert!(
+            seen.height >= 2,
+            "seed {seed}: the tree had {} levels above its leaves; 2 are wanted",
+            seen.height
+        );
     }
 }
 
@@ -344,7 +386,10 @@ fn whoever_moves_an_object_changes_the_layout() {
     for _ in 0..20_000 {
         let before = (scene.layout(), scene.tree().slots.clone());
         step(&mut rng, &mut scene, &mut ids, 0);
-        assert!(scene.layout() != before.0 || scene.tree().slots == before.1);
+        assert!(
+            scene.layout() != before.0 || scene.tree().slots == before.1,
+            "an object has moved to another slot, and the layout is the same"
+        );
         if ids.len() > 700 {
             scene.remove_batch(&ids.split_off(500)).unwrap();
         }

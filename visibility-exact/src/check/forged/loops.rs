@@ -10,7 +10,11 @@ fn loops_away_from_their_occluder_are_refused() {
     for clearance in [0.0, 1.0 / 128.0] {
         let world = World { clearance, ..World::new(TARGET, &[small]) };
         let seen = [[8.0, 0.0, 7.0], [80.0, 4.0, 5.0]];
-        assert_eq!(world.error(seen, vec![ring(world.piece(1), &corners, LINE, &INSIDE)]), LOOP);
+        assert_eq!(
+            world.error(seen, vec![ring(world.piece(1), &corners, LINE, &INSIDE)]),
+            LOOP,
+            "clearance {clearance}: a loop away from its occluder"
+        );
     }
 }
 
@@ -34,9 +38,17 @@ fn loops_just_inside_the_viewcell_are_refused() {
     let mut world = World::new(TARGET, &[wall]);
     let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
     let loop_ = ring(world.piece(1), &world.shapes[1], [[0.0, 4.0, 4.0], LINE[1]], &INSIDE);
-    assert_eq!(world.proof(vec![loop_.clone()]).check(&world.triangles), Ok(()));
+    assert_eq!(
+        world.proof(vec![loop_.clone()]).check(&world.triangles),
+        Ok(()),
+        "a loop at the viewcell's face"
+    );
     world.cell.max.x += 2.0 * delta;
-    assert_eq!(world.proof(vec![loop_]).check(&world.triangles).err(), LOOP);
+    assert_eq!(
+        world.proof(vec![loop_]).check(&world.triangles).err(),
+        LOOP,
+        "a loop within the viewcell by two errors"
+    );
 }
 
 /// A plate in the target's plane, larger than the target.
@@ -44,10 +56,10 @@ fn loops_just_inside_the_viewcell_are_refused() {
 fn loops_in_the_plane_of_the_target_are_refused() {
     let world = World::new(TARGET, &[WALL.map(|[_, y, z]| [80.0, y, z])]);
     let step = ring(world.piece(1), &world.shapes[1], LINE, &INSIDE);
-    assert_eq!(world.error(LINE, vec![step]), LOOP);
+    assert_eq!(world.error(LINE, vec![step]), LOOP, "a loop in the target's plane");
     // No ring at all.
     let step = Step::Loop { piece: world.piece(1), ring: [].into(), side: 1.0, edges: [].into() };
-    assert!(matches!(world.error(LINE, vec![step]), LOOP | MALFORMED));
+    assert!(matches!(world.error(LINE, vec![step]), LOOP | MALFORMED), "a loop without corners");
 }
 
 /// Corners that are said to be the target's, and are behind the target: far ones, and one of an occluder that
@@ -63,7 +75,11 @@ fn corners_that_are_not_the_targets_are_refused() {
             unreachable!()
         };
         let ring = ring.iter().zip(tags).map(|(&(x, _), tag)| (x, tag)).collect();
-        assert_eq!(world.error(seen, vec![Step::Loop { piece, ring, side, edges }]), LOOP);
+        assert_eq!(
+            world.error(seen, vec![Step::Loop { piece, ring, side, edges }]),
+            LOOP,
+            "corners tagged {tags:?} as the target's"
+        );
     }
     let cut = [[80.0, 2.0, 2.0], [79.875, 52.0, -48.0], [80.125, 32.0, 92.0]];
     let world = World::new(TARGET, &[cut]);
@@ -72,7 +88,8 @@ fn corners_that_are_not_the_targets_are_refused() {
     let ring = ring.iter().zip([0, 3, 0]).map(|(&(x, _), tag)| (x, tag)).collect();
     assert_eq!(
         world.error([[8.0, 4.0, 4.0], [80.0, 3.0, 3.5]], vec![Step::Loop { piece, ring, side, edges }]),
-        LOOP
+        LOOP,
+        "a corner tagged as the target's fourth"
     );
 }
 
@@ -80,12 +97,20 @@ fn corners_that_are_not_the_targets_are_refused() {
 fn loops_that_lines_pass_outside_are_refused() {
     let world = World::new(TARGET, &[HALF_WALL]);
     let line = [[8.0, 4.0, 2.0], [80.0, 4.0, 2.5]];
-    assert_eq!(world.error(OVER, vec![ring(world.piece(1), &world.shapes[1], line, &INSIDE)]), LOOP);
+    assert_eq!(
+        world.error(OVER, vec![ring(world.piece(1), &world.shapes[1], line, &INSIDE)]),
+        LOOP,
+        "a loop below the line of sight"
+    );
     // All lines pass outside of the first edge, or the second, inside of the others.
     let above = HALF_WALL.map(|[x, y, z]| [x, y, z - 40.0]);
     let world = World::new(TARGET, &[above]);
     let line = [[8.0, 4.0, -40.0], [80.0, 4.0, -38.0]];
-    assert_eq!(world.error(LINE, vec![ring(world.piece(1), &world.shapes[1], line, &INSIDE)]), LOOP);
+    assert_eq!(
+        world.error(LINE, vec![ring(world.piece(1), &world.shapes[1], line, &INSIDE)]),
+        LOOP,
+        "a loop that all lines pass outside of"
+    );
 }
 
 /// A ring of which an edge that lines pass outside of is not asked about, and a side that is no sign.
@@ -94,9 +119,9 @@ fn malformed_loops_are_refused() {
     let world = World::new(TARGET, &[HALF_WALL]);
     let line = [[8.0, 4.0, 2.0], [80.0, 4.0, 2.5]];
     let step = ring(world.piece(1), &world.shapes[1], line, &INSIDE[..2]);
-    assert_eq!(world.error(OVER, vec![step]), MALFORMED);
+    assert_eq!(world.error(OVER, vec![step]), MALFORMED, "fewer edges than corners");
     let step = ring(world.piece(1), &world.shapes[1], line, &[INSIDE, INSIDE].concat());
-    assert_eq!(world.error(OVER, vec![step]), MALFORMED);
+    assert_eq!(world.error(OVER, vec![step]), MALFORMED, "more edges than corners");
 }
 
 /// Edges in the middle of the segments, of which it is said that no line passes outside.
@@ -107,11 +132,11 @@ fn edges_that_lines_pass_outside_are_refused() {
     let [good, step] = [INSIDE.to_vec(), vec![LoopEdge::Inside, LoopEdge::Inside, never(&[1.0])]]
         .map(|edges| ring(world.piece(1), &world.shapes[1], line, &edges));
     drop(good);
-    assert_eq!(world.error(OVER, vec![step]), WEIGHTS);
+    assert_eq!(world.error(OVER, vec![step]), WEIGHTS, "an edge that lines pass on both sides of");
     // The row of the first edge, which excludes, does not remain.
     let edges = [never(&[1.0]), LoopEdge::Inside, never(&[1.0, 0.0])];
     let step = ring(world.piece(1), &world.shapes[1], line, &edges);
-    assert_eq!(world.error(OVER, vec![step]), WEIGHTS);
+    assert_eq!(world.error(OVER, vec![step]), WEIGHTS, "an edge excluded by a row that is gone");
     // All lines pass above.
     let below = HALF_WALL.map(|[x, y, z]| [x, y, z - 40.0]);
     let world = World::new(TARGET, &[below]);
@@ -136,16 +161,20 @@ fn nodes_with_lines_are_not_empty() {
         assert_eq!(world.error(OVER, steps), WEIGHTS, "{weights:?}");
     }
     let steps = vec![step.clone(), empty(&[1.0])];
-    assert_eq!(world.error(OVER, steps), MALFORMED);
+    assert_eq!(world.error(OVER, steps), MALFORMED, "two parts of the node have no step");
     let steps = vec![step.clone(), empty(&[1.0]), Step::Corner { edges: [0, 1, 1] }];
-    assert_eq!(world.error(OVER, steps), Some(ProofError::Corner));
+    assert_eq!(world.error(OVER, steps), Some(ProofError::Corner), "a corner of edges that do not exclude");
     let below = HALF_WALL.map(|[x, y, z]| [x, y, z - 40.0]);
     let world = World::new(TARGET, &[below]);
     let line = [[8.0, 4.0, -40.0], [80.0, 4.0, -38.0]];
     let edges = [LoopEdge::Inside, LoopEdge::Inside, LoopEdge::Divides];
     let step = ring(world.piece(1), &world.shapes[1], line, &edges);
     for weight in [1.0, -1.0] {
-        assert_eq!(world.error(LINE, vec![step.clone(), empty(&[weight])]), WEIGHTS);
+        assert_eq!(
+            world.error(LINE, vec![step.clone(), empty(&[weight])]),
+            WEIGHTS,
+            "weight {weight}: a node that has lines"
+        );
     }
 }
 
@@ -157,10 +186,14 @@ fn rows_end_with_their_loop() {
     let good = ring(world.piece(1), &world.shapes[1], LINE, &edges);
     let halves = Step::Halves { of_p: true, across: false };
     let steps = vec![halves.clone(), good.clone(), empty(&[1.0]), good.clone(), empty(&[1.0])];
-    assert_eq!(world.proof(steps).check(&world.triangles), Ok(()));
+    assert_eq!(world.proof(steps).check(&world.triangles), Ok(()), "the rows of each half hold");
     // A wall that is seen past on one half of P.
     let world = World::new(TARGET, &[[[9.0, -300.0, -100.0], [9.0, -300.0, 1000.0], [9.0, 4.0, 4.0]]]);
     let world = World { shapes: world.shapes, ..World::new(TARGET, &[WALL]) };
     let steps = vec![halves, good, empty(&[1.0]), empty(&[1.0])];
-    assert_eq!(world.proof(steps).check(&world.triangles).err(), WEIGHTS);
+    assert_eq!(
+        world.proof(steps).check(&world.triangles).err(),
+        WEIGHTS,
+        "a row of the first half in the second"
+    );
 }

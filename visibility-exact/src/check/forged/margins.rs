@@ -42,9 +42,17 @@ fn mixtures_of_other_corners_are_not_on_an_edge() {
     let hidden = ring(world.piece(2), &world.shapes[2], [LINE[0], [80.0, 4.0, 2.5]], &INSIDE);
     let halves = Step::Halves { of_p: false, across: false };
     let seen = [[8.0, 4.0, 4.0], [80.0, 4.5, 4.25]];
-    assert_eq!(world.error(seen, vec![halves.clone(), hidden.clone(), forged.clone()]), LOOP);
+    assert_eq!(
+        world.error(seen, vec![halves.clone(), hidden.clone(), forged.clone()]),
+        LOOP,
+        "a ring whose corners mix other corners"
+    );
     // The first half is well.
-    assert_eq!(world.proof(vec![halves, hidden]).check(&world.triangles).err(), MALFORMED);
+    assert_eq!(
+        world.proof(vec![halves, hidden]).check(&world.triangles).err(),
+        MALFORMED,
+        "the second half has no step"
+    );
 }
 
 /// Polygons that do not occlude, are not convex, or not flat: lines pass between their triangles.
@@ -62,7 +70,11 @@ fn pieces_that_are_no_convex_polygon_of_occluders_are_refused() {
     };
     let refused = |world: World, piece: u32, corners: &[DVec3]| {
         let edges = vec![LoopEdge::Inside; corners.len()];
-        assert_eq!(world.error(LINE, vec![ring(piece, corners, LINE, &edges)]), LOOP);
+        assert_eq!(
+            world.error(LINE, vec![ring(piece, corners, LINE, &edges)]),
+            LOOP,
+            "piece {piece} with the corners {corners:?}"
+        );
     };
     let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z).as_dvec3();
     let mut world = of(&[(TARGET, true), (WALL, false)]);
@@ -209,7 +221,10 @@ fn corners_next_to_the_plane_of_the_target_are_not_before_it() {
         let corners = world.shapes[1].map(|x| (x, None));
         assert!(!check.is_on_piece(&sight, world.piece(1), &corners), "{round}");
         // The height over the plane is the target's by rounding.
-        assert!(sight.before_q.height(corners[0].0).abs() < check.delta);
+        assert!(
+            sight.before_q.height(corners[0].0).abs() < check.delta,
+            "{round}: the corner is on the target's plane, up to rounding"
+        );
     }
 }
 

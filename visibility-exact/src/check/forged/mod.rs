@@ -102,7 +102,8 @@ impl World {
         Proof { cell: self.cell, target: Target::Triangle(0), clearance: self.clearance, steps }
     }
 
-    /// Returns what is wrong with a proof, in a world in which a segment sees the target.
+    /// Returns the error of a proof, in a world in which a segment sees the target. `None` if the check
+    /// accepts it.
     fn error(&self, seen: [[f64; 3]; 2], steps: Vec<Step>) -> Option<ProofError> {
         assert!(self.sees(seen.map(DVec3::from_array)), "no segment of this world sees the target");
         self.proof(steps).check(&self.triangles).err()
@@ -201,21 +202,29 @@ fn plane_through_the_origin(random: &mut Random) -> Triangle {
 fn true_steps_hold() {
     let world = World::new(TARGET, &[WALL]);
     for step in [surface(&[1], LINE), ring(world.piece(1), &world.shapes[1], LINE, &INSIDE)] {
-        assert_eq!(world.proof(vec![step]).check(&world.triangles), Ok(()));
+        assert_eq!(world.proof(vec![step]).check(&world.triangles), Ok(()), "one true step");
     }
     let never = ring(world.piece(1), &world.shapes[1], LINE, &[never(&[1.0]), never(&[1.0]), never(&[1.0])]);
-    assert_eq!(world.proof(vec![never]).check(&world.triangles), Ok(()));
+    assert_eq!(world.proof(vec![never]).check(&world.triangles), Ok(()), "a loop whose edges each exclude");
     let divides = [LoopEdge::Divides, LoopEdge::Inside, LoopEdge::Divides];
     let divides = ring(world.piece(1), &world.shapes[1], LINE, &divides);
     let steps = vec![divides, empty(&[1.0]), empty(&[0.0, 1.0])];
-    assert_eq!(world.proof(steps).check(&world.triangles), Ok(()));
+    assert_eq!(world.proof(steps).check(&world.triangles), Ok(()), "a loop that divides, with its parts");
     // Two triangles of which neither is enough.
     let [a, b, c] = WALL;
     let middle = [40.0, 4.0, -100.0];
     let world = World::new(TARGET, &[[a, middle, c], [middle, b, c]]);
     let line = [[8.0, 4.5, 4.0], [80.0, 4.5, 3.0]];
-    assert_eq!(world.proof(vec![surface(&[1, 2], line)]).check(&world.triangles), Ok(()));
-    assert_eq!(world.proof(vec![surface(&[1], line)]).check(&world.triangles).err(), SURFACE);
+    assert_eq!(
+        world.proof(vec![surface(&[1, 2], line)]).check(&world.triangles),
+        Ok(()),
+        "a surface of two triangles"
+    );
+    assert_eq!(
+        world.proof(vec![surface(&[1], line)]).check(&world.triangles).err(),
+        SURFACE,
+        "one of the two triangles"
+    );
     // A wall whose upper edge is in the way, and moves out of it; the line crosses what it moved over.
     let mut world = World::new(TARGET, &[HALF_WALL.map(|[x, y, z]| [x, y, z + 2.75])]);
     world.clearance = 0.125;
@@ -230,5 +239,9 @@ fn true_steps_hold() {
     let wall = [[80.0, -300.0, -100.0], [80.0, 300.0, -100.0], [40.0, 0.0, 400.0]];
     let world = World::new(TARGET, &[wall]);
     let step = ring(world.piece(1), &world.shapes[1], LINE, &INSIDE);
-    assert_eq!(world.proof(vec![step]).check(&world.triangles), Ok(()));
+    assert_eq!(
+        world.proof(vec![step]).check(&world.triangles),
+        Ok(()),
+        "an occluder with a side in the target's plane"
+    );
 }

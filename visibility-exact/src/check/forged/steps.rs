@@ -7,15 +7,27 @@ fn numbers_beyond_the_scene_are_refused() {
     let world = World::new(TARGET, &[]);
     for t in [1, u32::MAX] {
         let proof = Proof { target: Target::Triangle(t), ..world.proof(vec![]) };
-        assert_eq!(proof.check(&world.triangles).err(), MALFORMED);
+        assert_eq!(proof.check(&world.triangles).err(), MALFORMED, "a target that is triangle {t} of 1");
     }
-    assert_eq!(world.error(LINE, vec![surface(&[1], LINE)]), SURFACE);
+    assert_eq!(
+        world.error(LINE, vec![surface(&[1], LINE)]),
+        SURFACE,
+        "a surface of a triangle that does not exist"
+    );
     let corners = WALL.map(|x| Vec3::from_array(x).as_dvec3());
-    assert_eq!(world.error(LINE, vec![ring(1, &corners, LINE, &INSIDE)]), LOOP);
+    assert_eq!(
+        world.error(LINE, vec![ring(1, &corners, LINE, &INSIDE)]),
+        LOOP,
+        "a loop of a piece that does not exist"
+    );
     let world = World::new(TARGET, &[HALF_WALL]);
     let edges = [LoopEdge::Inside, LoopEdge::Inside, LoopEdge::Divides];
     let divides = ring(world.piece(1), &world.shapes[1], LINE, &edges);
-    assert_eq!(world.error(OVER, vec![divides, Step::Corner { edges: [0, 0, 1] }]), MALFORMED);
+    assert_eq!(
+        world.error(OVER, vec![divides, Step::Corner { edges: [0, 0, 1] }]),
+        MALFORMED,
+        "a corner of a row that does not exist"
+    );
 }
 
 /// A proof of a depth that the stack would not hold.
@@ -23,24 +35,25 @@ fn numbers_beyond_the_scene_are_refused() {
 fn deep_proofs_are_refused() {
     let world = World::new(TARGET, &[]);
     let halves = vec![Step::Halves { of_p: true, across: false }; 200_000];
-    assert_eq!(world.error(LINE, halves), MALFORMED);
+    assert_eq!(world.error(LINE, halves), MALFORMED, "200,000 halvings");
 }
 
 #[test]
 fn nodes_without_a_step_are_refused() {
     let world = World::new(TARGET, &[HALF_WALL]);
-    assert_eq!(world.error(OVER, vec![]), MALFORMED);
+    assert_eq!(world.error(OVER, vec![]), MALFORMED, "a proof without steps");
     // The lower half of P does not see the target's lower part: only one half has a step.
     let [below, above] = [[[8.0, 4.0, 2.0], [80.0, 4.0, 2.5]], OVER];
     let edges = [LoopEdge::Inside, LoopEdge::Inside, LoopEdge::Divides];
     let divides = ring(world.piece(1), &world.shapes[1], below, &edges);
-    assert_eq!(world.error(above, vec![divides]), MALFORMED);
+    assert_eq!(world.error(above, vec![divides]), MALFORMED, "a division with one part alone");
     let halves = |across| Step::Halves { of_p: false, across };
     let world = World::new(TARGET, &[[[40.0, -300.0, -9.0], [40.0, 0.0, 9000.0], [40.0, 4.0, -9.0]]]);
     let line = [[8.0, 2.0, 4.0], [80.0, 3.0, 2.5]];
     assert_eq!(
         world.error([[8.0, 7.0, 4.0], [80.0, 5.0, 2.5]], vec![halves(false), surface(&[1], line)]),
-        SURFACE
+        SURFACE,
+        "a surface for the wrong half"
     );
 }
 
@@ -48,7 +61,11 @@ fn nodes_without_a_step_are_refused() {
 fn steps_too_many_are_refused() {
     let world = World::new(TARGET, &[WALL]);
     let steps = vec![surface(&[1], LINE), surface(&[1], LINE)];
-    assert_eq!(world.proof(steps).check(&world.triangles).err(), MALFORMED);
+    assert_eq!(
+        world.proof(steps).check(&world.triangles).err(),
+        MALFORMED,
+        "a second step of a node that has one"
+    );
 }
 
 /// A viewcell lower than the clearance over the target's plane, of which nothing is said.
@@ -62,7 +79,11 @@ fn targets_seen_from_less_than_the_clearance_are_refused() {
         let from = [max.x, max.y, max.z];
         let to = [80.0, 4.0, 3.0];
         match error {
-            None => assert_eq!(world.proof(vec![]).check(&world.triangles), Ok(())),
+            None => assert_eq!(
+                world.proof(vec![]).check(&world.triangles),
+                Ok(()),
+                "the target is nearer than the clearance"
+            ),
             _ => assert_eq!(world.error([from, to], vec![]), error, "{height}"),
         }
     }

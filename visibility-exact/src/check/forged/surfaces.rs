@@ -6,7 +6,11 @@ use super::*;
 fn triangles_that_do_not_occlude_are_refused() {
     let mut world = World::new(TARGET, &[]);
     world.triangles = scene_of(&[(TARGET, true), (WALL, false)]);
-    assert_eq!(world.error(LINE, vec![surface(&[1], LINE)]), SURFACE);
+    assert_eq!(
+        world.error(LINE, vec![surface(&[1], LINE)]),
+        SURFACE,
+        "a surface of a triangle that is no occluder"
+    );
 }
 
 /// Segments that start before P's plane or beside P, or end behind Q's plane or beside Q, and cross what is
@@ -39,10 +43,18 @@ fn surfaces_that_cut_an_end_of_segments_are_refused() {
     let through_q = [[16.0, -60.0, -400.0], [16.0, -60.0, 400.0], [476.0, 400.0, 0.0]];
     let world = World::new(TARGET, &[through_p]);
     let [hidden, seen] = [6.0, 2.0].map(|y| [[8.0, y, 4.0], [80.0, 4.0, 3.0]]);
-    assert_eq!(world.error(seen, vec![surface(&[1], hidden)]), SURFACE);
+    assert_eq!(
+        world.error(seen, vec![surface(&[1], hidden)]),
+        SURFACE,
+        "a surface through the start of segments"
+    );
     let world = World::new(TARGET, &[through_q]);
     let [hidden, seen] = [3.0, 5.0].map(|y| [[8.0, 4.0, 4.0], [80.0, y, 2.5]]);
-    assert_eq!(world.error(seen, vec![surface(&[1], hidden)]), SURFACE);
+    assert_eq!(
+        world.error(seen, vec![surface(&[1], hidden)]),
+        SURFACE,
+        "a surface through the end of segments"
+    );
 }
 
 /// A wall with a corner in the middle of the segments, which is moved by more than three clearances; the
@@ -57,7 +69,11 @@ fn boundaries_that_move_too_far_are_refused() {
         for z in [500.0, f64::NAN] {
             let moved = vec![(number, DVec3::new(x.into(), 4.0, z))];
             let line = [[8.0, 4.25, 4.0], [80.0 - world.clearance, 4.0, 3.0]];
-            assert_eq!(world.error(OVER, vec![moved_surface(&[1], moved, line)]), SURFACE);
+            assert_eq!(
+                world.error(OVER, vec![moved_surface(&[1], moved, line)]),
+                SURFACE,
+                "from {x}: a boundary that moves to z of {z}"
+            );
         }
     }
 }
@@ -66,7 +82,11 @@ fn boundaries_that_move_too_far_are_refused() {
 fn boundaries_that_segments_meet_are_refused() {
     let world = World::new(TARGET, &[HALF_WALL]);
     let line = [[8.0, 4.0, 2.0], [80.0, 4.0, 2.5]];
-    assert_eq!(world.error(OVER, vec![surface(&[1], line)]), SURFACE);
+    assert_eq!(
+        world.error(OVER, vec![surface(&[1], line)]),
+        SURFACE,
+        "a surface whose boundary segments meet"
+    );
 }
 
 /// An occluder that holds a corner of the target and leans over a part of it.
@@ -87,7 +107,7 @@ fn edges_from_a_corner_of_the_target_before_it_are_refused() {
         let world = World::new(TARGET, &[wall]);
         if world.sees(seen.map(DVec3::from_array)) {
             tried += 1;
-            assert_eq!(world.error(seen, vec![surface(&[1], line)]), SURFACE);
+            assert_eq!(world.error(seen, vec![surface(&[1], line)]), SURFACE, "the surface {wall:?}");
         }
     }
     assert!(tried > 10, "{tried}");
@@ -103,7 +123,11 @@ fn strips_that_cut_an_end_of_segments_are_refused() {
     let moved = [(a, -100.0), (b, 100.0)].map(|(v, z)| (v, DVec3::new(79.9375, 4.0, z)));
     let line = [[8.0, 5.0, 4.0], [79.875, 4.5, 3.0]];
     let seen = [[8.0, 2.0, 4.0], [80.0, 3.0, 2.25]];
-    assert_eq!(world.error(seen, vec![moved_surface(&[1], moved.into(), line)]), SURFACE);
+    assert_eq!(
+        world.error(seen, vec![moved_surface(&[1], moved.into(), line)]),
+        SURFACE,
+        "a strip through the end of segments"
+    );
 }
 
 /// A closed tetrahedron among the segments, and a line through one of its edges and one face.
@@ -113,9 +137,13 @@ fn lines_through_an_edge_of_a_surface_are_refused() {
     let world = World::new(TARGET, &[[a, b, c], [a, b, d], [a, c, d], [b, c, d]]);
     let line = [[8.0, 4.0, 3.0], [80.0, 4.0, 3.0]];
     let found = [1, 2, 3, 4].map(|t| crosses(line.map(DVec3::from_array), &world.triangles.corners(t)));
-    assert_eq!(found, [None, None, Some(true), Some(false)]);
+    assert_eq!(found, [None, None, Some(true), Some(false)], "which of the triangles the line crosses");
     let seen = [[8.0, 0.0, 7.0], [80.0, 4.0, 5.0]];
-    assert_eq!(world.error(seen, vec![surface(&[1, 2, 3, 4], line)]), SURFACE);
+    assert_eq!(
+        world.error(seen, vec![surface(&[1, 2, 3, 4], line)]),
+        SURFACE,
+        "a line through an edge of the surface"
+    );
     // Lines through a corner, of more digits than products have.
     let mut random = Random(3);
     for round in 0..3000 {
@@ -150,9 +178,17 @@ fn lines_through_an_edge_of_a_strip_are_refused() {
     let strip = [small[2], [40.25, 5.0, 0.125], [40.25, 4.0, 0.125]];
     let strip = strip.map(|x| Vec3::from_array(x).as_dvec3());
     let line_ = line.map(DVec3::from_array);
-    assert_eq!([&world.shapes[1], &strip].map(|t| crosses(line_, t)), [Some(true), None]);
+    assert_eq!(
+        [&world.shapes[1], &strip].map(|t| crosses(line_, t)),
+        [Some(true), None],
+        "the line crosses the triangle, and an edge of the strip"
+    );
     let seen = [[8.0, 4.0, 6.0], [80.0, 2.0, 4.0]];
-    assert_eq!(world.error(seen, vec![moved_surface(&[1], moved.clone(), line)]), SURFACE);
+    assert_eq!(
+        world.error(seen, vec![moved_surface(&[1], moved.clone(), line)]),
+        SURFACE,
+        "a line through an edge of the strip"
+    );
 }
 
 #[test]
@@ -160,7 +196,11 @@ fn surfaces_that_are_crossed_an_even_number_of_times_are_refused() {
     let world = World::new(TARGET, &[HALF_WALL]);
     let line = [[8.0, 4.0, 2.0], [80.0, 4.0, 2.5]];
     for triangles in [&[][..], &[1, 1]] {
-        assert_eq!(world.error(OVER, vec![surface(triangles, line)]), SURFACE);
+        assert_eq!(
+            world.error(OVER, vec![surface(triangles, line)]),
+            SURFACE,
+            "a surface of {triangles:?}, crossed an even number of times"
+        );
     }
 }
 
@@ -172,7 +212,11 @@ fn surfaces_that_a_line_does_not_cross_are_refused() {
     let beyond = [[90.0, -30.0, -30.0], [90.0, 30.0, -30.0], [90.0, 4.0, 90.0]];
     for occluder in [beside, behind, beyond] {
         let world = World::new(TARGET, &[occluder]);
-        assert_eq!(world.error(LINE, vec![surface(&[1], LINE)]), SURFACE);
+        assert_eq!(
+            world.error(LINE, vec![surface(&[1], LINE)]),
+            SURFACE,
+            "a surface of {occluder:?}, which the line does not cross"
+        );
     }
 }
 
@@ -182,8 +226,12 @@ fn the_target_itself_is_refused() {
     let world = World::new(TARGET, &[]);
     let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
     let line = [LINE[0], [80.0 + 0.5 * delta, 4.0, 3.0]];
-    assert_eq!(crosses(line.map(DVec3::from_array), &world.shapes[0]), Some(true));
-    assert_eq!(world.error(LINE, vec![surface(&[0], line)]), SURFACE);
+    assert_eq!(
+        crosses(line.map(DVec3::from_array), &world.shapes[0]),
+        Some(true),
+        "the line ends beyond the target"
+    );
+    assert_eq!(world.error(LINE, vec![surface(&[0], line)]), SURFACE, "the target as its own occluder");
 }
 
 /// A triangle that holds a corner of the target and cuts it in two: one part of the target is behind.
@@ -192,8 +240,16 @@ fn surfaces_at_a_corner_of_the_target_that_cut_it_are_refused() {
     let cut = [[80.0, 2.0, 2.0], [79.875, 52.0, -48.0], [80.125, 32.0, 92.0]];
     let world = World::new(TARGET, &[cut]);
     let [hidden, seen] = [[5.0, 2.25], [3.0, 3.5]].map(|[y, z]| [[8.0, 4.0, 4.0], [80.0, y, z]]);
-    assert_eq!(crosses(hidden.map(DVec3::from_array), &world.shapes[1]), Some(true));
-    assert_eq!(world.error(seen, vec![surface(&[1], hidden)]), SURFACE);
+    assert_eq!(
+        crosses(hidden.map(DVec3::from_array), &world.shapes[1]),
+        Some(true),
+        "the line crosses the surface"
+    );
+    assert_eq!(
+        world.error(seen, vec![surface(&[1], hidden)]),
+        SURFACE,
+        "a surface through the target's corner"
+    );
 }
 
 /// A triangle from a corner of the target through P: it blocks the segments from above.
@@ -201,6 +257,14 @@ fn surfaces_at_a_corner_of_the_target_that_cut_it_are_refused() {
 fn surfaces_at_the_target_that_cut_the_start_of_segments_are_refused() {
     let world = World::new(TARGET, &[[TARGET[2], [-64.0, -300.0, 2.0], [-64.0, 300.0, 2.0]]]);
     let [hidden, seen] = [6.0, 2.0].map(|z| [[8.0, 4.25, z], [80.0, 4.0, 3.0]]);
-    assert_eq!(crosses(hidden.map(DVec3::from_array), &world.shapes[1]), Some(true));
-    assert_eq!(world.error(seen, vec![surface(&[1], hidden)]), SURFACE);
+    assert_eq!(
+        crosses(hidden.map(DVec3::from_array), &world.shapes[1]),
+        Some(true),
+        "the line crosses the surface"
+    );
+    assert_eq!(
+        world.error(seen, vec![surface(&[1], hidden)]),
+        SURFACE,
+        "a surface from the target through the start of segments"
+    );
 }

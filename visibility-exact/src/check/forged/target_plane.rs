@@ -8,15 +8,26 @@ use super::*;
 fn lines_that_start_behind_the_plane_of_the_target_are_refused() {
     let [a, b, c] = [[16.0, 2.0, 2.25], [16.0, 6.0, 2.25], [80.0, 4.0, 4.25]];
     let world = World::new([a, b, c], &[[a, b, [16.0, 4.0, -400.0]]]);
-    assert!(world.sees([DVec3::new(8.0, 4.0, 6.0), DVec3::new(48.0, 4.0, 3.25)]));
+    assert!(world.sees([DVec3::new(8.0, 4.0, 6.0), DVec3::new(48.0, 4.0, 3.25)]), "the target is seen");
     let (check, sight) = world.node_from(DVec3::Z);
     let line = |z: f64| [DVec3::new(8.0, 4.0, z), DVec3::new(48.0, 4.0, 3.25)];
     let below = line(2.0 - 3.5 * check.delta);
-    assert_eq!(crosses(below, &world.shapes[1]), Some(true));
-    assert!(!check.surface_blocks(&sight, &[1], &[], below));
+    assert_eq!(
+        crosses(below, &world.shapes[1]),
+        Some(true),
+        "the line from below the plane crosses the surface"
+    );
+    assert!(!check.surface_blocks(&sight, &[1], &[], below), "the line from below the plane is not blocked");
     // A line from before the plane passes over the edge.
-    assert_eq!(crosses(line(4.0), &world.shapes[1]), Some(false));
-    assert!(!check.surface_blocks(&sight, &[1], &[], line(4.0)));
+    assert_eq!(
+        crosses(line(4.0), &world.shapes[1]),
+        Some(false),
+        "the line from before the plane passes over the edge"
+    );
+    assert!(
+        !check.surface_blocks(&sight, &[1], &[], line(4.0)),
+        "the line from before the plane is not blocked"
+    );
 }
 
 /// A sill before the target, over its plane by less than the errors of heights: a line that starts and ends
@@ -30,13 +41,20 @@ fn edges_next_to_the_plane_of_the_target_are_met() {
         let mut world = World::new(target, &[[[0.0, -100.0, top], [0.0, 100.0, top], [0.0, 0.0, -400.0]]]);
         let (min, max) = (DVec3::new(-80.0, 0.0, -6.0), DVec3::new(-72.0, 8.0, 2.0));
         world.cell = CellBox { min, max };
-        assert!(world.sees([DVec3::new(-72.0, 4.0, 0.0), DVec3::new(56.0, 4.0, 1.75)]));
+        assert!(
+            world.sees([DVec3::new(-72.0, 4.0, 0.0), DVec3::new(56.0, 4.0, 1.75)]),
+            "{height}: the target is seen"
+        );
         let (check, sight) = world.node_from(DVec3::Z);
-        assert_eq!(check.delta, delta);
+        assert_eq!(check.delta, delta, "{height}: the error of positions");
         let line = [DVec3::new(-72.0, 4.0, -2.25 + 3.2 * delta), DVec3::new(56.0, 4.0, 1.75)];
         let lifted = [line[0], line[1] + sight.before_q.normal * (1.25 * delta)];
-        assert_eq!(crosses(lifted, &world.shapes[1]), Some(height > 2.25));
-        assert!(!check.surface_blocks(&sight, &[1], &[], line));
+        assert_eq!(
+            crosses(lifted, &world.shapes[1]),
+            Some(height > 2.25),
+            "{height}: the lifted line crosses the surface, or passes over it"
+        );
+        assert!(!check.surface_blocks(&sight, &[1], &[], line), "{height}: the line is not blocked");
     }
 }
 
@@ -48,8 +66,16 @@ fn lines_that_end_behind_the_plane_of_the_target_are_refused() {
     let world = World::new(TARGET, &[[a, b, [400.0, 4.0, -400.0]]]);
     let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
     let line = [LINE[0], [80.0 + 0.5 * delta, 4.0, 2.0 - 0.5 * delta]];
-    assert_eq!(crosses(line.map(DVec3::from_array), &world.shapes[1]), Some(true));
-    assert_eq!(world.error(LINE, vec![surface(&[1], line)]), SURFACE);
+    assert_eq!(
+        crosses(line.map(DVec3::from_array), &world.shapes[1]),
+        Some(true),
+        "the line crosses the surface"
+    );
+    assert_eq!(
+        world.error(LINE, vec![surface(&[1], line)]),
+        SURFACE,
+        "a line that ends behind the target's plane"
+    );
 }
 
 /// A viewcell that is over the plane of the target's upper side by less than the errors of heights, at one
@@ -66,10 +92,13 @@ fn what_is_seen_from_next_to_its_plane_alone_is_not_hidden() {
         let mut search = Search::new(&world.triangles, cell, 0.0, None);
         let answer = search.solve_target(target, Budget { nodes: 2000, divided: 200, halvings: 12 }).0;
         let proof = Proof { cell, target, clearance: 0.0, steps: core::mem::take(&mut search.steps) };
-        assert!(answer != Answer::Hidden || proof.check(&world.triangles) == Ok(()));
+        assert!(
+            answer != Answer::Hidden || proof.check(&world.triangles) == Ok(()),
+            "{height}: the proof holds"
+        );
         answer
     };
-    assert_eq!(solve(-8.0 * delta), Answer::Hidden);
+    assert_eq!(solve(-8.0 * delta), Answer::Hidden, "the viewcell ends below the target's plane");
     for part in [0.01, 0.25, 1.0] {
         assert_ne!(solve(part * delta), Answer::Hidden, "{part}");
     }
@@ -83,7 +112,11 @@ fn lines_that_end_next_to_a_surface_at_the_target_are_refused() {
     let world = World::new(TARGET, &[[a, b, c], [a, c, d], [a, d, b], [b, c, d]]);
     let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
     let line = [[8.0, 0.0, 0.0], [80.0, 2.0 + delta, 2.0 + delta]];
-    assert_eq!(world.error(LINE, vec![surface(&[1, 2, 3, 4], line)]), SURFACE);
+    assert_eq!(
+        world.error(LINE, vec![surface(&[1, 2, 3, 4], line)]),
+        SURFACE,
+        "a line that ends next to the surface at the target"
+    );
 }
 
 /// The ring of the target's own triangle: its corners are before its plane by rounding.
@@ -105,6 +138,9 @@ fn the_ring_of_the_target_is_refused() {
         let ring = ring.iter().enumerate().map(|(k, &(x, _))| (x, k as u8)).collect();
         let error =
             world.error([from.to_array(), t[0].to_array()], vec![Step::Loop { piece, ring, side, edges }]);
-        assert!(error == LOOP || behind && error.is_some());
+        assert!(
+            error == LOOP || behind && error.is_some(),
+            "{error:?}: the target's own ring, behind its plane: {behind}"
+        );
     }
 }

@@ -144,6 +144,7 @@ impl<const K: usize> Elimination<K> {
         let (mut row, mut scale, mut count) = ([0; MAX_ROWS], [0.0; MAX_ROWS], 0);
         let mut m = [[0.0; MAX_ROWS]; K];
         for (i, r) in rows.iter().enumerate().filter(|(i, _)| used[*i]) {
+            // Columns of the matrix are the rows in use, each scaled to a greatest coefficient of 1.
             let size = r.normal.iter().fold(0.0, |size, h| if h.hi.abs() > size { h.hi.abs() } else { size });
             row[count] = i;
             scale[count] = if size > 0.0 { 1.0 / size } else { 1.0 };
@@ -155,6 +156,8 @@ impl<const K: usize> Elimination<K> {
         if count == 0 {
             return None;
         }
+        // LU decomposition with full pivoting, in place. It stops at a pivot so small that the rest is
+        // rounding: `rank` is the number of pivots.
         let mut coordinate = [0; K];
         coordinate.iter_mut().enumerate().for_each(|(k, c)| *c = k);
         let mut rank = 0;

@@ -64,9 +64,15 @@ fn what_rounding_leaves_of_sums_that_cancel_is_no_proof() {
 fn what_is_not_known_of_the_normals_is_no_proof() {
     // 1 <= 0 x for an x of at most 1 in absolute value, where the coefficient 0 may be off by `error`.
     let zero = |error| [Row { normal: [DoubleDouble::ZERO], error, least: 1.0 }];
-    assert!(proves(&zero(0.5), &[1.0], &[DoubleDouble::from(1.0)]));
-    assert!(!proves(&zero(1.0), &[1.0], &[DoubleDouble::from(1.0)]));
-    assert!(!proves(&zero(0.5), &[2.0], &[DoubleDouble::from(1.0)]));
+    assert!(proves(&zero(0.5), &[1.0], &[DoubleDouble::from(1.0)]), "the error is less than what is missing");
+    assert!(
+        !proves(&zero(1.0), &[1.0], &[DoubleDouble::from(1.0)]),
+        "the error is as large as what is missing"
+    );
+    assert!(
+        !proves(&zero(0.5), &[2.0], &[DoubleDouble::from(1.0)]),
+        "with x up to 2, the error is as large as what is missing"
+    );
 }
 
 #[test]
@@ -78,11 +84,14 @@ fn negative_multipliers_and_what_is_no_number_prove_nothing() {
         assert!(!proves(&rows, &[5.0], &[one, bad]), "{bad:?}");
     }
     let contradiction = [row(1, 1.0), row(-1, 0.0)];
-    assert!(proves(&contradiction, &[5.0], &[one, one]));
+    assert!(proves(&contradiction, &[5.0], &[one, one]), "x at least 1 and at most 0");
     for bad in [f64::NAN, f64::INFINITY] {
-        assert!(!proves(&contradiction, &[bad], &[one, DoubleDouble::from(0.5)]));
-        assert!(!proves(&[row(1, bad), row(-1, 0.0)], &[5.0], &[one, one]));
-        assert!(!proves(&contradiction, &[5.0], &[DoubleDouble::from(bad), DoubleDouble::from(bad)]));
+        assert!(!proves(&contradiction, &[bad], &[one, DoubleDouble::from(0.5)]), "a bound of {bad} on x");
+        assert!(!proves(&[row(1, bad), row(-1, 0.0)], &[5.0], &[one, one]), "a row with {bad}");
+        assert!(
+            !proves(&contradiction, &[5.0], &[DoubleDouble::from(bad), DoubleDouble::from(bad)]),
+            "multipliers of {bad}"
+        );
     }
 }
 

@@ -171,11 +171,14 @@ impl Pluecker {
         if !is_square {
             return Polytope::Open;
         }
+        // Directions with a component of 1 along `normal`: two unknowns; the moment of the line has three
+        // more. In these five a line passes an edge on its inner side if a linear inequality holds.
         let start = direction / along;
         let u = normal.any_orthonormal_vector();
         let v = normal.cross(u);
         self.rows.clear();
         self.of.clear();
+        // Moments are divided by the size of the scene, so that all unknowns are of about the same size.
         let mut size = 0.0;
         for i in 0..count {
             for edge in opening(i).edges {
