@@ -9,7 +9,7 @@
 use std::hint::black_box;
 use std::time::Instant;
 use visibility_benches::workload::Random;
-use visibility_bsp::{Occluders, SceneTree, ShadowFrusta, Solid};
+use visibility_bsp::{Occluders, SceneTree, ShadowFrusta};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{
     Aabb, Object, OccluderMesh, Scene, geometry::ConvexPolygon, occlusion::Preparation, scene::Triangle,
@@ -125,10 +125,6 @@ const STRUCTURES: &[Structure] = &[
     ("scene tree", |boxes| {
         let scene = scene(boxes);
         timed(|| SceneTree::new(&scene).map(|tree| tree.tree().node_count()))
-    }),
-    ("solid", |boxes| {
-        let triangles: Vec<[DVec3; 3]> = mesh(boxes).iter().map(|t| t.map(|p| p.as_dvec3())).collect();
-        timed(|| Solid::new(triangles).map(|solid| solid.node_count()))
     }),
     ("cells from walls", |boxes| {
         let walls: Vec<[DVec3; 2]> = boxes.iter().map(|b| [b.min.as_dvec3(), b.max.as_dvec3()]).collect();

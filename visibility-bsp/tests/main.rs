@@ -5,7 +5,6 @@ mod coherence;
 mod common;
 mod enclosures;
 mod exact;
-mod merge;
 mod occluded_rays;
 mod order;
 mod rims;
