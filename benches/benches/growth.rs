@@ -15,7 +15,6 @@ use visibility_core::{
     Aabb, Object, OccluderMesh, Scene, geometry::ConvexPolygon, occlusion::Preparation, scene::Triangle,
 };
 use visibility_frame::backface::BackfaceCuller;
-use visibility_hzb::{OccluderCriteria, OccluderDatabase};
 use visibility_plp::{DelaunayTessellation, OctreeTessellation};
 use visibility_portals::from_geometry::{PolygonSettings, WallSettings, from_polygons, from_walls};
 
@@ -112,10 +111,6 @@ const STRUCTURES: &[Structure] = &[
     ("occluder polygons", |boxes| {
         let scene = scene(boxes);
         timed(|| Occluders::new(&scene))
-    }),
-    ("occluder database", |boxes| {
-        let scene = scene(boxes);
-        timed(|| OccluderDatabase::new(&scene, &OccluderCriteria::default()))
     }),
     ("shadow frusta", |boxes| {
         let scene = scene(boxes);

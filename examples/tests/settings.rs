@@ -25,9 +25,7 @@ use visibility_frame::{
     backface::BackfaceCuller,
     casters::{CasterCuller, Light},
 };
-use visibility_hzb::{
-    Coverage, DepthEstimate, Hom, HomCuller, Hzb, HzbCuller, OccluderCriteria, OccluderDatabase,
-};
+use visibility_hzb::{Coverage, DepthEstimate, Hom, HomCuller, Hzb, HzbCuller};
 use visibility_measure::ItemBuffer;
 use visibility_plp::{
     Budget, ConservativePlpCuller, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller,
@@ -210,12 +208,6 @@ fn core_and_image_space() {
         assert!(Hzb::new(count, 64).is_err() || Hzb::new(count, 64).is_ok_and(|map| map.width() == count));
         assert!(Hom::new(64, count).is_err() || Hom::new(64, count).is_ok_and(|map| map.height() == count));
         check_memory(&what);
-        for share in LENGTHS {
-            let criteria =
-                OccluderCriteria { min_size: share as f32, max_triangles: count, redundancy: share as f32 };
-            let database = OccluderDatabase::new(&world.scene, &criteria);
-            assert!(database.occluders().len() <= world.scene.len());
-        }
     }
     for share in LENGTHS {
         let what = format!("a share of {share}");

@@ -7,7 +7,6 @@ mod enclosures;
 mod eye_plane;
 mod hom;
 mod hom_no_allocation;
-mod hom_occluders;
 mod level;
 mod magnitudes;
 mod no_allocation;
