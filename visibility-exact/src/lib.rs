@@ -6,8 +6,7 @@
 //!   certainly misses all triangles; hidden, with a [`Proof`]; or open, which counts as visible. An
 //!   [`Effort`] chooses between rays alone, which miss what is hardly visible, certified bounds on visible
 //!   shares, and proofs.
-//! - [`CellQuery`] is one viewcell's query in steps, for a bake with a budget: that of `visibility-bake`, which
-//!   ends in a PVS.
+//! - [`CellQuery`] is one viewcell's query in steps, for a bake with a budget, as that of `visibility-bake`.
 //!
 //! Based on: Shaun Nirenstein, Edwin Blake and James Gain, "Exact From-Region Visibility Culling", 2002. Its
 //! question and its query architecture are kept. Instead of subtracting occluded lines in Pluecker space, a

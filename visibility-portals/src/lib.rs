@@ -68,7 +68,6 @@ extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
-mod antipenumbra;
 mod bake_settings;
 mod cell_baker;
 mod cell_matrix;
@@ -88,7 +87,6 @@ pub mod prt;
 mod separating_planes;
 pub mod stabbing;
 
-pub use antipenumbra::antipenumbra;
 pub use bake_settings::{BakeError, BakerSettings, ChainTest};
 pub use cell_baker::{CellBaker, Fallback, Outcome};
 pub use cell_matrix::CellMatrix;
