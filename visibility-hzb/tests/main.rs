@@ -5,7 +5,9 @@ mod clipping;
 mod common;
 mod enclosures;
 mod eye_plane;
+#[cfg(feature = "papers")]
 mod hom;
+#[cfg(feature = "papers")]
 mod hom_no_allocation;
 mod level;
 mod magnitudes;

@@ -135,8 +135,8 @@ fn corners_with_lines_are_refused() {
 }
 
 /// Three edges that a line along z passes on the given sides, and a proof of the corner of positions that are
-/// wrong by `DELTA`: by the first, errors of the line's ends decide the sign of c . d for the first edge; by the
-/// second, errors of the second edge do; by the third, errors of the ends decide the sign of the form. The
+/// wrong by `DELTA`. In the first case, errors of the line's ends decide the sign of c . d for one edge, in
+/// the second those of another edge do, and in the third those of the ends decide the sign of the form. The
 /// line of the first two is far from the edges.
 #[test]
 fn corners_within_the_errors_of_positions_are_refused() {
