@@ -95,7 +95,7 @@ pub(crate) struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    /// Makes the state; `chain` is memory of another search, perhaps in another scene.
+    /// Makes the state; `chain` is memory of another search in the same triangles.
     pub(crate) fn new(
         triangles: &'a SceneTriangles,
         cell: CellBox,
@@ -103,7 +103,6 @@ impl<'a> Search<'a> {
         chain: Option<ChainScratch>,
     ) -> Self {
         let (count, edges) = (triangles.len(), triangles.edge_count());
-        let chain = chain.filter(|chain| chain.fits(count, edges));
         Self {
             triangles,
             cell,
