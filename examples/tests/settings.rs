@@ -305,7 +305,10 @@ fn cells_and_portals() {
         }
         for steps in [0, 1, u64::MAX] {
             let chain_test = if steps > 1 { ChainTest::Pluecker } else { ChainTest::Separators };
-            let settings = BakerSettings { clearance: Some(tolerance), steps_per_cell: steps, chain_test };
+            let settings = BakerSettings::default()
+                .with_clearance(tolerance)
+                .with_steps_per_cell(steps)
+                .with_chain_test(chain_test);
             if let Ok(baker) = CellBaker::new(&source.graph, settings) {
                 let mut bake = visibility_core::bake::Bake::new(baker);
                 while bake.advance().is_some() {}

@@ -17,7 +17,7 @@ use visibility_core::bits::Bits;
 use visibility_core::cells::{CellGraph, CellId};
 
 /// A cell whose row of the matrix contains too many cells, because the bake reached
-/// [`BakerSettings::steps_per_cell`](crate::BakerSettings::steps_per_cell) there.
+/// [`BakerSettings::with_steps_per_cell`](crate::BakerSettings::with_steps_per_cell) there.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Fallback {
     /// The viewcell: the cell from which the search stopped early.
@@ -35,8 +35,8 @@ pub struct Outcome {
     pub matrix: CellMatrix,
     /// Portals that a line may pass one after the other, for [`ObjectBaker`](crate::ObjectBaker).
     pub pairs: PortalPairs,
-    /// Cells whose search reached [`BakerSettings::steps_per_cell`], the limit of inspected portal chains, in
-    /// ascending order. Empty if no cell did.
+    /// Cells whose search reached [`BakerSettings::with_steps_per_cell`], the limit of inspected portal
+    /// chains, in ascending order. Empty if no cell did.
     pub fallbacks: Vec<Fallback>,
     /// Number of portal chains (sequences of portals that a line might pass) inspected, by index of the cell
     /// looked from.

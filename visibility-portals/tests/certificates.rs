@@ -60,8 +60,7 @@ pub(crate) fn passes_planes(polygons: &[Vec<DVec3>], clearance: f64) -> bool {
         polygons.len() + 1,
         (0..last).zip(portals).map(|(i, portal)| (portal, [CellId(i), CellId(i + 1)])),
     );
-    let (graph, settings) =
-        (graph.unwrap(), BakerSettings { clearance: Some(clearance), ..BakerSettings::default() });
+    let (graph, settings) = (graph.unwrap(), BakerSettings::default().with_clearance(clearance));
     let outcome = Bake::new(CellBaker::new(&graph, settings).unwrap()).run();
     outcome.matrix.sees(CellId(0), CellId(last))
 }
