@@ -42,7 +42,7 @@ pub struct Outcome {
     /// looked from.
     pub steps: Vec<u64>,
     /// Number of portal chains that only the test in Pluecker space excluded. 0 unless
-    /// [`BakerSettings::chain_test`] is [`ChainTest::Pluecker`].
+    /// [`BakerSettings::with_chain_test`] is [`ChainTest::Pluecker`].
     pub rejected: u64,
     /// Whether the search from every portal was carried out. `false` if the bake was finished early: cells
     /// behind unsearched portals then count as visible unless already proven hidden.
