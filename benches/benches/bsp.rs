@@ -5,7 +5,7 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use std::hint::black_box;
 use std::time::Duration;
 use visibility_benches::workload::Random;
-use visibility_bsp::{BspOrderCuller, BspTree, NaylorCuller, SceneTree, Solid, TraversalStack};
+use visibility_bsp::{BspOrderCuller, BspTree, NaylorCuller, SceneTree, TraversalStack};
 use visibility_core::glam::{DQuat, DVec3};
 use visibility_core::{
     Aabb, Culler, FrustumCuller, Object, Pipeline, Pose, Scene, View, VisibleSet, scene::Triangle, view::Eye,
@@ -99,37 +99,6 @@ fn insertion(c: &mut Criterion) {
     group.finish();
 }
 
-/// Makes a closed triangle mesh of a sphere with radius 1 around `center`, with about `faces` triangles;
-/// degenerate triangles at the poles are left out.
-fn ball(faces: usize, center: DVec3) -> Vec<[DVec3; 3]> {
-    let n = ((faces / 2) as f64).sqrt() as usize;
-    let at = |i: usize, j: usize| {
-        let a = (i % n) as f64 / n as f64 * core::f64::consts::TAU;
-        let b = j as f64 / n as f64 * core::f64::consts::PI;
-        center + DVec3::new(a.cos() * b.sin(), a.sin() * b.sin(), b.cos())
-    };
-    let quads = (0..n).flat_map(|i| (0..n).map(move |j| (i, j)));
-    quads
-        .flat_map(|(i, j)| {
-            let (p, q, r, s) = (at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j));
-            [[p, q, r], [p, r, s]]
-        })
-        .filter(|triangle| BspTree::accepts(triangle))
-        .collect()
-}
-
-fn merge(c: &mut Criterion) {
-    let mut group = c.benchmark_group("bsp/merge two balls");
-    group.sample_size(10).measurement_time(Duration::from_secs(3));
-    for faces in [128, 1152] {
-        let [a, b] = [0.0, 0.7]
-            .map(|x| Solid::new(ball(faces, DVec3::new(x, 0.1, 0.2))).expect("a ball has an inside"));
-        group.bench_function(BenchmarkId::new("union", faces), |bench| bench.iter(|| a.union(&b)));
-        group.bench_function(BenchmarkId::new("difference", faces), |bench| bench.iter(|| a.difference(&b)));
-    }
-    group.finish();
-}
-
 fn frame(c: &mut Criterion) {
     let mut scene = Scene::new();
     for house in town(2500) {
@@ -155,5 +124,5 @@ fn frame(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, build, order, insertion, merge, frame);
+criterion_group!(benches, build, order, insertion, frame);
 criterion_main!(benches);

@@ -9,13 +9,12 @@
 use std::hint::black_box;
 use std::time::Instant;
 use visibility_benches::workload::Random;
-use visibility_bsp::{Occluders, SceneTree, ShadowFrusta, Solid};
+use visibility_bsp::{Occluders, SceneTree, ShadowFrusta};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{
     Aabb, Object, OccluderMesh, Scene, geometry::ConvexPolygon, occlusion::Preparation, scene::Triangle,
 };
 use visibility_frame::backface::BackfaceCuller;
-use visibility_hzb::{OccluderCriteria, OccluderDatabase};
 use visibility_plp::{DelaunayTessellation, OctreeTessellation};
 use visibility_portals::from_geometry::{PolygonSettings, WallSettings, from_polygons, from_walls};
 
@@ -113,10 +112,6 @@ const STRUCTURES: &[Structure] = &[
         let scene = scene(boxes);
         timed(|| Occluders::new(&scene))
     }),
-    ("occluder database", |boxes| {
-        let scene = scene(boxes);
-        timed(|| OccluderDatabase::new(&scene, &OccluderCriteria::default()))
-    }),
     ("shadow frusta", |boxes| {
         let scene = scene(boxes);
         let occluders = Occluders::new(&scene);
@@ -125,10 +120,6 @@ const STRUCTURES: &[Structure] = &[
     ("scene tree", |boxes| {
         let scene = scene(boxes);
         timed(|| SceneTree::new(&scene).map(|tree| tree.tree().node_count()))
-    }),
-    ("solid", |boxes| {
-        let triangles: Vec<[DVec3; 3]> = mesh(boxes).iter().map(|t| t.map(|p| p.as_dvec3())).collect();
-        timed(|| Solid::new(triangles).map(|solid| solid.node_count()))
     }),
     ("cells from walls", |boxes| {
         let walls: Vec<[DVec3; 2]> = boxes.iter().map(|b| [b.min.as_dvec3(), b.max.as_dvec3()]).collect();

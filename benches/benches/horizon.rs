@@ -2,7 +2,7 @@
 //! kept.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use visibility_2d::discs::{BeamScratch, Disc, DiscBeams, DiscView, DiscZone, Discs, KineticZone};
+use visibility_2d::discs::{Disc, DiscView, DiscZone, Discs, KineticZone};
 use visibility_benches::workload::Random;
 use visibility_core::{Pipeline, VisibleSet};
 use visibility_examples::built_in;
@@ -104,16 +104,6 @@ fn zones(c: &mut Criterion) {
                 });
             });
         }
-        let beams = DiscBeams::new(&discs).expect("finite discs");
-        let (mut scratch, mut step) = (BeamScratch::new(), 0u32);
-        group.bench_function(BenchmarkId::new("full turn, beams", radius), |b| {
-            b.iter(|| {
-                step = (step + 1) % 1024;
-                let along = 0.05 * f64::from(step);
-                beams.look([2000.0 + along, 2000.0 + 0.3 * along], &mut scratch, &mut seen);
-                seen.len()
-            });
-        });
         group.bench_function(BenchmarkId::new("make 835,089", radius), |b| b.iter(|| Discs::new(&discs)));
     }
     group.finish();

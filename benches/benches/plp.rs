@@ -42,8 +42,6 @@ fn tessellation(criterion: &mut Criterion) {
     group.sample_size(10).throughput(Throughput::Elements(scene.len() as u64));
     group.bench_function("octree", |bencher| bencher.iter(|| OctreeTessellation::new(&scene)));
     group.bench_function("delaunay", |bencher| bencher.iter(|| DelaunayTessellation::new(&scene)));
-    let bytes = OctreeTessellation::new(&scene).to_bytes(&scene);
-    group.bench_function("load", |bencher| bencher.iter(|| OctreeTessellation::from_bytes(&bytes, &scene)));
     group.finish();
 }
 

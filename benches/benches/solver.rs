@@ -6,9 +6,7 @@ use microlp::{ComparisonOp, OptimizationDirection, Problem};
 use std::hint::black_box;
 use std::time::Duration;
 use visibility_benches::workload::Random;
-use visibility_core::geometry::ConvexPolygon;
 use visibility_core::glam::{DVec2, DVec3};
-use visibility_portals::antipenumbra;
 use visibility_portals::lp::{HalfSpace, Solver};
 use visibility_portals::stabbing::Stabber;
 
@@ -98,13 +96,6 @@ fn stabbing(c: &mut Criterion) {
         });
         group.bench_function(BenchmarkId::new("polygons", length), |b| {
             b.iter(|| stabber.polygons(black_box(&spaces[turn()])))
-        });
-        let polygons: Vec<Vec<ConvexPolygon>> = spaces
-            .iter()
-            .map(|space| space.iter().filter_map(|corners| ConvexPolygon::new(*corners).ok()).collect())
-            .collect();
-        group.bench_function(BenchmarkId::new("antipenumbra", length), |b| {
-            b.iter(|| antipenumbra(black_box(&polygons[turn()]), 1e-6))
         });
     }
     group.finish();

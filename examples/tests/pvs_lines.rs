@@ -18,8 +18,12 @@ use visibility_examples::pvs::{bake, read};
 use visibility_portals::{BakerSettings, CellMatrix, ChainTest};
 
 /// Settings with the test in Pluecker space and without a limit of steps.
-const EXACT: BakerSettings =
-    BakerSettings { clearance: Some(1e-6), steps_per_cell: u64::MAX, chain_test: ChainTest::Pluecker };
+fn exact() -> BakerSettings {
+    BakerSettings::default()
+        .with_clearance(1e-6)
+        .with_steps_per_cell(u64::MAX)
+        .with_chain_test(ChainTest::Pluecker)
+}
 
 /// Returns the cell-to-cell visibility of a map, baked with default settings on one thread.
 fn visible(graph: &CellGraph) -> CellMatrix {
@@ -44,7 +48,7 @@ fn no_random_line_passes_between_hidden_cells() {
         let graph = rooms(6, 2, seed);
         graph.validate(1e-9).unwrap();
         // The test in Pluecker space shows only pairs that are shown without it.
-        let (matrix, loose) = (visible_by(&graph, EXACT), visible(&graph));
+        let (matrix, loose) = (visible_by(&graph, exact()), visible(&graph));
         for a in (0..72).map(CellId) {
             assert!(
                 matrix.seen_from(a).all(|b| loose.sees(a, b)),
@@ -88,7 +92,7 @@ fn broken(chains: u64, seed: u64) -> (u64, u64) {
         };
         // The test in Pluecker space shows the fewest pairs, so it contains every error of the settings
         // without it.
-        broken += u64::from(is_hidden(visible_by(&chain.graph, EXACT)));
+        broken += u64::from(is_hidden(visible_by(&chain.graph, exact())));
     }
     (broken, good)
 }
@@ -127,7 +131,7 @@ fn real_maps() {
         let matrix = visible(&graph);
         // The test in Pluecker space shows the fewest pairs, so it contains every error of the other
         // settings. The number of threads must not matter.
-        let [exact, by_two] = [1, 2].map(|threads| bake(&graph, EXACT, threads, |_| {}).unwrap().outcome);
+        let [exact, by_two] = [1, 2].map(|threads| bake(&graph, exact(), threads, |_| {}).unwrap().outcome);
         assert_eq!(exact, by_two, "{}", path.display());
         let cells = (0..graph.cell_count() as u32).map(CellId);
         assert!(
@@ -189,7 +193,7 @@ fn the_answers_are_what_they_were() {
     let counts = [0, 1, 2, 3].map(|seed| visible(&rooms(8, 2, seed)).count());
     assert_eq!(counts, [4542, 3520, 4382, 4104], "pairs by seed");
     let exact = [0, 1, 2, 3].map(|seed| {
-        let outcome = bake(&rooms(8, 2, seed), EXACT, 1, |_| {}).unwrap().outcome;
+        let outcome = bake(&rooms(8, 2, seed), exact(), 1, |_| {}).unwrap().outcome;
         (outcome.matrix.count(), outcome.rejected)
     });
     assert_eq!(exact, [(4524, 26), (3514, 9), (4380, 8), (4100, 9)], "pairs and rejections by seed, exactly");
@@ -198,7 +202,7 @@ fn the_answers_are_what_they_were() {
 #[test]
 fn any_number_of_threads_gives_the_same_answer() {
     let graph = rooms(7, 2, 5);
-    for settings in [BakerSettings::default(), EXACT] {
+    for settings in [BakerSettings::default(), exact()] {
         let [one, three] = [1, 3].map(|threads| bake(&graph, settings, threads, |_| {}).unwrap().outcome);
         assert_eq!(one, three, "{settings:?}: by one thread and by three");
     }
@@ -208,7 +212,7 @@ fn any_number_of_threads_gives_the_same_answer() {
 fn a_limit_and_a_stop_show_more_never_less_and_say_so() {
     let graph = rooms(6, 2, 4);
     let matrix = visible(&graph);
-    let settings = BakerSettings { steps_per_cell: 30, ..BakerSettings::default() };
+    let settings = BakerSettings::default().with_steps_per_cell(30);
     let limited = bake(&graph, settings, 1, |_| {}).unwrap().outcome;
     assert!(
         limited.complete && !limited.fallbacks.is_empty(),

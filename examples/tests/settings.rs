@@ -25,9 +25,7 @@ use visibility_frame::{
     backface::BackfaceCuller,
     casters::{CasterCuller, Light},
 };
-use visibility_hzb::{
-    Coverage, DepthEstimate, Hom, HomCuller, Hzb, HzbCuller, OccluderCriteria, OccluderDatabase,
-};
+use visibility_hzb::{Coverage, DepthEstimate, Hom, HomCuller, Hzb, HzbCuller};
 use visibility_measure::ItemBuffer;
 use visibility_plp::{
     Budget, ConservativePlpCuller, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller,
@@ -219,12 +217,6 @@ fn core_and_image_space() {
             "{count}: a height is accepted or refused"
         );
         check_memory(&what);
-        for share in LENGTHS {
-            let criteria =
-                OccluderCriteria { min_size: share as f32, max_triangles: count, redundancy: share as f32 };
-            let database = OccluderDatabase::new(&world.scene, &criteria);
-            assert!(database.occluders().len() <= world.scene.len(), "{criteria:?}: occluders of the scene");
-        }
     }
     for share in LENGTHS {
         let what = format!("a share of {share}");
@@ -328,7 +320,10 @@ fn cells_and_portals() {
         }
         for steps in [0, 1, u64::MAX] {
             let chain_test = if steps > 1 { ChainTest::Pluecker } else { ChainTest::Separators };
-            let settings = BakerSettings { clearance: Some(tolerance), steps_per_cell: steps, chain_test };
+            let settings = BakerSettings::default()
+                .with_clearance(tolerance)
+                .with_steps_per_cell(steps)
+                .with_chain_test(chain_test);
             if let Ok(baker) = CellBaker::new(&source.graph, settings) {
                 let mut bake = visibility_core::bake::Bake::new(baker);
                 while bake.advance().is_some() {}

@@ -27,7 +27,7 @@ fuzz_target!(|bytes: &[u8]| {
     let Some((&[rounds, settings], changes)) = bytes.split_first_chunk::<2>() else { return };
     let steps_per_cell = if settings & 1 == 0 { u64::MAX } else { 20 };
     let chain_test = if settings & 2 != 0 { ChainTest::Pluecker } else { ChainTest::Separators };
-    let settings = BakerSettings { steps_per_cell, chain_test, ..BakerSettings::default() };
+    let settings = BakerSettings::default().with_steps_per_cell(steps_per_cell).with_chain_test(chain_test);
     let graph = rooms();
     let mut bake = Bake::new(CellBaker::new(&graph, settings).expect("rooms that can be baked"));
     for _ in 0..rounds % 4 {

@@ -15,7 +15,7 @@ fuzz_target!(|bytes: &[u8]| {
         return;
     }
     let _ = CellMatrix::from_bytes(cells, bytes);
-    let settings = BakerSettings { steps_per_cell: 2_000, ..BakerSettings::default() };
+    let settings = BakerSettings::default().with_steps_per_cell(2_000);
     let Ok(baker) = CellBaker::new(&map.graph, settings) else { return };
     let mut bake = Bake::new(baker);
     while bake.advance().is_some() {}

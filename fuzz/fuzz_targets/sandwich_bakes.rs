@@ -45,7 +45,7 @@ impl Real {
     }
 
     fn baker(&self) -> SandwichBaker<'_> {
-        let settings = SandwichSettings { rays: 1, gap: 0.0, ..SandwichSettings::default() };
+        let settings = SandwichSettings::default().with_rays(1).with_gap(0.0);
         SandwichBaker::of_level(self.level.clone(), &self.viewcells, settings)
     }
 }

@@ -3,9 +3,9 @@
 use visibility_core::glam::Vec3;
 use visibility_examples::{SceneSource, SourceObject};
 
-/// Repairs the length and the checksum in the header that baked sets, tessellations and interrupted bakes
-/// share. No fuzzed input has both right by chance, so the code behind the checksum would never be reached.
-/// Fewer than 40 bytes, the size of a header, are left unchanged.
+/// Repairs the length and the checksum in the header that baked sets and interrupted bakes share. No fuzzed
+/// input has both right by chance, so the code behind the checksum would never be reached. Fewer than 40
+/// bytes, the size of a header, are left unchanged.
 pub fn mend(bytes: &mut [u8]) {
     if bytes.len() < 40 {
         return;

@@ -2,7 +2,7 @@
 //! two neighbouring tangents meets first.
 
 use std::collections::BTreeSet;
-use visibility_2d::discs::{BeamScratch, Disc, DiscBeams, DiscError, DiscView, DiscZone, Discs, KineticZone};
+use visibility_2d::discs::{Disc, DiscError, DiscView, DiscZone, Discs, KineticZone};
 use visibility_testing::Random;
 use visibility_testing::allocations::ALLOCATIONS;
 
@@ -148,41 +148,6 @@ fn a_ball_sees_what_any_of_its_eyes_sees() {
     assert!(hidden > 3_000, "{hidden}");
 }
 
-#[test]
-fn beams_report_what_is_seen_and_little_else() {
-    let mut random = Random(6);
-    let (mut scratch, mut zone, mut seen) = (BeamScratch::new(), DiscZone::new(), Vec::new());
-    let (mut exact, mut reported) = (0, 0);
-    for round in 0..1_200 {
-        let overlapping = round % 3 == 0;
-        let count = 1 + random.below(120);
-        let mut discs = forest(&mut random, count, overlapping);
-        if overlapping {
-            // One that reaches over many centres, two with one centre, rows.
-            let center = discs[random.below(discs.len())].center;
-            discs.push(Disc { center, radius: random.fine_range(0.1, 4.0) });
-            let at = random.fine_range(0.0, 9.0);
-            discs.extend((0..8).map(|i| Disc { center: [0.7 * f64::from(i), at], radius: 0.2 }));
-        }
-        let made = DiscBeams::new(&discs).unwrap();
-        let places = [[random.fine_range(-2.0, 14.0), random.fine_range(-2.0, 14.0)], discs[0].center];
-        // Also at a centre, and on a line of centres.
-        let last = discs[discs.len() - 1].center;
-        let eye = [places[0], places[0], places[1], [places[0][0], last[1]]][random.below(4)];
-        made.look(eye, &mut scratch, &mut seen);
-        let set: BTreeSet<u32> = seen.iter().copied().collect();
-        assert_eq!(set.len(), seen.len(), "each disc once");
-        let wide = oracle(&discs, eye, 1e-9);
-        assert!(wide.is_subset(&set), "round {round}: {:?} not reported", wide.difference(&set));
-        zone.look(&Discs::new(&discs).unwrap(), &DiscView::new(eye), &mut seen);
-        if !overlapping && set.len() < discs.len() {
-            (exact, reported) = (exact + seen.len(), reported + set.len());
-        }
-    }
-    println!("{reported} reported, {exact} seen");
-    assert!(exact > 5_000 && reported < exact * 3 / 2, "{reported} reported, {exact} seen");
-}
-
 /// Walks among random discs, by steps of random length. Each frame of the kept zone is the zone from scratch
 /// and holds all discs that the oracle sees.
 fn walk(worlds: usize, frames: usize) {
@@ -268,51 +233,19 @@ fn the_kept_zone_of_odd_input_is_that_from_scratch() {
 #[test]
 fn warm_looks_allocate_nothing() {
     let discs = forest(&mut Random(7), 400, false);
-    let (made, beams) = (Discs::new(&discs).unwrap(), DiscBeams::new(&discs).unwrap());
-    let (mut zone, mut scratch, mut seen) = (DiscZone::new(), BeamScratch::new(), Vec::new());
+    let made = Discs::new(&discs).unwrap();
+    let (mut zone, mut seen) = (DiscZone::new(), Vec::new());
     let mut kept = KineticZone::new(&made, 1.0);
     let mut looks = || {
         let before = ALLOCATIONS.get();
         for eye in (0..50).map(|k| [0.4 * f64::from(k), 5.0]) {
             zone.look(&made, &DiscView::new(eye), &mut seen);
-            beams.look(eye, &mut scratch, &mut seen);
             kept.move_to(eye);
         }
         ALLOCATIONS.get() - before
     };
     assert!(looks() > 0, "allocations are counted");
     assert_eq!(looks(), 0, "allocations in warm looks");
-}
-
-#[test]
-fn beams_of_odd_input_have_defined_answers() {
-    let good = Disc { center: [1.0, 2.0], radius: 0.5 };
-    for bad in [
-        Disc { center: [f64::NAN, 0.0], ..good },
-        Disc { center: [0.0, 1e300], ..good },
-        Disc { radius: -1.0, ..good },
-        Disc { radius: f64::INFINITY, ..good },
-    ] {
-        assert_eq!(
-            DiscBeams::new(&[good, bad]).err(),
-            Some(DiscError::Disc { index: 1 }),
-            "the index of {bad:?}"
-        );
-    }
-    let (mut scratch, mut seen) = (BeamScratch::new(), Vec::new());
-    let none = DiscBeams::new(&[]).unwrap();
-    none.look([0.0; 2], &mut scratch, &mut seen);
-    assert!(none.is_empty() && seen.is_empty(), "no discs, none seen");
-    // Equal, tiny, huge; scratch that another set used before.
-    let tiny = Disc { center: [1e-50, 0.0], radius: 1e-50 };
-    let odd = [good, good, tiny, Disc { center: [-1e60, 3.0], radius: 1e60 }];
-    let made = DiscBeams::new(&odd).unwrap();
-    for eye in [[f64::NAN, 0.0], [f64::INFINITY, 0.0], [1e200, 1.0]] {
-        made.look(eye, &mut scratch, &mut seen);
-        assert_eq!(seen.len(), made.len(), "from {eye:?}: all discs");
-    }
-    made.look([0.0; 2], &mut scratch, &mut seen);
-    assert!(seen.contains(&2) && seen.contains(&3), "{seen:?}");
 }
 
 #[test]
@@ -499,22 +432,13 @@ fn cast(count: usize, squares: usize, radii: &[f64], eyes: usize, rays: usize) {
         let (grid, forest) = Grid::forest(&mut random, count, radius, squares, 4.5);
         let discs = Discs::new(&forest).unwrap();
         let (mut zone, mut seen, mut set) = (DiscZone::new(), Vec::new(), vec![false; count]);
-        let beams = DiscBeams::new(&forest).unwrap();
-        let (mut scratch, mut superset) = (BeamScratch::new(), Vec::new());
-        let (mut total, mut by_beams) = (0, 0);
+        let mut total = 0;
         for _ in 0..eyes {
             let size = 4.5 * squares as f64;
             let eye = [random.fine_range(0.0, size), random.fine_range(0.0, size)];
             let ball = [0.0, 0.0, 0.05, 0.2][random.below(4)];
             zone.look(&discs, &DiscView::new(eye).with_ball(ball), &mut seen);
             total += seen.len();
-            beams.look(eye, &mut scratch, &mut superset);
-            by_beams += superset.len();
-            if ball == 0.0 {
-                superset.iter().for_each(|&index| set[index as usize] = true);
-                assert!(seen.iter().filter(|&&index| !set[index as usize]).count() == 0, "{radius} {eye:?}");
-                superset.iter().for_each(|&index| set[index as usize] = false);
-            }
             seen.iter().for_each(|&index| set[index as usize] = true);
             for _ in 0..rays {
                 let (turn, by) = (random.fine_range(0.0, 7.0), ball * random.fine_unit());
@@ -524,8 +448,7 @@ fn cast(count: usize, squares: usize, radii: &[f64], eyes: usize, rays: usize) {
             }
             seen.iter().for_each(|&index| set[index as usize] = false);
         }
-        let [seen, beams] = [total, by_beams].map(|count| count as f64 / eyes as f64);
-        println!("radius {radius}: {seen:.1} of {count} discs seen on average, by beams {beams:.1}");
+        println!("radius {radius}: {:.1} of {count} discs seen on average", total as f64 / eyes as f64);
         assert!(total < eyes * count / 2, "radius {radius}: {total} of {count} discs from {eyes} eyes");
     }
 }

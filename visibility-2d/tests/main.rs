@@ -14,7 +14,9 @@ mod plan_cells;
 mod plan_limits;
 mod plan_objects;
 mod plan_rays;
+#[cfg(feature = "papers")]
 mod view_cdt_margins;
+#[cfg(feature = "papers")]
 mod view_cdt_rays;
 mod virtual_occluders;
 

@@ -5,7 +5,7 @@
 //!   walkable triangles](Grid::above).
 //! - [`SandwichBaker`] finds for each viewcell the objects that are seen for certain and those that are not
 //!   proven hidden, by methods from cheap to exact, until what lies between is below a stated
-//!   [gap](SandwichSettings::gap).
+//!   [gap](SandwichSettings::with_gap).
 //! - [`Shard`] is the result for a range of viewcells, as bytes that another process can [assemble].
 //! - [`BakeCache`] keeps results by what they depend on, so that a bake of an edited level works on what the
 //!   edit can have changed.

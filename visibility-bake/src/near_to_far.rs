@@ -601,7 +601,7 @@ mod tests {
         let (cells, mut level) = (Viewcells::new(cells), in_small_tiles(&scene));
         level.most_weight = 300;
         let level = Arc::new(level);
-        let settings = SandwichSettings { gap: 1.0, rays: 1, ..SandwichSettings::default() };
+        let settings = SandwichSettings::default().with_gap(1.0).with_rays(1);
         let baker = || SandwichBaker::of_level(level.clone(), &cells, settings);
         let whole = Bake::new(baker()).run();
         let limited = Bake::new(baker().with_time(Duration::from_secs(1))).run();

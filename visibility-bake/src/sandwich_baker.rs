@@ -35,9 +35,9 @@ const SEARCHED_A_SECOND: f64 = 2e5;
 /// The sweep of extended projections removes what is hidden behind many occluders together, first for a group
 /// of neighbouring viewcells, then, in what is left, for each of them. When all viewcells are swept, rays
 /// find what is seen from them, and proofs are tried for the boxes of the open objects, the most costly
-/// first, until the [gap](SandwichSettings::gap) is met; then, where it is not met, for their triangles. So
-/// the bake has five items for each viewcell. In the later stages, of about as many viewcells as came before,
-/// the groups with the most costly open objects come first.
+/// first, until the [gap](SandwichSettings::with_gap) is met; then, where it is not met, for their triangles.
+/// So the bake has five items for each viewcell. In the later stages, of about as many viewcells as came
+/// before, the groups with the most costly open objects come first.
 ///
 /// Occluders are the objects that are flagged so: the sweeps use their meshes, the proofs their triangles.
 /// Objects that are [never culled](visibility_core::Object::never_cull), such as moving ones, count as seen.

@@ -3,27 +3,47 @@
 /// Settings of a [`SandwichBaker`](crate::SandwichBaker).
 ///
 /// ```
-/// let settings = visibility_bake::SandwichSettings { gap: 0.0, ..Default::default() };
-/// assert_eq!(settings.clearance, 1e-4);
+/// use visibility_bake::SandwichSettings;
+/// assert_ne!(SandwichSettings::default().with_gap(0.0), SandwichSettings::default());
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[must_use]
 pub struct SandwichSettings {
-    /// Greatest share of open objects in the [cost](visibility_core::Object::cost) of all reported objects of
-    /// a viewcell, from 0 to 1, at which its proofs end. 0 asks for a proof of every object that is not seen,
-    /// 1 for none. NaN and numbers below 0 count as 0.
-    pub gap: f64,
-    /// Distance in metres that a line of sight must keep from all occluders for an object to count as
-    /// visible, up to a factor of six. 0 gives a conservative bake, see
-    /// [`Effort::Exact`](visibility_exact::Effort::Exact).
-    pub clearance: f64,
-    /// Number of rays aimed at each object before any proof is tried. 64 times as many are cast in all
-    /// directions.
-    pub rays: u32,
+    pub(crate) gap: f64,
+    pub(crate) clearance: f64,
+    pub(crate) rays: u32,
 }
 
 impl Default for SandwichSettings {
     /// A gap of 5 %, a clearance of a tenth of a millimetre, 200 rays at each object.
     fn default() -> Self {
         Self { gap: 0.05, clearance: 1e-4, rays: 200 }
+    }
+}
+
+impl SandwichSettings {
+    /// Sets when proofs for a viewcell end: when the open objects have at most this part of the
+    /// [cost](visibility_core::Object::cost) of all that are reported, from 0 to 1. 0 asks for a proof of
+    /// every object that is not seen; 1 for none. NaN and numbers below 0 count as 0.
+    pub fn with_gap(self, gap: f64) -> Self {
+        Self { gap, ..self }
+    }
+
+    /// Sets the distance in metres that a line of sight must keep from all occluders for an object to count
+    /// as visible, up to a factor of six. 0 gives a conservative bake, see
+    /// [`Effort::Exact`](visibility_exact::Effort::Exact).
+    pub fn with_clearance(self, clearance: f64) -> Self {
+        Self { clearance, ..self }
+    }
+
+    /// Returns the distance in metres that a line of sight must keep from all occluders.
+    pub fn clearance(&self) -> f64 {
+        self.clearance
+    }
+
+    /// Sets the number of rays aimed at each object before any proof is tried; 64 times as many go in all
+    /// directions.
+    pub fn with_rays(self, rays: u32) -> Self {
+        Self { rays, ..self }
     }
 }

@@ -84,7 +84,8 @@ fn baked(
 fn an_edited_level_has_the_bytes_of_a_whole_bake() {
     let mut random = Random(31);
     let mut bricks = level(&mut random);
-    let mut settings = SandwichSettings { gap: 0.1, rays: 4, ..SandwichSettings::default() };
+    let mut gap = 0.1;
+    let mut settings = SandwichSettings::default().with_gap(gap).with_rays(4);
     let mut cells = viewcells(0.0);
     let none = Arc::new(BakeCache::default());
     let mut cache = none.clone();
@@ -104,7 +105,10 @@ fn an_edited_level_has_the_bytes_of_a_whole_bake() {
                 bricks[at + 1].3 += 40;
                 bricks[at + 2].1[2] += 1.0;
             }
-            6 => settings.gap = if settings.gap > 0.15 { 0.1 } else { 0.2 },
+            6 => {
+                gap = if gap > 0.15 { 0.1 } else { 0.2 };
+                settings = settings.with_gap(gap);
+            }
             _ => cells = viewcells(if cells.cells()[0].min.y == -2.0 { 0.01 } else { 0.0 }),
         }
         let mut scene = scene(&bricks);
@@ -138,7 +142,7 @@ fn what_moves_where_it_is_hidden_costs_sweeps_alone() {
     let mut bricks = level(&mut Random(8));
     // In a house.
     bricks.push(([3.0, -11.0, 1.0], [4.0, -10.0, 2.0], true, 12));
-    let (cells, settings) = (viewcells(0.0), SandwichSettings { rays: 4, ..SandwichSettings::default() });
+    let (cells, settings) = (viewcells(0.0), SandwichSettings::default().with_rays(4));
     let before = Bake::new(SandwichBaker::new(&scene(&bricks), &cells, settings)).run();
     bricks.last_mut().unwrap().1 = [4.5, -9.0, 3.0];
     let after = baked(&scene(&bricks), &cells, settings, &Arc::new(before.cache.clone()));
@@ -169,8 +173,7 @@ fn a_level_of_many_tiles_has_the_bytes_of_a_whole_bake() {
         .collect();
     let street = bricks.len();
     bricks.extend(level(&mut random));
-    let (cells, settings) =
-        (viewcells(0.0), SandwichSettings { rays: 4, gap: 0.3, ..SandwichSettings::default() });
+    let (cells, settings) = (viewcells(0.0), SandwichSettings::default().with_rays(4).with_gap(0.3));
     let none = Arc::new(BakeCache::default());
     let mut cache = none.clone();
     let mut reused = Vec::new();
@@ -202,7 +205,7 @@ fn a_level_of_many_tiles_has_the_bytes_of_a_whole_bake() {
 #[test]
 fn damaged_caches_are_refused_and_forged_ones_do_not_panic() {
     let (scene, cells) = (scene(&level(&mut Random(8))[..20]), viewcells(0.0));
-    let settings = SandwichSettings { rays: 4, ..SandwichSettings::default() };
+    let settings = SandwichSettings::default().with_rays(4);
     let bytes = Bake::new(SandwichBaker::new(&scene, &cells, settings)).run().cache.to_bytes();
     for at in 0..bytes.len() {
         assert!(BakeCache::from_bytes(&bytes[..at]).is_err(), "{at} bytes");

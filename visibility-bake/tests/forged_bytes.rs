@@ -133,13 +133,7 @@ fn go_on(rounds: usize) -> [usize; 2] {
     // In one group.
     let cell = |x: u32| Viewcell::from_box(DVec3::X * f64::from(x), DVec3::X * f64::from(x) + DVec3::ONE);
     let cells = Viewcells::new((0..4).map(cell));
-    let baker = || {
-        SandwichBaker::new(
-            &scene,
-            &cells,
-            SandwichSettings { rays: 2, gap: 0.0, ..SandwichSettings::default() },
-        )
-    };
+    let baker = || SandwichBaker::new(&scene, &cells, SandwichSettings::default().with_rays(2).with_gap(0.0));
     let mut bake = Bake::new(baker());
     let begun = AtomicUsize::new(0);
     bake.advance_unless(|| begun.fetch_add(1, Relaxed) == 2, || false);

@@ -95,8 +95,7 @@ fn a_set_takes_the_memory_of_its_bytes_and_its_scene() {
 #[test]
 fn shards_states_and_caches_take_the_memory_of_their_bytes_and_their_scene() {
     let (scene, cells) = level();
-    let baker =
-        || SandwichBaker::new(&scene, &cells, SandwichSettings { rays: 2, ..SandwichSettings::default() });
+    let baker = || SandwichBaker::new(&scene, &cells, SandwichSettings::default().with_rays(2));
     let shard = Shard::bake(baker()).to_bytes();
     forge_compressed(&shard, |file| {
         if let Ok(shard) = Shard::from_bytes(file) {

@@ -68,7 +68,7 @@ fn in_file(scene: &Scene, name: &str, memory: u64) -> Result<TiledScene<'static>
 }
 
 fn settings() -> SandwichSettings {
-    SandwichSettings { gap: 1.0, rays: 4, ..SandwichSettings::default() }
+    SandwichSettings::default().with_gap(1.0).with_rays(4)
 }
 
 fn bytes(outcome: &SandwichOutcome) -> Vec<u8> {

@@ -59,7 +59,7 @@ fn baked(scene: &Scene, cells: &Viewcells, settings: SandwichSettings) -> Vec<Ce
 #[test]
 fn no_object_that_a_ray_reaches_is_left_out_and_few_are_reported() {
     let (scene, cells) = street();
-    let found = baked(&scene, &cells, SandwichSettings { gap: 0.0, ..SandwichSettings::default() });
+    let found = baked(&scene, &cells, SandwichSettings::default().with_gap(0.0));
     let mut random = Random(9);
     let mut hidden = 0;
     for (cell, sandwich) in cells.cells().iter().zip(&found) {
@@ -86,9 +86,9 @@ fn no_object_that_a_ray_reaches_is_left_out_and_few_are_reported() {
 #[test]
 fn a_gap_saves_work_and_is_met() {
     let (scene, cells) = street();
-    let all = baked(&scene, &cells, SandwichSettings { gap: 0.0, rays: 2, ..SandwichSettings::default() });
-    let some = baked(&scene, &cells, SandwichSettings { gap: 0.3, rays: 2, ..SandwichSettings::default() });
-    let none = baked(&scene, &cells, SandwichSettings { gap: 1.0, rays: 2, ..SandwichSettings::default() });
+    let all = baked(&scene, &cells, SandwichSettings::default().with_gap(0.0).with_rays(2));
+    let some = baked(&scene, &cells, SandwichSettings::default().with_gap(0.3).with_rays(2));
+    let none = baked(&scene, &cells, SandwichSettings::default().with_gap(1.0).with_rays(2));
     let steps = |cells: &[CellSandwich]| cells.iter().map(|cell| cell.steps).sum::<u64>();
     assert!(steps(&none) < steps(&some) && steps(&some) < steps(&all), "a greater gap takes fewer steps");
     for ((some, none), all) in some.iter().zip(&none).zip(&all) {
@@ -149,7 +149,7 @@ fn times_of_methods_outlast_a_stop_and_change_no_byte() {
 #[test]
 fn shards_threads_and_stops_give_the_same_bytes() {
     let (scene, cells) = street();
-    let settings = SandwichSettings { gap: 0.0, ..SandwichSettings::default() };
+    let settings = SandwichSettings::default().with_gap(0.0);
     let baker = || SandwichBaker::new(&scene, &cells, settings);
     let whole = Shard::bake(baker()).to_bytes();
     for threads in [1, 3] {
@@ -211,7 +211,7 @@ fn shards_threads_and_stops_give_the_same_bytes() {
 #[test]
 fn a_viewcell_that_is_given_up_is_open_and_worked_on_again() {
     let (scene, cells) = street();
-    let settings = SandwichSettings { gap: 0.0, rays: 20, ..SandwichSettings::default() };
+    let settings = SandwichSettings::default().with_gap(0.0).with_rays(20);
     let baker = || SandwichBaker::new(&scene, &cells, settings);
     let whole = Shard::bake(baker()).to_bytes();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
@@ -366,7 +366,7 @@ fn no_stage_takes_what_another_has_made_for_a_group() {
         Duration::from_millis(ASKED.fetch_add(1, Ordering::Relaxed))
     }
     let (scene, cells) = street();
-    let settings = SandwichSettings { gap: 1.0, rays: 1, ..SandwichSettings::default() };
+    let settings = SandwichSettings::default().with_gap(1.0).with_rays(1);
     let baker = || SandwichBaker::new(&scene, &cells, settings);
     let limited = |limit: u64| {
         ASKED.store(0, Ordering::Relaxed);
@@ -407,7 +407,7 @@ fn no_stage_takes_what_another_has_made_for_a_group() {
 #[test]
 fn the_longest_time_leaves_nothing_out() {
     let (scene, cells) = street();
-    let settings = SandwichSettings { gap: 1.0, rays: 1, ..SandwichSettings::default() };
+    let settings = SandwichSettings::default().with_gap(1.0).with_rays(1);
     let baker = || SandwichBaker::new(&scene, &cells, settings).with_range(0..2);
     let outcome = Bake::new(baker().with_time(Duration::MAX)).run();
     assert_eq!(
@@ -462,7 +462,7 @@ fn groups_from_which_nothing_is_hidden_are_left_out() {
     scene.prepare_occluders(&Default::default());
     let grid = Grid::new(DVec3::ZERO, DVec3::new(8.0, 4.0, 1.0)).unwrap();
     let cells = Viewcells::new(grid.over(DVec3::ZERO, DVec3::new(799.0, 3.0, 1.0)).unwrap());
-    let settings = SandwichSettings { gap: 1.0, rays: 1, ..SandwichSettings::default() };
+    let settings = SandwichSettings::default().with_gap(1.0).with_rays(1);
     let baker = || SandwichBaker::new(&scene, &cells, settings);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let outcome = pool.install(|| Bake::new(baker().with_time(Duration::from_secs(1))).run());
@@ -493,8 +493,7 @@ fn a_viewcell_that_sees_too_many_triangles_is_left_open() {
             scene.set_triangles(id, placed).unwrap();
         }
         let cells = Viewcells::new(vec![Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
-        Bake::new(SandwichBaker::new(&scene, &cells, SandwichSettings { rays: 1, ..Default::default() }))
-            .run()
+        Bake::new(SandwichBaker::new(&scene, &cells, SandwichSettings::default().with_rays(1))).run()
     };
     let outcome = bake((1 << 9) + 1);
     assert_eq!(
@@ -520,7 +519,7 @@ fn what_is_never_culled_is_reported_from_everywhere() {
     let grid = Grid::new(DVec3::ZERO, DVec3::splat(2.0)).unwrap();
     let cells = Viewcells::new(grid.over(DVec3::ZERO, DVec3::splat(4.0)).unwrap());
     for gap in [0.0, 1.0] {
-        for cell in baked(&scene, &cells, SandwichSettings { gap, ..SandwichSettings::default() }) {
+        for cell in baked(&scene, &cells, SandwichSettings::default().with_gap(gap)) {
             assert_eq!(
                 (cell.seen, &*cell.open),
                 (vec![0, 1, 3], &[][..]),

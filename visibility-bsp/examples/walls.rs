@@ -5,8 +5,7 @@
 
 use std::sync::Arc;
 use visibility_bsp::{
-    BspOrderCuller, LargeOccludersCuller, NaylorCuller, Occluders, OcclusionTreeCuller, SceneTree,
-    ShadowFrusta, ShadowFrustaCuller,
+    BspOrderCuller, NaylorCuller, Occluders, OcclusionTreeCuller, SceneTree, ShadowFrusta, ShadowFrustaCuller,
 };
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{
@@ -49,10 +48,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let pose = Pose::look_at(DVec3::new(-6.0, 15.0, 1.7), DVec3::new(200.0, 120.0, 5.0), DVec3::Z);
     let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, f64::INFINITY)?;
-    let cullers: [Box<dyn Culler + Send + Sync>; 6] = [
+    let cullers: [Box<dyn Culler + Send + Sync>; 5] = [
         Box::new(FrustumCuller::new()),
         Box::new(ShadowFrustaCuller::new(frusta)),
-        Box::new(LargeOccludersCuller::new(occluders.clone())),
         Box::new(OcclusionTreeCuller::new(occluders)),
         Box::new(NaylorCuller::new(tree.clone())),
         Box::new(BspOrderCuller::new(tree)),

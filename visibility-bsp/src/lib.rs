@@ -16,8 +16,7 @@
 //! The first three cullers share [`Occluders`], large polygons made when a scene is loaded. `NaylorCuller`
 //! and `BspOrderCuller` share a [`SceneTree`]. `Occluders` and `SceneTree` have a `sync` method for scenes
 //! that change. An object that has changed since the last `sync` hides nothing, and is never culled by its
-//! old state. The lower layers are public too: [`BspTree`], a binary space partition of any convex polygons,
-//! and [`Solid`], set operations on closed meshes.
+//! old state. The lower layer is public too: [`BspTree`], a binary space partition of any convex polygons.
 //!
 //! ```
 //! use visibility_bsp::{Occluders, OcclusionTreeCuller};
@@ -60,7 +59,6 @@ mod clip_projection;
 #[cfg(feature = "papers")]
 mod large_occluders;
 mod lazy_queue;
-mod merge;
 mod naylor;
 mod occluders;
 mod occlusion_tree;
@@ -74,13 +72,12 @@ mod view_volume;
 pub use bsp_order_culler::BspOrderCuller;
 #[cfg(feature = "papers")]
 pub use large_occluders::LargeOccludersCuller;
-pub use merge::{Solid, SolidError};
 pub use naylor::{NaylorCuller, VisiblePoint};
 pub use occluders::Occluders;
 pub use occlusion_tree::{OcclusionTree, OcclusionTreeCuller};
 pub use scene_tree::SceneTree;
 pub use shadow_frusta::{ShadowFrusta, ShadowFrustaCuller};
-pub use tree::{BspError, BspTree, Fragment, Fragments, Leaf, Subtree, TraversalStack, TreeVisitor};
+pub use tree::{BspError, BspTree, Fragment, Fragments, Subtree, TraversalStack, TreeVisitor};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -1,16 +1,21 @@
 //! One program for the tests of all files here: it compiles and runs in less time than many.
 #![allow(missing_docs)]
 
+#[cfg(feature = "papers")]
 mod coherence;
 mod common;
+#[cfg(feature = "papers")]
 mod enclosures;
 mod exact;
-mod merge;
+#[cfg(feature = "papers")]
 mod occluded_rays;
 mod order;
+#[cfg(feature = "papers")]
 mod rims;
+#[cfg(feature = "papers")]
 mod sections;
 mod shapes;
+#[cfg(feature = "papers")]
 mod swaps;
 mod tree;
 mod tree_no_allocation;

@@ -303,23 +303,18 @@ fn work_on_all<B: Baker>(
 }
 
 /// Calls `fill(scratch, row_index, row)` for each row of a table, on all threads of the current pool with
-/// feature `rayon`, otherwise on this thread. `table` is cut into rows of `width` elements (0 counts as 1);
-/// the last row may be shorter. `scratch` is memory reused by one thread, whose content must not change what
-/// is filled in.
-pub fn fill_rows<T: Send, S: Default>(
-    table: &mut [T],
-    width: usize,
-    fill: impl Fn(&mut S, usize, &mut [T]) + Sync,
-) {
+/// feature `rayon`, otherwise on this thread. `scratch` is memory reused by one thread, whose content must
+/// not change what is filled in.
+pub fn fill_rows<T: Send, S: Default>(rows: &mut [T], fill: impl Fn(&mut S, usize, &mut T) + Sync) {
     #[cfg(feature = "rayon")]
     {
         use rayon::prelude::*;
-        let rows = table.par_chunks_mut(width.max(1)).enumerate().with_max_len(16);
+        let rows = rows.par_iter_mut().enumerate().with_max_len(16);
         rows.for_each_init(S::default, |scratch, (number, row)| fill(scratch, number, row));
     }
     #[cfg(not(feature = "rayon"))]
     {
         let mut scratch = S::default();
-        table.chunks_mut(width.max(1)).enumerate().for_each(|(number, row)| fill(&mut scratch, number, row));
+        rows.iter_mut().enumerate().for_each(|(number, row)| fill(&mut scratch, number, row));
     }
 }

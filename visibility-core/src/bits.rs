@@ -67,7 +67,25 @@ impl Bits {
 
     /// Adds all indices of `other`. Indices beyond the limit are left out.
     pub fn unite(&mut self, other: &Self) {
-        self.0.iter_mut().zip(&other.0).for_each(|(own, other)| *own |= other);
+        self.unite_words(other.0.iter().copied());
+    }
+
+    /// Adds the indices of words as [`words`](Self::words) returns them. Indices beyond the limit are left
+    /// out.
+    #[inline]
+    pub fn unite_words(&mut self, words: impl Iterator<Item = u64>) {
+        self.0.iter_mut().zip(words).for_each(|(own, other)| *own |= other);
+    }
+
+    /// Removes the indices that `other` lacks.
+    pub fn intersect(&mut self, other: &Self) {
+        let words = other.0.iter().copied().chain(core::iter::repeat(0));
+        self.0.iter_mut().zip(words).for_each(|(own, other)| *own &= other);
+    }
+
+    /// Returns the number of indices.
+    pub fn count(&self) -> u32 {
+        self.0.iter().map(|word| word.count_ones()).sum()
     }
 
     /// Returns the number of indices that are not in `other`.
@@ -146,6 +164,11 @@ mod tests {
         other.unite(&bits);
         other_set.extend(set.range(..192));
         assert!(other.iter().eq(other_set.iter().copied()), "{:?} of the union {other_set:?}", other);
+        let mut both = bits.clone();
+        both.intersect(&other);
+        let common: BTreeSet<usize> = set.intersection(&other_set).copied().collect();
+        assert!(both.iter().eq(common.iter().copied()), "{both:?} of the intersection {common:?}");
+        assert_eq!(both.count() as usize, common.len(), "number of indices of {both:?}");
         other.grow(1000);
         assert!(other.insert(999) && other.remove(999), "no index beyond the limit that was raised");
         other.grow(1);

@@ -142,7 +142,7 @@ impl<'a> CellQuery<'a> {
         Some(Self::with_scratch(triangles, CellBox::new(cell, triangles.origin)?, settings, None))
     }
 
-    /// Prepares a query in the memory of another, if that fits.
+    /// Prepares a query in the memory of another with the same triangles.
     pub(crate) fn with_scratch(
         triangles: &'a SceneTriangles,
         cell: CellBox,

@@ -30,12 +30,6 @@ impl ChainScratch {
         Self { triangles: alloc::vec![0; triangles], edges: alloc::vec![(0, 0); edges], ..Self::default() }
     }
 
-    /// Returns whether the scratch was made for these numbers of triangles and edges. Entries of other scenes
-    /// in it belong to past epochs.
-    pub(crate) fn fits(&self, triangles: usize, edges: usize) -> bool {
-        (self.triangles.len(), self.edges.len()) == (triangles, edges)
-    }
-
     pub(crate) fn begin(&mut self) {
         self.epoch = self.epoch.wrapping_add(1);
         if self.epoch == 0 {

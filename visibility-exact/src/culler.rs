@@ -94,9 +94,10 @@ impl ExactCuller {
     }
 
     fn decide(&mut self, cell: &Viewcell, is_asked: &dyn Fn(usize) -> bool) -> CellVerdicts {
-        let Some(query) = query(&self.triangles, &self.settings, cell, &mut self.scratch) else {
+        let Some(cell) = CellBox::new(cell, self.triangles.origin) else {
             return CellVerdicts::undecided(&self.triangles);
         };
+        let query = CellQuery::with_scratch(&self.triangles, cell, self.settings, self.scratch.take());
         let never = || false;
         let stop: &dyn Fn() -> bool = self.stop.as_deref().map_or(&never, |stop| stop);
         let (found, scratch) = query.with_stop(stop).run(is_asked);
@@ -105,27 +106,16 @@ impl ExactCuller {
     }
 }
 
-/// Prepares a query in the memory of the query before. `None` for a viewcell that is inverted or not finite.
-pub(crate) fn query<'a>(
-    triangles: &'a SceneTriangles,
-    settings: &ExactSettings,
-    cell: &Viewcell,
-    scratch: &mut Option<ChainScratch>,
-) -> Option<CellQuery<'a>> {
-    let cell = CellBox::new(cell, triangles.origin)?;
-    Some(CellQuery::with_scratch(triangles, cell, *settings, scratch.take()))
-}
-
 impl CellVerdicts {
     /// Makes verdicts in which every object is open.
-    pub(crate) fn undecided(triangles: &SceneTriangles) -> Self {
+    fn undecided(triangles: &SceneTriangles) -> Self {
         let verdicts = vec![Verdict::Open; triangles.objects.len()];
         Self { verdicts, proofs: Vec::new(), rays: 0, nodes: 0, refused: 0, is_decided: false }
     }
 
     /// Returns whether an object stays in the set: if it is seen or open. Without proofs, an open object
     /// stays only if nothing can be said of it.
-    pub(crate) fn keeps(&self, place: usize, object: &TargetObject, settings: &ExactSettings) -> bool {
+    fn keeps(&self, place: usize, object: &TargetObject, settings: &ExactSettings) -> bool {
         match self.verdicts[place] {
             Verdict::Seen(_) => true,
             Verdict::Hidden | Verdict::Hardly(_) => false,

@@ -6,8 +6,7 @@
 //!   certainly misses all triangles; hidden, with a [`Proof`]; or open, which counts as visible. An
 //!   [`Effort`] chooses between rays alone, which miss what is hardly visible, certified bounds on visible
 //!   shares, and proofs.
-//! - [`CellQuery`] is one viewcell's query in steps, for a bake with a budget.
-//! - [`ExactBaker`] does so for many viewcells, as a bake that ends in a PVS.
+//! - [`CellQuery`] is one viewcell's query in steps, for a bake with a budget, as that of `visibility-bake`.
 //!
 //! Based on: Shaun Nirenstein, Edwin Blake and James Gain, "Exact From-Region Visibility Culling", 2002. Its
 //! question and its query architecture are kept. Instead of subtracting occluded lines in Pluecker space, a
@@ -20,7 +19,6 @@ extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
-mod baker;
 mod cell_query;
 mod chain;
 mod chain_scratch;
@@ -44,7 +42,6 @@ mod triangle_tree;
 mod triangles;
 mod verdict;
 
-pub use baker::{BakeScratch, BakedCell, ExactBaker, ExactOutcome};
 pub use cell_query::CellQuery;
 pub use check::ProofError;
 pub use culler::ExactCuller;

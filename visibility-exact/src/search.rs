@@ -97,7 +97,7 @@ pub(crate) struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    /// Makes the state. `chain` is the memory of another search, which may be of another scene.
+    /// Makes the state; `chain` is memory of another search in the same triangles.
     pub(crate) fn new(
         triangles: &'a SceneTriangles,
         cell: CellBox,
@@ -105,7 +105,6 @@ impl<'a> Search<'a> {
         chain: Option<ChainScratch>,
     ) -> Self {
         let (count, edges) = (triangles.len(), triangles.edge_count());
-        let chain = chain.filter(|chain| chain.fits(count, edges));
         Self {
             triangles,
             cell,

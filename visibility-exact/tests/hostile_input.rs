@@ -4,11 +4,10 @@ use crate::common;
 
 use common::{cuboid, few_rays, prepared, quad, scene};
 use std::sync::Arc;
-use visibility_core::bake::Bake;
 use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::pvs::{Viewcell, Viewcells};
+use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Accuracy, Object, Pose, RegionCuller, Scene, View, VisibleSet, geometry::Plane};
-use visibility_exact::{Effort, ExactBaker, ExactCuller, ExactSettings, SceneTriangles, Verdict};
+use visibility_exact::{Effort, ExactCuller, ExactSettings, SceneTriangles, Verdict};
 use visibility_testing::Random;
 
 fn all(scene: &Scene) -> VisibleSet {
@@ -201,13 +200,6 @@ fn viewcells_without_a_box_decide_nothing() {
             visible.finish(&scene);
             assert_eq!(visible.count(&scene), 2, "{effort:?}");
         }
-        let cells = Viewcells::new([cell]);
-        let baker = ExactBaker::new(&triangles, &cells, ExactSettings::new(Effort::Rays(100)));
-        assert_eq!(
-            Bake::new(baker).run().cells[0].open,
-            [0, 1],
-            "{min} to {max}: all targets are open in a bake"
-        );
     }
     // A single point and a flat cell are viewcells like others.
     for max in [DVec3::ZERO, DVec3::new(0.0, 1.0, 1.0)] {

@@ -1,7 +1,6 @@
 //! One program for the tests of all files here: it compiles and runs in less time than many.
 #![allow(missing_docs)]
 
-mod bakes;
 mod common;
 mod coplanar;
 mod game_maps;
@@ -17,6 +16,7 @@ mod quick_looks;
 mod rims;
 mod shares;
 mod slots;
+mod stopped_queries;
 mod swapped_sources;
 
 #[global_allocator]

@@ -103,7 +103,7 @@ pub use buffer_size::{MAX_SIDE, MIN_SIDE, SizeError};
 pub use coverage::Coverage;
 #[cfg(feature = "papers")]
 pub use hom::DepthEstimate;
-pub use hom::{Hom, OccluderCriteria, OccluderDatabase};
+pub use hom::Hom;
 pub use hzb::Hzb;
 pub use level::PreparedLevel;
 

@@ -5,9 +5,10 @@ mod clipping;
 mod common;
 mod enclosures;
 mod eye_plane;
+#[cfg(feature = "papers")]
 mod hom;
+#[cfg(feature = "papers")]
 mod hom_no_allocation;
-mod hom_occluders;
 mod level;
 mod magnitudes;
 mod no_allocation;

@@ -13,6 +13,7 @@ use visibility_core::{Aabb, ObjectId, Scene, level_version};
 
 /// Settings by which the occluders of a level are made.
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[must_use]
 pub struct LevelSettings {
     flatness: f64,
     bulge: f64,
@@ -30,7 +31,6 @@ impl LevelSettings {
     /// Sets how far a polygon's vertices may be off its plane, as a fraction of the greatest coordinate.
     /// 4.8e-7 by default, some roundings of a coordinate to `f32`. Greater values give fewer polygons, which
     /// count as farther away by as much. Below 0 or NaN counts as 0.
-    #[must_use]
     pub fn with_flatness(self, flatness: f64) -> Self {
         Self { flatness: flatness.max(0.0), ..self }
     }
@@ -40,21 +40,18 @@ impl LevelSettings {
     /// gives terrain and curved walls a half to a third of the polygons that 0 gives. Greater values give
     /// fewer polygons, which count as farther away by as much, and hide nothing from an eye within that
     /// distance. Below 0 or NaN counts as 0.
-    #[must_use]
     pub fn with_bulge(self, bulge: f64) -> Self {
         Self { bulge: bulge.max(0.0), ..self }
     }
 
     /// Sets the least share of the area of all polygons that is kept, from 0 to 1. The smallest polygons are
     /// left out. 0.98 by default: the last hundredths of the area are in most of the polygons.
-    #[must_use]
     pub fn with_kept_area(self, share: f64) -> Self {
         Self { kept_area: share.clamp(0.0, 1.0), ..self }
     }
 
     /// Sets the maximum number of edges of a cluster of more than one polygon, and of a polygon of more than
     /// one face. 96 by default. What is hidden hardly depends on it, the time of a frame by some hundredths.
-    #[must_use]
     pub fn with_max_cluster_edges(self, edges: usize) -> Self {
         Self { max_cluster_edges: edges, ..self }
     }

@@ -1,6 +1,6 @@
 //! Object lists of the cells of a tessellation, and the share of rays that each cell's objects stop.
 
-use crate::index_lists::{IndexLists, are_list_starts};
+use crate::index_lists::IndexLists;
 use crate::layers::{Sides, push_list};
 use crate::normal_bins::NormalBins;
 use crate::openness::openness_by_index;
@@ -100,18 +100,12 @@ impl Content {
         }
         starts[cells] = lists.len() as u32;
         lists.shrink_to_fit();
-        Self { max_count, side_count, ..Self::of_arrays(scene, starts, cover, lists, held) }
-    }
-
-    /// Makes content from arrays, which become the fields of the same names. Objects without a bit in `held`
-    /// become strays, objects in no cell. The caller sets `max_count` and `side_count`, which are 0 here.
-    fn of_arrays(scene: &Scene, starts: Vec<u32>, cover: Vec<[u8; 4]>, lists: Vec<u8>, held: Bits) -> Self {
         Self {
             starts,
             lists,
             cover,
-            max_count: 0,
-            side_count: 0,
+            max_count,
+            side_count,
             index_limit: scene.index_limit() as u32,
             normals: NormalBins::new(scene),
             strays: scene.ids().filter(|id| !held.contains(id.index())).collect(),
@@ -119,57 +113,6 @@ impl Content {
             cursor: SceneCursor::at(scene),
             stamp: Stamp::new(),
         }
-    }
-
-    /// Builds content from stored arrays and the scene for which they were made. The arrays become the fields
-    /// of the same names. Objects without a bit in `held` become strays, objects in no cell. `Err` names the
-    /// first inconsistency between the arrays, or between the arrays and the scene.
-    pub(crate) fn from_arrays(
-        scene: &Scene,
-        starts: Vec<u32>,
-        cover: Vec<[u8; 4]>,
-        lists: Vec<u8>,
-        held: Bits,
-    ) -> Result<Self, &'static str> {
-        let mut content = Self::of_arrays(scene, starts, cover, lists, held);
-        let cells = content.cover.len();
-        if !are_list_starts(&content.starts, cells, content.lists.len()) {
-            return Err("the lists of cells do not fit together");
-        }
-        if content.held.words().len() != scene.index_limit().div_ceil(64) {
-            return Err("the marks of objects are of another number of objects");
-        }
-        // Every list is decoded once, so that later readers need no checks.
-        let (mut objects, mut side_count) = (Vec::new(), 0);
-        for cell in 0..cells as u32 {
-            objects.clear();
-            let mut sides = content.sides(cell);
-            for mut layers in sides.by_ref() {
-                side_count += 1;
-                for layer in layers.by_ref() {
-                    let before = objects.len();
-                    objects.extend(layer);
-                    if objects.len() == before || !objects[before..].is_sorted_by(|a, b| a < b) {
-                        return Err("a layer of a cell is empty or not in order");
-                    }
-                }
-                if layers.byte_count() > 0 {
-                    return Err("the layers of a cell do not fit together");
-                }
-            }
-            if sides.byte_count() > 0 {
-                return Err("the list of a cell ends too early");
-            }
-            if objects.iter().any(|&object| object >= content.index_limit) {
-                return Err("a cell names an unknown object");
-            }
-            if content.cover[cell as usize][3] != u8::from(!objects.is_empty()) {
-                return Err("a cell says that it holds something, or nothing, and is wrong");
-            }
-            content.max_count = content.max_count.max(objects.len() as u32);
-        }
-        content.side_count = side_count;
-        Ok(content)
     }
 
     /// Returns the number of cells.
@@ -277,18 +220,6 @@ impl Content {
         self.strays.dedup();
         self.cursor = SceneCursor::at(scene);
         self.strays.len() <= scene.len() / 8
-    }
-
-    /// Returns a clone that is synced with `scene`. If the changes are unknown, the clone marks no object as
-    /// held, so that all objects become strays when the clone is stored and loaded.
-    pub(crate) fn synced(&self, scene: &Scene) -> Self {
-        let mut content = self.clone();
-        if let Changes::Everything = content.changes(scene) {
-            content.held.reset(scene.index_limit());
-        }
-        content.sync(scene);
-        content.held.grow(scene.index_limit());
-        content
     }
 
     /// Returns the heap memory of the content in bytes, without spare capacity.

@@ -44,9 +44,3 @@ impl IndexLists {
         size_of_val(&self.starts[..]) + size_of_val(&self.items[..])
     }
 }
-
-/// Tests whether `starts` are the CSR offsets of `count` lists of `items` items in total: ascending, from 0
-/// to `items`.
-pub(crate) fn are_list_starts(starts: &[u32], count: usize, items: usize) -> bool {
-    starts.len() == count + 1 && starts[0] == 0 && starts[count] as usize == items && starts.is_sorted()
-}

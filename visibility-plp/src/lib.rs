@@ -54,7 +54,6 @@ extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
-mod binary_form;
 mod cell_frustum;
 #[cfg(feature = "papers")]
 mod conservative;

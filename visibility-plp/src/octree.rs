@@ -68,20 +68,20 @@ impl Default for Fineness {
 #[derive(Clone, Debug)]
 pub struct OctreeTessellation {
     /// Cube around the scene, in 1024 steps per side, on which the leaves lie.
-    pub(crate) grid: Grid,
+    grid: Grid,
     /// Settings of the subdivision, kept for `rebuild`.
-    pub(crate) fineness: Fineness,
+    fineness: Fineness,
     /// Morton code of the voxel (cube of one grid step) at each leaf's minimum corner, ascending.
-    pub(crate) codes: Vec<u32>,
+    codes: Vec<u32>,
     /// Minimum corner of each leaf as x, y and z in grid steps from the grid's minimum corner, then the
     /// leaf's side in grid steps.
-    pub(crate) leaf_positions: Vec<[u16; 4]>,
+    leaf_positions: Vec<[u16; 4]>,
     /// Adjacency of the leaves: for each leaf its neighbours across faces, encoded by [`encode_neighbour`].
-    pub(crate) neighbours: IndexLists,
+    neighbours: IndexLists,
     /// Numbers of the leaves with a face on the surface of the cube that the octree fills.
-    pub(crate) boundary: Vec<u32>,
+    boundary: Vec<u32>,
     /// Lists of the objects in each leaf.
-    pub(crate) content: Content,
+    content: Content,
 }
 
 /// Node of the octree, needed while objects are assigned to leaves.
@@ -220,7 +220,7 @@ impl OctreeTessellation {
 
 /// Returns the minimum corner of a leaf as x, y and z in grid steps from the grid's minimum corner, then the
 /// leaf's side in grid steps. `code` is the Morton code of the voxel (cube of one grid step) at that corner.
-pub(crate) fn leaf_position(code: u32, side: u32) -> [u16; 4] {
+fn leaf_position(code: u32, side: u32) -> [u16; 4] {
     let [x, y, z] = voxel_of(code);
     [x, y, z, side].map(|x| x as u16)
 }
@@ -238,7 +238,7 @@ fn encode_neighbour(leaf: u32, axis: usize, upwards: bool) -> u32 {
 /// Decodes a neighbour encoded by [`encode_neighbour`]. Returns the number of the neighbouring leaf, the axis
 /// (0, 1, 2) along which it lies, and whether it lies towards greater coordinates.
 #[inline]
-pub(crate) fn decode_neighbour(encoded: u32) -> (u32, usize, bool) {
+fn decode_neighbour(encoded: u32) -> (u32, usize, bool) {
     let side = encoded >> LEAF_BITS;
     (encoded & ((1 << LEAF_BITS) - 1), (side / 2) as usize, side & 1 != 0)
 }

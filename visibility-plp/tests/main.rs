@@ -2,8 +2,11 @@
 #![allow(missing_docs)]
 
 mod common;
+#[cfg(feature = "papers")]
 mod cullers;
+#[cfg(feature = "papers")]
 mod no_allocation;
+#[cfg(feature = "papers")]
 mod swapped_sources;
 mod tessellations;
 

@@ -1,14 +1,10 @@
 //! Contracts of both tessellations: cells fill space, neighbours are mutual, and cells list all objects that
 //! meet them.
 
-use crate::common::{Random, rooms, triangles, views};
-use visibility_core::binary_format::FormatError;
+use crate::common::{Random, rooms, triangles};
 use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::{Aabb, Culler, Object, Scene, VisibleSet};
-use visibility_plp::{
-    Budget, Content, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, Tessellation,
-};
-use visibility_testing::{FNV_START, fnv, forge_counts, mend_header};
+use visibility_core::{Aabb, Object, Scene};
+use visibility_plp::{Content, DelaunayTessellation, Fineness, OctreeTessellation, Tessellation};
 
 /// Small leaves, so that small test scenes have many cells.
 const FINE: Fineness = Fineness { vertices: 24, halvings: 7 };
@@ -187,118 +183,4 @@ fn changed_objects_are_strays() {
         "cells made anew have no strays, and reach to the moved object"
     );
     assert!(!cells.sync(&Scene::new()), "another scene");
-}
-
-/// Asserts that `load` accepts the bytes and refuses them with any byte changed, cut short, extended, of
-/// another version, or for a changed scene. `load` returns the error, or `None` on success.
-fn stored(scene: &Scene, bytes: &[u8], load: fn(&[u8], &Scene) -> Option<FormatError>) {
-    assert_eq!(load(bytes, scene), None, "the stored bytes are accepted");
-    for place in 0..bytes.len() {
-        let mut wrong = bytes.to_vec();
-        wrong[place] ^= 0x41;
-        assert!(load(&wrong, scene).is_some(), "byte {place} turned over");
-    }
-    for length in [0, 7, 8, 11, 39, 40, bytes.len() - 1] {
-        assert!(load(&bytes[..length], scene).is_some(), "{length} bytes");
-    }
-    let mut longer = bytes.to_vec();
-    longer.push(0);
-    assert!(matches!(load(&longer, scene), Some(FormatError::Length { .. })), "one byte too many");
-    let mut newer = bytes.to_vec();
-    newer[8] = 9;
-    assert_eq!(load(&newer, scene), Some(FormatError::Version { found: 9, expected: 5 }), "another version");
-    assert_eq!(
-        load(b"something else", scene),
-        Some(FormatError::Magic { expected: *b"plpcells" }),
-        "bytes of something else"
-    );
-    let mut other = scene.clone();
-    let id = other.ids().next().unwrap();
-    other.set_bounds(id, Aabb::from_arrays([0.0; 3], [2.0; 3])).unwrap();
-    assert_eq!(load(bytes, &other), Some(FormatError::Fingerprint), "a scene with another box");
-    assert!(load(bytes, &scene.clone()).is_none(), "a clone of the scene");
-}
-
-#[test]
-fn stored_cells_come_back_or_are_refused() {
-    let scene = triangles(3, 300);
-    let (octree, delaunay) =
-        (OctreeTessellation::from_scene(&scene, FINE), DelaunayTessellation::from_scene(&scene, FINE));
-    let (bytes, fours) = (octree.to_bytes(&scene), delaunay.to_bytes(&scene));
-    let few = triangles(3, 50);
-    let small = OctreeTessellation::from_scene(&few, FINE).to_bytes(&few);
-    stored(&few, &small, |bytes, scene| OctreeTessellation::from_bytes(bytes, scene).err());
-    let small = DelaunayTessellation::from_scene(&few, FINE).to_bytes(&few);
-    stored(&few, &small, |bytes, scene| DelaunayTessellation::from_bytes(bytes, scene).err());
-    assert_eq!(
-        OctreeTessellation::from_bytes(&fours, &scene).err(),
-        Some(FormatError::Kind { found: 1, expected: 0 }),
-        "tetrahedra read as an octree"
-    );
-    check(&scene, &OctreeTessellation::from_bytes(&bytes, &scene).unwrap());
-    check(&scene, &DelaunayTessellation::from_bytes(&fours, &scene).unwrap());
-    assert_eq!(
-        OctreeTessellation::from_bytes(&bytes, &scene).unwrap().to_bytes(&scene),
-        bytes,
-        "the loaded octree as bytes again"
-    );
-}
-
-#[test]
-fn what_has_changed_is_stored_as_strays() {
-    let mut scene = triangles(3, 100);
-    let octree = OctreeTessellation::from_scene(&scene, FINE);
-    let id = scene.ids().nth(7).unwrap();
-    scene.set_bounds(id, Aabb::from_arrays([900.0; 3], [901.0; 3])).unwrap();
-    let loaded = OctreeTessellation::from_bytes(&octree.to_bytes(&scene), &scene).unwrap();
-    assert_eq!(loaded.content().strays(), [id], "the object that has changed since");
-}
-
-/// Changes single bytes and corrects the checksum, as no accident would. Bytes that are then accepted may
-/// give wrong answers, but cullers must not panic.
-fn forged<T: Tessellation>(scene: &Scene, bytes: &[u8], load: impl Fn(&[u8]) -> Result<T, FormatError>) {
-    let (mut refused, mut taken) = (0, 0);
-    for place in (40..bytes.len()).step_by(23) {
-        let mut wrong = bytes.to_vec();
-        wrong[place] ^= 1 << (place % 8);
-        let sum = fnv(fnv(FNV_START, &wrong[..32]), &wrong[40..]);
-        wrong[32..40].copy_from_slice(&sum.to_le_bytes());
-        let Ok(cells) = load(&wrong) else {
-            refused += 1;
-            continue;
-        };
-        let mut culler = PlpCuller::new(&cells, Budget::Objects(1000)).with_one_sided();
-        for view in views().iter().step_by(5) {
-            let mut visible = VisibleSet::new();
-            visible.fill(scene, view);
-            culler.cull(scene, view, &mut visible);
-        }
-        taken += 1;
-    }
-    assert!(refused > taken / 4, "{refused} refused, {taken} taken");
-}
-
-#[test]
-fn forged_cells_harm_nobody() {
-    let scene = triangles(4, 60);
-    let bytes = OctreeTessellation::from_scene(&scene, FINE).to_bytes(&scene);
-    forged(&scene, &bytes, |bytes| OctreeTessellation::from_bytes(bytes, &scene));
-    let bytes = DelaunayTessellation::from_scene(&scene, FINE).to_bytes(&scene);
-    forged(&scene, &bytes, |bytes| DelaunayTessellation::from_bytes(bytes, &scene));
-}
-
-#[test]
-fn forged_counts_take_no_memory() {
-    let scene = triangles(4, 20);
-    let coarse = Fineness { vertices: 40, halvings: 3 };
-    let bytes = OctreeTessellation::from_scene(&scene, coarse).to_bytes(&scene);
-    forge_counts(&bytes, 0, 1 << 20, |mut bytes| {
-        mend_header(&mut bytes, 0);
-        let _ = OctreeTessellation::from_bytes(&bytes, &scene);
-    });
-    let bytes = DelaunayTessellation::from_scene(&scene, coarse).to_bytes(&scene);
-    forge_counts(&bytes, 0, 1 << 20, |mut bytes| {
-        mend_header(&mut bytes, 0);
-        let _ = DelaunayTessellation::from_bytes(&bytes, &scene);
-    });
 }

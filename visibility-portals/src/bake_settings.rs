@@ -7,17 +7,11 @@ use visibility_core::cells::CellGraph;
 /// Settings of [`CellBaker`](crate::CellBaker) and [`ObjectBaker`](crate::ObjectBaker): the clearance of
 /// lines, the limit of steps, and the tests used.
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[must_use]
 pub struct BakerSettings {
-    /// Distance, in world units, that a line of sight must keep from all portal edges to count. A cell
-    /// counts as hidden only if no such line leads to it. Must be positive, finite and at least 2^-33 of
-    /// the greatest absolute coordinate of a portal vertex, so that rounding cannot decide. `None`, the
-    /// default, is the least that is, but not less than 1e-6: more from a coordinate of 8,590 on.
-    pub clearance: Option<f64>,
-    /// Maximum number of portal chains inspected for one viewcell, summed over its portals. Where a viewcell
-    /// needs more, all its targets not yet proven hidden count as visible. Unlimited by default.
-    pub steps_per_cell: u64,
-    /// The tests of portal chains. [`ChainTest::Separators`] by default.
-    pub chain_test: ChainTest,
+    clearance: Option<f64>,
+    pub(crate) steps_per_cell: u64,
+    pub(crate) chain_test: ChainTest,
 }
 
 /// The tests of portal chains that would make a cell visible.
@@ -44,6 +38,25 @@ impl Default for BakerSettings {
 }
 
 impl BakerSettings {
+    /// Sets the distance, in world units, that a line of sight must keep from all portal edges to count. A
+    /// cell counts as hidden only if no such line leads to it. Must be positive, finite and at least 2^-33 of
+    /// the greatest absolute coordinate of a portal vertex, so that rounding cannot decide. `None`, the
+    /// default, is the least that is, but not less than 1e-6: more from a coordinate of 8,590 on.
+    pub fn with_clearance(self, clearance: impl Into<Option<f64>>) -> Self {
+        Self { clearance: clearance.into(), ..self }
+    }
+
+    /// Sets the maximum number of portal chains inspected for one viewcell, summed over its portals. Where a
+    /// viewcell needs more, all its targets not yet proven hidden count as visible. Unlimited by default.
+    pub fn with_steps_per_cell(self, steps_per_cell: u64) -> Self {
+        Self { steps_per_cell, ..self }
+    }
+
+    /// Sets the tests of portal chains. [`ChainTest::Separators`] by default.
+    pub fn with_chain_test(self, chain_test: ChainTest) -> Self {
+        Self { chain_test, ..self }
+    }
+
     /// Returns the settings as numbers for the bake's fingerprint: `steps_per_cell`, and 1 for the
     /// test in Pluecker space, or else 0.
     pub(crate) fn numbers(&self) -> [u64; 2] {

@@ -5,7 +5,7 @@
 //! both ways.
 
 use crate::bake_settings::{BakeError, BakerSettings, ChainTest, prepare};
-use crate::cell_matrix::{CellMatrix, bits};
+use crate::cell_matrix::CellMatrix;
 use crate::directed_portals::DirectedPortals;
 use crate::portal_chain::CellFlood;
 use crate::portal_flow::{FlowInput, FlowResult, FlowScratch, portal_flow};
@@ -13,10 +13,11 @@ use crate::portal_pairs::PortalPairs;
 use alloc::vec::Vec;
 use visibility_core::bake::{Baker, fill_rows};
 use visibility_core::binary_format::{Fingerprint, FormatError, Reader, Writer};
+use visibility_core::bits::Bits;
 use visibility_core::cells::{CellGraph, CellId};
 
 /// A cell whose row of the matrix contains too many cells, because the bake reached
-/// [`BakerSettings::steps_per_cell`](crate::BakerSettings::steps_per_cell) there.
+/// [`BakerSettings::with_steps_per_cell`](crate::BakerSettings::with_steps_per_cell) there.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Fallback {
     /// The viewcell: the cell from which the search stopped early.
@@ -34,14 +35,14 @@ pub struct Outcome {
     pub matrix: CellMatrix,
     /// Portals that a line may pass one after the other, for [`ObjectBaker`](crate::ObjectBaker).
     pub pairs: PortalPairs,
-    /// Cells whose search reached [`BakerSettings::steps_per_cell`], the limit of inspected portal chains, in
-    /// ascending order. Empty if no cell did.
+    /// Cells whose search reached [`BakerSettings::with_steps_per_cell`], the limit of inspected portal
+    /// chains, in ascending order. Empty if no cell did.
     pub fallbacks: Vec<Fallback>,
     /// Number of portal chains (sequences of portals that a line might pass) inspected, by index of the cell
     /// looked from.
     pub steps: Vec<u64>,
     /// Number of portal chains that only the test in Pluecker space excluded. 0 unless
-    /// [`BakerSettings::chain_test`] is [`ChainTest::Pluecker`].
+    /// [`BakerSettings::with_chain_test`] is [`ChainTest::Pluecker`].
     pub rejected: u64,
     /// Whether the search from every portal was carried out. `false` if the bake was finished early: cells
     /// behind unsearched portals then count as visible unless already proven hidden.
@@ -73,12 +74,9 @@ pub struct Outcome {
 pub struct CellBaker {
     portals: DirectedPortals,
     settings: BakerSettings,
-    /// Candidate matrix, a bit for each ordered pair of directed portals (`stride` words per row): in the
-    /// row of directed portal a, bit b is 1 while a line through a may later pass directed portal b, and
-    /// 0 once such a line is excluded. See [`FlowInput::rows`].
-    rows: Vec<u64>,
-    /// Number of 64-bit words in a row of `rows`, which has one bit per directed portal.
-    stride: usize,
+    /// Candidates by directed portal: the directed portals that a line through it may later pass, as far as
+    /// no such line is excluded. See [`FlowInput::rows`].
+    rows: Vec<Bits>,
     /// Cells known to be seen: the bit of the ordered pair of cells (a, b) is 1 once b counts as seen from
     /// a, with or without proof, and 0 before. See [`FlowInput::seen`].
     seen: CellMatrix,
@@ -109,10 +107,8 @@ impl CellBaker {
         let cells = graph.cell_count();
         let portals = prepare(graph, &settings)?;
         let directed = portals.all.len();
-        let stride = directed.div_ceil(64);
         let mut baker = Self {
-            rows: alloc::vec![0; directed * stride],
-            stride,
+            rows: alloc::vec![Bits::new(directed); directed],
             seen: CellMatrix::new(cells).with_source(graph.version()),
             counts: alloc::vec![0; directed],
             steps: alloc::vec![0; cells],
@@ -129,21 +125,19 @@ impl CellBaker {
     /// through cells. Sets in `seen` each cell itself and its neighbours.
     fn begin(&mut self) {
         let portals = &self.portals;
-        fill_rows(&mut self.rows, self.stride, |flood, source, row| {
+        fill_rows(&mut self.rows, |flood, source, row| {
             candidates(portals, source as u32, flood, row);
         });
         // A pair stays a candidate only if it is reachable in both directions, since a line can be walked
         // both ways.
-        for a in 0..self.portals.all.len() as u32 {
-            for i in 0..self.stride {
-                for bit in bits(self.rows[a as usize * self.stride + i]) {
-                    let b = i as u32 * 64 + bit;
-                    let (back, forth) =
-                        (self.portals.all[b as usize].reverse, self.portals.all[a as usize].reverse);
-                    if self.rows[back as usize * self.stride + forth as usize / 64] >> (forth % 64) & 1 == 0 {
-                        self.rows[a as usize * self.stride + i] &= !(1 << bit);
-                    }
+        for a in 0..self.portals.all.len() {
+            let forth = self.portals.all[a].reverse as usize;
+            let mut next = self.rows[a].next(0);
+            while let Some(b) = next {
+                if !self.rows[self.portals.all[b].reverse as usize].contains(forth) {
+                    self.rows[a].remove(b);
                 }
+                next = self.rows[a].next(b + 1);
             }
         }
         self.count();
@@ -154,20 +148,15 @@ impl CellBaker {
         (0..self.seen.cell_count()).for_each(|cell| self.seen.set(cell, cell));
     }
 
-    /// Recomputes `counts`, the number of set bits in each row of `rows`.
+    /// Recomputes `counts`, the number of candidates in each row of `rows`.
     fn count(&mut self) {
-        for (row, count) in self.rows.chunks_exact(self.stride.max(1)).zip(&mut self.counts) {
-            *count = row.iter().map(|word| word.count_ones()).sum();
-        }
+        self.rows.iter().zip(&mut self.counts).for_each(|(row, count)| *count = row.count());
     }
 
     /// Clears in `rows` the bit of the ordered pair `(a, b)`, since no line passes directed portal `a` and
     /// later directed portal `b`.
     fn clear(&mut self, a: u32, b: u32) {
-        let word = &mut self.rows[a as usize * self.stride + b as usize / 64];
-        let bit = 1 << (b % 64);
-        self.counts[a as usize] -= u32::from(*word & bit != 0);
-        *word &= !bit;
+        self.counts[a as usize] -= u32::from(self.rows[a as usize].remove(b as usize));
     }
 }
 
@@ -188,7 +177,6 @@ impl Baker for CellBaker {
         let input = FlowInput {
             portals: &self.portals,
             rows: &self.rows,
-            stride: self.stride,
             seen: &self.seen,
             exact: (self.settings.chain_test == ChainTest::Pluecker)
                 .then_some(self.portals.margins.clearance),
@@ -228,11 +216,8 @@ impl Baker for CellBaker {
     fn finish(mut self, waiting: &[u32]) -> Outcome {
         for &source in waiting {
             let from = self.portals.all[source as usize].from as usize;
-            let row = &self.rows[source as usize * self.stride..][..self.stride];
-            for (i, &word) in row.iter().enumerate() {
-                for bit in bits(word) {
-                    self.seen.set(from, self.portals.all[i * 64 + bit as usize].to as usize);
-                }
+            for portal in self.rows[source as usize].iter() {
+                self.seen.set(from, self.portals.all[portal].to as usize);
             }
         }
         let fallbacks = self.fallbacks.iter().enumerate().filter(|(_, portals)| **portals > 0);
@@ -240,7 +225,7 @@ impl Baker for CellBaker {
             fallbacks.map(|(cell, &portals)| Fallback { cell: CellId(cell as u32), portals }).collect();
         Outcome {
             matrix: self.seen.both_ways(),
-            pairs: PortalPairs::new(&self.portals, self.rows, self.stride),
+            pairs: PortalPairs::new(&self.portals, self.rows),
             fallbacks,
             steps: self.steps,
             rejected: self.rejected,
@@ -256,9 +241,9 @@ impl Baker for CellBaker {
     fn save(&self, state: &mut Writer) {
         state.u64(self.rejected);
         state.u32s(self.fallbacks.iter().copied());
-        for part in [&self.steps, &self.rows, &self.seen.words] {
-            state.u64s(part.iter().copied());
-        }
+        state.u64s(self.steps.iter().copied());
+        state.u64s(self.rows.iter().flat_map(Bits::words).copied());
+        state.u64s(self.seen.words());
     }
 
     fn load(&mut self, state: &mut Reader<'_>) -> Result<(), FormatError> {
@@ -267,13 +252,11 @@ impl Baker for CellBaker {
         self.steps = state.u64s(self.steps.len())?;
         // Saved rows can only clear bits: a candidate that the plane tests exclude stays excluded, and a
         // forged state cannot set the bit of a portal that does not exist.
-        let rows = state.u64s(self.rows.len())?;
-        for (known, saved) in self.rows.iter_mut().zip(rows) {
-            *known &= saved;
+        for row in &mut self.rows {
+            row.intersect(&state.u64s(row.words().len())?.into());
         }
-        let cells = state.u64s(self.seen.words.len())?;
-        for (seen, saved) in self.seen.words.iter_mut().zip(cells) {
-            *seen |= saved;
+        for row in &mut self.seen.rows {
+            row.unite(&state.u64s(row.words().len())?.into());
         }
         self.count();
         Ok(())
@@ -282,14 +265,14 @@ impl Baker for CellBaker {
 
 /// Sets in `row` the bits of the directed portals that a line through directed portal `source` can pass
 /// later, judged by the portals' planes and by the cells that can be reached. `flood` is scratch memory.
-fn candidates(portals: &DirectedPortals, source: u32, flood: &mut CellFlood, row: &mut [u64]) {
+fn candidates(portals: &DirectedPortals, source: u32, flood: &mut CellFlood, row: &mut Bits) {
     let portal = &portals.all[source as usize];
     flood.begin(portals.first.len(), portal.to);
     while let Some(cell) = flood.next_cell() {
         for next in portals.from(cell) {
             let other = &portals.all[next as usize];
             if next != portal.reverse && portals.can_follow(portal, other) {
-                row[next as usize / 64] |= 1 << (next % 64);
+                row.insert(next as usize);
                 flood.reach(other.to);
             }
         }

@@ -1,10 +1,9 @@
 //! The cell-to-cell visibility of a map: one bit for each ordered pair of cells.
 
-use alloc::vec::Vec;
-use visibility_core::{
-    cells::{CellGraph, CellId},
-    pvs::{Pvs, PvsError, PvsTargets, ViewcellId},
-};
+use alloc::{vec, vec::Vec};
+use visibility_core::bits::Bits;
+use visibility_core::cells::{CellGraph, CellId};
+use visibility_core::pvs::{Pvs, PvsError, PvsTargets, ViewcellId};
 
 /// The cell-to-cell visibility of a map: a square bit matrix with a row for each cell looked from and a bit
 /// for each cell looked at.
@@ -22,10 +21,8 @@ use visibility_core::{
 /// ```
 #[derive(Clone, Debug)]
 pub struct CellMatrix {
-    cells: usize,
-    /// Number of 64-bit words in a row of `words`: `ceil(cells / 64)`.
-    stride: usize,
-    pub(crate) words: Vec<u64>,
+    /// By cell looked from: the cells seen.
+    pub(crate) rows: Vec<Bits>,
     /// [Version](CellGraph::version) of the graph that the matrix was baked from. `None` if nobody knows it.
     source: Option<u64>,
 }
@@ -33,7 +30,7 @@ pub struct CellMatrix {
 impl PartialEq for CellMatrix {
     /// Compares the bits. What the matrices were baked from is not compared.
     fn eq(&self, other: &Self) -> bool {
-        (self.cells, &self.words) == (other.cells, &other.words)
+        self.rows == other.rows
     }
 }
 
@@ -42,8 +39,7 @@ impl Eq for CellMatrix {}
 impl CellMatrix {
     /// Returns a matrix for `cells` cells with all bits clear: no cell sees any cell, not even itself.
     pub fn new(cells: usize) -> Self {
-        let stride = cells.div_ceil(64);
-        Self { cells, stride, words: alloc::vec![0; stride * cells], source: None }
+        Self { rows: vec![Bits::new(cells); cells], source: None }
     }
 
     /// Returns the matrix with the version of the graph that it is baked from.
@@ -60,11 +56,14 @@ impl CellMatrix {
             return None;
         }
         let mut matrix = Self::new(cells);
-        for (a, row) in bytes.chunks_exact(row.max(1)).enumerate() {
-            for (i, &byte) in row.iter().enumerate() {
-                matrix.words[a * matrix.stride + i / 8] |= u64::from(byte) << (i % 8 * 8);
-            }
-            if !cells.is_multiple_of(64) && matrix.words[(a + 1) * matrix.stride - 1] >> (cells % 64) != 0 {
+        for (seen, bytes) in matrix.rows.iter_mut().zip(bytes.chunks_exact(row.max(1))) {
+            let words = bytes.chunks(8).map(|part| {
+                let mut word = [0; 8];
+                word[..part.len()].copy_from_slice(part);
+                u64::from_le_bytes(word)
+            });
+            seen.unite_words(words);
+            if seen.next(cells).is_some() {
                 return None;
             }
         }
@@ -74,39 +73,35 @@ impl CellMatrix {
     /// Returns the matrix in the `.vismat` format: row by row, each of `ceil(cells / 8)` bytes, least
     /// significant bit first. Empty without cells.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let row = self.cells.div_ceil(8);
-        let rows = self.words.chunks_exact(self.stride.max(1));
-        rows.flat_map(|words| (0..row).map(|i| (words[i / 8] >> (i % 8 * 8)) as u8)).collect()
+        let count = self.cell_count().div_ceil(8);
+        let bytes = |row: &Bits| row.words().iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>();
+        self.rows.iter().flat_map(|row| bytes(row).into_iter().take(count)).collect()
     }
 
     /// Returns the number of cells, which is the number of rows and of columns.
     pub fn cell_count(&self) -> usize {
-        self.cells
+        self.rows.len()
     }
 
     /// Tests whether cell `from` sees cell `to`. `false` if `from` or `to` is not a cell of the matrix.
     pub fn sees(&self, from: CellId, to: CellId) -> bool {
-        let known = from.index() < self.cells && to.index() < self.cells;
-        known && self.words[from.index() * self.stride + to.index() / 64] >> (to.index() % 64) & 1 != 0
+        self.rows.get(from.index()).is_some_and(|row| row.contains(to.index()))
     }
 
     /// Returns the cells that cell `from` sees, in ascending order. Empty if the matrix has no such cell.
     pub fn seen_from(&self, from: CellId) -> impl Iterator<Item = CellId> + '_ {
-        self.row(from.index())
-            .iter()
-            .enumerate()
-            .flat_map(|(i, &word)| bits(word).map(move |bit| CellId(i as u32 * 64 + bit)))
+        self.rows.get(from.index()).into_iter().flat_map(Bits::iter).map(|cell| CellId(cell as u32))
     }
 
     /// Returns the number of ordered pairs (a, b) of cells for which a sees b, pairs (a, a) included. Time is
     /// proportional to the square of the number of cells.
     pub fn count(&self) -> u64 {
-        self.words.iter().map(|word| u64::from(word.count_ones())).sum()
+        self.rows.iter().map(|row| u64::from(row.count())).sum()
     }
 
     /// Returns the mean number of cells that a cell sees, itself included. 0 without cells.
     pub fn mean_visible(&self) -> f64 {
-        if self.cells == 0 { 0.0 } else { self.count() as f64 / self.cells as f64 }
+        if self.rows.is_empty() { 0.0 } else { self.count() as f64 / self.rows.len() as f64 }
     }
 
     /// Tests whether the matrix equals its transpose: whenever cell a sees cell b, cell b sees cell a. Builds
@@ -120,8 +115,8 @@ impl CellMatrix {
     /// A line can be walked both ways, so the result is conservative if `self` is.
     #[must_use]
     pub fn both_ways(&self) -> Self {
-        let mut both = Self { source: self.source, ..Self::new(self.cells) };
-        for a in 0..self.cells {
+        let mut both = Self { source: self.source, ..Self::new(self.cell_count()) };
+        for a in 0..self.cell_count() {
             for b in self.seen_from(CellId(a as u32)) {
                 if self.sees(b, CellId(a as u32)) {
                     both.set(a, b.index());
@@ -140,24 +135,22 @@ impl CellMatrix {
     /// # Errors
     /// [`PvsError::TooLarge`] if the PVS exceeds its storage limits.
     pub fn to_pvs(&self, graph: &CellGraph) -> Result<Pvs, PvsError> {
-        let cells = (0..self.cells as u32).map(CellId);
         let rows: Vec<Vec<u32>> =
-            cells.map(|cell| self.seen_from(cell).map(|seen| seen.0).collect()).collect();
-        let pvs = Pvs::new(PvsTargets::Cells, self.cells, &rows, |viewcell| neighbours(graph, viewcell))?;
+            self.rows.iter().map(|row| row.iter().map(|seen| seen as u32).collect()).collect();
+        let pvs = Pvs::new(PvsTargets::Cells, rows.len(), &rows, |viewcell| neighbours(graph, viewcell))?;
         Ok(match self.source {
             Some(source) if source == graph.version() => pvs.with_source(source),
             _ => pvs,
         })
     }
 
-    /// Returns the row of cell `from`: bit i % 64 of word i / 64 is set if `from` sees cell i. Empty if the
-    /// matrix has no cell `from`.
-    pub(crate) fn row(&self, from: usize) -> &[u64] {
-        if from < self.cells { &self.words[from * self.stride..][..self.stride] } else { &[] }
+    /// Returns all bits, row by row in words.
+    pub(crate) fn words(&self) -> impl Iterator<Item = u64> + '_ {
+        self.rows.iter().flat_map(Bits::words).copied()
     }
 
     pub(crate) fn set(&mut self, from: usize, to: usize) {
-        self.words[from * self.stride + to / 64] |= 1 << (to % 64);
+        self.rows[from].insert(to);
     }
 }
 
@@ -167,15 +160,6 @@ pub(crate) fn neighbours(graph: &CellGraph, viewcell: ViewcellId) -> impl Iterat
     let cell = CellId(viewcell.0);
     let portals = graph.portals_of(cell).iter().filter_map(|&id| graph.portal(id));
     portals.map(move |portal| portal.other(cell).into())
-}
-
-/// Returns the indices (0 to 63) of the set bits of `word`, in ascending order.
-pub(crate) fn bits(mut word: u64) -> impl Iterator<Item = u32> {
-    core::iter::from_fn(move || {
-        let bit = (word != 0).then(|| word.trailing_zeros());
-        word &= word.wrapping_sub(1);
-        bit
-    })
 }
 
 #[cfg(test)]
@@ -214,7 +198,7 @@ mod tests {
         });
         assert_eq!(
             matrix.seen_from(CellId(69)).count(),
-            matrix.row(69).iter().map(|w| w.count_ones() as usize).sum(),
+            matrix.rows[69].count() as usize,
             "cells listed, and bits of the row"
         );
         assert_eq!(matrix.seen_from(CellId(70)).count(), 0, "an unknown cell sees none");

@@ -37,7 +37,7 @@ pub(crate) struct Margins {
     /// Absolute bound on the rounding error of the dot product of a unit vector and a position of the map.
     pub(crate) noise: f64,
     /// Distance that lines must keep from all portal edges:
-    /// [`BakerSettings::clearance`](crate::BakerSettings::clearance).
+    /// [`BakerSettings::with_clearance`](crate::BakerSettings::with_clearance).
     pub(crate) clearance: f64,
 }
 

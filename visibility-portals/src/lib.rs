@@ -54,8 +54,8 @@
 //!
 //! # Guarantees
 //! - A bake never calls two cells hidden from each other if a line passes between them that stays at least
-//!   the [clearance](BakerSettings::clearance) away from all portal edges, whatever the rounding. A frame
-//!   removes no object that a line of sight reaches.
+//!   the [clearance](BakerSettings::with_clearance) away from all portal edges, whatever the rounding. A
+//!   frame removes no object that a line of sight reaches.
 //! - Bakes and frames give the same result on every machine, with any number of threads.
 //! - No panic on any input. A bake can be stopped at any time; its result up to then is conservative too.
 //!
@@ -68,7 +68,6 @@ extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
-mod antipenumbra;
 mod bake_settings;
 mod cell_baker;
 mod cell_matrix;
@@ -88,7 +87,6 @@ pub mod prt;
 mod separating_planes;
 pub mod stabbing;
 
-pub use antipenumbra::antipenumbra;
 pub use bake_settings::{BakeError, BakerSettings, ChainTest};
 pub use cell_baker::{CellBaker, Fallback, Outcome};
 pub use cell_matrix::CellMatrix;

@@ -1,10 +1,12 @@
 //! Certificates of `Stabber::polygons`: they exclude some sequences of polygons that separating planes do
 //! not, and never a sequence that has a line.
 
+use visibility_core::bake::Bake;
+use visibility_core::cells::{CellGraph, CellId};
 use visibility_core::geometry::ConvexPolygon;
 use visibility_core::glam::DVec3;
-use visibility_portals::antipenumbra;
 use visibility_portals::stabbing::{Stab, Stabber};
+use visibility_portals::{BakerSettings, CellBaker};
 use visibility_testing::Random;
 
 /// Returns a random integer from `-most` to `most`, both included.
@@ -49,9 +51,18 @@ fn around(count: usize, slits: bool, distance: f64, off: f64, random: &mut Rando
     polygons
 }
 
-fn passes_planes(polygons: &[Vec<DVec3>], clearance: f64) -> bool {
-    let all = polygons.iter().map(|p| ConvexPolygon::new(p.iter().copied()).unwrap());
-    antipenumbra(&all.collect::<Vec<_>>(), clearance).unwrap()
+/// Returns whether separating planes leave a line through all polygons: those of a bake in which polygon i
+/// is the portal from cell i to cell i + 1.
+pub(crate) fn passes_planes(polygons: &[Vec<DVec3>], clearance: f64) -> bool {
+    let last = polygons.len() as u32;
+    let portals = polygons.iter().map(|p| ConvexPolygon::new(p.iter().copied()).unwrap());
+    let graph = CellGraph::new(
+        polygons.len() + 1,
+        (0..last).zip(portals).map(|(i, portal)| (portal, [CellId(i), CellId(i + 1)])),
+    );
+    let (graph, settings) = (graph.unwrap(), BakerSettings::default().with_clearance(clearance));
+    let outcome = Bake::new(CellBaker::new(&graph, settings).unwrap()).run();
+    outcome.matrix.sees(CellId(0), CellId(last))
 }
 
 /// Returns the least distance of the line through `from` and `to` from all edges of `polygons`; negative if

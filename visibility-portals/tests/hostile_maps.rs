@@ -49,10 +49,10 @@ fn no_cells_and_no_portals_are_maps_too() {
 fn coordinates_too_large_for_the_clearance_are_refused() {
     for scale in [1e6, 1e30] {
         let graph = row(3, scale);
-        let small = BakerSettings { clearance: Some(1e-6), ..BakerSettings::default() };
+        let small = BakerSettings::default().with_clearance(1e-6);
         assert!(matches!(bake(&graph, small), Err(BakeError::Clearance { .. })), "{scale}");
         // With a clearance proportional to the scale, the map is accepted.
-        let settings = BakerSettings { clearance: Some(1e-6 * scale), ..BakerSettings::default() };
+        let settings = BakerSettings::default().with_clearance(1e-6 * scale);
         assert_eq!(
             bake(&graph, settings).unwrap().count(),
             9,
@@ -60,7 +60,7 @@ fn coordinates_too_large_for_the_clearance_are_refused() {
         );
     }
     for clearance in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        let settings = BakerSettings { clearance: Some(clearance), ..BakerSettings::default() };
+        let settings = BakerSettings::default().with_clearance(clearance);
         assert!(bake(&row(3, 1.0), settings).is_err(), "{clearance}");
     }
     assert!(
@@ -98,9 +98,7 @@ fn the_default_clearance_follows_the_coordinates() {
     }
     // The least clearance for coordinates of 35 km.
     let far = CellGraph::new(2, [(door(DVec3::X * 35e3, DVec3::Y), [CellId(0), CellId(1)])]).unwrap();
-    let with = |clearance| {
-        CellBaker::new(&far, BakerSettings { clearance: Some(clearance), ..BakerSettings::default() })
-    };
+    let with = |clearance| CellBaker::new(&far, BakerSettings::default().with_clearance(clearance));
     let least = 35e3 * 2f64.powi(-33);
     assert!(
         with(least).is_ok() && with(least * 0.999).is_err(),

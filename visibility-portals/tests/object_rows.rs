@@ -109,12 +109,12 @@ fn check(buildings: u64, segments: usize) {
             }
         }
         graph.set_objects(pairs.iter().copied()).unwrap();
-        let settings = BakerSettings { clearance: Some(CLEARANCE), ..BakerSettings::default() };
+        let settings = BakerSettings::default().with_clearance(CLEARANCE);
         let cells = Bake::new(CellBaker::new(&graph, settings).unwrap()).run();
         let bounds = |id: ObjectId| boxes.get(id.index()).copied();
         // No chains, too few, and all.
         let rows = [0, 6, u64::MAX].map(|steps_per_cell| {
-            let settings = BakerSettings { steps_per_cell, ..settings };
+            let settings = settings.with_steps_per_cell(steps_per_cell);
             Bake::new(ObjectBaker::new(&graph, &cells, bounds, settings).unwrap()).run()
         });
         for _ in 0..segments {
@@ -156,7 +156,7 @@ fn check(buildings: u64, segments: usize) {
             "seed {seed}: cells without chains of portals fall back, with all chains none does"
         );
         // Other rows of cells are refused: of another clearance, and of another graph.
-        let wide = BakerSettings { clearance: Some(1e-3), ..settings };
+        let wide = settings.with_clearance(1e-3);
         assert_eq!(
             ObjectBaker::new(&graph, &cells, bounds, wide).err(),
             Some(BakeError::Cells),

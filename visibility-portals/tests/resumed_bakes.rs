@@ -59,9 +59,7 @@ fn interrupted<B: Baker>(baker: impl Fn() -> B) -> B::Outcome {
 #[test]
 fn a_saved_bake_goes_on_to_the_same_answer() {
     let graph = rooms(0.0);
-    for settings in
-        [BakerSettings::default(), BakerSettings { steps_per_cell: 40, ..BakerSettings::default() }]
-    {
+    for settings in [BakerSettings::default(), BakerSettings::default().with_steps_per_cell(40)] {
         let whole = Bake::new(baker(&graph, settings)).run();
         assert!(
             whole.complete && whole.matrix.count() < 49 * 49,
@@ -86,7 +84,7 @@ fn a_saved_bake_of_objects_goes_on_to_the_same_answer() {
     let cells = Bake::new(baker(&graph, BakerSettings::default())).run();
     let bounds = |id: visibility_core::ObjectId| boxes.get(id.index()).copied();
     for steps_per_cell in [u64::MAX, 12] {
-        let settings = BakerSettings { steps_per_cell, ..BakerSettings::default() };
+        let settings = BakerSettings::default().with_steps_per_cell(steps_per_cell);
         let new = || ObjectBaker::new(&graph, &cells, bounds, settings).unwrap();
         let whole = Bake::new(new()).run();
         assert_eq!(
@@ -139,7 +137,7 @@ fn damaged_and_foreign_bytes_are_refused() {
     let good = bake.save();
     let refused =
         |graph: &CellGraph, settings, bytes: &[u8]| Bake::resume(baker(graph, settings), bytes).unwrap_err();
-    let other = BakerSettings { steps_per_cell: 9, ..BakerSettings::default() };
+    let other = BakerSettings::default().with_steps_per_cell(9);
     assert_eq!(refused(&graph, other, &good), FormatError::Fingerprint, "other settings");
     assert_eq!(
         refused(&rooms(1.0), BakerSettings::default(), &good),
@@ -158,7 +156,7 @@ fn damaged_and_foreign_bytes_are_refused() {
 #[test]
 fn forged_counts_are_counted_on_as_far_as_numbers_go() {
     let graph = rooms(0.0);
-    let settings = BakerSettings { steps_per_cell: 40, ..BakerSettings::default() };
+    let settings = BakerSettings::default().with_steps_per_cell(40);
     let saved = Bake::new(baker(&graph, settings)).save();
     let forged = |change: &dyn Fn(&mut [u8])| {
         let mut content = saved[HEADER_LENGTH..].to_vec();

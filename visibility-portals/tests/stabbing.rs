@@ -1,9 +1,8 @@
 //! Lines through sequences of openings: in the plane against exact arithmetic, in space against planted lines
 //! and against separating planes.
 
-use visibility_core::geometry::ConvexPolygon;
+use crate::certificates::passes_planes;
 use visibility_core::glam::{DVec2, DVec3};
-use visibility_portals::antipenumbra;
 use visibility_portals::stabbing::{Rectangle, Stab, Stabber};
 use visibility_testing::Random;
 
@@ -144,8 +143,7 @@ fn what_separating_planes_exclude_has_no_line_and_some_more_is_excluded() {
     let (mut lines, mut both, mut more, mut open) = (0, 0, 0, 0);
     for i in 0..3000 {
         let polygons = sequence(3 + i % 5, &mut random);
-        let planes = polygons.iter().map(|p| ConvexPolygon::new(p.iter().copied()).unwrap());
-        let passes = antipenumbra(&planes.collect::<Vec<_>>(), 1e-6).unwrap();
+        let passes = passes_planes(&polygons, 1e-6);
         match stabber.polygons(&polygons) {
             Stab::Line(_) => {
                 assert!(passes, "{polygons:?}");

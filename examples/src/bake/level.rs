@@ -34,6 +34,7 @@ pub struct Level {
     eyes: Vec<DVec3>,
     content: Content,
     settings: SandwichSettings,
+    gap: f64,
     /// Results of an earlier bake, empty without one.
     cache: Arc<BakeCache>,
 }
@@ -55,7 +56,8 @@ impl Level {
     /// [`Failure`] if the scene cannot be loaded, a hint is for no object, there are no viewcells or too
     /// many, or the memory or the time is too small.
     pub fn open(job: &Job, scratch: &Path, stop: fn() -> bool) -> Result<Self, Failure> {
-        let settings = SandwichSettings { gap: job.gap, clearance: job.clearance, rays: job.rays };
+        let settings =
+            SandwichSettings::default().with_gap(job.gap).with_clearance(job.clearance).with_rays(job.rays);
         let eyes;
         let (name, content, viewcells) = match job.memory {
             None => {
@@ -111,7 +113,7 @@ impl Level {
             }
         };
         let viewcells = Viewcells::new(viewcells);
-        Ok(Self { name, viewcells, eyes, content, settings, cache: Arc::default() })
+        Ok(Self { name, viewcells, eyes, content, settings, gap: job.gap, cache: Arc::default() })
     }
 
     /// Lets the bake take results from a file that an earlier bake has written, if it exists.
@@ -151,7 +153,7 @@ impl Level {
 
     /// Returns the gap that the bake is asked for.
     pub fn gap(&self) -> f64 {
-        self.settings.gap
+        self.gap
     }
 
     /// Returns the fingerprint that all shards of the bake have.

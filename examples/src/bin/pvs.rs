@@ -101,12 +101,11 @@ fn run(arguments: &Arguments) -> Result<(), String> {
     if let Some(path) = &arguments.prt {
         write(path, prt::write(&map.graph).as_ref())?;
     }
-    let steps = if made.is_some() { CELL_STEPS } else { BakerSettings::default().steps_per_cell };
-    let cell_settings = BakerSettings {
-        clearance: arguments.clearance.or(made.as_ref().map(|(_, cells)| clearance(&cells.viewcells))),
-        steps_per_cell: arguments.limit.unwrap_or(steps),
-        chain_test: if arguments.exact { ChainTest::Pluecker } else { ChainTest::Separators },
-    };
+    let steps = if made.is_some() { CELL_STEPS } else { u64::MAX };
+    let cell_settings = BakerSettings::default()
+        .with_clearance(arguments.clearance.or(made.as_ref().map(|(_, cells)| clearance(&cells.viewcells))))
+        .with_steps_per_cell(arguments.limit.unwrap_or(steps))
+        .with_chain_test(if arguments.exact { ChainTest::Pluecker } else { ChainTest::Separators });
     let threads = match arguments.threads {
         0 => std::thread::available_parallelism().map_or(1, usize::from),
         threads => threads,

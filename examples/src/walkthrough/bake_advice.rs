@@ -116,7 +116,7 @@ impl fmt::Display for BakeEstimate {
             },
         )?;
         // A line of sight keeps six times the clearance from what is on either side.
-        let gap = 12e3 * SandwichSettings::default().clearance;
+        let gap = 12e3 * SandwichSettings::default().clearance();
         write!(
             f,
             "it may hide what is seen only through gaps narrower than {gap:.1} mm: --clearance 0 does not"

@@ -96,7 +96,7 @@ pub const OBJECT_STEPS: u64 = 3_000;
 /// Returns bake settings with at most `steps` steps for a cell and a clearance proportional to the extent of
 /// the cells, as [`clearance`] computes it.
 pub fn settings(viewcells: &Viewcells, steps: u64) -> BakerSettings {
-    BakerSettings { clearance: Some(clearance(viewcells)), steps_per_cell: steps, ..BakerSettings::default() }
+    BakerSettings::default().with_clearance(clearance(viewcells)).with_steps_per_cell(steps)
 }
 
 /// Runs a bake to its end, and shows its progress as that of `what`.

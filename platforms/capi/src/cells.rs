@@ -106,7 +106,7 @@ pub unsafe extern "C" fn vis_graph_bake(
         // SAFETY: rules P1 and P2 of `visibility.h`.
         let (graph, place) = unsafe { (reference(graph, "graph")?, out(pvs, "pvs")?) };
         let clearance = (clearance != 0.0).then_some(clearance);
-        let settings = BakerSettings { clearance, ..BakerSettings::default() };
+        let settings = BakerSettings::default().with_clearance(clearance);
         let outcome = Bake::new(CellBaker::new(&graph.0, settings)?).run();
         create(place, vis_pvs(outcome.matrix.to_pvs(&graph.0)?));
         Ok(())

@@ -15,10 +15,8 @@
 //! - [`Discs`] is the set, made once; [`DiscZone`] looks around in it: [`look`](DiscZone::look) finds the
 //!   discs seen from a point, or from all points of a small ball.
 //! - [`KineticZone`] keeps the discs seen as an eye moves.
-//! - [`DiscBeams`] finds a superset of the discs seen, faster, by a triangulation of the centres.
 //! - [`Discs::first_hits`] follows one ray to the first k discs.
 
-mod beams;
 mod gaps;
 mod kinetic;
 mod ray;
@@ -34,7 +32,6 @@ const ROUNDING: f64 = 1e-12;
 /// Greatest magnitude of a coordinate or a radius, so that sums of squares are finite.
 const MAX_NUMBER: f64 = 1e150;
 
-pub use beams::{BeamScratch, DiscBeams};
 pub use kinetic::{KineticZone, ZoneWork};
 pub use ray::RayDisc;
 pub use tree::{Disc, DiscError, Discs};

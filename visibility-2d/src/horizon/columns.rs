@@ -236,26 +236,11 @@ impl Columns {
         // Between two boundaries an outline of a wall may dip at a corner: the corner's height counts for its
         // column.
         if bends {
-            let corners = |outline: &[Corner]| 1..outline.len() - 1;
-            for corner in &upper[corners(upper)] {
-                lower_at(
-                    &mut highs[begin..=end],
-                    &mut inverse_depths[begin..=end],
-                    begin,
-                    corner,
-                    error,
-                    1.0,
-                );
-            }
-            for corner in &lower[corners(lower)] {
-                lower_at(
-                    &mut lows[begin..=end],
-                    &mut inverse_depths[begin..=end],
-                    begin,
-                    corner,
-                    error,
-                    -1.0,
-                );
+            for (outline, heights, sense) in [(upper, &mut *highs, 1.0), (lower, &mut *lows, -1.0)] {
+                for corner in &outline[1..outline.len() - 1] {
+                    let inverse_depths = &mut inverse_depths[begin..=end];
+                    lower_at(&mut heights[begin..=end], inverse_depths, begin, corner, error, sense);
+                }
             }
         }
         let count = self.per_face.div_ceil(BLOCK);

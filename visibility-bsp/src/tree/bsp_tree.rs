@@ -1,27 +1,12 @@
 //! The BSP tree's data structure and its simple queries.
 
 use super::build_scratch::Builder;
-use super::node::{EMPTY, Node, depth_of, is_leaf};
+use super::node::{EMPTY, Node, is_leaf};
 use super::store::Store;
 use super::subtree::Subtree;
 use alloc::vec::Vec;
 use core::fmt;
 use visibility_core::{Aabb, glam::DVec3};
-
-/// Content of a leaf, a convex region of space at the bottom of a tree.
-///
-/// ```
-/// use visibility_bsp::{BspTree, Leaf};
-/// use visibility_core::glam::DVec3;
-/// assert_eq!(BspTree::new().locate(DVec3::ZERO), Leaf::Empty);
-/// ```
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
-pub enum Leaf {
-    /// Outside all solids. The only kind of leaf in trees that were not built from solids.
-    Empty,
-    /// The inside of a solid. Occurs only in trees built by [`BspTree::build_solid`].
-    Solid,
-}
 
 /// A binary space partition of convex polygons in `f64` coordinates. Each polygon belongs to an owner,
 /// identified by a number, such as an object's index.
@@ -58,7 +43,7 @@ pub enum Leaf {
 /// ```
 #[derive(Clone, Debug)]
 pub struct BspTree {
-    /// Root of the tree: a node index, or the kind of leaf that fills all space.
+    /// Root of the tree: a node index, or [`EMPTY`].
     pub(super) root: u32,
     /// Inner nodes by index, unused ones included.
     pub(super) nodes: Vec<Node>,
@@ -71,9 +56,6 @@ pub struct BspTree {
     /// Upper bound on the absolute value of coordinates, by axis. The margins of all planes are valid up to
     /// it.
     pub(super) magnitude: DVec3,
-    /// Kind of leaf behind a polygon that has nothing else behind it: `SOLID` in trees of solids, otherwise
-    /// `EMPTY`.
-    pub(super) behind: u32,
     /// Upper bound on the number of levels; it does not shrink when nodes are removed.
     pub(super) most_levels: u32,
     /// Scratch memory for inserting polygons.
@@ -121,7 +103,6 @@ impl BspTree {
             free_nodes: Vec::new(),
             store: Store::default(),
             magnitude: DVec3::ZERO,
-            behind: EMPTY,
             most_levels: 0,
             builder: Builder::default(),
         }
@@ -145,7 +126,14 @@ impl BspTree {
     /// Returns the greatest number of planes on a path from the root to a leaf; 0 for a tree without planes.
     /// Visits every node.
     pub fn depth(&self) -> usize {
-        depth_of(self.root, |node| self.nodes[node as usize].children)
+        let (mut open, mut deepest) = (Vec::from([(self.root, 0)]), 0);
+        while let Some((child, depth)) = open.pop() {
+            deepest = deepest.max(depth);
+            if !is_leaf(child) {
+                open.extend(self.nodes[child as usize].children.map(|child| (child, depth + 1)));
+            }
+        }
+        deepest
     }
 
     /// Returns a box around all fragments in the tree's coordinates, rounded outwards to `f32`;

@@ -3,7 +3,7 @@
 
 use super::bsp_tree::{BspError, BspTree};
 use super::build_scratch::{Builder, Piece, Source, Task};
-use super::node::{EMPTY, NONE, Node, SOLID, bounds_of, is_leaf};
+use super::node::{EMPTY, NONE, Node, bounds_of, is_leaf};
 use super::splitter;
 use super::store::Record;
 use super::subtree::Subtree;
@@ -17,7 +17,7 @@ const GROWTH: usize = 256;
 
 impl BspTree {
     /// Builds a tree of polygons in `f64` coordinates of any unit, each given with its owner number. Both
-    /// faces of a polygon count, and all leaves are empty.
+    /// faces of a polygon count.
     ///
     /// Polygons must be convex and flat, up to rounding, with their vertices in boundary order. A polygon
     /// that is not [accepted](Self::accepts) is left out. Takes some microseconds per polygon.
@@ -25,29 +25,7 @@ impl BspTree {
     /// # Errors
     /// [`BspError::TooManyFragments`] if the polygons cut each other into too many fragments.
     pub fn build<P: AsRef<[DVec3]>>(polygons: impl IntoIterator<Item = (u32, P)>) -> Result<Self, BspError> {
-        Self::build_with(EMPTY, polygons)
-    }
-
-    /// Builds a tree of the boundary of solids. The polygons, in `f64` coordinates of any unit, must form
-    /// closed surfaces, each polygon counter-clockwise as seen from outside. Leaves behind polygons are
-    /// [solid](super::Leaf::Solid). A polygon that is not [accepted](Self::accepts) is left out.
-    ///
-    /// # Errors
-    /// [`BspError::TooManyFragments`] if the polygons cut each other into too many fragments.
-    pub fn build_solid<P: AsRef<[DVec3]>>(
-        polygons: impl IntoIterator<Item = (u32, P)>,
-    ) -> Result<Self, BspError> {
-        Self::build_with(SOLID, polygons)
-    }
-
-    /// Builds a tree of pairs of owner number and polygon (in the tree's coordinates), then packs its memory.
-    /// `behind` is the kind of leaf behind polygons: `EMPTY`, or `SOLID` for solids. `Err` if the polygons
-    /// cut each other too often.
-    fn build_with<P: AsRef<[DVec3]>>(
-        behind: u32,
-        polygons: impl IntoIterator<Item = (u32, P)>,
-    ) -> Result<Self, BspError> {
-        let mut tree = Self { behind, ..Self::new() };
+        let mut tree = Self::new();
         tree.sort_in(polygons)?;
         let Self { nodes, store, .. } = &mut tree;
         store.pack(nodes.iter_mut().map(|node| &mut node.first));
@@ -178,7 +156,7 @@ impl BspTree {
             builder.sides[best] = PolygonSide::On;
             plane
         });
-        let node = Node { plane, children: [self.behind, EMPTY], first: NONE, parent: task.parent };
+        let node = Node { plane, children: [EMPTY; 2], first: NONE, parent: task.parent };
         match self.free_nodes.pop() {
             Some(id) => {
                 self.nodes[id as usize] = node;

@@ -11,7 +11,6 @@ mod bsp_tree;
 mod build;
 mod build_scratch;
 mod fragments;
-mod locate;
 mod node;
 mod splitter;
 mod store;
@@ -19,8 +18,7 @@ mod subtree;
 mod traversal;
 mod update;
 
-pub use bsp_tree::{BspError, BspTree, Leaf};
+pub use bsp_tree::{BspError, BspTree};
 pub use fragments::{Fragment, Fragments};
-pub(crate) use node::{EMPTY, SOLID, depth_of, is_leaf};
 pub use subtree::Subtree;
 pub use traversal::{TraversalStack, TreeVisitor};

@@ -1,31 +1,15 @@
 //! Nodes of a tree and the values that stand for leaves.
 
-use alloc::vec::Vec;
 use visibility_core::{Aabb, geometry::SidePlane, glam::DVec3};
 
 /// Index that stands for no node or no fragment.
 pub(super) const NONE: u32 = u32::MAX;
-/// Child value of an empty leaf, outside all solids.
-pub(crate) const EMPTY: u32 = u32::MAX;
-/// Child value of a solid leaf, inside a solid.
-pub(crate) const SOLID: u32 = u32::MAX - 1;
+/// Child value of a leaf, a region without polygons.
+pub(super) const EMPTY: u32 = u32::MAX;
 
 /// Tests whether a child value stands for a leaf and not for a node index. False for a node index.
-pub(crate) const fn is_leaf(child: u32) -> bool {
-    child >= SOLID
-}
-
-/// Returns the greatest number of nodes on a path from `root` (a child value) to a leaf; 0 if `root` is a
-/// leaf. `children` returns the two child values of a node, given its index.
-pub(crate) fn depth_of(root: u32, children: impl Fn(u32) -> [u32; 2]) -> usize {
-    let (mut open, mut deepest) = (Vec::from([(root, 0)]), 0);
-    while let Some((child, depth)) = open.pop() {
-        deepest = deepest.max(depth);
-        if !is_leaf(child) {
-            open.extend(children(child).map(|child| (child, depth + 1)));
-        }
-    }
-    deepest
+pub(super) const fn is_leaf(child: u32) -> bool {
+    child == EMPTY
 }
 
 /// A node of a tree: its plane in the tree's coordinates, the list of fragments in the plane, and the two
@@ -36,7 +20,7 @@ pub(super) struct Node {
     /// The dividing plane in the tree's coordinates, with the margin within which points count as on the
     /// plane.
     pub(super) plane: SidePlane,
-    /// Children behind and in front of the plane: node indices, [`EMPTY`] or [`SOLID`].
+    /// Children behind and in front of the plane: node indices or [`EMPTY`].
     pub(super) children: [u32; 2],
     /// Index of the first fragment in the plane; [`NONE`] if the plane only divides.
     pub(super) first: u32,

@@ -34,10 +34,15 @@ impl Check<'_> {
     /// L_k (side on edge k) is then the form at d, whatever p is, also where det is 0. If all L_k have one
     /// sign for all d, and the form the other sign, no line has positive sides on all edges.
     ///
-    /// Rounding, with E the relative error of a double-double operation: components of a product of vectors
-    /// are wrong by 2 E, and a scalar product by 3 E, of the product of the sums of magnitudes. A term of the
-    /// form, the sum of two products of two scalar products, is wrong by 16 E of the product of all four
-    /// sums, and the sum of three terms by 4 E more.
+    /// Rounding, with E the relative error of a double-double operation and |v| the sum of the magnitudes of
+    /// v: the components of a product c = t x u are together wrong by 2 E |t| |u|, and a scalar product c . d
+    /// by 3 E |c| |d|. A term of the form, the sum of two products of two scalar products, is wrong by 16 E
+    /// |c| |w| |x| |y|, and the sum of three terms by 4 E more. All products are taken to be wrong by
+    /// 8 E |t| |u|, and that covers the rest too, since |c| is at most |t| |u|: of the 8 E, a scalar product
+    /// needs 2 + 3. In the form, where c is t x u and w is e x s, the 8 E count as 16 E (|t| |u| |w| + |c|
+    /// |e| |s|) |x| |y|. Needed are 4 E of the same sum for the two products, and 20 E |c| |w| |x| |y|, which
+    /// is at most 10 E of it. The bounds are wrong by some U of themselves, since they are computed in `f64`.
+    /// The 2 E left are more than that, and so is the room that the errors of positions have.
     pub(super) fn corner_excludes(&self, sight: &Sight, rows: [&Divider; 3]) -> bool {
         let t = rows.map(|([a, b], s)| difference(b.0, a.0).map(|x| x.times(D::from(*s))));
         let c = [cross(t[1], t[2]), cross(t[2], t[0]), cross(t[0], t[1])];
@@ -53,14 +58,13 @@ impl Check<'_> {
         // Changes of the ends of edges by delta change each t_k and e_k by 2 delta on each axis, and a
         // product of two vectors by at most twice the product of the sums of their magnitudes.
         let wrong = |u: [D; 3], w: [D; 3]| {
-            4.0 * change * (norm(u) + norm(w) + change) + 4.0 * D::ERROR * norm(u) * norm(w)
+            4.0 * change * (norm(u) + norm(w) + change) + 8.0 * D::ERROR * norm(u) * norm(w)
         };
         let c_wrong: [f64; 3] = core::array::from_fn(|k| wrong(t[(k + 1) % 3], t[(k + 2) % 3]));
         let w_wrong: [f64; 3] = core::array::from_fn(|k| wrong(e[k], t[k]));
         let is_positive = directions.iter().all(|d| {
             (0..3).all(|k| {
-                let least =
-                    norm(c[k]) * (change + 4.0 * D::ERROR * norm(*d)) + c_wrong[k] * (norm(*d) + change);
+                let least = norm(c[k]) * change + c_wrong[k] * (norm(*d) + change);
                 dot(c[k], *d).hi * sign > least
             })
         });
@@ -72,9 +76,8 @@ impl Check<'_> {
                         let both =
                             dot(c[k], *x).times(dot(w[k], *y)).plus(dot(c[k], *y).times(dot(w[k], *x)));
                         form = form.plus(both);
-                        let rounded = 20.0 * D::ERROR * norm(*x) * norm(*y);
                         let moved = 2.0 * change * (norm(*x) + norm(*y) + change);
-                        error += norm(c[k]) * norm(w[k]) * (rounded + moved);
+                        error += norm(c[k]) * norm(w[k]) * moved;
                         let changed = c_wrong[k] * (norm(w[k]) + w_wrong[k]) + norm(c[k]) * w_wrong[k];
                         error += 2.0 * changed * (norm(*x) + change) * (norm(*y) + change);
                     }

@@ -318,23 +318,6 @@ impl SceneTriangles {
         self.front(i).is_none() || sign(side(from, a, b, c, 0.0)) < 0
     }
 
-    /// Returns numbers that determine the triangles, whether each occludes, and from which sides. For hashes.
-    pub(crate) fn numbers(&self) -> impl Iterator<Item = u64> + '_ {
-        let objects = self.objects.iter().flat_map(|object| {
-            let bounds = object.min.to_array().into_iter().chain(object.max.to_array()).map(f64::to_bits);
-            let numbers = [object.id.index() as u64, object.first.into(), object.end.into()];
-            numbers.into_iter().chain(bounds).chain([object.is_open.into()])
-        });
-        let flags = self.occludes.iter().zip(&self.fronts);
-        let flags = flags.map(|(&occludes, front)| u64::from(occludes) | u64::from(front.is_some()) << 1);
-        let triangles = self.corners.iter().zip(flags).flat_map(|(corners, flags)| {
-            let bits = corners.iter().flat_map(|corner| corner.to_array()).map(|x| x.to_bits().into());
-            bits.chain([flags])
-        });
-        let origin = self.origin.to_array().map(f64::to_bits);
-        origin.into_iter().chain(objects).chain(triangles)
-    }
-
     pub(crate) fn vertices(&self, i: u32) -> [u32; 3] {
         self.vertices[i as usize]
     }

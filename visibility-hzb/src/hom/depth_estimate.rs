@@ -22,10 +22,12 @@ use alloc::vec::Vec;
 /// are certainly nearer than the box by this estimate.
 ///
 /// ```
+/// # #[cfg(feature = "papers")] {
 /// use visibility_hzb::{DepthEstimate, Hom};
 /// assert_eq!(Hom::default().depth_estimate(), DepthEstimate::NoBackground);
 /// let map = Hom::default().with_depth_estimate(DepthEstimate::Plane);
 /// assert_eq!(map.depth_estimate(), DepthEstimate::Plane);
+/// # }
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
 #[cfg_attr(not(feature = "papers"), expect(unreachable_pub, reason = "exported with the feature alone"))]

@@ -1,7 +1,6 @@
-//! Hierarchical occlusion maps, and the database of occluders that are worth drawing into them.
+//! Hierarchical occlusion maps.
 
 pub(crate) mod depth_estimate;
-mod occluder_database;
 mod occlusion_maps;
 pub(crate) mod opacity_pyramid;
 mod opacity_thresholds;
@@ -10,5 +9,4 @@ pub(crate) mod tile_range;
 
 #[cfg(feature = "papers")]
 pub use depth_estimate::DepthEstimate;
-pub use occluder_database::{OccluderCriteria, OccluderDatabase};
 pub use occlusion_maps::Hom;

@@ -26,7 +26,7 @@ use visibility_core::{Aabb, Scene};
 pub(crate) const FINE_PER_STEP: i32 = 128;
 
 /// Number of steps of the fine grid along each side of the tessellation's cube: 2^17.
-pub(crate) const FINE_STEPS: i32 = STEPS as i32 * FINE_PER_STEP;
+const FINE_STEPS: i32 = STEPS as i32 * FINE_PER_STEP;
 
 /// Tessellation into tetrahedra, within a cube slightly larger than the scene. Prefer
 /// [`OctreeTessellation`](crate::OctreeTessellation): it is built in half the time, and finds as many visible
@@ -51,21 +51,21 @@ pub(crate) const FINE_STEPS: i32 = STEPS as i32 * FINE_PER_STEP;
 pub struct DelaunayTessellation {
     /// Grid of the octree whose leaf centres became vertices. Coordinates on the fine grid (of
     /// [`FINE_PER_STEP`] times as many steps) are relative to this grid's minimum corner.
-    pub(crate) grid: Grid,
+    grid: Grid,
     /// Settings of the octree whose leaf centres became vertices, kept for `rebuild`.
-    pub(crate) fineness: Fineness,
+    fineness: Fineness,
     /// Vertices of the tetrahedra, in steps of the fine grid, 0 to [`FINE_STEPS`]. The first eight are the
     /// corners of the tessellation's cube.
-    pub(crate) points: Vec<Point>,
+    points: Vec<Point>,
     /// Corners of each cell, as indices into `points`.
-    pub(crate) cells: Vec<[u32; 4]>,
+    cells: Vec<[u32; 4]>,
     /// For each corner of each cell, the number of the neighbouring cell across the face opposite of the
     /// corner, or [`NONE`] if that face lies on the surface of the cube that the tessellation fills.
-    pub(crate) neighbours: Vec<[u32; 4]>,
+    neighbours: Vec<[u32; 4]>,
     /// Numbers of the cells with a face on the surface of the cube that the tessellation fills.
-    pub(crate) boundary: Vec<u32>,
+    boundary: Vec<u32>,
     /// Lists of the objects in each cell.
-    pub(crate) content: Content,
+    content: Content,
 }
 
 /// Returns the Delaunay vertex of an octree leaf, in steps of the fine grid: the leaf's centre, moved along

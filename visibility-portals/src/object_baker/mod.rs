@@ -169,8 +169,7 @@ impl Baker for ObjectBaker<'_> {
 
     fn fingerprint(&self) -> u64 {
         let Outcome { matrix, pairs, .. } = self.cells;
-        let matrix = (0..self.done.len()).flat_map(|cell| matrix.row(cell)).copied();
-        let numbers = self.portals.numbers().chain(self.settings.numbers()).chain(matrix);
+        let numbers = self.portals.numbers().chain(self.settings.numbers()).chain(matrix.words());
         let numbers = numbers.chain([pairs.fingerprint()]);
         numbers.chain(self.targets.numbers()).fold(Fingerprint::new(), Fingerprint::with_u64).value()
     }

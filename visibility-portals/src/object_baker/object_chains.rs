@@ -8,12 +8,13 @@
 //! outside the planes of some chain is seen. The number of chains may be exponential, so their number may be
 //! limited; candidates beyond the limit count as seen.
 
-use crate::cell_matrix::{CellMatrix, bits};
+use crate::cell_matrix::CellMatrix;
 use crate::directed_portals::DirectedPortals;
 use crate::portal_chain::{CellFlood, ChainFrame, PortalChain, is_outside, outward};
 use crate::portal_pairs::PortalPairs;
 use alloc::vec::Vec;
 use core::ops::Range;
+use visibility_core::bits::Bits;
 use visibility_core::glam::DVec3;
 use visibility_core::{
     ObjectId,
@@ -122,7 +123,7 @@ pub struct Chains {
     /// Targets that became candidates of the present first portal, each once.
     candidates: Vec<u32>,
     /// Bit i: directed portal i leads to a cell with an open candidate, as a pair with the first portal.
-    goals: Vec<u64>,
+    goals: Bits,
     /// The current chain of portals. Bit i of its bitsets stands for directed portal i.
     chain: PortalChain,
     flood: CellFlood,
@@ -183,27 +184,24 @@ impl Chains {
     /// inside the planes of the first portal and a portal into one of their cells. Sets `open`, `candidates`
     /// and `goals`.
     fn find_candidates(&mut self, search: &Search) {
-        let Search { input: Input { portals, matrix, pairs, targets }, from, first, words } = *search;
-        self.goals.clear();
-        self.goals.resize(words, 0);
+        let Search { input: Input { portals, matrix, pairs, targets }, from, first, .. } = *search;
+        self.goals.reset(portals.all.len());
         self.begin_chain(search);
         let start = self.chain.points.len();
         let frame = first_frame(first, start);
         self.try_pair(search, first);
-        for (i, &word) in pairs.row(first).iter().enumerate() {
-            for last in bits(word).map(|bit| i as u32 * 64 + bit) {
-                let cell = portals.all[last as usize].to;
-                let unseen = |&target: &u32| !self.seen[target as usize];
-                if !matrix.sees(from, CellId(cell)) || !targets.of(cell).iter().any(unseen) {
-                    continue;
-                }
-                if let Some((source, pass)) = self.chain.narrow(portals, first, &frame, last, true) {
-                    self.chain.push_planes(portals, (first, &source), (last, &pass));
-                    self.try_pair(search, last);
-                    self.chain.planes.clear();
-                }
-                self.chain.points.truncate(start);
+        for last in pairs.row(first).iter().map(|last| last as u32) {
+            let cell = portals.all[last as usize].to;
+            let unseen = |&target: &u32| !self.seen[target as usize];
+            if !matrix.sees(from, CellId(cell)) || !targets.of(cell).iter().any(unseen) {
+                continue;
             }
+            if let Some((source, pass)) = self.chain.narrow(portals, first, &frame, last, true) {
+                self.chain.push_planes(portals, (first, &source), (last, &pass));
+                self.try_pair(search, last);
+                self.chain.planes.clear();
+            }
+            self.chain.points.truncate(start);
         }
     }
 
@@ -217,7 +215,7 @@ impl Chains {
             if self.seen[target as usize] || targets.is_outside(target, &self.chain.planes) {
                 continue;
             }
-            self.goals[last as usize / 64] |= 1 << (last % 64);
+            self.goals.insert(last as usize);
             if !core::mem::replace(&mut self.open[target as usize], true) {
                 self.candidates.push(target);
             }
@@ -279,8 +277,9 @@ impl Chains {
     /// Tests whether directed portal `child` is a goal, or a line through it may pass one of the goals that
     /// are in the set at offset `set` of the chain's sets.
     fn leads_to_goal(&self, search: &Search, set: usize, child: u32) -> bool {
-        let ahead = self.chain.sets[set..].iter().zip(search.input.pairs.row(child)).zip(&self.goals);
-        self.goals[child as usize / 64] >> (child % 64) & 1 != 0
+        let later = search.input.pairs.row(child).words();
+        let ahead = self.chain.sets[set..].iter().zip(later).zip(self.goals.words());
+        self.goals.contains(child as usize)
             || ahead.into_iter().any(|((within, later), goals)| within & later & goals != 0)
     }
 
@@ -318,7 +317,7 @@ impl Chains {
             // No object is left to be found in this cell, whichever portal leads there.
             for out in portals.from(entered.to) {
                 let into = portals.all[out as usize].reverse;
-                self.goals[into as usize / 64] &= !(1 << (into % 64));
+                self.goals.remove(into as usize);
             }
         }
         let set = self.chain.sets.len();
@@ -359,7 +358,7 @@ impl Chains {
             for next in portals.from(cell) {
                 let portal = &portals.all[next as usize];
                 let (word, bit) = (next as usize / 64, 1 << (next % 64));
-                let known = later[word] & bit != 0
+                let known = later.contains(next as usize)
                     && match within {
                         Some(within) => sets[within + word] & bit != 0,
                         None => matrix.sees(search.from, CellId(portal.to)),

@@ -3,9 +3,9 @@
 
 use super::flow_input::{FlowInput, FlowResult};
 use super::flow_scratch::FlowScratch;
-use crate::cell_matrix::bits;
 use crate::portal_chain::{ChainFrame, is_outside};
 use core::ops::Range;
+use visibility_core::scene::lanes;
 
 impl FlowScratch {
     /// Begins the chain of portals with directed portal `source`. The reachable portals of this first frame
@@ -31,11 +31,11 @@ impl FlowScratch {
     pub(crate) fn visit(&mut self, input: &FlowInput, first: u32, child: usize, result: &mut FlowResult) {
         let Some(frame) = self.chain.frames.last().cloned() else { return };
         let row = self.row(input, child);
-        let is_goal = self.goals[child / 64] >> (child % 64) & 1 != 0;
+        let is_goal = self.goals.contains(child);
         if !is_goal && !self.leads_to_goal(frame.set, row) {
             // No cell behind this portal remains to be found, so all portals that may be reached stay marked
             // as reached.
-            self.reached[child / 64] |= 1 << (child % 64);
+            self.reached.insert(child);
             self.reach_all(frame.set, row);
             return;
         }
@@ -60,7 +60,7 @@ impl FlowScratch {
                 return;
             }
         }
-        self.reached[child / 64] |= 1 << (child % 64);
+        self.reached.insert(child);
         if is_goal {
             result.cells.push((cell, proven));
             self.drop_goals(cell);
@@ -76,8 +76,8 @@ impl FlowScratch {
         let planes = planes..self.chain.planes.len();
         self.push_reachable_set(input, frame.set, row, cell, planes.clone());
         let after = &self.chain.sets[set..];
-        if after.iter().zip(&self.goals).all(|(a, b)| a & b == 0) {
-            self.reached.iter_mut().zip(after).for_each(|(reached, after)| *reached |= after);
+        if after.iter().zip(self.goals.words()).all(|(a, b)| a & b == 0) {
+            self.reached.unite_words(after.iter().copied());
             self.chain.sets.truncate(set);
             self.chain.planes.truncate(planes.start);
             self.chain.points.truncate(points);
@@ -92,23 +92,22 @@ impl FlowScratch {
     /// `set` in the chain's sets, the row at offset `row` in `rows`, and `goals`. `false` if no goal can be
     /// reached.
     fn leads_to_goal(&self, set: usize, row: usize) -> bool {
-        let sets = self.chain.sets[set..].iter().zip(self.row_words(row)).zip(&self.goals);
+        let sets = self.chain.sets[set..].iter().zip(self.row_words(row)).zip(self.goals.words());
         sets.into_iter().any(|((a, b), c)| a & b & c != 0)
     }
 
     /// Marks in `reached` the candidates (portals that may be seen through the source) that are both in the
     /// set at offset `set` in the chain's sets and in the row at offset `row` in `rows`.
     fn reach_all(&mut self, set: usize, row: usize) {
-        for i in 0..self.words {
-            self.reached[i] |= self.chain.sets[set + i] & self.rows[row + i];
-        }
+        let sets = self.chain.sets[set..].iter().zip(&self.rows[row..row + self.words]);
+        self.reached.unite_words(sets.map(|(a, b)| a & b));
     }
 
     /// Removes the candidates that lead to `cell` from `goals`, the bitset of candidates whose cell is still
     /// to be found. Called once the cell is known to be seen.
     fn drop_goals(&mut self, cell: u32) {
         for (i, _) in self.to.iter().enumerate().filter(|(_, to)| **to == cell) {
-            self.goals[i / 64] &= !(1 << (i % 64));
+            self.goals.remove(i);
         }
     }
 
@@ -142,8 +141,8 @@ impl FlowScratch {
                 if end - word * 64 < 64 {
                     mask &= (1 << (end - word * 64)) - 1;
                 }
-                for bit in bits(mask) {
-                    let i = word * 64 + bit as usize;
+                for bit in lanes(mask) {
+                    let i = word * 64 + bit;
                     if is_outside(input.portals, planes, self.candidates[i], self.balls[i]) {
                         continue;
                     }

@@ -2,7 +2,6 @@
 
 use super::flow_input::{FlowInput, FlowResult};
 use super::flow_scratch::FlowScratch;
-use crate::cell_matrix::bits;
 use alloc::vec::Vec;
 
 /// Computes the portals and cells that can be seen through the directed portal `source`. After `limit` steps
@@ -16,7 +15,7 @@ pub(crate) fn portal_flow(
 ) -> FlowResult {
     let mut result = FlowResult::default();
     scratch.begin(input, source);
-    if scratch.count == 0 || scratch.goals.iter().all(|&word| word == 0) {
+    if scratch.count == 0 || scratch.goals.next(0).is_none() {
         return result;
     }
     scratch.enter_source(input, source);
@@ -28,7 +27,7 @@ pub(crate) fn portal_flow(
         scratch.visit(input, source, child as usize, &mut result);
     }
     for (i, &candidate) in scratch.candidates.iter().enumerate() {
-        if scratch.reached[i / 64] >> (i % 64) & 1 == 0 {
+        if !scratch.reached.contains(i) {
             result.hidden.push(candidate);
         }
     }
@@ -38,10 +37,7 @@ pub(crate) fn portal_flow(
 /// Adds the cells of all remaining goals (candidates that lead to cells not yet known to be seen) to
 /// `result`, as seen without proof, and sets `gave_up`.
 fn give_up(scratch: &mut FlowScratch, mut result: FlowResult) -> FlowResult {
-    let mut cells: Vec<u32> = Vec::new();
-    for (i, &word) in scratch.goals.iter().enumerate() {
-        cells.extend(bits(word).map(|bit| scratch.to[i * 64 + bit as usize]));
-    }
+    let mut cells: Vec<u32> = scratch.goals.iter().map(|goal| scratch.to[goal]).collect();
     cells.sort_unstable();
     cells.dedup();
     result.cells.extend(cells.into_iter().map(|cell| (cell, false)));

@@ -3,16 +3,15 @@
 use crate::cell_matrix::CellMatrix;
 use crate::directed_portals::DirectedPortals;
 use alloc::vec::Vec;
+use visibility_core::bits::Bits;
 
 /// Input of a flow (the search for all that is seen through one portal): the candidate matrix and the seen
 /// cells, as the last round of the bake left them.
 pub(crate) struct FlowInput<'a> {
     pub(crate) portals: &'a DirectedPortals,
-    /// Candidate matrix with rows of `stride` words, one bit per directed portal: bit b of the row of
-    /// directed portal a is 1 while a line through a may later pass directed portal b, and 0 once such a
+    /// By directed portal: the directed portals that a line through it may later pass, as far as no such
     /// line is excluded.
-    pub(crate) rows: &'a [u64],
-    pub(crate) stride: usize,
+    pub(crate) rows: &'a [Bits],
     /// Cells known to be seen: the bit of the ordered pair of cells (a, b) is 1 once b counts as seen from
     /// a. Flows search only for other cells.
     pub(crate) seen: &'a CellMatrix,

@@ -1,14 +1,15 @@
 //! Scratch memory of flows, and the candidates of a source.
 
 use super::flow_input::FlowInput;
-use crate::cell_matrix::bits;
 use crate::lp::MAX_ROWS;
 use crate::portal_chain::{CellFlood, PortalChain};
 use crate::stabbing::pluecker::Pluecker;
 use alloc::vec::Vec;
 use core::ops::Range;
 use smallvec::SmallVec;
+use visibility_core::bits::Bits;
 use visibility_core::glam::DVec3;
+use visibility_core::scene::lanes;
 
 /// Scratch memory of the search through one directed portal, the source; reused by one search after another.
 /// A candidate is a directed portal that may be seen through the source. A candidate's index is its position
@@ -41,9 +42,9 @@ pub struct FlowScratch {
     /// (the candidates), and the number of candidates in earlier words.
     mask: Vec<(u32, u64, u32)>,
     /// Bitset over the candidates: bit i is 1 while candidate i leads to a cell not yet known to be seen.
-    pub(crate) goals: Vec<u64>,
+    pub(crate) goals: Bits,
     /// Bitset over the candidates: bit i is 1 once candidate i is seen or could not be excluded.
-    pub(crate) reached: Vec<u64>,
+    pub(crate) reached: Bits,
     /// The current chain of portals. Bit numbers of its bitsets and of its frames' children are candidate
     /// indices.
     pub(crate) chain: PortalChain,
@@ -64,12 +65,12 @@ impl FlowScratch {
     /// discards the data of the last flow.
     pub(crate) fn begin(&mut self, input: &FlowInput, source: u32) {
         let all = &input.portals.all;
-        let row = &input.rows[source as usize * input.stride..][..input.stride];
+        let row = input.rows[source as usize].words();
         self.candidates.clear();
         self.mask.clear();
         for (i, &word) in row.iter().enumerate().filter(|(_, word)| **word != 0) {
             self.mask.push((i as u32, word, self.candidates.len() as u32));
-            self.candidates.extend(bits(word).map(|bit| i as u32 * 64 + bit));
+            self.candidates.extend(lanes(word).map(|bit| (i * 64 + bit) as u32));
         }
         self.count = self.candidates.len();
         self.words = self.count.div_ceil(64);
@@ -95,16 +96,12 @@ impl FlowScratch {
         self.row_of.clear();
         self.row_of.resize(self.count, NO_ROW);
         self.rows.clear();
-        for set in [&mut self.goals, &mut self.reached] {
-            set.clear();
-            set.resize(self.words, 0);
-        }
+        self.goals.reset(self.count);
+        self.reached.reset(self.count);
         // Goals lead to a cell that is not known to be seen from the source's cell.
-        let seen = input.seen.row(all[source as usize].from as usize);
+        let seen = &input.seen.rows[all[source as usize].from as usize];
         for (i, &to) in self.to.iter().enumerate() {
-            if seen[to as usize / 64] >> (to % 64) & 1 == 0 {
-                self.goals[i / 64] |= 1 << (i % 64);
-            }
+            self.goals.set(i, !seen.contains(to as usize));
         }
         self.chain.clear();
         // Certificates are not kept between flows: which flows a thread ran before depends on scheduling.
@@ -117,7 +114,7 @@ impl FlowScratch {
     pub(crate) fn row(&mut self, input: &FlowInput, candidate: usize) -> usize {
         if self.row_of[candidate] == NO_ROW {
             self.row_of[candidate] = self.rows.len() as u32;
-            let row = &input.rows[self.candidates[candidate] as usize * input.stride..][..input.stride];
+            let row = input.rows[self.candidates[candidate] as usize].words();
             compress(row, &self.mask, self.words, &mut self.rows);
         }
         self.row_of[candidate] as usize
@@ -149,7 +146,7 @@ pub(crate) fn compress(row: &[u64], mask: &[(u32, u64, u32)], words: usize, out:
             }
             continue;
         }
-        for bit in bits(common) {
+        for bit in lanes(common) {
             let place = before + (mask & ((1 << bit) - 1)).count_ones();
             out[place as usize / 64] |= 1 << (place % 64);
         }

@@ -2,8 +2,7 @@
 //!
 //! [`Stabber`] takes segments of a floor plan, axis-aligned rectangles or convex polygons in space. The
 //! answer is a line that passes all openings, a certificate that no line does, or *maybe*. Rounding never
-//! turns a *maybe* into another answer. Separating planes answer part of the same question faster:
-//! [`antipenumbra`](crate::antipenumbra).
+//! turns a *maybe* into another answer.
 //!
 //! In a floor plan, *maybe* means that the set of lines is smaller than the rounding. In space it can also
 //! mean that lines pass any few of the edges but not all together. Certificates are of linear programs, which

@@ -146,6 +146,70 @@ fn corners_with_lines_are_refused() {
     assert!(tried > 60_000 && excluded > 100, "{tried} {excluded}");
 }
 
+/// Three edges that a line along z passes on the given sides, and a proof of the corner of positions that are
+/// wrong by `DELTA`. In the first case, errors of the line's ends decide the sign of c . d for one edge, in
+/// the second those of another edge do, and in the third those of the ends decide the sign of the form. The
+/// line of the first two is far from the edges.
+#[test]
+fn corners_within_the_errors_of_positions_are_refused() {
+    const DELTA: f64 = 1.0 / 256.0;
+    let (long, size) = (64.0, 256.0);
+    let at = DVec3::new;
+    let ends = [DVec3::ZERO, DVec3::Z];
+    let corner = |far: f64| at(far, -2.0 * long, 0.0);
+    let first = corner(-2.0 * long / DELTA);
+    let second = corner(-4.0 * long * long / DELTA);
+    let beside = |x: DVec3, t: DVec3| [x, x + t];
+    let [up, down] = [DVec3::Y * long, DVec3::Y * -long];
+    let cases = [
+        (
+            [at(0.0, DELTA, 0.0), at(0.0, -DELTA, 1.0)],
+            [
+                beside(first, down),
+                beside(first + up, at(long, 0.0, long)),
+                beside(first, at(-long, -2.0 * DELTA * long, long)),
+            ],
+            DVec3::ZERO,
+        ),
+        (
+            ends,
+            [
+                beside(second, down),
+                beside(second + up, DVec3::X * long),
+                beside(second, at(-long, -DELTA, 0.0)),
+            ],
+            DVec3::Y * DELTA,
+        ),
+        (
+            [at(-DELTA, -DELTA, 0.0), at(DELTA, DELTA, 1.0)],
+            [
+                beside(at(0.0, -DELTA, 0.0), DVec3::X * size),
+                beside(at(DELTA, DELTA, size), at(-size, size, 0.0)),
+                beside(at(-DELTA, 0.0, 0.0), DVec3::Y * -size),
+            ],
+            DVec3::ZERO,
+        ),
+    ];
+    let world = World::new(TARGET, &[]);
+    for (number, (moved, edges, error)) in cases.into_iter().enumerate() {
+        // Exact: all numbers have few digits.
+        for [a, b] in edges {
+            let side = (ends[1] - ends[0]).dot((a - ends[0]).cross(b - ends[0]));
+            assert!(side > 0.0, "{number}: the line is on another side of an edge: {side}");
+        }
+        let (steps, target_vertices) = ([].iter(), vec![]);
+        let (triangles, clearance) = (&world.triangles, 0.0);
+        let check = Check { triangles, clearance, delta: DELTA, target_vertices, steps, splits: 0 };
+        let sight = node(&[moved[0]; 3], &[moved[1]; 3], None);
+        let rows: [Divider; 3] = core::array::from_fn(|k| {
+            let error = if k == 1 { error } else { DVec3::ZERO };
+            ([(edges[k][0] - error, None), (edges[k][1] + error, None)], 1.0)
+        });
+        let holds = check.corner_excludes(&sight, [&rows[0], &rows[1], &rows[2]]);
+        assert!(!holds, "{number}: three edges exclude a line that passes them on their sides");
+    }
+}
+
 fn sign(x: f64) -> f64 {
     if x == 0.0 { 0.0 } else { x.signum() }
 }
@@ -173,6 +237,36 @@ fn corners_on_a_line_are_refused() {
                 ([(x - t[k] * 2.0, None), (x + t[k] * 4.0, None)], sign)
             });
             assert!(!check.corner_excludes(&sight, [&rows[0], &rows[1], &rows[2]]), "{round}");
+        }
+    }
+}
+
+/// Three edges in one plane that meet one line in one point, almost along each other, of numbers with more
+/// than 53 digits: products of two of them are wrong by much of themselves, and the form is 0 up to that.
+#[test]
+fn corners_of_edges_along_each_other_are_refused() {
+    let world = World::new(TARGET, &[]);
+    let (steps, target_vertices) = ([].iter(), vec![]);
+    let check =
+        Check { triangles: &world.triangles, clearance: 1e-4, delta: 0.0, target_vertices, steps, splits: 0 };
+    let mut random = Random(8);
+    for round in 0..5000 {
+        let mut unit = || random.fine_range(1.0, 2.0);
+        let (y, z) = (unit(), unit());
+        // Around the line from one edge to the next by less than half a turn each.
+        let small = [unit(), unit()].map(|part| part * 2f64.powi(-40 - round % 8));
+        let ends = [[y, z], [-y - small[0], -z + small[1]], [-y + small[1], -z - small[0]]];
+        let d = DVec3::X * unit();
+        let sight = node(&[-d; 3], &[d; 3], Some(0.0));
+        for sign in [1.0, -1.0] {
+            let rows: [Divider; 3] = core::array::from_fn(|k| {
+                let end = DVec3::new(0.0, ends[k][0], ends[k][1]);
+                ([(end, None), (-end * 2f64.powi(-9 - k as i32), None)], sign)
+            });
+            assert!(
+                !check.corner_excludes(&sight, [&rows[0], &rows[1], &rows[2]]),
+                "{round}: three edges that a line meets exclude it"
+            );
         }
     }
 }

@@ -36,7 +36,7 @@
 //! | `sides`: exact zeros | `mixtures_of_other_corners_are_not_on_an_edge`, and `edges_in_the_plane_of_a_face_divide_the_lines_that_start_around_them`, `edges_near_the_plane_of_a_face_are_in_it` in `tests` |
 //! | `is_on_side`, `separates`: margins | `edges_within_the_error_of_positions_are_not_passed`, and `what_touches_by_less_than_the_error_is_not_apart` in `tests` |
 //! | `excludes`: weights, sums, rounding | `edges_that_lines_pass_outside_are_refused`, `weights_that_cancel_are_refused` |
-//! | `corner_excludes`: signs, form, rounding | `corners_with_lines_are_refused`, `corners_on_a_line_are_refused` |
+//! | `corner_excludes`: signs, form, rounding | `corners_with_lines_are_refused`, `corners_on_a_line_are_refused`, `corners_of_edges_along_each_other_are_refused`, `corners_within_the_errors_of_positions_are_refused` |
 //!
 //! Two conditions are kept for which no forged proof was found: a triangle of `touches_beside` has a corner
 //! that is not the target's, and no end of a line of `crosses` is on the plane of a triangle.
