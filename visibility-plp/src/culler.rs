@@ -86,11 +86,6 @@ impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
         self
     }
 
-    /// Replaces the budget per frame, from the next frame on.
-    pub fn set_budget(&mut self, budget: Budget) {
-        self.settings.budget = budget;
-    }
-
     /// Returns the pointer to the tessellation, for calls of `sync` or for exchanging the tessellation. The
     /// next frame uses whatever tessellation the pointer then holds.
     pub fn shared_mut(&mut self) -> &mut S {

@@ -21,37 +21,45 @@ impl Plan {
     }
 
     fn walk_to(&self, point: Point, from: u32) -> Place {
-        let walked = if from == NONE { None } else { self.walk(point, from, MOST_STEPS) };
-        walked.unwrap_or_else(|| self.locate(point, self.near(point)))
-    }
-
-    /// Finds where a point lies, starting at a half-edge. When the walk has taken too long, all triangles are
-    /// searched.
-    pub(crate) fn locate(&self, point: Point, from: u32) -> Place {
-        self.walk(point, from, self.edges.len() as u32 + 16).unwrap_or_else(|| {
-            let mut triangles = 0..self.edges.len() as u32 / 3;
-            triangles.find_map(|t| self.place_in(t, point)).unwrap_or(Place::Outside)
-        })
-    }
-
-    /// Walks from the triangle of a half-edge towards a point. `None` after too many steps. The walk turns to
-    /// another edge at each step, so it hardly ever runs in a circle.
-    fn walk(&self, point: Point, from: u32, most: u32) -> Option<Place> {
         let mut t = from / 3;
-        'walk: for step in 0..most {
+        'walk: for step in 0..MOST_STEPS {
+            if from == NONE {
+                break;
+            }
             for turn in 0..3 {
                 let h = 3 * t + (turn + step) % 3;
                 if orient(self.start(h), self.start(next(h)), point) < 0.0 {
                     match self.edges[h as usize].twin() {
                         Some(twin) => t = twin / 3,
-                        None => return Some(Place::Outside),
+                        None => return Place::Outside,
                     }
                     continue 'walk;
                 }
             }
-            return Some(self.place_in(t, point).unwrap_or(Place::Outside));
+            return self.place_in(t, point).unwrap_or(Place::Outside);
         }
-        None
+        self.locate(point, self.near(point))
+    }
+
+    /// Finds where a point lies, starting at a half-edge. The walk turns to another edge at each step, so it
+    /// hardly ever runs in a circle; when it has taken too long, all triangles are searched.
+    pub(crate) fn locate(&self, point: Point, from: u32) -> Place {
+        let mut t = from / 3;
+        'walk: for step in 0..self.edges.len() as u32 + 16 {
+            for turn in 0..3 {
+                let h = 3 * t + (turn + step) % 3;
+                if orient(self.start(h), self.start(next(h)), point) < 0.0 {
+                    match self.edges[h as usize].twin() {
+                        Some(twin) => t = twin / 3,
+                        None => return Place::Outside,
+                    }
+                    continue 'walk;
+                }
+            }
+            return self.place_in(t, point).unwrap_or(Place::Outside);
+        }
+        let triangles = 0..self.edges.len() as u32 / 3;
+        triangles.into_iter().find_map(|t| self.place_in(t, point)).unwrap_or(Place::Outside)
     }
 
     fn place_in(&self, t: u32, point: Point) -> Option<Place> {

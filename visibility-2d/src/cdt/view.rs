@@ -14,6 +14,7 @@ use alloc::vec::Vec;
 /// assert_eq!(guard.range, 20.0);
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[must_use]
 pub struct PlanView {
     /// Eye in world units. An eye on a wall sees both sides of the wall.
     pub eye: [f64; 2],
@@ -44,26 +45,22 @@ impl PlanView {
     }
 
     /// Returns the view with a greatest distance, in world units.
-    #[must_use]
     pub fn with_range(self, range: f64) -> Self {
         Self { range, ..self }
     }
 
     /// Returns the view limited to the directions from the point `right` counter-clockwise to the point
     /// `left`, in world units. The directions are exact, since points are given and not angles.
-    #[must_use]
     pub fn with_sector(self, right: impl Into<[f64; 2]>, left: impl Into<[f64; 2]>) -> Self {
         Self { sector: Some([right.into(), left.into()]), ..self }
     }
 
     /// Returns the view with the heights of the eye and of the things it looks for, in world units.
-    #[must_use]
     pub fn with_heights(self, eye: f64, target: f64) -> Self {
         Self { heights: Some([eye, target]), ..self }
     }
 
     /// Returns the view with a number of opaque walls that lines of sight pass through.
-    #[must_use]
     pub fn with_through(self, through: u32) -> Self {
         Self { through, ..self }
     }

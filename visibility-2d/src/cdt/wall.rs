@@ -26,6 +26,7 @@ pub enum Opacity {
 /// assert_eq!(window.opacity, Opacity::Clear);
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[must_use]
 pub struct Wall {
     /// The two ends of the wall in world units. Equal ends make a wall that is never seen and hides nothing.
     pub ends: [[f64; 2]; 2],
@@ -44,7 +45,6 @@ impl Wall {
     }
 
     /// Returns the wall with another opacity.
-    #[must_use]
     pub fn with_opacity(self, opacity: Opacity) -> Self {
         Self { opacity, ..self }
     }
@@ -52,7 +52,6 @@ impl Wall {
     /// Returns the wall with the heights at which it begins and ends: a parapet, a crate, the wall above a
     /// door. If the first is not below the second, or one is NaN, the wall stops no line of sight that
     /// has heights.
-    #[must_use]
     pub fn with_heights(self, low: f64, high: f64) -> Self {
         Self { heights: [low, high], ..self }
     }

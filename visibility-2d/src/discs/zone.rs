@@ -30,6 +30,7 @@ pub(super) const WIDEST_ERROR: f64 = 0.1;
 /// # let _ = view;
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[must_use]
 pub struct DiscView {
     eye: [f64; 2],
     /// Direction numbers of the first and the last direction. `None` for all directions.
@@ -47,7 +48,6 @@ impl DiscView {
     /// Restricts the view to the directions from `right`, counter-clockwise, to `left`. With equal vectors
     /// the view sees nothing. Vectors of any length; if one is zero, infinite or NaN, the view looks in all
     /// directions.
-    #[must_use]
     pub fn with_sector(self, right: [f64; 2], left: [f64; 2]) -> Self {
         let is_known = |v: [f64; 2]| v.iter().all(|x| x.is_finite()) && v != [0.0; 2];
         let number = |[x, y]: [f64; 2]| {
@@ -65,14 +65,12 @@ impl DiscView {
     }
 
     /// Restricts the view to discs that begin within `range` metres. NaN and negative numbers count as 0.
-    #[must_use]
     pub fn with_range(self, range: f64) -> Self {
         Self { range: range.max(0.0), ..self }
     }
 
     /// Widens the view to all eyes within `radius` metres of the point, which then see in all directions: a
     /// set that serves while an eye moves by less. NaN and negative numbers count as 0.
-    #[must_use]
     pub fn with_ball(self, radius: f64) -> Self {
         Self { ball: radius.max(0.0), ..self }
     }

@@ -59,6 +59,7 @@ use visibility_core::{
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
+#[must_use]
 pub struct Hom {
     /// Z-buffer that draws occluders. Also holds the view's projection, by which boxes are projected.
     raster: Hzb,
@@ -103,7 +104,6 @@ impl Hom {
     /// An opaque coarser texel may have at most as many uncovered pixels as an opaque texel of 8 x 8, an
     /// opaque finer texel none. Replaces the thresholds of all levels. A threshold below 1 makes the maps
     /// approximate. Takes effect at once.
-    #[must_use]
     pub fn with_threshold(mut self, threshold: f32) -> Self {
         self.opacity.set(Thresholds::from_tile_threshold(threshold));
         self
@@ -113,7 +113,6 @@ impl Hom {
     /// 4 x 4 and so on. Level 0, that of pixels, and levels beyond the last are ignored. NaN and numbers
     /// above 1 count as 1, negative numbers as 0. A threshold below 1 makes the maps approximate. Takes
     /// effect at once.
-    #[must_use]
     pub fn with_level_threshold(mut self, level: usize, threshold: f32) -> Self {
         let mut thresholds = self.opacity.thresholds.clone();
         thresholds.set(level, threshold);
@@ -124,7 +123,6 @@ impl Hom {
     /// Sets the estimate of the depth of occluders. Call it between frames: until the next
     /// [`begin`](OcclusionMap::begin), maps that already hold occluders may hide fewer boxes.
     #[cfg(feature = "papers")]
-    #[must_use]
     pub fn with_depth_estimate(mut self, estimate: DepthEstimate) -> Self {
         self.boundary.set(estimate);
         self
@@ -132,14 +130,12 @@ impl Hom {
 
     /// Sets the rule of which pixels an occluder covers. Call it between frames: pixels that are already
     /// drawn are kept. [`Coverage::Sampled`] makes the maps approximate.
-    #[must_use]
     pub fn with_coverage(self, coverage: Coverage) -> Self {
         Self { raster: self.raster.with_coverage(coverage), ..self }
     }
 
     /// Sets the instruction set of the maps' inner loops. Answers do not depend on it. For tests and
     /// benchmarks.
-    #[must_use]
     pub fn with_simd(self, simd: Simd) -> Self {
         Self { raster: self.raster.with_simd(simd), ..self }
     }
