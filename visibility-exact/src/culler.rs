@@ -119,7 +119,15 @@ impl CellVerdicts {
     /// All objects are open.
     pub(crate) fn undecided(triangles: &SceneTriangles) -> Self {
         let verdicts = vec![Verdict::Open; triangles.objects.len()];
-        Self { verdicts, proofs: Vec::new(), rays: 0, nodes: 0, refused: 0, is_decided: false }
+        Self {
+            verdicts,
+            proofs: Vec::new(),
+            proof_count: 0,
+            rays: 0,
+            nodes: 0,
+            refused: 0,
+            is_decided: false,
+        }
     }
 
     /// Returns whether an object stays.
