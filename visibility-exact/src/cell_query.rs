@@ -124,6 +124,7 @@ pub struct CellQuery<'a> {
     random: Random,
     verdicts: Vec<Verdict>,
     proofs: Vec<ProvenHidden>,
+    proof_count: u64,
     rays: u64,
     refused: u64,
     prices: Prices,
@@ -164,6 +165,7 @@ impl<'a> CellQuery<'a> {
             random: Random(seed),
             verdicts,
             proofs: Vec::new(),
+            proof_count: 0,
             rays: 0,
             refused: 0,
             prices: Prices::default(),
@@ -240,8 +242,8 @@ impl<'a> CellQuery<'a> {
             }
         }
         let (nodes, is_decided) = (self.nodes(), !self.is_stopped());
-        let Self { search, verdicts, proofs, rays, refused, .. } = self;
-        (CellVerdicts { verdicts, proofs, rays, nodes, refused, is_decided }, search.chain)
+        let Self { search, verdicts, proofs, proof_count, rays, refused, .. } = self;
+        (CellVerdicts { verdicts, proofs, proof_count, rays, nodes, refused, is_decided }, search.chain)
     }
 
     fn nodes(&self) -> u64 {
@@ -480,9 +482,12 @@ impl<'a> CellQuery<'a> {
         let (mut answer, used) = self.search.solve_target(target, budget);
         if answer == Answer::Hidden {
             let proof = self.proof(target);
-            if proof.check(self.search.triangles).is_err() {
-                self.refused += 1;
-                answer = Answer::Undecided;
+            match proof.check(self.search.triangles) {
+                Ok(()) => self.proof_count += 1,
+                Err(_) => {
+                    self.refused += 1;
+                    answer = Answer::Undecided;
+                }
             }
             self.search.steps = proof.steps;
         }

@@ -110,7 +110,15 @@ impl CellVerdicts {
     /// Makes verdicts in which every object is open.
     fn undecided(triangles: &SceneTriangles) -> Self {
         let verdicts = vec![Verdict::Open; triangles.objects.len()];
-        Self { verdicts, proofs: Vec::new(), rays: 0, nodes: 0, refused: 0, is_decided: false }
+        Self {
+            verdicts,
+            proofs: Vec::new(),
+            proof_count: 0,
+            rays: 0,
+            nodes: 0,
+            refused: 0,
+            is_decided: false,
+        }
     }
 
     /// Returns whether an object stays in the set: if it is seen or open. Without proofs, an open object

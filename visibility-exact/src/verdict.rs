@@ -52,6 +52,9 @@ pub struct CellVerdicts {
     pub(crate) verdicts: Vec<Verdict>,
     /// Proofs of the hidden objects. Empty unless they are [kept](crate::ExactSettings::keep_proofs).
     pub proofs: Vec<ProvenHidden>,
+    /// Number of proofs that passed their check, kept or not. Proofs of parts of objects that are not hidden
+    /// as a whole count too.
+    pub proof_count: u64,
     /// Number of rays that were cast.
     pub rays: u64,
     /// Number of nodes of the search for proofs.

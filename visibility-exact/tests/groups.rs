@@ -19,10 +19,13 @@ fn many_objects_behind_one_fence_cost_little_more_than_few() {
             cuboid(min, min + 1.0)
         });
         let triangles = prepared(&slats.chain(boxes).collect::<Vec<_>>());
-        let mut culler = ExactCuller::new(triangles, ExactSettings::new(Effort::Exact(1e-4)));
+        let settings = ExactSettings { keep_proofs: true, ..ExactSettings::new(Effort::Exact(1e-4)) };
+        let mut culler = ExactCuller::new(triangles, settings);
         let found = culler.verdicts(&Viewcell::from_box(DVec3::splat(-1.5), DVec3::splat(1.5)));
         let [_, hidden, open] = found.counts();
         assert!(hidden >= 8 * rows as usize && open == 0, "{:?}", found.counts());
+        let kept: usize = found.proofs.iter().map(|hidden| hidden.proofs.len()).sum();
+        assert_eq!(found.proof_count, kept as u64);
         found.nodes
     };
     let (few, many) = (nodes(2), nodes(32));

@@ -110,8 +110,8 @@ fn stop_after(most: Option<f64>, what: String) -> Box<dyn Fn() -> bool + Send + 
         let tens = seconds as u64 / 10;
         if said.swap(tens, Relaxed) < tens {
             eprintln!(
-                "{what}: {tens}0 s; each object that no ray finds may take a second: --time ends it, and \
-                 `sweep` finds most of what is hidden at once"
+                "{what}: {tens}0 s; each object that no ray finds may take a second: --time ends it with what \
+                 is decided by then"
             );
         }
         most.is_some_and(|most| seconds > most)

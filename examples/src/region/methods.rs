@@ -60,7 +60,7 @@ pub struct Sandwich {
     pub hidden: usize,
     /// Number of objects neither seen nor proven hidden. They are reported.
     pub open: usize,
-    /// Number of proofs, all of them checked after the method has run.
+    /// Number of proofs, all of them checked when they were found.
     pub proofs: usize,
     /// Number of proofs that did not pass the check. Any is an error of the method.
     pub bad_proofs: usize,
@@ -153,8 +153,7 @@ impl Method for ExtendedProjectionCuller {
 
 fn exact(effort: Effort, world: &World) -> Made {
     let triangles = Arc::new(SceneTriangles::new(&world.scene));
-    let settings = ExactSettings { keep_proofs: true, ..ExactSettings::new(effort) };
-    Ok(Box::new(ExactCuller::new(triangles, settings)))
+    Ok(Box::new(ExactCuller::new(triangles, ExactSettings::new(effort))))
 }
 
 impl Method for ExactCuller {
@@ -179,10 +178,9 @@ impl Method for ExactCuller {
     fn sandwich(&self) -> Option<Sandwich> {
         let found = self.last()?;
         let [seen, hidden, open] = found.counts();
-        // The culler has checked all proofs: those refused are not among those kept.
-        let (kept, bad_proofs) =
-            (found.proofs.iter().map(|hidden| hidden.proofs.len()), found.refused as usize);
-        Some(Sandwich { seen, hidden, open, proofs: kept.sum::<usize>() + bad_proofs, bad_proofs })
+        // The culler has checked all proofs.
+        let (proofs, bad_proofs) = ((found.proof_count + found.refused) as usize, found.refused as usize);
+        Some(Sandwich { seen, hidden, open, proofs, bad_proofs })
     }
 }
 
