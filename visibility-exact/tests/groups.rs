@@ -25,7 +25,7 @@ fn many_objects_behind_one_fence_cost_little_more_than_few() {
         let [_, hidden, open] = found.counts();
         assert!(hidden >= 8 * rows as usize && open == 0, "{:?}", found.counts());
         let kept: usize = found.proofs.iter().map(|hidden| hidden.proofs.len()).sum();
-        assert_eq!(found.proof_count, kept as u64);
+        assert_eq!(found.proof_count, kept as u64, "proofs counted and kept, {rows} rows of boxes");
         found.nodes
     };
     let (few, many) = (nodes(2), nodes(32));

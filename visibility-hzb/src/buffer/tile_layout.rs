@@ -65,3 +65,17 @@ fn within([first, end]: [u32; 2], tile: usize) -> (i32, i32) {
 pub(crate) fn below(lines: i32) -> u64 {
     if lines >= 8 { u64::MAX } else { (1 << (8 * lines.max(0))) - 1 }
 }
+
+/// Returns the masks of eight tiles side by side, given the bits of each of their rows of pixels: bit
+/// `8 * y + x` for the pixel at column `x` and row `y` of the tile.
+#[inline(always)]
+pub(crate) fn tiles_of(rows: &[u64; SIDE]) -> [u64; SIDE] {
+    let mut masks = [0; SIDE];
+    for row in 0..SIDE {
+        let bytes = rows[row].to_le_bytes();
+        for tile in 0..SIDE {
+            masks[tile] |= u64::from(bytes[tile]) << (SIDE * row);
+        }
+    }
+    masks
+}

@@ -3,9 +3,9 @@
 use super::edges::Edges;
 use super::open_tiles::{TileKeys, end_tile, first_tile, first_tiles};
 use super::seams::Seams;
-use super::window::{RowEdges, Window, edges_of_row, tiles_of};
+use super::window::{RowEdges, Window, edges_of_row};
 use crate::buffer::depth_planes::DepthPlanes;
-use crate::buffer::tile_layout::SIDE;
+use crate::buffer::tile_layout::{SIDE, tiles_of};
 use crate::buffer::tiles::Tiles;
 use crate::coverage::Coverage;
 use crate::lanes::WIDTH;
@@ -56,7 +56,7 @@ pub(crate) fn fill(
                 let first = column + skipped;
                 seams.begin_window();
                 let window = Window::new(edges, row_edges, (first * SIDE) as f32, top, slack, seams);
-                seams.finish_window(&window, base + first, open);
+                seams.finish_window(&window.near_two, &window.odd, base + first, open);
                 let (mut covered, mut any, mut all) = (window.odd, 0, u64::MAX);
                 for row in 0..SIDE {
                     covered[row] &= !(window.near[row] & keep);

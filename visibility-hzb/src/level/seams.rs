@@ -5,9 +5,8 @@
 
 use super::open_tiles::TileKeys;
 use super::prepared::{NO_EDGE, PreparedEdge};
-use super::window::{Window, tiles_of};
 use crate::buffer::depth_planes::DepthPlanes;
-use crate::buffer::tile_layout::SIDE;
+use crate::buffer::tile_layout::{SIDE, tiles_of};
 use crate::buffer::tiles::Tiles;
 use crate::lanes::least;
 use alloc::vec::Vec;
@@ -74,9 +73,17 @@ impl Seams {
         self.window.push((edge, *near));
     }
 
-    /// Ends the `window` whose first tile has index `first`. Only the tiles in the mask `open` count.
+    /// Ends the window whose first tile has index `first`, of which only the tiles in the mask `open` count.
+    /// Two edges of the polygon or more come near the pixels `near_two`, and it winds round the centres of
+    /// the pixels `wound` an odd number of times.
     #[inline(always)]
-    pub(super) fn finish_window(&mut self, window: &Window, first: usize, open: u32) {
+    pub(super) fn finish_window(
+        &mut self,
+        near_two: &[u64; SIDE],
+        wound: &[u64; SIDE],
+        first: usize,
+        open: u32,
+    ) {
         // The bits of the open tiles in a row of pixels.
         let mut open_columns = [0; SIDE];
         for i in 0..SIDE {
@@ -86,8 +93,8 @@ impl Seams {
         for (edge, near) in &self.window {
             let (mut alone, mut odd, mut any) = ([0; SIDE], [0; SIDE], 0);
             for row in 0..SIDE {
-                alone[row] = near[row] & !window.near_two[row] & open_columns;
-                odd[row] = alone[row] & window.odd[row];
+                alone[row] = near[row] & !near_two[row] & open_columns;
+                odd[row] = alone[row] & wound[row];
                 any |= alone[row];
             }
             let Some(last) = self.last.get_mut(*edge as usize).filter(|_| any != 0) else { continue };

@@ -124,20 +124,6 @@ pub(super) struct RowEdges {
     crosses: [u32; WIDTH],
 }
 
-/// Returns the mask of the pixels of each of the eight tiles of a window: bit `8 * y + x` for the pixel at
-/// column `x` and row `y` of the tile.
-#[inline(always)]
-pub(super) fn tiles_of(rows: &[u64; SIDE]) -> [u64; SIDE] {
-    let mut masks = [0; SIDE];
-    for row in 0..SIDE {
-        let bytes = rows[row].to_le_bytes();
-        for tile in 0..SIDE {
-            masks[tile] |= u64::from(bytes[tile]) << (SIDE * row);
-        }
-    }
-    masks
-}
-
 /// Replaces `row` by the edges that meet the row of tiles from row `top` of pixels on. Returns the least and
 /// the greatest column that the outline may cover or come near. The latter is infinity for an outline that is
 /// cut at the right.
