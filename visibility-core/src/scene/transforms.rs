@@ -313,6 +313,7 @@ impl Scene {
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
+    #[inline]
     pub fn triangles(&self, id: ObjectId) -> Result<Triangles<'_>, SceneError> {
         self.slot(id)?;
         Ok(self.shared_triangles(id).map_or_else(Triangles::default, SharedTriangles::view))

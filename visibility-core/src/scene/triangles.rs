@@ -88,6 +88,7 @@ impl SharedTriangles {
         Arc::new(Instances { mesh: self.mesh().clone(), transforms })
     }
 
+    #[inline]
     fn mesh(&self) -> &Arc<Mesh> {
         match &self.source {
             Source::InScene(mesh) => mesh,
@@ -97,6 +98,7 @@ impl SharedTriangles {
     }
 
     /// Returns the triangles in scene coordinates.
+    #[inline]
     pub fn view(&self) -> Triangles<'_> {
         let mesh = self.mesh();
         let (transform, is_rounded) = match &self.source {
@@ -109,6 +111,7 @@ impl SharedTriangles {
 
     /// Returns the transform from mesh to scene coordinates, if it is kept in `f32`. `None` for triangles
     /// without a transform.
+    #[inline]
     pub(crate) fn rounded_transform(&self) -> Option<&Affine3A> {
         match &self.source {
             Source::Rounded(instances, index) => instances.transforms.get(*index as usize),
@@ -117,16 +120,19 @@ impl SharedTriangles {
     }
 
     /// Returns the number of triangles.
+    #[inline]
     pub fn len(&self) -> usize {
         self.mesh().triangles.len()
     }
 
     /// Returns whether there are no triangles.
+    #[inline]
     pub fn is_empty(&self) -> bool {
         self.mesh().triangles.is_empty()
     }
 
     /// Returns all triangles in scene coordinates, in their order.
+    #[inline]
     pub fn iter(&self) -> TriangleIter<'_> {
         self.view().iter()
     }
@@ -260,26 +266,31 @@ pub struct Triangles<'a> {
 
 impl<'a> Triangles<'a> {
     /// Returns the number of triangles.
+    #[inline]
     pub fn len(&self) -> usize {
         self.mesh.len()
     }
 
     /// Returns whether there are no triangles.
+    #[inline]
     pub fn is_empty(&self) -> bool {
         self.mesh.is_empty()
     }
 
     /// Returns the triangle at an index, in scene coordinates. `None` beyond the last.
+    #[inline]
     pub fn get(&self, index: usize) -> Option<Triangle> {
         self.mesh.get(index).map(|triangle| Placement::of(self.transform).place(triangle))
     }
 
     /// Returns the first triangle, in scene coordinates. `None` without triangles.
+    #[inline]
     pub fn first(&self) -> Option<Triangle> {
         self.get(0)
     }
 
     /// Returns all triangles in scene coordinates, in their order.
+    #[inline]
     pub fn iter(&self) -> TriangleIter<'a> {
         TriangleIter { rest: self.mesh.iter(), placement: Placement::of(self.transform) }
     }
@@ -299,6 +310,7 @@ impl<'a> Triangles<'a> {
 
     /// Returns the triangles in the coordinates of their mesh, and the transform from these to scene
     /// coordinates, which is `None` where both are the same.
+    #[inline]
     pub fn mesh(&self) -> (&'a [Triangle], Option<DAffine3>) {
         (self.mesh, self.transform)
     }
@@ -333,6 +345,7 @@ impl<'a> IntoIterator for Triangles<'a> {
     type Item = Triangle;
     type IntoIter = TriangleIter<'a>;
 
+    #[inline]
     fn into_iter(self) -> TriangleIter<'a> {
         self.iter()
     }
@@ -342,6 +355,7 @@ impl<'a> IntoIterator for &'a SharedTriangles {
     type Item = Triangle;
     type IntoIter = TriangleIter<'a>;
 
+    #[inline]
     fn into_iter(self) -> TriangleIter<'a> {
         self.view().iter()
     }
@@ -378,6 +392,7 @@ enum Placement {
 }
 
 impl Placement {
+    #[inline]
     fn of(transform: Option<DAffine3>) -> Self {
         match transform {
             None => Self::InScene,
