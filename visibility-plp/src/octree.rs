@@ -6,10 +6,10 @@
 //! up its neighbours of its own size or larger, and adds itself to the lists of the larger neighbours.
 
 use crate::content::Content;
-use crate::cover::{Cover, stopped_rays};
 use crate::grid::{DEPTH, Grid, STEPS, morton, voxel_of};
 use crate::index_lists::IndexLists;
 use crate::overlap::{shape_contains_cube, shape_meets_cube};
+use crate::ray_coverage::{Cover, stopped_rays};
 use crate::shape::{Shape, for_each_shape};
 use crate::tessellation::{Face, Tessellation};
 use alloc::vec::Vec;

@@ -17,7 +17,7 @@ use crate::rounding::down;
 use crate::setup::depth_plane::plane;
 use crate::setup::screen_projection::U;
 use crate::setup::screen_shape::tile_minimum_plane;
-use crate::simd::Kernels;
+use crate::simd_dispatch::Kernels;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use visibility_core::Aabb;

@@ -14,7 +14,7 @@
 //! contour edge, swept over all viewpoints and widened by the bound on rounding, meets it.
 
 use super::direction::Direction;
-use super::hull::{Spread, draw_hull};
+use super::hull_raster::{Spread, draw_hull};
 use super::polygon::{Polygon, Sides, cut};
 use super::ray_map::{PixelRect, RayMap, SIDE};
 use super::window::{FARTHEST_PIXEL, Window};

@@ -5,7 +5,7 @@ mod coverage;
 mod culler;
 pub(crate) mod direction;
 mod facing;
-mod hull;
+mod hull_raster;
 mod nearest;
 mod occludees;
 mod occluder;
