@@ -525,9 +525,10 @@ impl<'a> SandwichBaker<'a> {
         })))
     }
 
-    /// Sweeps the scene of a group from a viewcell. Returns the viewcell's record, whether it is from the
-    /// cache, and whether the sweep was cut short. A record that is not from the cache has all of its objects
-    /// open.
+    /// Sweeps the scene of a group from a viewcell. Returns the record of the viewcell, and two flags. The
+    /// first is true if the answers of the record are from the cache. If it is false, the answer for each
+    /// object left after the sweep is [`OPEN`]. The second is true if the time of the sweep was over at its
+    /// end, so that more objects may be left than a full sweep leaves.
     fn sweep(
         &self,
         viewcell: usize,

@@ -23,7 +23,9 @@ pub struct Proof {
     pub(crate) cell: CellBox,
     pub(crate) target: Target,
     pub(crate) clearance: f64,
-    /// Nodes in depth-first order, pair of polygons by pair of polygons.
+    /// The nodes of all pairs of polygons, pair after pair. A pair is a face of the viewcell (P) and a face
+    /// of the target (Q) that face each other. The nodes of a pair are in depth-first order: each node comes
+    /// before its parts.
     pub(crate) steps: Vec<Step>,
 }
 
@@ -42,7 +44,9 @@ impl Proof {
 /// A node of a proof.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) enum Step {
-    /// A polygon is halved; the two nodes of the halves follow.
+    /// A polygon is halved. The nodes of the two halves follow. `of_p`: true if P is halved, false if Q is.
+    /// `across`: of a quadrilateral, true if its shorter pair of opposite sides is halved, false if its
+    /// longer pair is. Other polygons have one halving only.
     Halves { of_p: bool, across: bool },
     /// P is cut by the plane of a one-sided triangle. The node of the part before its front follows, then
     /// that of the rest.

@@ -64,7 +64,8 @@ const HITS: usize = 16;
 /// Index that no triangle and no vertex has.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// State of queries from one viewcell.
+/// Searches for lines of sight from one viewcell: one target after the other, with the memory and the budget
+/// for the target at work. The fields that say "at work" change with each target or node.
 pub(crate) struct Search<'a> {
     pub(crate) triangles: &'a SceneTriangles,
     pub(crate) cell: CellBox,

@@ -21,7 +21,8 @@ pub struct WallHit {
     pub wall: Option<u32>,
 }
 
-/// Bit of the left side: a segment may pass a vertex on it, or came on it.
+/// Bit of the left side, as seen along the segment from its first point to its second: the segment may pass a
+/// vertex on this side, or has passed walls on this side.
 const LEFT: u8 = 1;
 /// Bit of the right side: see [`LEFT`].
 const RIGHT: u8 = 2;
@@ -258,7 +259,8 @@ impl Walk<'_> {
         }
     }
 
-    /// Returns whether the walk reaches the vertex of a half-edge, along an edge on which it is.
+    /// Returns whether the walk reaches the origin of half-edge `h`, which lies ahead on the segment's line.
+    /// True for a ray. A segment that ends exactly there reaches it.
     fn runs_to(&self, h: u32) -> bool {
         let axis = usize::from(self.a[0] == self.b[0]);
         let (from, to, end) = (self.a[axis], self.b[axis], self.plan.start(h)[axis]);
@@ -315,15 +317,17 @@ impl Walk<'_> {
         corner.map(|h| At::Vertex(h, LEFT | RIGHT))
     }
 
-    /// Returns the sides ([`LEFT`], [`RIGHT`]) on which the segment may pass a vertex: those on which no wall
-    /// at the vertex stops it.
+    /// Returns the sides on which the segment may pass the origin of half-edge `h`: [`LEFT`], [`RIGHT`], both
+    /// or 0. A side is left out if a wall at the vertex stops the segment there. Left and right are as seen
+    /// along the segment, from `a` to `b`.
     fn open_sides(&self, h: u32) -> u8 {
         let is_closed = |side: u8| self.plan.fan(h).any(|h| self.stop_at(h, side).is_some());
         [LEFT, RIGHT].into_iter().filter(|&side| !is_closed(side)).sum()
     }
 
-    /// Returns the half-edge at which a walk ends that passes a vertex on one of `sides`. `h` begins at the
-    /// vertex; the result is `h` or its twin. `None` if the edge does not end the walk.
+    /// Returns the half-edge at which a walk ends that passes the origin of `h` on `sides`: on one of them,
+    /// or on either if both bits are set. The half-edge returned is `h` or its twin. `None` if the edge of
+    /// `h` does not end the walk.
     fn stop_at(&self, h: u32, sides: u8) -> Option<u32> {
         let plan = self.plan;
         let twin = plan.edges[h as usize].twin()?;

@@ -98,7 +98,8 @@ enum State {
     Active,
     /// The mover is due in the present frame and visible in it. Used within `end_frame` only.
     Visible,
-    /// The mover was hidden in the last frame and gets its volume when the next one begins.
+    /// The mover was hidden in the last frame. At the start of the next frame its bounds in the scene are
+    /// replaced by its motion volume, a box that contains it for some frames.
     Hidden,
     /// The bounds contain the mover until its deadline.
     Volume,

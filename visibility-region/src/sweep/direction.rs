@@ -173,8 +173,9 @@ impl Direction {
         })
     }
 
-    /// Tests whether a box may meet a segment from the viewcell to another box, between the cell's front and
-    /// the nearest side of the other box. May be true although no segment does.
+    /// Tests whether the box `b` may meet a segment from the viewcell to the box `other`, at a depth from 0,
+    /// the front of the viewcell's box, to the least depth of `other`. Both boxes are in local coordinates.
+    /// True if undecided; false is certain.
     pub(crate) fn is_between(&self, b: &LocalBox, other: &LocalBox) -> bool {
         let (near, far) = (b.lo.z.max(0.0), b.hi.z.min(other.lo.z));
         // The ends of the projection are convex in the plane's distance, so they are greatest at an end.

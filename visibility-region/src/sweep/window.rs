@@ -208,8 +208,9 @@ impl Window {
         [self.pixel(low, lat) - self.margin(lat), self.pixel(high, lat) + self.margin(lat)]
     }
 
-    /// Returns for each lateral axis whether all of some exact points of the scene are on the outer side of
-    /// the rim or at it.
+    /// Returns two flags, for lateral axes x and y: whether all points are at the window's rim of that axis
+    /// or on its outer side, away from most objects. False for an axis without a rim. The points are exact
+    /// and relative to the scene's origin.
     pub(crate) fn is_outside(&self, points: &[Vec3]) -> [bool; 2] {
         self.rims.map(|rim| {
             rim.is_some_and(|ExactRim { inwards, exact: (axis, at), .. }| {
