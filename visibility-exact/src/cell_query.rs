@@ -506,7 +506,9 @@ impl<'a> CellQuery<'a> {
         Proof { cell: self.search.cell, target, clearance: self.search.clearance, steps }
     }
 
-    /// Decides single objects by their triangles, largest first.
+    /// Decides objects that are still open one by one, by their triangles, the largest triangle first.
+    /// `is_quick`: true for a small budget per triangle, which gives an object up at its first undecided
+    /// triangle; false for the full budget.
     fn triangles(&mut self, objects: &[u32], is_quick: bool) {
         for &object in objects {
             if self.is_open(object) && !self.search.must_stop() {

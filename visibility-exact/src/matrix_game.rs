@@ -23,7 +23,7 @@ pub(crate) enum Value {
 /// in place of the steepest, which prevents cycles.
 const STEPS: usize = 120;
 
-/// Rows of entries, kept as a stack.
+/// A matrix whose rows are pushed and popped like a stack. Rows are the edges, columns the pairs of corners.
 #[derive(Default)]
 pub(crate) struct Matrix {
     columns: usize,
@@ -61,7 +61,7 @@ impl Matrix {
 pub(crate) struct MatrixGame {
     tableau: Vec<f64>,
     labels: Vec<usize>,
-    /// Weights of the unscaled rows.
+    /// Weights of the rows before these were scaled.
     pub(crate) row_weights: Vec<f64>,
     pub(crate) column_weights: Vec<f64>,
 }

@@ -19,12 +19,13 @@ use visibility_core::glam::DVec3;
 /// Corner of a loop: its position, and the corner of the target triangle that it is, or [`NO_CORNER`].
 type RingCorner = (DVec3, u8);
 
-/// A loop on an occluder that a line passes inside.
+/// A loop of edges on an occluder. A certain line of the node passes inside it.
 struct Loop {
     piece: u32,
     ring: Vec<RingCorner>,
     side: f64,
-    /// Whether lines of the node may pass outside of each edge.
+    /// For each edge of the ring, from each corner to the next: true if lines of the node may pass outside of
+    /// it, so that it divides the node.
     divides: Vec<bool>,
 }
 
@@ -43,13 +44,15 @@ impl Loop {
     }
 }
 
-/// The lines of a node that satisfy all rows of a stack.
+/// A node of a division: the segments between the polygons of `sight` that pass all edges of `rows` on the
+/// given sides.
 struct RowNode {
     sight: Sight,
-    /// Bound on the errors of positions in sides.
+    /// Bound on the error of each coordinate of a position, in metres, that counts for the sides of edges.
     delta: f64,
     rows: Vec<Row>,
-    /// Sides of the rows' edges for all pairs of corners, row by row.
+    /// One row for each of `rows`: the sides on which the lines between all pairs of corners of P and Q pass
+    /// the edge of that row.
     matrix: Matrix,
     /// Solution of the linear program of all rows, if it is known.
     solution: Option<Solution>,

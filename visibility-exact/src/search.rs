@@ -37,7 +37,7 @@ pub(crate) struct SearchStats {
     pub(crate) programs: u64,
 }
 
-/// Bounds on the work for one target.
+/// Bounds on the work for one target. A node is a pair of parts of P and Q, and the segments between them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Budget {
     /// Greatest number of nodes of the search by halving.
@@ -70,7 +70,7 @@ pub(crate) struct Search<'a> {
     pub(crate) triangles: &'a SceneTriangles,
     pub(crate) cell: CellBox,
     pub(crate) clearance: f64,
-    /// Bound on the errors of positions, for the target at work.
+    /// Bound on the error of each coordinate of a position in the search for the target at work, in metres.
     pub(crate) delta: f64,
     /// Index of the target triangle in searches without clearance, where it must not occlude. [`NONE`]
     /// otherwise.
@@ -361,7 +361,8 @@ pub(crate) fn best_halving(sight: &Sight, obstacle: Option<(Obstacle, Segment)>)
 }
 
 impl Sight {
-    /// Returns the two sights with one polygon halved.
+    /// Returns the two sights in which one polygon is halved: P if `of_p`, Q if not. For `across` see
+    /// [`Polygon::halves`](crate::polygon::Polygon::halves).
     pub(crate) fn halves(&self, of_p: bool, across: bool) -> [Self; 2] {
         if of_p {
             self.p.halves(across).map(|p| Self { p, ..*self })

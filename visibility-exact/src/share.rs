@@ -10,13 +10,15 @@ use crate::sight::{Sight, Target, sights};
 use alloc::collections::BinaryHeap;
 use core::cmp::Ordering;
 
-/// A node that is not proven blocked, ordered by its share of all segments.
+/// A node that is not proven blocked. The greatest node is the one with the greatest share of all segments to
+/// the target.
 struct Node {
     share: f64,
     /// Number of the node in the order of making. It decides between nodes of equal shares.
     number: u32,
     sight: Sight,
-    /// Edge that kept the parent from being blocked, and a line by it.
+    /// Edge that kept a surface from blocking the parent node, and a line of the parent by that edge, if
+    /// known.
     obstacle: Option<(Obstacle, Segment)>,
 }
 
@@ -86,8 +88,8 @@ impl Search<'_> {
         if open.is_empty() { 0.0 } else { (left + 1e-9).clamp(0.0, 1.0) }
     }
 
-    /// Returns whether a surface certainly blocks a node. If not, also the edge that is in the way and a line
-    /// by it, if known.
+    /// Returns whether a surface certainly blocks all segments of a node. If not, also the occluder edge that
+    /// is in the way, and a line of the node by that edge, if known.
     fn is_blocked(&mut self, sight: &Sight) -> (bool, Option<(Obstacle, Segment)>) {
         let mut hits = core::mem::take(&mut self.hits);
         let (mut blocked, mut obstacle) = (false, None);

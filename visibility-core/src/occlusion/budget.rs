@@ -253,7 +253,8 @@ impl LeafSampling {
         tests
     }
 
-    /// Records whether any object of a tested leaf was hidden.
+    /// Records the result of a tested leaf. `is_any_hidden`: true if at least one of its objects was found
+    /// hidden, false if none was.
     pub(super) fn record(&mut self, is_any_hidden: bool) {
         self.misses = if is_any_hidden { 0 } else { self.misses.saturating_add(1) };
     }

@@ -34,7 +34,7 @@ pub(crate) struct LevelRaster {
     tiles: Vec<Tiles>,
 }
 
-/// A band of the buffer.
+/// A range of tile columns of the buffer, which one thread draws.
 #[derive(Clone, Debug, Default)]
 struct Band {
     /// Half-open range of tile columns.

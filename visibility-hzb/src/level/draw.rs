@@ -32,13 +32,13 @@ const LEAST_AREA_PX: f32 = 32.0;
 /// following ones).
 pub(super) const CANDIDATE_WORK: f32 = 0.05;
 
-/// Work of choosing the polygons of a cluster, in triangles.
+/// Work of choosing the polygons of one cluster that are drawn, in triangles.
 const CLUSTER_WORK: f32 = 3.0;
 
-/// Work of setting up a polygon, in triangles.
+/// Work of setting up one polygon, in triangles.
 const POLYGON_WORK: f32 = 5.0;
 
-/// Work of an open tile of a polygon, in triangles.
+/// Work of filling one [open tile](super::open_tiles) of a polygon, in triangles.
 const TILE_WORK: f32 = 0.25;
 
 /// A cluster that may be seen.
@@ -52,7 +52,7 @@ pub(crate) struct Candidate {
     cluster: u32,
     /// Pixels that the box around the cluster may meet; `None` for a box that may reach the eye's plane.
     rectangle: Option<Rectangle>,
-    /// Upper bound on the depth keys of the cluster.
+    /// Upper bound on the depth keys of the cluster (greater is nearer).
     nearest: f32,
 }
 

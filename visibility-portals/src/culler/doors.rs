@@ -36,8 +36,8 @@ impl Doors {
         Self { flags: alloc::vec![FORWARD | BACKWARD; portals] }
     }
 
-    /// Opens or closes a portal; its passage (the directions in which it can be seen through) is kept.
-    /// Returns `false`, and changes nothing, if the portal is unknown.
+    /// Opens (`open` true) or closes (false) a portal; its passage (the directions in which it can be seen
+    /// through) is kept. Returns `false`, and changes nothing, if the portal is unknown.
     pub(super) fn set_open(&mut self, portal: PortalId, open: bool) -> bool {
         let Some(flags) = self.flags.get_mut(portal.index()) else { return false };
         *flags = if open { *flags & !CLOSED } else { *flags | CLOSED };

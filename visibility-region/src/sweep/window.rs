@@ -130,7 +130,7 @@ impl Rim {
 pub(crate) struct Window {
     /// Distance in metres from the front of the viewcell.
     pub(crate) d: f64,
-    /// Ends of the window along x and y.
+    /// Least and greatest coordinate of the window along x, then along y, in metres.
     pub(crate) ends: [[f64; 2]; 2],
     /// Pixels per metre along x and y.
     scale: [f64; 2],
@@ -255,7 +255,7 @@ impl Window {
         })
     }
 
-    /// Returns the ends of the window along x and y.
+    /// Returns the least and greatest coordinate of the window along x, then along y, in metres.
     pub(crate) fn ends(&self) -> [[f64; 2]; 2] {
         self.ends
     }
