@@ -66,7 +66,7 @@ pub(crate) struct GroupRecord {
     /// Hash of the viewcells, the settings and the origin, and of the content of the objects that the sweep
     /// has left.
     pub key: u64,
-    /// Record of the sweep: the tiles that it has opened, and the objects that it has left.
+    /// Record of the sweep: the tiles that it has opened, and the objects left after it.
     pub trace: Trace,
     /// Whether the sweep was left out or ended early because its time was over.
     pub is_cut: bool,

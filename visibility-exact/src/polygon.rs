@@ -58,9 +58,6 @@ impl Polygon {
     /// to `direction`, a unit vector, or its length if `direction` is zero. The second is the argument
     /// `across` with which [`halves`](Self::halves) halves the wider pair of opposite sides of a
     /// quadrilateral; false for other polygons.
-    /// `direction`, a unit vector; for a zero vector it is the length of the longest side. The second is the
-    /// argument `across` with which [`halves`](Self::halves) halves that pair of opposite sides of a
-    /// quadrilateral; false for other polygons.
     pub(crate) fn extent_across(&self, direction: DVec3) -> (f64, bool) {
         let side = |k: usize| self.v[(k + 1) % self.n] - self.v[k % self.n];
         let width = |k: usize| {

@@ -54,9 +54,10 @@ pub(crate) enum Step {
     /// All segments cross a surface.
     Surface {
         triangles: Box<[u32]>,
-        /// Vertices of the boundary that were moved outwards, with their new positions, ascending.
+        /// Vertices of the surface's boundary that were moved outwards, by ascending vertex index, with their
+        /// new positions in scene coordinates.
         moved: Box<[(u32, DVec3)]>,
-        /// A segment of the node that crosses the surface an odd number of times.
+        /// Ends, on P and on Q, of a segment of the node that crosses the surface an odd number of times.
         line: [DVec3; 2],
     },
     /// No segment is in the node: with these weights of its dividing edges, the weighted sum of sides is
@@ -70,7 +71,8 @@ pub(crate) enum Step {
     Loop {
         /// Index of the occluder: a convex polygon of triangles.
         piece: u32,
-        /// Corners of the loop: position, and the corner of the target triangle that it is, or 3.
+        /// Corners of the loop: position in scene coordinates, and which corner of the target triangle it is
+        /// (0, 1 or 2), or 3 for none.
         ring: Box<[(DVec3, u8)]>,
         /// Sign (1 or -1) of the side on which blocked segments pass all edges.
         side: f64,

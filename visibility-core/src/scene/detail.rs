@@ -119,7 +119,6 @@ impl Scene {
     /// these distances are measured to the parent's bounds, also for the `end` of a child's own range. A
     /// child needs no range of its own. If it has one whose `end` is less than the parent's `begin`, neither
     /// is drawn between these two distances.
-    /// `None` takes the object's parent away. Parents may have parents, with a greater `begin`.
     ///
     /// The parent's bounds must contain those of its children (for the levels of a single thing, give the
     /// parent a box around all of them), and the parent must be on all layers that

@@ -447,8 +447,6 @@ impl VisibleSet {
     /// Intersects the masks of `node` and of all nodes below it with those of `masks`, a function of the
     /// node. `is_current` is the result of [`is_current`](Self::is_current): true if the masks of the set
     /// describe the present layout of the scene. Returns whether any object is left at or below the node.
-    /// `is_current`: true if the masks of the set are those of the present state of the scene. Returns
-    /// whether any object is left at or below the node.
     fn intersect_below(
         &mut self,
         is_current: bool,

@@ -193,7 +193,8 @@ pub struct MotionVolumes {
     /// Places of all movers without a volume, each once, and maybe of free ones.
     active: Vec<u32>,
     deadlines: Deadlines,
-    /// Scratch: movers whose bounds in the scene `begin_frame` replaces, with their new volumes.
+    /// Scratch memory: movers whose bounds in the scene `begin_frame` replaces, with their new volumes,
+    /// relative to the scene's origin.
     moved: Vec<(ObjectId, Aabb)>,
     cursor: SceneCursor,
     time: f64,

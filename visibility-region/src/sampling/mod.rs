@@ -219,7 +219,7 @@ struct Search<'a> {
     found_triangles: Vec<TriangleIndex>,
     /// Triangles whose borders are to be sampled, each with the viewpoint that it was found from.
     queue: VecDeque<(DVec3, TriangleIndex)>,
-    /// Object, viewpoint and point of the object for each object found.
+    /// A line of sight to each object found: the object's index, the viewpoint, and the point of the object.
     lines: Vec<(u32, DVec3, DVec3)>,
 }
 
