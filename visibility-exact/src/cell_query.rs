@@ -60,7 +60,7 @@ const SHARE: u32 = 2000;
 /// objects are likely to cost, as long as groups of about its size have saved more than they have cost.
 #[derive(Default)]
 struct Prices {
-    /// Nodes spent on single objects, and number of these objects.
+    /// Number of nodes spent on searches for single objects, and number of these objects.
     single: (u64, u64),
     /// Nodes spent on thorough searches of groups, and number of objects that these hid, by the binary
     /// logarithm of the group's size.
@@ -248,21 +248,21 @@ impl<'a> CellQuery<'a> {
         self.search.stats.nodes + self.search.stats.divided_nodes
     }
 
-    /// Returns the places of objects that are asked about and open.
+    /// Returns the indices in `verdicts` of the objects that are asked about and still open.
     fn asked(&self, is_asked: &dyn Fn(ObjectId) -> bool) -> Vec<u32> {
         self.usable(|place| {
             self.verdicts[place] == Verdict::Open && is_asked(self.search.triangles.objects[place].id)
         })
     }
 
-    /// Returns the places of objects that are asked about and finite.
+    /// Returns the indices in `verdicts` of the objects that are asked about and whose bounds are finite.
     fn usable(&self, is_asked: impl Fn(usize) -> bool) -> Vec<u32> {
         let objects = &self.search.triangles.objects;
         (0..objects.len() as u32).filter(|&o| is_asked(o as usize) && !objects[o as usize].is_open).collect()
     }
 
-    /// Marks the objects that reach into the viewcell as seen, and casts rays at the others. Returns the
-    /// others.
+    /// Marks the objects that reach into the viewcell as seen, and casts rays at the other objects of `open`.
+    /// Returns these other objects, whether a ray has seen them or not.
     fn look_at(&mut self, mut open: Vec<u32>) -> Vec<u32> {
         open.retain(|&o| !self.find_inside(o as usize));
         if !open.is_empty() {

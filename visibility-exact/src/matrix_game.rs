@@ -19,8 +19,8 @@ pub(crate) enum Value {
     Open,
 }
 
-/// Greatest number of steps of the simplex method. From half of them on, the first improving column is taken
-/// in place of the steepest, which prevents cycles.
+/// Greatest number of steps of the simplex method. In the second half of the steps, the first improving
+/// column is taken in place of the steepest, which prevents cycles.
 const STEPS: usize = 120;
 
 /// A matrix whose rows are pushed and popped like a stack. Rows are the edges, columns the pairs of corners.
@@ -29,7 +29,7 @@ pub(crate) struct Matrix {
     columns: usize,
     /// Entries divided by the scale of their row.
     entries: Vec<f64>,
-    /// Scale of each row, and the greatest error of its scaled entries.
+    /// Scale of each row, and a bound on the errors of its scaled entries.
     rows: Vec<(f64, f64)>,
 }
 

@@ -48,8 +48,8 @@ pub(crate) enum Step {
     /// `across`: of a quadrilateral, true if its shorter pair of opposite sides is halved, false if its
     /// longer pair is. Other polygons have one halving only.
     Halves { of_p: bool, across: bool },
-    /// P is cut by the plane of a one-sided triangle. The node of the part before its front follows, then
-    /// that of the rest.
+    /// P is cut by the plane of a one-sided triangle. Two nodes follow: first that of the part of P in front
+    /// of the triangle, then that of the other part.
     Split { triangle: u32 },
     /// All segments cross a surface.
     Surface {

@@ -28,7 +28,7 @@ struct Task {
     from: u32,
     to: u32,
     walls: u32,
-    /// Whether the piece is a part of a piece that was split before.
+    /// True if the piece is a part of a piece that was split before, false if it is as given.
     is_part: bool,
 }
 
@@ -57,8 +57,8 @@ enum Way {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Constrainer {
     tasks: Vec<Task>,
-    /// Steps around the hole counter-clockwise: first those on the left side of the wall, then those on the
-    /// right side.
+    /// Steps around the hole that the removed triangles leave, counter-clockwise: first those on the left
+    /// side of the wall, then those on the right side.
     steps: Vec<Step>,
     right: Vec<Step>,
     /// Triangles that the wall crosses.

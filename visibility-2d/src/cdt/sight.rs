@@ -32,8 +32,8 @@ const RIGHT: u8 = 2;
 enum At {
     /// In the triangle of a half-edge, about to cross it. Index of the half-edge.
     Edge(u32),
-    /// At the origin of a half-edge. Index of the half-edge, and the sides of walls ([`LEFT`], [`RIGHT`]) on
-    /// which the segment came.
+    /// At the origin of a half-edge. Index of the half-edge, and the sides of walls ([`LEFT`], [`RIGHT`] or
+    /// both bits) on which the segment has come to this vertex: one only if it came along a wall.
     Vertex(u32, u8),
 }
 
@@ -195,7 +195,8 @@ impl Walk<'_> {
         }
     }
 
-    /// Returns whether the walk ends where it leaves the triangle of `h` across `h`, or passes an end of it.
+    /// Returns whether a wall ends the walk where it leaves the triangle of `h` across `h`, or passes an end
+    /// of `h`: the point `end`, if it is given.
     fn is_stopped(&self, h: u32, end: Option<Point>) -> bool {
         if self.plan.edges[h as usize].twin & BLOCKS == 0 {
             return false;
@@ -343,8 +344,8 @@ impl Walk<'_> {
         self.is_stopped(passed, Some(plan.start(h))).then_some(passed)
     }
 
-    /// Returns the step from the vertex of `h` in the direction of `b`, if the segment may pass the vertex on
-    /// `sides`. `None` if no triangle lies there, or if `b` is on the edge along which the segment runs.
+    /// Returns the step from the origin of `h` in the direction of `b`, if the segment may pass this vertex
+    /// on `sides`. `None` if no triangle lies there, or if `b` is on the edge along which the segment runs.
     fn leave(&self, h: u32, sides: u8) -> Option<At> {
         let plan = self.plan;
         let from = plan.start(h);

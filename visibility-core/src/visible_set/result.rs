@@ -310,8 +310,8 @@ impl VisibleSet {
     }
 }
 
-/// Iterates over a list, and then over the rest. Faster than `Iterator::chain`, whose `fold` calls its
-/// closure for each object where the rest is a long chain itself.
+/// Iterates over the ids of the list `whole`, and then over those of `rest`. Faster than `Iterator::chain`,
+/// whose `fold` calls its closure for each object where `rest` is a long chain itself.
 struct Listed<'a, R> {
     whole: core::slice::Iter<'a, ObjectId>,
     rest: R,

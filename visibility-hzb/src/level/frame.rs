@@ -36,7 +36,7 @@ pub(crate) struct LevelFrame {
     pub(super) projection32: ScreenProjection32,
     /// Projection of the level's vertices in `f64`, with its errors.
     pub(super) object: ObjectProjection,
-    /// Error bounds of depth planes: those of a determinant of three points, and of cross products.
+    /// Bounds on the errors of depth planes: first of a determinant of three points, then of cross products.
     pub(super) plane_errors: [f64; 2],
     /// Eye of a perspective view, in metres relative to the origin of the level; the unit direction of a
     /// parallel view.

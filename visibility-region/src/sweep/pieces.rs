@@ -38,8 +38,8 @@ pub(crate) struct Pieces {
     /// that do not occlude in this call.
     facing: Vec<i8>,
     parent: Vec<u32>,
-    /// Number of triangles of each piece, at the triangle that represents it. Once all are paired, the index
-    /// of the piece instead.
+    /// While triangles are paired: number of triangles of each piece, at the index of the triangle that
+    /// represents the piece. Afterwards: the index of the piece, at the same place.
     count: Vec<u32>,
     /// Clusters whose pieces are found.
     found: Bits,

@@ -128,8 +128,8 @@ impl Cone {
     }
 }
 
-/// Depths of an occluder, and the share of the cone that it covers. There are many of these, so that they are
-/// small: the occluder itself is placed again whenever it is drawn.
+/// Depths of an occluder, and the share of the cone that it covers. Candidates are many, and therefore small:
+/// the occluder itself is placed again whenever it is drawn.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidate {
     /// Depth of the occluder's nearest point, in metres.
