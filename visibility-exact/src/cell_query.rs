@@ -35,11 +35,14 @@ const QUICK: Budget = Budget { nodes: 400, ..TRIANGLE };
 /// Budget of a box around a part of an object. A large mesh behind several walls is hidden with few boxes,
 /// but its triangles would take more nodes than there are.
 const PART: Budget = Budget { nodes: 100, divided: 50, halvings: 12 };
+/// Greatest number of nodes for boxes around the parts of one object, in a first look at the object.
 const QUICK_PARTS: u32 = 1000;
+/// Greatest number of nodes for boxes around the parts of one object, with the full budget.
 const ALL_PARTS: u32 = 4000;
 /// Greatest number of nodes for boxes around parts of an object before the first part is hidden. Of the
 /// objects that no ray finds, most are seen through a gap, and no part of them is hidden.
 const FIRST_PARTS: u32 = 400;
+/// Number of nodes by which each triangle in a part that is proven hidden raises the limit for further parts.
 const PART_TRIANGLE: u32 = 16;
 /// Least number of triangles in a part.
 const PART_TRIANGLES: usize = 16;
@@ -47,6 +50,7 @@ const PART_TRIANGLES: usize = 16;
 /// occluders meet in a corner and overlap by little more than the clearance, a node holds no line, but only
 /// small parts of it show that.
 const PATIENT: Budget = Budget { nodes: 600, divided: 1500, halvings: 30 };
+/// Number of nodes after which no further triangle of an object gets a second look.
 const ALL_PATIENT: u32 = 4000;
 /// Number of rays past the box of an object that was just seen.
 const PAST: u32 = 32;
@@ -255,7 +259,8 @@ impl<'a> CellQuery<'a> {
         })
     }
 
-    /// Returns the indices in `verdicts` of the objects that are asked about and whose bounds are finite.
+    /// Returns the indices in `verdicts` of the objects that are asked about and whose coordinates can all be
+    /// computed with.
     fn usable(&self, is_asked: impl Fn(usize) -> bool) -> Vec<u32> {
         let objects = &self.search.triangles.objects;
         (0..objects.len() as u32).filter(|&o| is_asked(o as usize) && !objects[o as usize].is_open).collect()

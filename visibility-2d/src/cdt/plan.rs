@@ -26,7 +26,7 @@ pub(crate) struct HalfEdge {
 pub(crate) const BLOCKS: u32 = 1 << 31;
 /// Flag: a wall lies along the half-edge.
 pub(crate) const WALL: u32 = 1 << 30;
-/// Bits of [`HalfEdge::twin`] that hold the index of the twin. All ones on the outer rectangle, where there
+/// Bits of `HalfEdge::twin` that hold the index of the twin. All ones on the outer rectangle, where there
 /// is no twin.
 pub(crate) const TWIN: u32 = WALL - 1;
 

@@ -150,6 +150,7 @@ struct Walk<'a> {
     plan: &'a Plan,
     a: Point,
     b: Point,
+    /// True for a ray, which does not end at `b`; false for the segment.
     is_ray: bool,
     /// Heights at `a` and `b`. `None`: walls stop the walk at any height.
     heights: Option<[f64; 2]>,

@@ -55,7 +55,9 @@ struct Cover {
     planes: Vec<Plane>,
     min: DVec3,
     max: DVec3,
+    /// True if the polygon faces the front of the plane, false if it faces the back.
     faces_front: bool,
+    /// True if lines from behind pass the polygon.
     one_sided: bool,
 }
 

@@ -223,7 +223,8 @@ struct Search<'a> {
     lines: Vec<(u32, DVec3, DVec3)>,
 }
 
-/// End of a ray: the triangle that blocks it, and whether that is nearer than the ray's target.
+/// End of a ray: the triangle that the ray meets there, the point, relative to the scene's origin, and
+/// whether the ray is blocked there, nearer than its target.
 struct End {
     triangle: TriangleIndex,
     point: DVec3,
