@@ -1,4 +1,5 @@
-//! Linear programs over the corners of P and Q: is there a line on the given sides of given edges?
+//! Linear programs over the corners of P, where lines of sight begin, and of Q, where they end: is there a
+//! line on the given sides of given edges?
 //!
 //! Each edge gives a row, each pair of corners a column, each entry is the side on which the line between the
 //! corners passes the edge. The entries are affine in either corner, so a line inside P x Q has a weighted

@@ -1,9 +1,11 @@
-//! Nodes divided by the edges of occluders: the segments of P x Q that pass some edges on given sides.
+//! Nodes divided by the edges of occluders: of all segments from P, a part of a face of the viewcell, to Q, a
+//! part of a face of the target, those that pass some edges on given sides. P x Q is the set of these
+//! segments.
 //!
 //! A line of the node that is blocked crosses an occluder, whose boundary is a closed loop. The segments that
 //! pass all edges of the loop on one side are blocked too: the loop winds around them, so that every surface
-//! that it bounds is crossed. The others pass outside of some edge, each edge a node of its own. Linear
-//! programs tell which of those have no segments.
+//! that it bounds is crossed. All other segments pass outside of some edge, and for each edge those outside
+//! of it are a node of their own. Linear programs tell which of these nodes have no segments.
 
 use crate::corner_proof;
 use crate::half::Half;

@@ -1,5 +1,6 @@
-//! The search: is there an unblocked segment from P to Q? Depth first over halves of P and Q, lazily: only
-//! where a surface through the middle segment does not block the whole node.
+//! The search: is there an unblocked segment from P, a face of the viewcell, to Q, a face of the target?
+//! Depth first over halves of P and Q, lazily: only where a surface through the middle segment does not block
+//! the whole node. A *node* is a pair of parts of P and Q, with all segments between them.
 
 use crate::chain_scratch::{ChainScratch, Obstacle};
 use crate::matrix_game::{Matrix, MatrixGame};
@@ -37,7 +38,7 @@ pub(crate) struct SearchStats {
     pub(crate) programs: u64,
 }
 
-/// Bounds on the work for one target. A node is a pair of parts of P and Q, and the segments between them.
+/// Bounds on the work for one target.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Budget {
     /// Greatest number of nodes of the search by halving.

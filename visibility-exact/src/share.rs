@@ -1,7 +1,8 @@
 //! Certified bounds on the visible share of a target: the share of the segments to it that may be unblocked.
 //!
-//! The segments from P to Q are measured by area of P times area of Q. Nodes that a surface blocks are taken
-//! off, largest nodes first, until what is left is below a bound. What is not blocked counts as unblocked.
+//! The segments from P, a face of the viewcell, to Q, a face of the target, are measured by area of P times
+//! area of Q. Nodes, that is pairs of parts of P and Q, that a surface blocks are taken off, largest nodes
+//! first, until what is left is below a bound. What is not proven blocked counts as unblocked.
 
 use crate::chain_scratch::Obstacle;
 use crate::search::{Budget, Halving, Search, Segment, best_halving};

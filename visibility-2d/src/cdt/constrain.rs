@@ -19,7 +19,8 @@ use alloc::vec::Vec;
 /// number of items in its lists of walls.
 pub(crate) const MOST_VERTICES: usize = 1 << 24;
 
-/// Flag of a link or a twin that is the index of a boundary step.
+/// Flag in a link or a twin: the other bits are the index of a step of the hole's boundary, not of a
+/// half-edge.
 const STEP: u32 = 1 << 31;
 
 /// A piece of a wall that is to become an edge or a chain of edges.

@@ -159,7 +159,7 @@ impl Budget {
     }
 }
 
-/// Number of frames in a row that did not pay after which frames are left out.
+/// Number of frames in a row that did not pay after which frames are left out: nothing is searched in them.
 const MOST_LOSSES: u32 = 8;
 
 /// Work, in triangles, that a frame left out saves for each object in view: some three times what frustum

@@ -278,7 +278,7 @@ impl MotionVolumes {
         self.free.push(place);
     }
 
-    /// Lists a mover without a volume in `active`.
+    /// Appends the mover at `place`, which has no volume, to the list `active`, unless it is there already.
     fn list(&mut self, place: u32) {
         let is_listed = &mut self.status[place as usize].is_listed;
         if !core::mem::replace(is_listed, true) {

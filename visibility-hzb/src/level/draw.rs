@@ -385,9 +385,9 @@ fn draw_polygon(
     covered | simd.cover_seams(seams, &level.edges[outline], polygon.edges[0], first_edge, tiles)
 }
 
-/// Returns whether a polygon may cover pixels that are still empty or farther. `bounds` (least column, least
-/// row, greatest column, greatest row) hold the polygon, and `w` is its least distance. An estimate: it
-/// decides only what is drawn.
+/// Returns whether a polygon may cover pixels that are still empty or farther than the polygon. `bounds`
+/// (least column, least row, greatest column, greatest row, in pixels) hold the polygon, and `w` is the least
+/// clip coordinate `w` of its points. An estimate: it decides only what is drawn.
 fn may_be_seen(simd: Simd, frame: &LevelFrame, tiles: &Tiles, bounds: [f32; 4], w: f32) -> bool {
     let size = [(tiles.columns * SIDE) as f32, (tiles.rows * SIDE) as f32];
     let range = |axis: usize| {

@@ -133,7 +133,7 @@ fn in_scene(bounds: &Aabb, transform: &Affine3A) -> Option<Aabb> {
     (is_exact(shifted.min, bounds.min) && is_exact(shifted.max, bounds.max)).then_some(shifted)
 }
 
-/// Returns the two slots of a face of the given hash.
+/// Returns the two slots of the hash table in which a face with the given hash may be.
 fn slots(hash: u32) -> [usize; 2] {
     let slot = (hash >> (u32::BITS - SLOTS.trailing_zeros())) as usize;
     [slot, slot ^ 1]
