@@ -5,7 +5,7 @@
 use libfuzzer_sys::fuzz_target;
 use std::path::Path;
 use visibility_examples::description::Description;
-use visibility_examples::occlusion::{visb, visc};
+use visibility_examples::occlusion::{scene_file, visibility_file};
 use visibility_examples::{gltf_file, vscn};
 
 fuzz_target!(|bytes: &[u8]| {
@@ -13,8 +13,8 @@ fuzz_target!(|bytes: &[u8]| {
     let path = Path::new("fuzz");
     match which % 5 {
         0 => drop(vscn::parse(bytes, path)),
-        1 => drop(visc::parse(bytes, path)),
-        2 => drop(visb::parse(bytes, path)),
+        1 => drop(scene_file::parse(bytes, path)),
+        2 => drop(visibility_file::parse(bytes, path)),
         3 => drop(gltf_file::parse(bytes, path)),
         _ => drop(Description::parse(bytes, path)),
     }

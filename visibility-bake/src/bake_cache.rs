@@ -15,16 +15,17 @@ pub(crate) const HIDDEN: u8 = 1;
 /// Answer for an object that is neither seen nor proven hidden.
 pub(crate) const OPEN: u8 = 2;
 
-/// Results for one viewcell. Objects are positions in the list of objects that the sweep of its group has
-/// left.
+/// Results for one viewcell. Objects that are *left* after a sweep are those that the sweep did not find
+/// hidden. An object is given by its position in the list of objects left after the sweep of the viewcell's
+/// group.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub(crate) struct CellRecord {
-    /// Hash of the input of the answers: the viewcell, the settings, and the content of the objects of `left`
-    /// in their order, without their numbers.
+    /// Hash of the input of the answers: the viewcell, the settings, and the content of the objects listed in
+    /// `left`, in their order, without their numbers.
     pub key: u64,
-    /// Objects that the sweep of the viewcell has left, ascending.
+    /// Objects left after the sweep of the viewcell, ascending.
     pub left: Vec<u32>,
-    /// Answer for each object of `left`: [`SEEN`], [`HIDDEN`] or [`OPEN`].
+    /// Answers for the objects listed in `left`, in the same order: each is [`SEEN`], [`HIDDEN`] or [`OPEN`].
     pub answers: Vec<u8>,
     /// Work done after the sweep: rays, and nodes of the search for proofs.
     pub steps: u64,
@@ -65,7 +66,7 @@ pub(crate) struct GroupRecord {
     /// Hash of the viewcells, the settings and the origin, and of the content of the objects that the sweep
     /// has left.
     pub key: u64,
-    /// Record of the sweep: the tiles that it has opened, and the objects that it has left.
+    /// Record of the sweep: the tiles that it has opened, and the objects left after it.
     pub trace: Trace,
     /// Whether the sweep was left out or ended early because its time was over.
     pub is_cut: bool,

@@ -1,4 +1,5 @@
-//! Groups of neighbouring viewcells. The first sweep of a bake is done once for each group.
+//! Groups of neighbouring viewcells. A bake first sweeps the scene once for each group, to find the objects
+//! that are hidden from all of its viewcells. The other objects are then swept from each viewcell by itself.
 
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Viewcell, Viewcells};
@@ -10,10 +11,16 @@ const MOST_CELLS: usize = 16;
 /// many as all before it.
 const FIRST_CELLS: usize = 64;
 
-/// Greatest ratio of the volume of the box around a group to the sum of its viewcells' volumes.
+/// Greatest ratio of the volume of the box around a group to the sum of the volumes of its viewcells. A group
+/// of one viewcell may exceed it.
 const SPREAD: f64 = 2.5;
 
-/// Division of viewcells into groups. It depends on the viewcells alone.
+/// Groups of at most [`MOST_CELLS`] viewcells that lie close together. Each viewcell is in exactly one group.
+///
+/// The viewcells of each portion of the bake are halved along the longest axis of the box around them until
+/// they are few enough, and the volume of the box around them is at most [`SPREAD`] times theirs. The
+/// division depends only on the boxes of the viewcells and their order, not on objects or settings, so each
+/// shard of a bake finds the same groups.
 pub(crate) struct CellGroups {
     /// Number of the group of each viewcell. Groups are numbered in the order of their first viewcells.
     pub of: Vec<u32>,

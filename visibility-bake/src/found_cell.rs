@@ -14,7 +14,7 @@ pub struct FoundCell {
     pub(crate) times: MethodTimes,
     pub(crate) group: Arc<GroupRecord>,
     pub(crate) record: CellRecord,
-    /// Sum of the costs of the open objects.
+    /// Sum of the costs, in triangles, of the objects that are open in the viewcell.
     pub(crate) cost: u64,
     pub(crate) is_reused: bool,
     /// Whether the sweep of the viewcell was left out or cut short.

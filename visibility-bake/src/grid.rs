@@ -191,9 +191,13 @@ impl Grid {
         if count > Self::LIMIT as u128 { Err(GridError::Count { count }) } else { Ok(()) }
     }
 
-    /// Returns the place in the grid of the box that contains a point: the numbers of boxes from the origin
-    /// on each axis. A point on a face is in the upper box. [`GridError::TooMany`] if the point is not finite
-    /// or so far that boxes have no extent.
+    /// Returns the place in the grid of the box that contains a point in world space: for each axis, how many
+    /// boxes lie between the origin and this box, negative below the origin. A point on a face is in the box
+    /// above the face.
+    ///
+    /// # Errors
+    /// [`GridError::TooMany`] if a coordinate of the point is NaN or infinite, or 4.5e15 boxes or more from
+    /// the origin, where both faces of a box may round to the same coordinate.
     pub(crate) fn place(&self, p: DVec3) -> Result<[i64; 3], GridError> {
         let at = ((p - self.origin) / self.size).floor();
         // Beyond 2^52 boxes have no extent.

@@ -1,5 +1,9 @@
 //! The bake of sandwiches: for each viewcell methods from cheap to exact, each for what the one before left
 //! open.
+//!
+//! The objects that a sweep has *left* are those that it did not find hidden. An object is *open* in a
+//! viewcell if it is left there, and neither seen by a ray nor proven hidden. Its *cost* is
+//! [`Object::cost`](visibility_core::Object::cost), in triangles.
 
 use crate::bake_cache::{BakeCache, CellRecord, GroupRecord, HIDDEN, OPEN, SEEN};
 use crate::cell_groups::CellGroups;
@@ -120,11 +124,11 @@ pub struct SandwichOutcome {
 /// Scratch memory of one thread of a bake.
 #[derive(Default, Debug)]
 pub struct BakeScratch {
-    /// Sweep of the whole level, if it is small.
+    /// Culler prepared for the whole level, if that is small.
     whole: Option<ExtendedProjectionCuller>,
-    /// Sweep of the tiles around a group.
+    /// Culler for the tiles around a group.
     sweep: ExtendedProjectionCuller,
-    /// Sweep of the scene of a group, and the number of the group.
+    /// Culler prepared for the scene of a group, after the number of the group.
     local: Option<(u32, ExtendedProjectionCuller)>,
 }
 
@@ -132,8 +136,9 @@ pub struct BakeScratch {
 struct Slot {
     /// Number of the group's viewcells that are not worked on yet, by stage.
     left: [usize; STAGES],
-    /// Content that was made last, and whether it is for the sweeps of viewcells. With a limit of time, or in
-    /// a resumed bake, viewcells of the group may be in different stages.
+    /// Content of the group that was made last. The flag is true if it is for the sweeps of viewcells, false
+    /// if it is for another stage. With a limit of time, or in a resumed bake, viewcells of the group may be
+    /// in different stages.
     group: Option<(bool, Arc<Group>)>,
     /// Result of the group's sweep. It is kept when the content is released.
     record: Option<Arc<GroupRecord>>,
@@ -142,7 +147,7 @@ struct Slot {
 /// Data that the viewcells of a group share.
 struct Group {
     record: Arc<GroupRecord>,
-    /// Numbers of the objects that a sweep of the box around the group has left, tile by tile.
+    /// Numbers of the objects left after the sweep of the group, tile by tile.
     objects: Vec<u32>,
     content: Content,
 }
@@ -525,9 +530,10 @@ impl<'a> SandwichBaker<'a> {
         })))
     }
 
-    /// Sweeps the scene of a group from a viewcell. Returns the viewcell's record, whether it is from the
-    /// cache, and whether the sweep was cut short. A record that is not from the cache has all of its objects
-    /// open.
+    /// Sweeps the scene of a group from a viewcell. Returns the record of the viewcell, and two flags. The
+    /// first is true if the answers of the record are from the cache. If it is false, the answer for each
+    /// object left after the sweep is [`OPEN`]. The second is true if the time of the sweep was over at its
+    /// end, so that more objects may be left than a full sweep leaves.
     fn sweep(
         &self,
         viewcell: usize,
@@ -591,9 +597,9 @@ impl<'a> SandwichBaker<'a> {
         Ok(Some((record, times, before.next + 1)))
     }
 
-    /// Finds answers for the objects that the sweep of a viewcell has left, within `share` if the time is
-    /// limited. Returns them with the next stage, and whether the share was used up. `None` once `stop` has
-    /// returned true.
+    /// Finds answers for the objects left after the sweep of a viewcell, within `share` if the time is
+    /// limited. Returns them with the next stage, and a flag: true if the share was used up before the search
+    /// was through. `None` once `stop` has returned true.
     fn search(
         &self,
         viewcell: usize,

@@ -1,4 +1,5 @@
-//! The search from one viewcell: rays find visible objects, then proofs find hidden ones among the rest.
+//! The search from one viewcell: rays find visible objects, then proofs find hidden ones among the rest. An
+//! object is *open* as long as it is neither seen nor proven hidden.
 
 use crate::bake_cache::{HIDDEN, OPEN, SEEN};
 use crate::settings::SandwichSettings;
@@ -15,7 +16,7 @@ pub(crate) struct Search<'a> {
     costs: Vec<f64>,
     /// Greatest share of the cost of the reported objects that may stay open.
     gap: f64,
-    /// Answer of each object, by its index.
+    /// Answer of each object, by its index: [`SEEN`], [`HIDDEN`] or [`OPEN`].
     pub answers: Vec<u8>,
 }
 
@@ -31,7 +32,8 @@ pub(crate) enum Method {
 }
 
 impl<'a> Search<'a> {
-    /// Prepares the search, with the answers so far. The search ends once `stop` returns true.
+    /// Prepares the search. `answers` are the answers so far, by object index. The search ends once `stop`
+    /// returns true.
     pub(crate) fn new(
         scene: &Scene,
         cell: &Viewcell,
@@ -76,12 +78,12 @@ impl<'a> Search<'a> {
         self.read();
     }
 
-    /// Returns whether the open objects are within the gap.
+    /// Returns whether the open objects cost no more than the gap allows, so that the search may end.
     pub(crate) fn is_met(&self) -> bool {
         self.cost(OPEN) <= self.allowed()
     }
 
-    /// Returns the greatest cost of open objects within the gap.
+    /// Returns the greatest sum of the costs of open objects that the gap allows.
     fn allowed(&self) -> f64 {
         self.gap * (self.cost(SEEN) + self.cost(OPEN))
     }

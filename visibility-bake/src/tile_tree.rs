@@ -27,7 +27,8 @@ const ROUNDING: i32 = 4;
 /// Node of the tree: a tile with objects of its own, and the tiles below.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct Tile {
-    /// Bounds of all objects in this tile and below, without those that are never culled.
+    /// Bounds of all objects in this tile and below, in coordinates of the level, without those that are
+    /// never culled.
     pub bounds: Aabb,
     /// Range of the numbers of the tiles directly below. Empty for a leaf.
     pub children: Range<u32>,

@@ -71,7 +71,7 @@ enum Store<'a> {
     File(LevelFile),
 }
 
-/// A scene, and a sweep prepared for it.
+/// A scene, and a culler prepared for sweeps of it.
 pub(crate) struct PreparedScene {
     pub scene: Scene,
     pub sweep: ExtendedProjectionCuller,
@@ -251,7 +251,8 @@ impl<'a> TiledScene<'a> {
         Ok(sweep(&self.scene_with_meshes(numbers, boxes)?))
     }
 
-    /// Reserves the memory that the sweep of a viewcell (a copy of the prepared sweep) or its search takes.
+    /// Reserves the memory that work on one viewcell takes, for the objects with the given numbers: its
+    /// search if `is_search`, otherwise its sweep (a copy of the prepared sweep).
     pub(crate) fn reserve_cell(
         &self,
         numbers: &[u32],
@@ -292,8 +293,9 @@ impl<'a> TiledScene<'a> {
         matches!(self.store, Store::File(_))
     }
 
-    /// Begins the work of a thread on a level in a file, together with others or alone: see
-    /// [`LevelFile::work`].
+    /// Begins the work of a thread on a level in a file. With `is_alone`, waits until no other thread works,
+    /// and keeps others from working; without, other threads may work at the same time. See
+    /// [`LevelFile::work`]. `None` for a level in memory.
     pub(crate) fn work(&self, is_alone: bool) -> Option<Working<'_>> {
         match &self.store {
             Store::Scene(_) => None,

@@ -44,7 +44,7 @@ const LEAST_SEARCH: Duration = Duration::from_millis(500);
 /// Longest limit of time: numbers of seconds far above it are beyond what a [`Duration`] holds once rounded.
 const LONGEST: Duration = Duration::from_secs(1 << 32);
 
-/// Phase of a stage that has time left.
+/// Phase of a stage whose time has not ended.
 const IN_TIME: u8 = 0;
 /// Phase of a stage in the round in which its time has ended: no item is begun any more.
 const ENDED: u8 = 1;

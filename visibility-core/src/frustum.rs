@@ -184,9 +184,10 @@ impl ConvexVolume {
     }
 }
 
-/// A node is known by the mask of the planes that are not known to contain it.
+/// The number passed down is the mask of the planes that are not known to have all of the node on their inner
+/// side.
 impl NodeTest for ConvexVolume {
-    /// For each plane of the mask, the lanes on its inner side.
+    /// For each plane of the mask, a mask of the lanes whose boxes are on its inner side.
     type Found = [u64; MAX_PLANES];
 
     #[inline(always)]

@@ -35,11 +35,14 @@ const QUICK: Budget = Budget { nodes: 400, ..TRIANGLE };
 /// Budget of a box around a part of an object. A large mesh behind several walls is hidden with few boxes,
 /// but its triangles would take more nodes than there are.
 const PART: Budget = Budget { nodes: 100, divided: 50, halvings: 12 };
+/// Greatest number of nodes for boxes around the parts of one object, in a first look at the object.
 const QUICK_PARTS: u32 = 1000;
+/// Greatest number of nodes for boxes around the parts of one object, with the full budget.
 const ALL_PARTS: u32 = 4000;
 /// Greatest number of nodes for boxes around parts of an object before the first part is hidden. Of the
 /// objects that no ray finds, most are seen through a gap, and no part of them is hidden.
 const FIRST_PARTS: u32 = 400;
+/// Number of nodes by which each triangle in a part that is proven hidden raises the limit for further parts.
 const PART_TRIANGLE: u32 = 16;
 /// Least number of triangles in a part.
 const PART_TRIANGLES: usize = 16;
@@ -47,6 +50,7 @@ const PART_TRIANGLES: usize = 16;
 /// occluders meet in a corner and overlap by little more than the clearance, a node holds no line, but only
 /// small parts of it show that.
 const PATIENT: Budget = Budget { nodes: 600, divided: 1500, halvings: 30 };
+/// Number of nodes after which no further triangle of an object gets a second look.
 const ALL_PATIENT: u32 = 4000;
 /// Number of rays past the box of an object that was just seen.
 const PAST: u32 = 32;
@@ -60,7 +64,7 @@ const SHARE: u32 = 2000;
 /// objects are likely to cost, as long as groups of about its size have saved more than they have cost.
 #[derive(Default)]
 struct Prices {
-    /// Nodes spent on single objects, and number of these objects.
+    /// Number of nodes spent on searches for single objects, and number of these objects.
     single: (u64, u64),
     /// Nodes spent on thorough searches of groups, and number of objects that these hid, by the binary
     /// logarithm of the group's size.
@@ -250,21 +254,22 @@ impl<'a> CellQuery<'a> {
         self.search.stats.nodes + self.search.stats.divided_nodes
     }
 
-    /// Returns the places of objects that are asked about and open.
+    /// Returns the indices in `verdicts` of the objects that are asked about and still open.
     fn asked(&self, is_asked: &dyn Fn(ObjectId) -> bool) -> Vec<u32> {
         self.usable(|place| {
             self.verdicts[place] == Verdict::Open && is_asked(self.search.triangles.objects[place].id)
         })
     }
 
-    /// Returns the places of objects that are asked about and finite.
+    /// Returns the indices in `verdicts` of the objects that are asked about and whose coordinates can all be
+    /// computed with.
     fn usable(&self, is_asked: impl Fn(usize) -> bool) -> Vec<u32> {
         let objects = &self.search.triangles.objects;
         (0..objects.len() as u32).filter(|&o| is_asked(o as usize) && !objects[o as usize].is_open).collect()
     }
 
-    /// Marks the objects that reach into the viewcell as seen, and casts rays at the others. Returns the
-    /// others.
+    /// Marks the objects that reach into the viewcell as seen, and casts rays at the other objects of `open`.
+    /// Returns these other objects, whether a ray has seen them or not.
     fn look_at(&mut self, mut open: Vec<u32>) -> Vec<u32> {
         open.retain(|&o| !self.find_inside(o as usize));
         if !open.is_empty() {
@@ -511,7 +516,9 @@ impl<'a> CellQuery<'a> {
         Proof { cell: self.search.cell, target, clearance: self.search.clearance, steps }
     }
 
-    /// Decides single objects by their triangles, largest first.
+    /// Decides objects that are still open one by one, by their triangles, the largest triangle first.
+    /// `is_quick`: true for a small budget per triangle, which gives an object up at its first undecided
+    /// triangle; false for the full budget.
     fn triangles(&mut self, objects: &[u32], is_quick: bool) {
         for &object in objects {
             if self.is_open(object) && !self.search.must_stop() {

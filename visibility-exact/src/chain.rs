@@ -1,5 +1,6 @@
-//! Surfaces that block all segments between two polygons: chains of triangles grown from one that a segment
-//! crosses, over edges that segments meet, until no edge of the boundary is met.
+//! Surfaces that block all segments between two polygons, P where the segments begin and Q where they end:
+//! chains of triangles grown from one that a segment crosses, over edges that segments meet, until no edge of
+//! the boundary is met.
 //!
 //! Over the pairs of points of P and Q the number of crossings of a segment and a surface can only change,
 //! modulo 2, where a segment meets the surface's boundary or an end of a segment touches the surface. Where

@@ -13,14 +13,16 @@ pub(crate) const KNOWN: u8 = 4;
 /// Edge at which a chain could not be closed, near which the node is best divided.
 pub(crate) type Obstacle = [DVec3; 2];
 
-/// Scratch of chains. Entries are valid if their epoch is the present one.
+/// Scratch memory for growing one chain after the other. Entries of `triangles` and `edges` are valid if
+/// their epoch is the present one.
 #[derive(Default)]
 pub(crate) struct ChainScratch {
     epoch: u32,
     triangles: Vec<u32>,
     edges: Vec<(u32, u8)>,
     pub(crate) chain: Vec<u32>,
-    /// Directed boundary edges that segments meet: triangle and number of the edge in it.
+    /// Directed edges of the boundary that segments of the node meet: the triangle, and the number (0, 1 or
+    /// 2) of the edge in it.
     pub(crate) open: Vec<(u32, usize)>,
     pub(crate) moved: Vec<(u32, DVec3)>,
 }

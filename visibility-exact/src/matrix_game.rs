@@ -1,4 +1,5 @@
-//! Linear programs over the corners of P and Q: is there a line on the given sides of given edges?
+//! Linear programs over the corners of P, where lines of sight begin, and of Q, where they end: is there a
+//! line on the given sides of given edges?
 //!
 //! Each edge gives a row, each pair of corners a column, each entry is the side on which the line between the
 //! corners passes the edge. The entries are affine in either corner, so a line inside P x Q has a weighted
@@ -19,17 +20,17 @@ pub(crate) enum Value {
     Open,
 }
 
-/// Greatest number of steps of the simplex method. From half of them on, the first improving column is taken
-/// in place of the steepest, which prevents cycles.
+/// Greatest number of steps of the simplex method. In the second half of the steps, the first improving
+/// column is taken in place of the steepest, which prevents cycles.
 const STEPS: usize = 120;
 
-/// Rows of entries, kept as a stack.
+/// A matrix whose rows are pushed and popped like a stack. Rows are the edges, columns the pairs of corners.
 #[derive(Default)]
 pub(crate) struct Matrix {
     columns: usize,
     /// Entries divided by the scale of their row.
     entries: Vec<f64>,
-    /// Scale of each row, and the greatest error of its scaled entries.
+    /// Scale of each row, and a bound on the errors of its scaled entries.
     rows: Vec<(f64, f64)>,
 }
 
@@ -61,7 +62,7 @@ impl Matrix {
 pub(crate) struct MatrixGame {
     tableau: Vec<f64>,
     labels: Vec<usize>,
-    /// Weights of the unscaled rows.
+    /// Weights of the rows before these were scaled.
     pub(crate) row_weights: Vec<f64>,
     pub(crate) column_weights: Vec<f64>,
 }

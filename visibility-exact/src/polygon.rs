@@ -7,7 +7,8 @@ use visibility_core::glam::DVec3;
 /// Greatest number of corners of a polygon.
 pub(crate) const MOST: usize = 8;
 
-/// A convex polygon with at most [`MOST`] corners.
+/// A convex polygon with at most [`MOST`] corners, in scene coordinates: a face of the viewcell or of a
+/// target, or a part of one.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Polygon {
     v: [DVec3; MOST],
@@ -53,8 +54,10 @@ impl Polygon {
         (0..self.n).map(|i| self.v[i].distance(self.v[(i + 1) % self.n])).fold(0.0, f64::max)
     }
 
-    /// Returns the length of the longest side across a direction, a unit vector or 0, and how
-    /// [`halves`](Self::halves) halves it.
+    /// Returns two values. The first is the greatest width of a side of the polygon: its extent perpendicular
+    /// to `direction`, a unit vector, or its length if `direction` is zero. The second is the argument
+    /// `across` with which [`halves`](Self::halves) halves the wider pair of opposite sides of a
+    /// quadrilateral; false for other polygons.
     pub(crate) fn extent_across(&self, direction: DVec3) -> (f64, bool) {
         let side = |k: usize| self.v[(k + 1) % self.n] - self.v[k % self.n];
         let width = |k: usize| {
@@ -100,8 +103,8 @@ impl Polygon {
         (inside && out.n >= 3).then_some(out)
     }
 
-    /// Returns two halves. Of a quadrilateral, `across` chooses the halving that does not shorten the longer
-    /// sides. Other polygons have one halving only.
+    /// Returns two halves of the polygon. Of a quadrilateral, `across` true halves the shorter pair of
+    /// opposite sides, and false the longer pair. Other polygons have one halving only.
     pub(crate) fn halves(&self, across: bool) -> [Self; 2] {
         let length = |i: usize| self.v[i % self.n].distance(self.v[(i + 1) % self.n]);
         let corner = |i: usize| (self.v[i % self.n], self.zero[i % self.n]);

@@ -23,7 +23,9 @@ pub struct Proof {
     pub(crate) cell: CellBox,
     pub(crate) target: Target,
     pub(crate) clearance: f64,
-    /// Nodes in depth-first order, pair of polygons by pair of polygons.
+    /// The nodes of all pairs of polygons, pair after pair. A pair is a face of the viewcell (P) and a face
+    /// of the target (Q) that face each other. The nodes of a pair are in depth-first order: each node comes
+    /// before its parts.
     pub(crate) steps: Vec<Step>,
 }
 
@@ -42,17 +44,20 @@ impl Proof {
 /// A node of a proof.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) enum Step {
-    /// A polygon is halved; the two nodes of the halves follow.
+    /// A polygon is halved. The nodes of the two halves follow. `of_p`: true if P is halved, false if Q is.
+    /// `across`: of a quadrilateral, true if its shorter pair of opposite sides is halved, false if its
+    /// longer pair is. Other polygons have one halving only.
     Halves { of_p: bool, across: bool },
-    /// P is cut by the plane of a one-sided triangle. The node of the part before its front follows, then
-    /// that of the rest.
+    /// P is cut by the plane of a one-sided triangle. Two nodes follow: first that of the part of P in front
+    /// of the triangle, then that of the other part.
     Split { triangle: u32 },
     /// All segments cross a surface.
     Surface {
         triangles: Box<[u32]>,
-        /// Vertices of the boundary that were moved outwards, with their new positions, ascending.
+        /// Vertices of the surface's boundary that were moved outwards, by ascending vertex index, with their
+        /// new positions in scene coordinates.
         moved: Box<[(u32, DVec3)]>,
-        /// A segment of the node that crosses the surface an odd number of times.
+        /// Ends, on P and on Q, of a segment of the node that crosses the surface an odd number of times.
         line: [DVec3; 2],
     },
     /// No segment is in the node: with these weights of its dividing edges, the weighted sum of sides is
@@ -66,7 +71,8 @@ pub(crate) enum Step {
     Loop {
         /// Index of the occluder: a convex polygon of triangles.
         piece: u32,
-        /// Corners of the loop: position, and the corner of the target triangle that it is, or 3.
+        /// Corners of the loop: position in scene coordinates, and which corner of the target triangle it is
+        /// (0, 1 or 2), or 3 for none.
         ring: Box<[(DVec3, u8)]>,
         /// Sign (1 or -1) of the side on which blocked segments pass all edges.
         side: f64,

@@ -1,9 +1,11 @@
-//! Nodes divided by the edges of occluders: the segments of P x Q that pass some edges on given sides.
+//! Nodes divided by the edges of occluders: of all segments from P, a part of a face of the viewcell, to Q, a
+//! part of a face of the target, those that pass some edges on given sides. P x Q is the set of these
+//! segments.
 //!
 //! A line of the node that is blocked crosses an occluder, whose boundary is a closed loop. The segments that
 //! pass all edges of the loop on one side are blocked too: the loop winds around them, so that every surface
-//! that it bounds is crossed. The others pass outside of some edge, each edge a node of its own. Linear
-//! programs tell which of those have no segments.
+//! that it bounds is crossed. All other segments pass outside of some edge, and for each edge those outside
+//! of it are a node of their own. Linear programs tell which of these nodes have no segments.
 
 use crate::corner_proof;
 use crate::half::Half;
@@ -19,12 +21,13 @@ use visibility_core::glam::DVec3;
 /// Corner of a loop: its position, and the corner of the target triangle that it is, or [`NO_CORNER`].
 type RingCorner = (DVec3, u8);
 
-/// A loop on an occluder that a line passes inside.
+/// A loop of edges on an occluder. A certain line of the node passes inside it.
 struct Loop {
     piece: u32,
     ring: Vec<RingCorner>,
     side: f64,
-    /// Whether lines of the node may pass outside of each edge.
+    /// For each edge of the ring, from each corner to the next: true if lines of the node may pass outside of
+    /// it, so that it divides the node.
     divides: Vec<bool>,
 }
 
@@ -43,13 +46,15 @@ impl Loop {
     }
 }
 
-/// The lines of a node that satisfy all rows of a stack.
+/// A node of a division: the segments between the polygons of `sight` that pass all edges of `rows` on the
+/// given sides.
 struct RowNode {
     sight: Sight,
-    /// Bound on the errors of positions in sides.
+    /// Bound on the error of each coordinate of a position, in metres, that counts for the sides of edges.
     delta: f64,
     rows: Vec<Row>,
-    /// Sides of the rows' edges for all pairs of corners, row by row.
+    /// One row for each of `rows`: the sides on which the lines between all pairs of corners of P and Q pass
+    /// the edge of that row.
     matrix: Matrix,
     /// Solution of the linear program of all rows, if it is known.
     solution: Option<Solution>,

@@ -1,5 +1,6 @@
-//! The search: is there an unblocked segment from P to Q? Depth first over halves of P and Q, lazily: only
-//! where a surface through the middle segment does not block the whole node.
+//! The search: is there an unblocked segment from P, a face of the viewcell, to Q, a face of the target?
+//! Depth first over halves of P and Q, lazily: only where a surface through the middle segment does not block
+//! the whole node. A *node* is a pair of parts of P and Q, with all segments between them.
 
 use crate::chain_scratch::{ChainScratch, Obstacle};
 use crate::matrix_game::{Matrix, MatrixGame};
@@ -64,12 +65,13 @@ const HITS: usize = 16;
 /// Index that no triangle and no vertex has.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// State of queries from one viewcell.
+/// Searches for lines of sight from one viewcell: one target after the other, with the memory and the budget
+/// for the target at work. The fields that say "at work" change with each target or node.
 pub(crate) struct Search<'a> {
     pub(crate) triangles: &'a SceneTriangles,
     pub(crate) cell: CellBox,
     pub(crate) clearance: f64,
-    /// Bound on the errors of positions, for the target at work.
+    /// Bound on the error of each coordinate of a position in the search for the target at work, in metres.
     pub(crate) delta: f64,
     /// Index of the target triangle in searches without clearance, where it must not occlude. [`NONE`]
     /// otherwise.
@@ -360,7 +362,8 @@ pub(crate) fn best_halving(sight: &Sight, obstacle: Option<(Obstacle, Segment)>)
 }
 
 impl Sight {
-    /// Returns the two sights with one polygon halved.
+    /// Returns the two sights in which one polygon is halved: P if `of_p`, Q if not. For `across` see
+    /// [`Polygon::halves`](crate::polygon::Polygon::halves).
     pub(crate) fn halves(&self, of_p: bool, across: bool) -> [Self; 2] {
         if of_p {
             self.p.halves(across).map(|p| Self { p, ..*self })

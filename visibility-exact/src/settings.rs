@@ -9,10 +9,12 @@
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Effort {
-    /// Rays alone, this many aimed at each object, and 64 times as many in all directions. Aggressive:
-    /// objects that no ray finds are removed. If n random segments to an object were all blocked, the
-    /// unblocked share of such segments is below 3 / n, with a confidence of 95 %: of those that rays choose,
-    /// whose triangles are taken by number and not by area.
+    /// Rays alone, no proofs: this many aimed at each object, and 64 times as many in all directions.
+    /// Aggressive: objects that no ray finds are removed. An aimed ray goes from a point of the viewcell to a
+    /// random point of a random triangle of the object, and each triangle is as likely as any other, whatever
+    /// its area. If `n` such rays were all blocked, less than `3 / n` of all such rays are unblocked, with a
+    /// confidence of 95 %. In a mesh with triangles of unequal area, this share is not the share of the area
+    /// that is seen.
     Rays(u32),
     /// Rays and proofs for boxes, then for each object left a certified bound on its visible share: the share
     /// of segments from faces of the viewcell to faces of the object's box, measured by area, that is not

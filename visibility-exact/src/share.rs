@@ -1,7 +1,8 @@
 //! Certified bounds on the visible share of a target: the share of the segments to it that may be unblocked.
 //!
-//! The segments from P to Q are measured by area of P times area of Q. Nodes that a surface blocks are taken
-//! off, largest nodes first, until what is left is below a bound. What is not blocked counts as unblocked.
+//! The segments from P, a face of the viewcell, to Q, a face of the target, are measured by area of P times
+//! area of Q. Nodes, that is pairs of parts of P and Q, that a surface blocks are taken off, largest nodes
+//! first, until what is left is below a bound. What is not proven blocked counts as unblocked.
 
 use crate::chain_scratch::Obstacle;
 use crate::search::{Budget, Halving, Search, Segment, best_halving};
@@ -10,13 +11,15 @@ use crate::sight::{Sight, Target, sights};
 use alloc::collections::BinaryHeap;
 use core::cmp::Ordering;
 
-/// A node that is not proven blocked, ordered by its share of all segments.
+/// A node that is not proven blocked. The greatest node is the one with the greatest share of all segments to
+/// the target.
 struct Node {
     share: f64,
     /// Number of the node in the order of making. It decides between nodes of equal shares.
     number: u32,
     sight: Sight,
-    /// Edge that kept the parent from being blocked, and a line by it.
+    /// Edge that kept a surface from blocking the parent node, and a line of the parent by that edge, if
+    /// known.
     obstacle: Option<(Obstacle, Segment)>,
 }
 
@@ -86,8 +89,8 @@ impl Search<'_> {
         if open.is_empty() { 0.0 } else { (left + 1e-9).clamp(0.0, 1.0) }
     }
 
-    /// Returns whether a surface certainly blocks a node. If not, also the edge that is in the way and a line
-    /// by it, if known.
+    /// Returns whether a surface certainly blocks all segments of a node. If not, also the occluder edge that
+    /// is in the way, and a line of the node by that edge, if known.
     fn is_blocked(&mut self, sight: &Sight) -> (bool, Option<(Obstacle, Segment)>) {
         let mut hits = core::mem::take(&mut self.hits);
         let (mut blocked, mut obstacle) = (false, None);

@@ -15,8 +15,11 @@ pub(crate) const UNSURE: u8 = 4;
 /// of the edge. The other is a line between points of a plane that also holds the edge: P's plane, where Q or
 /// an occluder is cut by it, or Q's, where P or an occluder is.
 pub(crate) struct Zeros {
+    /// For each end of the edge, the corner of the target triangle that it is (0, 1 or 2), or 3 for none.
     tags: [u8; 2],
+    /// Whether both ends of the edge lie in P's plane.
     in_p: bool,
+    /// Whether both ends of the edge lie in Q's plane.
     in_q: bool,
 }
 

@@ -62,7 +62,7 @@ impl CellBox {
 pub(crate) enum Target {
     /// Anything inside a box, in scene coordinates. The box does not meet the viewcell.
     Box { min: DVec3, max: DVec3 },
-    /// A triangle, by its number.
+    /// A triangle, by its number in the scene's triangles.
     Triangle(u32),
 }
 

@@ -11,7 +11,7 @@ pub(crate) struct TriangleTree {
     nodes: Vec<Node>,
     /// Numbers of the triangles in the order of the leaves.
     order: Vec<u32>,
-    /// Corners of the triangles in the order of the leaves.
+    /// Corners of the triangles, in scene coordinates, in the order of the leaves.
     corners: Vec<[Vec3; 3]>,
     /// Whether segments from behind pass the triangles, in the order of the leaves.
     one_sided: Vec<bool>,

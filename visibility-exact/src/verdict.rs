@@ -10,7 +10,7 @@ use visibility_core::glam::DVec3;
 /// occluding triangles but the one it ends at.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Witness {
-    /// Viewpoint in the viewcell, where the line of sight begins.
+    /// Viewpoint in the viewcell, where the line of sight begins, in scene coordinates.
     pub from: DVec3,
     /// End of the segment: on the triangle up to rounding, or, for an answer with a clearance, up to the
     /// clearance before it. Equal to `from` if the object reaches into the viewcell there.

@@ -54,7 +54,7 @@ pub mod draw_list;
 pub mod lod;
 pub mod motion;
 pub mod queries;
-mod simd;
+mod simd_dispatch;
 
 pub use draw_list::DrawList;
 

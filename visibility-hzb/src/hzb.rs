@@ -19,7 +19,7 @@ use crate::setup::convex_shape::ConvexScratch;
 use crate::setup::occluder_triangles::OccluderTriangles;
 use crate::setup::screen_projection::{ScreenProjection, project_object};
 use crate::setup::screen_shape::{ScreenExtent, ScreenShape, ShapeResult};
-use crate::simd::Kernels;
+use crate::simd_dispatch::Kernels;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use visibility_core::glam::{Affine3A, DVec3};

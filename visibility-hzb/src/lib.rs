@@ -96,7 +96,7 @@ mod random;
 mod raster;
 mod rounding;
 mod setup;
-mod simd;
+mod simd_dispatch;
 mod vector;
 
 pub use buffer_size::{MAX_SIDE, MIN_SIDE, SizeError};

@@ -49,6 +49,7 @@ use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 pub struct PlpCuller<S> {
     tessellation: S,
     settings: PlpSettings,
+    /// True if objects beyond the budget stay in the set, so that the culler only sorts.
     keep_all: bool,
     walk: Walk,
 }

@@ -58,7 +58,6 @@ mod cell_frustum;
 #[cfg(feature = "papers")]
 mod conservative;
 mod content;
-mod cover;
 mod culler;
 mod delaunay;
 mod front;
@@ -69,6 +68,7 @@ mod normal_bins;
 mod octree;
 mod openness;
 mod overlap;
+mod ray_coverage;
 mod shape;
 mod solidity;
 mod surface_class;

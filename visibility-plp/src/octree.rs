@@ -6,10 +6,10 @@
 //! up its neighbours of its own size or larger, and adds itself to the lists of the larger neighbours.
 
 use crate::content::Content;
-use crate::cover::{Cover, stopped_rays};
 use crate::grid::{DEPTH, Grid, STEPS, morton, voxel_of};
 use crate::index_lists::IndexLists;
 use crate::overlap::{shape_contains_cube, shape_meets_cube};
+use crate::ray_coverage::{Cover, stopped_rays};
 use crate::shape::{Shape, for_each_shape};
 use crate::tessellation::{Face, Tessellation};
 use alloc::vec::Vec;
@@ -230,13 +230,13 @@ fn leaf_position(code: u32, side: u32) -> [u16; 4] {
 const LEAF_BITS: u32 = 29;
 
 /// Encodes a neighbour in 32 bits: the number of the neighbouring leaf, the axis (0, 1, 2) along which it
-/// lies, and whether it lies towards greater coordinates.
+/// lies, and whether it lies towards greater coordinates (`upwards` true) or lesser ones (false).
 fn encode_neighbour(leaf: u32, axis: usize, upwards: bool) -> u32 {
     leaf | (axis as u32 * 2 + u32::from(upwards)) << LEAF_BITS
 }
 
 /// Decodes a neighbour encoded by [`encode_neighbour`]. Returns the number of the neighbouring leaf, the axis
-/// (0, 1, 2) along which it lies, and whether it lies towards greater coordinates.
+/// (0, 1, 2) along which it lies, and true if it lies towards greater coordinates, false towards lesser ones.
 #[inline]
 fn decode_neighbour(encoded: u32) -> (u32, usize, bool) {
     let side = encoded >> LEAF_BITS;

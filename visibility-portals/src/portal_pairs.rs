@@ -18,12 +18,14 @@ pub struct PortalPairs {
 }
 
 impl PortalPairs {
-    /// Takes the candidates of each of the directed portals `portals`.
+    /// Makes the pairs of the directed portals `portals`. `rows` are by directed portal: those that a line
+    /// through it may later pass.
     pub(crate) fn new(portals: &DirectedPortals, rows: Vec<Bits>) -> Self {
         Self { rows, portals: fingerprint(portals) }
     }
 
-    /// Tests whether the pairs are of these portals: of the same graph, shrunk by the same clearance.
+    /// Tests whether the pairs were made for the directed portals `portals`: for the same graph, shrunk by
+    /// the same clearance.
     pub(crate) fn are_of(&self, portals: &DirectedPortals) -> bool {
         self.rows.len() == portals.all.len() && self.portals == fingerprint(portals)
     }

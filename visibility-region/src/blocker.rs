@@ -29,8 +29,9 @@ pub(crate) struct Blocker {
     pub(crate) corners: Vec<u32>,
     /// Bound on the error of each coordinate of the vertices, in metres.
     pub(crate) slack: f64,
-    /// Triangles that close a hole of the mesh although nothing is there. Nothing is hidden from viewpoints
-    /// that are not strictly behind them. They are among `faces` too.
+    /// Triangles that close a hole of the mesh although nothing is there, in metres relative to the scene's
+    /// origin. Nothing is hidden from viewpoints that are not strictly behind them. They are among `faces`
+    /// too.
     pub(crate) caps: Vec<[DVec3; 3]>,
 }
 

@@ -14,7 +14,8 @@ const SAMPLE: usize = 1024;
 /// left out.
 const FARTHEST: f64 = 16_384.0;
 
-/// Returns the `part`-th quantile of some numbers, which are reordered. `None` without numbers.
+/// Returns the quantile at `part`, from 0 (the least number) to 1 (the greatest). It is one of the numbers,
+/// not interpolated. The numbers are reordered. `None` without numbers.
 pub(crate) fn quantile(numbers: &mut [f64], part: f64) -> Option<f64> {
     let last = numbers.len().checked_sub(1)?;
     Some(*numbers.select_nth_unstable_by((last as f64 * part) as usize, f64::total_cmp).1)

@@ -24,7 +24,7 @@ pub(crate) struct Solid {
     pub(crate) blocker: Blocker,
     /// Least corner of the bounds in scene coordinates, widened by the error of vertices.
     pub(crate) min: DVec3,
-    /// Greatest corner of these bounds.
+    /// Greatest corner of the same bounds as `min`.
     pub(crate) max: DVec3,
 }
 

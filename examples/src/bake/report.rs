@@ -86,6 +86,7 @@ pub struct Cell {
 
 impl Report {
     /// Makes the report of a bake. `times` are those of the viewcells, or empty if they are not known.
+    /// `seconds` is the time of the whole bake. `complete`: whether all viewcells were worked on to the end.
     pub fn new(
         level: &Level,
         cells: &[CellSandwich],

@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 use visibility_examples::arguments::parse_size;
 use visibility_examples::occlusion::frame::Stage;
-use visibility_examples::occlusion::{picture, visb, visc};
+use visibility_examples::occlusion::{picture, scene_file, visibility_file};
 use visibility_examples::output_file::write;
 use visibility_examples::{exit_code, println};
 use visibility_hzb::Coverage;
@@ -65,8 +65,8 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
-    let visc = visc::load(&arguments.file)?;
-    let reference = arguments.r#ref.as_deref().map(visb::load).transpose()?;
+    let visc = scene_file::load(&arguments.file)?;
+    let reference = arguments.r#ref.as_deref().map(visibility_file::load).transpose()?;
     if let Some(reference) = &reference
         && (reference.len() != visc.views.len()
             || reference.iter().any(|view| view.len() != visc.boxes.len()))
@@ -124,7 +124,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         answers.push(answer);
     }
     if let Some(path) = &arguments.dump {
-        write(path, &visb::write(&answers))?;
+        write(path, &visibility_file::write(&answers))?;
     }
     Ok(())
 }

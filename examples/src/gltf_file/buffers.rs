@@ -222,7 +222,7 @@ impl Elements<'_> {
 }
 
 /// Returns the function that reads a component from the first bytes of a slice. A whole number becomes a
-/// float, divided by the greatest number of its type if it is normalized.
+/// float: divided by the greatest number of its type if `normalized`, otherwise as it is.
 fn component(data: DataType, normalized: bool) -> fn(&[u8]) -> f32 {
     match (data, normalized) {
         (DataType::F32, _) => |b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]),

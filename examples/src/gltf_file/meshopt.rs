@@ -347,7 +347,8 @@ fn triangles(bytes: &[u8], count: usize) -> Option<Vec<u32>> {
     input.0.is_empty().then_some(decoded)
 }
 
-/// Returns the next index that no triangle has, or another one.
+/// Returns the index `next` and adds 1 to it if `is_new`: the next index that no triangle has had. Otherwise
+/// returns `otherwise`.
 fn fresh(next: &mut u32, is_new: bool, otherwise: u32) -> u32 {
     if !is_new {
         return otherwise;

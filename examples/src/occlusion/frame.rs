@@ -1,7 +1,7 @@
 //! Frame of an engine: occluders found in view, sorted and drawn into a z-buffer, and boxes tested against it
 //! through the hierarchy.
 
-use super::visc::Visc;
+use super::scene_file::Visc;
 use glam::{Affine3A, DVec3};
 use std::time::{Duration, Instant};
 use visibility_core::random::Random;

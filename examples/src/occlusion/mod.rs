@@ -3,5 +3,5 @@
 
 pub mod frame;
 pub mod picture;
-pub mod visb;
-pub mod visc;
+pub mod scene_file;
+pub mod visibility_file;

@@ -61,7 +61,8 @@ pub fn advise(world: &World, entries: &[String], thorough: bool) -> Result<Advic
     advise_in_time(world, entries, thorough, &|| clock.elapsed().as_secs_f64())
 }
 
-/// Advises as [`advise`] does. `now` returns the seconds passed since the beginning.
+/// Advises as [`advise`] does, with the same `thorough`. `now` returns the seconds passed since the
+/// beginning.
 fn advise_in_time(
     world: &World,
     entries: &[String],
@@ -150,7 +151,8 @@ fn is_hopeless(pipeline: &mut Pipeline, world: &World, views: &[View], limit_us:
 }
 
 /// Returns a list of cullers with each `auto` replaced by the advised culler, and the advice; `None` as the
-/// advice if the list has no `auto`. The cullers tried are the [`quick_entries`](cullers::quick_entries).
+/// advice if the list has no `auto`. The cullers tried are the [`quick_entries`](cullers::quick_entries). For
+/// `thorough` see [`advise`].
 ///
 /// # Errors
 ///

@@ -19,7 +19,8 @@ use alloc::vec::Vec;
 /// number of items in its lists of walls.
 pub(crate) const MOST_VERTICES: usize = 1 << 24;
 
-/// Flag of a link or a twin that is the index of a boundary step.
+/// Flag in a link or a twin: the other bits are the index of a step of the hole's boundary, not of a
+/// half-edge.
 const STEP: u32 = 1 << 31;
 
 /// A piece of a wall that is to become an edge or a chain of edges.
@@ -28,7 +29,7 @@ struct Task {
     from: u32,
     to: u32,
     walls: u32,
-    /// Whether the piece is a part of a piece that was split before.
+    /// True if the piece is a part of a piece that was split before, false if it is as given.
     is_part: bool,
 }
 
@@ -57,8 +58,8 @@ enum Way {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Constrainer {
     tasks: Vec<Task>,
-    /// Steps around the hole counter-clockwise: first those on the left side of the wall, then those on the
-    /// right side.
+    /// Steps around the hole that the removed triangles leave, counter-clockwise: first those on the left
+    /// side of the wall, then those on the right side.
     steps: Vec<Step>,
     right: Vec<Step>,
     /// Triangles that the wall crosses.
@@ -351,9 +352,11 @@ fn way(of: &Triangulation, from: u32, to: u32) -> Option<Way> {
     }
 }
 
-/// Returns a vertex within rounding of the crossing of two segments, given by their ends, through which both
-/// may pass. If the first is a part of one that was split before, an end of either that is within rounding of
-/// the other will do, however far from their crossing: at a small angle, that is hardly known.
+/// Returns a vertex through which two segments that cross may both pass: one within [`rounding`] of their
+/// crossing. `middle` is that crossing, rounded. `ends` are the vertices at the ends of the first segment,
+/// then of the second. `is_part`: true if the first segment is a part of a segment that was split before.
+/// Then an end of either segment that is within rounding of the other segment will do, however far from the
+/// crossing: at a small angle the crossing is hardly known. `None` if there is no such vertex.
 fn near_vertex(of: &Triangulation, middle: Point, ends: [u32; 4], is_part: bool) -> Option<u32> {
     let [a, b, c, d] = ends.map(|v| of.points[v as usize]);
     let is_on = |&(v, segment): &(u32, [Point; 2])| may_bend(segment, of.points[v as usize]);
@@ -374,9 +377,10 @@ fn near_vertex(of: &Triangulation, middle: Point, ends: [u32; 4], is_part: bool)
     corners.map(|h| of.edges[h as usize].origin).into_iter().find(is_near)
 }
 
-/// Returns whether the segment from `a` to `b` may pass through a vertex instead: one that is an end, or that
-/// is within rounding of the segment and strictly between the ends along the longer axis. A segment that is
-/// parallel to an axis is not bent.
+/// Returns whether the piece of a wall from `a` to `b` may be bent so that it runs through the vertex
+/// `through`. It may if the vertex is `a` or `b`, or if it is within [`rounding`] of the segment `ab` and
+/// strictly between `a` and `b` along the longer axis of `ab`. A segment that is parallel to an axis stays
+/// straight: only vertices exactly on it count.
 fn may_bend([a, b]: [Point; 2], through: Point) -> bool {
     if through == a || through == b {
         return true;

@@ -26,7 +26,8 @@ pub(crate) struct HalfEdge {
 pub(crate) const BLOCKS: u32 = 1 << 31;
 /// Flag: a wall lies along the half-edge.
 pub(crate) const WALL: u32 = 1 << 30;
-/// Bits of the twin. All ones on the outer rectangle.
+/// Bits of `HalfEdge::twin` that hold the index of the twin. All ones on the outer rectangle, where there
+/// is no twin.
 pub(crate) const TWIN: u32 = WALL - 1;
 
 impl HalfEdge {
@@ -70,10 +71,11 @@ pub struct Plan {
     pub(super) triangulated: Stamp,
     pub(crate) points: Vec<Point>,
     pub(crate) edges: Vec<HalfEdge>,
-    /// A half-edge that begins at each vertex, by vertex.
+    /// For each vertex, a half-edge that begins there.
     pub(crate) out: Vec<u32>,
     curve: Curve,
-    /// Place of each vertex on the curve, ascending: its first 32 bits.
+    /// For each vertex, the first 32 bits of its place on the Hilbert curve. Vertices are sorted by it,
+    /// ascending.
     places: Vec<u32>,
     /// Piece of a wall along each half-edge, [`NONE`] without a wall. Both halves have the same piece.
     pub(crate) piece: Vec<u32>,

@@ -52,9 +52,11 @@ pub struct RegionVisibility {
     query: u32,
     sides: Vec<Side>,
     beams: Vec<Beam>,
-    /// Points of the region.
+    /// The points given by the caller, whose convex hull is the region, in world units. Each once, in
+    /// ascending order of x, then of y. Points inside the hull are kept.
     pub(super) points: Vec<Point>,
-    /// Corners of the convex hull of `points`, counter-clockwise.
+    /// Corners of the region, the convex hull of `points`, counter-clockwise from the first point of
+    /// `points`. One corner if the region is a point, two if it is a segment.
     pub(super) hull: Vec<Point>,
     signs: Vec<i8>,
     steps: usize,

@@ -21,7 +21,8 @@ pub struct WallHit {
     pub wall: Option<u32>,
 }
 
-/// Bit of the left side: a segment may pass a vertex on it, or came on it.
+/// Bit of the left side, as seen along the segment from its first point to its second: the segment may pass a
+/// vertex on this side, or has passed walls on this side.
 const LEFT: u8 = 1;
 /// Bit of the right side: see [`LEFT`].
 const RIGHT: u8 = 2;
@@ -31,8 +32,8 @@ const RIGHT: u8 = 2;
 enum At {
     /// In the triangle of a half-edge, about to cross it. Index of the half-edge.
     Edge(u32),
-    /// At the origin of a half-edge. Index of the half-edge, and the sides of walls ([`LEFT`], [`RIGHT`]) on
-    /// which the segment came.
+    /// At the origin of a half-edge. Index of the half-edge, and the sides of walls ([`LEFT`], [`RIGHT`] or
+    /// both bits) on which the segment has come to this vertex: one only if it came along a wall.
     Vertex(u32, u8),
 }
 
@@ -149,6 +150,7 @@ struct Walk<'a> {
     plan: &'a Plan,
     a: Point,
     b: Point,
+    /// True for a ray, which does not end at `b`; false for the segment.
     is_ray: bool,
     /// Heights at `a` and `b`. `None`: walls stop the walk at any height.
     heights: Option<[f64; 2]>,
@@ -194,7 +196,8 @@ impl Walk<'_> {
         }
     }
 
-    /// Returns whether the walk ends where it leaves the triangle of `h` across `h`, or passes an end of it.
+    /// Returns whether a wall ends the walk where it leaves the triangle of `h` across `h`, or passes an end
+    /// of `h`: the point `end`, if it is given.
     fn is_stopped(&self, h: u32, end: Option<Point>) -> bool {
         if self.plan.edges[h as usize].twin & BLOCKS == 0 {
             return false;
@@ -258,7 +261,8 @@ impl Walk<'_> {
         }
     }
 
-    /// Returns whether the walk reaches the vertex of a half-edge, along an edge on which it is.
+    /// Returns whether the walk reaches the origin of half-edge `h`, which lies ahead on the segment's line.
+    /// True for a ray. A segment that ends exactly there reaches it.
     fn runs_to(&self, h: u32) -> bool {
         let axis = usize::from(self.a[0] == self.b[0]);
         let (from, to, end) = (self.a[axis], self.b[axis], self.plan.start(h)[axis]);
@@ -315,15 +319,17 @@ impl Walk<'_> {
         corner.map(|h| At::Vertex(h, LEFT | RIGHT))
     }
 
-    /// Returns the sides ([`LEFT`], [`RIGHT`]) on which the segment may pass a vertex: those on which no wall
-    /// at the vertex stops it.
+    /// Returns the sides on which the segment may pass the origin of half-edge `h`: [`LEFT`], [`RIGHT`], both
+    /// or 0. A side is left out if a wall at the vertex stops the segment there. Left and right are as seen
+    /// along the segment, from `a` to `b`.
     fn open_sides(&self, h: u32) -> u8 {
         let is_closed = |side: u8| self.plan.fan(h).any(|h| self.stop_at(h, side).is_some());
         [LEFT, RIGHT].into_iter().filter(|&side| !is_closed(side)).sum()
     }
 
-    /// Returns the half-edge at which a walk ends that passes a vertex on one of `sides`. `h` begins at the
-    /// vertex; the result is `h` or its twin. `None` if the edge does not end the walk.
+    /// Returns the half-edge at which a walk ends that passes the origin of `h` on `sides`: on one of them,
+    /// or on either if both bits are set. The half-edge returned is `h` or its twin. `None` if the edge of
+    /// `h` does not end the walk.
     fn stop_at(&self, h: u32, sides: u8) -> Option<u32> {
         let plan = self.plan;
         let twin = plan.edges[h as usize].twin()?;
@@ -339,8 +345,8 @@ impl Walk<'_> {
         self.is_stopped(passed, Some(plan.start(h))).then_some(passed)
     }
 
-    /// Returns the step from the vertex of `h` in the direction of `b`, if the segment may pass the vertex on
-    /// `sides`. `None` if no triangle lies there, or if `b` is on the edge along which the segment runs.
+    /// Returns the step from the origin of `h` in the direction of `b`, if the segment may pass this vertex
+    /// on `sides`. `None` if no triangle lies there, or if `b` is on the edge along which the segment runs.
     fn leave(&self, h: u32, sides: u8) -> Option<At> {
         let plan = self.plan;
         let from = plan.start(h);

@@ -62,7 +62,7 @@ pub(crate) struct BuildEdge {
 pub(crate) struct Triangulation {
     pub(crate) points: Vec<Point>,
     pub(crate) edges: Vec<BuildEdge>,
-    /// A half-edge that begins at each vertex.
+    /// For each vertex, a half-edge that begins there.
     pub(crate) out: Vec<u32>,
     /// Items of the lists of walls: the number of a wall, and the next item or [`NONE`]. Items never change.
     pub(crate) lists: Vec<(u32, u32)>,

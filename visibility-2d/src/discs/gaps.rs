@@ -1,4 +1,5 @@
-//! The directions that are still open: disjoint intervals of direction numbers, in sectors.
+//! The directions that are still open, that is, in which no disc has been met: disjoint intervals of
+//! direction numbers, in sectors.
 //!
 //! An interval is inserted into the list of its sector alone, so that a cut moves little memory. Where m
 //! intervals come to lie in one sector, 1/256 of a turn, a cut moves up to m of them, 16 bytes each.
@@ -14,9 +15,9 @@ const PER_UNIT: f64 = SECTORS as f64 / 4.0;
 /// A set of directions in which no disc has been met so far.
 #[derive(Clone, Debug)]
 pub(crate) struct Gaps {
-    /// Open intervals of each sector, ascending.
+    /// For each sector, its open intervals as pairs of direction numbers, ascending.
     sectors: Vec<Vec<(f64, f64)>>,
-    /// Number of sectors with a gap.
+    /// Number of sectors that have an open interval.
     open: usize,
 }
 

@@ -147,7 +147,7 @@ impl Run {
     const EMPTY: Self =
         Self { low: f64::INFINITY, crest: [f64::INFINITY, f64::NEG_INFINITY, 0.0], since: None };
 
-    /// Returns the step at the crest, if it was not returned before.
+    /// Returns the step at the crest of the run. `None` if it was returned before.
     fn take(&mut self) -> Option<Step> {
         self.since.take()?;
         let [low, high, depth] = self.crest;

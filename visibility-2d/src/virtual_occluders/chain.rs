@@ -276,8 +276,9 @@ impl Task<'_> {
         left_of(at, from, to) >= 0.0 && all_left_of(to, from, self.corners)
     }
 
-    /// Returns the link with a chord that begins in a corner of one of two solids that is certainly in the
-    /// other: no line passes between solids that touch.
+    /// Returns `link` with another chord: one that begins in a joint, a corner of the solid of `last` or of
+    /// `link` that is certainly in the other solid. No line passes between solids that touch. `None` if there
+    /// is no such corner.
     fn join(&self, at: Point, last: &Link, link: &Link) -> Option<Link> {
         let (a, b) = (self.solids.ring(last.solid), self.solids.ring(link.solid));
         let is_exact = |solid: u32, ring: &[Post]| {

@@ -1,6 +1,6 @@
 //! The culler: chooses the polygons in use and decides when that choice must be repeated.
 
-use super::group_map::GroupMap;
+use super::cached_occlusion_map::GroupMap;
 use crate::clip_projection::ClipProjection;
 use crate::occluders::{Chosen, Occluders, Selector, is_drawn};
 use crate::view_volume::ViewVolume;

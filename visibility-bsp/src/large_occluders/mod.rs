@@ -21,8 +21,8 @@
 //! frame the map determines which side of each occluder the eye is on, and clears the cache if any side has
 //! changed. The choice of occluders depends on the eye rounded to a coarse grid, so it seldom changes.
 
+mod cached_occlusion_map;
 mod culler;
 mod group;
-mod group_map;
 
 pub use culler::LargeOccludersCuller;

@@ -70,8 +70,10 @@ impl BspTree {
         result.map(|()| count)
     }
 
-    /// Raises the bound on coordinates to at least `magnitude` (by axis) and widens the margins of all planes
-    /// accordingly. In a tree with polygons the bound at least doubles, so that this happens rarely.
+    /// Raises the bound on the magnitude of coordinates to at least `magnitude`, given for each axis, and
+    /// widens the margins of all planes accordingly. Does nothing if the bound is at least `magnitude` on all
+    /// axes already. Otherwise, in a tree with polygons, the bound at least doubles on every axis, so that
+    /// planes are seldom computed anew.
     fn raise_magnitude(&mut self, magnitude: DVec3) {
         if magnitude.cmple(self.magnitude).all() {
             return;

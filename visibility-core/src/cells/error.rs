@@ -79,12 +79,12 @@ pub enum CellGraphError {
     },
     /// A portal does not lie in a face of the body of one of its cells.
     NotOnBody {
-        /// Portal that lies in no face of the body of `cell`.
+        /// Portal that does not lie in any face of the body of `cell`.
         portal: PortalId,
-        /// Cell of the portal in whose faces the portal does not lie.
+        /// Cell that the portal leads to or from, of whose body no face holds the portal.
         cell: CellId,
-        /// Greatest distance of a vertex of the portal outside the body of the cell, or greatest distance of
-        /// a vertex from the plane of the nearest face, whichever is greater, in metres.
+        /// Distance in metres: the greatest by which a vertex of the portal is outside the body of the cell,
+        /// or the greatest of a vertex from the plane of the nearest face, whichever is greater.
         distance: f64,
     },
     /// The normal of a portal does not point from the body of its first cell into the body of its second

@@ -108,10 +108,11 @@ impl Aabb {
         Self::new(self.min.min(other.min), self.max.max(other.max))
     }
 
-    /// Returns a box that certainly contains the image of this box under `transform`: of every point of the
-    /// box, mapped in real numbers, without rounding. Larger than the smallest such box by less than a
-    /// millionth of the magnitudes that each coordinate sums. A rotated box has the bounds of its image,
-    /// which are larger than the image.
+    /// Returns a box that certainly contains the image of this box under `transform`: every point of the box,
+    /// mapped without rounding. A side of the result lies less than a millionth of the following sum farther
+    /// out than the side of the smallest such box: the magnitudes of the translation along this axis, and of
+    /// the products of the three matrix entries of its row with the minimum and with the maximum of the box.
+    /// A rotated box has the bounds of its image, which are larger than the image.
     ///
     /// The identity returns the box unchanged. An improper box is returned unchanged. A NaN in `transform`,
     /// or an infinite side of the box that `transform` multiplies by 0, makes an improper box. Sides beyond

@@ -1,29 +1,37 @@
 //! Work that a frame may spend on occlusion, counted in triangles and paid by the objects found hidden.
 //!
+//! Terms, all of them work in triangles. The *price* is what hiding one object is worth. The *worth* of a
+//! number of objects is the price times this number. The *credit* is what the search for occluders may still
+//! spend: it begins with [`INITIAL_CREDIT`] and one price, and each object found hidden adds the price. The
+//! *earnings* are the worth of all objects found hidden so far in the frame. An occluder that costs more than
+//! the credit may be drawn on a *loan*: objects found hidden pay loans back before they add to the credit.
+//! The objects *behind* an occluder are those that it may hide: all objects not found hidden so far.
+//!
 //! The budget never knows the time. It counts work in *triangles*, the cost of drawing one triangle of an
 //! occluder: with the z-buffer about a tenth of a microsecond. The same frame therefore spends the same on
 //! every machine.
 
 use glam::DVec3;
 
-/// Work, in triangles, that a frame may spend before an object is found hidden, beyond the price of one. It
-/// must last until the first batch has been drawn and the boxes behind have been tested.
+/// Credit at the start of a frame, in triangles, to which the price of one object is added. It must last
+/// until the first batch of occluders has been drawn and the boxes behind have been tested.
 const INITIAL_CREDIT: f32 = 2048.0;
 
 /// Work of testing one box of a block of siblings, in triangles (measured with the z-buffer: a block of 64
 /// takes what six triangles take; with three times as much, frames of real levels end their search early).
 const TEST_WORK: f32 = 0.1;
 
-/// Greatest cost of an occluder, in triangles, that is paid from the credit and the earnings so far although
-/// it exceeds half the worth of all objects behind. So a frame of few objects draws no mesh that costs as
-/// much as all of them.
+/// Cost in triangles up to which an occluder may be expensive for what it can hide. An occluder that costs
+/// more than this and the frame's earnings together is paid from the credit only if it costs at most half the
+/// worth of all objects behind it. So a frame of few objects draws no mesh that costs as much as all of them.
 const UNPROVEN_COST: f32 = 512.0;
 
-/// Expected gain of an occluder, as a multiple of its cost and of all loans that are open, from which it is
-/// drawn on a loan.
+/// An occluder is drawn on a loan if the worth of the objects that it is expected to hide is at least this
+/// many times its cost and all loans not paid back yet.
 const LOAN_SAFETY: f32 = 4.0;
 
-/// Greatest share of a frame's work on occluders that a map may spend on occluders that it draws by itself.
+/// Greatest share of a frame's work on occluders that an occlusion map may spend on occluders that the map
+/// draws by itself.
 const OWN_SHARE: f32 = 0.75;
 
 /// Greatest share of the initial credit that hidden objects may have paid in a frame in which nearly nothing
@@ -99,8 +107,9 @@ impl Budget {
         self.limit -= work;
     }
 
-    /// Returns the work in triangles that a map may spend on occluders that it draws by itself. `objects` may
-    /// be found hidden. With a price of 0, all work that leaves the search its share.
+    /// Returns the work in triangles that an occlusion map may spend on occluders that the map draws by
+    /// itself: at most what the objects are worth that may be found hidden, `objects` in number, and at most
+    /// [`OWN_SHARE`] of what the search may still spend. With a price of 0 only the second bound counts.
     pub(super) fn for_own_occluders(&self, objects: f32) -> f32 {
         let worth = if self.price > 0.0 { self.worth(objects) } else { f32::INFINITY };
         worth.min(OWN_SHARE * (self.limit - self.reserve))
@@ -130,10 +139,10 @@ impl Budget {
         self.credit += earned - paid_back;
     }
 
-    /// Returns whether an occluder of `cost` that covers a `share` of the view can be paid, if all objects
-    /// that may lie behind it are worth `behind`: from the credit, or on a loan if what it is expected to
-    /// hide is worth [much more](LOAN_SAFETY) than the cost and the open loans. So no occluder is too
-    /// expensive for what lies behind it.
+    /// Returns whether an occluder can be paid. `cost` is in triangles, `share` the part of the view that the
+    /// occluder covers, 0 to 1, and `behind` the worth of all objects behind it. It is paid from the credit,
+    /// or on a loan if what it is expected to hide is worth [much more](LOAN_SAFETY) than its cost and the
+    /// open loans. So no occluder is too expensive for what lies behind it.
     pub(super) fn can_pay(&self, cost: f32, share: f32, behind: f32) -> bool {
         let is_in_proportion = cost <= UNPROVEN_COST + self.earned || 2.0 * cost <= behind;
         let is_on_loan = LOAN_SAFETY * (cost + self.debt) <= behind * share;
@@ -150,29 +159,30 @@ impl Budget {
     }
 }
 
-/// Number of frames in a row that did not pay after which frames are left out.
+/// Number of frames in a row that did not pay after which frames are left out: nothing is searched in them.
 const MOST_LOSSES: u32 = 8;
 
-/// Work, in triangles, that a frame left out pays back for each object in view: some three times what frustum
+/// Work, in triangles, that a frame left out saves for each object in view: some three times what frustum
 /// culling takes (measured).
 const PAID_BACK: f32 = 0.02;
 
 /// Greatest number of frames left out in a row.
 const MOST_FRAMES_LEFT_OUT: u32 = 64;
 
-/// Factor by which the number of objects in view must exceed that of the last frame worked on for a frame to
-/// try again.
+/// A frame tries again if it has at least this many times the objects in view of the last frame that was not
+/// left out.
 const MORE_IN_VIEW: usize = 2;
 
 /// Cosine of the angle by which the camera must have turned for a frame to try again: 30 degrees.
 const OTHER_DIRECTION: f64 = 0.866;
 
-/// Balance of the past frames of a culler: whether the search for hidden objects pays.
+/// Balance of the past frames of a culler: whether the search for hidden objects pays. A frame *pays* if the
+/// objects that it found hidden are worth at least the work spent on it. A frame *left out* searches nothing:
+/// all of its objects stay visible.
 ///
-/// Where it does not for [`MOST_LOSSES`] frames in a row, as in the view of a bird, frames are left out until
+/// Where [`MOST_LOSSES`] frames in a row did not pay, as in the view of a bird, frames are left out until
 /// they have saved what the last one spent in vain, or the camera sees something else: it has turned, or many
-/// more objects are in view, as where one steps back from a wall. Then a frame tries again. Objects of frames
-/// left out stay visible.
+/// more objects are in view, as where one steps back from a wall. Then a frame tries again.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Experience {
     /// Number of frames in a row that did not pay.
@@ -181,15 +191,17 @@ pub(super) struct Experience {
     debt: f32,
     /// Number of frames left out in a row.
     left_out: u32,
-    /// Number of objects in view in the last frame worked on.
+    /// Number of objects in view in the last frame that was not left out.
     objects: usize,
-    /// Direction of the camera in the last frame worked on, as a unit vector; zero if it is a parallel view.
+    /// Direction of the camera in the last frame that was not left out, as a unit vector; zero if that was a
+    /// parallel view.
     forward: DVec3,
 }
 
 impl Experience {
-    /// Returns whether a frame is left out. `objects` are in view; the camera looks along `forward`, of any
-    /// length, zero in parallel views. After false, the caller must [`record`](Self::record) the frame.
+    /// Returns whether the next frame is left out. `objects` is the number of objects in view; the camera
+    /// looks along `forward`, of any length, zero in parallel views. After false, the caller must
+    /// [`record`](Self::record) the frame.
     pub(super) fn leaves_out(&mut self, objects: usize, forward: DVec3) -> bool {
         let forward = forward.normalize_or_zero();
         let is_alike = objects < MORE_IN_VIEW * self.objects
@@ -212,10 +224,11 @@ impl Experience {
     }
 }
 
-/// Number of consecutive leaves without a hidden object after which leaves are left out.
+/// Number of tested leaves in a row without a hidden object after which some leaves are left out: their boxes
+/// are not tested.
 const MOST_MISSES: u32 = 8;
 
-/// Greatest number of leaves left out between two that are tested.
+/// Greatest number of leaves in a row that are not tested. The next leaf is tested.
 const MOST_LEFT_OUT: u32 = 32;
 
 /// Choice of the leaves whose objects are tested after a search that was [in vain](Budget::is_spent_in_vain).
@@ -240,7 +253,8 @@ impl LeafSampling {
         tests
     }
 
-    /// Records whether any object of a tested leaf was hidden.
+    /// Records the result of a tested leaf. `is_any_hidden`: true if at least one of its objects was found
+    /// hidden, false if none was.
     pub(super) fn record(&mut self, is_any_hidden: bool) {
         self.misses = if is_any_hidden { 0 } else { self.misses.saturating_add(1) };
     }

@@ -337,13 +337,14 @@ impl<M: OcclusionMap> Sweep<'_, M> {
 /// Value of `known` in [`HiddenTest`] for a node that occluders may hide: its children must be tested.
 const UNDECIDED: u32 = 1;
 
-/// The test of the walk after the search, for several threads. A node is known to be undecided.
+/// The test of the walk after the search, for several threads. The number passed down is [`UNDECIDED`], or 0
+/// if no occluder hides any part of the node.
 struct HiddenTest<'a> {
     map: &'a (dyn OcclusionMap + Sync),
 }
 
 impl NodeTest for HiddenTest<'_> {
-    /// Lanes of which no occluder hides any part.
+    /// Mask of the lanes whose boxes are certainly not hidden in any part: what is below them needs no test.
     type Found = u64;
 
     fn test(&self, block: &Block<'_>, candidates: u64, _: u32, stats: &mut CullStats) -> (u64, u64) {

@@ -84,9 +84,12 @@ pub struct OccluderMesh {
     /// Edge indices of each triangle: from its first vertex to its second, second to third, third to first.
     triangle_edges: Vec<[u32; 3]>,
     bounds: Aabb,
+    /// True if every edge joins two triangles.
     closed: bool,
     pub(super) convex: bool,
+    /// True if the mesh is exactly its own bounding box.
     cuboid: bool,
+    /// True if back faces occlude too, false if only front faces do.
     two_sided: bool,
     /// Separate convex solids of the mesh and, last, the remaining triangles. Empty for a single piece.
     pub(super) parts: Vec<OccluderMesh>,

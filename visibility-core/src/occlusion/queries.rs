@@ -125,6 +125,7 @@ struct Question {
     known: bool,
     /// Number of the frame of the newest query.
     asked: u64,
+    /// Whether a query for the box was issued and has no answer yet.
     under_way: bool,
     /// Newest answer: the number of the frame in which its query was issued, and whether the box was hidden.
     /// `None` without an answer.

@@ -209,6 +209,7 @@ pub struct PvsCuller<S> {
     viewcell: Option<ViewcellId>,
     /// Viewcells in which the view's lines of sight began when `seen` was last computed, ascending.
     entered: Vec<ViewcellId>,
+    /// Whether `entered` holds: false before the first frame, and where `seen` must be computed anew.
     is_entered: bool,
     /// Scratch: the viewcells in which this frame's lines of sight begin.
     entering: Vec<ViewcellId>,

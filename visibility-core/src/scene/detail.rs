@@ -111,11 +111,14 @@ impl Scene {
     }
 
     /// Sets the object that stands in for `id` from afar: one cheap mesh for a whole block of houses, or the
-    /// far level of detail of a single thing. The parent's [draw range](Self::set_draw_range) says from which
-    /// distance on: nearer than its `begin` the children are drawn, from there on the parent, never both and
-    /// never neither. All of these distances are that of the parent's bounds, also the `end` of a child's own
-    /// range, which need not be set: if it is, at least the parent's `begin` leaves no distance to neither.
-    /// `None` takes the object's parent away. Parents may have parents, with a greater `begin`.
+    /// far level of detail of a single thing. `None` takes the object's parent away. Parents may have
+    /// parents, with a greater `begin`.
+    ///
+    /// The [draw range](Self::set_draw_range) of the parent says from which distance on it is drawn: nearer
+    /// than its `begin` its children are drawn in its place, from there on the parent, never both. All of
+    /// these distances are measured to the parent's bounds, also for the `end` of a child's own range. A
+    /// child needs no range of its own. If it has one whose `end` is less than the parent's `begin`, neither
+    /// is drawn between these two distances.
     ///
     /// The parent's bounds must contain those of its children (for the levels of a single thing, give the
     /// parent a box around all of them), and the parent must be on all layers that

@@ -30,11 +30,12 @@ pub struct Maintenance {
     pub waiting: usize,
 }
 
-/// After an unsuccessful redistribution of a node's group, the next attempt waits until the overlap exceeds
-/// this multiple of the overlap at that attempt.
+/// After an attempt to redistribute the contents of a node and its neighbours has failed, the next attempt
+/// waits until their overlap is at least this multiple of the overlap at that attempt.
 const RETRY_FACTOR: f32 = 1.5;
-/// Factor by which each inspection of a node without redistribution lowers the overlap at which the next
-/// attempt is made, so that attempts are repeated after a while.
+/// Decay of the overlap that a next attempt waits for (see [`RETRY_FACTOR`]): each inspection of the node
+/// without an attempt multiplies it by this factor, so that a place that has changed is tried again after a
+/// while.
 const RETRY_DECAY: f32 = 0.97;
 /// Greatest number of occupied lanes, of 64, at which a node is merged with its nearest neighbours if they
 /// have free lanes.

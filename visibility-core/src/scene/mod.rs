@@ -522,7 +522,8 @@ impl Scene {
         Ok(())
     }
 
-    /// Sets whether an object may be used as an occluder, that is, may hide other objects.
+    /// Sets whether an object may be used as an occluder, that is, may hide other objects: `occluder` true,
+    /// it may; false, it hides nothing.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
@@ -538,8 +539,8 @@ impl Scene {
         Ok(())
     }
 
-    /// Sets whether an object is exempt from culling. If true, the object is visible in every view of its
-    /// layers, whatever the cullers find.
+    /// Sets whether an object is exempt from culling. With `never_cull` true, the object is visible in every
+    /// view of its layers, whatever the cullers find. With false, cullers may remove it.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
@@ -551,7 +552,8 @@ impl Scene {
         Ok(())
     }
 
-    /// Sets whether objects behind an object are drawn through it: see [`Object::see_through`].
+    /// Sets whether objects behind an object are drawn through it (`see_through` true) or not (false): see
+    /// [`Object::see_through`].
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
@@ -562,8 +564,8 @@ impl Scene {
         Ok(())
     }
 
-    /// Sets whether an object's triangles are drawn from their front alone: see [`Object::one_sided`]. An
-    /// occluder mesh that the object has stays as it is.
+    /// Sets whether an object's triangles are drawn from their front alone (`one_sided` true) or from both
+    /// sides (false): see [`Object::one_sided`]. An occluder mesh that the object has stays as it is.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
@@ -680,7 +682,8 @@ impl Scene {
     }
 }
 
-/// Adds an object to a set of indices or removes it, and raises the set's limit where that is needed.
+/// Adds an object to a set of object indices (`value` true) or removes it (false). Adding raises the limit of
+/// the set if the object's index is not below it.
 fn mark(bits: &mut Bits, id: ObjectId, value: bool) {
     if value {
         bits.grow(id.index() + 1);

@@ -178,8 +178,8 @@ impl Object {
     }
 }
 
-/// Returns whether no culler may remove an object with these bounds: because it is flagged as never culled,
-/// or because the bounds are inverted, NaN or infinite.
+/// Returns whether no culler may remove an object with bounds `bounds`: because its flag `never_cull` is
+/// true, or because the bounds are inverted, NaN or infinite.
 pub(super) fn is_unculled(bounds: &Aabb, never_cull: bool) -> bool {
     never_cull || !bounds.is_finite()
 }

@@ -406,9 +406,10 @@ impl Scene {
         Ok(())
     }
 
-    /// Gives an object an occluder mesh made from its triangles, which is dropped when these change: a mesh
-    /// that the transform of the triangles places (`is_placed`), for an object without local bounds, or one
-    /// in scene coordinates.
+    /// Gives an object an occluder mesh made from its triangles. The mesh is dropped when the triangles
+    /// change. `is_placed` true: the mesh is in the coordinates of the triangles before they are placed, and
+    /// the transform of the triangles places it; the object has no local bounds. False: the mesh is in scene
+    /// coordinates, and no transform is applied.
     pub(crate) fn set_prepared_mesh(&mut self, id: ObjectId, mesh: MeshId, is_placed: bool) {
         let origin = if is_placed { MeshOrigin::Placed } else { MeshOrigin::InScene };
         self.replace_mesh(id.index, Some(PlacedMesh { index: mesh.index, origin, is_inside: false }));

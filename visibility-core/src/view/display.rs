@@ -76,9 +76,9 @@ impl fmt::Display for View {
     }
 }
 
-/// Points of the edges of the picture, relative to the origin of a view.
+/// Points of the picture's edges in the scene, in metres relative to the origin of a view.
 struct Edges {
-    /// Middles of the edges of the near plane.
+    /// Middles of the four edges of the picture, as points of the near plane.
     left: DVec3,
     right: DVec3,
     bottom: DVec3,

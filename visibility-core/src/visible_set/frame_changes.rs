@@ -11,6 +11,7 @@ pub(super) struct Changes {
     before: Vec<ObjectId>,
     /// Position in the scene that `now` was noted from; [`SceneCursor::START`] before the first frame.
     scene: SceneCursor,
+    /// Whether the frame before showed another scene than the last frame: then all objects have changed.
     is_other: bool,
     /// Indexed by object index: the position of the object in `now`. Meaningful only if `now` holds an
     /// object with that index at that position.

@@ -444,8 +444,9 @@ impl VisibleSet {
         stats
     }
 
-    /// Intersects the masks of `node` and of all nodes below it with those of `masks`. Returns whether any
-    /// object is left below.
+    /// Intersects the masks of `node` and of all nodes below it with those of `masks`, a function of the
+    /// node. `is_current` is the result of [`is_current`](Self::is_current): true if the masks of the set
+    /// describe the present layout of the scene. Returns whether any object is left at or below the node.
     fn intersect_below(
         &mut self,
         is_current: bool,

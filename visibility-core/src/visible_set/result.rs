@@ -121,8 +121,8 @@ impl VisibleSet {
         matches!(self.listing, Listing::Finished | Listing::Unlisted { .. })
     }
 
-    /// Returns whether the set is finished for `scene`, whatever has changed there since. Clones are other
-    /// scenes.
+    /// Returns whether the set is [finished](Self::is_finished) and was finished with `scene`. Stays true
+    /// when `scene` changes. False for any other scene, and for a clone of that scene.
     pub(super) fn is_result_of(&self, scene: &Scene) -> bool {
         self.is_finished() && self.layout.is_of_same_range(scene.layout())
     }
@@ -310,8 +310,8 @@ impl VisibleSet {
     }
 }
 
-/// Iterates over a list, and then over the rest. Faster than `Iterator::chain`, whose `fold` calls its
-/// closure for each object where the rest is a long chain itself.
+/// Iterates over the ids of the list `whole`, and then over those of `rest`. Faster than `Iterator::chain`,
+/// whose `fold` calls its closure for each object where `rest` is a long chain itself.
 struct Listed<'a, R> {
     whole: core::slice::Iter<'a, ObjectId>,
     rest: R,

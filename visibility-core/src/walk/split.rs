@@ -21,10 +21,11 @@ const MAX_SUBTREE_LEVEL: u8 = 1;
 /// Number that says of a node that no test is needed of anything below.
 const ACCEPTED: u32 = 0;
 
-/// A culler's test of 64 siblings, which threads share. What is known of a node from the tests above it is a
-/// number, 0 if nothing below the node needs a test.
+/// A culler's test of 64 siblings, which threads share. What the tests of a node and of the nodes above it
+/// have shown is passed down as a number, whose meaning the culler defines; 0 if nothing below the node needs
+/// a test.
 pub(crate) trait NodeTest: Sync {
-    /// What a test finds of the children, beyond which of them are kept.
+    /// What a test tells about the children that it keeps, besides which they are.
     type Found;
 
     /// Tests the `candidates` among the children of a node. `known` is the knowledge about the node from the

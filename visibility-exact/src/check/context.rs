@@ -11,17 +11,17 @@ pub(super) type Corner = (DVec3, Option<usize>);
 /// An edge, and the sign (1 or -1) of the side on which lines pass it.
 pub(super) type Divider = ([Corner; 2], f64);
 
-/// A proof while it is checked.
+/// A proof while it is checked. The node *at work* is the one being checked.
 pub(super) struct Check<'a> {
     pub(super) triangles: &'a SceneTriangles,
     pub(super) clearance: f64,
-    /// Bound on the errors of positions.
+    /// Bound on the error of each coordinate of a position, in metres.
     pub(super) delta: f64,
     /// Vertices of the target triangle in proofs without clearance. Empty otherwise.
     pub(super) target_vertices: Vec<u32>,
     /// Nodes of the proof that are not checked yet.
     pub(super) steps: core::slice::Iter<'a, Step>,
-    /// Number of cuts of P on the way to the node at work.
+    /// Number of cuts of P by planes of one-sided triangles on the way from the root to the node at work.
     pub(super) splits: u32,
 }
 

@@ -3,7 +3,7 @@
 use super::NormalCone;
 use super::cones64::Cones64;
 use super::split_eye::SplitEye;
-use crate::simd::Kernels;
+use crate::simd_dispatch::Kernels;
 use alloc::vec::Vec;
 use visibility_core::scene::FAN_OUT;
 use visibility_core::{simd::Simd, view::Eye};

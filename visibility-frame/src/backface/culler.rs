@@ -2,7 +2,7 @@
 
 use super::split_eye::SplitEye;
 use super::{Cones64, NormalCone};
-use crate::simd::Kernels;
+use crate::simd_dispatch::Kernels;
 use alloc::collections::BTreeSet;
 use alloc::vec::Vec;
 use visibility_core::scene::{FAN_OUT, lanes};

@@ -3,7 +3,7 @@
 use super::ClusterMesh;
 use super::local_view::{LocalView, Placement};
 use crate::backface::SplitEye;
-use crate::simd::Kernels;
+use crate::simd_dispatch::Kernels;
 use alloc::vec::Vec;
 use visibility_core::glam::Affine3A;
 use visibility_core::scene::{Boxes64, FAN_OUT, lanes};

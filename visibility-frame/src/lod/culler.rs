@@ -2,7 +2,7 @@
 
 use super::eye_box::EyeBox;
 use super::{PixelScale, SizeTest};
-use crate::simd::Kernels;
+use crate::simd_dispatch::Kernels;
 use visibility_core::bits::Bits;
 use visibility_core::glam::DVec3;
 use visibility_core::scene::{DetailBounds, DetailedObject, SceneCursor, lanes};

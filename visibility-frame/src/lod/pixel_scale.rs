@@ -28,6 +28,7 @@ pub struct PixelScale {
     eye: EyeBox,
     /// Squared pixels per metre at a distance of one metre, in parallel views at any distance, rounded up.
     squared: f64,
+    /// True for a parallel view, false for a perspective one.
     is_parallel: bool,
 }
 

@@ -98,7 +98,8 @@ enum State {
     Active,
     /// The mover is due in the present frame and visible in it. Used within `end_frame` only.
     Visible,
-    /// The mover was hidden in the last frame and gets its volume when the next one begins.
+    /// The mover was hidden in the last frame. At the start of the next frame its bounds in the scene are
+    /// replaced by its motion volume, a box that contains it for some frames.
     Hidden,
     /// The bounds contain the mover until its deadline.
     Volume,
@@ -192,7 +193,8 @@ pub struct MotionVolumes {
     /// Places of all movers without a volume, each once, and maybe of free ones.
     active: Vec<u32>,
     deadlines: Deadlines,
-    /// Scratch: movers whose bounds in the scene `begin_frame` replaces, with their new volumes.
+    /// Scratch memory: movers whose bounds in the scene `begin_frame` replaces, with their new volumes,
+    /// relative to the scene's origin.
     moved: Vec<(ObjectId, Aabb)>,
     cursor: SceneCursor,
     time: f64,
@@ -276,7 +278,7 @@ impl MotionVolumes {
         self.free.push(place);
     }
 
-    /// Lists a mover without a volume in `active`.
+    /// Appends the mover at `place`, which has no volume, to the list `active`, unless it is there already.
     fn list(&mut self, place: u32) {
         let is_listed = &mut self.status[place as usize].is_listed;
         if !core::mem::replace(is_listed, true) {

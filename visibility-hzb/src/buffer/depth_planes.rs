@@ -29,7 +29,8 @@ impl DepthPlanes {
         Self { planes: [plane; 3], count: 1 }
     }
 
-    /// Two planes, as [`ScreenShape::planes`] has them.
+    /// Returns the planes of an occluder that two planes bound, with coefficients as in
+    /// [`ScreenShape::planes`].
     #[inline(always)]
     pub(crate) fn two([p, q]: [[f32; 3]; 2]) -> Self {
         Self { planes: [p, q, q], count: 2 }

@@ -23,7 +23,7 @@ pub(crate) const LAYERS: usize = 4;
 pub(crate) struct Layers {
     /// Pixels of each layer: bit `8 * y + x` stands for the pixel at column `x` and row `y` of the tile.
     pub(super) masks: [u64; LAYERS],
-    /// Lower bound on the depth keys (greater is nearer) of each layer's pixels.
+    /// For each layer, a lower bound on the depth keys (greater is nearer) of the pixels that it covers.
     pub(super) depth_key: [f32; LAYERS],
     /// Index into [`Tiles::depth_planes`] of planes that bound each layer's depth keys more tightly. 0 means
     /// no planes.

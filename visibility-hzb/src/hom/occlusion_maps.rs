@@ -18,7 +18,7 @@ use crate::hzb::Hzb;
 use crate::lanes::WIDTH;
 use crate::query::box_projection::{ProjectedBoxes, project};
 use crate::query::box_queue::BoxQueue;
-use crate::simd::Kernels;
+use crate::simd_dispatch::Kernels;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::scene::FAN_OUT;
 use visibility_core::{

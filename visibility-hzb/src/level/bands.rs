@@ -11,7 +11,7 @@ use super::frame::LevelFrame;
 use super::prepared::PreparedLevel;
 use crate::buffer::tiles::Tiles;
 use crate::lanes::greatest;
-use crate::simd::Kernels;
+use crate::simd_dispatch::Kernels;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use visibility_core::jobs::{Jobs, for_each_part};
@@ -34,7 +34,7 @@ pub(crate) struct LevelRaster {
     tiles: Vec<Tiles>,
 }
 
-/// A band of the buffer.
+/// A range of tile columns of the buffer, which one thread draws.
 #[derive(Clone, Debug, Default)]
 struct Band {
     /// Half-open range of tile columns.

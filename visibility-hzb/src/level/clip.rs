@@ -30,12 +30,12 @@ impl End {
     }
 }
 
-/// Scratch for edges that are cut.
+/// Scratch memory for cutting the edges of one outline by one plane after the other.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ClipScratch {
-    /// Edges before the cut by a plane.
+    /// Edges of the outline before the present cut.
     pub(super) edges: Vec<[End; 2]>,
-    /// Edges after the cut by a plane.
+    /// Edges of the outline after the present cut.
     cut: Vec<[End; 2]>,
 }
 

@@ -17,7 +17,7 @@ use crate::rounding::down;
 use crate::setup::depth_plane::plane;
 use crate::setup::screen_projection::U;
 use crate::setup::screen_shape::tile_minimum_plane;
-use crate::simd::Kernels;
+use crate::simd_dispatch::Kernels;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use visibility_core::Aabb;
@@ -32,13 +32,13 @@ const LEAST_AREA_PX: f32 = 32.0;
 /// following ones).
 pub(super) const CANDIDATE_WORK: f32 = 0.05;
 
-/// Work of choosing the polygons of a cluster, in triangles.
+/// Work of choosing the polygons of one cluster that are drawn, in triangles.
 const CLUSTER_WORK: f32 = 3.0;
 
-/// Work of setting up a polygon, in triangles.
+/// Work of setting up one polygon, in triangles.
 const POLYGON_WORK: f32 = 5.0;
 
-/// Work of an open tile of a polygon, in triangles.
+/// Work of filling one [open tile](super::open_tiles) of a polygon, in triangles.
 const TILE_WORK: f32 = 0.25;
 
 /// A cluster that may be seen.
@@ -52,7 +52,7 @@ pub(crate) struct Candidate {
     cluster: u32,
     /// Pixels that the box around the cluster may meet; `None` for a box that may reach the eye's plane.
     rectangle: Option<Rectangle>,
-    /// Upper bound on the depth keys of the cluster.
+    /// Upper bound on the depth keys of the cluster (greater is nearer).
     nearest: f32,
 }
 
@@ -385,9 +385,9 @@ fn draw_polygon(
     covered | simd.cover_seams(seams, &level.edges[outline], polygon.edges[0], first_edge, tiles)
 }
 
-/// Returns whether a polygon may cover pixels that are still empty or farther. `bounds` (least column, least
-/// row, greatest column, greatest row) hold the polygon, and `w` is its least distance. An estimate: it
-/// decides only what is drawn.
+/// Returns whether a polygon may cover pixels that are still empty or farther than the polygon. `bounds`
+/// (least column, least row, greatest column, greatest row, in pixels) hold the polygon, and `w` is the least
+/// clip coordinate `w` of its points. An estimate: it decides only what is drawn.
 fn may_be_seen(simd: Simd, frame: &LevelFrame, tiles: &Tiles, bounds: [f32; 4], w: f32) -> bool {
     let size = [(tiles.columns * SIDE) as f32, (tiles.rows * SIDE) as f32];
     let range = |axis: usize| {

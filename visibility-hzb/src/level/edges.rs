@@ -125,7 +125,7 @@ impl Edges {
     }
 }
 
-/// Least column, least row, greatest column and greatest row of edges, lane by lane.
+/// Least column, least row, greatest column and greatest row of the edges in each lane, in pixels.
 struct Bounds([[f32; WIDTH]; 4]);
 
 impl Bounds {
@@ -148,7 +148,8 @@ impl Bounds {
         }
     }
 
-    /// Returns the bounds of all lanes.
+    /// Returns the bounds of the edges of all lanes together: least column, least row, greatest column and
+    /// greatest row, in pixels. Without edges the least are infinity and the greatest are negative infinity.
     #[inline(always)]
     fn joined(&self) -> [f32; 4] {
         let mut joined = [f32::INFINITY, f32::INFINITY, f32::NEG_INFINITY, f32::NEG_INFINITY];

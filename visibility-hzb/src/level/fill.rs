@@ -1,4 +1,5 @@
-//! Fills an outline into tiles: the pixels that it winds round an odd number of times and does not come near.
+//! Fills an outline into tiles: the pixels whose centres it winds round an odd number of times and that it
+//! does not come near.
 
 use super::edges::Edges;
 use super::open_tiles::{TileKeys, end_tile, first_tile, first_tiles};
@@ -16,13 +17,13 @@ use alloc::vec::Vec;
 pub(crate) struct FillScratch {
     /// Masks of the open tiles: for each row of tiles, one for each [`WIDTH`] columns.
     pub(super) open: Vec<u32>,
-    /// Edges that meet a row of tiles.
+    /// Edges of the outline that meet the row of tiles at work.
     row: Vec<RowEdges>,
 }
 
-/// Covers the pixels of [open tiles](FillScratch::open) that the outline `edges` winds round an odd number of
-/// times and does not come within `slack` pixels of. The polygon is added to `seams`. Returns
-/// whether a tile may have changed.
+/// Covers the pixels of [open tiles](FillScratch::open) whose centres the outline `edges` winds round an odd
+/// number of times, and which it does not come within `slack` pixels of. Adds the polygon of the outline to
+/// `seams`. Returns whether a tile may have changed.
 #[inline(always)]
 pub(crate) fn fill(
     edges: &Edges,

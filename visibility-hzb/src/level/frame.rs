@@ -30,15 +30,16 @@ pub(super) const LEAST_PARALLEL_COSINE: f64 = 0.01;
 /// The view of a frame relative to the origin of a level.
 #[derive(Clone, Debug)]
 pub(crate) struct LevelFrame {
-    /// Projection in `f64`.
+    /// Projection of the view in `f64`, for points relative to the origin of the level.
     pub(super) projection: ScreenProjection,
-    /// Projection in `f32`.
+    /// The same projection in `f32`.
     pub(super) projection32: ScreenProjection32,
     /// Projection of the level's vertices in `f64`, with its errors.
     pub(super) object: ObjectProjection,
-    /// Error bounds of depth planes: those of a determinant of three points, and of cross products.
+    /// Bounds on the errors of depth planes: first of a determinant of three points, then of cross products.
     pub(super) plane_errors: [f64; 2],
-    /// Eye of a perspective view in metres, else the unit direction of the view.
+    /// Eye of a perspective view, in metres relative to the origin of the level; the unit direction of a
+    /// parallel view.
     pub(super) eye: DVec3,
     /// True for a perspective view, false for a parallel one.
     pub(super) perspective: bool,
@@ -48,7 +49,7 @@ pub(crate) struct LevelFrame {
     /// polygon's plane is beyond it, all points of the polygon's slab on the same ray are beyond the near
     /// plane.
     pub(super) least_near: f64,
-    /// Least `w` of outlines: they are cut there.
+    /// Clip coordinate `w` at which outlines are cut: what is left has at least this `w`.
     pub(super) least_w: f64,
     /// In a parallel view, the greatest thickness of a polygon's slab whose outline may be moved into one
     /// plane to be cut, in metres.
@@ -67,9 +68,9 @@ pub(crate) struct LevelFrame {
     /// Upper bound on the distance in pixels by which a point in the picture moves on the screen if it moves
     /// by one metre, times its `w`.
     pub(super) pixels_per_metre: f64,
-    /// The [`sides`] of the view, for tests of balls.
+    /// Side planes of the view, computed by [`sides`], for tests whether balls are outside of the view.
     pub(super) sides: [[f32; 5]; 5],
-    /// Greatest change of `w` over one metre.
+    /// Greatest change of the clip coordinate `w` when a point moves by one metre.
     pub(super) w_per_metre: f64,
     /// Rule that decides which pixels an outline covers.
     pub(super) coverage: Coverage,

@@ -37,7 +37,7 @@ pub(super) fn first_tiles(count: u32) -> u32 {
     if count < WIDTH as u32 { (1 << count) - 1 } else { u32::MAX }
 }
 
-/// Bounds on the depth keys of a polygon.
+/// Lower bounds on the depth keys of a polygon (greater is nearer).
 pub(crate) struct DepthBound {
     /// Coefficients `[a, b, c]` of the least key in a tile: `a * column + b * row + c`, in tile columns and
     /// tile rows.

@@ -7,20 +7,21 @@ use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, ObjectId};
 use visibility_occluders::{LevelOccluders, OccluderCluster, OccluderPolygon};
 
-/// Boxes of up to [`WIDTH`] clusters, or of groups of clusters, by coordinate: least x, y, z, greatest x, y,
-/// z. Lanes without a box repeat the last box.
+/// Boxes of up to [`WIDTH`] clusters, or of groups of clusters, one in each lane, relative to the origin of
+/// the level, in metres: least x, y, z, greatest x, y, z. Lanes without a box repeat the last box.
 pub(crate) type BoxLanes = [[f32; WIDTH]; 6];
 
-/// Up to [`WIDTH`] polygons of one cluster, by coordinate. Lanes without a polygon have no area.
+/// Up to [`WIDTH`] polygons of one cluster, one in each lane. Positions are relative to the origin of the
+/// level. Lanes without a polygon have no area.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Polygons {
-    /// Unit normals, by axis and lane.
+    /// Unit normals of the polygons: x, y and z, each by lane.
     pub(crate) normal: [[f32; WIDTH]; 3],
-    /// Middles of the boxes around the polygons in metres.
+    /// Middles of the boxes around the polygons, in metres: x, y and z, each by lane.
     pub(crate) middle: [[f32; WIDTH]; 3],
-    /// Areas in square metres.
+    /// Areas of the polygons in square metres.
     pub(crate) area: [f32; WIDTH],
-    /// Greatest distances of a vertex from the middle in metres.
+    /// Greatest distance of a vertex of each polygon from its `middle`, in metres.
     pub(crate) radius: [f32; WIDTH],
 }
 
@@ -38,8 +39,8 @@ pub struct PreparedLevel {
     /// Middle of the box around all clusters, and distance of the box's corners from it, in metres. The
     /// middle is NaN without clusters.
     pub(crate) ball: (DVec3, f64),
-    /// Greatest magnitudes of the coordinates of all vertices, and of all points as far from a polygon's
-    /// middle as its vertices.
+    /// Bounds on the magnitudes of x, y and z, relative to `origin`, in metres: those of all vertices, and of
+    /// all points as far from a polygon's middle as its vertices.
     pub(crate) reach: DVec3,
     /// Greatest thickness of a polygon's slab in metres.
     pub(crate) thickness: f64,
@@ -53,7 +54,7 @@ pub struct PreparedLevel {
     pub(crate) polygons: Vec<Polygons>,
     /// For each cluster, the index of its first element of `polygons`; one more at the end.
     pub(crate) first_polygons: Vec<u32>,
-    /// Edges of all polygons, as in the level.
+    /// Edges of all polygons, in the order in which `level` has them.
     pub(crate) edges: Vec<PreparedEdge>,
     /// Objects whose triangles are in the level, by their index: [`ObjectId::PLACEHOLDER`] for others.
     pub(crate) objects: Vec<ObjectId>,
@@ -68,7 +69,7 @@ pub(crate) struct PreparedEdge {
     pub(crate) partner: u32,
 }
 
-/// Index that no edge has.
+/// Index that stands for no edge.
 pub(crate) const NO_EDGE: u32 = u32::MAX;
 
 impl PreparedLevel {

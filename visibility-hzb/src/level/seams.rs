@@ -14,33 +14,39 @@ use alloc::vec::Vec;
 /// What the polygons drawn in a frame have to tell about the pixels along their shared edges.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Seams {
-    /// Pieces of all edges drawn so far.
+    /// Pieces of all shared edges of the polygons drawn so far in the frame, in the order in which they were
+    /// left.
     pieces: Vec<Piece>,
     /// For each edge of all levels the index of its last piece; [`NO_PIECE`] for an edge without.
     last: Vec<u32>,
-    /// Edges with pieces.
+    /// Numbers in the frame of the edges that have pieces, each once.
     met: Vec<u32>,
-    /// Depth keys of the polygons drawn so far.
+    /// Depth keys of the polygons drawn so far in the frame, in their order.
     polygons: Vec<TileKeys>,
-    /// Pieces of the window in work, each given with its edge, before they are known to hold anything.
+    /// Pieces of the present window: for each, the number of its edge in the frame, and the pixels that the
+    /// edge comes near, one word for each row of pixels from the top. It is not yet known whether any of
+    /// these pixels count.
     window: Vec<(u32, [u64; SIDE])>,
 }
 
-/// Index that no piece has.
+/// Index that stands for no piece.
 const NO_PIECE: u32 = u32::MAX;
 
-/// What one of the two polygons of an edge has of the edge's seam in one window.
+/// What one of the two polygons that share an edge knows of the pixels along the edge, in one window of eight
+/// tiles side by side. Bit sets of pixels have one word for each row of pixels from the top; bit i is column
+/// i of the window.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
-    /// Index of the first tile of the window.
+    /// Index in the buffer of the leftmost tile of the window.
     first: u32,
-    /// The edge's piece before this one, in a window farther to the left or above.
+    /// Index of the piece that the same edge has in a window farther to the left or above, [`NO_PIECE`]
+    /// without.
     before: u32,
     /// Index of the polygon in [`Seams::polygons`].
     polygon: u32,
-    /// Pixels near this edge and no other of the polygon's, in its open tiles.
+    /// Pixels of open tiles that this edge of the polygon comes near, and no other edge of the polygon.
     alone: [u64; SIDE],
-    /// Those whose centres the polygon winds round an odd number of times.
+    /// Pixels of `alone` whose centres the polygon winds round an odd number of times.
     odd: [u64; SIDE],
 }
 

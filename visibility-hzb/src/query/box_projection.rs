@@ -111,15 +111,15 @@ impl ScreenProjection32 {
     }
 }
 
-/// [`WIDTH`] points on the screen.
+/// [`WIDTH`] points projected to the screen, one in each lane.
 pub(crate) struct ScreenPoints {
-    /// Columns in pixels. Meaningless where `error` is infinite, as are all other values.
+    /// Columns of the points in pixels. All values of a lane are meaningless where its `error` is infinite.
     pub(crate) x: [f32; WIDTH],
     /// Rows of the points in pixels.
     pub(crate) y: [f32; WIDTH],
-    /// Lower bounds on `w`.
+    /// Lower bounds on the clip coordinate `w` of the points.
     pub(crate) w: [f32; WIDTH],
-    /// Upper bounds on `w`.
+    /// Upper bounds on the clip coordinate `w` of the points.
     pub(crate) most_w: [f32; WIDTH],
     /// Upper bounds on the error of columns and rows in pixels. Infinite for points at or behind the eye.
     pub(crate) error: [f32; WIDTH],
@@ -128,8 +128,9 @@ pub(crate) struct ScreenPoints {
 }
 
 impl ScreenProjection32 {
-    /// Projects points given by their x, y and z in scene coordinates. The bounds are those of boxes, but for
-    /// points outside the picture too: each column and row has a bound in proportion to itself.
+    /// Projects points, given by x, y and z in scene coordinates, each by lane. The errors are bounded as for
+    /// boxes, but also for points outside the picture: each column and row has a bound in proportion to its
+    /// magnitude.
     #[inline(always)]
     pub(crate) fn points(&self, p: &[[f32; WIDTH]; 3]) -> ScreenPoints {
         let mut d = [[0.0; WIDTH]; 3];

@@ -44,8 +44,10 @@ impl BoxQueue {
         if *transform == Affine3A::IDENTITY { *bounds } else { moved(bounds, transform) }
     }
 
-    /// Appends a box. Returns true if the queue is now full: the caller must empty it before the next call,
-    /// which would overwrite the first box.
+    /// Appends the box `bounds`, in its own coordinates, which `transform` maps to the scene. `two_sided`:
+    /// true if the inner sides of its faces hide objects too, false if only the outer sides do. Returns true
+    /// if the queue is now full: the caller must empty it before the next call, which would overwrite the
+    /// first box.
     pub(crate) fn push(&mut self, bounds: &Aabb, transform: &Affine3A, two_sided: bool) -> bool {
         let i = self.count % WIDTH;
         self.bounds[i] = *bounds;

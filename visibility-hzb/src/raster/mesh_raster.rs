@@ -95,7 +95,9 @@ const OUTSIDE_TOLERANCE: f64 = 1e-6;
 /// Number of vertices that are processed together.
 const LANES: usize = 8;
 
-/// Bounds over the vertices of a mesh and over the points where its edges are cut at the near plane.
+/// Bounds on three numbers of the vertices of one mesh and of the points where its edges are cut at the near
+/// plane: the error of their screen coordinates, in pixels; their depth keys; and their distance beyond the
+/// near plane.
 struct VertexBounds {
     /// Upper bound on the error, in pixels, of the screen coordinates of vertices and near-plane cuts that
     /// are drawn.

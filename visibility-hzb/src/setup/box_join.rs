@@ -65,8 +65,11 @@ impl BoxJoin {
         }
     }
 
-    /// Adds a box and joins it with the boxes that it abuts, as long as the result abuts others. Returns the
-    /// number of the added box in `boxes`. Each join is a box of its own behind those that it replaces.
+    /// Adds the box `bounds`, in its own coordinates, which `transform` maps to the scene, and joins it with
+    /// the boxes that it abuts, as long as the result abuts others. Two boxes abut if they share a whole
+    /// face. `two_sided`: true if the inner sides of its faces hide objects too, false if only the outer
+    /// sides do. Returns the number of the added box in `boxes`. Each join is a box of its own behind those
+    /// that it replaces.
     pub(crate) fn add(&mut self, bounds: &Aabb, transform: &Affine3A, two_sided: bool) -> usize {
         let number = self.boxes.len();
         let mut next = OccluderBox { bounds: *bounds, transform: *transform, two_sided, is_replaced: false };
@@ -91,8 +94,9 @@ impl BoxJoin {
         }
     }
 
-    /// Returns the number of a box that shares a face with `own`: face `2 * axis` is the one of the least
-    /// coordinate, `2 * axis + 1` that of the greatest. `hash` is the face's.
+    /// Returns the number of a box that shares face `face` with the box `own`, or `None`. Face `2 * axis` is
+    /// the one of the least coordinate on the axis, `2 * axis + 1` that of the greatest. `hash` is the hash
+    /// of that face.
     fn abutting(&self, own: &OccluderBox, face: usize, hash: u32) -> Option<usize> {
         let (axis, a) = (face / 2, &own.bounds);
         slots(hash).into_iter().find_map(|slot| {
@@ -129,7 +133,7 @@ fn in_scene(bounds: &Aabb, transform: &Affine3A) -> Option<Aabb> {
     (is_exact(shifted.min, bounds.min) && is_exact(shifted.max, bounds.max)).then_some(shifted)
 }
 
-/// Returns the two slots of a face of the given hash.
+/// Returns the two slots of the hash table in which a face with the given hash may be.
 fn slots(hash: u32) -> [usize; 2] {
     let slot = (hash >> (u32::BITS - SLOTS.trailing_zeros())) as usize;
     [slot, slot ^ 1]

@@ -8,10 +8,10 @@ mod predicates;
 mod triangulate;
 
 use crate::content::Content;
-use crate::cover::{Cover, stopped_rays};
 use crate::grid::{Grid, STEPS};
 use crate::octree::{Fineness, Subdivision};
 use crate::overlap::{Tetrahedron, shape_meets_tetrahedron};
+use crate::ray_coverage::{Cover, stopped_rays};
 use crate::shape::{Shape, for_each_shape};
 use crate::tessellation::{Face, Tessellation};
 use alloc::vec::Vec;

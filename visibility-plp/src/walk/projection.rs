@@ -88,7 +88,7 @@ impl Walk {
 
     /// Makes candidates of the objects in the next layer (group of similar objects) of one axis side of
     /// `cell`. Then removes the layer from the side's range, and the side from the cell if no layer is left.
-    /// `side` is an index into `Walk::sides`.
+    /// `side` is an index into `Walk::sides`. With `unlimited`, the budget is ignored.
     ///
     /// Checks the candidates against the visible set and the budget when the batch is full or the remaining
     /// budget may not cover them. Returns [`Projected::OutOfBudget`] if the budget ended among the

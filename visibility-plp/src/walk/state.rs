@@ -99,10 +99,12 @@ pub(super) struct CellState {
     /// earlier cell stops, 0 to 1. With [`Solidity::Count`], the cell's solidity. NaN until the cell is
     /// first put into the front, the queue of cells to project.
     pub(super) transmittance_or_solidity: f32,
-    /// First of the cell's axis sides with objects left to project, an index into `Walk::sides`.
+    /// Start of the cell's range in `Walk::sides`, which has an entry for each axis side of the cell (plus or
+    /// minus x, y or z, or none: the side that the objects face) with objects that are not all projected yet.
+    /// Set when the sides are looked up, 0 before.
     pub(super) first_side: u32,
-    /// End of the cell's range in `Walk::sides`, exclusive. [`UNOPENED`] before the cell's sides are looked
-    /// up. At most `first_side` if no objects are left to project.
+    /// End of the cell's range in `Walk::sides`, exclusive. [`UNOPENED`] before the sides are looked up. At
+    /// most `first_side` if no objects are left to project.
     pub(super) end_side: u32,
     /// Unit direction from the eye to the cell's centre (the viewing direction for a parallel view). Zero
     /// with [`Solidity::Count`].

@@ -17,8 +17,11 @@ pub enum Passage {
     Backward,
 }
 
+/// Bit of a portal whose second cell can be seen from its first cell while it is open.
 const FORWARD: u8 = 1;
+/// Bit of a portal whose first cell can be seen from its second cell while it is open.
 const BACKWARD: u8 = 2;
+/// Bit of a portal that is closed: nothing is seen through it.
 const CLOSED: u8 = 4;
 
 /// State of all portals of a graph: whether each portal is open, and in which directions it can be seen
@@ -36,8 +39,8 @@ impl Doors {
         Self { flags: alloc::vec![FORWARD | BACKWARD; portals] }
     }
 
-    /// Opens or closes a portal; its passage (the directions in which it can be seen through) is kept.
-    /// Returns `false`, and changes nothing, if the portal is unknown.
+    /// Opens (`open` true) or closes (false) a portal; its passage (the directions in which it can be seen
+    /// through) is kept. Returns `false`, and changes nothing, if the portal is unknown.
     pub(super) fn set_open(&mut self, portal: PortalId, open: bool) -> bool {
         let Some(flags) = self.flags.get_mut(portal.index()) else { return false };
         *flags = if open { *flags & !CLOSED } else { *flags | CLOSED };

@@ -195,7 +195,8 @@ impl SceneCells {
         if known { Ok(()) } else { Err(SceneCellsError::UnknownPortal(portal)) }
     }
 
-    /// Opens or closes a portal, like a door. Constant time, no allocation.
+    /// Opens (`open` true) or closes (false) a portal, like a door: nothing is seen through a closed one.
+    /// Constant time, no allocation.
     ///
     /// # Errors
     /// [`SceneCellsError::UnknownPortal`] if the graph has no such portal.

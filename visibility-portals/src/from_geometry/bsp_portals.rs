@@ -47,14 +47,17 @@ pub(super) struct NodeCover {
     pub(super) one_sided: bool,
 }
 
-/// An opaque polygon in world space, prepared for subtraction from a portal in the same plane. It is widened,
-/// and stored as the planes perpendicular to it through its edges, with normals to the inside, and as its
-/// bounds.
+/// An opaque polygon in world space, prepared for subtraction from a portal in the same plane. Stored are the
+/// planes through its edges perpendicular to it, with normals to the inside, moved outwards so that the
+/// polygon is widened, and its bounds, widened at least as much. A cover is *one-sided* if only its front
+/// stops lines.
 struct Cover {
     planes: Vec<Plane>,
     min: DVec3,
     max: DVec3,
+    /// True if the polygon faces the front of the plane, false if it faces the back.
     faces_front: bool,
+    /// True if lines from behind pass the polygon.
     one_sided: bool,
 }
 
@@ -69,7 +72,8 @@ impl Cover {
         Self { planes, min: min - slack, max: max + slack, faces_front, one_sided }
     }
 
-    /// Returns whether lines from one side of the plane do not pass the polygon.
+    /// Returns whether the polygon stops lines that come from one side of the plane: from the front if
+    /// `is_front`, from the back if not.
     fn blocks_from(&self, is_front: bool) -> bool {
         !self.one_sided || self.faces_front == is_front
     }
@@ -80,10 +84,11 @@ const MAX_COVERS: usize = 32;
 /// Maximum number of times that a piece is halved.
 const MAX_HALVINGS: u32 = 8;
 
-/// Subtracts covers from a convex piece of a portal, and appends the open parts to `open`. Adds to `covered`
-/// the areas, in square world units, that covers facing the front (0) and the back (1) of the plane have
-/// covered. A piece with many covers is halved along its longest side, so that the time is nearly
-/// proportional to the number of covers.
+/// Subtracts the covers from a convex piece of a portal, and appends what is left, the open parts, to `open`.
+/// Adds to `covered` the areas, in square world units, that were covered by covers facing the front of the
+/// plane (index 0) and its back (index 1). A piece with many covers is halved along its longest side, so that
+/// the time is nearly proportional to the number of covers. `halvings` is how often the piece has been
+/// halved.
 fn subtract_covers(
     piece: Vec<DVec3>,
     covers: &[&Cover],
@@ -116,8 +121,9 @@ fn subtract_covers(
     open.append(&mut parts);
 }
 
-/// Returns whether lines from one side of a piece of a plane pass more of it than its open parts: through
-/// backs of one-sided covers, in a strip wider than the tolerance.
+/// Returns whether lines from one side of the plane (the front if `is_front`, the back if not) pass `piece`
+/// in more than its open parts `open`, namely through the backs of one-sided covers, in a strip wider than
+/// the tolerance.
 fn leaks(
     piece: &[DVec3],
     covers: &[Cover],

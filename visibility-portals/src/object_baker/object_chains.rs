@@ -5,8 +5,9 @@
 //! every such pair is hidden; the others are candidates. The cost is at most that of all pairs of portals.
 //!
 //! Chains: a search, depth first through chains of portals, that lead to candidates. A candidate that is not
-//! outside the planes of some chain is seen. The number of chains may be exponential, so their number may be
-//! limited; candidates beyond the limit count as seen.
+//! outside the planes of some chain is seen. A candidate is *open* as long as no chain of the present first
+//! portal has reached it: it may be seen or not. The number of chains may be exponential, so their number may
+//! be limited; candidates beyond the limit count as seen.
 
 use crate::cell_matrix::CellMatrix;
 use crate::directed_portals::DirectedPortals;
@@ -22,7 +23,7 @@ use visibility_core::{
     geometry::Plane,
 };
 
-/// The objects that the graph lists, and which of them are in each cell. A target is the number of such an
+/// The objects that the graph lists, and which of them are in each cell. A *target* is the number of such an
 /// object within the bake, counted from 0 in order of the objects' ids.
 #[derive(Clone, Debug)]
 pub(super) struct Targets {
@@ -129,7 +130,8 @@ pub struct Chains {
     flood: CellFlood,
 }
 
-/// Input of the search for the objects seen from a cell.
+/// The scene data that all searches for seen objects read: portals, the cells that see each other, pairs of
+/// portals that lines join, and the objects in each cell.
 #[derive(Clone, Copy)]
 pub(super) struct Input<'a> {
     pub(super) portals: &'a DirectedPortals,
@@ -138,7 +140,7 @@ pub(super) struct Input<'a> {
     pub(super) targets: &'a Targets,
 }
 
-/// Input of the search for the objects seen through one directed portal of the viewcell, the first portal of
+/// Input of one search: what is seen from cell `from` through one directed portal of it, the first portal of
 /// all chains of the search.
 struct Search<'a> {
     input: Input<'a>,
@@ -206,7 +208,7 @@ impl Chains {
     }
 
     /// Makes candidates of the targets in the cell behind directed portal `last` that are inside the chain's
-    /// planes, and `last` a goal if there is one.
+    /// planes and not known to be seen. If there is any, marks `last` as a goal.
     fn try_pair(&mut self, search: &Search, last: u32) {
         let Input { portals, targets, .. } = search.input;
         let portal = &portals.all[last as usize];
@@ -231,8 +233,9 @@ impl Chains {
     }
 
     /// Searches chains that begin with the directed portal `search.first` and lead to candidates, and marks
-    /// in `seen` the candidates that they reach. Adds the chains inspected to `steps`; returns `false` if
-    /// more than `limit` would be needed.
+    /// in `seen` the candidates that they reach. Adds the number of chains inspected to `steps`, which may
+    /// not exceed `limit`. Returns `false` if the search ended there, so that candidates still open may be
+    /// seen.
     fn search(&mut self, search: &Search, limit: u64, steps: &mut u64) -> bool {
         self.begin_chain(search);
         let all = 0..self.chain.points.len();
@@ -254,9 +257,11 @@ impl Chains {
         true
     }
 
-    /// Extends the chain by directed portal `child` if lines can pass it and then reach an open candidate.
-    /// Returns `false` if the chain was not extended; the caller then truncates the chain's points and planes
-    /// to `points` and `planes`, their lengths before the call.
+    /// Extends the chain by directed portal `child` if lines that pass the chain may pass `child`, and then
+    /// reach a candidate that is still open, in the cell behind `child` or beyond. Returns whether the chain
+    /// was extended. If not, the caller must truncate the chain's points and planes to the lengths `points`
+    /// and `planes`, which they had before the call. Adds 1 to `steps` if the geometry of the chain and
+    /// `child` was computed.
     fn extend(&mut self, search: &Search, child: u32, points: usize, planes: usize, steps: &mut u64) -> bool {
         let Some(last) = self.chain.frames.last().cloned() else { return false };
         // A straight line passes each portal at most once.

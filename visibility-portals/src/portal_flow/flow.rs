@@ -1,4 +1,4 @@
-//! The flow from one portal.
+//! The flow from one portal: the search for all cells that lines through this portal reach.
 
 use super::flow_input::{FlowInput, FlowResult};
 use super::flow_scratch::FlowScratch;

@@ -58,6 +58,7 @@ pub struct FlowScratch {
     pub(crate) oldest: usize,
 }
 
+/// Number that stands for no row.
 const NO_ROW: u32 = u32::MAX;
 
 impl FlowScratch {

@@ -219,11 +219,12 @@ struct Search<'a> {
     found_triangles: Vec<TriangleIndex>,
     /// Triangles whose borders are to be sampled, each with the viewpoint that it was found from.
     queue: VecDeque<(DVec3, TriangleIndex)>,
-    /// Object, viewpoint and point of the object for each object found.
+    /// A line of sight to each object found: the object's index, the viewpoint, and the point of the object.
     lines: Vec<(u32, DVec3, DVec3)>,
 }
 
-/// End of a ray: the triangle that blocks it, and whether that is nearer than the ray's target.
+/// End of a ray: the triangle that the ray meets there, the point, relative to the scene's origin, and
+/// whether the ray is blocked there, nearer than its target.
 struct End {
     triangle: TriangleIndex,
     point: DVec3,

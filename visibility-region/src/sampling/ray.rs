@@ -14,8 +14,8 @@ const U: f64 = f64::EPSILON / 2.0;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ray {
     pub(super) origin: DVec3,
-    /// Direction of the ray. The greatest magnitude of its components is about 1. A parameter of the ray is a
-    /// multiple of it.
+    /// Direction of the ray in scene axes. The greatest magnitude of its components is about 1. A *parameter*
+    /// of the ray is a multiple of it: the point at parameter t is the start plus t times the direction.
     pub(super) along: DVec3,
     inverse: DVec3,
     /// Squared length of `along`, from 1 to 3.

@@ -71,8 +71,10 @@ pub(super) struct Cast {
 struct Hit {
     object: u32,
     triangle: TriangleIndex,
+    /// Bounds, `least` and `most`, of the ray's parameter in which the ray meets the triangle.
     least: f64,
     most: f64,
+    /// Whether the object of the triangle blocks rays.
     blocks: bool,
 }
 

@@ -19,7 +19,7 @@ const SMALLER: f64 = 0.3;
 pub(crate) struct CellExtent {
     pub(crate) min: DVec3,
     pub(crate) max: DVec3,
-    /// Bound on the rounding of `min` and `max`.
+    /// Bound on the rounding errors of `min` and `max` on each axis, in metres.
     error: DVec3,
     /// Half-spaces with unit normals that contain the viewcell, each with a bound on the rounding of its
     /// offset.

@@ -14,7 +14,7 @@
 //! contour edge, swept over all viewpoints and widened by the bound on rounding, meets it.
 
 use super::direction::Direction;
-use super::hull::{Spread, draw_hull};
+use super::hull_raster::{Spread, draw_hull};
 use super::polygon::{Polygon, Sides, cut};
 use super::ray_map::{PixelRect, RayMap, SIDE};
 use super::window::{FARTHEST_PIXEL, Window};
@@ -43,8 +43,10 @@ impl PieceMaps {
         Self { inside: RayMap::new(), contour: RayMap::new(), sides: [[0.0; SIDE]; 2] }
     }
 
-    /// Adds to `map` the pixels that a piece covers. `contour` are the edges that bound it, before it is cut.
-    /// Each comes with whether it is on the outer side of the window's rims: see [`Window::is_outside`].
+    /// Adds to `map` the pixels that a piece of an occluder covers. `triangles` are those of the piece, and
+    /// `contour` the edges that bound it, both in local coordinates of the direction and before they are cut.
+    /// Each comes with two flags, for lateral axes x and y: whether it is all on the outer side of the
+    /// window's rim, see [`Window::is_outside`].
     pub(super) fn draw(
         &mut self,
         map: &mut RayMap,
@@ -75,8 +77,11 @@ impl PieceMaps {
         self.inside.clear_rect(rect);
     }
 
-    /// Draws the edges that the plane and the near cut leave of a triangle. Returns false if a position is
-    /// too far away to compute with.
+    /// Draws the new edges that arise where a triangle is cut: at the depth of the projection plane and at
+    /// the near depth of `target`. What is left of the old edges is not drawn. Nothing is drawn of a triangle
+    /// strictly between the two depths. `outside`: for lateral axes x and y, whether the whole triangle is on
+    /// the outer side of the window's rim, see [`Window::is_outside`]. Returns false if a projected position
+    /// is too far away to compute with.
     fn sweep_cuts(&mut self, target: &Target<'_>, triangle: [DVec3; 3], outside: [bool; 2]) -> bool {
         let Target { window, near, .. } = *target;
         if triangle.iter().all(|p| p.z > near && p.z < window.d) {
@@ -91,8 +96,10 @@ impl PieceMaps {
         })
     }
 
-    /// Marks the pixels in which a contour edge is seen from any viewpoint of the cell, as far as the edge is
-    /// between the near cut and the plane. Returns false if a position is too far away to compute with.
+    /// Marks the pixels in which a contour edge from `a` to `b` is seen from any viewpoint of the cell, as
+    /// far as the edge is between the near depth of `target` and the projection plane. `outside`: for lateral
+    /// axes x and y, whether the whole edge is on the outer side of the window's rim. Returns false if a
+    /// projected position is too far away to compute with.
     fn sweep_edge(&mut self, target: &Target<'_>, a: DVec3, b: DVec3, outside: [bool; 2]) -> bool {
         let Target { direction, window, near, rect } = *target;
         let (mut a, mut b) = if a.z <= b.z { (a, b) } else { (b, a) };

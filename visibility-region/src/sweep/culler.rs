@@ -57,16 +57,17 @@ pub struct ExtendedProjectionCuller {
     cursor: SceneCursor,
     pieces: Pieces,
     sweep: Sweep,
-    /// Occludees of each direction: objects and nodes.
+    /// Occludees (objects and nodes) assigned to each of the six directions.
     lists: [Vec<Item>; 6],
     /// Occludees of the present direction that are still tested, with the children of opened nodes.
     asked: Vec<Item>,
-    /// Projections of the occludees onto the present plane: ends along x and y.
+    /// Projections of the occludees in `asked` onto the present plane, in metres: least and greatest
+    /// coordinate along x, then along y.
     projections: Vec<[[f64; 2]; 2]>,
-    /// Scratch: coordinates of the items.
+    /// Scratch memory for coordinates of the occludees.
     coordinates: Vec<f64>,
     stack: Vec<Option<usize>>,
-    /// Indices of the hidden objects.
+    /// Indices of the objects found hidden in this call.
     hidden: Bits,
 }
 

@@ -17,7 +17,8 @@ use visibility_core::glam::DVec3;
 pub(crate) struct CellBox {
     /// Rows of the map from scene coordinates to the axes of the box.
     axes: [DVec3; 3],
-    /// Middle of the box and half its extent, along `axes`.
+    /// Middle of the box and half its extent along `axes`, in metres. The middle is relative to the scene's
+    /// origin.
     center: DVec3,
     half: DVec3,
     /// For each axis of the box that is an axis of the scene: that axis, and the ends of the viewcell along
@@ -92,12 +93,12 @@ pub(crate) struct Direction {
     /// Rows of the map from scene coordinates to local ones, before `offset` is subtracted.
     pub(crate) rows: [DVec3; 3],
     pub(crate) offset: [f64; 3],
-    /// Half the extent of the viewcell along x and y.
+    /// Half the extent of the viewcell along local x and y, in metres.
     pub(crate) half: [f64; 2],
-    /// For each of x and y that runs along an axis of the scene: that axis, and the ends of the viewcell
-    /// along it relative to the scene's origin, rounded outwards.
+    /// For each of local x and y that runs along an axis of the scene: that axis, and the ends of the
+    /// viewcell along it relative to the scene's origin, rounded outwards. `None` for other directions.
     pub(crate) exact: [Option<(usize, [f64; 2])>; 2],
-    /// Extent of the viewcell along z.
+    /// Extent of the viewcell along local z, in metres.
     pub(crate) depth: f64,
     /// Bound on the error of each local coordinate of a point of the scene, in metres.
     pub(crate) error: f64,
@@ -173,8 +174,9 @@ impl Direction {
         })
     }
 
-    /// Tests whether a box may meet a segment from the viewcell to another box, between the cell's front and
-    /// the nearest side of the other box. May be true although no segment does.
+    /// Tests whether the box `b` may meet a segment from the viewcell to the box `other`, at a depth from 0,
+    /// the front of the viewcell's box, to the least depth of `other`. Both boxes are in local coordinates.
+    /// True if undecided; false is certain.
     pub(crate) fn is_between(&self, b: &LocalBox, other: &LocalBox) -> bool {
         let (near, far) = (b.lo.z.max(0.0), b.hi.z.min(other.lo.z));
         // The ends of the projection are convex in the plane's distance, so they are greatest at an end.

@@ -5,7 +5,7 @@ mod coverage;
 mod culler;
 pub(crate) mod direction;
 mod facing;
-mod hull;
+mod hull_raster;
 mod nearest;
 mod occludees;
 mod occluder;
@@ -45,10 +45,11 @@ pub(crate) struct Sweep {
     raster: OccluderRaster,
     /// Window of the map. `None` before the first plane of a sweep.
     window: Option<Window>,
-    /// Occluders that have begun and not ended: the index of each, and the number of planes behind it on
-    /// which it is still to be drawn.
+    /// Occluders that the sweep has reached and that are still to be drawn: the index of each, and the number
+    /// of planes behind it on which it is still to be drawn.
     open: Vec<(usize, usize)>,
-    /// Number of occluders that have begun.
+    /// Number of occluders that the sweep has reached: those whose nearest point lies before the present
+    /// plane.
     begun: usize,
 }
 

@@ -64,13 +64,13 @@ impl Eq for Entry {}
 #[derive(Debug)]
 pub(crate) struct Nearest {
     queue: BinaryHeap<Entry>,
-    /// Clusters of surfaces that have been collected.
+    /// Indices of the clusters of surfaces whose pieces have been collected.
     listed: Bits,
     /// The collected occluders. The first `settled` are complete and in their final order: by depth.
     occluders: Vec<Candidate>,
     settled: usize,
     portion: usize,
-    /// Depths between which all occluders of the last portion are collected.
+    /// Range of depths in metres in which all occluders of the last portion have been collected.
     complete: Range<f64>,
 }
 

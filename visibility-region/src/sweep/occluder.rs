@@ -8,7 +8,7 @@ use super::window::Window;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{ObjectId, OccluderMesh};
 
-/// Key of an occluder, by which it is found again.
+/// Key by which an occluder is found again in the scene or among the pieces.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Source {
     /// Index of a piece of a mesh.
@@ -21,7 +21,7 @@ pub(crate) enum Source {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Occluder<'a> {
     pub(super) shape: Shape<'a>,
-    /// Map from mesh coordinates to local coordinates.
+    /// Rows of the map from mesh coordinates to local coordinates of the direction, before `offset` is added.
     rows: [DVec3; 3],
     offset: DVec3,
     /// Bound on the error of each local coordinate of a vertex, in metres.

@@ -16,8 +16,8 @@ use visibility_core::glam::DVec3;
 pub(crate) struct OccluderRaster {
     maps: PieceMaps,
     vertices: Vec<DVec3>,
-    /// Facing of each triangle: 1 if its front faces the whole cell, -1 if its back does, 0 if neither. Twice
-    /// that once the triangle is in a piece.
+    /// Facing of each triangle of the mesh at work: 1 if its front faces the whole cell, -1 if its back does,
+    /// 0 if neither. 2 or -2 once the triangle is in a piece.
     facing: Vec<i8>,
     stack: Vec<u32>,
     piece: Vec<u32>,
@@ -121,7 +121,8 @@ impl OccluderRaster {
         (fronts, backs)
     }
 
-    /// Draws the triangles whose `facing` is `side`, piece by piece.
+    /// Draws the triangles whose `facing` is `side`, piece by piece: 1 for those that show their front, -1
+    /// for those that show their back.
     fn draw_chain(&mut self, map: &mut RayMap, target: &Target<'_>, mesh: &OccluderMesh, side: i8) {
         for first in 0..self.facing.len() {
             if self.facing[first] != side {

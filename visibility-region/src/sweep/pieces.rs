@@ -33,18 +33,19 @@ const MOST_ON_SEGMENT: usize = 32;
 /// The pieces of one viewcell.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pieces {
-    /// Facing of each triangle of a cluster whose pieces are found: 1 if its front faces the whole cell, -1
-    /// if its back occludes and faces it, otherwise 0. 0 for triangles of objects that do not occlude in this
-    /// call.
+    /// Facing of each triangle of the clusters whose pieces are found, by triangle: 1 if its front faces the
+    /// whole cell, -1 if its back occludes and faces the whole cell, otherwise 0. 0 for triangles of objects
+    /// that do not occlude in this call.
     facing: Vec<i8>,
     parent: Vec<u32>,
-    /// Number of triangles of each piece, at the triangle that represents it. Once all are paired, the index
-    /// of the piece instead.
+    /// While triangles are paired: number of triangles of each piece, at the index of the triangle that
+    /// represents the piece. Afterwards: the index of the piece, at the same place.
     count: Vec<u32>,
-    /// Clusters whose pieces are found, and the pieces of each.
+    /// Clusters whose pieces are found.
     found: Bits,
     ranges: Vec<[u32; 2]>,
-    /// Segments of contours, each with a triangle on it, in the order of finding.
+    /// Scratch memory for the contours of the cluster at work: a triangle of a piece, and a segment that
+    /// bounds the piece there, in the order in which they were found.
     bounding: Vec<(u32, u32)>,
     triangles: Vec<u32>,
     contours: Vec<u32>,
@@ -53,7 +54,8 @@ pub(crate) struct Pieces {
     minus: Vec<u32>,
 }
 
-/// A piece, as ranges of the lists of [`Pieces`].
+/// A piece: its bounds, and the ranges of its triangles and of its contour segments in the lists of
+/// [`Pieces`], first and end (exclusive).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Piece {
     pub(crate) bounds: Aabb,
@@ -64,7 +66,7 @@ pub(crate) struct Piece {
 }
 
 impl Pieces {
-    /// Removes the pieces of the viewcell before.
+    /// Removes the pieces of the last viewcell.
     pub(crate) fn begin(&mut self, surfaces: &Surfaces) {
         self.triangles.clear();
         self.contours.clear();

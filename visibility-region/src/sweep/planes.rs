@@ -31,9 +31,9 @@ const APART: f64 = 1.004;
 pub(crate) struct Cone {
     /// Least and greatest slope along x and y, in lateral metres per metre from the back of the viewcell.
     slopes: [[f64; 2]; 2],
-    /// Depth of the first plane. All occludees are behind it.
+    /// Depth of the first plane in metres. All occludees are behind it.
     pub(crate) first: f64,
-    /// Greatest depth of an occludee's nearest side.
+    /// Greatest depth in metres of the nearest side of an occludee. Planes farther away would hide nothing.
     pub(crate) deepest: f64,
     /// Depth at which occluders are cut on the side of the viewcell.
     pub(crate) near: f64,
@@ -105,7 +105,9 @@ impl Cone {
             .product()
     }
 
-    /// Returns the data of an occluder that the choice of planes needs. `None` if it cannot cover a pixel.
+    /// Returns the data of an occluder that the choice of planes needs. `joins`: true if the occluder is a
+    /// piece that joins several meshes. `None` if the occluder cannot cover a pixel, or its coordinates are
+    /// too imprecise.
     pub(crate) fn candidate(
         &self,
         direction: &Direction,
@@ -126,8 +128,8 @@ impl Cone {
     }
 }
 
-/// Depths of an occluder, and the share of the cone that it covers. There are many of these, so that they are
-/// small: the occluder itself is placed again whenever it is drawn.
+/// Depths of an occluder, and the share of the cone that it covers. Candidates are many, and therefore small:
+/// the occluder itself is placed again whenever it is drawn.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidate {
     /// Depth of the occluder's nearest point, in metres.

@@ -98,7 +98,8 @@ pub(crate) struct Part {
 struct LineSide {
     /// Axis and the two other coordinates, for a line along an axis. Otherwise 3, and a number for each end.
     key: [u32; 3],
-    /// Ends along the axis, ascending. Both 0 for lines of other directions.
+    /// Coordinates of the two ends along the axis that the line is parallel to, ascending, in metres. Both 0
+    /// for lines of other directions.
     ends: [f32; 2],
     /// Twice the index of the triangle, plus 1 if the side runs in the direction of its line: as in
     /// [`Surfaces::sides`].

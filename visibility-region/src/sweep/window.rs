@@ -130,7 +130,7 @@ impl Rim {
 pub(crate) struct Window {
     /// Distance in metres from the front of the viewcell.
     pub(crate) d: f64,
-    /// Ends of the window along x and y.
+    /// Least and greatest coordinate of the window along x, then along y, in metres.
     pub(crate) ends: [[f64; 2]; 2],
     /// Pixels per metre along x and y.
     scale: [f64; 2],
@@ -208,8 +208,9 @@ impl Window {
         [self.pixel(low, lat) - self.margin(lat), self.pixel(high, lat) + self.margin(lat)]
     }
 
-    /// Returns for each lateral axis whether all of some exact points of the scene are on the outer side of
-    /// the rim or at it.
+    /// Returns two flags, for lateral axes x and y: whether all points are at the window's rim of that axis
+    /// or on its outer side, away from most objects. False for an axis without a rim. The points are exact
+    /// and relative to the scene's origin.
     pub(crate) fn is_outside(&self, points: &[Vec3]) -> [bool; 2] {
         self.rims.map(|rim| {
             rim.is_some_and(|ExactRim { inwards, exact: (axis, at), .. }| {
@@ -254,7 +255,7 @@ impl Window {
         })
     }
 
-    /// Returns the ends of the window along x and y.
+    /// Returns the least and greatest coordinate of the window along x, then along y, in metres.
     pub(crate) fn ends(&self) -> [[f64; 2]; 2] {
         self.ends
     }

@@ -33,7 +33,7 @@ pub struct VirtualOccluder {
     anchor: DVec3,
     /// Position of the rectangle's plane along the last axis, relative to the anchor.
     distance: f64,
-    /// Ends of the rectangle along the first two axes, relative to the anchor.
+    /// Least and greatest coordinate of the rectangle along the first two axes, relative to the anchor.
     ends: [[f64; 2]; 2],
 }
 

@@ -8,7 +8,8 @@ use alloc::vec::Vec;
 /// Buffers for moving many objects at once, kept between frames so that frames do not allocate.
 #[derive(Clone, Debug)]
 pub(in crate::scene) struct Scratch {
-    /// Ids and new bounds of the objects of a batch of transforms, in batch order.
+    /// Ids and new bounds, relative to the scene's origin, of the objects of a batch of transforms, in batch
+    /// order.
     pub(in crate::scene) placed: Vec<(ObjectId, Aabb)>,
     /// Indexed by slot: the last position in the batch of the object in the slot, `NONE` if the batch does
     /// not have the object.

@@ -64,7 +64,7 @@ use visibility_testing::{Random, distance, orientation_sign};
 /// A triangle target, number 0, among occluders, numbers from 1 on, and a viewcell.
 struct World {
     triangles: SceneTriangles,
-    /// The target and the occluders.
+    /// Corners of the target, then of each occluder, in scene coordinates.
     shapes: Vec<[DVec3; 3]>,
     cell: CellBox,
     clearance: f64,

@@ -1,4 +1,6 @@
-//! Forged steps: their numbers, their depth, and targets from where nothing is said.
+//! Forged steps that the check refuses: steps with numbers of triangles, pieces and rows that do not exist,
+//! proofs nested too deeply, steps too few or too many for the nodes, and targets that the viewcell sees only
+//! from closer to their plane than the clearance, of which a proof says nothing.
 
 use super::*;
 
@@ -30,7 +32,7 @@ fn numbers_beyond_the_scene_are_refused() {
     );
 }
 
-/// A proof of a depth that the stack would not hold.
+/// A proof nested so deeply that a recursive check of it would overflow the stack.
 #[test]
 fn deep_proofs_are_refused() {
     let world = World::new(TARGET, &[]);
@@ -68,7 +70,8 @@ fn steps_too_many_are_refused() {
     );
 }
 
-/// A viewcell lower than the clearance over the target's plane, of which nothing is said.
+/// A viewcell that reaches less far in front of the target's plane than the clearance. A proof says nothing
+/// of the target from there, so an empty proof must be refused, except at a height of 0.
 #[test]
 fn targets_seen_from_less_than_the_clearance_are_refused() {
     let mut world = World::new(TARGET, &[]);

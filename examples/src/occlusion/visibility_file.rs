@@ -3,7 +3,7 @@
 //! All numbers are little endian: u32 magic, u32 number of views, u32 number of boxes. Then each view has one
 //! bit per box, least significant bit first, in whole bytes; 1 means visible.
 
-use super::visc::Reader;
+use super::scene_file::Reader;
 use crate::error::SourceError;
 use std::path::Path;
 

@@ -30,13 +30,14 @@ pub(super) fn draw_hull(map: &mut RayMap, p: &Spread, q: &Spread, rect: PixelRec
 
 /// The left side of the hull of two upright segments: a convex function of y.
 struct Side {
-    /// x of the segment farther to the left.
+    /// x of the segment farther to the left, in pixels.
     x: f64,
-    /// Least and greatest y of that segment.
+    /// Least and greatest y of that segment, in pixels.
     ends: [f64; 2],
-    /// x of the other segment.
+    /// x of the other segment, in pixels.
     other: f64,
-    /// Slopes from the first segment's ends to the other's.
+    /// Change of x from one row to the next, from the end of least y of that segment to the end of least y of
+    /// the other segment; then the same from greatest y to greatest y.
     slopes: [f64; 2],
 }
 
