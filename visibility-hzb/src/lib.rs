@@ -50,8 +50,9 @@
 //!   100 to 300 ns, and a few more for each tile of its outline. So occluders should come roughly from front
 //!   to back, as the driver adds them.
 //! - The occluders of a level ([`Hzb::with_level`]), which are made of its triangles beforehand, take about a
-//!   third of that time and hide more, since they have no seams. Those of several levels, such as sectors
-//!   of a world that is streamed, are drawn together ([`Hzb::add_level`]).
+//!   third of that time. They hide more, since pixels along edges that two objects share are covered too.
+//!   Those of several levels, such as sectors of a world that is streamed, are drawn together
+//!   ([`Hzb::add_level`]).
 //! - Other meshes take about 100 ns a triangle. Meshes that consist of boxes
 //!   ([`OccluderMesh::parts`](visibility_core::OccluderMesh::parts)) take as long as these.
 //! - 64 boxes are tested in 100 to 200 ns.
@@ -63,7 +64,7 @@
 //! - `buffer`: tiles of 8 x 8 pixels, and the pyramid above them.
 //! - `query`: boxes are projected and tested.
 //! - `hom`: occlusion maps over the same tiles.
-//! - `simd.rs`: the functions that are compiled for several instruction sets.
+//! - `simd_dispatch.rs`: the functions that are compiled for several instruction sets.
 //!
 //! # Features
 //! - `std` (default) finds out at run time which vector instructions the processor has.

@@ -699,3 +699,43 @@ fn a_shared_edge_beside_a_row_of_tiles_covers_nothing_nearer_than_its_polygons()
     let [_, pixels] = check(&as_faces(&triangles), &view, &hzb, &mut Random(38), "a seam");
     assert!(pixels > 10_000, "{pixels} pixels are covered");
 }
+
+/// Walls so near to the eye that edges of theirs leave the guard band at the right, above and below: what is
+/// left of the outline ends far to the left of the pixels that the wall covers.
+#[test]
+fn a_wall_that_leaves_the_guard_band_is_no_nearer_than_it_is() {
+    let mut random = Random(47);
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let (mut covered, mut whole) = (0, 0);
+    for round in 0..300 {
+        // Along the wall, to the right: from 1 cm left of the axis of the view to farther than the guard band.
+        let normal = DVec3::new(1.0, random.fine_range(-0.3, 0.3), random.fine_range(-0.3, 0.3)).normalize();
+        let distance = random.fine_range(0.01, 0.1);
+        let along = normal.cross(DVec3::Z).normalize() * distance;
+        let [left, right] = [random.fine_range(-1.0, 1.0), random.fine_range(4.0, 100.0)];
+        let [below, above] = [0; 2].map(|_| DVec3::Z * distance * random.fine_range(4.0, 100.0));
+        let foot = normal * distance;
+        let corners = [
+            foot + along * left - below,
+            foot + along * right - below,
+            foot + along * right + above,
+            foot + along * left + above,
+        ];
+        let wall = quad(corners.map(|p| {
+            // On the plane, whatever the height.
+            (p - normal * (normal.dot(p) - distance)).as_vec3()
+        }));
+        let triangles: Vec<_> =
+            wall.into_iter().map(|corners| LevelTriangle { corners, two_sided: true }).collect();
+        let view = View::perspective(pose, 1.57, 1.0, 1e-3, f64::INFINITY).unwrap();
+        let mut hzb = Hzb::new(64, 64)
+            .unwrap()
+            .with_level(level(&triangles, LevelSettings::default().with_kept_area(1.0)), DVec3::ZERO);
+        hzb.begin(&view, DVec3::ZERO);
+        hzb.flush();
+        let [_, pixels] = check(&as_faces(&triangles), &view, &hzb, &mut random, &format!("round {round}"));
+        covered += pixels;
+        whole += u64::from(hzb.depth_key(63, 32) > 0.0);
+    }
+    assert!(covered > 300_000 && whole > 150, "{covered} pixels covered, {whole} walls reach the right side");
+}

@@ -50,8 +50,9 @@ impl LevelSettings {
         Self { kept_area: share.clamp(0.0, 1.0), ..self }
     }
 
-    /// Sets the maximum number of edges of a cluster of more than one polygon, and of a polygon of more than
-    /// one face. 96 by default. What is hidden hardly depends on it, the time of a frame by some hundredths.
+    /// Sets the maximum number of edges of a cluster of more than one polygon. 96 by default. A polygon of
+    /// several faces is divided if it has more edges, not counting vertices in the middle of straight lines.
+    /// What is hidden hardly depends on this number, the time of a frame by some hundredths.
     pub fn with_max_cluster_edges(self, edges: usize) -> Self {
         Self { max_cluster_edges: edges, ..self }
     }

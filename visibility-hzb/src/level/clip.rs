@@ -93,15 +93,19 @@ impl ClipScratch {
 
 /// Pushes the part of an edge that is within the guard band: columns and rows of magnitude up to `guard`. Its
 /// part beyond the left side becomes an edge along that side, so that the same rows have an edge to their
-/// left. What is above, below or to the right changes nothing in the picture.
+/// left. What is above or below changes nothing in the picture. What is to the
+/// right changes but how far the outline reaches.
 ///
 /// Columns and rows beyond the guard band are off by a few roundings of themselves, as their error bound
 /// allows for. The row at which an edge passes the left side is the same number for both parts.
 fn push_within(a: [f64; 2], b: [f64; 2], guard: f64, out: &mut Edges) {
     let (a, b) = if a[1] <= b[1] { (a, b) } else { (b, a) };
     // An edge that lies in one row changes nothing there but marks pixels, as any other.
-    if b[1] < -guard || a[1] > guard || (a[0] > guard && b[0] > guard) {
+    if b[1] < -guard || a[1] > guard {
         return;
+    }
+    if a[0] > guard && b[0] > guard {
+        return out.reach(guard as f32);
     }
     let at_row = |row: f64| [a[0] + (row - a[1]) * ((b[0] - a[0]) / (b[1] - a[1])), row];
     let top = if a[1] < -guard { at_row(-guard) } else { a };
@@ -117,7 +121,7 @@ fn push_within(a: [f64; 2], b: [f64; 2], guard: f64, out: &mut Edges) {
         return out.push(as_f32([-guard, p[1]]), as_f32([-guard, q[1]]), NO_EDGE);
     }
     if p[0] > guard && q[0] > guard {
-        return;
+        return out.reach(guard as f32);
     }
     for end in [&mut p, &mut q] {
         if end[0] < -guard {

@@ -95,7 +95,7 @@ pub(crate) fn draw_candidates(
     scratch.first_edges.clear();
     let mut edges = 0;
     for level in levels {
-        scratch.first_edges.push(edges as u32);
+        scratch.first_edges.push(u32::try_from(edges).unwrap_or(NO_EDGE));
         edges += level.edges.len();
     }
     scratch.seams.begin_frame(edges);
@@ -323,7 +323,8 @@ fn draw_polygon(
         // Both ends were projected with the whole cluster, and are far enough before the eye to be used as
         // they are.
         if vertices.plain[a] && vertices.plain[b] {
-            let shared = if partner != NO_EDGE && seams_are_bare { first_edge + edge } else { NO_EDGE };
+            let shared =
+                if partner != NO_EDGE && seams_are_bare { first_edge.saturating_add(edge) } else { NO_EDGE };
             edges.push([x[a], y[a]], [x[b], y[b]], shared);
             // The other end begins another edge.
             (nearest_w, most_w) = (least(least_w[a], nearest_w), greatest(own_most_w[a], most_w));

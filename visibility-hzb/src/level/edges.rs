@@ -62,6 +62,9 @@ pub(crate) struct Edges {
     shared: Vec<[u32; WIDTH]>,
     /// Number of edges.
     count: usize,
+    /// Least column that the outline is known to reach at the right, whatever its edges: those beyond the guard
+    /// band are left out.
+    right: f32,
     /// Edges as drawn. Valid after [`finish`](Self::finish).
     pub(super) drawn: Vec<Edges16>,
     /// Least column, least row, greatest column, greatest row of all edges, in pixels. Valid after
@@ -76,6 +79,14 @@ impl Edges {
         self.count = 0;
         self.ends.clear();
         self.shared.clear();
+        self.right = f32::NEG_INFINITY;
+    }
+
+    /// Counts the outline as reaching the column `right`, for edges there that are not pushed: without them the
+    /// [bounds](Self::bounds) would end where pixels are covered.
+    #[inline(always)]
+    pub(super) fn reach(&mut self, right: f32) {
+        self.right = right;
     }
 
     /// Appends an edge between two points, given by column and row. `shared` is its index in the frame if
@@ -122,6 +133,7 @@ impl Edges {
             }
         }
         self.bounds = all.joined();
+        self.bounds[2] = greatest(self.right, self.bounds[2]);
     }
 }
 

@@ -118,7 +118,7 @@ impl Seams {
     /// the level. Returns whether a tile may have changed.
     #[inline(always)]
     pub(crate) fn cover(&self, outline: &[PreparedEdge], first: u32, base: u32, tiles: &mut Tiles) -> bool {
-        let last = |edge: u32| self.last.get((base + edge) as usize).copied().unwrap_or(NO_PIECE);
+        let last = |edge: u32| self.last.get(base as usize + edge as usize).copied().unwrap_or(NO_PIECE);
         let mut covered = false;
         for (edge, &PreparedEdge { partner, .. }) in (first..).zip(outline) {
             let own = last(edge);
