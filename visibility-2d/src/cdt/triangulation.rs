@@ -105,7 +105,10 @@ impl Triangulation {
         self.erased_bounds = NOWHERE;
     }
 
-    /// Erases the labels of triangles that are about to be divided anew, unless all labels are equal.
+    /// Gives triangles the same label: if their labels differ, all of them lose their labels. Called before
+    /// the area of these triangles is divided into other triangles, each of which may take over points of
+    /// several of them: a label must hold for all points of its triangle. Adds the labels lost to `erased`,
+    /// and the triangles that had them to `erased_bounds`.
     pub(crate) fn unify(&mut self, triangles: &[u32]) {
         let label = |of: &Self, t: u32| of.labels[t as usize];
         if triangles.windows(2).all(|pair| label(self, pair[0]) == label(self, pair[1])) {

@@ -630,9 +630,12 @@ pub(crate) fn add_to_masks(masks: &mut [u64], scene: &Scene, id: ObjectId) {
     }
 }
 
-/// Sets the bit of lane `lane` of leaf `leaf`, and the bits that lead to this leaf in all nodes above.
-/// `masks`, indexed by node, must be consistent: above every non-zero mask all such bits are set. Returns
-/// whether the lane's bit was not set before.
+/// Sets the bit of lane `lane` of leaf `leaf`, and in each node above it the bit of the lane that leads to
+/// this leaf. `masks` holds one mask per node, indexed by node; bit i of a mask stands for lane i of the
+/// node. Returns true if the bit of the leaf's lane was not set before.
+///
+/// `masks` must be consistent before the call, and is so after it: if the mask of a node is not 0, then the
+/// bit of the lane that leads to this node is set in its parent, and so on up to the root.
 fn set_path_bits(masks: &mut [u64], tree: &Tree, leaf: usize, lane: usize) -> bool {
     let mut new = None;
     for (node, lane) in tree.path(leaf, lane) {

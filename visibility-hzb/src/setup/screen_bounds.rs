@@ -59,9 +59,10 @@ fn rounded_outwards(
     Some(out)
 }
 
-/// Returns the column range and the row range, half-open, of the pixels of the buffer that screen bounds
-/// meet. `extent` holds least column, greatest column, least row and greatest row in pixels, then depth keys.
-/// `None` if the bounds meet no pixel.
+/// Returns the range of columns and the range of rows of the pixels of the buffer that screen bounds meet:
+/// two half-open ranges `[first, end]`, whole numbers of pixels kept as `f64` for the arithmetic that
+/// follows. `extent` holds the bounds as [`extent()`] returns them: least column, greatest column, least row
+/// and greatest row, in pixels. The depth keys after these are not read. `None` if the bounds meet no pixel.
 #[inline(always)]
 pub(crate) fn pixels(extent: &[f64; 6], projection: &ScreenProjection) -> Option<([f64; 2], [f64; 2])> {
     let limit =

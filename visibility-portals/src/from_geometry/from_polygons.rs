@@ -43,7 +43,8 @@ pub struct PolygonSettings<'a> {
     /// of the square of the longest side of the bounding box also suffices, since even large walls cover
     /// a small fraction of a large region. Default 0.25.
     pub min_share: f64,
-    /// Minimum area that polygons must cover in a plane for any split, in square world units. `None`, the
+    /// Minimum total area, in square world units, of the polygons that lie in a plane and in a region. If the
+    /// total is less, the region is not split along that plane, whatever `min_share` allows. `None`, the
     /// default: 2^-13 of the square of the longest side of the bounding box.
     pub min_area: Option<f64>,
     /// Distance, in world units, by which the outermost cells extend beyond the bounds of all polygons.

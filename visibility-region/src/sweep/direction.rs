@@ -50,7 +50,8 @@ impl CellBox {
         error.is_finite().then_some(Self { axes, center, half, exact, error })
     }
 
-    /// Returns a point of the scene relative to the middle of the box, along its axes.
+    /// Converts a point from scene coordinates to coordinates along the axes of the box, relative to the
+    /// middle of the box.
     pub(crate) fn to_axes(self, p: DVec3) -> DVec3 {
         DVec3::from_array(self.axes.map(|axis| axis.dot(p))) - self.center
     }
