@@ -1,4 +1,6 @@
-//! Grids of viewcells: boxes of equal size, over a box or along a walk.
+//! Grids of viewcells: boxes of equal size, over a box or along a walk. The *place* of a box is its position
+//! in the grid, as x, y and z: how many boxes lie between the origin and the box on each axis, negative below
+//! the origin.
 
 use std::collections::BTreeSet;
 use std::fmt;

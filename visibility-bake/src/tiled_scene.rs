@@ -38,7 +38,8 @@ const SEARCH_BYTES: u64 = 600;
 /// of triangles takes about 2 GB.
 const MOST_COPIED: u64 = 1 << 21;
 
-/// A level whose objects are sorted into tiles, by place. A bake loads a tile only where it is seen.
+/// A level whose objects are sorted into tiles, by position in space. A bake loads a tile only where it is
+/// seen.
 ///
 /// The content of the objects is in a [`Scene`], or in a file: then no more of it is in memory than a stated
 /// limit allows ([`TiledScene::writer`]). The results of a bake are the same.

@@ -233,9 +233,10 @@ impl<'a> CellQuery<'a> {
         self.rays + self.nodes()
     }
 
-    /// Takes all steps of the settings for the objects for which `is_asked` is true, given their places among
-    /// the objects of the triangles. The others, and objects that are undecided when the query ends, are
-    /// [`Verdict::Open`]. Returns the memory of the query too.
+    /// Takes all steps of the settings for the objects for which `is_asked` is true. `is_asked` is given the
+    /// position of an object in the list of objects of the [`SceneTriangles`]. The other objects, and objects
+    /// that are undecided when the query ends, are [`Verdict::Open`]. Returns the verdicts, and the memory of
+    /// the query for use by the next one.
     pub(crate) fn run(mut self, is_asked: &dyn Fn(usize) -> bool) -> (CellVerdicts, ChainScratch) {
         let asked = self.usable(is_asked);
         let mut open = self.look_at(asked);

@@ -129,8 +129,8 @@ impl Sight {
         self.before_q.holds(x) || self.near.is_some_and(|near| self.before_q.height(x).abs() < near)
     }
 
-    /// Returns the place of P relative to the front of a one-sided triangle, for a clearance `c`. Heights
-    /// have errors up to `pad`.
+    /// Returns on which side of a one-sided triangle P is. `front` is the half-space before the triangle's
+    /// front, `c` the clearance. Heights have errors up to `pad`.
     ///
     /// Without clearance an answer holds for all segments, so that P must be before the triangle for certain.
     /// With a clearance positions are what they are, and over a plane that is perpendicular to an axis their

@@ -74,8 +74,8 @@ pub struct Plan {
     /// For each vertex, a half-edge that begins there.
     pub(crate) out: Vec<u32>,
     curve: Curve,
-    /// For each vertex, the first 32 bits of its place on the Hilbert curve. Vertices are sorted by it,
-    /// ascending.
+    /// For each vertex, the first 32 bits of its position along the Hilbert curve ([`Curve::place`]).
+    /// Vertices are sorted by it, ascending.
     places: Vec<u32>,
     /// Piece of a wall along each half-edge, [`NONE`] without a wall. Both halves have the same piece.
     pub(crate) piece: Vec<u32>,

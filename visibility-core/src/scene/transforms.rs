@@ -168,8 +168,8 @@ impl Scene {
         self.log.push(id, self.generations.len());
     }
 
-    /// Removes what places an object if `bounds` differ from its present bounds: its mesh, its triangles and
-    /// its local box.
+    /// Removes the mesh, the triangles and the local box of an object if `bounds` differ from its present
+    /// bounds: these would no longer fit the object.
     pub(super) fn forget_place(&mut self, id: ObjectId, bounds: &Aabb) {
         if self.placements.get(id.index).is_none()
             && self.placements.mesh(id.index).is_none()
@@ -185,7 +185,7 @@ impl Scene {
         }
     }
 
-    /// Removes what places an object, and its mesh from the object.
+    /// Removes the transform and the local box of an object, and takes its mesh from it.
     pub(super) fn remove_placement(&mut self, index: u32) {
         self.placements.remove(index);
         if let Some(mesh) = self.placements.mesh(index) {

@@ -66,8 +66,8 @@ pub(crate) struct FacePlaneSetup {
 /// `slope[0][i] x + slope[1][i] y + constant[i]` of pixel coordinates `x` and `y` is an upper bound on the
 /// depth key if `upper[i]` is 0, the negative of a lower bound if `lower[i]` is 0, and else unused.
 pub(crate) struct BoxFacePlanes {
-    /// Change of the bound (a depth key or its negative) for each pixel to the right and for each pixel
-    /// downwards.
+    /// Change of each face's bound (on a depth key or its negative): `slope[0]` for each pixel to the right,
+    /// `slope[1]` for each pixel downwards.
     slope: [[f64; LANES]; 2],
     /// Value, at the upper left corner of the picture, of each face's linear bound on the depth key or on
     /// its negative. Raised by the error bound, so that the bound stays conservative.
@@ -206,7 +206,8 @@ impl BoxFacePlanes {
     }
 
     /// Returns what [`range`](Self::range) does for [`LANES`] squares side by side, of which the first has
-    /// its upper left corner at `left` and `top`, in pixels: upper bounds, and lower bounds.
+    /// its upper left corner at `left` and `top`, in pixels. The first array holds the upper bounds, the
+    /// second the lower bounds, one lane for each square.
     #[inline(always)]
     pub(crate) fn ranges(&self, [left, top]: [f64; 2], size: f64) -> [[f64; LANES]; 2] {
         let (mut above, mut below) = ([f64::INFINITY; LANES], [f64::INFINITY; LANES]);

@@ -143,9 +143,9 @@ impl ExtendedProjectionCuller {
         }
     }
 
-    /// Removes hidden objects as [`cull`](RegionCuller::cull) does, until `stop` returns true, which it must
-    /// do from then on. `stop` is asked at each projection plane, after the scene's changes are taken over.
-    /// Objects that are not found hidden by then stay in `visible`.
+    /// Removes hidden objects as [`cull`](RegionCuller::cull) does, until `stop` returns true. Once `stop`
+    /// has returned true, it must do so in all later calls. It is called at each projection plane, after the
+    /// scene's changes are taken over. Objects that are not found hidden by then stay in `visible`.
     pub fn cull_until(
         &mut self,
         scene: &Scene,

@@ -1,9 +1,9 @@
 //! The opaque surfaces of a scene, with the segments along which their triangles meet.
 //!
-//! Occluders that touch hide more together than each by itself: no ray passes between two walls that share
-//! an edge. Triangles meet along segments: two sides of triangles with equal ends, or the common part of two
-//! sides on one line along an axis, as where a long wall meets two short ones. Positions are compared bit by
-//! bit, so nothing is joined that is not joined exactly.
+//! Occluders that touch hide more together than each by itself: no ray passes between two walls that share an
+//! edge. A *side* is an edge of a triangle. Triangles meet along segments: two sides with equal ends, or the
+//! common part of two sides on one line along an axis, as where a long wall meets two short ones. Positions
+//! are compared bit by bit, so nothing is joined that is not joined exactly.
 
 use alloc::vec::Vec;
 use visibility_core::bits::Bits;
