@@ -159,8 +159,9 @@ impl Sight {
         Some([with(&before)?, with(&behind)?])
     }
 
-    /// Returns the half-space to which occluders are cut: in front of Q's plane, or `pad` before it where
-    /// corners of the cut are not exactly in the plane.
+    /// Returns the half-space to which occluders are cut. Its boundary is Q's plane if corners of the cut
+    /// count as in that plane (`near` above 0), or if heights over the plane are exact. Otherwise its
+    /// boundary is `pad` metres before Q's plane.
     pub(crate) fn cut_before_q(&self, pad: f64) -> Half {
         if self.near.is_some_and(|near| near > 0.0) { self.before_q } else { self.before_q.padded(-pad) }
     }

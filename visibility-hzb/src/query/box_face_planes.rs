@@ -173,10 +173,10 @@ impl BoxFacePlanes {
         lowest(&self.upper) < f64::INFINITY
     }
 
-    /// Returns true for each face that bounds the box's depth key from above by a plane strictly below the
-    /// plane `a x + b y + c` (pixel coordinates) in a whole rectangle (left, right, top, bottom in pixels).
-    /// False for faces that are not upper bounds. The difference of two planes is least at a corner of the
-    /// rectangle.
+    /// Returns, by face, whether the face's upper bound on the box's depth key is strictly below the plane `a
+    /// x + b y + c` in a whole rectangle. The plane is a function of pixel coordinates `x` and `y`; the
+    /// rectangle is given by its left, right, top and bottom in pixels. False for faces that are not upper
+    /// bounds. The difference of two planes is least at a corner of the rectangle.
     #[inline(always)]
     pub(crate) fn below(&self, [a, b, c]: [f64; 3], [left, right, top, bottom]: [f64; 4]) -> [bool; LANES] {
         let mut below = [false; LANES];

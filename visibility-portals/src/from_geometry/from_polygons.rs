@@ -270,10 +270,11 @@ fn build(fragments: Vec<Fragment>, planes: &[Plane], min: DVec3, max: DVec3, lim
     bsp
 }
 
-/// Returns the plane along which to split a region: that of one child of a node (`parent` is the node's
-/// index, and whether the child is in front), or the whole box if `parent` is `None`. The score of a plane is
-/// the fraction of its section of the region that polygons cover, less the fraction of polygons that it cuts,
-/// plus a bonus for balance. `None` if no plane is covered enough.
+/// Returns the plane along which to split a region. `parent` names the region: the index of a node, and
+/// whether the region is its child in front of the node's plane (true) or behind (false); `None` is the whole
+/// box. The plane with the greatest score is chosen. The score of a plane is the fraction of its section of
+/// the region that polygons cover, less the fraction of polygons that it cuts, plus a bonus for balance.
+/// `None` if no plane is covered enough.
 fn best_plane(
     bsp: &Bsp,
     parent: Option<(u32, bool)>,
