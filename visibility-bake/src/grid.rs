@@ -1,4 +1,6 @@
-//! Grids of viewcells: boxes of equal size, over a box or along a walk.
+//! Grids of viewcells: boxes of equal size, over a box or along a walk. The *place* of a box is its position
+//! in the grid, as x, y and z: how many boxes lie between the origin and the box on each axis, negative below
+//! the origin.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -213,11 +215,14 @@ impl Grid {
         }))
     }
 
-    /// Returns the places of the first and the last of the boxes that together contain a box that is not
-    /// inverted. A box of the grid that only touches it from outside is left out.
+    /// Returns the places of the first and of the last box of the grid, both included, of the range that
+    /// contains the region from `min` to `max` in world space: `[first, last]`, each as x, y and z. A box of
+    /// the grid that only touches the region from outside is left out.
+    ///
+    /// `min` must not be greater than `max` on any axis.
     ///
     /// # Errors
-    /// [`GridError::TooMany`].
+    /// [`GridError::TooMany`] if `min` or `max` has no [`place`](Self::place).
     pub(crate) fn places(&self, [min, max]: [DVec3; 2]) -> Result<[[i64; 3]; 2], GridError> {
         let (first, mut last) = (self.place(min)?, self.place(max)?);
         for axis in 0..3 {

@@ -48,9 +48,10 @@ pub(crate) struct Opened {
 pub(crate) struct Trace {
     /// Opened tiles in the order of opening, the root first. [`WHOLE`] alone if all tiles were swept at once.
     opened: Vec<Opened>,
-    /// Objects not found hidden, ascending: the position of the object's tile in `opened`, and the object's
-    /// place in the tile. If all tiles were swept at once: 0, and the object's place in the order of all
-    /// objects.
+    /// Objects not found hidden, ascending. Each is `[tile, object]`: the position of the object's tile in
+    /// `opened`, and the position of the object in the tile's own list. If all tiles were swept at once, the
+    /// first number is 0, and the second is the position of the object in [`TileTree::order`]. These two
+    /// numbers are called the *place* of the object.
     left: Vec<[u32; 2]>,
 }
 
@@ -150,7 +151,7 @@ struct Around<'a> {
     trace: &'a mut Trace,
     /// Position of each opened tile in the record, by number of the tile.
     places: &'a mut HashMap<u32, u32>,
-    /// Objects that occlude and are not hidden: their places and numbers.
+    /// Objects that occlude and are not hidden: the [place](Trace::left) and the number of each.
     occluding: Vec<([u32; 2], u32)>,
     /// Tiles and objects that are not hidden and do not occlude yet.
     waiting: Vec<Waiting>,
@@ -188,7 +189,7 @@ impl Around<'_> {
         }
     }
 
-    /// Returns the places of all objects that are not hidden.
+    /// Returns the [places](Trace::left) of all objects that are not hidden.
     fn left(self) -> Vec<[u32; 2]> {
         let waiting = self.waiting.iter().filter_map(|waiting| match waiting.what {
             What::Object { place, .. } => Some(place),
@@ -319,8 +320,8 @@ impl Trace {
         Self::of_whole(tree, 0..tree.order.len() as u32)
     }
 
-    /// Returns the trace of a sweep of all tiles at once that has left some objects, by their places in the
-    /// order of all.
+    /// Returns the trace of a sweep of all tiles at once. `left` are the objects that it has not hidden, by
+    /// their positions in [`TileTree::order`].
     fn of_whole(tree: &TileTree, left: impl IntoIterator<Item = u32>) -> Self {
         let opened = vec![Opened { parent: 0, child: WHOLE, hash: tree.hash }];
         Self { opened, left: left.into_iter().map(|place| [0, place]).collect() }

@@ -307,7 +307,7 @@ impl<'a> SandwichBaker<'a> {
         }
     }
 
-    /// Returns the place of an item's viewcell in the range, and its stage.
+    /// Returns the position of an item's viewcell in `range`, from 0, and the item's stage.
     fn place_and_stage(&self, item: u32) -> (usize, u32) {
         let (item, count) = (item as usize, self.range.len().max(1));
         (item % count, (item / count) as u32)

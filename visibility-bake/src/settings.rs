@@ -22,9 +22,10 @@ impl Default for SandwichSettings {
 }
 
 impl SandwichSettings {
-    /// Sets when proofs for a viewcell end: when the open objects have at most this part of the
-    /// [cost](visibility_core::Object::cost) of all that are reported, from 0 to 1. 0 asks for a proof of
-    /// every object that is not seen; 1 for none. NaN and numbers below 0 count as 0.
+    /// Sets when proofs for a viewcell end, as a fraction from 0 to 1: when the
+    /// [cost](visibility_core::Object::cost) of the open objects is at most this fraction of the cost of all
+    /// objects that are reported. With 0, a proof is tried for every object that is not seen; with 1, for
+    /// none. NaN and numbers below 0 count as 0.
     pub fn with_gap(self, gap: f64) -> Self {
         Self { gap, ..self }
     }

@@ -33,16 +33,20 @@ const TRIANGLE_BYTES: u64 = 200;
 /// Approximate bytes of memory per unit of weight of a search.
 const SEARCH_BYTES: u64 = 600;
 
-/// Number of triangles that a search may copy in any level in memory: it then takes some 2 GB.
+/// Number of triangles that the search for one viewcell may always copy, if the level is held in memory. The
+/// search copies the triangles of all objects that the sweep before it has not hidden. A copy of this number
+/// of triangles takes about 2 GB.
 const MOST_COPIED: u64 = 1 << 21;
 
-/// A level whose objects are sorted into tiles, by place. A bake loads a tile only where it is seen.
+/// A level whose objects are sorted into tiles, by position in space. A bake loads a tile only where it is
+/// seen.
 ///
 /// The content of the objects is in a [`Scene`], or in a file: then no more of it is in memory than a stated
 /// limit allows ([`TiledScene::writer`]). The results of a bake are the same.
 pub struct TiledScene<'a> {
     pub(crate) origin: DVec3,
-    /// Facts of each object, by number. Numbers ascend with the indices of objects.
+    /// Facts of each object. The position of an object in this list is called its number. It differs from the
+    /// object's index in the level, in which there may be gaps. The list is sorted by index, ascending.
     pub(crate) objects: Vec<ObjectFacts>,
     pub(crate) tree: TileTree,
     /// Greatest index of an object plus 1.
@@ -51,8 +55,9 @@ pub struct TiledScene<'a> {
     pub(crate) first_weight: u64,
     /// Greatest weight of the occluders in a sweep of several viewcells, without a limit of time.
     pub(crate) most_weight: u64,
-    /// Greatest number of triangles that a search may copy: [`MOST_COPIED`], or as many as the level has with
-    /// each shared mesh counted once. No limit for a level in a file, which has a limit of memory.
+    /// Greatest number of triangles that the search for one viewcell may copy. For a level in memory it is
+    /// the greater of [`MOST_COPIED`] and the number of triangles of the level, each shared mesh counted
+    /// once. For a level in a file there is no such limit (`u64::MAX`): its memory is limited in bytes.
     pub(crate) most_copied: u64,
     store: Store<'a>,
     /// Scene of all objects, tile by tile, and a sweep prepared for it. Made on the first request.

@@ -151,9 +151,15 @@ impl Frame<'_> {
 }
 
 impl TreeVisitor for Frame<'_> {
-    /// Returns a mask of the view planes that the whole subtree is inside of, given the parent's mask
-    /// `inside`. Bit i stands for plane i of the view volume. `None` skips the subtree: it is outside the
-    /// view, its only owner needs no rank or gets its rank here, or the node limit is reached.
+    /// Returns a mask of the planes of the view volume that the whole subtree is on the inner side of. Bit i
+    /// stands for plane i. `inside` is the mask of the parent node; its bits stay set.
+    ///
+    /// If all polygons of the subtree belong to one object, which still needs a rank, and the subtree is
+    /// inside all planes, gives that object the next rank.
+    ///
+    /// `None` skips the subtree, for one of these reasons: it is outside the view; all its polygons belong to
+    /// one object, which needs no rank or has got it by this call; no object needs a rank any more; the limit
+    /// of nodes is reached.
     fn enter(&mut self, subtree: &Subtree, inside: u32) -> Option<u32> {
         if self.left == 0 || self.stats.nodes > self.most {
             return None;

@@ -104,7 +104,8 @@ pub(crate) fn corners_of([min, max]: [DVec3; 2]) -> impl Iterator<Item = DVec3> 
 pub(crate) struct BoxProjection {
     /// Clip-space x, y and w of the box's minimum corner, times the common scale.
     pub(crate) base: [f64; 3],
-    /// Change of clip-space x, y and w along the box's edges in x, y and z, times the common scale.
+    /// Change of clip-space x, y and w along each of the box's edges in x, y and z, times the common scale:
+    /// `sides[axis][value]`.
     pub(crate) sides: [[f64; 3]; 3],
     /// Bound on the absolute error of `n . v` for the clip-space direction `v` of any corner and any line
     /// coefficients `n` of at most 1 in magnitude.

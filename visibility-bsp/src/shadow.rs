@@ -70,9 +70,9 @@ pub(crate) struct BackPlane {
 }
 
 impl BackPlane {
-    /// Returns the side of the plane on which a box lies (`min` to `max` in metres relative to
-    /// `Scene::origin`): -1 if all of it is surely behind the plane, 1 if all of it is surely in front, 0 if
-    /// it crosses or touches the plane or cannot be decided.
+    /// Returns the side of the plane on which the box from `min` to `max` lies: -1 if all of it is surely
+    /// behind the plane, 1 if all of it is surely in front. 0 if it crosses or touches the plane, or if
+    /// rounding leaves the side undecided. Corners are in metres relative to `Scene::origin`.
     #[inline]
     pub(crate) fn side(&self, min: DVec3, max: DVec3) -> i32 {
         let n = self.normal;
@@ -185,10 +185,12 @@ impl Shadows {
         &self.edges[shadow.edges.clone()]
     }
 
-    /// Appends the shadow of a polygon to this set's shadows, `list`. Returns false and appends nothing if
-    /// the polygon casts no shadow: the eye is not surely in front of the polygon (or behind, if it is
-    /// two-sided), all of the polygon is in front of the near plane, it has more than [`MOST_EDGES`]
-    /// edges, or rounding leaves the plane of an edge uncertain.
+    /// Appends the shadow of a polygon to this set's shadows, `list`. Returns true if a shadow was appended.
+    ///
+    /// Returns false and appends nothing if the polygon casts no shadow, for one of these reasons: the eye is
+    /// not surely in front of the polygon (for a two-sided polygon, neither surely in front nor surely
+    /// behind); all of the polygon is on the eye's side of the near plane; the polygon has fewer than three
+    /// or more than [`MOST_EDGES`] edges; rounding leaves the plane of an edge uncertain.
     pub(crate) fn cast(
         &mut self,
         projection: &ClipProjection,

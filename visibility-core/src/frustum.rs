@@ -140,10 +140,10 @@ impl ConvexVolume {
         self.simd.any_outside(boxes, &self.planes, active)
     }
 
-    /// Returns a mask of the lanes whose box is certainly on the inner side of plane number `plane` (modulo
-    /// [`MAX_PLANES`]), the side that its normal points to, so that nothing below these boxes needs a test
-    /// against that plane. Bit i stands for lane i; undecided lanes are 0, and so are all lanes for a plane
-    /// that the volume does not have.
+    /// Returns a mask of the lanes whose box is certainly on the inner side of a plane, the side that its
+    /// normal points to. Nothing below these boxes needs a test against that plane. The plane has the number
+    /// `plane` modulo [`MAX_PLANES`]. Bit i of the mask stands for lane i. Undecided lanes are 0. If the
+    /// volume has no plane of this number, all lanes are 0.
     #[inline]
     pub fn inside(&self, boxes: &Boxes64, plane: usize) -> u64 {
         self.simd.any_outside(boxes, &self.flipped, 1 << (plane % MAX_PLANES))
@@ -162,9 +162,10 @@ impl ConvexVolume {
         retain_on(jobs, scene, visible, self, self.all)
     }
 
-    /// Tests the children of `node` (`None`: the root) against the planes in the mask `active` (bit i for
-    /// plane i), since all other planes are known to contain the node, and recurses into undecided children.
-    /// Returns whether any candidate (object of the visible set) is left below the node.
+    /// Tests the children of `node`, or of the root for `None`, against the planes in the mask `active`, and
+    /// recurses into undecided children. Bit i of the mask stands for plane i. The node must be on the inner
+    /// side of all planes that are not in the mask. Returns whether any candidate (object of the visible set)
+    /// is left below the node.
     fn visit(&self, walk: &mut Walk<SceneHierarchy>, node: Option<usize>, active: u32) -> bool {
         walk.visit(node, |walk, block, candidates| {
             let (mut mask, inside) = self.test(block, candidates, active, &mut walk.stats);

@@ -21,14 +21,18 @@ use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_core::random::Random;
 
-/// Nodes for a group of objects, a single object's box, one triangle, and all triangles of an object.
+/// Budget of the proof that a group of objects is hidden, unless [`Prices`] allow more.
 ///
 /// Groups get few nodes and are not divided by occluder edges: what is not proven of a group at once is
 /// proven of its parts in less time. With 300 nodes and divisions, a city took twice as long for the same
 /// answer.
 const GROUP: Budget = Budget { nodes: 50, divided: 0, halvings: 0 };
+/// Budget of the proof that the box of a single object is hidden.
 const OBJECT: Budget = Budget { nodes: 1000, divided: 200, halvings: 12 };
+/// Budget of the search for one triangle of an object.
 const TRIANGLE: Budget = Budget { nodes: 1500, divided: 200, halvings: 12 };
+/// Number of nodes spent on the triangles of one object after which no further triangle of the object gets a
+/// first look.
 const ALL_TRIANGLES: u32 = 8000;
 /// Budget of a first look at each triangle of an object, if there are other objects to try.
 const QUICK: Budget = Budget { nodes: 400, ..TRIANGLE };
@@ -229,9 +233,10 @@ impl<'a> CellQuery<'a> {
         self.rays + self.nodes()
     }
 
-    /// Takes all steps of the settings for the objects for which `is_asked` is true, given their places among
-    /// the objects of the triangles. The others, and objects that are undecided when the query ends, are
-    /// [`Verdict::Open`]. Returns the memory of the query too.
+    /// Takes all steps of the settings for the objects for which `is_asked` is true. `is_asked` is given the
+    /// position of an object in the list of objects of the [`SceneTriangles`]. The other objects, and objects
+    /// that are undecided when the query ends, are [`Verdict::Open`]. Returns the verdicts, and the memory of
+    /// the query for use by the next one.
     pub(crate) fn run(mut self, is_asked: &dyn Fn(usize) -> bool) -> (CellVerdicts, ChainScratch) {
         let asked = self.usable(is_asked);
         let mut open = self.look_at(asked);

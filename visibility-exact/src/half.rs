@@ -31,8 +31,8 @@ impl Half {
         self.axis().is_some_and(|k| x[k] == -self.offset * self.normal[k])
     }
 
-    /// Returns where a side from `a` to `b`, at the given heights over the plane, crosses the plane: on it
-    /// exactly, if it is perpendicular to an axis.
+    /// Returns the point at which the edge from `a` to `b` crosses the plane. `heights` are those of `a` and
+    /// of `b` over the plane. If the plane is perpendicular to an axis, the point is exactly on the plane.
     pub(crate) fn crossing(&self, a: DVec3, b: DVec3, heights: [f64; 2]) -> DVec3 {
         let mut x = a + (b - a) * (heights[0] / (heights[0] - heights[1]));
         if let Some(k) = self.axis() {

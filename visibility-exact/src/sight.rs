@@ -129,8 +129,8 @@ impl Sight {
         self.before_q.holds(x) || self.near.is_some_and(|near| self.before_q.height(x).abs() < near)
     }
 
-    /// Returns the place of P relative to the front of a one-sided triangle, for a clearance `c`. Heights
-    /// have errors up to `pad`.
+    /// Returns on which side of a one-sided triangle P is. `front` is the half-space before the triangle's
+    /// front, `c` the clearance. Heights have errors up to `pad`.
     ///
     /// Without clearance an answer holds for all segments, so that P must be before the triangle for certain.
     /// With a clearance positions are what they are, and over a plane that is perpendicular to an axis their
@@ -159,8 +159,9 @@ impl Sight {
         Some([with(&before)?, with(&behind)?])
     }
 
-    /// Returns the half-space to which occluders are cut: in front of Q's plane, or `pad` before it where
-    /// corners of the cut are not exactly in the plane.
+    /// Returns the half-space to which occluders are cut. Its boundary is Q's plane if corners of the cut
+    /// count as in that plane (`near` above 0), or if heights over the plane are exact. Otherwise its
+    /// boundary is `pad` metres before Q's plane.
     pub(crate) fn cut_before_q(&self, pad: f64) -> Half {
         if self.near.is_some_and(|near| near > 0.0) { self.before_q } else { self.before_q.padded(-pad) }
     }

@@ -75,8 +75,8 @@ impl TriangleTree {
         tree
     }
 
-    /// Adds the nodes over `boxes`, and puts `boxes` into the order of the leaves. `first` is the place of
-    /// the first box among all.
+    /// Adds the nodes over `boxes`, and puts `boxes` into the order of the leaves. `first` is the position of
+    /// the first of these boxes in the list of all boxes.
     fn build(&mut self, boxes: &mut [LeafBox], first: usize, depth: usize) {
         let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         let (mut least, mut greatest) = (min, max);
@@ -156,8 +156,8 @@ impl TriangleTree {
         unsure
     }
 
-    /// Calls `visit` with the place and the number of triangles of each leaf whose box the segment may touch,
-    /// until `visit` returns false.
+    /// Calls `visit` for each leaf whose box the segment from `p` to `q` may touch, until `visit` returns
+    /// false: with the position in `order` of the leaf's first triangle, and the number of its triangles.
     ///
     /// The distance to a face of a box along the segment is a rounded difference, divided by another: its
     /// relative error is at most 4 U. For distances from 0 to 1, 1e-12 covers the errors of two.

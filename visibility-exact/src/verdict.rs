@@ -38,7 +38,7 @@ pub enum Verdict {
 /// triangle of a single object.
 #[derive(Clone, PartialEq, Debug)]
 pub struct ProvenHidden {
-    /// The objects, by their places among the objects of the [`SceneTriangles`].
+    /// The objects, by their positions in the list of objects of the [`SceneTriangles`].
     pub(crate) objects: Box<[u32]>,
     /// Proofs that together cover all parts of the objects.
     pub proofs: Vec<Proof>,

@@ -92,8 +92,9 @@ pub struct DrawList {
     /// Scratch: the key of each object in the upper half and the object's index in the lower, in the order
     /// given.
     keyed: Vec<u64>,
-    /// Scratch: indexed by key, the number of objects, then the place of the next object; or the index of
-    /// each object in the order given.
+    /// Scratch, in one of two uses. If objects are counted by key: indexed by key, first the number of
+    /// objects with the key, then the position in `instances` of the next one. If objects are sorted by
+    /// comparison: the index of each object, in the order given.
     places: Vec<u32>,
 }
 

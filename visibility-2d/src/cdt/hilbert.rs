@@ -20,9 +20,10 @@ impl Curve {
         Self { low, scale }
     }
 
-    /// Returns the place of a point on a curve of 2^(2 `LEVELS`) steps, as the highest bits of the result.
-    /// `LEVELS` is at most 32. Fewer levels give a prefix of the place at more levels. Points outside the
-    /// rectangle get the place of a point on its boundary.
+    /// Returns the position of a point along a curve of 2^(2 `LEVELS`) steps: the number of the step at the
+    /// point, as the highest 2 `LEVELS` bits of the result. `LEVELS` must be at most 32. The position at
+    /// fewer levels is a prefix of the position at more levels. A point outside the rectangle has the
+    /// position of a point on its boundary.
     pub(crate) fn place<const LEVELS: u32>(&self, point: Point) -> u64 {
         // A cast to an integer saturates, and NaN becomes 0.
         let [mut x, mut y] =

@@ -9,8 +9,9 @@ use super::triangulation::{NONE, Place, next, place_in};
 const MOST_STEPS: u32 = 16;
 
 impl Plan {
-    /// Returns the place of a point. The search walks from half-edge `from` if that is a few steps away.
-    /// Otherwise, or if `from` is [`NONE`], it searches all triangles. The answer does not depend on `from`.
+    /// Returns the [`Place`] of a point: the triangle, half-edge or vertex that it is on. The search walks
+    /// from half-edge `from` if that is a few steps away. Otherwise, or if `from` is [`NONE`], it searches
+    /// all triangles. The answer does not depend on `from`.
     pub(crate) fn locate_near(&self, point: Point, from: u32) -> Place {
         match self.walk_to(point, from) {
             // The half-edge by which the walk came, of several.

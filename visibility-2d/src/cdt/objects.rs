@@ -97,9 +97,12 @@ impl PlanObjects {
     /// Replaces an object's outline: the object becomes the convex hull of `outline`.
     ///
     /// # Errors
-    /// [`PlanError::Coordinate`] if a point is not finite or above 1e60, [`PlanError::Region`] if there is no
-    /// point or one outside the rectangle around the plan, [`PlanError::Objects`] if the objects are of
-    /// another plan, or have none of that number. The object then stays where it was.
+    /// - [`PlanError::Coordinate`] if a coordinate of a point is NaN, infinite or above 1e60 in absolute
+    ///   value.
+    /// - [`PlanError::Region`] if there is no point, or a point is outside the rectangle around the plan.
+    /// - [`PlanError::Objects`] if the objects are of another plan, or if no object has that number.
+    ///
+    /// After an error the object stays where it was.
     pub fn set(&mut self, plan: &Plan, object: u32, outline: &[[f64; 2]]) -> Result<(), PlanError> {
         if object as usize >= self.of_object.len() {
             return Err(PlanError::Objects);

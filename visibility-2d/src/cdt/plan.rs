@@ -74,8 +74,8 @@ pub struct Plan {
     /// For each vertex, a half-edge that begins there.
     pub(crate) out: Vec<u32>,
     curve: Curve,
-    /// For each vertex, the first 32 bits of its place on the Hilbert curve. Vertices are sorted by it,
-    /// ascending.
+    /// For each vertex, the first 32 bits of its position along the Hilbert curve ([`Curve::place`]).
+    /// Vertices are sorted by it, ascending.
     places: Vec<u32>,
     /// Piece of a wall along each half-edge, [`NONE`] without a wall. Both halves have the same piece.
     pub(crate) piece: Vec<u32>,
@@ -102,9 +102,9 @@ impl Plan {
     /// margin of a quarter of the larger extent of all walls, at least 1.
     ///
     /// # Errors
-    /// [`PlanError::Coordinate`] for a coordinate that is NaN, infinite or above 1e60,
-    /// [`PlanError::TooMany`] for more than [`LIMIT`](Self::LIMIT) walls, 2^24 vertices or 2^24 overlaps, or
-    /// if the walls of all pieces are together more than 2^26.
+    /// - [`PlanError::Coordinate`] for a coordinate that is NaN, infinite or above 1e60 in absolute value.
+    /// - [`PlanError::TooMany`] for more than [`LIMIT`](Self::LIMIT) walls, 2^24 vertices or 2^24 overlaps,
+    ///   or if the walls of all pieces are together more than 2^26.
     pub fn new(walls: &[Wall]) -> Result<Self, PlanError> {
         Self::from_walls_within(walls, |[low, high]| {
             (0.25 * (high[0] - low[0]).max(high[1] - low[1])).max(1.0)

@@ -125,9 +125,12 @@ impl Plan {
     /// is in proportion to the number of classes of lines.
     ///
     /// # Errors
-    /// [`PlanError::Coordinate`] if a point is not finite or above 1e60, [`PlanError::Region`] if there is no
-    /// point or one outside the rectangle around the plan, [`PlanError::TooMany`] if beams enter more than
-    /// 2^24 triangles. The answer is then unusable: count everything as visible.
+    /// - [`PlanError::Coordinate`] if a coordinate of a point is NaN, infinite or above 1e60 in absolute
+    ///   value.
+    /// - [`PlanError::Region`] if there is no point, or a point is outside the rectangle around the plan.
+    /// - [`PlanError::TooMany`] if beams enter more than 2^24 triangles.
+    ///
+    /// After an error the answer is unusable: count everything as visible.
     ///
     /// ```
     /// use visibility_2d::cdt::{Plan, RegionVisibility, Wall};

@@ -71,10 +71,11 @@ impl Plan {
         Ok(a == b || Walk { plan: self, a, b, is_ray: false, heights: None }.run() == Stop::Reached)
     }
 
-    /// Returns whether two points at heights see each other, as [`sees`](Self::sees) does, over and under
-    /// walls with [heights](super::Wall::heights). A wall stops the segment if the segment's height where the
-    /// two cross is above the wall's lower end and below its upper end; where rounding leaves that open, by
-    /// some 2^-49 of the heights, the segment passes. So what is seen is never denied.
+    /// Returns whether two points, each given with its height, see each other. As [`sees`](Self::sees), but a
+    /// line of sight may also pass over or under walls with [heights](super::Wall::heights). A wall stops the
+    /// segment if the segment's height where the two cross is above the wall's lower end and below its upper
+    /// end; where rounding leaves that open, by some 2^-49 of the heights, the segment passes. So what is
+    /// seen is never denied.
     ///
     /// ```
     /// use visibility_2d::cdt::{Plan, Wall};

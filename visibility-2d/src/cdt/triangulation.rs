@@ -4,9 +4,9 @@
 //! Nina Amenta, Sunghee Choi and Guenter Rote, "Incremental Constructions con BRIO", 2003 (points in random
 //! rounds, each along a space-filling curve, so that flips take no quadratic time on any input).
 //!
-//! Points at one place of the curve are in the order of x: on a line each is next to the one before. Many
-//! others at one place, beside a point 2^32 times as far away as they extend, are found by walks past the
-//! square root of their number.
+//! Points at the same position along the curve are inserted in the order of x: on a line each is next to the
+//! one before. If many points that are not on a line have the same position, beside a point 2^32 times as far
+//! away as they extend, they are found by walks past the square root of their number.
 //!
 //! Triangles carry labels, which a user of the triangulation sets: parts of a triangle keep its label, and a
 //! label that a flip would take to other points is erased and reported.
@@ -33,7 +33,7 @@ pub(crate) fn previous(h: u32) -> u32 {
     if h.is_multiple_of(3) { h + 2 } else { h - 1 }
 }
 
-/// Place of a point in a triangulation.
+/// What a point of a triangulation is on: a triangle, a half-edge or a vertex.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Place {
     /// Strictly inside the triangle with this index.
@@ -105,7 +105,10 @@ impl Triangulation {
         self.erased_bounds = NOWHERE;
     }
 
-    /// Erases the labels of triangles that are about to be divided anew, unless all labels are equal.
+    /// Gives triangles the same label: if their labels differ, all of them lose their labels. Called before
+    /// the area of these triangles is divided into other triangles, each of which may take over points of
+    /// several of them: a label must hold for all points of its triangle. Adds the labels lost to `erased`,
+    /// and the triangles that had them to `erased_bounds`.
     pub(crate) fn unify(&mut self, triangles: &[u32]) {
         let label = |of: &Self, t: u32| of.labels[t as usize];
         if triangles.windows(2).all(|pair| label(self, pair[0]) == label(self, pair[1])) {
@@ -183,7 +186,7 @@ impl Triangulation {
         vertex
     }
 
-    /// Finds a point by walking from the last place. The walk turns to another edge at each step, so it
+    /// Finds a point by walking from the half-edge `last`. The walk turns to another edge at each step, so it
     /// hardly ever runs in a circle; when it has taken too long, all triangles are searched.
     pub(crate) fn locate(&self, point: Point) -> Place {
         let mut t = self.last / 3;

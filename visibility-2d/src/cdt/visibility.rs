@@ -271,7 +271,7 @@ impl Plan {
         }
     }
 
-    /// Returns whether the outer rectangle does not surround a place.
+    /// Returns whether a [`Place`] is on the boundary of the outer rectangle or outside it.
     fn is_on_boundary(&self, place: Place) -> bool {
         let is_outer = |h: u32| self.edges[h as usize].twin().is_none();
         match place {

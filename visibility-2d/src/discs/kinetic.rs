@@ -228,8 +228,9 @@ impl<'a> KineticZone<'a> {
         self.work
     }
 
-    /// Moves the eye along a straight way and returns the discs that it sees there, each once, as their
-    /// indices in the order that [`Discs::new`] was given them. All discs if the eye is not finite.
+    /// Moves the eye in a straight line to `eye` and returns the discs that are visible from `eye`, each
+    /// once. A disc is named by its index in the list that [`Discs::new`] was given. Returns all discs if
+    /// `eye` is not finite.
     pub fn move_to(&mut self, eye: [f64; 2]) -> &[u32] {
         self.is_held.clear();
         self.is_held.extend(self.arcs.iter().map(|arc| arc.class.holds(eye)));

@@ -1,4 +1,7 @@
-//! Crossings of crowns: how many crowns of trees a line of sight has passed, by direction.
+//! Crossings of crowns: how many crowns of trees a line of sight has passed, by direction. A crown is an
+//! object that the user has named as the crown of a tree
+//! ([`HorizonCuller::with_crowns`](super::HorizonCuller::with_crowns)). Picture, face, column and height are
+//! those of the [`horizon`](super) module.
 //!
 //! No crown hides what is behind it, but hardly anything shows through six. Each column counts the crowns
 //! that were met, nearest first, with the inner part of their width, and the mean of their tops. What is
@@ -22,8 +25,9 @@ pub(crate) struct CrownColumns {
     crowns: Vec<ObjectId>,
     /// Number of crowns in a row that count as opaque, at least 1.
     crossings: u8,
-    /// Number of crowns met by each column of all faces, and the sum of the heights of their tops in the
-    /// picture.
+    /// For each column: the number of crowns that the column has met, and the sum of the heights of their
+    /// tops in the picture (height above the eye divided by depth). Column `c` of face `f` is at index `f *
+    /// per_face + c`, where `per_face` is the number of columns of a face.
     met: Vec<(u8, f32)>,
 }
 

@@ -157,9 +157,10 @@ impl Solids {
         }
     }
 
-    /// Adds a prism that may be open at the bottom: triangles, joined by shared vertices, whose vertices have
-    /// two heights, whose sides are upright and bound their hull on the plan, and whose edges all join two
-    /// triangles but for those at the lower height. `None` if the triangles are no such prism.
+    /// Adds a prism that may be open at the bottom. The triangles must be joined by shared vertices and meet
+    /// these conditions: their vertices have two heights in all; the triangles between the two heights are
+    /// upright and bound the hull of the triangles on the plan; every edge joins two triangles, except edges
+    /// at the lower height. `None` if the triangles are no such prism.
     fn add_open_prism(
         &mut self,
         mesh: &OccluderMesh,

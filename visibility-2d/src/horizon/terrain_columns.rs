@@ -34,8 +34,8 @@ const BEHIND_CREST: u32 = 2;
 /// Whether objects of the ground are drawn in a frame. Computed on the first request for each list.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Presence {
-    /// Whether all owners in a list are drawn or certainly outside the view, by number of the list. `None` if
-    /// not asked yet.
+    /// By number of a list of objects: whether all objects in the list are drawn or certainly outside the
+    /// view. `None` if this was not computed yet in this frame.
     lists: Vec<Option<bool>>,
 }
 

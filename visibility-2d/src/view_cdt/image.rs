@@ -178,7 +178,9 @@ impl Image {
         }
     }
 
-    /// Labels the triangles within bounds that a shape certainly fills, unless a nearer shape fills them.
+    /// Labels with `number` the triangles that the shape of this number certainly fills, except those that a
+    /// nearer shape fills. Only triangles within `bounds` are looked at: least corner, then greatest corner,
+    /// in grid units.
     fn fill(&mut self, shapes: &Shapes, number: u32, bounds: [[f64; 2]; 2]) {
         let shape = &shapes.list[number as usize];
         self.collect(&shapes.outlines[shape.outline.clone()], bounds);
@@ -197,7 +199,8 @@ impl Image {
         }
     }
 
-    /// Lists the triangles that a polygon on the grid meets within some bounds, and some beside them.
+    /// Lists in `found` the triangles that a polygon meets within `bounds`, and some beside them. `bounds`
+    /// are the least corner, then the greatest corner. All coordinates are in grid units.
     fn collect(&mut self, polygon: &[[f64; 2]], bounds: [[f64; 2]; 2]) {
         let mut found = core::mem::take(&mut self.found);
         found.clear();

@@ -46,7 +46,8 @@ pub(crate) struct Projected {
 /// Grid rectangle and depth of a box.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ProjectedBox {
-    /// Corners, each wrong by at most a quarter of a grid unit on each axis.
+    /// Column and row of each corner in grid units, in the order of [`Aabb::corners`]. Each value is wrong by
+    /// at most a quarter of a grid unit.
     pub(crate) corners: [[f64; 2]; 8],
     /// Least column and row in grid units, rounded outwards.
     pub(crate) low: [f64; 2],
@@ -58,19 +59,19 @@ pub(crate) struct ProjectedBox {
     pub(crate) nearest: f64,
 }
 
-/// Place of a box relative to the view.
+/// Position of a box relative to the view.
 #[derive(Clone, Copy, Debug)]
 #[expect(clippy::large_enum_variant, reason = "matched at once, never stored")]
 pub(crate) enum BoxPlace {
     /// The box certainly misses the image.
     Outside,
-    /// The box may reach the near plane, or rounding leaves its place open.
+    /// The box may reach the near plane, or rounding leaves its position on the image undecided.
     Unknown,
     Inside(ProjectedBox),
 }
 
 impl Screen {
-    /// A screen on which no box has a known place and no triangle faces the eye.
+    /// A screen on which every box is [`BoxPlace::Unknown`] and no triangle faces the eye.
     pub(crate) const BLIND: Self = Self {
         rows: [ClipRow { linear: DVec3::ZERO, constant: 0.0, error: f64::INFINITY }; 5],
         anchor: DVec3::ZERO,
@@ -130,7 +131,7 @@ impl Screen {
         is_finite
     }
 
-    /// Returns the place of a proper box relative to the view.
+    /// Returns the position of a box relative to the view. The box must be [proper](Aabb::is_proper).
     ///
     /// A quotient `q = a / w` with errors `e_a` and `e_w` is wrong by `(e_a + |q| e_w) / w` to first order
     /// and by two roundings. The factor 2 covers higher orders, since `w` exceeds `1024 e_w`.

@@ -26,7 +26,9 @@ impl Umbra {
         Self { grown: *grown, cell: *cell, normal, distance: along(a).max(along(b)) }
     }
 
-    /// Returns the hidden rectangle: the ends on the plan, the bottom and the top.
+    /// Returns the upright rectangle that is hidden from the viewcell: its two ends on the plan,
+    /// `[end][coordinate]`, the left end first as seen from the viewcell; then the heights of its lower and
+    /// of its upper side. All are in metres.
     pub(crate) fn rectangle(&self) -> ([[f64; 2]; 2], f64, f64) {
         let Grown { ends, bottom, slope, .. } = self.grown;
         let along = |p: Point| p.x * self.normal[0] + p.y * self.normal[1];

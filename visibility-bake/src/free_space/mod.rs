@@ -25,11 +25,12 @@ use visibility_core::pvs::Viewcell;
 use voxel_set::{voxel_number, voxel_place};
 
 impl Grid {
-    /// Returns the viewcells that a camera reaches from some points, those of the points first, then in the
-    /// order in which the flood reaches them: boxes of the grid, cut off at solid surfaces that the flood
-    /// does not pass within the box. Solid are the triangles of the objects flagged as occluders. The flood
-    /// does not leave the box from `min` to `max`. A point where the camera cannot be is replaced by the
-    /// nearest place in the same box of the grid where it can be, and ignored if there is none.
+    /// Returns the viewcells that a camera reaches from some points: boxes of the grid, cut off at solid
+    /// surfaces that the flood does not pass within the box. The viewcells of the points come first, then the
+    /// others in the order in which the flood reaches them. The triangles of objects flagged as occluders are
+    /// solid. The flood does not leave the box from `min` to `max`. A point where the camera cannot be is
+    /// replaced by the nearest point in the same box of the grid where it can be. If there is none, the point
+    /// is ignored.
     ///
     /// No viewcell is left out that holds a position that the camera can reach in the box without coming
     /// nearer to a solid surface than the [radius](CameraRange::radius) and without leaving the

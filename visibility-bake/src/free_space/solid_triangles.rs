@@ -24,7 +24,8 @@ const BOX_VOXELS: usize = 1 << 21;
 /// The triangles of a scene's occluders in some columns of a grid.
 pub(super) struct SolidTriangles<'a> {
     pub grid: &'a Grid,
-    /// Places of the first and the last box of the grid on each axis, within which triangles are known.
+    /// [Places](crate::grid) of the first and of the last box of the range of the grid in which triangles are
+    /// known, each as x, y and z. Both are in the range.
     pub limits: [[i64; 3]; 2],
     /// Number of voxels of a box on each axis.
     pub counts: [usize; 3],

@@ -24,21 +24,23 @@ impl Columns {
         Self { up, across, widths: across.map(|axis| size[axis]), slack: SLACK * size.min_element() }
     }
 
-    /// Returns the column of the box at a place in the grid.
+    /// Returns the column of the box at a [place](crate::grid) in the grid: its position on the two axes of
+    /// `across`.
     pub(super) fn of<T: Copy>(&self, place: [T; 3]) -> [T; 2] {
         self.across.map(|axis| place[axis])
     }
 
-    /// Returns the place of the box in a column at a level: the box's position on the axis `up`.
+    /// Returns the [place](crate::grid) in the grid of a box, given by its column and its position `level` on
+    /// the axis `up`.
     pub(super) fn place<T: Copy>(&self, column: [T; 2], level: T) -> [T; 3] {
         let mut place = [level; 3];
         (place[self.across[0]], place[self.across[1]]) = (column[0], column[1]);
         place
     }
 
-    /// Calls `each` with the columns that a triangle touches, and with the least and greatest coordinate of
+    /// Calls `each` with each column that a triangle touches, and with the least and greatest coordinate of
     /// the triangle on the axis `up` in that column. Columns before `first` or after `last` on an axis are
-    /// left out.
+    /// left out. A column is given by its position on the two axes of `across`.
     ///
     /// # Errors
     /// The first error of `each`.

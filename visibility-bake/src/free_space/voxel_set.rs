@@ -1,7 +1,8 @@
 //! Sets of the voxels of a box, and the parts of a set that are connected through faces.
 //!
-//! Voxels are numbered along x, then y, then z. A part is found row by row: all voxels of a row along x that
-//! are connected are taken at once, and the search goes on in the four rows beside it.
+//! The *place* of a voxel is its position in the box, as x, y and z from 0. Voxels are numbered along x, then
+//! y, then z. A part is found row by row: all voxels of a row along x that are connected are taken at once,
+//! and the search goes on in the four rows beside it.
 
 /// A set of the voxels of a box, with a bit for each.
 #[derive(Clone)]

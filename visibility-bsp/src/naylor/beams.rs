@@ -70,10 +70,13 @@ impl Line {
         Self { a, b, c, margin: 4.0 * error }
     }
 
-    /// Returns the line through two corners, its front on the left from `p` to `q`, and whether its margin
-    /// holds over the whole image (false: the margin was cut to a quarter of [`MIN_VISIBLE_WIDTH`]).
-    /// `error` bounds the absolute NDC error of the corners. `None` if the corners are closer than 64
-    /// errors or NaN, so that the line's direction is undetermined.
+    /// Returns the line through the corners `p` and `q`, and whether the line's `margin` is wide enough for
+    /// rounding over the whole image. The front of the line is on the left as one goes from `p` to `q`.
+    /// `error` bounds the absolute error of the corners in NDC.
+    ///
+    /// The second value is false if the margin that rounding requires is greater than a quarter of
+    /// [`MIN_VISIBLE_WIDTH`]; the margin is then that quarter. `None` if the distance between the corners is
+    /// less than `64 * error`, which leaves the line's direction undetermined, or if a corner is NaN.
     fn through(p: ImageCorner, q: ImageCorner, error: f64) -> Option<(Self, bool)> {
         let (dx, dy) = (q.x - p.x, q.y - p.y);
         let length = visibility_core::glam::DVec2::new(dx, dy).length();

@@ -81,8 +81,8 @@ impl Grid {
         row * self.columns() + column
     }
 
-    /// Returns the half-open ranges of columns and of rows of the rectangle from `low` to `high`, corners in
-    /// metres along the plane's two axes, which must lie on grid lines.
+    /// Returns the half-open range of columns and then that of rows of the rectangle from corner `low` to
+    /// corner `high`. The corners are in metres along the plane's two axes, and must lie on grid lines.
     fn range(&self, low: [f64; 2], high: [f64; 2]) -> [core::ops::Range<usize>; 2] {
         [0, 1].map(|i| {
             let line_index = |x: f64| self.lines[i].partition_point(|&line| line < x);

@@ -68,8 +68,9 @@ impl ScreenDensity {
         low * (1.0 - t) + high * t
     }
 
-    /// Returns the worth (number of objects that a shadow there may hide) of the rectangle from `low` to
-    /// `high` (in grid cells from the bottom left of the image) in objects, and its area in cells.
+    /// Returns the worth of a rectangle of the image, which is the number of objects that a shadow there may
+    /// hide, and then its area in grid cells. `low` and `high` are the rectangle's corners, in grid cells
+    /// from the bottom left of the image.
     fn rectangle(&self, low: [f64; 2], high: [f64; 2]) -> (f64, f64) {
         let count = self.below(high) - self.below([low[0], high[1]]) - self.below([high[0], low[1]])
             + self.below(low);

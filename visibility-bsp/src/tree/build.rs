@@ -116,8 +116,9 @@ impl BspTree {
         Ok(())
     }
 
-    /// Returns a reference to the link of the node's child that the pieces of `task` are to be sorted into: a
-    /// node index or a leaf.
+    /// Returns a reference to the link to the child that the pieces of `task` are to be sorted into: the
+    /// child of node `task.parent` on side `task.side`, or the root of the tree without a parent. The link is
+    /// the index of a node, or [`EMPTY`] for a leaf; [`is_leaf`] tells them apart.
     fn child_mut(&mut self, task: Task) -> &mut u32 {
         if task.parent == NONE {
             &mut self.root

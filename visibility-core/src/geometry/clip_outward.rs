@@ -9,9 +9,9 @@ use smallvec::SmallVec;
 /// inline without allocation.
 pub(crate) type Corners = SmallVec<[DVec3; 16]>;
 
-/// Clips a convex polygon by the half-space on the side that the normal of `plane` points to, after its
-/// boundary was moved by `margin` metres against the unit normal, and returns the corners of the remaining
-/// part in order.
+/// Returns the corners, in order, of the part of a convex polygon that is in a half-space. The half-space is
+/// that on the side to which the normal of `plane` points, with its boundary moved by `margin` metres against
+/// that unit normal.
 ///
 /// A positive margin enlarges the half-space, a negative margin shrinks it. Corners on the moved boundary are
 /// kept. The result is empty if all corners are outside.

@@ -76,9 +76,9 @@ impl core::error::Error for PolygonError {}
 const AREA_ROUNDING: f64 = 1e-14;
 
 impl ConvexPolygon {
-    /// Greatest allowed distance of a vertex from the polygon's plane, and from the inner side of any edge
-    /// (the side of the polygon's interior), as a fraction of the polygon's size (its greatest extent from
-    /// the first vertex along an axis).
+    /// Greatest distance that a vertex may have from the polygon's plane, and by which it may be beyond the
+    /// line of an edge, outside the polygon. Given as a fraction of the polygon's size, which is its greatest
+    /// extent from the first vertex along an axis.
     pub const TOLERANCE: f64 = 1e-6;
 
     /// Makes a polygon of vertices in order around the boundary, clockwise or counter-clockwise. Collinear

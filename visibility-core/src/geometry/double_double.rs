@@ -53,8 +53,8 @@ impl DoubleDouble {
         Self { hi, lo: b - (hi - a) }
     }
 
-    /// Returns `a * b` exactly, if the magnitude of the product is 0 or at least 2^-969 and nothing overflows
-    /// (Dekker's product).
+    /// Returns `a * b` (Dekker's product). The result is exact if the magnitude of the product is 0 or at
+    /// least 2^-969 and nothing overflows.
     pub fn product(a: f64, b: f64) -> Self {
         let hi = a * b;
         let [(a1, a2), (b1, b2)] = [halves(a), halves(b)];
@@ -75,8 +75,8 @@ impl DoubleDouble {
         Self { hi: -self.hi, lo: -self.lo }
     }
 
-    /// Returns `self * other` with a relative error of at most [`ERROR`](Self::ERROR), if the magnitude of
-    /// the product is 0 or at least 2^-969.
+    /// Returns `self * other`. The relative error is at most [`ERROR`](Self::ERROR) if the magnitude of the
+    /// product is 0 or at least 2^-969.
     #[must_use]
     pub fn times(self, other: Self) -> Self {
         let p = Self::product(self.hi, other.hi);

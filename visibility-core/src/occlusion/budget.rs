@@ -108,8 +108,9 @@ impl Budget {
     }
 
     /// Returns the work in triangles that an occlusion map may spend on occluders that the map draws by
-    /// itself: at most what the objects are worth that may be found hidden, `objects` in number, and at most
-    /// [`OWN_SHARE`] of what the search may still spend. With a price of 0 only the second bound counts.
+    /// itself. It is the lesser of two bounds: the worth of the `objects` objects that may be found hidden,
+    /// and the part [`OWN_SHARE`] of the work that the search may still spend. With a price of 0 only the
+    /// second bound counts.
     pub(super) fn for_own_occluders(&self, objects: f32) -> f32 {
         let worth = if self.price > 0.0 { self.worth(objects) } else { f32::INFINITY };
         worth.min(OWN_SHARE * (self.limit - self.reserve))

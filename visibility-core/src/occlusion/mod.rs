@@ -108,10 +108,11 @@ pub trait OcclusionMap {
     /// the world-space origin of the scene.
     fn begin(&mut self, view: &View, origin: DVec3);
 
-    /// As [`begin`](Self::begin), for a map that [draws](Self::draws) occluders by itself: nearest first,
-    /// with at most about `work`, in triangles, the unit of the [price](OcclusionCuller::with_price) of
-    /// hiding an object; with 0, less or NaN none. What is not drawn hides nothing in the frame. Draws on the
-    /// threads of a job system if there is one. Returns the work spent.
+    /// As [`begin`](Self::begin), for a map that [draws](Self::draws) occluders by itself, nearest first.
+    /// Draws on the threads of a job system if there is one. `_work` is about the greatest work to be spent,
+    /// in triangles, the unit of the [price](OcclusionCuller::with_price) of hiding an object. If it is 0,
+    /// negative or NaN, no occluder is drawn. What is not drawn hides nothing in the frame. Returns the work
+    /// spent.
     ///
     /// What the map holds does not depend on the job system or its number of threads. It may differ from what
     /// it holds without one within the [accuracy](Self::accuracy). The default calls [`begin`](Self::begin)

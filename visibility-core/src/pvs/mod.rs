@@ -117,9 +117,10 @@ impl Pvs {
     /// viewcells, are ignored. Time is linear in the lengths of the rows and of the neighbours' rows.
     ///
     /// # Errors
-    /// [`PvsError::Target`] if a row is not strictly ascending, or has a target that is not below
-    /// `target_count`; [`PvsError::TooLarge`] if the number of viewcells or targets, or the size of the rows
-    /// in bytes, exceeds `u32`.
+    /// - [`PvsError::Target`] if a row is not strictly ascending, or has a target that is not below
+    ///   `target_count`.
+    /// - [`PvsError::TooLarge`] if the number of viewcells or targets, or the size of the rows in bytes,
+    ///   exceeds `u32`.
     pub fn new<R: AsRef<[u32]>, N: IntoIterator<Item = ViewcellId>>(
         targets: PvsTargets,
         target_count: usize,

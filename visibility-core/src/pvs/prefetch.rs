@@ -67,8 +67,8 @@ impl Prefetch {
     }
 
     /// Returns the objects that are not visible now, and become visible within `seconds` while an eye at
-    /// `eye` (metres in world space) moves with `velocity` (metres a second): soonest first, of equal times
-    /// that of least [index](ObjectId::index) first.
+    /// `eye` (metres in world space) moves with `velocity` (metres a second). They are in the order in which
+    /// they become visible, and of equal times in the order of [index](ObjectId::index).
     ///
     /// A viewcell counts as reached when the eye is within `reach` metres of it along each axis: the distance
     /// at which lines of sight begin, such as that of the corners of the near plane, or 0. An object is

@@ -18,17 +18,18 @@ fn linked(link: Link) -> Option<usize> {
     link.map(|number| number.get() as usize - 1)
 }
 
-/// An object as a culler of levels of detail meets it on its walk.
+/// The data of one object that a culler of levels of detail needs. Returned by [`Scene::detail_at`].
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub struct DetailedObject {
-    /// Object that has a draw range, a stand-in or stands in for others.
+    /// Id of the object.
     pub id: ObjectId,
     /// Bounds of the object, in metres relative to the scene's origin.
     pub bounds: Aabb,
     /// Distances from the eye between which the object is drawn.
     pub range: DrawRange,
-    /// Leaf and lane of the object that [stands in](Scene::stand_in) for it.
+    /// Leaf and lane of the HLOD parent that [stands in](Scene::stand_in) for the object. `None` if the
+    /// object has no parent, or one that cannot stand in.
     pub stand_in: Option<(usize, usize)>,
 }
 
@@ -78,7 +79,7 @@ impl Scene {
     }
 
     /// Returns the object in a lane of a leaf. `None` beyond the last leaf or lane. For cullers that walk the
-    /// hierarchy, which know the place of an object.
+    /// hierarchy, which know the leaf and the lane of an object.
     #[inline]
     pub fn detail_at(&self, leaf: usize, lane: usize) -> Option<DetailedObject> {
         let id = *self.tree.ids.get(leaf)?.get(lane)?;

@@ -34,8 +34,8 @@ pub struct Maintenance {
 /// waits until their overlap is at least this multiple of the overlap at that attempt.
 const RETRY_FACTOR: f32 = 1.5;
 /// Decay of the overlap that a next attempt waits for (see [`RETRY_FACTOR`]): each inspection of the node
-/// without an attempt multiplies it by this factor, so that a place that has changed is tried again after a
-/// while.
+/// without an attempt multiplies it by this factor, so that a node whose surroundings have changed is tried
+/// again after a while.
 const RETRY_DECAY: f32 = 0.97;
 /// Greatest number of occupied lanes, of 64, at which a node is merged with its nearest neighbours if they
 /// have free lanes.

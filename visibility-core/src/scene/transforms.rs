@@ -16,9 +16,9 @@ use glam::Affine3A;
 
 impl Scene {
     /// Sets the box of an object in local coordinates, and the object's bounds to that box
-    /// [transformed](Aabb::transformed) by the object's transform: the one of [`set_mesh`](Self::set_mesh)
-    /// or [`set_transform`](Self::set_transform), or else the identity. From then on, `set_transform` and
-    /// `set_mesh` move bounds and mesh together.
+    /// [transformed](Aabb::transformed) by the object's transform. This transform is the one that
+    /// [`set_mesh`](Self::set_mesh) or [`set_transform`](Self::set_transform) has set, or the identity if the
+    /// object has none. From then on, `set_transform` and `set_mesh` move bounds and mesh together.
     ///
     /// If the object has another local box already, it has changed its shape, and its mesh is removed. If its
     /// bounds change, its triangles are removed. An improper or infinite box makes an object that is never
@@ -95,9 +95,9 @@ impl Scene {
     /// [prepared](Self::prepare_occluders) from them.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`] if `id` is not in the scene, [`SceneError::NoLocalBounds`] if the bounds
-    /// of the object are given in scene coordinates, and [`SceneError::Transform`] if an element of
-    /// `transform` is NaN or infinite.
+    /// - [`SceneError::UnknownObject`] if `id` is not in the scene.
+    /// - [`SceneError::NoLocalBounds`] if the bounds of the object are given in scene coordinates.
+    /// - [`SceneError::Transform`] if an element of `transform` is NaN or infinite.
     pub fn set_transform(&mut self, id: ObjectId, transform: Affine3A) -> Result<(), SceneError> {
         self.slot_with_local(id, &transform)?;
         let bounds = self.place(id, transform);
@@ -168,8 +168,8 @@ impl Scene {
         self.log.push(id, self.generations.len());
     }
 
-    /// Removes what places an object if `bounds` differ from its present bounds: its mesh, its triangles and
-    /// its local box.
+    /// Removes the mesh, the triangles and the local box of an object if `bounds` differ from its present
+    /// bounds: these would no longer fit the object.
     pub(super) fn forget_place(&mut self, id: ObjectId, bounds: &Aabb) {
         if self.placements.get(id.index).is_none()
             && self.placements.mesh(id.index).is_none()
@@ -185,7 +185,7 @@ impl Scene {
         }
     }
 
-    /// Removes what places an object, and its mesh from the object.
+    /// Removes the transform and the local box of an object, and takes its mesh from it.
     pub(super) fn remove_placement(&mut self, index: u32) {
         self.placements.remove(index);
         if let Some(mesh) = self.placements.mesh(index) {

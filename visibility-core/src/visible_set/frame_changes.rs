@@ -11,7 +11,7 @@ pub(super) struct Changes {
     before: Vec<ObjectId>,
     /// Position in the scene that `now` was noted from; [`SceneCursor::START`] before the first frame.
     scene: SceneCursor,
-    /// Whether the frame before showed another scene than the last frame: then all objects have changed.
+    /// Whether the last two frames showed different scenes. If true, all objects count as changed.
     is_other: bool,
     /// Indexed by object index: the position of the object in `now`. Meaningful only if `now` holds an
     /// object with that index at that position.
@@ -35,14 +35,14 @@ impl Changes {
         if self.is_other { &[] } else { ids }
     }
 
-    /// Iterates over the objects of the last frame that were not in the frame before; over all of them if the
-    /// frame before showed another scene.
+    /// Iterates over the objects that are visible in the last frame and were not in the frame before it. If
+    /// the two frames showed different scenes, these are all objects of the last frame.
     pub(super) fn newly_visible(&self) -> impl Iterator<Item = ObjectId> + '_ {
         difference(&self.now, self.same_scene(&self.before), &self.before_places)
     }
 
-    /// Iterates over the objects of the frame before that are not in the last frame; over all of them if the
-    /// last frame showed another scene.
+    /// Iterates over the objects that were visible in the frame before the last and are not in the last
+    /// frame. If the two frames showed different scenes, these are all objects of the frame before the last.
     pub(super) fn newly_hidden(&self) -> impl Iterator<Item = ObjectId> + '_ {
         difference(&self.before, self.same_scene(&self.now), &self.now_places)
     }

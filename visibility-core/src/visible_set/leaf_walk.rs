@@ -125,8 +125,8 @@ impl Iterator for LeafWalk<'_> {
     }
 }
 
-/// Returns the mask of a node of the set that holds every object on `layers`, bit i for lane i: the objects
-/// on these layers (leaves) or all children (inner nodes).
+/// Returns the mask of a node in the set of all objects on `layers`. Bit i stands for lane i. For a leaf,
+/// these are the objects on the layers; for an inner node, all of its children.
 pub(super) fn lanes_on_layers(scene: &Scene, node: usize, layers: u32) -> u64 {
     match scene.tree().levels[node] {
         0 => scene.lanes_on_layers(node, layers),

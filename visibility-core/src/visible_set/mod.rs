@@ -299,15 +299,17 @@ impl VisibleSet {
         }
     }
 
-    /// Returns the mask of a node, bit i for lane i: the objects in the set (leaves) or the children that may
-    /// have such objects below (inner nodes). Valid only if the node's own bit is set in all nodes above it.
+    /// Returns the mask of a node. Bit i stands for lane i. For a leaf, these are the objects in the set; for
+    /// an inner node, the children that may have such objects below. The mask is valid only if the bits that
+    /// lead to this node are set in all nodes above it.
     pub(crate) fn mask(&self, scene: &Scene, node: usize) -> u64 {
         self.mask_if(self.is_current(scene), scene, node)
     }
 
-    /// Returns the mask of a node like [`mask`](Self::mask), bit i for lane i, for callers that have
-    /// evaluated [`is_current`](Self::is_current) already: `is_current` tells whether this set's masks
-    /// describe the scene's present layout. If not, the mask holds every lane on the set's layers.
+    /// Returns the mask of a node like [`mask`](Self::mask), for callers that have called
+    /// [`is_current`](Self::is_current) already. `is_current` must be its result: whether this set's masks
+    /// describe the scene's present layout. If false, the mask is that of the set of all objects on the set's
+    /// layers.
     #[inline(always)]
     pub(crate) fn mask_if(&self, is_current: bool, scene: &Scene, node: usize) -> u64 {
         if is_current { self.words[node] } else { lanes_on_layers(scene, node, self.layers) }
@@ -630,9 +632,12 @@ pub(crate) fn add_to_masks(masks: &mut [u64], scene: &Scene, id: ObjectId) {
     }
 }
 
-/// Sets the bit of lane `lane` of leaf `leaf`, and the bits that lead to this leaf in all nodes above.
-/// `masks`, indexed by node, must be consistent: above every non-zero mask all such bits are set. Returns
-/// whether the lane's bit was not set before.
+/// Sets the bit of lane `lane` of leaf `leaf`, and in each node above it the bit of the lane that leads to
+/// this leaf. `masks` holds one mask per node, indexed by node; bit i of a mask stands for lane i of the
+/// node. Returns true if the bit of the leaf's lane was not set before.
+///
+/// `masks` must be consistent before the call, and is so after it: if the mask of a node is not 0, then the
+/// bit of the lane that leads to this node is set in its parent, and so on up to the root.
 fn set_path_bits(masks: &mut [u64], tree: &Tree, leaf: usize, lane: usize) -> bool {
     let mut new = None;
     for (node, lane) in tree.path(leaf, lane) {

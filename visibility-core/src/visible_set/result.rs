@@ -114,9 +114,9 @@ impl VisibleSet {
         self.ids = ids;
     }
 
-    /// Returns whether the set is a frame's result, which survives changes of the scene: true after
+    /// Returns whether the set is a frame's result, which survives changes of the scene. It is one after
     /// [`Pipeline::cull`](crate::Pipeline::cull), [`finish`](Self::finish), [`ids`](Self::ids) and the
-    /// methods that sort, until the set is filled, cleared, united or culled again.
+    /// methods that sort. It is none once the set is filled, cleared, united or culled again.
     pub fn is_finished(&self) -> bool {
         matches!(self.listing, Listing::Finished | Listing::Unlisted { .. })
     }

@@ -48,8 +48,9 @@ fn slivers_in_one_plane_are_one_piece() {
     assert!(merged > 450 && off > 250, "{merged} {off}");
 }
 
-/// Triangles of one plane, each on a side of the one before, slivers and folds among them: all corners of a
-/// piece are on the inner side of all its sides.
+/// Pieces that join several triangles are convex: all corners of a piece are on the inner side of each of its
+/// edges, or on the edge. The triangles all lie in one plane. Most share an edge with the triangle before
+/// them; some are slivers, and some are folded back over that triangle.
 #[test]
 fn pieces_are_convex() {
     let mut random = Random(9);

@@ -32,8 +32,11 @@ use visibility_core::{scene::Triangle, view::Eye};
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct NormalCone {
+    /// Matrix that is applied to the eye's offset from an apex, row by row; see the type.
     pub(super) rows: [[f32; 3]; 3],
+    /// Apex of the cone of eyes that see only back faces.
     pub(super) behind: [f32; 3],
+    /// Apex of the cone of eyes that see only front faces.
     pub(super) ahead: [f32; 3],
     /// Factor of the rounding margin: `32u` times the greatest element of `rows`, with `u = 2^-24`; see
     /// [`inside`]. 0 for an open cone, which decides nothing.

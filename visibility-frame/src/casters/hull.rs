@@ -116,8 +116,9 @@ impl Facet {
         self.slot <= FAR && self.slot ^ 1 == other.slot
     }
 
-    /// Returns the plane through the light and the common edge of two planes: `self` (`A` below), which must
-    /// certainly have the light `L` on its inner side, and `other` (`B` below), which must not.
+    /// Returns the plane through the light `L` and the common edge of two planes, `self` (`A` below) and
+    /// `other` (`B` below). The light must be certainly on the inner side of `self`, and not certainly on
+    /// that of `other`.
     ///
     /// The result is `a A + b B`. Here `A.L` and `B.L` are the signed distances of the light from the planes,
     /// and `error(A)` and `error(B)` bound the absolute errors of their computed values. The weights `a` and

@@ -47,8 +47,9 @@ impl Deadlines {
         self.heap.reserve((2 * movers + 1).saturating_sub(self.heap.len()));
     }
 
-    /// Adds the deadline of the mover at `place`, one of `movers`, that got a volume. `is_current` tells of a
-    /// deadline and a place whether they are those of a present volume. Takes logarithmic time, amortized.
+    /// Adds the deadline of a mover that got a volume. `place` is the position of the mover in the list of
+    /// movers, whose length is `movers`. `is_current` must return whether the mover at a position has a
+    /// volume now, with the given deadline. Takes logarithmic time, amortized.
     pub(super) fn push(
         &mut self,
         deadline: f64,
@@ -62,8 +63,8 @@ impl Deadlines {
         self.heap.push(Entry { deadline, place });
     }
 
-    /// Removes the present volume with the earliest deadline before `time` and returns its mover's place.
-    /// `None` if there is none.
+    /// Removes the earliest deadline of the volumes that there are now and returns the position of its mover
+    /// in the list of movers. `None` if no such deadline is before `time`.
     pub(super) fn pop_before(&mut self, time: f64, is_current: impl Fn(f64, u32) -> bool) -> Option<u32> {
         while self.heap.peek().is_some_and(|entry| entry.deadline < time) {
             if let Some(entry) = self.heap.pop().filter(|entry| is_current(entry.deadline, entry.place)) {

@@ -86,7 +86,7 @@ impl Motion {
 /// Meaning of the bounds that the scene has for a mover.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum State {
-    /// The place in the list has no mover.
+    /// The element of the list `movers` holds no mover.
     Free,
     /// The mover is due in the next frame, the first since it was inserted. Its region is relative to the
     /// scene's origin there, whatever the origin is now.
@@ -125,7 +125,8 @@ struct Status {
     is_listed: bool,
 }
 
-/// Returns a test of a deadline and a place: whether they are those of a present volume.
+/// Returns a test of a deadline and a position in `movers`: whether the mover there has a volume now, with
+/// this deadline.
 fn is_volume(movers: &[Mover], status: &[Status]) -> impl Fn(f64, u32) -> bool {
     |deadline, place| {
         let place = place as usize;
@@ -187,10 +188,11 @@ pub struct MotionVolumes {
     movers: Vec<Mover>,
     /// Status of each mover, indexed like `movers`.
     status: Vec<Status>,
-    /// Indexed by object index: the place in `movers`, or `NONE`.
+    /// Indexed by object index: the position of the object in `movers`, or `NONE` for an object that is no
+    /// mover.
     places: Vec<u32>,
     free: Vec<u32>,
-    /// Places of all movers without a volume, each once, and maybe of free ones.
+    /// Positions in `movers` of all movers without a volume, each once, and maybe of free elements.
     active: Vec<u32>,
     deadlines: Deadlines,
     /// Scratch memory: movers whose bounds in the scene `begin_frame` replaces, with their new volumes,
@@ -278,7 +280,8 @@ impl MotionVolumes {
         self.free.push(place);
     }
 
-    /// Appends the mover at `place`, which has no volume, to the list `active`, unless it is there already.
+    /// Appends `place`, the position in `movers` of a mover without a volume, to the list `active`, unless it
+    /// is there already.
     fn list(&mut self, place: u32) {
         let is_listed = &mut self.status[place as usize].is_listed;
         if !core::mem::replace(is_listed, true) {

@@ -17,8 +17,8 @@ type Point = [f64; 5];
 pub(super) struct End {
     /// The point in homogeneous screen coordinates.
     pub(super) point: Point,
-    /// Column and row of a plain vertex: one that no cut concerns, and that is at the same place in all
-    /// outlines.
+    /// Column and row of a plain vertex: one that no cut concerns, and that has the same column and row in
+    /// all outlines.
     pub(super) plain: Option<[f32; 2]>,
 }
 

@@ -68,7 +68,8 @@ pub(crate) struct LevelFrame {
     /// Upper bound on the distance in pixels by which a point in the picture moves on the screen if it moves
     /// by one metre, times its `w`.
     pub(super) pixels_per_metre: f64,
-    /// Side planes of the view, computed by [`sides`], for tests whether balls are outside of the view.
+    /// The five planes that bound the view, in the order and with the coefficients of [`sides`], for tests
+    /// whether balls are outside of the view.
     pub(super) sides: [[f32; 5]; 5],
     /// Greatest change of the clip coordinate `w` when a point moves by one metre.
     pub(super) w_per_metre: f64,
@@ -158,9 +159,10 @@ impl LevelFrame {
     }
 }
 
-/// Returns the sides of the part of a view that a half-open range of tile columns shows: `a x + b y + c z +
-/// d + e r` is negative for a ball of radius `r` about the point `x`, `y`, `z` that is beyond the side. Not
-/// rounded conservatively.
+/// Returns the five planes that bound the part of a view that a half-open range of tile columns shows: left,
+/// right, top, bottom and near plane. Each has five coefficients `[a, b, c, d, e]`: `a x + b y + c z + d + e
+/// r` is negative for a ball of radius `r` about the point `x`, `y`, `z` that is beyond the plane. Lengths
+/// are in metres, points relative to the scene's origin. Not rounded conservatively.
 pub(crate) fn sides(projection: &ScreenProjection, columns: [usize; 2]) -> [[f64; 5]; 5] {
     let row = |row: &ScreenRow| {
         let linear = DVec3::from(row.linear);

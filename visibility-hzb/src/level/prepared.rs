@@ -25,7 +25,7 @@ pub(crate) struct Polygons {
     pub(crate) radius: [f32; WIDTH],
 }
 
-/// The occluders of a level with their place in the world, ready for
+/// The occluders of a level with their position in the world, ready for
 /// [`Hzb::add_level`](crate::Hzb::add_level).
 ///
 /// It can be prepared on any thread, shared by the z-buffers of several views, and kept while the level is

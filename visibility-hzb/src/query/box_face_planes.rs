@@ -66,8 +66,8 @@ pub(crate) struct FacePlaneSetup {
 /// `slope[0][i] x + slope[1][i] y + constant[i]` of pixel coordinates `x` and `y` is an upper bound on the
 /// depth key if `upper[i]` is 0, the negative of a lower bound if `lower[i]` is 0, and else unused.
 pub(crate) struct BoxFacePlanes {
-    /// Change of the bound (a depth key or its negative) for each pixel to the right and for each pixel
-    /// downwards.
+    /// Change of each face's bound (on a depth key or its negative): `slope[0]` for each pixel to the right,
+    /// `slope[1]` for each pixel downwards.
     slope: [[f64; LANES]; 2],
     /// Value, at the upper left corner of the picture, of each face's linear bound on the depth key or on
     /// its negative. Raised by the error bound, so that the bound stays conservative.
@@ -173,10 +173,10 @@ impl BoxFacePlanes {
         lowest(&self.upper) < f64::INFINITY
     }
 
-    /// Returns true for each face that bounds the box's depth key from above by a plane strictly below the
-    /// plane `a x + b y + c` (pixel coordinates) in a whole rectangle (left, right, top, bottom in pixels).
-    /// False for faces that are not upper bounds. The difference of two planes is least at a corner of the
-    /// rectangle.
+    /// Returns, by face, whether the face's upper bound on the box's depth key is strictly below the plane `a
+    /// x + b y + c` in a whole rectangle. The plane is a function of pixel coordinates `x` and `y`; the
+    /// rectangle is given by its left, right, top and bottom in pixels. False for faces that are not upper
+    /// bounds. The difference of two planes is least at a corner of the rectangle.
     #[inline(always)]
     pub(crate) fn below(&self, [a, b, c]: [f64; 3], [left, right, top, bottom]: [f64; 4]) -> [bool; LANES] {
         let mut below = [false; LANES];
@@ -206,7 +206,8 @@ impl BoxFacePlanes {
     }
 
     /// Returns what [`range`](Self::range) does for [`LANES`] squares side by side, of which the first has
-    /// its upper left corner at `left` and `top`, in pixels: upper bounds, and lower bounds.
+    /// its upper left corner at `left` and `top`, in pixels. The first array holds the upper bounds, the
+    /// second the lower bounds, one lane for each square.
     #[inline(always)]
     pub(crate) fn ranges(&self, [left, top]: [f64; 2], size: f64) -> [[f64; LANES]; 2] {
         let (mut above, mut below) = ([f64::INFINITY; LANES], [f64::INFINITY; LANES]);

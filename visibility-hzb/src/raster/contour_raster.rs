@@ -318,28 +318,27 @@ fn add_bytes(a: u64, b: u64) -> u64 {
     ((a & LOW) + (b & LOW)) ^ ((a ^ b) & !LOW)
 }
 
-/// Sides of a convex polygon of up to four corners on the screen, in pixels of the buffer.
+/// Edges of a convex polygon of up to four corners on the screen, in pixels of the buffer.
 struct Sides {
-    /// Sides of the polygon. The first `count` are valid.
+    /// Edges of the polygon. The first `count` are valid.
     sides: [Side; 4],
-    /// Number of sides, at most 4.
+    /// Number of edges, at most 4.
     count: usize,
 }
 
-/// One side of a polygon, from its upper end to its lower end, in pixels.
+/// One edge of a polygon, from its upper end to its lower end, in pixels.
 #[derive(Clone, Copy, Default)]
 struct Side {
     /// Column and row of the upper end, in pixels.
     top: [f64; 2],
     /// Column and row of the lower end, in pixels.
     bottom: [f64; 2],
-    /// Change of the column, in pixels, from one row of pixels to the next. Infinite or NaN for a level
-    /// side.
+    /// Change of the column, in pixels, from one row of pixels to the next. Infinite or NaN for a level edge.
     slope: f64,
 }
 
 impl Side {
-    /// Returns the side's column at row `y`, both in pixels, clamped to the columns of its ends.
+    /// Returns the edge's column at row `y`, both in pixels, clamped to the columns of its ends.
     #[inline(always)]
     fn at(&self, y: f64) -> f64 {
         let x = self.top[0] + (y - self.top[1]) * self.slope;
@@ -350,7 +349,7 @@ impl Side {
 }
 
 impl Sides {
-    /// Returns the sides of the polygon with the given corners in order. Corners beyond the fourth are
+    /// Returns the edges of the polygon with the given corners in order. Corners beyond the fourth are
     /// ignored.
     #[inline(always)]
     fn of(corners: &[ScreenVertex]) -> Self {

@@ -49,10 +49,12 @@ pub(crate) fn fill_shape(shape: &ScreenShape, tiles: &mut Tiles) -> bool {
 
 /// Ranges of tile columns that a shape meets and covers in each of eight rows of tiles.
 struct Bands {
-    /// First and end tile column (half-open) of the tiles that the shape may meet, for each row of tiles.
+    /// Half-open range of the columns of tiles that the shape may meet, for each row of tiles: `met[0]` holds
+    /// the first column, `met[1]` the end.
     met: [[i32; SIDE]; 2],
-    /// First and end tile column (half-open) of the tiles that the shape covers entirely, for each row of
-    /// tiles. The end is -1 if the shape covers no whole tile in the row.
+    /// Half-open range of the columns of tiles that the shape covers entirely, for each row of tiles:
+    /// `covered[0]` holds the first column, `covered[1]` the end. The end is -1 if the shape covers no whole
+    /// tile in the row.
     covered: [[i32; SIDE]; 2],
 }
 

@@ -23,8 +23,9 @@ pub(crate) fn cut_edge(a: &[f64; 5], b: &[f64; 5], of: usize, limit: f64) -> [f6
 /// The part of a triangle that is farther beyond the near plane than `near_limit` (the distance at which
 /// geometry is cut).
 pub(crate) struct ClippedTriangle {
-    /// Corners of the clipped triangle, in the same turning sense as the triangle, in homogeneous screen
-    /// coordinates. The first `count` are in use.
+    /// Corners of the clipped triangle, in the same turning sense as the triangle. Each is a point in
+    /// homogeneous screen coordinates, `[x, y, w, n, near]` as in
+    /// [`ObjectProjection`](super::screen_projection::ObjectProjection). The first `count` are in use.
     pub(crate) corners: [[f64; 5]; 4],
     /// Number of corners: 3 or 4, or 0 if the whole triangle is nearer than `near_limit`.
     pub(crate) count: usize,

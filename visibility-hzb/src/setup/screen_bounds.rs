@@ -59,9 +59,10 @@ fn rounded_outwards(
     Some(out)
 }
 
-/// Returns the column range and the row range, half-open, of the pixels of the buffer that screen bounds
-/// meet. `extent` holds least column, greatest column, least row and greatest row in pixels, then depth keys.
-/// `None` if the bounds meet no pixel.
+/// Returns the range of columns and the range of rows of the pixels of the buffer that screen bounds meet:
+/// two half-open ranges `[first, end]`, whole numbers of pixels kept as `f64` for the arithmetic that
+/// follows. `extent` holds the bounds as [`extent()`] returns them: least column, greatest column, least row
+/// and greatest row, in pixels. The depth keys after these are not read. `None` if the bounds meet no pixel.
 #[inline(always)]
 pub(crate) fn pixels(extent: &[f64; 6], projection: &ScreenProjection) -> Option<([f64; 2], [f64; 2])> {
     let limit =
@@ -71,10 +72,10 @@ pub(crate) fn pixels(extent: &[f64; 6], projection: &ScreenProjection) -> Option
     (columns[0] < columns[1] && lines[0] < lines[1]).then_some((columns, lines))
 }
 
-/// Returns screen bounds of any number of corners in homogeneous screen coordinates: least and greatest
-/// column, least and greatest row, least and greatest depth key, as [`extent()`] does. Replaces `screen` by
-/// the column, row and depth key of each corner, without error bounds. `None` if a corner is behind the plane
-/// of the eye, or too close to it.
+/// Returns screen bounds of any number of corners, in the order of [`extent()`]. Each corner is a point in
+/// homogeneous screen coordinates, `[x, y, w, n, near]` as in [`ObjectProjection`]. Replaces the content of
+/// `screen` by `[column, row, depth key]` of each corner, without error bounds. `None` if a corner is behind
+/// the plane of the eye, or too close to it.
 #[inline(always)]
 pub(crate) fn extent_of(
     corners: &[[f64; 5]],

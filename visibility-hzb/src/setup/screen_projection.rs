@@ -44,7 +44,8 @@ impl From<ClipRow> for ScreenRow {
 pub(crate) struct ScreenProjection {
     /// Width and height of the buffer in pixels, a multiple of the tile size.
     pub(crate) size: [f64; 2],
-    /// Width and height of the picture in pixels. `size` is this, rounded up to whole tiles.
+    /// Width and height in pixels of the picture: the part of the buffer that shows the view. `size` is this,
+    /// rounded up to whole tiles.
     pub(crate) picture: [f64; 2],
     /// Rows (linear functions of a point) that give `x` and `y` (pixel coordinates times `w`), `w`, and `n`
     /// (depth key times `w`).

@@ -12,9 +12,9 @@ use visibility_core::{Aabb, scene::Changes, view::Eye};
 
 impl Walk {
     /// Begins a frame: keeps the objects that are in no cell (strays and objects changed since the last
-    /// `sync`) and puts the first cells into the front, the queue of cells to project. Returns false, with no
-    /// object kept, if the tessellation was made from another scene or the scene's change log no longer
-    /// reaches back to the last `sync`.
+    /// `sync`) and puts the first cells into the front, the queue of cells to project. Returns true if the
+    /// frame can go on. Returns false, with no object kept, if the tessellation was made from another scene
+    /// or the scene's change log no longer reaches back to the last `sync`.
     pub(crate) fn begin<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>) -> bool {
         let content = frame.tessellation.content();
         self.clear(frame);

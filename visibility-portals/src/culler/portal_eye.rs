@@ -195,8 +195,9 @@ impl PortalEye {
     }
 
     /// Marks in `unknown` the objects that have changed since the last sync of `cells`; these are not culled
-    /// in this frame. Returns `false`, without marks, if the cells were never synced, were synced with
-    /// another scene, or so long ago that the scene no longer lists the changes.
+    /// in this frame. Returns `true` if all of them are marked. Returns `false`, and marks none, if the
+    /// changes are unknown: the cells were never synced, were synced with another scene, or were synced so
+    /// long ago that the scene no longer lists the changes.
     fn mark_changed_objects(&mut self, cells: &SceneCells, scene: &Scene) -> bool {
         let Changes::Objects(changed) = cells.cursor.peek(scene) else { return false };
         if !changed.is_empty() && self.unknown.len() < scene.index_limit() {

@@ -332,7 +332,9 @@ impl PortalWalk {
         self.push_path(cells, eye_view, next, path, id, window, corners);
     }
 
-    /// Appends to `mirrors` the uncovered mirrors of `cell` that are seen through `window`.
+    /// Appends to `mirrors` the mirrors of `cell` whose front may be seen through `window`, each with the
+    /// window narrowed to it. Leaves out mirrors that [`SceneCells::set_mirror`] has covered, so that they do
+    /// not reflect.
     fn try_mirrors(&mut self, cells: &SceneCells, eye_view: &PortalView, cell: CellId, window: &Window) {
         let mut mirror = cells.first_mirror[cell.index()];
         while let Some(candidate) = cells.mirrors.get(mirror as usize) {
@@ -349,8 +351,8 @@ impl PortalWalk {
         }
     }
 
-    /// Replaces `mirrors` by all uncovered mirrors of the graph, each seen through the whole view. For frames
-    /// in which the visible cells are unknown.
+    /// Replaces `mirrors` by the mirrors of all cells whose front may be seen in the whole view, apart from
+    /// covered mirrors (see [`SceneCells::set_mirror`]). For frames in which the visible cells are unknown.
     pub(super) fn try_all_mirrors(&mut self, cells: &SceneCells, eye_view: &PortalView) {
         self.mirrors.clear();
         let full_view = self.full_view_window(eye_view);

@@ -93,10 +93,11 @@ impl SceneCells {
     /// are opaque elsewhere.
     ///
     /// # Errors
-    /// [`SceneCellsError::Viewcells`] if the graph and `viewcells` differ in count,
-    /// [`SceneCellsError::Tolerance`] if `tolerance` is negative, infinite or NaN,
-    /// [`SceneCellsError::Graph`] if the volumes do not decide which way a portal is wound: both reach across
-    /// its plane, or both lie on the same side of it.
+    /// - [`SceneCellsError::Viewcells`] if the number of cells of the graph differs from the number of
+    ///   `viewcells`.
+    /// - [`SceneCellsError::Tolerance`] if `tolerance` is negative, infinite or NaN.
+    /// - [`SceneCellsError::Graph`] if the volumes do not decide which way a portal is wound: both reach
+    ///   across its plane, or both lie on the same side of it.
     pub fn new(graph: CellGraph, viewcells: Viewcells, tolerance: f64) -> Result<Self, SceneCellsError> {
         let (cells, found) = (graph.cell_count(), viewcells.cells().len());
         if cells != found {
@@ -243,8 +244,8 @@ impl SceneCells {
         Ok(MirrorId(id))
     }
 
-    /// Covers a mirror (`uncovered` is `false`) so that it yields no reflections, or uncovers it. A new
-    /// mirror is uncovered. Constant time, no allocation.
+    /// Sets whether a mirror reflects. If `uncovered` is false, the mirror is covered and yields no
+    /// reflections. A new mirror is not covered. Constant time, no allocation.
     ///
     /// # Errors
     /// [`SceneCellsError::UnknownMirror`] if no such mirror was added.

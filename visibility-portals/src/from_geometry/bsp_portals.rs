@@ -121,9 +121,9 @@ fn subtract_covers(
     open.append(&mut parts);
 }
 
-/// Returns whether lines from one side of the plane (the front if `is_front`, the back if not) pass `piece`
-/// in more than its open parts `open`, namely through the backs of one-sided covers, in a strip wider than
-/// the tolerance.
+/// Returns whether lines from one side of the plane pass `piece` in more than its open parts `open`: through
+/// the backs of one-sided covers, in a strip wider than the tolerance. The side is the front if `is_front` is
+/// true, else the back.
 fn leaks(
     piece: &[DVec3],
     covers: &[Cover],

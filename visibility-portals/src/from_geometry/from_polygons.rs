@@ -43,7 +43,8 @@ pub struct PolygonSettings<'a> {
     /// of the square of the longest side of the bounding box also suffices, since even large walls cover
     /// a small fraction of a large region. Default 0.25.
     pub min_share: f64,
-    /// Minimum area that polygons must cover in a plane for any split, in square world units. `None`, the
+    /// Minimum total area, in square world units, of the polygons that lie in a plane and in a region. If the
+    /// total is less, the region is not split along that plane, whatever `min_share` allows. `None`, the
     /// default: 2^-13 of the square of the longest side of the bounding box.
     pub min_area: Option<f64>,
     /// Distance, in world units, by which the outermost cells extend beyond the bounds of all polygons.
@@ -269,10 +270,11 @@ fn build(fragments: Vec<Fragment>, planes: &[Plane], min: DVec3, max: DVec3, lim
     bsp
 }
 
-/// Returns the plane along which to split a region: that of one child of a node (`parent` is the node's
-/// index, and whether the child is in front), or the whole box if `parent` is `None`. The score of a plane is
-/// the fraction of its section of the region that polygons cover, less the fraction of polygons that it cuts,
-/// plus a bonus for balance. `None` if no plane is covered enough.
+/// Returns the plane along which to split a region. `parent` names the region: the index of a node, and
+/// whether the region is its child in front of the node's plane (true) or behind (false); `None` is the whole
+/// box. The plane with the greatest score is chosen. The score of a plane is the fraction of its section of
+/// the region that polygons cover, less the fraction of polygons that it cuts, plus a bonus for balance.
+/// `None` if no plane is covered enough.
 fn best_plane(
     bsp: &Bsp,
     parent: Option<(u32, bool)>,

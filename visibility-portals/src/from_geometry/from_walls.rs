@@ -251,10 +251,11 @@ impl Tree<'_> {
         }
     }
 
-    /// Returns the split plane of which wall faces cover the greatest fraction within a region: axis (0 to
-    /// 2), coordinate, covered fraction (0 to 1), and covered area. Among equal fractions the most central
-    /// plane wins. `None` if no face lies strictly inside the region. `walls` are the indices of the region's
-    /// walls; `faces` is scratch memory.
+    /// Returns the split plane of which wall faces cover the greatest fraction within a region. The four
+    /// values are the axis perpendicular to the plane (0 to 2), the coordinate of the plane on that axis, the
+    /// covered fraction (0 to 1), and the covered area in square world units. Among equal fractions the most
+    /// central plane wins. `walls` are the indices of the region's walls; `faces` is scratch memory. `None`
+    /// if no face lies strictly inside the region.
     fn best_split(
         &self,
         region: &Box3,

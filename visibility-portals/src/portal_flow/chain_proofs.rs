@@ -76,9 +76,14 @@ impl FlowScratch {
 /// crossing that is wrong counts a cell as seen that is not. It never hides one.
 const KNOWN_RISE: f64 = 1e3;
 
-/// Tests whether the line through the world-space points `a` and `b` passes a portal along its normal.
-/// Because of rounding, `true` is also possible for a line just outside the shrunk portal, by less than the
-/// distance by which the portal was shrunk. `false` if the line is too nearly parallel to the portal's plane.
+/// Tests whether the infinite line through the world-space points `a` and `b` meets a portal, with the way
+/// from `a` to `b` along the portal's normal. For the opposite direction the answer is `false`.
+///
+/// The vertices of a directed portal are those of the portal of the graph, shrunk by
+/// [`inset`](crate::directed_portals::Margins::inset). Because of rounding, `true` is also possible for a
+/// line that misses this shrunk polygon by less than `inset`, and so still meets the portal of the graph.
+/// `false` if `a` and `b` differ so little along the normal that the intersection is inaccurate; see
+/// [`KNOWN_RISE`].
 fn passes(input: &FlowInput, portal: &DirectedPortal, a: DVec3, b: DVec3) -> bool {
     let (da, db) = (portal.plane.signed_distance(a), portal.plane.signed_distance(b));
     // For so short a distance along the normal, the intersection with the plane is not accurate.

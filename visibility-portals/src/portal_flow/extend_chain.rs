@@ -111,10 +111,10 @@ impl FlowScratch {
         }
     }
 
-    /// Appends to the chain's sets the bitset of the candidates that are in the set at offset `from` of the
-    /// chain's sets and in the row at offset `row` in `rows`, can be reached from `cell` by a flood fill
-    /// through cells, and whose portals are not outside any of `planes`, a range of the chain's planes with
-    /// normals to the inside.
+    /// Appends to the chain's sets the bitset of the candidates that meet all of these conditions: they are
+    /// in the set at offset `from` of the chain's sets; they are in the row at offset `row` of `rows`; a
+    /// flood fill through cells reaches them from `cell`; and their portals are not outside any of `planes`.
+    /// `planes` is a range of the chain's planes, whose normals point inside.
     fn push_reachable_set(
         &mut self,
         input: &FlowInput,

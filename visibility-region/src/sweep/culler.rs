@@ -143,9 +143,9 @@ impl ExtendedProjectionCuller {
         }
     }
 
-    /// Removes hidden objects as [`cull`](RegionCuller::cull) does, until `stop` returns true, which it must
-    /// do from then on. `stop` is asked at each projection plane, after the scene's changes are taken over.
-    /// Objects that are not found hidden by then stay in `visible`.
+    /// Removes hidden objects as [`cull`](RegionCuller::cull) does, until `stop` returns true. Once `stop`
+    /// has returned true, it must do so in all later calls. It is called at each projection plane, after the
+    /// scene's changes are taken over. Objects that are not found hidden by then stay in `visible`.
     pub fn cull_until(
         &mut self,
         scene: &Scene,
@@ -158,10 +158,11 @@ impl ExtendedProjectionCuller {
     }
 
     /// Removes hidden objects as [`cull_until`](Self::cull_until) does, by sweeps from parts of the
-    /// viewcell's box, `parts` along each of its two longer axes: what is hidden from each of them is hidden
-    /// from all of it, and from smaller viewcells mostly more is found hidden. Each sweep asks only what the
-    /// sweeps before have found hidden, so that 2 by 2 take two to three times as long as one for the whole.
-    /// Nothing is removed if `stop` has returned true in the end, or if `parts` is 0.
+    /// viewcell's box. The box is divided into `parts` along each of its two longer axes. An object that is
+    /// hidden from each part is hidden from the whole viewcell, and from smaller viewcells mostly more
+    /// objects are found hidden. Each sweep tests only the objects that all sweeps before have found hidden,
+    /// so that 2 by 2 parts take two to three times as long as one sweep for the whole. Nothing is removed if
+    /// `stop` has returned true in the end, or if `parts` is 0.
     pub fn cull_in_parts(
         &mut self,
         scene: &Scene,

@@ -50,7 +50,8 @@ impl CellBox {
         error.is_finite().then_some(Self { axes, center, half, exact, error })
     }
 
-    /// Returns a point of the scene relative to the middle of the box, along its axes.
+    /// Converts a point from scene coordinates to coordinates along the axes of the box, relative to the
+    /// middle of the box.
     pub(crate) fn to_axes(self, p: DVec3) -> DVec3 {
         DVec3::from_array(self.axes.map(|axis| axis.dot(p))) - self.center
     }
@@ -152,9 +153,9 @@ impl Direction {
         [x + (a * near).min(a * far), x + (b * near).max(b * far)]
     }
 
-    /// Returns the two factors for [`spread`](Self::spread): for viewpoints on the front and on the back of
-    /// the cell, how far the plane at depth `d` is beyond the point at depth `z`, in distances from the
-    /// viewpoint to the point.
+    /// Returns the two factors for [`spread`](Self::spread), the first for viewpoints on the front of the
+    /// cell, the second for those on its back. A factor is the distance from a point at depth `z` to the
+    /// plane at depth `d`, divided by the distance from the viewpoint to the point, both along local z.
     #[inline]
     pub(crate) fn beyond(&self, z: f64, d: f64) -> [f64; 2] {
         [(d - z) / z, (d - z) / (z + self.depth)]

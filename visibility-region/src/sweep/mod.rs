@@ -75,7 +75,8 @@ impl Sweep {
 
     /// Moves the map on to the plane of `window`: reprojects the covered pixels, and draws the occluders that
     /// end shortly before the plane or reach through it. `occluders` are those of the whole sweep, nearest
-    /// first, and `place` places one. Returns the number of occluders drawn.
+    /// first. `place` must return the occluder of a source in local coordinates. Returns the number of
+    /// occluders drawn.
     pub(crate) fn advance<'a>(
         &mut self,
         direction: &Direction,

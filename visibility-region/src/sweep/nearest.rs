@@ -88,9 +88,9 @@ impl Nearest {
         new
     }
 
-    /// Collects the next portion of occluders. Occluders that no ray to one of `asked` meets are left out, if
-    /// `asked` is given. Returns the depths of the planes that the portion serves, `None` after the last
-    /// portion.
+    /// Collects the next portion of occluders. `asked` are the occludees that are still to be tested: if
+    /// given, occluders that no ray to one of them meets may be left out. Returns the range of depths, in
+    /// metres, of the planes that the portion serves. `None` after the last portion.
     pub(crate) fn advance(
         &mut self,
         all: &Occluders<'_>,

@@ -39,7 +39,7 @@ pub(crate) struct Pieces {
     facing: Vec<i8>,
     parent: Vec<u32>,
     /// While triangles are paired: number of triangles of each piece, at the index of the triangle that
-    /// represents the piece. Afterwards: the index of the piece, at the same place.
+    /// represents the piece. Afterwards: the index of the piece, at the index of that triangle.
     count: Vec<u32>,
     /// Clusters whose pieces are found.
     found: Bits,

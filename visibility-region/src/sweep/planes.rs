@@ -29,7 +29,10 @@ const APART: f64 = 1.004;
 /// Cone of rays from the viewcell to all occludees of a direction: its slopes, and its range of depths.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cone {
-    /// Least and greatest slope along x and y, in lateral metres per metre from the back of the viewcell.
+    /// Least and greatest slope of the rays from the middle of the viewcell's back to the occludees:
+    /// `slopes[axis][end]`, where `axis` is 0 for local x and 1 for local y, and `end` is 0 for the least
+    /// slope and 1 for the greatest. A slope is metres along that axis per metre of depth (local z), where
+    /// depth is counted from the back of the viewcell.
     slopes: [[f64; 2]; 2],
     /// Depth of the first plane in metres. All occludees are behind it.
     pub(crate) first: f64,

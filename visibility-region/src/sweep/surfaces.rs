@@ -1,9 +1,9 @@
 //! The opaque surfaces of a scene, with the segments along which their triangles meet.
 //!
-//! Occluders that touch hide more together than each by itself: no ray passes between two walls that share
-//! an edge. Triangles meet along segments: two sides of triangles with equal ends, or the common part of two
-//! sides on one line along an axis, as where a long wall meets two short ones. Positions are compared bit by
-//! bit, so nothing is joined that is not joined exactly.
+//! Occluders that touch hide more together than each by itself: no ray passes between two walls that share an
+//! edge. A *side* is an edge of a triangle. Triangles meet along segments: two sides with equal ends, or the
+//! common part of two sides on one line along an axis, as where a long wall meets two short ones. Positions
+//! are compared bit by bit, so nothing is joined that is not joined exactly.
 
 use alloc::vec::Vec;
 use visibility_core::bits::Bits;
@@ -21,11 +21,11 @@ pub(crate) struct Surfaces {
     /// Sides of triangles on each segment, as twice the index of the triangle, plus 1 if the triangle runs
     /// from the first end to the second.
     sides: Vec<u32>,
-    /// Indices of the objects whose triangles are in the lists.
+    /// Indices of the objects whose triangles are in `triangles`.
     pub(crate) objects: Bits,
     parts: Vec<Part>,
     /// Cluster of each object, by object index. Objects whose triangles meet along segments, directly or
-    /// through others, are one cluster. `u32::MAX` for objects without triangles in the lists.
+    /// through others, are one cluster. `u32::MAX` for objects that are not in `objects`.
     cluster_of: Vec<u32>,
     /// Triangles and segments of each cluster.
     cluster_triangles: Groups,
@@ -153,7 +153,8 @@ impl Surfaces {
         all
     }
 
-    /// Returns the cluster that an object belongs to. `None` for an object without triangles in the lists.
+    /// Returns the cluster that an object belongs to. `None` for an object that is not in
+    /// [`objects`](Self::objects).
     pub(crate) fn cluster_of(&self, object: usize) -> Option<usize> {
         self.cluster_of.get(object).filter(|&&cluster| cluster != u32::MAX).map(|&cluster| cluster as usize)
     }

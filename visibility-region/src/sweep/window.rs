@@ -224,8 +224,9 @@ impl Window {
         self.rims[lat].map_or(range, |rim| rim.clip_outwards(range))
     }
 
-    /// Returns the pixels that the projection of an occludee on the plane meets. `None` unless the projection
-    /// is within the window. `bounds` are those of the occludee in the scene.
+    /// Returns the pixels that the projection of an occludee onto the plane meets. The projection is given by
+    /// its least and greatest coordinate along x, then along y, in metres. `bounds` are those of the occludee
+    /// in scene coordinates. `None` if the projection reaches out of the window.
     pub(crate) fn pixels(&self, [x, y]: [[f64; 2]; 2], bounds: &Aabb) -> Option<PixelRect> {
         let along = |range: [f64; 2], lat| {
             let [mut low, mut high] = self.widened(range, lat);
@@ -260,8 +261,8 @@ impl Window {
         self.ends
     }
 
-    /// Returns a rectangle on the plane that is certainly within the pixels of `rect`: its ends along x and
-    /// y.
+    /// Returns a rectangle on the plane that is certainly within the pixels of `rect`: its least and greatest
+    /// coordinate along x, then along y, in metres.
     pub(crate) fn inside(&self, rect: PixelRect) -> [[f64; 2]; 2] {
         let along = |[first, last]: [usize; 2], lat: usize| {
             let at = |pixel: f64| self.ends[lat][0] + pixel * self.pixel_size(lat);

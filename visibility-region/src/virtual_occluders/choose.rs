@@ -21,7 +21,9 @@ const SAMPLE: usize = 4096;
 /// A rectangle on a plane of a sweep.
 struct Candidate {
     direction: Direction,
+    /// Distance in metres of the plane from the front of the viewcell.
     d: f64,
+    /// Least and greatest coordinate of the rectangle along local x, then along local y, in metres.
     ends: [[f64; 2]; 2],
     /// Positions, in the list of tested objects, of the objects that the rectangle hides.
     hides: Bits,

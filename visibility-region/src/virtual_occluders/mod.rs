@@ -108,7 +108,9 @@ pub struct VirtualOccluders {
 #[derive(Clone, Copy, Debug)]
 struct Active {
     direction: Direction,
+    /// Distance in metres of the rectangle's plane from the front of the box.
     d: f64,
+    /// Least and greatest coordinate of the rectangle along local x, then along local y, in metres.
     ends: [[f64; 2]; 2],
 }
 

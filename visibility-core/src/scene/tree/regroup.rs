@@ -108,8 +108,8 @@ impl Tree {
     /// or if fewer nodes suffice and that sum does not grow. With `merge`, fewer nodes are enough, whatever
     /// the sizes. Nodes left empty are freed.
     ///
-    /// Returns the number of objects (above the leaves, of child nodes) that moved to another node, or `None`
-    /// if nothing was changed. After `Some(0)` objects may still have changed lanes.
+    /// Returns the number of objects that moved to another node; for nodes above the leaves, the number of
+    /// child nodes. After `Some(0)` objects may still have changed lanes. `None` if nothing was changed.
     pub(in crate::scene) fn regroup(&mut self, group: &Group, merge: bool) -> Option<usize> {
         let nodes = group.nodes();
         // Contents of all nodes of the group, numbered by member and lane, and the present sum of sizes.

@@ -44,9 +44,9 @@ const ZEROS: [f64; 3] = [1e-12, 1e-9, 1e-6];
 /// may be all rounding; a wrong choice finds no proof.
 const LEAST_PIVOT: f64 = 1e-11;
 
-/// Returns a lower bound of `sum l_i s_i` and an upper bound of `sum |r_k| B_k`, two numbers that prove
-/// infeasibility if the first is greater, for the multipliers `l_i` (one per row), the rows' least values
-/// `s_i`, the weighted sum `r` of the rows' normals, and `bounds` as `B_k`.
+/// Returns a lower bound of `sum l_i s_i` and an upper bound of `sum |r_k| B_k`. If the first is greater than
+/// the second, the rows are proved infeasible. Here `l_i` is the multiplier of row i, `s_i` the row's least
+/// value, `r` the sum of the rows' normals weighted by the multipliers, and `B_k` is `bounds[k]`.
 fn proof_sides<const K: usize>(
     rows: &[Row<K>],
     bounds: &[f64; K],
@@ -201,10 +201,10 @@ impl<const K: usize> Elimination<K> {
         right
     }
 
-    /// Returns multipliers by constraint index, none negative, for which the weighted sum of normals is zero,
-    /// and whether constraints were dropped: either a multiplier was at most `zero` times the greatest and
-    /// was set to 0, or a column without pivot was left out. `None` if no column without pivot gives such
-    /// multipliers.
+    /// Returns multipliers for which the weighted sum of the normals is zero, by constraint index, and
+    /// whether constraints were dropped. No multiplier is negative. A constraint is dropped if its multiplier
+    /// was at most `zero` times the greatest and was set to 0, or if its column has no pivot and was left
+    /// out. `None` if no column without pivot gives such multipliers.
     fn nonnegative(&self, zero: f64) -> Option<([f64; MAX_ROWS], bool)> {
         (self.rank..self.count).find_map(|free| {
             let mut right = [0.0; K];
