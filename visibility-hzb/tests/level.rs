@@ -708,7 +708,7 @@ fn a_wall_that_leaves_the_guard_band_is_no_nearer_than_it_is() {
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     let (mut covered, mut whole) = (0, 0);
     for round in 0..300 {
-        // Along the wall, to the right: from 1 cm left of the axis of the view to farther than the guard band.
+        // The wall extends to the right from near the axis of the view, mostly to beyond the guard band.
         let normal = DVec3::new(1.0, random.fine_range(-0.3, 0.3), random.fine_range(-0.3, 0.3)).normalize();
         let distance = random.fine_range(0.01, 0.1);
         let along = normal.cross(DVec3::Z).normalize() * distance;

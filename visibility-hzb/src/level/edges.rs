@@ -62,8 +62,8 @@ pub(crate) struct Edges {
     shared: Vec<[u32; WIDTH]>,
     /// Number of edges.
     count: usize,
-    /// Least column that the outline is known to reach at the right, whatever its edges: those beyond the guard
-    /// band are left out.
+    /// Least column that the outline reaches at the right, whatever its edges: those beyond the guard band
+    /// are left out.
     right: f32,
     /// Edges as drawn. Valid after [`finish`](Self::finish).
     pub(super) drawn: Vec<Edges16>,
@@ -82,8 +82,8 @@ impl Edges {
         self.right = f32::NEG_INFINITY;
     }
 
-    /// Counts the outline as reaching the column `right`, for edges there that are not pushed: without them the
-    /// [bounds](Self::bounds) would end where pixels are covered.
+    /// Counts the outline as reaching the column `right`, for edges there that are not pushed: without them
+    /// the [bounds](Self::bounds) would end where pixels are covered.
     #[inline(always)]
     pub(super) fn reach(&mut self, right: f32) {
         self.right = right;

@@ -52,9 +52,9 @@
 //! are moved into the plane of the far side of the slab, by no more than the bend: there the curve is that
 //! edge.
 //!
-//! *Guard band*: what is above, below or to the right of it has no pixel to the right, so these edges are left
-//! out; an outline with edges at the right counts as reaching as far as the guard band, since it may cover all
-//! pixels up to there. What is to its left becomes an edge along its side, in the same rows.
+//! *Guard band*: what is above, below or to the right of it has no pixel to the right, so that these edges
+//! are left out. An outline with edges at the right counts as reaching as far as the guard band, since it may
+//! cover all pixels up to there. What is to its left becomes an edge along its side, in the same rows.
 //!
 //! # The error bound
 //! With `u = 2^-24` and `L` the greatest coordinate of the guard band: vertices are off by up to 1/64 pixel
