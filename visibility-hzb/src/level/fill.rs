@@ -55,7 +55,6 @@ pub(crate) fn fill(
                 let mut open = left_open >> skipped & 0xff;
                 left_open &= !(0xff << skipped);
                 let first = column + skipped;
-                seams.begin_window();
                 let window = Window::new(edges, row_edges, (first * SIDE) as f32, top, slack, seams);
                 seams.finish_window(&window.near_two, &window.odd, base + first, open);
                 let (mut covered, mut any, mut all) = (window.odd, 0, u64::MAX);

@@ -67,12 +67,6 @@ impl Seams {
         self.polygons.push(*keys);
     }
 
-    /// Begins a window.
-    #[inline(always)]
-    pub(super) fn begin_window(&mut self) {
-        self.window.clear();
-    }
-
     /// Adds the pixels near a shared edge of the polygon to the window.
     #[inline(always)]
     pub(super) fn add(&mut self, edge: u32, near: &[u64; SIDE]) {
@@ -96,16 +90,16 @@ impl Seams {
             open_columns[i] = if open >> i & 1 != 0 { 0xff } else { 0 };
         }
         let open_columns = u64::from_le_bytes(open_columns);
-        for (edge, near) in &self.window {
+        for (edge, near) in self.window.drain(..) {
             let (mut alone, mut odd, mut any) = ([0; SIDE], [0; SIDE], 0);
             for row in 0..SIDE {
                 alone[row] = near[row] & !near_two[row] & open_columns;
                 odd[row] = alone[row] & wound[row];
                 any |= alone[row];
             }
-            let Some(last) = self.last.get_mut(*edge as usize).filter(|_| any != 0) else { continue };
+            let Some(last) = self.last.get_mut(edge as usize).filter(|_| any != 0) else { continue };
             if *last == NO_PIECE {
-                self.met.push(*edge);
+                self.met.push(edge);
             }
             let polygon = self.polygons.len() as u32 - 1;
             let before = core::mem::replace(last, self.pieces.len() as u32);

@@ -137,8 +137,8 @@ pub(crate) fn box_shape(
     let products = object.cross_error(projection.size);
     let mut seen = 0usize;
     for axis in 0..3 {
-        // Of two opposite faces at most one is certainly seen from the eye: the sign of the determinant tells
-        // on which side of the face the eye is, if it exceeds the error.
+        // The eye certainly sees at most one of two opposite faces. The sign of the determinant tells on
+        // which side of the face the eye is, if the determinant exceeds the error.
         let (second, third) = match axis {
             0 => (v, t),
             1 => (t, u),
