@@ -144,6 +144,20 @@ impl World {
         (Check { triangles, clearance, delta, target_vertices, steps, splits: 0 }, sight)
     }
 
+    /// Asserts that a line crosses triangle `number`, and that the surface of this triangle alone, which the
+    /// line is said to cross, is refused for a target that the segment `seen` sees.
+    fn refuses_surface(
+        &self,
+        number: u32,
+        line: [[f64; 3]; 2],
+        seen: [[f64; 3]; 2],
+        case: impl core::fmt::Display,
+    ) {
+        let crossed = crosses(line.map(DVec3::from_array), &self.shapes[number as usize]);
+        assert_eq!(crossed, Some(true), "{case}: the line crosses the surface");
+        assert_eq!(self.error(seen, vec![surface(&[number], line)]), SURFACE, "{case}");
+    }
+
     fn piece(&self, number: u32) -> u32 {
         self.triangles.piece_of(number)
     }

@@ -30,8 +30,7 @@ fn lines_of_other_nodes_are_refused() {
     ];
     for (occluder, line) in tries {
         let world = World::new(TARGET, &[occluder]);
-        assert_eq!(crosses(line.map(DVec3::from_array), &world.shapes[1]), Some(true), "{line:?}");
-        assert_eq!(world.error(LINE, vec![surface(&[1], line)]), SURFACE, "{line:?}");
+        world.refuses_surface(1, line, LINE, format_args!("{line:?}"));
     }
 }
 
@@ -226,12 +225,7 @@ fn the_target_itself_is_refused() {
     let world = World::new(TARGET, &[]);
     let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
     let line = [LINE[0], [80.0 + 0.5 * delta, 4.0, 3.0]];
-    assert_eq!(
-        crosses(line.map(DVec3::from_array), &world.shapes[0]),
-        Some(true),
-        "the line ends beyond the target"
-    );
-    assert_eq!(world.error(LINE, vec![surface(&[0], line)]), SURFACE, "the target as its own occluder");
+    world.refuses_surface(0, line, LINE, "the target as its own occluder");
 }
 
 /// A triangle that holds a corner of the target and cuts it in two: one part of the target is behind.
@@ -240,16 +234,7 @@ fn surfaces_at_a_corner_of_the_target_that_cut_it_are_refused() {
     let cut = [[80.0, 2.0, 2.0], [79.875, 52.0, -48.0], [80.125, 32.0, 92.0]];
     let world = World::new(TARGET, &[cut]);
     let [hidden, seen] = [[5.0, 2.25], [3.0, 3.5]].map(|[y, z]| [[8.0, 4.0, 4.0], [80.0, y, z]]);
-    assert_eq!(
-        crosses(hidden.map(DVec3::from_array), &world.shapes[1]),
-        Some(true),
-        "the line crosses the surface"
-    );
-    assert_eq!(
-        world.error(seen, vec![surface(&[1], hidden)]),
-        SURFACE,
-        "a surface through the target's corner"
-    );
+    world.refuses_surface(1, hidden, seen, "a surface through the target's corner");
 }
 
 /// A triangle from a corner of the target through P: it blocks the segments from above.
@@ -257,14 +242,5 @@ fn surfaces_at_a_corner_of_the_target_that_cut_it_are_refused() {
 fn surfaces_at_the_target_that_cut_the_start_of_segments_are_refused() {
     let world = World::new(TARGET, &[[TARGET[2], [-64.0, -300.0, 2.0], [-64.0, 300.0, 2.0]]]);
     let [hidden, seen] = [6.0, 2.0].map(|z| [[8.0, 4.25, z], [80.0, 4.0, 3.0]]);
-    assert_eq!(
-        crosses(hidden.map(DVec3::from_array), &world.shapes[1]),
-        Some(true),
-        "the line crosses the surface"
-    );
-    assert_eq!(
-        world.error(seen, vec![surface(&[1], hidden)]),
-        SURFACE,
-        "a surface from the target through the start of segments"
-    );
+    world.refuses_surface(1, hidden, seen, "a surface from the target through the start of segments");
 }

@@ -66,16 +66,7 @@ fn lines_that_end_behind_the_plane_of_the_target_are_refused() {
     let world = World::new(TARGET, &[[a, b, [400.0, 4.0, -400.0]]]);
     let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
     let line = [LINE[0], [80.0 + 0.5 * delta, 4.0, 2.0 - 0.5 * delta]];
-    assert_eq!(
-        crosses(line.map(DVec3::from_array), &world.shapes[1]),
-        Some(true),
-        "the line crosses the surface"
-    );
-    assert_eq!(
-        world.error(LINE, vec![surface(&[1], line)]),
-        SURFACE,
-        "a line that ends behind the target's plane"
-    );
+    world.refuses_surface(1, line, LINE, "a line that ends behind the target's plane");
 }
 
 /// A viewcell that is over the plane of the target's upper side by less than the errors of heights, at one
