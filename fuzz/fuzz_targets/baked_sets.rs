@@ -65,7 +65,8 @@ fn ask(bytes: &[u8]) {
     let scene = &real().scene;
     if let Ok(set) = BakedSet::from_bytes(bytes) {
         let stored = set.to_bytes();
-        assert_eq!(BakedSet::from_bytes(&stored).expect("its own bytes").to_bytes(), stored, "a set's own bytes, read and stored again");
+        let again = BakedSet::from_bytes(&stored).expect("its own bytes").to_bytes();
+        assert_eq!(again, stored, "a set's own bytes, read and stored again");
         for number in 0..=set.viewcells().cells().len() as u32 {
             assert!(set.row(ViewcellId(number)).is_sorted_by(|a, b| a < b), "viewcell {number}: targets ascend, each once");
         }

@@ -24,7 +24,8 @@ fn ask(bytes: Vec<u8>) {
         pvs.write_bits(cell, &mut words);
         for target in [0, 1, pvs.target_count() as u32 / 2, pvs.target_count() as u32] {
             let bit = words.get(target as usize / 64).is_some_and(|word| word >> (target % 64) & 1 == 1);
-            assert_eq!(pvs.sees(cell, target), bit && (target as usize) < pvs.target_count(), "{cell:?}: target {target} by itself and in the row");
+            let sees = bit && (target as usize) < pvs.target_count();
+            assert_eq!(pvs.sees(cell, target), sees, "{cell:?}: target {target} by itself and in the row");
         }
     }
 }

@@ -52,7 +52,7 @@ impl LevelSettings {
 
     /// Sets the maximum number of edges of a cluster of more than one polygon. 96 by default. A polygon of
     /// several faces is divided if it has more edges, not counting vertices in the middle of straight lines.
-    /// What is hidden hardly depends on this number, the time of a frame by some hundredths.
+    /// The number of hidden objects hardly depends on it, and the time of a frame by some hundredths.
     pub fn with_max_cluster_edges(self, edges: usize) -> Self {
         Self { max_cluster_edges: edges, ..self }
     }

@@ -21,7 +21,7 @@ use visibility_core::pvs::{Pvs, PvsError, PvsTargets, ViewcellId};
 /// ```
 #[derive(Clone, Debug)]
 pub struct CellMatrix {
-    /// By cell looked from: the cells seen.
+    /// For each cell, the cells that can be seen from it.
     pub(crate) rows: Vec<Bits>,
     /// [Version](CellGraph::version) of the graph that the matrix was baked from. `None` if nobody knows it.
     source: Option<u64>,

@@ -355,8 +355,8 @@ impl Walk<'_> {
             let axis = usize::from(self.a[0] == self.b[0]);
             (self.b[axis] > self.a[axis]) == (point[axis] > from[axis])
         };
-        // Of the triangles around the vertex, the segment passes either along an edge that leads ahead, or
-        // between the other two corners of exactly one triangle.
+        // The segment passes either along an edge of the vertex that leads ahead, or between the other two
+        // corners of exactly one triangle around the vertex.
         plan.fan(h)
             .find_map(|h| {
                 let side = self.side(plan.start(next(h)));

@@ -172,7 +172,7 @@ impl Culler for LargeOccludersCuller {
                 let mut solids = self.sections.iter().flat_map(|&polygon| self.occluders.solids_of(polygon));
                 solids.all(|solid| projection.is_outside(solid, clear))
             });
-        // Of the chosen polygons, those whose objects are drawn and that hide from this eye. The map groups
+        // The map takes the chosen polygons whose objects are drawn and that hide from this eye. It groups
         // them anew only if this set has changed.
         if !settled {
             let projection = ClipProjection::new(view, scene.origin());

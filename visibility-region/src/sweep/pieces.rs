@@ -166,7 +166,7 @@ impl Pieces {
             while let Some(first) = self.plus.pop() {
                 let fits = |&(_, &other): &(usize, &u32)| joins || part(first) == part(other);
                 let partners = self.minus.iter().enumerate().filter(fits);
-                // Of several partners the flattest continuation, so that pieces stay as flat as possible.
+                // The partner that bends the surface least is taken, so that pieces stay flat.
                 let partner = if self.minus.len() == 1 {
                     partners.map(|(at, _)| at).next()
                 } else {
