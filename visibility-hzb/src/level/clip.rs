@@ -130,6 +130,7 @@ fn push_within(a: [f64; 2], b: [f64; 2], guard: f64, out: &mut Edges) {
             *end = crossing;
         } else if end[0] > guard {
             *end = at_column(guard);
+            out.reach(guard as f32);
         }
     }
     out.push(as_f32(p), as_f32(q), NO_EDGE);
@@ -138,6 +139,20 @@ fn push_within(a: [f64; 2], b: [f64; 2], guard: f64, out: &mut Edges) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Where two edges pass the right side of the guard band and meet beyond it, the rows between have but one
+    /// edge, at the left: only by what they say of the right side is the outline filled up to it.
+    #[test]
+    fn an_edge_that_passes_the_right_side_says_so() {
+        for (b, cut) in [([99.0, 5.0], false), ([101.0, 5.0], true), ([300.0, -40.0], true)] {
+            for ends in [[[0.0, 0.0], b], [b, [0.0, 0.0]]] {
+                let mut edges = Edges::default();
+                edges.clear();
+                push_within(ends[0], ends[1], 100.0, &mut edges);
+                assert_eq!(edges.is_cut_at_right(), cut, "the edge {ends:?} is cut");
+            }
+        }
+    }
 
     /// Points too near the eye's plane have columns and rows that are no numbers. Their polygon is not drawn
     /// in the end, by its error.

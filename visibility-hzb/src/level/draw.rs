@@ -333,15 +333,15 @@ fn draw_polygon(
         // An edge that the near plane or the guard band may cut is cut in `f64`, from the vertices
         // themselves.
         let flatten = *flattened.get_or_insert_with(|| !is_beyond_window(frame, polygon, far));
-        clip.edges.push([0, 1].map(|end| {
-            let at = [a, b][end];
+        let end = |at: usize| {
             let mut p = level.level.vertices()[first + at].as_dvec3();
             if flatten {
                 p -= polygon.normal * (polygon.normal.dot(p) - far);
             }
             let plain = vertices.plain[at].then(|| [x[at], y[at]]);
             End { point: frame.object.at(p.to_array()), plain }
-        }));
+        };
+        clip.edges.push([end(a), end(b)]);
     }
     let (mut error, mut least_w) = (f64::from(vertices.error), f64::from(vertices.least_w));
     let (plain, mut most_w) = (clip.edges.is_empty(), f64::from(most_w));

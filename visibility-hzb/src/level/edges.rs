@@ -1,7 +1,7 @@
 //! Edges of one outline on the screen, in lanes.
 
 use super::prepared::NO_EDGE;
-use crate::lanes::{WIDTH, greatest, least};
+use crate::lanes::{WIDTH, greatest, least, of_all};
 use alloc::vec::Vec;
 
 /// Height in pixels below which an edge counts as level: it may pass any of its columns in any of its rows.
@@ -89,6 +89,12 @@ impl Edges {
         self.right = right;
     }
 
+    /// Returns whether edges at the right are left out: then the outline may cover all pixels up to there.
+    #[inline(always)]
+    pub(super) fn is_cut_at_right(&self) -> bool {
+        self.right > f32::NEG_INFINITY
+    }
+
     /// Appends an edge between two points, given by column and row. `shared` is its index in the frame if
     /// another polygon may have the edge too, between the same two points, else [`NO_EDGE`].
     #[inline(always)]
@@ -164,13 +170,7 @@ impl Bounds {
     /// greatest row, in pixels. Without edges the least are infinity and the greatest are negative infinity.
     #[inline(always)]
     fn joined(&self) -> [f32; 4] {
-        let mut joined = [f32::INFINITY, f32::INFINITY, f32::NEG_INFINITY, f32::NEG_INFINITY];
-        for i in 0..WIDTH {
-            for side in 0..2 {
-                joined[side] = least(self.0[side][i], joined[side]);
-                joined[side + 2] = greatest(self.0[side + 2][i], joined[side + 2]);
-            }
-        }
-        joined
+        let [left, top, right, bottom] = &self.0;
+        [of_all(left, least), of_all(top, least), of_all(right, greatest), of_all(bottom, greatest)]
     }
 }

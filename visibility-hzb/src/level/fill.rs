@@ -4,7 +4,7 @@
 use super::edges::Edges;
 use super::open_tiles::{TileKeys, end_tile, first_tile, first_tiles};
 use super::seams::Seams;
-use super::window::{RowEdges, Window, edges_of_row};
+use super::window::{RowEdge, Window, edges_of_row};
 use crate::buffer::depth_planes::DepthPlanes;
 use crate::buffer::tile_layout::{SIDE, tiles_of};
 use crate::buffer::tiles::Tiles;
@@ -18,7 +18,7 @@ pub(crate) struct FillScratch {
     /// Masks of the open tiles: for each row of tiles, one for each [`WIDTH`] columns.
     pub(super) open: Vec<u32>,
     /// Edges of the outline that meet the row of tiles at work.
-    row: Vec<RowEdges>,
+    row: Vec<RowEdge>,
 }
 
 /// Covers the pixels of [open tiles](FillScratch::open) whose centres the outline `edges` winds round an odd
@@ -35,6 +35,7 @@ pub(crate) fn fill(
     tiles: &mut Tiles,
 ) -> bool {
     let [x0, x1] = keys.columns;
+    let sides = keys.columns.map(|column| (column * SIDE) as f32);
     let keep = if coverage == Coverage::Sampled { 0 } else { u64::MAX };
     let mut planes_index = 0;
     seams.begin_polygon(keys);
@@ -43,7 +44,7 @@ pub(crate) fn fill(
             continue;
         }
         let (base, of_row, top) = (row * tiles.columns, keys.of_row(row), (row * SIDE) as f32);
-        let [left, right] = edges_of_row(edges, top, slack, row_edges).map(|side| side / SIDE as f32);
+        let [left, right] = edges_of_row(edges, top, slack, sides, row_edges).map(|side| side / SIDE as f32);
         // Two pixels more on each side than columns are rounded by.
         let (first_met, end) = (first_tile(left - 0.25), end_tile(right + 0.25, tiles.columns));
         for (column, open) in (x0..).step_by(WIDTH).zip(open) {
@@ -55,7 +56,7 @@ pub(crate) fn fill(
                 let mut open = left_open >> skipped & 0xff;
                 left_open &= !(0xff << skipped);
                 let first = column + skipped;
-                let window = Window::new(edges, row_edges, (first * SIDE) as f32, top, slack, seams);
+                let window = Window::new(row_edges, (first * SIDE) as i32, seams);
                 seams.finish_window(&window.near_two, &window.odd, base + first, open);
                 let (mut covered, mut any, mut all) = (window.odd, 0, u64::MAX);
                 for row in 0..SIDE {

@@ -91,13 +91,12 @@ impl Seams {
         }
         let open_columns = u64::from_le_bytes(open_columns);
         for (edge, near) in self.window.drain(..) {
-            let (mut alone, mut odd, mut any) = ([0; SIDE], [0; SIDE], 0);
+            let (mut alone, mut odd) = ([0; SIDE], [0; SIDE]);
             for row in 0..SIDE {
                 alone[row] = near[row] & !near_two[row] & open_columns;
                 odd[row] = alone[row] & wound[row];
-                any |= alone[row];
             }
-            let Some(last) = self.last.get_mut(edge as usize).filter(|_| any != 0) else { continue };
+            let Some(last) = self.last.get_mut(edge as usize) else { continue };
             if *last == NO_PIECE {
                 self.met.push(edge);
             }
