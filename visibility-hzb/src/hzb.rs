@@ -47,6 +47,10 @@ const OUTLINE_COST_DIVISOR: usize = 6;
 /// updated between flushes. From this number on, the update costs less than it saves.
 const MAX_PYRAMID_MISSES: usize = 32;
 
+/// Default of [`Hzb::with_min_polygon_area`], in pixels of the buffer. Where drawing an object takes as long as
+/// the driver assumes, smaller polygons cost more than they hide in all real levels measured but one.
+const MIN_POLYGON_AREA: f32 = 128.0;
+
 /// A hierarchical z-buffer: an [`OcclusionMap`] of tiles of 8 x 8 pixels with a pyramid of least depth keys
 /// above.
 ///
@@ -119,6 +123,8 @@ pub struct Hzb {
     clip_planes: ViewPlanes,
     /// Occluders of levels, drawn at the beginning of each frame.
     levels: Vec<Arc<PreparedLevel>>,
+    /// Least area of a polygon of `levels` that is drawn, in pixels of the buffer.
+    min_polygon_area: f32,
     /// View of the current frame for each of `levels`. `None` for a level that cannot be drawn.
     level_frames: Vec<Option<LevelFrame>>,
     /// Scratch memory and bands for drawing `levels`.
@@ -169,6 +175,7 @@ impl Hzb {
             nearest: f32::NEG_INFINITY,
             clip_planes: ViewPlanes::NONE,
             levels: Vec::new(),
+            min_polygon_area: MIN_POLYGON_AREA,
             level_frames: Vec::new(),
             level_raster: LevelRaster::default(),
         }
@@ -179,6 +186,15 @@ impl Hzb {
     #[must_use]
     pub fn with_coverage(self, coverage: Coverage) -> Self {
         Self { coverage, ..self }
+    }
+
+    /// Sets how many pixels of the buffer a polygon of a [level](Self::with_level) must cover to be drawn, as
+    /// estimated from its middle. 128 by default. Less hides a few more objects and takes longer: 32 hides
+    /// 1 to 8 % more in most levels, and some 20 % more in a village with many small walls, for 1.1 to twice
+    /// the time. Below 0 or NaN counts as 0.
+    #[must_use]
+    pub fn with_min_polygon_area(self, pixels: f32) -> Self {
+        Self { min_polygon_area: pixels.max(0.0), ..self }
     }
 
     /// Sets the occluders of a level, which are drawn at the beginning of each frame. Their positions are
@@ -507,7 +523,9 @@ impl OcclusionMap for Hzb {
             let sides = sides(&self.projection, [0, self.tiles.columns]);
             let frames = self.levels.iter().map(|level| {
                 let is_in_view = level.is_in_view(&sides, origin);
-                is_in_view.then(|| LevelFrame::new(view, level, self.size, padded, self.coverage)).flatten()
+                let frame =
+                    || LevelFrame::new(view, level, self.size, padded, self.coverage, self.min_polygon_area);
+                is_in_view.then(frame).flatten()
             });
             self.level_frames.clear();
             self.level_frames.extend(frames);

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use visibility_core::glam::{Affine3A, DMat4, DVec3, Vec3};
 use visibility_core::{
     Aabb, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionMap, Pipeline, Pose, Scene, View,
-    VisibleSet, geometry::Plane, occlusion::Preparation, simd::Simd, view::Window,
+    VisibleSet, geometry::Plane, occlusion::Occlusion, occlusion::Preparation, simd::Simd, view::Window,
 };
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
@@ -195,7 +195,8 @@ fn cast(seed: u64, samples: u64) {
         let level = level(&triangles, settings.with_kept_area(1.0));
         let shift = if random.one_in(4) { random.vector(1e5).round() } else { DVec3::ZERO };
         let size = [[64, 36], [33, 57], [200, 120], [400, 48]][random.below(4)];
-        let mut hzb = Hzb::new(size[0], size[1]).unwrap().with_level(level, shift);
+        let mut hzb =
+            Hzb::new(size[0], size[1]).unwrap().with_min_polygon_area(16.0).with_level(level, shift);
         let faces = as_faces(&triangles);
         for _ in 0..4 {
             let view =
@@ -256,7 +257,7 @@ fn cast_beside_bumps(levels: usize, bumps: f64, tilt: f64, near: [f64; 3], setti
             triangles.extend(quad(corners).map(|corners| LevelTriangle { corners, two_sided }));
         }
         let level = level(&triangles, settings);
-        let mut hzb = Hzb::new(120, 80).unwrap().with_level(level, DVec3::ZERO);
+        let mut hzb = Hzb::new(120, 80).unwrap().with_min_polygon_area(16.0).with_level(level, DVec3::ZERO);
         for _ in 0..4 {
             let eye = DVec3::new(
                 random.fine_range(-4.0, 4.0),
@@ -316,7 +317,8 @@ fn job_systems_agree_and_bands_lose_next_to_nothing() {
             scene.insert(Aabb::new(middle - 0.1, middle + 0.1));
         }
         let size = [[200, 120], [64, 16], [90, 333]][round % 3];
-        let mut map = Hzb::new(size[0], size[1]).unwrap().with_level(level, DVec3::ZERO);
+        let mut map =
+            Hzb::new(size[0], size[1]).unwrap().with_min_polygon_area(16.0).with_level(level, DVec3::ZERO);
         let pixels = |map: &Hzb| pixels(map, size[0], size[1]);
         let make = |map: &Hzb| {
             let culler = HzbCuller::new(map.clone()).with_price(if round % 2 == 0 { 0 } else { 24 });
@@ -382,7 +384,7 @@ fn the_back_of_a_ramp_hides_nothing() {
             .collect();
         let level = level(&triangles, LevelSettings::default().with_bulge(0.5));
         assert_eq!(level.polygons().len(), 1, "ground and ramp are one polygon");
-        let mut hzb = Hzb::new(200, 120).unwrap().with_level(level, DVec3::ZERO);
+        let mut hzb = Hzb::new(200, 120).unwrap().with_min_polygon_area(16.0).with_level(level, DVec3::ZERO);
         let mut covered = 0;
         for height in [1.3, 2.2, 3.0, 4.0, 9.0, 14.0] {
             for x in distances {
@@ -413,7 +415,7 @@ fn a_peak_through_the_near_plane_leaves_a_hole() {
             corners.iter().map(|&corners| LevelTriangle { corners, two_sided }).collect();
         let level = level(&triangles, LevelSettings::default().with_bulge(0.5));
         assert_eq!(level.polygons().len(), 1, "two-sided: {two_sided}: the four slopes are one polygon");
-        let mut hzb = Hzb::new(64, 64).unwrap().with_level(level, DVec3::ZERO);
+        let mut hzb = Hzb::new(64, 64).unwrap().with_min_polygon_area(16.0).with_level(level, DVec3::ZERO);
         // The near plane above the peak, then through it, with an outline beyond the guard band and within.
         for (height, near, angle, is_whole) in
             [(3.0, 0.2, 0.8, true), (0.35, 0.15, 0.8, false), (0.35, 0.15, 2.0, false)]
@@ -442,7 +444,7 @@ fn instruction_sets_agree_and_warm_frames_allocate_nothing() {
     for round in 0..40 {
         let triangles = triangles(&mut random);
         let level = level(&triangles, LevelSettings::default().with_max_cluster_edges([16, 96][round % 2]));
-        let new = Hzb::new(200, 120).unwrap().with_level(level, DVec3::ZERO);
+        let new = Hzb::new(200, 120).unwrap().with_min_polygon_area(16.0).with_level(level, DVec3::ZERO);
         let mut maps: Vec<Hzb> = Simd::available().map(|simd| new.clone().with_simd(simd)).collect();
         let views: [View; 3] = std::array::from_fn(|_| view_within(&mut random, &triangles));
         for pass in 0..2 {
@@ -589,6 +591,26 @@ fn a_door_beside_a_level_is_drawn_and_the_level_is_not_drawn_again() {
     }
 }
 
+/// A wall of 10 by 10 pixels is drawn if that is no less than the least area asked for. What is no number asks
+/// for none.
+#[test]
+fn polygons_below_the_least_area_are_not_drawn() {
+    let [a, b, c, d] =
+        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[y, z]| Vec3::new(10.0, y, z));
+    let wall = quad([a, b, c, d]).map(|corners| LevelTriangle { corners, two_sided: true });
+    let level = level(&wall, LevelSettings::default());
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let view = View::perspective(pose, 2.0 * 0.5f64.atan(), 1.0, 0.1, f64::INFINITY).unwrap();
+    for (area, drawn) in [(0.0, true), (95.0, true), (105.0, false), (f32::NAN, true), (-1.0, true)] {
+        let mut hzb =
+            Hzb::new(50, 50).unwrap().with_level(level.clone(), DVec3::ZERO).with_min_polygon_area(area);
+        hzb.begin(&view, DVec3::ZERO);
+        hzb.flush();
+        let behind = hzb.test(&Aabb::from_arrays([12.0, -0.1, -0.1], [12.2, 0.1, 0.1]));
+        assert_eq!(behind == Occlusion::Hidden, drawn, "a least area of {area} pixels");
+    }
+}
+
 /// A level is drawn nearest first as far as the work of a frame allows. What is not drawn hides nothing.
 #[test]
 fn a_level_is_drawn_as_far_as_its_work_is_paid() {
@@ -688,7 +710,7 @@ fn a_shared_edge_beside_a_row_of_tiles_covers_nothing_nearer_than_its_polygons()
     let triangles: Vec<_> = triangles.map(|corners| LevelTriangle { corners, two_sided: true }).collect();
     let level = level(&triangles, LevelSettings::default().with_bulge(0.0));
     assert_eq!(level.polygons().len(), 2, "the two slopes are two polygons");
-    let mut hzb = Hzb::new(512, 256).unwrap().with_level(level, DVec3::ZERO);
+    let mut hzb = Hzb::new(512, 256).unwrap().with_min_polygon_area(16.0).with_level(level, DVec3::ZERO);
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     let window = Window { left: -256.0, right: 256.0, bottom: -128.0, top: 128.0 };
     let view = View::orthographic(pose, window, 0.0, 1024.0).unwrap();

@@ -57,7 +57,7 @@ fn pixels_are_covered_by_the_sectors_that_are_there() {
                 (prepared(&own, origin), faces)
             })
             .collect();
-        let mut hzb = Hzb::new(120, 72).unwrap();
+        let mut hzb = Hzb::new(120, 72).unwrap().with_min_polygon_area(16.0);
         let mut there = vec![false; count];
         for frame in 0..8 {
             let sector = random.below(count);
@@ -100,7 +100,7 @@ fn the_order_of_adding_makes_no_difference() {
             .collect();
         let view = view(random.direction() * 70.0, random.vector(3.0));
         let with = |order: &mut dyn Iterator<Item = usize>| {
-            let mut hzb = Hzb::new(128, 72).unwrap();
+            let mut hzb = Hzb::new(128, 72).unwrap().with_min_polygon_area(16.0);
             order.for_each(|i| hzb.add_level(sectors[i].clone()));
             hzb.begin(&view, DVec3::ZERO);
             hzb.flush();
@@ -162,7 +162,7 @@ fn ten_thousand_sectors_that_come_and_go_leave_no_memory() {
         |number: usize| Arc::new(PreparedLevel::new(kinds[number * 13 % kinds.len()].clone(), place(number)));
     let eyes = [DVec3::new(-9.0, 3.0, 1.0), DVec3::new(50.0, 12.0, 2.0)];
     let views = eyes.map(|eye| view(eye, DVec3::new(40.0, 15.0, 0.0)));
-    let mut hzb = Hzb::new(64, 36).unwrap();
+    let mut hzb = Hzb::new(64, 36).unwrap().with_min_polygon_area(16.0);
     let mut there: std::collections::VecDeque<_> = (0..16).map(sector).collect();
     there.iter().for_each(|sector| hzb.add_level(sector.clone()));
     let mut live = Vec::with_capacity(16);
@@ -186,7 +186,7 @@ fn ten_thousand_sectors_that_come_and_go_leave_no_memory() {
     let before = LIVE.get();
     (0..1000).for_each(|_| hzb.add_level(there[0].clone()));
     assert_eq!(LIVE.get(), before, "adding a level that is there takes memory");
-    let mut new = Hzb::new(64, 36).unwrap();
+    let mut new = Hzb::new(64, 36).unwrap().with_min_polygon_area(16.0);
     there.iter().for_each(|sector| new.add_level(sector.clone()));
     for view in &views {
         for hzb in [&mut hzb, &mut new] {
@@ -232,7 +232,10 @@ fn forged_files_are_drawn_or_refused() {
                 refused += 1;
                 continue;
             };
-            let mut hzb = Hzb::new(64, 36).unwrap().with_level(Arc::new(level), DVec3::ZERO);
+            let mut hzb = Hzb::new(64, 36)
+                .unwrap()
+                .with_min_polygon_area(16.0)
+                .with_level(Arc::new(level), DVec3::ZERO);
             for _ in 0..3 {
                 hzb.begin(&view(random.vector(20.0), random.vector(3.0)), DVec3::ZERO);
                 hzb.flush();
@@ -251,7 +254,7 @@ fn edges_of_one_level_are_not_those_of_another() {
     let view = view(DVec3::ZERO, DVec3::X);
     let mut covered = 0;
     for round in 0..1_500 {
-        let mut hzb = Hzb::new(64, 40).unwrap();
+        let mut hzb = Hzb::new(64, 40).unwrap().with_min_polygon_area(16.0);
         let mut faces = Vec::new();
         for _ in 0..6 {
             let middle = random.vec3(-3.0, 3.0) + Vec3::X * 10.0;

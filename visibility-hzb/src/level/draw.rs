@@ -25,9 +25,6 @@ use visibility_core::glam::DVec3;
 use visibility_core::simd::Simd;
 use visibility_occluders::{OccluderCluster, OccluderPolygon};
 
-/// Least area of a drawn polygon on the screen, in square pixels, as estimated from its middle.
-const LEAST_AREA_PX: f32 = 32.0;
-
 /// Work of testing whether a cluster may be seen, in triangles of a tenth of a microsecond (measured, as the
 /// following ones).
 pub(super) const CANDIDATE_WORK: f32 = 0.05;
@@ -182,7 +179,7 @@ fn are_large(boxes: &BoxLanes, largest: &[f32; WIDTH], frame: &LevelFrame) -> u3
             squared += beside * beside;
         }
         let squared = if frame.perspective { squared } else { 1.0 };
-        large[i] = u8::from(largest[i] * frame.pixels_per_area >= LEAST_AREA_PX * squared);
+        large[i] = u8::from(largest[i] * frame.pixels_per_area >= frame.min_polygon_area * squared);
     }
     bits(&large)
 }
@@ -275,7 +272,7 @@ fn worth_drawing(polygons: &Polygons, frame: &LevelFrame) -> u32 {
         let cubed = squared * squared * squared;
         let radius = polygons.radius[i];
         let close = frame.perspective & (squared <= 4.0 * radius * radius);
-        let large = pixels * pixels >= LEAST_AREA_PX * LEAST_AREA_PX * cubed;
+        let large = pixels * pixels >= frame.min_polygon_area * frame.min_polygon_area * cubed;
         let mut inside = polygons.area[i] > 0.0;
         for side in &frame.sides {
             let mut beyond = side[3] + side[4] * radius;

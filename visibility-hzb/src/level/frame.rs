@@ -65,6 +65,8 @@ pub(crate) struct LevelFrame {
     /// Pixels that one square metre covers in the middle of the view, facing the eye at a distance of one
     /// metre; in a parallel view at any distance.
     pub(super) pixels_per_area: f32,
+    /// Least area of a drawn polygon on the screen, in square pixels, as estimated from its middle.
+    pub(super) min_polygon_area: f32,
     /// Upper bound on the distance in pixels by which a point in the picture moves on the screen if it moves
     /// by one metre, times its `w`.
     pub(super) pixels_per_metre: f64,
@@ -88,6 +90,7 @@ impl LevelFrame {
         picture: [usize; 2],
         size: [usize; 2],
         coverage: Coverage,
+        min_polygon_area: f32,
     ) -> Option<Self> {
         let projection = ScreenProjection::new(view, level.origin, picture, size);
         // All errors are bounded once for the frame, for points in a box that holds every polygon and the
@@ -131,6 +134,7 @@ impl LevelFrame {
             sides: sides(&projection, columns).map(|side| side.map(|value| value as f32)),
             columns,
             coverage,
+            min_polygon_area,
             projection32: ScreenProjection32::new(&projection),
             object,
             plane_errors: [object.determinant_error(), object.cross_error(projection.size)],
