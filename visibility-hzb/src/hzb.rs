@@ -47,8 +47,8 @@ const OUTLINE_COST_DIVISOR: usize = 6;
 /// updated between flushes. From this number on, the update costs less than it saves.
 const MAX_PYRAMID_MISSES: usize = 32;
 
-/// Default of [`Hzb::with_min_polygon_area`], in pixels of the buffer. Where drawing an object takes as long as
-/// the driver assumes, smaller polygons cost more than they hide in all real levels measured but one.
+/// Default of [`Hzb::with_min_polygon_area`], in pixels of the buffer. Where drawing an object takes as long
+/// as the driver assumes, smaller polygons cost more than what they hide in all real levels measured but one.
 const MIN_POLYGON_AREA: f32 = 128.0;
 
 /// A hierarchical z-buffer: an [`OcclusionMap`] of tiles of 8 x 8 pixels with a pyramid of least depth keys

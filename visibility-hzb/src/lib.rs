@@ -50,7 +50,7 @@
 //!   100 to 300 ns, and a few more for each tile of its outline. So occluders should come roughly from front
 //!   to back, as the driver adds them.
 //! - The occluders of a level ([`Hzb::with_level`]), which are made of its triangles beforehand, take about a
-//!   third of that time. They hide more, since pixels along edges that two objects share are covered too.
+//!   quarter of that time. They hide more, since pixels along edges that two objects share are covered too.
 //!   Those of several levels, such as sectors of a world that is streamed, are drawn together
 //!   ([`Hzb::add_level`]).
 //! - Other meshes take about 100 ns a triangle. Meshes that consist of boxes

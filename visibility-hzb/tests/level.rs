@@ -591,8 +591,8 @@ fn a_door_beside_a_level_is_drawn_and_the_level_is_not_drawn_again() {
     }
 }
 
-/// A wall of 10 by 10 pixels is drawn if that is no less than the least area asked for. What is no number asks
-/// for none.
+/// A wall of 10 by 10 pixels is drawn if that is no less than the least area asked for. What is no number
+/// asks for none.
 #[test]
 fn polygons_below_the_least_area_are_not_drawn() {
     let [a, b, c, d] =

@@ -140,8 +140,8 @@ fn push_within(a: [f64; 2], b: [f64; 2], guard: f64, out: &mut Edges) {
 mod tests {
     use super::*;
 
-    /// Where two edges pass the right side of the guard band and meet beyond it, the rows between have but one
-    /// edge, at the left: only by what they say of the right side is the outline filled up to it.
+    /// Where two edges pass the right side of the guard band and meet beyond it, the rows between have but
+    /// one edge, at the left: only by what they say of the right side is the outline filled up to it.
     #[test]
     fn an_edge_that_passes_the_right_side_says_so() {
         for (b, cut) in [([99.0, 5.0], false), ([101.0, 5.0], true), ([300.0, -40.0], true)] {

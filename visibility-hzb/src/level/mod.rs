@@ -18,8 +18,8 @@
 //! pixel of a seam the shared edge is in the sum twice, and no other edge comes near: the parity of the sum
 //! is the same for all lines through the pixel. If it is odd, each of them goes through a face of one or the
 //! other. Both polygons must agree on which centres have the shared edge to their left, also where a centre
-//! is nearer to it than rounding. They do: they take the same `f32` for its ends, in the same order, and round
-//! the same column at a row to the same whole number.
+//! is nearer to it than rounding. They do: they take the same `f32` for its ends, in the same order, and
+//! round the same column at a row to the same whole number.
 //!
 //! Polygons need not be flat: their outlines run through the vertices of the level, and all that is said of
 //! windings holds for closed curves in space. What is not flat matters in four places.
@@ -58,8 +58,8 @@
 //! # The error bound
 //! With `u = 2^-24` and `L` the greatest coordinate of the guard band: vertices are off by up to 1/64 pixel
 //! (`points` of `box_projection.rs`, or the bounds of `screen_projection.rs` for outlines that are cut). The
-//! column of an edge at a row is a quotient, a product and a sum: `12u L`; rounding rows, and columns to whole
-//! numbers, takes `4u L`. The slack is twice the first, the greatest bend, and `64u L`.
+//! column of an edge at a row is a quotient, a product and a sum: `12u L`; rounding rows, and the sums that are
+//! rounded to whole columns, takes `4u L`. The slack is twice the first, the greatest bend, and `64u L`.
 //!
 //! Both ends of an edge are the same `f32` in all outlines that have the vertex, of whatever cluster, and
 //! where it is cut, in both parts; an edge that is cut has no seam. So an outline crosses each row of centres
