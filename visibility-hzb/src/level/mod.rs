@@ -58,8 +58,8 @@
 //! # The error bound
 //! With `u = 2^-24` and `L` the greatest coordinate of the guard band: vertices are off by up to 1/64 pixel
 //! (`points` of `box_projection.rs`, or the bounds of `screen_projection.rs` for outlines that are cut). The
-//! column of an edge at a row is a quotient, a product and a sum: `12u L`; rounding rows, and the sums that are
-//! rounded to whole columns, takes `4u L`. The slack is twice the first, the greatest bend, and `64u L`.
+//! column of an edge at a row is a quotient, a product and a sum: `12u L`; rounding rows, and the sums that
+//! are rounded to whole columns, takes `4u L`. The slack is twice the first, the greatest bend, and `64u L`.
 //!
 //! Both ends of an edge are the same `f32` in all outlines that have the vertex, of whatever cluster, and
 //! where it is cut, in both parts; an edge that is cut has no seam. So an outline crosses each row of centres
