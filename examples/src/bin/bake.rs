@@ -188,7 +188,7 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
             0 => std::thread::available_parallelism().map_or(1, |threads| threads.get()),
             threads => threads,
         };
-        eprintln!("{}", Plan::measure(&level, limit, threads, arguments.job.places.size).text());
+        eprintln!("{}", Plan::measure(&level, limit, threads).text());
     }
     let limit = left();
     let settings = Run { threads: arguments.threads, limit, save_every, state: beside(&base, ".state") };
