@@ -1,5 +1,5 @@
-//! Values of arguments on the command line: numbers of things, and sizes of pictures; and arguments for another
-//! program.
+//! Values of arguments on the command line: numbers of things, and sizes of pictures; and arguments for
+//! another program.
 
 use crate::{Hint, Reading};
 use clap::builder::RangedU64ValueParser;
