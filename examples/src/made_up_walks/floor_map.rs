@@ -96,6 +96,7 @@ impl FloorMap {
         Self::within(axes, [low, high], around, REACH)
     }
 
+    /// Creates the map as [`new`](Self::new) does, with sides of at most `reach` metres.
     fn within(axes: GroundAxes, scene: [DVec2; 2], around: DVec2, reach: f64) -> Self {
         let [low, high] = scene;
         let start = (around - reach * 0.5).min(high - reach).max(low);
