@@ -1,7 +1,10 @@
-//! Values of arguments on the command line: numbers of things, and sizes of pictures.
+//! Values of arguments on the command line: numbers of things, and sizes of pictures; and arguments for
+//! another program.
 
+use crate::{Hint, Reading};
 use clap::builder::RangedU64ValueParser;
 use std::fmt::Display;
+use std::path::Path;
 use std::str::FromStr;
 
 /// Maximum number of frames, movers, viewcells or the like that a program makes. Some hundred bytes are kept
@@ -23,6 +26,34 @@ pub fn parse_size<T: FromStr<Err: Display> + From<u8> + PartialEq>(text: &str) -
         Err(error) => Err(format!("{text}: {error}")),
     };
     Ok([side(width)?, side(height)?])
+}
+
+/// Returns a word of a command for a Unix shell, in quotes if it has characters that a shell may read.
+pub fn quoted(word: &str) -> String {
+    let is_plain = |letter: char| letter.is_alphanumeric() || "-_.,:+=/".contains(letter);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''"))
+    }
+}
+
+/// Returns the arguments by which a program reads a scene as another has: its name, unit, axis and sides, its
+/// cameras, and the hints for its objects, in the words of a Unix shell.
+pub fn scene_arguments(
+    scene: &str,
+    reading: &Reading,
+    cameras: Option<&Path>,
+    hints: &[(Hint, String)],
+) -> String {
+    let mut arguments = quoted(scene) + &reading.arguments();
+    if let Some(cameras) = cameras {
+        arguments += &format!(" --cameras {}", quoted(&cameras.display().to_string()));
+    }
+    for (hint, part) in hints {
+        arguments += &format!(" --hint {}", quoted(&format!("{hint}={part}")));
+    }
+    arguments
 }
 
 #[cfg(test)]

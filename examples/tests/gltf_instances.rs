@@ -362,10 +362,10 @@ fn an_instance_takes_few_bytes() {
         let (few, many) = (bytes(10_000), bytes(30_000));
         let [loaded, loading, kept, most] = std::array::from_fn(|i| ((many[i] - few[i]) / 20_000.0).round());
         println!("by one node {by_one_node}: {loaded} {loading} {kept} {most}");
-        // Name, flags and triangles of 48 bytes, and a transform of 64.
-        assert!(loaded <= 112.0, "{loaded} bytes an instance in the loaded file");
+        // Name, flags and triangles of 48 bytes, and a transform of 48.
+        assert!(loaded <= 96.0, "{loaded} bytes an instance in the loaded file");
         // With it, the scene's 16 for triangles, 8 for the occluder mesh and 50 for box, layers and ids.
-        assert!(kept <= 187.0 && most <= 1.2 * kept, "{kept} bytes an instance, at most {most}");
+        assert!(kept <= 171.0 && most <= 1.2 * kept, "{kept} bytes an instance, at most {most}");
         let most = if by_one_node { 1.5 * kept } else { 9.0 * kept };
         assert!(loading <= most, "{loading} bytes an instance while loading");
     }

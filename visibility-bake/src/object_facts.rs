@@ -28,7 +28,7 @@ impl ObjectFacts {
         index: u32,
         object: &Object,
         triangles: Triangles<'_>,
-        mesh: Option<(&OccluderMesh, &Affine3A)>,
+        mesh: Option<(&OccluderMesh, Affine3A)>,
     ) -> Self {
         let Object { bounds, layers, cost, never_cull, occluder, one_sided, .. } = *object;
         let hash = object_hash(object, triangles, mesh);

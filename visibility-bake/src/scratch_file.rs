@@ -94,7 +94,7 @@ impl ContentWriter {
     pub(crate) fn push(
         &mut self,
         triangles: Triangles<'_>,
-        mesh: Option<(&OccluderMesh, &Affine3A)>,
+        mesh: Option<(&OccluderMesh, Affine3A)>,
     ) -> Result<(), LevelError> {
         self.bytes.clear();
         let (positions, faces) =
@@ -358,7 +358,7 @@ impl LevelFile {
             Ok(()) => {}
         }
         let content = parse(&bytes).ok_or_else(damaged)?;
-        let mesh = content.mesh.as_ref().map(|(mesh, transform)| (mesh, transform));
+        let mesh = content.mesh.as_ref().map(|(mesh, transform)| (mesh, *transform));
         let found = ObjectFacts::new(facts.index, &facts.object(), content.triangles[..].into(), mesh);
         if found.hash == facts.hash { Ok(content) } else { Err(damaged()) }
     }
@@ -410,7 +410,7 @@ pub(crate) fn facts(
     index: usize,
     object: &Object,
     triangles: Triangles<'_>,
-    mesh: Option<(&OccluderMesh, &Affine3A)>,
+    mesh: Option<(&OccluderMesh, Affine3A)>,
 ) -> Result<ObjectFacts, LevelError> {
     let index = u32::try_from(index).ok().filter(|&index| index < u32::MAX).ok_or(LevelError::TooMany)?;
     u32::try_from(triangles.len()).map_err(|_| LevelError::TooMany)?;

@@ -204,7 +204,7 @@ impl<'a> TiledScene<'a> {
                 for (id, new) in self.ids_in(scene, numbers).zip(ids) {
                     if let Some((mesh, transform)) = id.and_then(|id| scene.occluder(id)) {
                         let shared = *meshes.entry(mesh).or_insert_with(|| part.add_mesh(mesh.clone()));
-                        let _ = part.set_mesh(new, shared, *transform);
+                        let _ = part.set_mesh(new, shared, transform);
                     }
                 }
             }
@@ -355,7 +355,7 @@ impl TiledSceneWriter {
         &mut self,
         object: &Object,
         triangles: impl Into<Triangles<'a>>,
-        mesh: Option<(&OccluderMesh, &Affine3A)>,
+        mesh: Option<(&OccluderMesh, Affine3A)>,
     ) -> Result<(), LevelError> {
         let triangles = triangles.into();
         let mesh = mesh.filter(|_| object.occluder);

@@ -2,6 +2,8 @@
 //! and works on fewer viewcells.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
 use visibility_bake::{BakeCache, Grid, SandwichBaker, SandwichOutcome, SandwichSettings, Shard};
 use visibility_core::bake::Bake;
 use visibility_core::binary_format::FormatError;
@@ -200,6 +202,33 @@ fn a_level_of_many_tiles_has_the_bytes_of_a_whole_bake() {
     }
     assert_eq!(reused[..3], [0, 20, 20], "viewcells reused in the first rounds: {reused:?}");
     assert!((5..20).contains(&reused[3]) && reused[4] < 20, "{reused:?}");
+}
+
+#[test]
+fn a_resumed_bake_keeps_to_the_sweep_that_its_group_began_with() {
+    let mut scene = scene(&level(&mut Random(53)));
+    // So many triangles behind the last wall that the level has several tiles.
+    let heap = [Vec3::ZERO, Vec3::Y, Vec3::Z].map(|corner| corner + Vec3::X * 90.0);
+    let id = scene.insert(Aabb::from_points(heap));
+    scene.set_triangles(id, vec![heap; 1 << 18]).unwrap();
+    let (cells, settings) = (viewcells(0.0), SandwichSettings::default().with_rays(1).with_gap(1.0));
+    let baker = || SandwichBaker::new(&scene, &cells, settings);
+    // No clock runs, so that the limit of time changes one thing: all tiles of a group are swept at once.
+    let limited = || baker().with_time(Duration::from_secs(1000));
+    let cache = Bake::new(baker()).run().cache;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let outcome = pool.install(|| {
+        let (mut begun, asked) = (Bake::new(limited()), AtomicUsize::new(0));
+        begun.advance_unless(|| asked.fetch_add(1, Ordering::Relaxed) >= 2, || false);
+        assert_eq!(begun.progress().done, 2, "viewcells of the first group that are through with its sweep");
+        let mut resumed = Bake::resume(limited().with_cache(cache), &begun.save()).unwrap();
+        resumed.advance();
+        Bake::resume(limited(), &resumed.save()).unwrap().run()
+    });
+    assert_eq!(outcome.reused, 10, "viewcells of the second group, whose results are all from the cache");
+    let again = Bake::new(limited().with_cache(outcome.cache)).run();
+    assert_eq!(again.reused, 20, "viewcells with results from the cache of the resumed bake");
+    assert_eq!(again.cells, outcome.cells, "rows from the cache of the resumed bake");
 }
 
 #[test]

@@ -41,7 +41,7 @@ pub fn version_of(origin: DVec3, objects: impl IntoIterator<Item = (u32, u64)>) 
 pub fn object_hash<'a>(
     object: &Object,
     triangles: impl Into<Triangles<'a>>,
-    mesh: Option<(&OccluderMesh, &Affine3A)>,
+    mesh: Option<(&OccluderMesh, Affine3A)>,
 ) -> u64 {
     let triangles = triangles.into();
     let flags =

@@ -176,7 +176,7 @@ fn rounding_never_moves_an_occluder() {
         let id = place(&mut scene, &mesh.into(), back, false);
         assert_eq!(scene.prepare_occluders(&Preparation::default()), 1, "occluders prepared, {far} m away");
         let (prepared, transform) = scene.occluder(id).expect("a mesh");
-        assert_eq!(*transform != Affine3A::IDENTITY, shares, "{far}");
+        assert_eq!(transform != Affine3A::IDENTITY, shares, "{far}");
         let drawn = scene.triangles(id).unwrap();
         for corner in prepared.positions() {
             let at = transform.transform_point3(*corner);
@@ -220,7 +220,7 @@ fn a_shared_mesh_goes_with_the_triangles() {
     );
     scene.prepare_occluders(&Preparation::default());
     assert_eq!(
-        scene.occluder(id).map(|(_, transform)| *transform),
+        scene.occluder(id).map(|(_, transform)| transform),
         Some(Affine3A::IDENTITY),
         "the mesh is prepared anew, of triangles in scene coordinates"
     );

@@ -129,7 +129,7 @@ fn transforms_move_bounds_and_mesh_together() {
             (Some(away), Some(WALL)),
             "way {how}: transform and local bounds"
         );
-        assert_eq!(*scene.occluder(wall).unwrap().1, away, "way {how}: the mesh has moved");
+        assert_eq!(scene.occluder(wall).unwrap().1, away, "way {how}: the mesh has moved");
         move_by(&mut scene, wall, Affine3A::IDENTITY, how);
         assert!(!is_visible(&scene, behind) && is_visible(&scene, wall), "it hides where it is again");
         // A mesh given anew moves the bounds as well.
@@ -292,7 +292,7 @@ fn random_transforms_place_bounds_and_meshes() {
                 "{id}: its bounds are the transformed local ones"
             );
             assert_eq!(scene.transform(*id), Some(*transform), "{id}: its transform");
-            if let Some((_, placed)) = scene.occluder(*id) {
+            if let Some((_, ref placed)) = scene.occluder(*id) {
                 assert_eq!(placed, transform, "{id}: its mesh has its transform");
             }
         }

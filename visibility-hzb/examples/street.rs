@@ -50,7 +50,7 @@ fn picture(scene: &Scene, view: &View) -> Result<String, SceneError> {
     let mut hzb = Hzb::default();
     hzb.begin(view, DVec3::ZERO);
     for id in scene.ids() {
-        if let Some((mesh, transform)) = scene.occluder(id) {
+        if let Some((mesh, ref transform)) = scene.occluder(id) {
             hzb.add(mesh, transform);
         }
     }

@@ -145,7 +145,7 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> ConservativePlpCuller<S, M
 fn add_occluders<M: OcclusionMap>(map: &mut M, scene: &Scene, projected: &[ObjectId]) {
     let mut added = false;
     for &id in projected {
-        if let Some((mesh, transform)) = scene.occluder(id) {
+        if let Some((mesh, ref transform)) = scene.occluder(id) {
             map.add(mesh, transform);
             added = true;
         }

@@ -62,7 +62,7 @@ struct Candidate<'a> {
 enum Shape<'a> {
     Solid(&'a Blocker),
     /// One triangle: its mesh, the mesh's transform, and the triangle's index.
-    Triangle(&'a OccluderMesh, &'a Affine3A, usize),
+    Triangle(&'a OccluderMesh, Affine3A, usize),
 }
 
 impl Default for ConvexBlockersCuller {
@@ -106,7 +106,7 @@ impl RegionCuller for ConvexBlockersCuller {
                 let umbra = match *shape {
                     Shape::Solid(blocker) => Umbra::new(blocker, min, max),
                     Shape::Triangle(mesh, transform, triangle) => {
-                        Umbra::new(&Blocker::triangle(mesh, transform, triangle), min, max)
+                        Umbra::new(&Blocker::triangle(mesh, &transform, triangle), min, max)
                     }
                 };
                 if let Some(umbra) = umbra {
@@ -155,7 +155,7 @@ fn candidates<'a>(
             return;
         };
         for triangle in 0..mesh.triangles().len() {
-            let v = Blocker::triangle(mesh, transform, triangle).vertices;
+            let v = Blocker::triangle(mesh, &transform, triangle).vertices;
             let bounds = [v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2])];
             let area = (v[1] - v[0]).cross(v[2] - v[0]) * 0.5;
             add(Shape::Triangle(mesh, transform, triangle), bounds, area);

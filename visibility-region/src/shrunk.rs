@@ -192,7 +192,7 @@ fn shrunk_scene(
     let occluding = occluding(scene, visible);
     for of_object in solids.chunk_by(|a, b| a.id == b.id) {
         let id = of_object[0].id;
-        let Some((_, transform)) = scene.occluder(id).filter(|_| occluding.contains(id.index())) else {
+        let Some((_, ref transform)) = scene.occluder(id).filter(|_| occluding.contains(id.index())) else {
             continue;
         };
         let shrink = |solid: &&Solid| shrink(&solid.mesh, transform, distance);

@@ -57,7 +57,7 @@ impl Solids {
         self.list.clear();
         self.occluders.reset(scene.index_limit());
         for id in scene.ids() {
-            let Some((mesh, transform)) = scene.occluder(id) else { continue };
+            let Some((mesh, ref transform)) = scene.occluder(id) else { continue };
             self.occluders.insert(id.index());
             for piece in pieces(mesh) {
                 let closed;

@@ -20,13 +20,11 @@ pub struct Plan {
     pub limit: f64,
     /// Number of threads, at least 1.
     pub threads: usize,
-    /// Size of a viewcell in metres: two sizes on the ground, and the height.
-    pub size: [f64; 3],
 }
 
 impl Plan {
     /// Sweeps the first viewcell of a level to see how long that takes, at most a tenth of the limit.
-    pub fn measure(level: &Level, limit: Duration, threads: usize, size: [f64; 3]) -> Self {
+    pub fn measure(level: &Level, limit: Duration, threads: usize) -> Self {
         let trial = level.baker().with_range(0..1).with_time(limit.mul_f64(TRIAL));
         let mut bake = Bake::new(trial);
         // The sweep of the group, with what is prepared for all viewcells.
@@ -40,13 +38,12 @@ impl Plan {
             first: is_swept.then_some(first),
             limit: limit.as_secs_f64(),
             threads,
-            size,
         }
     }
 
     /// Returns the forecast as one line of text for the terminal.
     pub fn text(&self) -> String {
-        let Self { viewcells, first, limit, threads, size } = *self;
+        let Self { viewcells, first, limit, threads } = *self;
         let Some(first) = first.filter(|_| limit > 0.0) else {
             let trial = limit * TRIAL;
             return format!(
@@ -64,13 +61,11 @@ impl Plan {
             );
         }
         let reached = (time / needed * viewcells as f64) as usize;
-        // Viewcells become fewer with the square of their size on the ground.
-        let wider = (needed / time).sqrt();
-        let [width, depth, height] = [size[0] * wider, size[1] * wider, size[2]].map(f64::ceil);
-        let fewer = (time / first * threads as f64) as usize;
+        let whole = needed / SWEEP_TIME;
         format!(
-            "{begin}some {reached} are in {limit:.0} s; for the others only what is hidden from their groups is \
-             known; --size {width},{depth},{height} makes some {fewer}"
+            "{begin}some {reached} are in {limit:.0} s, and all in some {whole:.0} s; for the others only what is \
+             hidden from their groups is known; larger viewcells (--size) are fewer, and less is hidden from \
+             each"
         )
     }
 }
@@ -81,10 +76,10 @@ mod tests {
 
     #[test]
     fn a_plan_says_what_is_reached() {
-        let plan =
-            Plan { viewcells: 4000, first: Some(0.25), limit: 60.0, threads: 2, size: [4.0, 4.0, 2.0] };
-        let needs = "4000 viewcells, the first swept in 0.25 s: some 408 are in 60 s; for the others only what \
-                     is hidden from their groups is known; --size 13,13,2 makes some 408";
+        let plan = Plan { viewcells: 4000, first: Some(0.25), limit: 60.0, threads: 2 };
+        let needs = "4000 viewcells, the first swept in 0.25 s: some 408 are in 60 s, and all in some 588 s; \
+                     for the others only what is hidden from their groups is known; larger viewcells (--size) \
+                     are fewer, and less is hidden from each";
         assert_eq!(plan.text(), needs, "a plan that does not reach all");
         let all = "100 viewcells, the first swept in 0.25 s: all are in some 12 s, and 48 s are left for rays \
                    and proofs";

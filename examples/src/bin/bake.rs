@@ -9,6 +9,7 @@ use std::process::ExitCode;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 use visibility_bake::{CellSandwich, Shard, assemble};
+use visibility_examples::arguments::{quoted, scene_arguments};
 use visibility_examples::bake::pictures;
 use visibility_examples::bake::report::Report;
 use visibility_examples::bake::{Failure, Job, Level, Plan, Run, forget, run};
@@ -188,7 +189,7 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
             0 => std::thread::available_parallelism().map_or(1, |threads| threads.get()),
             threads => threads,
         };
-        eprintln!("{}", Plan::measure(&level, limit, threads, arguments.job.places.size).text());
+        eprintln!("{}", Plan::measure(&level, limit, threads).text());
     }
     let limit = left();
     let settings = Run { threads: arguments.threads, limit, save_every, state: beside(&base, ".state") };
@@ -284,7 +285,9 @@ fn put_together(arguments: &Assembly) -> Result<(), Failure> {
 
 /// Returns the line that says how to cull by the file of a bake.
 fn next_command(job: &Job, file: &Path) -> String {
-    format!("walkthrough --scene {} --cullers baked:{} culls by it\n", job.scene, file.display())
+    let scene = scene_arguments(&job.scene, &job.reading, job.cameras.cameras.as_deref(), &job.hints);
+    let culler = quoted(&format!("baked:{}", file.display()));
+    format!("to cull by it: cargo run --release -- {scene} --cullers frustum,{culler}\n")
 }
 
 /// Writes the report of a bake and its pictures where they are asked for.

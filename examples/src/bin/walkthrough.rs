@@ -6,11 +6,11 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
-use visibility_examples::arguments::{count, parse_size};
+use visibility_examples::arguments::{count, parse_size, quoted, scene_arguments};
 use visibility_examples::output_file::{plain_name, write_with};
 use visibility_examples::progress::Steps;
 use visibility_examples::source::{check_hints, parse_hint};
-use visibility_examples::walkthrough::bake_advice::{BakeEstimate, quoted};
+use visibility_examples::walkthrough::bake_advice::BakeEstimate;
 use visibility_examples::walkthrough::canvas::Canvas;
 use visibility_examples::walkthrough::judge::Judgement;
 use visibility_examples::walkthrough::{
@@ -199,15 +199,11 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
 
 /// Returns the command that walks through the same scene with a culler.
 fn again(arguments: &Arguments, scene: &str, culler: &str) -> String {
-    let mut command = format!("cargo run --release -- {}{}", quoted(scene), arguments.reading.arguments());
+    let cameras = arguments.cameras.cameras.as_deref();
+    let scene = scene_arguments(scene, &arguments.reading, cameras, &arguments.hints);
+    let mut command = format!("cargo run --release -- {scene}");
     for with in &arguments.with {
         command += &format!(" --with {}", quoted(&with.display().to_string()));
-    }
-    if let Some(cameras) = &arguments.cameras.cameras {
-        command += &format!(" --cameras {}", quoted(&cameras.display().to_string()));
-    }
-    for (hint, part) in &arguments.hints {
-        command += &format!(" --hint {}", quoted(&format!("{hint}={part}")));
     }
     format!("{command} --cullers frustum,{culler}")
 }

@@ -12,6 +12,10 @@ pub(super) const COLUMN: f64 = 0.25;
 const TOUCH: f32 = 0.02;
 /// Greatest thickness in metres of a door leaf with its frame, and least and greatest height of a door.
 const DOOR: [f32; 3] = [0.6, 1.5, 3.5];
+/// Greatest length in metres of a side of a map.
+const REACH: f64 = 256.0;
+/// Number of spans from which on a map is narrowed.
+const MANY_SPANS: usize = 1 << 21;
 
 /// Axes of a scene: two on the ground, and one up.
 #[derive(Clone, Copy, Debug)]
@@ -69,29 +73,53 @@ pub(super) struct Span {
 pub(super) struct FloorMap {
     /// Axes of the scene.
     pub axes: GroundAxes,
+    /// Least and greatest corner of the scene on the ground, in metres.
+    scene: [DVec2; 2],
+    /// Place on the ground in metres that the map is around.
+    around: DVec2,
+    /// Greatest length in metres of a side of the map.
+    reach: f64,
     /// Place on the ground of the least corner, in metres.
     pub corner: DVec2,
     /// Number of columns on each axis of the ground.
     pub counts: [usize; 2],
     /// By column, its spans in ascending order. They do not touch.
     spans: Vec<Vec<Span>>,
+    /// Number of spans of all columns.
+    span_count: usize,
 }
 
 impl FloorMap {
-    /// Greatest length in metres of a side of a map.
-    pub(super) const REACH: f64 = 256.0;
-
     /// Creates the map of a scene without any triangle yet, between two corners on the ground: all of it, or
     /// what is around a point.
     pub(super) fn new(axes: GroundAxes, low: DVec2, high: DVec2, around: DVec2) -> Self {
-        let half = DVec2::splat(Self::REACH * 0.5);
-        let start = (around - half).min(high - half * 2.0).max(low);
-        let end = (start + half * 2.0).min(high);
+        Self::within(axes, [low, high], around, REACH)
+    }
+
+    /// Creates the map as [`new`](Self::new) does, with sides of at most `reach` metres.
+    fn within(axes: GroundAxes, scene: [DVec2; 2], around: DVec2, reach: f64) -> Self {
+        let [low, high] = scene;
+        let start = (around - reach * 0.5).min(high - reach).max(low);
+        let end = (start + reach).min(high);
         // Columns begin at whole multiples of their side, so that walls there fill one column and not two.
         let corner = (start / COLUMN).floor() * COLUMN;
         let counts = ((end - corner) / COLUMN).ceil().max(DVec2::ONE);
         let counts = [counts.x as usize, counts.y as usize];
-        Self { axes, corner, counts, spans: vec![Vec::new(); counts[0] * counts[1]] }
+        let spans = vec![Vec::new(); counts[0] * counts[1]];
+        Self { axes, scene, around, reach, corner, counts, spans, span_count: 0 }
+    }
+
+    /// Drops the columns that a map of half the reach does not have.
+    fn narrow(&mut self) {
+        let mut inner = Self::within(self.axes, self.scene, self.around, self.reach * 0.5);
+        let first = ((inner.corner - self.corner) / COLUMN).round();
+        let [first_column, first_row] = [first.x as usize, first.y as usize];
+        for (row, spans) in inner.spans.chunks_mut(inner.counts[0]).enumerate() {
+            let at = (first_row + row) * self.counts[0] + first_column;
+            spans.swap_with_slice(&mut self.spans[at..at + inner.counts[0]]);
+        }
+        inner.span_count = inner.spans.iter().map(Vec::len).sum();
+        *self = inner;
     }
 
     /// Returns the spans of a column, in ascending order.
@@ -99,7 +127,9 @@ impl FloorMap {
         &self.spans[column]
     }
 
-    /// Adds the triangles of an object. Doors stand open, and what moves is not there.
+    /// Adds the triangles of an object. Doors stand open, and what moves is not there. A map of too many
+    /// spans, as of a house that counts as a thousand times as large, is narrowed, which bounds time and
+    /// memory.
     pub(super) fn add(&mut self, object: &SourceObject) {
         if object.motion.is_some() || is_door(&self.axes, object) {
             return;
@@ -107,6 +137,9 @@ impl FloorMap {
         let triangles = object.triangles.iter();
         for triangle in triangles.filter(|triangle| triangle.iter().all(|p| p.is_finite())) {
             self.add_triangle(triangle.map(|p| self.axes.flat(p.as_dvec3())), object.one_sided);
+            if self.span_count > MANY_SPANS {
+                self.narrow();
+            }
         }
     }
 
@@ -126,33 +159,32 @@ impl FloorMap {
         let is_floor = is_level(if one_sided { normal.z } else { normal.z.abs() });
         let is_back = one_sided && is_level(normal.z);
         let place = |axis: usize, value: f64| (value - self.corner[axis]) / COLUMN;
-        let columns = |axis: usize, polygon: &[DVec3]| -> Option<[usize; 2]> {
+        // First and last column of the map that a polygon meets, and whether it is within one.
+        let columns = |axis: usize, polygon: &[DVec3]| -> Option<([usize; 2], bool)> {
             let ends = polygon.iter().map(|p| place(axis, p[axis]));
             let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
             let last = self.counts[axis] as f64 - 1.0;
             // A wall in the plane between two columns is in the upper one.
             let is_within = low <= last + 1.0 && high >= 0.0;
-            is_within.then(|| [low.floor().clamp(0.0, last) as usize, high.floor().clamp(0.0, last) as usize])
+            let ends = [low, high].map(|end| end.floor().clamp(0.0, last) as usize);
+            is_within.then_some((ends, low.floor() == high.floor()))
         };
-        let Some([first_row, last_row]) = columns(1, &corners) else { return };
+        let Some(([first_row, last_row], is_in_row)) = columns(1, &corners) else { return };
         let height = |polygon: &[DVec3]| {
             let heights = polygon.iter().map(|p| p.z as f32);
             heights.fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), z| (a.min(z), b.max(z)))
         };
-        if first_row == last_row
-            && let Some([first, last]) = columns(0, &corners)
-            && first == last
-        {
+        if is_in_row && let Some(([first, _], true)) = columns(0, &corners) {
             // Most triangles of a fine mesh: nothing is clipped.
             let (low, high) = height(&corners);
             return self.insert(first_row * self.counts[0] + first, Span { low, high, is_floor, is_back });
         }
         let mut found = Vec::new();
         for row in first_row..=last_row {
-            let strip = if first_row == last_row { corners.to_vec() } else { self.clipped(&corners, 1, row) };
-            let Some([first, last]) = columns(0, &strip) else { continue };
+            let strip = if is_in_row { corners.to_vec() } else { self.clipped(&corners, 1, row) };
+            let Some(([first, last], is_in_column)) = columns(0, &strip) else { continue };
             for column in first..=last {
-                let part = if first == last { strip.clone() } else { self.clipped(&strip, 0, column) };
+                let part = if is_in_column { strip.clone() } else { self.clipped(&strip, 0, column) };
                 let (low, high) = height(&part);
                 if low <= high {
                     found.push((row * self.counts[0] + column, Span { low, high, is_floor, is_back }));
@@ -191,6 +223,7 @@ impl FloorMap {
             last += 1;
         }
         spans.splice(first..last, [span]);
+        self.span_count = self.span_count + 1 - (last - first);
     }
 }
 
@@ -223,4 +256,39 @@ fn is_door(axes: &GroundAxes, object: &SourceObject) -> bool {
         let size = (high - low).as_vec3();
         size.x.min(size.y) <= DOOR[0] && (DOOR[1]..=DOOR[2]).contains(&size.z)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns a map of plates of 300 by 315 m, one above the other and a little aslant.
+    fn plates(count: usize, around: DVec2, reach: f64) -> FloorMap {
+        let (low, high) = (DVec2::splat(-150.0), DVec2::splat(150.0));
+        let mut map = FloorMap::within(GroundAxes::new(Vec3::Z), [low, high], around, reach);
+        for plate in 0..count {
+            let corner = |x, y| Vec3::new(x, y, 4.0 * plate as f32 + 0.01 * x);
+            let [a, b] = [corner(-150.1, -157.3), corner(150.1, -157.3)];
+            let [c, d] = [corner(150.1, 157.3), corner(-150.1, 157.3)];
+            map.add(&SourceObject::new("plate", vec![[a, b, c], [a, c, d]]));
+        }
+        map
+    }
+
+    #[test]
+    fn a_map_of_many_spans_is_narrowed() {
+        for around in [DVec2::ZERO, DVec2::new(140.0, -30.0)] {
+            let map = plates(3, around, REACH);
+            let small = plates(3, around, REACH * 0.5);
+            assert!(map.span_count <= MANY_SPANS, "{} spans around {around}", map.span_count);
+            assert_eq!((map.corner, map.counts), (small.corner, small.counts), "columns around {around}");
+            assert!(
+                map.spans == small.spans,
+                "the spans around {around} are those of a map of half the reach"
+            );
+            assert_eq!(map.span_count, small.span_count, "number of spans around {around}");
+        }
+        let few = plates(1, DVec2::ZERO, REACH);
+        assert_eq!(few.counts, [1024; 2], "columns of a map of one plate");
+    }
 }

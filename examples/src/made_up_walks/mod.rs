@@ -44,8 +44,9 @@ pub struct MadeUpWalks {
 impl MadeUpWalks {
     /// Makes walks for a scene, whose objects `visit` passes on; it is called up to three times, and must
     /// pass on the same objects each time. `scene` has the axis up and the origin; its own objects are not
-    /// looked at. Takes time in proportion to the triangles, and at most some seconds and 500 MB for
-    /// the map, which covers at most 256 m on each side around the middle of the objects.
+    /// looked at. Takes time in proportion to the triangles, and at most some seconds and 300 MB for
+    /// the map, which covers at most 256 m on each side around the middle of the objects, and less of a scene
+    /// with very many floors.
     pub fn new(scene: &SceneSource, mut visit: impl FnMut(&mut dyn FnMut(&SourceObject))) -> Self {
         let axes = GroundAxes::new(scene.up);
         let mut bounds = crate::source::Bounds::default();

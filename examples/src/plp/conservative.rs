@@ -63,7 +63,7 @@ pub fn front_to_back(world: &World, cells: &OctreeTessellation, map: &mut Hzb) -
                     && candidates.contains(&world.scene, id)
                 {
                     sum.triangles += cost(&world.scene, id);
-                    if let Some((mesh, transform)) = world.scene.occluder(id) {
+                    if let Some((mesh, ref transform)) = world.scene.occluder(id) {
                         map.add(mesh, transform);
                     }
                 }

@@ -2,6 +2,7 @@
 
 use super::{World, cullers};
 use crate::Hint;
+use crate::arguments::{quoted, scene_arguments};
 use crate::bake::viewcells::{Places, Solids, make};
 use crate::reading::Reading;
 use crate::region::open_doors;
@@ -71,14 +72,8 @@ impl BakeEstimate {
         hints: &[(Hint, String)],
         file: &str,
     ) -> String {
-        let mut command = format!("cargo run --release --bin bake -- {} -o {}", quoted(scene), quoted(file));
-        command += &reading.arguments();
-        if let Some(cameras) = cameras {
-            command += &format!(" --cameras {}", quoted(&cameras.display().to_string()));
-        }
-        for (hint, part) in hints {
-            command += &format!(" --hint {}", quoted(&format!("{hint}={part}")));
-        }
+        let scene = scene_arguments(scene, reading, cameras, hints);
+        let mut command = format!("cargo run --release --bin bake -- {scene} -o {}", quoted(file));
         if !self.complete {
             command += &format!(" --time {}", self.whole_seconds().ceil());
         }
@@ -121,16 +116,6 @@ impl fmt::Display for BakeEstimate {
             f,
             "it may hide what is seen only through gaps narrower than {gap:.1} mm: --clearance 0 does not"
         )
-    }
-}
-
-/// Returns a word of a command for a Unix shell, in quotes if it has characters that a shell may read.
-pub fn quoted(word: &str) -> String {
-    let is_plain = |letter: char| letter.is_alphanumeric() || "-_.,:+=/".contains(letter);
-    if !word.is_empty() && word.chars().all(is_plain) {
-        word.to_owned()
-    } else {
-        format!("'{}'", word.replace('\'', r"'\''"))
     }
 }
 
@@ -302,8 +287,8 @@ mod tests {
         let reading = Reading { unit: Some(0.001), up: Some(Vec3::Z), two_sided: true };
         let command = open.command("my 'house'.glb", &reading, Some(Path::new("a.json")), &hints, "x.pvs");
         let words = concat!(
-            r"-- 'my '\''house'\''.glb' -o x.pvs --unit 0.001 --up z --two-sided --cameras a.json",
-            " --hint 'never-cull=a lift' --hint door=Door --time 143"
+            r"-- 'my '\''house'\''.glb' --unit 0.001 --up z --two-sided --cameras a.json",
+            " --hint 'never-cull=a lift' --hint door=Door -o x.pvs --time 143"
         );
         assert!(command.ends_with(words), "{command}");
     }

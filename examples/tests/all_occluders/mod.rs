@@ -17,7 +17,7 @@ pub(crate) struct AllOccluders<M> {
 /// Returns a culler that draws all occluders of a scene, as the scene is now, into `map` in each frame.
 pub(crate) fn all_occluders<M: OcclusionMap>(scene: &Scene, map: M) -> OcclusionCuller<AllOccluders<M>> {
     let occluders = scene.ids().filter_map(|id| scene.occluder(id));
-    let occluders = occluders.map(|(mesh, transform)| (mesh.clone(), *transform)).collect();
+    let occluders = occluders.map(|(mesh, transform)| (mesh.clone(), transform)).collect();
     OcclusionCuller::new(AllOccluders { map, occluders }).with_price(0)
 }
 

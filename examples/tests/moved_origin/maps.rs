@@ -14,7 +14,7 @@ use visibility_testing::Random;
 /// Draws some occluders of a scene, and flushes the map in some frames.
 fn draw(map: &mut dyn OcclusionMap, scene: &Scene, rng: &mut Random, flushes: bool) {
     for id in scene.ids() {
-        let (mesh, transform) = scene.occluder(id).unwrap();
+        let (mesh, ref transform) = scene.occluder(id).unwrap();
         if rng.one_in(4) {
             map.add(mesh, transform);
         }
@@ -84,7 +84,7 @@ fn late_answers_are_of_their_origin() {
                 }
                 map.begin(&camera.view, scene.origin());
                 for id in scene.ids() {
-                    let (mesh, transform) = scene.occluder(id).unwrap();
+                    let (mesh, ref transform) = scene.occluder(id).unwrap();
                     map.add(mesh, transform);
                 }
                 map.flush();

@@ -194,7 +194,7 @@ impl HorizonCuller {
             return 0;
         }
         if self.horizon.has_clip_planes()
-            && !scene.occluder(id).is_some_and(|(mesh, at)| self.horizon.is_inside_clip_planes(mesh, at))
+            && !scene.occluder(id).is_some_and(|(mesh, at)| self.horizon.is_inside_clip_planes(mesh, &at))
         {
             return 0;
         }

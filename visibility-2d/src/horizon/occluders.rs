@@ -135,7 +135,7 @@ impl HorizonOccluders {
         // The id may be of an object that is gone; what has its index now is listed by itself.
         if let Some(id) = scene.id_at(id.index())
             && scene.object(id).is_ok_and(|object| object.occluder)
-            && let Some((mesh, transform)) = scene.occluder(id)
+            && let Some((mesh, ref transform)) = scene.occluder(id)
         {
             self.solids.add_mesh(mesh, transform, self.up, true);
         }

@@ -478,7 +478,7 @@ fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, Vec<
     let (mut objects, mut triangles) = (Vec::new(), Vec::<Triangle>::new());
     let mut keys: Vec<(VertexKey, u32)> = Vec::new();
     for id in scene.ids() {
-        let Some((mesh, transform)) = scene.occluder(id) else { continue };
+        let Some((mesh, ref transform)) = scene.occluder(id) else { continue };
         if mesh.is_convex() || !scene.object(id).is_ok_and(|object| object.occluder) {
             continue;
         }

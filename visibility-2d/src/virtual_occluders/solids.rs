@@ -57,7 +57,7 @@ impl PlanSolids {
         self.posts.clear();
         let (mut found, mut plan) = (Solids::default(), Vec::new());
         for id in scene.ids() {
-            let Some((mesh, transform)) = scene.occluder(id) else { continue };
+            let Some((mesh, ref transform)) = scene.occluder(id) else { continue };
             found.clear();
             found.add_mesh(mesh, transform, self.up, false);
             for solid in &found.solids {

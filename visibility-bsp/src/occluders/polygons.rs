@@ -280,7 +280,7 @@ impl Occluders {
         let mut shell_of = Vec::with_capacity(ids.len());
         for (source, &id) in (0..).zip(ids) {
             let mut shell = NO_SHELL;
-            if let Some((mesh, transform)) = scene.occluder(id) {
+            if let Some((mesh, ref transform)) = scene.occluder(id) {
                 let (closed, first) = (is_closed(mesh.triangles()), triangles.len());
                 triangles_of(mesh, transform, source, closed, &mut triangles);
                 if mesh.is_convex() && mesh.is_two_sided() && first < triangles.len() {

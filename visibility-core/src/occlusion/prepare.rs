@@ -91,7 +91,7 @@ impl Scene {
                 });
                 shared.insert(key, mesh);
                 let Some(mesh) = mesh else { continue };
-                if self.is_mesh_inside(id, mesh, transform) {
+                if self.is_mesh_inside(id, mesh, &transform) {
                     self.set_prepared_mesh(id, mesh, true);
                     made += 1;
                     continue;

@@ -251,7 +251,7 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
         self.budget.spend(1.0);
         let occluder =
             if H::IS_OF_SCENE { walk.scene().flagged_occluder(id) } else { walk.scene().occluder(id) };
-        let Some((mesh, transform)) = occluder else { return };
+        let Some((mesh, ref transform)) = occluder else { return };
         let cost = self.map.cost(mesh) as f32;
         let worth = self.budget.worth(self.undecided.max(LEAST_BEHIND));
         let behind = self.budget.worth(self.undecided);

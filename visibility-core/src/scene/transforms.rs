@@ -67,25 +67,25 @@ impl Scene {
     pub fn transform(&self, id: ObjectId) -> Option<Affine3A> {
         self.slot(id).ok()?;
         Some(match self.placements.mesh(id.index) {
-            Some(mesh) if mesh.origin == MeshOrigin::Placed => *self.mesh_transform(id.index, mesh),
-            _ => *self.own_transform(id.index),
+            Some(mesh) if mesh.origin == MeshOrigin::Placed => self.mesh_transform(id.index, mesh),
+            _ => self.own_transform(id.index),
         })
     }
 
     /// Returns the transform that was set for an object; the identity if none was.
-    fn own_transform(&self, index: u32) -> &Affine3A {
-        self.placements.get(index).map_or(&Affine3A::IDENTITY, |placement| &placement.transform)
+    fn own_transform(&self, index: u32) -> Affine3A {
+        self.placements.get(index).map_or(Affine3A::IDENTITY, |placement| placement.transform)
     }
 
     /// Returns the transform from the coordinates of an object's mesh to scene coordinates.
-    fn mesh_transform(&self, index: u32, mesh: PlacedMesh) -> &Affine3A {
+    fn mesh_transform(&self, index: u32, mesh: PlacedMesh) -> Affine3A {
         match mesh.origin {
             MeshOrigin::Given => self.own_transform(index),
             MeshOrigin::Placed => {
                 let triangles = self.triangles.get(index as usize).and_then(Option::as_ref);
-                triangles.and_then(SharedTriangles::rounded_transform).unwrap_or(&Affine3A::IDENTITY)
+                triangles.and_then(SharedTriangles::rounded_transform).unwrap_or(Affine3A::IDENTITY)
             }
-            MeshOrigin::InScene => &Affine3A::IDENTITY,
+            MeshOrigin::InScene => Affine3A::IDENTITY,
         }
     }
 
@@ -239,10 +239,10 @@ impl Scene {
         let bounds = self.tree.bounds[slot.node()].get(slot.lane());
         let local = self.placements.get(index).and_then(|placement| placement.local);
         let (transform, bounds) = match local {
-            Some(local) if mesh.origin == MeshOrigin::Given => (&Affine3A::IDENTITY, local),
+            Some(local) if mesh.origin == MeshOrigin::Given => (Affine3A::IDENTITY, local),
             _ => (self.mesh_transform(index, mesh), bounds),
         };
-        let is_inside = self.meshes.at(mesh.index).is_some_and(|mesh| is_within(mesh, transform, &bounds));
+        let is_inside = self.meshes.at(mesh.index).is_some_and(|mesh| is_within(mesh, &transform, &bounds));
         if is_inside != mesh.is_inside {
             self.replace_mesh(index, Some(PlacedMesh { is_inside, ..mesh }));
         }
@@ -426,7 +426,7 @@ impl Scene {
     /// Returns the occluder mesh of an object and the transform from mesh to scene coordinates. `None` if the
     /// object is unknown, has no mesh or is not flagged as an occluder, and if the mesh reaches
     /// [out of the object's bounds](Self::occluders_outside_bounds).
-    pub fn occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, &Affine3A)> {
+    pub fn occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, Affine3A)> {
         let slot = self.slot(id).ok()?;
         if self.tree.occluders[slot.node()] >> slot.lane() & 1 == 0 {
             return None;
@@ -436,7 +436,7 @@ impl Scene {
 
     /// Returns what [`occluder`](Self::occluder) does, for an object that is in the scene and flagged as an
     /// occluder.
-    pub(crate) fn flagged_occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, &Affine3A)> {
+    pub(crate) fn flagged_occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, Affine3A)> {
         let mesh = self.placements.mesh(id.index).filter(|mesh| mesh.is_inside)?;
         Some((self.meshes.at(mesh.index)?, self.mesh_transform(id.index, mesh)))
     }

@@ -5,7 +5,7 @@ use super::Triangle;
 use crate::Aabb;
 use alloc::{boxed::Box, sync::Arc, vec::Vec};
 use core::slice;
-use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
+use glam::{Affine3, Affine3A, DAffine3, DMat3, DVec3, Vec3};
 
 /// Triangles that objects share. A clone refers to the same triangles.
 ///
@@ -14,7 +14,7 @@ use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 /// by at most 4 roundings of the greatest coordinate on that axis of the image of the mesh's box. Where that
 /// could move vertices more, it is kept in `f64`.
 ///
-/// Memory: 36 bytes for each triangle of the mesh, once, and 64 bytes for each of the transforms that are
+/// Memory: 36 bytes for each triangle of the mesh, once, and 48 bytes for each of the transforms that are
 /// [given together](Self::placed_each), or 192 for one kept in `f64`.
 ///
 /// ```
@@ -52,7 +52,7 @@ struct Mesh {
 #[derive(Debug)]
 struct Instances {
     mesh: Arc<Mesh>,
-    transforms: Box<[Affine3A]>,
+    transforms: Box<[Affine3]>,
 }
 
 impl SharedTriangles {
@@ -103,7 +103,7 @@ impl SharedTriangles {
         let mesh = self.mesh();
         let (transform, is_rounded) = match &self.source {
             Source::InScene(_) => (None, true),
-            Source::Rounded(instances, index) => (Some(exact(&instances.transforms[*index as usize])), true),
+            Source::Rounded(instances, index) => (Some(exact(instances.transforms[*index as usize])), true),
             Source::Exact(placed) => (Some(placed.1), false),
         };
         Triangles { mesh: &mesh.triangles, transform, mesh_bounds: is_rounded.then_some(&mesh.bounds) }
@@ -112,9 +112,11 @@ impl SharedTriangles {
     /// Returns the transform from mesh to scene coordinates, if it is kept in `f32`. `None` for triangles
     /// without a transform.
     #[inline]
-    pub(crate) fn rounded_transform(&self) -> Option<&Affine3A> {
+    pub(crate) fn rounded_transform(&self) -> Option<Affine3A> {
         match &self.source {
-            Source::Rounded(instances, index) => instances.transforms.get(*index as usize),
+            Source::Rounded(instances, index) => {
+                instances.transforms.get(*index as usize).copied().map(Affine3A::from)
+            }
             Source::InScene(_) | Source::Exact(_) => None,
         }
     }
@@ -176,8 +178,8 @@ impl Instances {
 }
 
 /// Returns a transform rounded to `f32`.
-fn rounded(transform: &DAffine3) -> Affine3A {
-    Affine3A { matrix3: transform.matrix3.as_mat3().into(), translation: transform.translation.as_vec3a() }
+fn rounded(transform: &DAffine3) -> Affine3 {
+    Affine3 { matrix3: transform.matrix3.as_mat3(), translation: transform.translation.as_vec3() }
 }
 
 /// Returns whether a transform may be [rounded] for a mesh with the given box. On each axis, this must move
@@ -194,10 +196,10 @@ fn can_be_rounded(transform: &DAffine3, mesh_bounds: &Aabb) -> bool {
         let [x, y, z] = [m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs()];
         translation.abs() + x * of_mesh.x + y * of_mesh.y + z * of_mesh.z
     };
-    let DAffine3 { matrix3, translation } = exact(&rounded);
+    let DAffine3 { matrix3, translation } = exact(rounded);
     let size = sum_of_terms(translation, matrix3);
     let moved = sum_of_terms(transform.translation - translation, transform.matrix3 - matrix3);
-    let image = mesh_bounds.transformed(&rounded);
+    let image = mesh_bounds.transformed(&rounded.into());
     let coordinates = image.min.abs().max(image.max.abs()).as_dvec3();
     rounded.is_finite()
         && size.max_element() <= 4.0 * coordinates.max_element()
@@ -205,11 +207,8 @@ fn can_be_rounded(transform: &DAffine3, mesh_bounds: &Aabb) -> bool {
 }
 
 /// Returns a transform in `f64`, without rounding.
-fn exact(transform: &Affine3A) -> DAffine3 {
-    DAffine3 {
-        matrix3: glam::Mat3::from(transform.matrix3).as_dmat3(),
-        translation: Vec3::from(transform.translation).as_dvec3(),
-    }
+fn exact(transform: Affine3) -> DAffine3 {
+    DAffine3 { matrix3: transform.matrix3.as_dmat3(), translation: transform.translation.as_dvec3() }
 }
 
 impl PartialEq for SharedTriangles {
@@ -305,7 +304,7 @@ impl<'a> Triangles<'a> {
     /// a transform, and otherwise the box around the image of the mesh's box. NaN if a coordinate is.
     pub fn known_bounds(&self) -> Option<Aabb> {
         let bounds = self.mesh_bounds?;
-        Some(self.transform.map_or(*bounds, |transform| bounds.transformed(&rounded(&transform))))
+        Some(self.transform.map_or(*bounds, |transform| bounds.transformed(&rounded(&transform).into())))
     }
 
     /// Returns the triangles in the coordinates of their mesh, and the transform from these to scene

@@ -116,7 +116,7 @@ impl TriangleTree {
             let mut owner = Owner { blocks, one_sided, ..Owner::default() };
             if !triangles.is_empty() {
                 self.corners.extend(triangles.iter().filter(|t| t.iter().all(|p| p.is_finite())));
-            } else if let Some((mesh, transform)) = scene.occluder(id) {
+            } else if let Some((mesh, ref transform)) = scene.occluder(id) {
                 let placement = Placement::new(mesh, transform);
                 let placed = |i: u32| placement.place(mesh.positions()[i as usize].as_dvec3());
                 let mut largest = 0.0f64;

@@ -204,7 +204,7 @@ impl<'a> Occluders<'a> {
                 Some(Occluder::piece(direction, self.surfaces, pieces, pieces.get(piece)))
             }
             Source::Part(id, part) => {
-                let (mesh, transform) = self.scene.occluder(id)?;
+                let (mesh, ref transform) = self.scene.occluder(id)?;
                 Occluder::new(direction, solids::pieces(mesh).get(part as usize)?, transform)
             }
         }

@@ -126,7 +126,7 @@ impl Surfaces {
     pub(crate) fn new(scene: &Scene) -> Self {
         let mut all = Self { objects: Bits::new(scene.index_limit()), ..Self::default() };
         for id in scene.ids() {
-            let Some((mesh, transform)) = scene.occluder(id) else { continue };
+            let Some((mesh, ref transform)) = scene.occluder(id) else { continue };
             if *transform != Affine3A::IDENTITY {
                 continue;
             }

@@ -71,7 +71,7 @@ pub fn quick_entries(world: &World) -> Vec<String> {
 
 /// Makes pipelines from a list of entries separated by commas, such as `frustum,a,a+b:10%`. The entry `a+b`
 /// runs `b` after `a`, and `b:10%` sets the dial of `b`. Every pipeline begins with the frustum. Each entry
-/// is returned with its pipeline; spaces in entries are removed.
+/// is returned with its pipeline; spaces around entries and cullers are removed.
 ///
 /// # Errors
 ///
@@ -79,14 +79,14 @@ pub fn quick_entries(world: &World) -> Vec<String> {
 pub fn parse(list: &str, world: &World) -> Result<Vec<(String, Pipeline)>, CullerError> {
     list.split(',')
         .map(|entry| {
-            let entry: String = entry.split_whitespace().collect();
+            let entry = entry.split('+').map(str::trim).collect::<Vec<_>>().join("+");
             let pipeline = pipeline(&entry, world)?;
             Ok((entry, pipeline))
         })
         .collect()
 }
 
-/// Makes the pipeline of one entry such as `a+b:10%`, which must not contain spaces. It begins with the
+/// Makes the pipeline of one entry such as `a+b:10%`, without spaces around cullers. It begins with the
 /// frustum culler. Returns an error for the first stage that is unknown or does not suit the world.
 fn pipeline(entry: &str, world: &World) -> Result<Pipeline, CullerError> {
     let mut pipeline = Pipeline::new().with(FrustumCuller::new());
@@ -144,6 +144,11 @@ mod tests {
             parse("frustum, hzb + frustum", &world).unwrap().into_iter().map(|(name, _)| name).collect();
         assert_eq!(names, ["frustum", "hzb+frustum"], "names of cullers without spaces");
         let refused = |list| parse(list, &world).err();
+        let missing = refused("frustum, baked:no such.set").map(|error| error.to_string());
+        assert!(
+            missing.is_some_and(|text| text.contains("`baked:no such.set`")),
+            "a file's name keeps its space"
+        );
         assert_eq!(
             refused("frustum,fog"),
             Some(CullerError::Unknown { name: "fog".into() }),
