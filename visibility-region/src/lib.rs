@@ -6,6 +6,8 @@
 //!   takes a fraction of a second.
 //! - [`VirtualOccluders`] are a few rectangles that hide, from an eye in the viewcell, what moves later on.
 //!   [`VirtualSweepCuller`] hides what they hide from all of the viewcell.
+//! - [`OnlinePvs`] keeps the answers for an eye on the move, and makes the next ones ahead of it, in a scene
+//!   that changes.
 //! - [`SamplingCuller`] is aggressive: a lower bound to judge the others by.
 //! - [`VolumetricCuller`], [`ShrunkCuller`] and [`ConvexBlockersCuller`] are the methods of other papers, all
 //!   conservative: octrees of opaque cells, shrunk occluders from sample points, single convex blockers.
@@ -48,9 +50,11 @@ extern crate std;
 mod blocker;
 mod convex_blockers;
 mod extent;
+mod online;
 mod remove;
 mod sampling;
 mod shrunk;
+mod sight_start;
 mod solids;
 mod sweep;
 mod umbra;
@@ -58,6 +62,7 @@ mod virtual_occluders;
 mod volumetric;
 
 pub use convex_blockers::ConvexBlockersCuller;
+pub use online::{OnlinePvs, OnlineStep};
 pub use sampling::{SamplingCuller, SightLine};
 pub use shrunk::ShrunkCuller;
 pub use sweep::{ExtendedProjectionCuller, ProjectionPlane};

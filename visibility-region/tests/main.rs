@@ -7,6 +7,7 @@ mod common;
 mod ground;
 mod huge_bounds;
 mod no_allocation;
+mod online;
 mod oriented;
 mod sampling;
 mod slots;

@@ -4,18 +4,18 @@ use super::Sweep;
 use super::cell_extent::CellExtent;
 use super::direction::{CellBox, Direction};
 use super::nearest::{Nearest, Occluders};
-use super::occludees::{self, Item};
+use super::occludees::{self, Asked, Item};
 use super::pieces::Pieces;
-use super::planes::{self, BEHIND, Cone};
+use super::planes::{self, Cone, Effort};
 use super::ray_map::RayMap;
 use super::surfaces::Surfaces;
 use super::window::{Rim, Window};
 use crate::extent::usable_bounds;
-use crate::solids::occluders_changed;
 use crate::solids::occluding;
 use alloc::{sync::Arc, vec::Vec};
+use core::ops::Range;
 use visibility_core::bits::Bits;
-use visibility_core::scene::SceneCursor;
+use visibility_core::scene::{Changes, SceneCursor};
 use visibility_core::walk::Child;
 use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet, pvs::Viewcell};
 
@@ -55,6 +55,11 @@ pub struct ExtendedProjectionCuller {
     /// Surfaces of the scene at `cursor`, shared by clones.
     surfaces: Arc<Surfaces>,
     cursor: SceneCursor,
+    /// Surfaces for the viewcell that was begun last: those of the scene, or of some of its objects.
+    present: Arc<Surfaces>,
+    /// Box around the viewcell that was begun last, and bounds of what it looks at. `None` if it can hide
+    /// nothing.
+    cell_box: Option<(CellBox, Aabb)>,
     pieces: Pieces,
     sweep: Sweep,
     /// Occludees (objects and nodes) assigned to each of the six directions.
@@ -83,6 +88,8 @@ impl ExtendedProjectionCuller {
         Self {
             surfaces: Arc::default(),
             cursor: SceneCursor::START,
+            present: Arc::default(),
+            cell_box: None,
             pieces: Pieces::default(),
             sweep: Sweep::new(),
             lists: Default::default(),
@@ -98,7 +105,14 @@ impl ExtendedProjectionCuller {
     /// triangles then, otherwise time in proportion to the changes. [`cull`](RegionCuller::cull) calls this;
     /// called before a culler is cloned, it lets all clones share the surfaces.
     pub fn sync(&mut self, scene: &Scene) {
-        if occluders_changed(&mut self.cursor, scene, &self.surfaces.objects) {
+        let known = &self.surfaces.objects;
+        let changed = match self.cursor.follow(scene) {
+            Changes::Everything => true,
+            Changes::Objects(ids) => {
+                ids.iter().any(|&id| known.contains(id.index()) || Surfaces::has(scene, id))
+            }
+        };
+        if changed {
             self.surfaces = Arc::new(Surfaces::new(scene));
         }
     }
@@ -121,22 +135,23 @@ impl ExtendedProjectionCuller {
         self.pieces.begin(&surfaces);
         let all = Occluders { scene, occluding: &occluding, surfaces: &surfaces };
         let directions = core::array::from_fn(|index| cell_box.direction(index));
-        occludees::assign(scene, &visible, &bounds, &directions, &mut self.lists, &mut self.stack);
+        let asked = Asked::Set(&visible);
+        occludees::assign(scene, asked, &bounds, &directions, &mut self.lists, &mut self.stack);
         for (direction, list) in directions.iter().zip(&self.lists) {
             let Some(cone) = Cone::around(direction, list) else { continue };
             let cone = cone.opened();
             let rims = [0, 1].map(|lat| Rim::of(list, lat, direction, &mut self.coordinates));
             self.sweep.begin();
-            let (mut nearest, mut behind_left) = (Nearest::new(&all, direction, &cone), BEHIND);
+            let (mut nearest, mut left) = (Nearest::new(&all, direction, &cone), Effort::FULL);
             // A bit holds for all rays of the cone, so occluders of all of the cone are needed.
             while let Some(range) = nearest.advance(&all, &mut self.pieces, &cell_box, direction, &cone, None)
             {
                 let occluders = nearest.occluders();
-                for d in planes::distances(direction, &cone, occluders, &range, &mut behind_left) {
+                for d in planes::distances(direction, &cone, occluders, &range, &mut left) {
                     let ends = [0, 1].map(|lat| cone.at(direction, d, lat));
                     let Some(window) = Window::fit(direction, d, ends, rims) else { break };
                     let place = |source| all.place(&self.pieces, direction, source);
-                    self.sweep.advance(direction, window, occluders, &cone, place);
+                    self.sweep.advance(direction, window, occluders, &cone, left.again, place);
                     each(direction, &window, &self.sweep.map);
                 }
             }
@@ -208,29 +223,60 @@ impl ExtendedProjectionCuller {
         visible: &mut VisibleSet,
         stop: &dyn Fn() -> bool,
     ) -> CullStats {
-        let mut stats = CullStats::default();
-        self.hidden.reset(scene.index_limit());
         self.sync(scene);
-        let bounds = usable_bounds(scene, cell);
-        let cell_box = bounds.and_then(|bounds| cell_box(scene, cell, &bounds));
-        if let Some((cell_box, bounds)) = cell_box.zip(bounds) {
-            let surfaces = self.surfaces.clone();
-            let all = Occluders { scene, occluding, surfaces: &surfaces };
-            self.pieces.begin(&surfaces);
-            let directions = core::array::from_fn(|index| cell_box.direction(index));
-            let (lists, stack) = (&mut self.lists, &mut self.stack);
-            stats.nodes += occludees::assign(scene, visible, &bounds, &directions, lists, stack);
-            let mut asked = core::mem::take(&mut self.asked);
-            for (index, direction) in directions.iter().enumerate() {
-                let job = Job { scene, visible, direction, all, cell_box: &cell_box, stop };
-                asked.clear();
-                asked.extend_from_slice(&self.lists[index]);
-                self.sweep(&job, &mut asked, &mut stats);
-            }
-            self.asked = asked;
-        }
+        self.begin(scene, cell, self.surfaces());
+        let ask = Ask { occluding, asked: Asked::Set(visible), effort: Effort::FULL, stop };
+        let mut stats = self.sweep_directions(scene, &ask, 0..6);
         let hidden = &self.hidden;
         stats += visible.retain(scene, |id, _| !hidden.contains(id.index()));
+        stats
+    }
+
+    /// Returns the surfaces of the scene at the last [`sync`](Self::sync).
+    pub(crate) fn surfaces(&self) -> Arc<Surfaces> {
+        self.surfaces.clone()
+    }
+
+    /// Begins a viewcell: forgets what was found for the last one. Of the occluders, those in `surfaces` hide
+    /// as one surface where they touch, and must be as they were when the surfaces were collected.
+    pub(crate) fn begin(&mut self, scene: &Scene, cell: &Viewcell, surfaces: Arc<Surfaces>) {
+        self.hidden.reset(scene.index_limit());
+        self.pieces.begin(&surfaces);
+        self.present = surfaces;
+        let bounds = usable_bounds(scene, cell);
+        self.cell_box = bounds.and_then(|bounds| Some((cell_box(scene, cell, &bounds)?, bounds)));
+    }
+
+    /// Returns the indices of the objects found hidden since [`begin`](Self::begin).
+    pub(crate) fn hidden(&mut self) -> &mut Bits {
+        &mut self.hidden
+    }
+
+    /// Sweeps directions, numbered as by [`CellBox::direction`], and adds the objects that it finds hidden to
+    /// [`hidden`](Self::hidden). The objects of `ask.occluding` and the origin of the scene must not have
+    /// changed since [`begin`](Self::begin). Other objects may have.
+    pub(crate) fn sweep_directions(
+        &mut self,
+        scene: &Scene,
+        ask: &Ask<'_>,
+        directions: Range<usize>,
+    ) -> CullStats {
+        let mut stats = CullStats::default();
+        let Some((cell_box, bounds)) = self.cell_box else { return stats };
+        let surfaces = self.present.clone();
+        let all = Occluders { scene, occluding: ask.occluding, surfaces: &surfaces };
+        let boxes = core::array::from_fn(|index| cell_box.direction(index));
+        let (lists, stack) = (&mut self.lists, &mut self.stack);
+        stats.nodes += occludees::assign(scene, ask.asked, &bounds, &boxes, lists, stack);
+        let mut list = core::mem::take(&mut self.asked);
+        for index in directions {
+            let Ask { asked, effort, stop, .. } = *ask;
+            let job = Job { scene, asked, direction: &boxes[index], all, cell_box: &cell_box, effort, stop };
+            list.clear();
+            list.extend_from_slice(&self.lists[index]);
+            self.sweep(&job, &mut list, &mut stats);
+        }
+        self.asked = list;
         stats
     }
 
@@ -240,13 +286,13 @@ impl ExtendedProjectionCuller {
         let Some(cone) = Cone::around(direction, list) else { return };
         let rims = [0, 1].map(|lat| Rim::of(list, lat, direction, &mut self.coordinates));
         self.sweep.begin();
-        let (mut nearest, mut behind_left) = (Nearest::new(all, direction, &cone), BEHIND);
+        let (mut nearest, mut left) = (Nearest::new(all, direction, &cone), job.effort);
         // Portions of occluders from near to far. Each serves the planes before the next portion begins.
         while let Some(range) =
             nearest.advance(all, &mut self.pieces, cell_box, direction, &cone, Some(list.as_slice()))
         {
             let occluders = nearest.occluders();
-            for d in planes::distances(direction, &cone, occluders, &range, &mut behind_left) {
+            for d in planes::distances(direction, &cone, occluders, &range, &mut left) {
                 if (job.stop)() {
                     return;
                 }
@@ -263,7 +309,7 @@ impl ExtendedProjectionCuller {
                 let place = |source| all.place(&self.pieces, direction, source);
                 // The map is reprojected to this plane, the occluders between the planes are drawn, and the
                 // items behind it tested.
-                stats.occluders += self.sweep.advance(direction, window, occluders, &cone, place);
+                stats.occluders += self.sweep.advance(direction, window, occluders, &cone, left.again, place);
                 self.test(job, &window, list, stats);
             }
             if list.is_empty() {
@@ -300,13 +346,25 @@ impl ExtendedProjectionCuller {
     }
 }
 
+/// What a viewcell is asked.
+pub(crate) struct Ask<'a> {
+    /// Indices of the objects that may occlude.
+    pub(crate) occluding: &'a Bits,
+    /// Objects that may be found hidden.
+    pub(crate) asked: Asked<'a>,
+    pub(crate) effort: Effort,
+    /// Function that returns true once no more planes are to be swept.
+    pub(crate) stop: &'a dyn Fn() -> bool,
+}
+
 /// Sweep of one direction in one call.
 struct Job<'a> {
     scene: &'a Scene,
-    visible: &'a VisibleSet,
+    asked: Asked<'a>,
     direction: &'a Direction,
     all: Occluders<'a>,
     cell_box: &'a CellBox,
+    effort: Effort,
     /// Function that returns true once no more planes are to be swept.
     stop: &'a dyn Fn() -> bool,
 }
@@ -333,7 +391,10 @@ impl Job<'_> {
     /// Adds the children of a node to `list`. Rays to them are rays to the node, and so were asked before.
     fn open_node(&self, node: usize, list: &mut Vec<Item>, stats: &mut CullStats) {
         stats.nodes += 1;
-        occludees::for_each_child(self.scene, self.visible, self.direction, node, |child| list.push(child));
+        // Objects that are asked one by one have no nodes.
+        if let Asked::Set(visible) = self.asked {
+            occludees::for_each_child(self.scene, visible, self.direction, node, |child| list.push(child));
+        }
     }
 }
 

@@ -18,8 +18,12 @@ pub(crate) mod ray_map;
 mod surfaces;
 pub(crate) mod window;
 
+pub(crate) use culler::Ask;
 pub use culler::ExtendedProjectionCuller;
+pub(crate) use occludees::Asked;
+pub(crate) use planes::Effort;
 pub use projection_plane::ProjectionPlane;
+pub(crate) use surfaces::Surfaces;
 
 use alloc::vec::Vec;
 use direction::Direction;
@@ -28,10 +32,6 @@ use occluder_raster::OccluderRaster;
 use planes::{Candidate, Cone};
 use ray_map::RayMap;
 use window::Window;
-
-/// Number of planes behind an occluder on which it is drawn, besides the planes that cut it. Each
-/// reprojection loses up to a pixel around a covered area, so that drawing again keeps more.
-const AGAIN: usize = 6;
 
 /// Depth at which pieces of several meshes are cut on the side of the cell, as a fraction of the depth of the
 /// plane that they are drawn on.
@@ -74,15 +74,16 @@ impl Sweep {
     }
 
     /// Moves the map on to the plane of `window`: reprojects the covered pixels, and draws the occluders that
-    /// end shortly before the plane or reach through it. `occluders` are those of the whole sweep, nearest
-    /// first. `place` must return the occluder of a source in local coordinates. Returns the number of
-    /// occluders drawn.
+    /// end within `again` planes before the plane or reach through it. `occluders` are those of the whole
+    /// sweep, nearest first. `place` must return the occluder of a source in local coordinates. Returns the
+    /// number of occluders drawn.
     pub(crate) fn advance<'a>(
         &mut self,
         direction: &Direction,
         window: Window,
         occluders: &[Candidate],
         cone: &Cone,
+        again: usize,
         place: impl Fn(Source) -> Option<Occluder<'a>>,
     ) -> u64 {
         if let Some(before) = &self.window
@@ -93,7 +94,7 @@ impl Sweep {
         }
         self.window = Some(window);
         while occluders.get(self.begun).is_some_and(|c| c.begins < window.d) {
-            self.open.push((self.begun, AGAIN));
+            self.open.push((self.begun, again));
             self.begun += 1;
         }
         let mut drawn = 0;

@@ -6,7 +6,7 @@ use crate::extent::contains;
 use alloc::vec::Vec;
 use visibility_core::bits::Bits;
 use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy};
-use visibility_core::{Aabb, Scene, VisibleSet};
+use visibility_core::{Aabb, ObjectId, Scene, VisibleSet};
 
 /// A node or an object in local coordinates of the direction that it is assigned to.
 #[derive(Clone, Copy, Debug)]
@@ -21,29 +21,53 @@ pub(crate) struct Item {
 /// as visible.
 const STEEPEST: f64 = 4.0;
 
-/// Assigns the objects of `visible` to the six directions. Where all objects below a node are farthest along
+/// Objects to be assigned to directions.
+#[derive(Clone, Copy)]
+pub(crate) enum Asked<'a> {
+    /// The objects of a set. Whole nodes of the hierarchy are assigned where that is possible.
+    Set(&'a VisibleSet),
+    /// Objects of the scene, one by one.
+    Objects(&'a [ObjectId]),
+}
+
+/// Assigns the objects of `asked` to the six directions. Where all objects below a node are farthest along
 /// one direction, or nearly, the whole node is assigned. Objects that reach out of `usable_bounds`, into the
 /// box of the viewcell, or too far aside of it, are left out: they count as visible.
 pub(crate) fn assign(
     scene: &Scene,
-    visible: &VisibleSet,
+    asked: Asked<'_>,
     usable_bounds: &Aabb,
     directions: &[Direction; 6],
     lists: &mut [Vec<Item>; 6],
     stack: &mut Vec<Option<usize>>,
 ) -> u64 {
-    let mut nodes = 0;
     lists.iter_mut().for_each(Vec::clear);
+    let visible = match asked {
+        Asked::Set(visible) => visible,
+        Asked::Objects(ids) => {
+            for &id in ids {
+                let Some(object) = scene.object(id).ok().filter(|object| !object.is_unculled()) else {
+                    continue;
+                };
+                let (child, boxes) = (Child::Object(id), directions.map(|d| d.local_box(&object.bounds)));
+                let farthest = farthest(&boxes);
+                if is_usable(usable_bounds, &directions[farthest], &boxes[farthest], &object.bounds) {
+                    let (bounds, scene_bounds) = (boxes[farthest], object.bounds);
+                    lists[farthest].push(Item { child, bounds, scene_bounds });
+                }
+            }
+            return 0;
+        }
+    };
+    let mut nodes = 0;
     stack.push(None);
     while let Some(node) = stack.pop() {
         nodes += 1;
         SceneHierarchy.for_each_child(scene, node, &mut |child, scene_bounds| {
             let boxes = directions.each_ref().map(|direction| direction.local_box(&scene_bounds));
-            let farthest = (1..6).fold(0, |best, i| if boxes[i].lo.z > boxes[best].lo.z { i } else { best });
-            let (direction, bounds) = (&directions[farthest], boxes[farthest]);
-            let usable = contains(usable_bounds, &scene_bounds)
-                && bounds.lo.z > direction.guard()
-                && is_ahead(direction, &bounds);
+            let farthest = farthest(&boxes);
+            let bounds = boxes[farthest];
+            let usable = is_usable(usable_bounds, &directions[farthest], &bounds, &scene_bounds);
             match child {
                 Child::Object(id) => {
                     if usable && visible.contains(scene, id) {
@@ -63,6 +87,16 @@ pub(crate) fn assign(
         });
     }
     nodes
+}
+
+/// Returns the direction along which a box, given in the coordinates of each, is farthest away.
+fn farthest(boxes: &[LocalBox; 6]) -> usize {
+    (1..6).fold(0, |best, i| if boxes[i].lo.z > boxes[best].lo.z { i } else { best })
+}
+
+/// Tests whether a box may be asked in a direction. `local` and `bounds` are its local and scene coordinates.
+fn is_usable(usable_bounds: &Aabb, direction: &Direction, local: &LocalBox, bounds: &Aabb) -> bool {
+    contains(usable_bounds, bounds) && local.lo.z > direction.guard() && is_ahead(direction, local)
 }
 
 /// Tests whether the rays to a box are no steeper than [`STEEPEST`].

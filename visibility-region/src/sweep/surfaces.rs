@@ -9,7 +9,7 @@ use alloc::vec::Vec;
 use visibility_core::bits::Bits;
 use visibility_core::glam::{Affine3A, Vec3};
 use visibility_core::scene::Triangle;
-use visibility_core::{Aabb, Scene};
+use visibility_core::{Aabb, ObjectId, Scene};
 
 /// Triangles of all occluders whose mesh coordinates are scene coordinates, and their segments.
 #[derive(Debug, Default)]
@@ -124,12 +124,15 @@ pub(super) fn find(parent: &mut [u32], mut at: u32) -> u32 {
 impl Surfaces {
     /// Collects the surfaces of a scene. Takes O(n log n) time for n triangles.
     pub(crate) fn new(scene: &Scene) -> Self {
+        Self::of(scene, scene.ids())
+    }
+
+    /// Collects the surfaces of objects of a scene. Takes O(n log n) time for n triangles, and a few
+    /// nanoseconds for each object of the scene.
+    pub(crate) fn of(scene: &Scene, ids: impl Iterator<Item = ObjectId>) -> Self {
         let mut all = Self { objects: Bits::new(scene.index_limit()), ..Self::default() };
-        for id in scene.ids() {
-            let Some((mesh, ref transform)) = scene.occluder(id) else { continue };
-            if *transform != Affine3A::IDENTITY {
-                continue;
-            }
+        for id in ids {
+            let Some((mesh, _)) = scene.occluder(id).filter(|_| Self::has(scene, id)) else { continue };
             all.objects.insert(id.index());
             let parts = if mesh.parts().is_empty() { core::slice::from_ref(mesh) } else { mesh.parts() };
             for part in parts {
@@ -151,6 +154,12 @@ impl Surfaces {
         all.find_segments();
         all.find_clusters(scene.index_limit());
         all
+    }
+
+    /// Returns whether the triangles of an object are among the surfaces of the scene: whether it is an
+    /// occluder with a mesh in scene coordinates.
+    pub(crate) fn has(scene: &Scene, id: ObjectId) -> bool {
+        scene.occluder(id).is_some_and(|(_, transform)| transform == Affine3A::IDENTITY)
     }
 
     /// Returns the cluster that an object belongs to. `None` for an object that is not in

@@ -13,6 +13,7 @@ mod rectangles;
 
 pub use culler::VirtualSweepCuller;
 
+use crate::sight_start::sight_start;
 use crate::sweep::cell_extent::CellExtent;
 use crate::sweep::direction::{CellBox, Direction};
 use alloc::vec::Vec;
@@ -149,19 +150,8 @@ impl VirtualOccluders {
     /// sight of a view. `None` if they are not all within the viewcell.
     fn sight_start(&self, view: &View) -> Option<(DVec3, DVec3)> {
         let anchor = self.cell.min * 0.5 + self.cell.max * 0.5;
-        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let mut finite = true;
-        let known = view.for_each_sight_start(anchor, |corners, error| {
-            for corner in corners {
-                finite &= corner.is_finite() && error.is_finite();
-                (low, high) = (low.min(*corner - error), high.max(*corner + error));
-            }
-        });
-        // The sums round by half an EPSILON of their result.
-        let margin = (anchor.abs() + low.abs().max(high.abs())) * f64::EPSILON;
-        let (low, high) = (low + anchor - margin, high + anchor + margin);
-        let within =
-            self.cell.min.cmple(low).all() && high.cmple(self.cell.max).all() && low.cmple(high).all();
+        let (low, high) = sight_start(view, anchor)?;
+        let within = self.cell.min.cmple(low).all() && high.cmple(self.cell.max).all();
         let is_inside = |plane: &Plane| {
             let corners = [low - anchor, high - anchor].map(|corner| plane.normal * corner);
             let least = corners[0].min(corners[1]).element_sum() + plane.signed_distance(anchor);
@@ -170,7 +160,7 @@ impl VirtualOccluders {
             least >= 8.0 * f64::EPSILON * (terms + plane.offset.abs())
         };
         let within = within && self.cell.planes.iter().all(is_inside);
-        (known && finite && within).then_some((low, high))
+        within.then_some((low, high))
     }
 
     /// Prepares the virtual occluders for a frame whose lines of sight begin in `start`. `start` is within

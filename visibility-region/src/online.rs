@@ -1,0 +1,480 @@
+//! `OnlinePvs`: what can be seen from around an eye on the move, in a scene that changes.
+//!
+//! Two sizes of boxes make a viewcell cheap. What is hidden from a wide box, of some metres, is hidden from
+//! every viewcell inside it, and hides nothing there that other objects do not hide as well: a ray that
+//! reaches it has met another occluder before. So a viewcell asks about the objects that the wide box sees,
+//! with these as the only occluders. Further, the objects that the last viewcell saw are taken as seen, since
+//! nearly all of them are: a sweep ends early where no other object is asked. To forget what is out of sight
+//! by now, each viewcell asks about all objects in one of the six directions, in turn.
+
+use crate::sight_start::sight_start;
+use crate::solids::occluding;
+use crate::sweep::{Ask, Asked, Effort, ExtendedProjectionCuller, Surfaces};
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+use visibility_core::bits::Bits;
+use visibility_core::culler::Lack;
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::Viewcell;
+use visibility_core::scene::{Changes, SceneCursor};
+use visibility_core::view::Eye;
+use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet};
+
+/// Number of boxes of each size that are kept, besides those around places that are still asked for.
+const KEPT: usize = 32;
+
+/// The objects that can be seen from around an eye on the move, made a little ahead of it, in a scene that
+/// changes: conservative.
+///
+/// [`step`](Self::step) works ahead: each call sweeps one of the six directions of one box. The caller holds
+/// the clock, and names the places where the eye is and may be next. [`cull`](Culler::cull) answers at once:
+/// by the viewcell that holds the eye, otherwise by the wide box around it, otherwise by nothing, so that all
+/// candidates stay. Lines of sight begin on the near plane, so the viewcell must hold that as well.
+///
+/// An object that was inserted, moved, or changed otherwise counts as visible until its box is made anew, and
+/// it is not among the occluders of the next boxes, so that a mover does not cost the boxes each frame. A
+/// change of an object that was among them forgets all boxes: doors and other movers should not be flagged as
+/// occluders, or hide by a culler of frames. In another scene, a clone included, all boxes are forgotten.
+/// Views whose layers leave out an occluder of the boxes keep all candidates. Objects that earlier stages of
+/// a pipeline drop occlude all the same, as in a baked set.
+///
+/// # Cost
+/// A step takes a sixth of the time of a box on average, at most half. A viewcell of .6 m takes 3 to 25
+/// milliseconds, in a furnished building of 200,000 triangles 60; a wide box takes a little more than a sweep
+/// by [`ExtendedProjectionCuller`]. The first step in a scene, and the first after a change of an occluder
+/// whose mesh is in scene coordinates, sorts all edges. Steps allocate. A frame takes a few nanoseconds for
+/// each candidate. A kept box takes a bit for each object of the scene, and 8 bytes for each object that can
+/// be seen; a wide box the edges of its occluders as well.
+///
+/// ```
+/// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Culler, Object, OccluderMesh, Pose, Scene, View,
+///     VisibleSet};
+/// use visibility_region::OnlinePvs;
+/// let wall = Aabb::from_arrays([5.0, -9.0, -9.0], [5.2, 9.0, 9.0]);
+/// let mut scene = Scene::new();
+/// let id = scene.insert(Object { occluder: true, ..Object::new(wall) });
+/// let mesh = scene.add_mesh(OccluderMesh::cuboid(&wall)?);
+/// scene.set_mesh(id, mesh, Affine3A::IDENTITY)?;
+/// let post = scene.insert(Aabb::from_arrays([20.0, 0.0, 0.0], [20.5, 0.5, 1.0]));
+/// let mut online = OnlinePvs::new(DVec3::splat(0.6), DVec3::new(4.0, 4.0, 0.6));
+/// // Each frame: places where the eye is, and where it will be; then as many steps as there is time.
+/// let (eye, velocity) = (DVec3::splat(0.5), DVec3::X);
+/// let places = [0.0, 0.1, 0.2, 0.4].map(|seconds| eye + velocity * seconds);
+/// while online.step(&scene, &places).is_some() {}
+/// let view = View::perspective(Pose::look_at(eye, eye + DVec3::X, DVec3::Z), 1.0, 1.5, 0.1, 100.0)?;
+/// let mut visible = VisibleSet::new();
+/// online.cull(&scene, &view, &mut visible);
+/// assert!(online.is_ready() && !visible.contains(&scene, post) && visible.contains(&scene, id));
+/// scene.set_bounds(post, Aabb::from_arrays([30.0, 0.0, 0.0], [30.5, 0.5, 1.0]))?;
+/// let mut visible = VisibleSet::new();
+/// online.cull(&scene, &view, &mut visible);
+/// assert!(visible.contains(&scene, post), "what moves counts as visible at once");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct OnlinePvs {
+    /// Sizes of wide boxes and of viewcells, in metres.
+    sizes: [DVec3; 2],
+    margin: f64,
+    culler: ExtendedProjectionCuller,
+    /// State of the scene that all fields below are of.
+    cursor: SceneCursor,
+    /// Wide boxes and viewcells that are made.
+    made: [Vec<Made>; 2],
+    job: Option<Job>,
+    /// Indices of the objects that were occluders of any box in `made` or of `job`.
+    occluding: Bits,
+    /// Layer masks of these objects, each mask once.
+    layers: Vec<u32>,
+    /// Indices of the objects that have changed since the last wide box was begun, and between that and the
+    /// one before.
+    changed: [Bits; 2],
+    /// The objects that the last viewcell saw.
+    known: Vec<ObjectId>,
+    /// Direction in which the next viewcell asks about all objects.
+    turn: usize,
+    /// Counter of uses of boxes.
+    clock: u64,
+    /// Size and box of the last frame's answer.
+    answer: Option<(usize, Viewcell)>,
+    /// Indices of the objects hidden from the box of the last frame.
+    told: Bits,
+    came: Vec<ObjectId>,
+    went: Vec<ObjectId>,
+}
+
+/// Index of wide boxes, in arrays by the size of boxes.
+const WIDE: usize = 0;
+/// Index of viewcells, in arrays by the size of boxes.
+const NEAR: usize = 1;
+
+/// Work that a [step](OnlinePvs::step) has done.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
+pub struct OnlineStep {
+    /// Whether the box is a wide one, not a viewcell.
+    pub is_wide: bool,
+    /// Whether the step was the last of its box, which answers from now on.
+    pub is_last: bool,
+    /// Work counters of the step.
+    pub stats: CullStats,
+}
+
+/// A box with what is hidden from all of it.
+#[derive(Clone, Debug)]
+struct Made {
+    cell: Viewcell,
+    /// Indices of the hidden objects, without those that have changed since.
+    hidden: Bits,
+    /// The other objects of the scene when the box was made.
+    seen: Vec<ObjectId>,
+    /// For a wide box: the surfaces of the occluders that it sees.
+    surfaces: Arc<Surfaces>,
+    /// The clock when the box was used last.
+    used: u64,
+}
+
+/// A box at work.
+#[derive(Clone, Debug)]
+struct Job {
+    level: usize,
+    cell: Viewcell,
+    /// Direction of the next step, 0 to 5.
+    next: usize,
+    occluding: Bits,
+    /// For a viewcell: what is hidden from the wide box, without the objects that have changed since.
+    hidden: Bits,
+    /// For a viewcell: the objects that the wide box sees.
+    seen: Vec<ObjectId>,
+    /// Those of `seen` that the last viewcell did not see.
+    new: Vec<ObjectId>,
+}
+
+impl OnlinePvs {
+    /// Creates the sets of an observer. `viewcell` and `wide` are the sizes of the boxes along x, y and z in
+    /// metres. A viewcell of .6 m lasts for a quarter of a second of walking. The wide box should be some
+    /// times as wide, and not higher than the viewcell: from above walls much more is seen.
+    ///
+    /// # Panics
+    /// If a size is not positive and finite, or a viewcell is larger than the wide box on an axis.
+    pub fn new(viewcell: DVec3, wide: DVec3) -> Self {
+        let is_usable = viewcell.min_element() > 0.0 && viewcell.cmple(wide).all() && wide.is_finite();
+        assert!(is_usable, "sizes of boxes must be positive, and those of viewcells at most the wide ones");
+        Self {
+            sizes: [wide, viewcell],
+            margin: viewcell.min_element() / 8.0,
+            culler: ExtendedProjectionCuller::new(),
+            cursor: SceneCursor::START,
+            made: [Vec::new(), Vec::new()],
+            job: None,
+            occluding: Bits::EMPTY,
+            layers: Vec::new(),
+            changed: [Bits::EMPTY, Bits::EMPTY],
+            known: Vec::new(),
+            turn: 0,
+            clock: 0,
+            answer: None,
+            told: Bits::EMPTY,
+            came: Vec::new(),
+            went: Vec::new(),
+        }
+    }
+
+    /// Sets the distance in metres around each place that its viewcell must hold: to the corners of the near
+    /// plane, and to both eyes of a headset. At most half the least size of the viewcell; by default an
+    /// eighth. NaN counts as 0.
+    #[must_use]
+    pub fn with_margin(self, margin: f64) -> Self {
+        Self { margin: margin.max(0.0).min(self.sizes[NEAR].min_element() / 2.0), ..self }
+    }
+
+    /// Works on the most urgent box that is missing: that of the first of `places` without a viewcell. Sweeps
+    /// one direction. Returns the work done, or `None` if all places have viewcells. `places` are in world
+    /// space: the eye, then places where it may be next, such as points of its path at equal times. A
+    /// viewcell is put around as many places in a row as it holds. Places that are not finite are left out.
+    pub fn step(&mut self, scene: &Scene, places: &[DVec3]) -> Option<OnlineStep> {
+        self.follow(scene);
+        let finite = || places.iter().copied().filter(|place| place.is_finite());
+        let number = finite().position(|place| self.find(NEAR, self.around(place)).is_none())?;
+        // A box that a place needs is finished, unless the eye itself is without a viewcell.
+        let mut needing = finite().take(if number == 0 { 1 } else { usize::MAX });
+        let goes_on = self.job.as_ref().is_some_and(|job| {
+            needing.any(|place| {
+                let [low, high] = self.around(place);
+                holds(&job.cell, low, high)
+            })
+        });
+        if !goes_on {
+            self.job = None;
+            // The place before is held as well, so that no gap is left between two viewcells.
+            let rest: Vec<DVec3> = finite().skip(number.saturating_sub(1)).collect();
+            let ends = finite().next().zip(finite().next_back());
+            let way = ends.map_or(DVec3::ZERO, |(first, last)| last - first);
+            self.begin(scene, &rest, usize::from(number > 0), way);
+        }
+        let job = self.job.as_mut()?;
+        let all = VisibleSet::new();
+        let asked = match job.level {
+            WIDE => Asked::Set(&all),
+            _ if job.next == self.turn => Asked::Objects(&job.seen),
+            _ => Asked::Objects(&job.new),
+        };
+        let ask = Ask { occluding: &job.occluding, asked, effort: Effort::QUICK, stop: &|| false };
+        let stats = self.culler.sweep_directions(scene, &ask, job.next..job.next + 1);
+        job.next += 1;
+        let step = OnlineStep { is_wide: job.level == WIDE, is_last: job.next == 6, stats };
+        if step.is_last {
+            self.finish(scene, places);
+        }
+        Some(step)
+    }
+
+    /// Returns whether a viewcell answered the last frame. False if a wide box did, or none.
+    pub fn is_ready(&self) -> bool {
+        matches!(self.answer, Some((NEAR, _)))
+    }
+
+    /// Returns the viewcell or wide box that answered the last frame. `None` if all candidates stayed.
+    pub fn answer(&self) -> Option<&Viewcell> {
+        self.answer.as_ref().map(|(_, cell)| cell)
+    }
+
+    /// Returns the objects that the box of the last frame sees and the box of the frame before did not see,
+    /// wherever the view looks. Inserted objects are not among them.
+    pub fn came(&self) -> &[ObjectId] {
+        &self.came
+    }
+
+    /// Returns the objects that the box of the frame before saw and the box of the last frame does not see.
+    /// Removed objects are not among them.
+    pub fn went(&self) -> &[ObjectId] {
+        &self.went
+    }
+
+    /// Returns the indices of the objects that are hidden from all points of a box in world space, from `min`
+    /// to `max`. Only for observers that all occluders of the scene are drawn for, as other observers of a
+    /// server. `None` if no box that was made holds this one.
+    pub fn hidden_from(&mut self, scene: &Scene, min: DVec3, max: DVec3) -> Option<&Bits> {
+        self.follow(scene);
+        let (level, at) = self.best(min, max)?;
+        Some(&self.made[level][at].hidden)
+    }
+
+    /// Takes in the changes of the scene.
+    fn follow(&mut self, scene: &Scene) {
+        let Changes::Objects(ids) = self.cursor.follow(scene) else {
+            self.forget();
+            self.changed = [Bits::EMPTY, Bits::EMPTY];
+            self.told = Bits::EMPTY;
+            return;
+        };
+        if ids.iter().any(|id| self.occluding.contains(id.index())) {
+            self.forget();
+        }
+        for id in ids {
+            self.changed[0].grow(id.index() + 1);
+            self.changed[0].insert(id.index());
+            self.made.iter_mut().flatten().for_each(|made| _ = made.hidden.remove(id.index()));
+            if let Some(job) = &mut self.job {
+                job.hidden.remove(id.index());
+                self.culler.hidden().remove(id.index());
+            }
+        }
+    }
+
+    /// Forgets all boxes.
+    fn forget(&mut self) {
+        self.made.iter_mut().for_each(Vec::clear);
+        self.job = None;
+        self.known.clear();
+        self.occluding.clear();
+        self.layers.clear();
+    }
+
+    /// Returns the box around a place that its viewcell must hold.
+    fn around(&self, place: DVec3) -> [DVec3; 2] {
+        [place - self.margin, place + self.margin]
+    }
+
+    /// Returns the index of the box of a size that was used last of those that hold the box from `low` to
+    /// `high`.
+    fn find(&self, level: usize, [low, high]: [DVec3; 2]) -> Option<usize> {
+        let made = self.made[level].iter().enumerate();
+        made.filter(|(_, made)| holds(&made.cell, low, high))
+            .max_by_key(|(_, made)| made.used)
+            .map(|(at, _)| at)
+    }
+
+    /// Returns the size and the index of the best box that holds the box from `low` to `high`.
+    fn best(&mut self, low: DVec3, high: DVec3) -> Option<(usize, usize)> {
+        let (level, at) =
+            [NEAR, WIDE].iter().find_map(|&level| Some((level, self.find(level, [low, high])?)))?;
+        self.clock += 1;
+        self.made[level][at].used = self.clock;
+        Some((level, at))
+    }
+
+    /// Returns a box of the size of `level` around the box `first` and around as many of `places` in a row as
+    /// it holds. Room that is left over lies ahead of them, along `way`.
+    fn fit(&self, level: usize, first: [DVec3; 2], places: &[DVec3], way: DVec3) -> Viewcell {
+        let size = self.sizes[level];
+        let mut ends = first;
+        for &place in places {
+            let [low, high] = self.around(place);
+            let wider = [ends[0].min(low), ends[1].max(high)];
+            if !(wider[1] - wider[0]).cmple(size).all() {
+                break;
+            }
+            ends = wider;
+        }
+        let room = (size - (ends[1] - ends[0])).max(DVec3::ZERO) * 0.5;
+        let ahead = way / way.abs().max_element().max(f64::MIN_POSITIVE);
+        let middle = ends[0] * 0.5 + ends[1] * 0.5 + room * ahead;
+        // Rounding must not make the box smaller than what it is to hold.
+        Viewcell::from_box((middle - size * 0.5).min(ends[0]), (middle + size * 0.5).max(ends[1]))
+    }
+
+    /// Begins the box that `places[missing]` needs, around the places before it too if the box holds them.
+    /// `way` is the direction of the eye's path.
+    fn begin(&mut self, scene: &Scene, places: &[DVec3], missing: usize, way: DVec3) {
+        let around = self.around(places[missing]);
+        let from = self.around(places[0]);
+        let both = [around[0].min(from[0]), around[1].max(from[1])];
+        let fits = (both[1] - both[0]).cmple(self.sizes[NEAR]).all();
+        let cell = self.fit(NEAR, if fits { both } else { around }, &places[missing..], way);
+        // A viewcell is cut off at the sides of the wide box, unless too little of it is left.
+        let cut = |wide: &Viewcell| Viewcell::from_box(cell.min.max(wide.min), cell.max.min(wide.max));
+        let is_enough = |cut: &Viewcell| (cut.max - cut.min).cmpge(self.sizes[NEAR] * 0.5).all();
+        let wide = self.made[WIDE].iter().filter(|wide| holds(&wide.cell, around[0], around[1]));
+        let wide = wide.map(|wide| (wide, cut(&wide.cell))).filter(|(_, cell)| is_enough(cell));
+        let mut occluding = occluding(scene, &VisibleSet::new());
+        let (job, surfaces) = if let Some((wide, cell)) = wide.max_by_key(|(wide, _)| wide.used) {
+            let bits = |ids: &[ObjectId]| {
+                let mut bits = Bits::new(scene.index_limit());
+                ids.iter().for_each(|id| _ = bits.insert(id.index()));
+                bits
+            };
+            occluding.intersect(&bits(&wide.seen));
+            let known = bits(&self.known);
+            let new = wide.seen.iter().copied().filter(|id| !known.contains(id.index())).collect();
+            let (hidden, seen) = (wide.hidden.clone(), wide.seen.clone());
+            (Job { level: NEAR, cell, next: 0, occluding, hidden, seen, new }, wide.surfaces.clone())
+        } else {
+            let cell = self.fit(WIDE, [cell.min, cell.max], places, way);
+            let last = core::mem::replace(&mut self.changed[0], Bits::new(scene.index_limit()));
+            self.changed[1] = last;
+            self.culler.sync(scene);
+            let (hidden, seen, new) = (Bits::EMPTY, Vec::new(), Vec::new());
+            (Job { level: WIDE, cell, next: 0, occluding, hidden, seen, new }, self.culler.surfaces())
+        };
+        self.culler.begin(scene, &job.cell, surfaces);
+        self.job = Some(self.without_movers(scene, job));
+    }
+
+    /// Takes the objects that have changed from the occluders of a box, and notes the others.
+    fn without_movers(&mut self, scene: &Scene, mut job: Job) -> Job {
+        for bits in &self.changed {
+            bits.iter().for_each(|index| _ = job.occluding.remove(index));
+        }
+        self.occluding.grow(scene.index_limit());
+        self.occluding.unite(&job.occluding);
+        for object in job.occluding.iter().filter_map(|index| scene.object(scene.id_at(index)?).ok()) {
+            if !self.layers.contains(&object.layers) {
+                self.layers.push(object.layers);
+            }
+        }
+        job
+    }
+
+    /// Keeps the box at work, and drops the oldest of its size that no place needs if there are many.
+    fn finish(&mut self, scene: &Scene, places: &[DVec3]) {
+        let Some(job) = self.job.take() else { return };
+        let mut hidden = job.hidden;
+        hidden.grow(scene.index_limit());
+        hidden.unite(self.culler.hidden());
+        let is_seen = |id: &ObjectId| !hidden.contains(id.index());
+        let seen: Vec<ObjectId> = match job.level {
+            WIDE => scene.ids().filter(is_seen).collect(),
+            _ => job.seen.into_iter().filter(is_seen).collect(),
+        };
+        if job.level == NEAR {
+            self.known.clone_from(&seen);
+            self.turn = (self.turn + 1) % 6;
+        }
+        let surfaces = match job.level {
+            WIDE => {
+                let occluders = seen.iter().copied().filter(|id| job.occluding.contains(id.index()));
+                Arc::new(Surfaces::of(scene, occluders))
+            }
+            _ => Arc::default(),
+        };
+        self.clock += 1;
+        let made = &mut self.made[job.level];
+        made.push(Made { cell: job.cell, hidden, seen, surfaces, used: self.clock });
+        if made.len() > KEPT {
+            let margin = self.margin;
+            let is_free = |made: &&Made| !places.iter().any(|&p| holds(&made.cell, p - margin, p + margin));
+            if let Some(used) = made.iter().filter(is_free).map(|made| made.used).min() {
+                made.retain(|made| made.used != used);
+            }
+        }
+    }
+
+    /// Notes what the box of this frame sees and that of the frame before did not, and the other way round.
+    fn tell(&mut self, scene: &Scene, at: Option<(usize, usize)>) {
+        self.came.clear();
+        self.went.clear();
+        let nothing = Bits::EMPTY;
+        let hidden = at.map_or(&nothing, |(level, at)| &self.made[level][at].hidden);
+        let (old, new) = (self.told.words(), hidden.words());
+        for at in 0..old.len().max(new.len()) {
+            let [old, new] = [old, new].map(|words| words.get(at).copied().unwrap_or(0));
+            let mut differ = old ^ new;
+            while differ != 0 {
+                let bit = differ.trailing_zeros() as usize;
+                differ &= differ - 1;
+                if let Some(id) = scene.id_at(at * 64 + bit) {
+                    if old >> bit & 1 != 0 { self.came.push(id) } else { self.went.push(id) }
+                }
+            }
+        }
+        self.told.reset(new.len() * 64);
+        self.told.unite(hidden);
+    }
+}
+
+/// Returns whether a viewcell's box holds the box from `low` to `high`.
+fn holds(cell: &Viewcell, low: DVec3, high: DVec3) -> bool {
+    cell.min.cmple(low).all() && high.cmple(cell.max).all()
+}
+
+impl Culler for OnlinePvs {
+    fn name(&self) -> &str {
+        "online pvs"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Conservative
+    }
+
+    fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
+        self.follow(scene);
+        let anchor = match view.eye(DVec3::ZERO) {
+            Eye::Point(eye) => eye,
+            Eye::Direction(_) => view.origin(),
+        };
+        let draws_all = self.layers.iter().all(|layers| layers & view.layers() != 0);
+        let start = sight_start(view, anchor).filter(|_| draws_all);
+        let found = start.and_then(|(low, high)| self.best(low, high));
+        self.answer = found.map(|(level, at)| (level, self.made[level][at].cell.clone()));
+        self.tell(scene, found);
+        let hidden = found.map(|(level, at)| &self.made[level][at].hidden);
+        visible.retain(scene, |id, _| !hidden.is_some_and(|hidden| hidden.contains(id.index())))
+    }
+
+    fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
+        if self.answer.is_none() && !scene.is_empty() {
+            each(Lack { what: "objects not culled, no viewcell being ready", count: scene.len() });
+        }
+    }
+}

@@ -1,0 +1,333 @@
+//! `OnlinePvs` hides nothing that is seen from the boxes it answers for, while the scene changes, is swapped
+//! and cloned, and its answers come when they are due.
+
+use crate::common::{World, random_world};
+use std::collections::BTreeSet;
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::Viewcell;
+use visibility_core::view::Eye;
+use visibility_core::{
+    Aabb, Accuracy, CullStats, Culler, ObjectId, Pose, RegionCuller, Scene, View, VisibleSet,
+};
+use visibility_region::{OnlinePvs, SamplingCuller};
+use visibility_testing::Random;
+use visibility_testing::allocations::ALLOCATIONS;
+use visibility_testing::swapped::{Swapped, hold_against_fresh};
+
+/// Removes an occluder, or lets it be see-through, or moves a target, or adds an object.
+fn change(world: &mut World, rng: &mut Random, scale: f64) {
+    let number = rng.below(world.bounds.len());
+    let id = world.bounds[number].0;
+    let triangles =
+        |world: &World, id| world.scene.occluder(id).map_or(0, |(mesh, _)| mesh.triangles().len());
+    let near = (rng.direction() * (scale * rng.range(2.0, 12.0))).as_vec3();
+    let size = (scale * rng.range(0.1, 1.0)) as f32;
+    let bounds = Aabb::new(near - size, near + size);
+    match rng.below(4) {
+        0 | 1 if triangles(world, id) > 0 => {
+            let before: usize = world.bounds[..number].iter().map(|(id, _)| triangles(world, *id)).sum();
+            world.triangles.drain(before..before + triangles(world, id));
+            if rng.one_in(2) {
+                world.scene.remove(id).unwrap();
+                world.bounds.remove(number);
+            } else {
+                world.scene.set_occluder(id, false).unwrap();
+            }
+        }
+        2 => _ = world.add_box(bounds.min.to_array(), bounds.max.to_array()),
+        _ if triangles(world, id) == 0 => {
+            world.scene.set_bounds(id, bounds).unwrap();
+            world.bounds[number].1 = bounds;
+        }
+        _ => _ = world.add_target(bounds),
+    }
+    world.scene.maintain(rng.below(3));
+}
+
+/// Walks through random worlds that change, and fails for an object that a ray from a box reaches and the box
+/// hides. Returns the number of answers, and that of objects hidden in them.
+fn search(seed: u64, worlds: usize, rays: usize) -> [usize; 2] {
+    let (mut rng, mut answers, mut hidden_objects) = (Random(seed), 0, 0);
+    for number in 0..worlds {
+        let scale = rng.pick(&[1.0, 1.0, 1e-3, 1e4]);
+        let (mut world, _) = random_world(&mut rng, scale);
+        let size = scale * 0.6;
+        let mut online = OnlinePvs::new(DVec3::splat(size), DVec3::new(4.0, 4.0, 1.0) * scale);
+        let (mut eye, way) = (rng.vector(scale), rng.vector(0.2 * scale));
+        for frame in 0..12 {
+            eye += way;
+            let places: Vec<DVec3> = (0..rng.below(6)).map(|i| eye + way * i as f64).collect();
+            for _ in 0..rng.below(16) {
+                online.step(&world.scene, &places);
+                if rng.one_in(30) {
+                    change(&mut world, &mut rng, scale);
+                }
+            }
+            let part = rng.vector(0.1 * size);
+            let (min, max) = (eye - part.abs(), eye + part.abs());
+            let Some(bits) = online.hidden_from(&world.scene, min, max) else { continue };
+            let hidden: BTreeSet<ObjectId> =
+                world.scene.ids().filter(|id| bits.contains(id.index())).collect();
+            answers += 1;
+            hidden_objects += hidden.len();
+            let cell = Viewcell::from_box(min, max);
+            if let Err((id, from, along)) = world.search(&mut rng, &cell, &hidden, rays) {
+                panic!(
+                    "seed {seed}, world {number}, frame {frame}: {id} is seen from {from} along {along} but hidden"
+                );
+            }
+        }
+    }
+    [answers, hidden_objects]
+}
+
+#[test]
+fn no_ray_from_a_box_reaches_what_is_hidden_from_it_while_the_scene_changes() {
+    let [answers, hidden] = search(11, 20, 200);
+    assert!(answers > 100 && hidden > 400, "{answers} answers, {hidden} hidden objects");
+}
+
+/// `cargo test --release -p visibility-region changing_worlds -- --ignored --nocapture`
+#[test]
+#[ignore = "many minutes"]
+fn no_ray_reaches_what_is_hidden_in_many_changing_worlds() {
+    (0..40)
+        .for_each(|seed| println!("seed {seed}: {:?} answers and hidden objects", search(seed, 100, 1000)));
+}
+
+/// `OnlinePvs` that makes all that the eye needs in each frame; or what rays see from around the eye.
+enum Subject {
+    Online(Box<OnlinePvs>),
+    Rays(Box<SamplingCuller>),
+}
+
+impl Culler for Subject {
+    fn name(&self) -> &str {
+        "online or rays"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Approximate
+    }
+
+    fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
+        let Eye::Point(eye) = view.eye(DVec3::ZERO) else { panic!("the views of this harness have an eye") };
+        match self {
+            Self::Online(online) => {
+                while online.step(scene, &[eye]).is_some() {}
+                online.cull(scene, view, visible)
+            }
+            Self::Rays(rays) => rays.cull(scene, &Viewcell::from_box(eye - 0.01, eye + 0.01), visible),
+        }
+    }
+}
+
+struct Online;
+
+impl Swapped for Online {
+    type Culler = Subject;
+    type Source = ();
+
+    fn derive(&self, _: &Scene, _: &mut Random) {}
+
+    fn make(&self, (): &()) -> Subject {
+        let online = OnlinePvs::new(DVec3::ONE, DVec3::new(4.0, 4.0, 1.0)).with_margin(0.3);
+        Subject::Online(Box::new(online))
+    }
+
+    fn give(&self, _: &mut Subject, (): &(), _: &Scene) {}
+
+    fn truth(&self, (): &()) -> Subject {
+        Subject::Rays(Box::new(SamplingCuller::new().with_rays(2000)))
+    }
+
+    /// Answers depend on when each box was made.
+    fn is_free_of_memory(&self) -> bool {
+        false
+    }
+}
+
+#[test]
+fn scenes_are_swapped_cloned_and_changed_under_kept_boxes() {
+    let hidden: usize = (0..2).map(|seed| hold_against_fresh(&Online, seed, 150)).sum();
+    assert!(hidden > 1000, "{hidden} objects are no test");
+}
+
+/// A wall, and posts before and behind it.
+struct Street {
+    world: World,
+    wall: ObjectId,
+    front: ObjectId,
+    back: ObjectId,
+    online: OnlinePvs,
+}
+
+impl Street {
+    fn new() -> Self {
+        let mut world = World::new();
+        let wall = world.add_box([5.0, -30.0, -30.0], [5.2, 30.0, 30.0]);
+        let front = world.add_target(Aabb::from_arrays([3.0, 0.0, 0.0], [3.5, 0.5, 1.0]));
+        let back = world.add_target(Aabb::from_arrays([20.0, 0.0, 0.0], [20.5, 0.5, 1.0]));
+        let online = OnlinePvs::new(DVec3::splat(0.6), DVec3::new(4.0, 4.0, 1.0));
+        Self { world, wall, front, back, online }
+    }
+
+    /// Makes all that an eye at height `z` needs. Returns the number of steps.
+    fn make(&mut self, z: f64) -> usize {
+        let mut steps = 0;
+        while self.online.step(&self.world.scene, &[DVec3::new(0.0, 0.0, z)]).is_some() {
+            steps += 1;
+            assert!(steps <= 12, "two boxes have twelve directions");
+        }
+        steps
+    }
+
+    /// Returns whether the wall, the post before it and the post behind it are reported in a frame.
+    fn frame(&mut self, z: f64, layers: u32) -> [bool; 3] {
+        let eye = DVec3::new(0.0, 0.0, z);
+        let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.0, 0.05, 100.0).unwrap().with_layers(layers);
+        let mut visible = VisibleSet::new();
+        visible.fill(&self.world.scene, &view);
+        self.online.cull(&self.world.scene, &view, &mut visible);
+        [self.wall, self.front, self.back].map(|id| visible.contains(&self.world.scene, id))
+    }
+}
+
+/// Frames in which all three objects are reported, and in which the post behind the wall is not.
+const ALL: [bool; 3] = [true; 3];
+const HIDDEN: [bool; 3] = [true, true, false];
+
+#[test]
+fn answers_come_from_the_best_box_that_is_made() {
+    let mut street = Street::new();
+    assert_eq!((street.frame(0.0, 1), street.online.answer()), (ALL, None), "nothing is made");
+    let eye = [DVec3::ZERO];
+    for step in 1..=12 {
+        let done = street.online.step(&street.world.scene, &eye).expect("a box is missing");
+        assert_eq!((done.is_wide, done.is_last), (step <= 6, step % 6 == 0), "step {step}");
+        let expected = if step < 6 { ALL } else { HIDDEN };
+        assert_eq!(street.frame(0.0, 1), expected, "after step {step}");
+        assert_eq!(street.online.is_ready(), step == 12, "after step {step}");
+        let width = street.online.answer().map(|cell| cell.max.x - cell.min.x);
+        assert_eq!(width.map(|width| width.round()), [None, Some(4.0), Some(1.0)][step / 6], "step {step}");
+    }
+    assert!(street.online.step(&street.world.scene, &eye).is_none(), "all is made");
+    let odd = [DVec3::NAN, DVec3::new(0.0, f64::INFINITY, 0.0)];
+    assert!(
+        street.online.step(&street.world.scene, &odd).is_none(),
+        "places that are not finite are left out"
+    );
+    assert_eq!(street.frame(9.0, 1), ALL, "an eye elsewhere");
+}
+
+#[test]
+fn a_path_needs_few_boxes() {
+    let (mut street, mut boxes) = (Street::new(), [0; 2]);
+    for i in 0..200 {
+        let places: Vec<DVec3> = (0..10).map(|ahead| DVec3::Y * (0.02 * f64::from(i + 5 * ahead))).collect();
+        while let Some(step) = street.online.step(&street.world.scene, &places) {
+            boxes[usize::from(step.is_wide)] += usize::from(step.is_last);
+        }
+    }
+    let [near, wide] = boxes;
+    assert!((8..=15).contains(&near) && (1..=3).contains(&wide), "4.9 m took {near} viewcells, {wide} wide");
+}
+
+#[test]
+fn a_viewcell_ends_at_the_side_of_its_wide_box() {
+    let mut street = Street::new();
+    street.make(0.0);
+    let mut viewcell = |places: &[DVec3]| {
+        let steps = core::iter::from_fn(|| street.online.step(&street.world.scene, places)).count();
+        let pose = Pose::look_at(places[0], places[0] + DVec3::X, DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.0, 0.05, 100.0).unwrap();
+        street.online.cull(&street.world.scene, &view, &mut VisibleSet::new());
+        (steps, street.online.answer().map(|cell| [cell.min.y, cell.max.y]))
+    };
+    assert_eq!(viewcell(&[DVec3::Y * 1.8]), (6, Some([1.5, 2.0])), "the wide box ends at 2 m");
+    let (steps, ends) = viewcell(&[DVec3::NEG_Y * 1.9, DVec3::NEG_Y * 2.3]);
+    assert_eq!(steps, 12, "too little of the viewcell is in the wide box, so that another is made");
+    assert!(ends.is_some_and(|[low, high]| low < -2.0 && high > -1.9), "a whole viewcell: {ends:?}");
+}
+
+#[test]
+fn what_moves_is_seen_at_once_and_hidden_again_at_rest() {
+    let mut street = Street::new();
+    street.make(0.0);
+    assert_eq!(street.frame(0.0, 1), HIDDEN, "at rest");
+    let moved = Aabb::from_arrays([25.0, 0.0, 0.0], [25.5, 0.5, 1.0]);
+    street.world.scene.set_bounds(street.back, moved).unwrap();
+    assert_eq!((street.frame(0.0, 1), street.online.came()), (ALL, &[street.back][..]), "it moved");
+    assert_eq!(street.make(0.0), 0, "a mover that hides nothing costs no box");
+    let inserted = street.world.add_target(moved);
+    assert_eq!(street.frame(0.0, 1), ALL, "another comes");
+    street.make(9.0);
+    assert_eq!(street.frame(9.0, 1), HIDDEN, "the next wide box knows its place");
+    let came: Vec<_> = street.online.came().to_vec();
+    assert_eq!((came, street.online.went()), (vec![], &[street.back, inserted][..]), "both are out of sight");
+}
+
+#[test]
+fn what_moves_while_a_box_is_made_is_seen() {
+    for steps in 1..=12 {
+        let mut street = Street::new();
+        for _ in 0..steps {
+            street.online.step(&street.world.scene, &[DVec3::ZERO]).expect("a box is missing");
+        }
+        let near = Aabb::from_arrays([3.0, 2.0, 0.0], [3.5, 2.5, 1.0]);
+        street.world.scene.set_bounds(street.back, near).unwrap();
+        street.make(0.0);
+        assert_eq!(street.frame(0.0, 1), ALL, "the post came before the wall after {steps} steps");
+    }
+}
+
+#[test]
+fn a_wall_that_changes_hides_nothing_until_it_rests() {
+    let mut street = Street::new();
+    street.make(0.0);
+    street.world.scene.set_cost(street.wall, 2).unwrap();
+    assert_eq!((street.frame(0.0, 1), street.online.answer()), (ALL, None), "all boxes are forgotten");
+    assert_eq!(street.make(0.0), 12, "both boxes are made anew");
+    assert_eq!(street.frame(0.0, 1), ALL, "a mover is no occluder");
+    street.world.scene.set_cost(street.wall, 3).unwrap();
+    assert_eq!(street.make(0.0), 0, "a mover costs no boxes");
+    for z in [9.0, 18.0] {
+        street.make(z);
+        assert_eq!(street.frame(z, 1), if z == 9.0 { ALL } else { HIDDEN }, "height {z}");
+    }
+    street.world.scene.remove(street.wall).unwrap();
+    assert_eq!(street.frame(18.0, 1), [false, true, true], "a wall that is gone");
+}
+
+#[test]
+fn a_view_that_does_not_draw_an_occluder_keeps_what_is_behind() {
+    let mut street = Street::new();
+    street.world.scene.set_layers(street.wall, 4).unwrap();
+    street.world.scene.set_layers(street.back, 1).unwrap();
+    for z in [0.0, 9.0, 18.0] {
+        street.make(z);
+    }
+    assert_eq!(street.frame(18.0, 5), HIDDEN, "a view that draws the wall");
+    assert_eq!(street.frame(18.0, 1), [false, true, true], "a view that leaves the wall out");
+}
+
+#[test]
+fn a_warm_frame_allocates_nothing() {
+    let mut street = Street::new();
+    street.make(0.0);
+    let view = |y: f64| {
+        let eye = DVec3::new(0.0, y, 0.0);
+        View::perspective(Pose::look_at(eye, eye + DVec3::X, DVec3::Z), 1.0, 1.0, 0.05, 100.0).unwrap()
+    };
+    let mut visible = VisibleSet::new();
+    let mut frame = |y: f64| {
+        visible.fill(&street.world.scene, &view(y));
+        street.online.cull(&street.world.scene, &view(y), &mut visible);
+        assert!(!visible.contains(&street.world.scene, street.back), "y = {y}: the post is behind the wall");
+    };
+    frame(0.0);
+    let before = ALLOCATIONS.get();
+    (0..20).for_each(|number| frame(0.001 * f64::from(number)));
+    assert_eq!(ALLOCATIONS.get() - before, 0, "allocations in 20 warm frames");
+}
