@@ -4,7 +4,6 @@
 use super::flow_input::FlowInput;
 use super::flow_scratch::FlowScratch;
 use crate::directed_portals::DirectedPortal;
-use crate::stabbing::pluecker::Polytope;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
 
@@ -44,8 +43,7 @@ impl FlowScratch {
             input.portals.pluecker_opening(&input.portals.all[portal as usize])
         };
         let line = (a, direction);
-        let answer = self.pluecker.test(opening, frames.len() + 1, line, clearance);
-        if answer == Polytope::Open {
+        if !self.pluecker.excludes(opening, frames.len() + 1, line, clearance) {
             return false;
         }
         let portal = |&i: &u32| frames.get(i as usize).map_or(target, |frame| frame.portal);

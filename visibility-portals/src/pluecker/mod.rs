@@ -34,13 +34,20 @@
 //!
 //! A certificate is a set of edges with multipliers `l_i > 0`: `N + sum l_i h_i = r`, where `r` is so small
 //! that the bounds on `d` and `m` keep the sum below `6 c^2`. All terms are evaluated from the input
-//! vertices, in double-double numbers with every rounding counted (see [`crate::lp`]). The program that
+//! vertices, in double-double numbers with every rounding counted (see `certificate`). The program that
 //! proposes the edges is solved in plain `f64`, in the five dimensions that remain when lines are scaled to
 //! `n . d = 1`.
 
-use super::radius::radius_of;
-use crate::lp::{Certificate, MAX_ROWS, Row, SeidelSolver, Stop, find};
+mod certificate;
+mod radius;
+mod seidel;
+
+pub(crate) use certificate::MAX_ROWS;
+
 use alloc::vec::Vec;
+use certificate::{Row, find};
+use radius::radius_of;
+use seidel::{SeidelSolver, Stop};
 use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::DVec3;
 
@@ -115,31 +122,10 @@ pub(crate) struct Pluecker {
     /// Constraints of the linear program, one for each used edge: half-spaces in the five variables of
     /// `frame`, each as a normal and an offset: `normal . variables + offset >= 0`.
     rows: Vec<([f64; 5], f64)>,
-    /// By row: index of the opening, index of the edge in the opening, and index of the edge among the edges
-    /// of all openings.
-    of: Vec<(u32, u32, u32)>,
-    /// Vectors `[start, u, v]` that define the program's five variables `x`, `y` and `m` (three
-    /// coordinates): a line has the direction `d = start + x u + y v`, and the moment `m` in units of
-    /// `size`.
-    frame: [DVec3; 3],
-    /// Greatest absolute coordinate of an edge's start point, relative to the `origin` given to the last
-    /// test, in world units. The unit of moments in the linear program.
-    size: f64,
+    /// By row: index of the opening, and index of the edge in the opening.
+    of: Vec<(u32, u32)>,
     /// Indices of the openings that the last certificate names, each once. No line passes all of them.
     pub(crate) needed: Vec<u32>,
-}
-
-/// Bound on the absolute value of the linear program's variables. A line beyond the bound is not excluded,
-/// since certificates do not depend on it.
-const VARIABLE_BOUND: f64 = 1e6;
-
-/// Answer to whether the half-spaces of all edges of a sequence have a common point in Pluecker space.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub(crate) enum Polytope {
-    /// The half-spaces certainly have no common point: no line passes all openings.
-    Empty(Certificate),
-    /// The half-spaces have a common point, or the test is undecided.
-    Open,
 }
 
 /// Least cosine between a line and a portal's normal at which the line's crossing of the portal is a start
@@ -148,28 +134,28 @@ const LEAST_COSINE: f64 = 1e-9;
 
 impl Pluecker {
     /// Tests whether it is certain that no line passes all `count` openings at least `clearance` (world
-    /// units) away from their edges. `opening` returns an opening by index. `(origin, direction)` is a point
-    /// and a direction of an approximate line, in world space, from which the linear program starts.
-    /// [`Polytope::Open`] if undecided, and if that line is nearly parallel to all openings.
-    pub(crate) fn test<'a>(
+    /// units) away from their edges, and fills `needed` then. `opening` returns an opening by index.
+    /// `(origin, direction)` is a point and a direction of an approximate line, in world space, from which
+    /// the linear program starts. `false` if undecided, and if that line is nearly parallel to all openings.
+    pub(crate) fn excludes<'a>(
         &mut self,
         opening: impl Fn(usize) -> Opening<'a>,
         count: usize,
         (origin, direction): (DVec3, DVec3),
         clearance: f64,
-    ) -> Polytope {
+    ) -> bool {
         // Lines are scaled by the opening whose normal is most nearly along the direction.
         let Some(square) = (0..count).max_by(|&i, &j| {
             let along = |i: usize| opening(i).normal.dot(direction);
             along(i).total_cmp(&along(j))
         }) else {
-            return Polytope::Open;
+            return false;
         };
         let normal = opening(square).normal;
         let along = normal.dot(direction);
         let is_square = along > LEAST_COSINE;
         if !is_square {
-            return Polytope::Open;
+            return false;
         }
         // Directions with a component of 1 along `normal`: two unknowns; the moment of the line has three
         // more. In these five a line passes an edge on its inner side if a linear inequality holds.
@@ -186,12 +172,9 @@ impl Pluecker {
                 size = if from > size { from } else { size };
             }
         }
-        (self.frame, self.size) = ([start, u, v], size);
-        let mut number = 0;
         for i in 0..count {
             let opening = opening(i);
             for j in 0..opening.edges.len() {
-                number += 1;
                 let edge = opening.edge(j);
                 let (a, e) = (edge.a - origin, edge.b - edge.a);
                 if !edge.bounds {
@@ -200,71 +183,46 @@ impl Pluecker {
                 let h = a.cross(e) + edge.shift.cross(e);
                 let m = e * size;
                 self.rows.push(([h.dot(u), h.dot(v), m.x, m.y, m.z], h.dot(start)));
-                self.of.push((i as u32, j as u32, number - 1));
+                self.of.push((i as u32, j as u32));
             }
         }
-        let rows = &self.rows;
-        match self.seidel.solve(rows.len(), |i| rows[i], [0.0; 5], [VARIABLE_BOUND; 5]) {
-            Ok(_) | Err(Stop::GaveUp) => Polytope::Open,
-            Err(Stop::Conflict) => {
-                self.certificate(&opening, square, origin, clearance).map_or(Polytope::Open, Polytope::Empty)
-            }
-        }
+        self.seidel.solve(&self.rows) == Err(Stop::Conflict)
+            && self.is_certified(&opening, square, origin, clearance)
     }
 
-    /// Returns a line, as a point and a direction in world space, near a point of the polytope that is inside
-    /// all half-spaces by at least `inside`, a fraction of their greatest coefficients. `origin` is that of
-    /// the preceding test, which must have returned [`Polytope::Open`]. `None` if no such point is found. The
-    /// line is not verified.
-    pub(crate) fn line(&mut self, origin: DVec3, inside: f64) -> Option<[DVec3; 2]> {
-        let rows = &self.rows;
-        let inside = |i: usize| {
-            let (a, b) = rows[i];
-            (a, b - inside * a.iter().fold(b.abs(), |size, a| size.max(a.abs())))
-        };
-        let x = self.seidel.solve(rows.len(), inside, [0.0; 5], [VARIABLE_BOUND; 5]).ok()?;
-        let [start, u, v] = self.frame;
-        let d = start + u * x[0] + v * x[1];
-        // The moment of a line is perpendicular to its direction. The point of the line nearest to the origin
-        // is d x m / d^2, which also projects a moment that is not perpendicular.
-        let m = DVec3::new(x[2], x[3], x[4]) * self.size;
-        Some([origin + d.cross(m) / d.length_squared(), d])
-    }
-
-    /// Returns the certificate that no line passes the edges whose half-spaces the last run of the linear
-    /// program found to contradict each other (its conflict), and fills `needed`. `None` if no proof is
-    /// found. `at` is the index of the opening that scales lines: with its unit normal `n`, a line's
+    /// Tests whether a certificate is found that no line passes the edges whose half-spaces the last run of
+    /// the linear program found to contradict each other (its conflict), and fills `needed` then. `at` is the
+    /// index of the opening that scales lines: with its unit normal `n`, a line's
     /// direction `d` has `n . d = 1`. `origin` is the world-space origin of moments, `clearance` in world
     /// units.
-    fn certificate<'a>(
+    fn is_certified<'a>(
         &mut self,
         opening: &impl Fn(usize) -> Opening<'a>,
         at: usize,
         origin: DVec3,
         clearance: f64,
-    ) -> Option<Certificate> {
+    ) -> bool {
         let square = opening(at);
         let (radius, unit) = radius_of(square.edges.iter().map(|edge| (edge.a - origin).length()));
         let mut rows = [Row { normal: [DoubleDouble::ZERO; 6], error: 0.0, least: 0.0 }; MAX_ROWS];
         rows[0] = area_row(&square, origin, clearance);
         let mut count = 1;
-        for row in self.seidel.conflicting_rows() {
-            let (i, j, _) = self.of[row];
+        for row in self.seidel.conflict() {
+            let (i, j) = self.of[row];
             rows[count] = edge_row(&opening(i as usize).edge(j as usize), origin, unit);
             count += 1;
         }
         let bounds = [1.0, 1.0, 1.0, radius / unit, radius / unit, radius / unit];
-        let multipliers = find(&rows[..count], &bounds)?;
+        let Some(multipliers) = find(&rows[..count], &bounds) else { return false };
         self.needed.clear();
         self.needed.push(at as u32);
-        for (row, l) in self.seidel.conflicting_rows().zip(&multipliers[1..]) {
+        for (row, l) in self.seidel.conflict().zip(&multipliers[1..]) {
             let of = self.of[row].0;
             if l.hi > 0.0 && !self.needed.contains(&of) {
                 self.needed.push(of);
             }
         }
-        let edges = self.seidel.conflicting_rows().map(|row| self.of[row].2);
-        Some(Certificate::new(edges.zip(multipliers[1..].iter().copied())))
+        true
     }
 }
 
@@ -326,5 +284,7 @@ fn area_row(opening: &Opening, origin: DVec3, clearance: f64) -> Row<6> {
     Row { normal: [sum[0], sum[1], sum[2], zero, zero, zero], error, least: 6.0 * clearance * clearance }
 }
 
+#[cfg(test)]
+mod chains;
 #[cfg(test)]
 mod tests;

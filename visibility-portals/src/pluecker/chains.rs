@@ -1,12 +1,14 @@
-//! Certificates of `Stabber::polygons`: they exclude some sequences of polygons that separating planes do
-//! not, and never a sequence that has a line.
+//! The test in Pluecker space excludes some sequences of polygons that separating planes do not, and never a
+//! sequence that has a line.
 
+use super::{Opening, Pluecker, edges_of};
+use crate::{BakerSettings, CellBaker};
+use std::prelude::v1::*;
+use std::println;
 use visibility_core::bake::Bake;
 use visibility_core::cells::{CellGraph, CellId};
 use visibility_core::geometry::ConvexPolygon;
 use visibility_core::glam::DVec3;
-use visibility_portals::stabbing::{Stab, Stabber};
-use visibility_portals::{BakerSettings, CellBaker};
 use visibility_testing::Random;
 
 /// Returns a random integer from `-most` to `most`, both included.
@@ -53,7 +55,7 @@ fn around(count: usize, slits: bool, distance: f64, off: f64, random: &mut Rando
 
 /// Returns whether separating planes leave a line through all polygons: those of a bake in which polygon i
 /// is the portal from cell i to cell i + 1.
-pub(crate) fn passes_planes(polygons: &[Vec<DVec3>], clearance: f64) -> bool {
+fn passes_planes(polygons: &[Vec<DVec3>], clearance: f64) -> bool {
     let last = polygons.len() as u32;
     let portals = polygons.iter().map(|p| ConvexPolygon::new(p.iter().copied()).unwrap());
     let graph = CellGraph::new(
@@ -63,6 +65,29 @@ pub(crate) fn passes_planes(polygons: &[Vec<DVec3>], clearance: f64) -> bool {
     let (graph, settings) = (graph.unwrap(), BakerSettings::default().with_clearance(clearance));
     let outcome = Bake::new(CellBaker::new(&graph, settings).unwrap()).run();
     outcome.matrix.sees(CellId(0), CellId(last))
+}
+
+/// Returns the mean of a polygon's corners.
+fn middle(polygon: &[DVec3]) -> DVec3 {
+    polygon.iter().fold(DVec3::ZERO, |sum, &v| sum + v) / polygon.len() as f64
+}
+
+/// Tests whether the test in Pluecker space excludes all lines through `polygons` that keep `clearance` from
+/// their edges.
+fn excludes(polygons: &[Vec<DVec3>], clearance: f64) -> bool {
+    let openings: Vec<_> = polygons
+        .iter()
+        .map(|polygon| {
+            let plane = ConvexPolygon::new(polygon.iter().copied()).unwrap().plane().unwrap();
+            let mut edges = Vec::new();
+            edges_of(polygon.iter().copied(), plane.normal, 0.4 * clearance, &mut edges);
+            (edges, plane.normal)
+        })
+        .collect();
+    let opening = |i: usize| Opening { edges: &openings[i].0, against: false, normal: openings[i].1 };
+    let from = middle(&polygons[0]);
+    let direction = (middle(&polygons[polygons.len() - 1]) - from).normalize();
+    Pluecker::default().excludes(opening, openings.len(), (from, direction), clearance)
 }
 
 /// Returns the least distance of the line through `from` and `to` from all edges of `polygons`; negative if
@@ -84,7 +109,7 @@ fn clearance_of(polygons: &[Vec<DVec3>], from: DVec3, to: DVec3) -> f64 {
 /// finds; a lower bound of the true maximum. Uses neither Pluecker coordinates nor separating planes.
 fn best_line(polygons: &[Vec<DVec3>], random: &mut Random) -> f64 {
     let ends = [&polygons[0], &polygons[polygons.len() - 1]].map(|p| {
-        let middle = p.iter().fold(DVec3::ZERO, |sum, &v| sum + v) / p.len() as f64;
+        let middle = middle(p);
         let radius = p.iter().fold(0.0, |r: f64, v| r.max(v.distance(middle)));
         let n = (p[1] - p[0]).cross(p[2] - p[0]).normalize();
         let u = n.any_orthonormal_vector();
@@ -120,58 +145,42 @@ fn best_line(polygons: &[Vec<DVec3>], random: &mut Random) -> f64 {
 #[test]
 fn no_line_that_is_just_clear_is_excluded() {
     let mut random = Random(1);
-    let mut undecided = 0;
-    for i in 0..100_000 {
+    for i in 0..60_000 {
         let clearance = 2e-6 * 500f64.powf(random.fine_range(0.0, 1.0));
         let polygons = around(2 + i % 5, i % 2 == 0, clearance * 1.0001, 0.0, &mut random);
-        let answer = Stabber::new(clearance).polygons(&polygons);
-        assert!(!answer.is_no(), "{clearance} {polygons:?}");
-        undecided += u32::from(answer == Stab::Undecided);
+        assert!(!excludes(&polygons, clearance), "case {i}, clearance {clearance}: {polygons:?}");
         if i % 50 == 0 {
-            assert!(passes_planes(&polygons, clearance), "{clearance} {polygons:?}");
+            assert!(passes_planes(&polygons, clearance), "case {i}, clearance {clearance}: {polygons:?}");
         }
     }
-    println!("{undecided} undecided");
-    assert!(undecided > 50_000, "{undecided}");
 }
 
 #[test]
 fn what_is_nearly_passed_is_rejected_and_no_search_finds_a_line() {
     let mut random = Random(2);
-    let (mut rejected, mut more, mut lines, mut found, mut open) = (0, 0, 0, 0, 0);
-    for i in 0..12_000 {
+    let (mut rejected, mut more, mut lines) = (0, 0, 0);
+    for i in 0..2_500 {
         let clearance = 2e-6 * 500f64.powf(random.fine_range(0.0, 1.0));
         let off = clearance * 1e5f64.powf(random.fine_range(0.0, 1.0));
         let polygons = around(3 + i % 6, i % 4 > 0, clearance * 1.5, off, &mut random);
-        match Stabber::new(clearance).polygons(&polygons) {
-            Stab::No(_) => {
-                rejected += 1;
-                let is_more = passes_planes(&polygons, clearance);
-                more += u32::from(is_more);
-                if is_more || i % 50 == 0 {
-                    let best = best_line(&polygons, &mut random);
-                    assert!(best < clearance, "{best} {clearance} {polygons:?}");
-                }
+        let middle_line = [&polygons[0], &polygons[polygons.len() - 1]].map(|polygon| middle(polygon));
+        if excludes(&polygons, clearance) {
+            rejected += 1;
+            let is_more = passes_planes(&polygons, clearance);
+            more += u32::from(is_more);
+            if is_more || i % 50 == 0 {
+                let best = best_line(&polygons, &mut random);
+                assert!(best < clearance, "case {i}: a line keeps {best} of {clearance}: {polygons:?}");
             }
-            Stab::Line([point, direction]) => {
-                assert!(
-                    clearance_of(&polygons, point, point + direction) > clearance * 0.999,
-                    "{polygons:?}: the line keeps its clearance of {clearance}"
-                );
-                // Checks the hill climbing itself: it must find a line where one is known to exist.
-                if i % 50 == 0 {
-                    lines += 1;
-                    found += u32::from(best_line(&polygons, &mut random) >= clearance);
-                }
-            }
-            Stab::Undecided => open += 1,
+        } else if i % 8 == 0 && clearance_of(&polygons, middle_line[0], middle_line[1]) > clearance {
+            // Checks the hill climbing itself: it must find a line where one is known to exist.
+            lines += 1;
+            let best = best_line(&polygons, &mut random);
+            assert!(best >= clearance, "case {i}: the climb ends at {best} of {clearance}: {polygons:?}");
         }
     }
-    println!("{rejected} rejected, {more} past planes, {lines} lines, {found} found, {open} open");
-    assert!(
-        rejected > 4000 && more > 1000 && lines > 10 && found == lines,
-        "{rejected} {more} {lines} {found}"
-    );
+    println!("{rejected} rejected, {more} past planes, {lines} lines");
+    assert!(rejected > 800 && more > 200 && lines > 10, "{rejected} {more} {lines}");
 }
 
 /// No line is excluded far from the origin, for triangles of integers around the third axis that are rotated
@@ -179,7 +188,7 @@ fn what_is_nearly_passed_is_rejected_and_no_search_finds_a_line() {
 /// do not exist.
 #[test]
 fn far_from_the_origin_nothing_with_a_line_is_excluded() {
-    let (mut random, mut lines) = (Random(3), 0);
+    let mut random = Random(3);
     let turns = [[1, 2, 2], [2, 1, -2], [2, -2, 1]];
     for i in 0..40_000 {
         let far = 1i64 << (20 + i % 26);
@@ -218,10 +227,6 @@ fn far_from_the_origin_nothing_with_a_line_is_excluded() {
                 polygon
             })
             .collect();
-        let answer = Stabber::new(0.99 * least).polygons(&polygons);
-        assert!(!answer.is_no(), "{least} {polygons:?}");
-        lines += u32::from(matches!(answer, Stab::Line(_)));
+        assert!(!excludes(&polygons, 0.99 * least), "case {i}, clearance {least}: {polygons:?}");
     }
-    println!("{lines} lines");
-    assert!(lines > 5000, "{lines}");
 }

@@ -15,17 +15,17 @@
 
 use visibility_core::geometry::DoubleDouble;
 
-/// Maximum number of constraints of a certificate: seven for six variables by Helly's theorem, and one more
-/// for a constraint that the caller adds.
-pub(crate) const MAX_ROWS: usize = 8;
+/// Maximum number of constraints of a certificate: six for the five variables of the linear program by
+/// Helly's theorem, and one more for the area that a line crosses.
+pub(crate) const MAX_ROWS: usize = 7;
 
 /// The constraint `normal . x >= least` on the unknowns `x` of a linear program with `K` variables. Each
 /// coordinate of the stored normal is within `error` of its exact value; `least` is exact.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Row<const K: usize> {
-    pub(crate) normal: [DoubleDouble; K],
-    pub(crate) error: f64,
-    pub(crate) least: f64,
+pub(super) struct Row<const K: usize> {
+    pub(super) normal: [DoubleDouble; K],
+    pub(super) error: f64,
+    pub(super) least: f64,
 }
 
 /// Bound on the total loss by underflow in [`proof_sides`]. Each of its few hundred operations loses at most
@@ -82,11 +82,7 @@ fn proof_sides<const K: usize>(
 /// Tests whether the multipliers (one per row) prove that no `x` with `|x_k| <= bounds[k]` satisfies all
 /// rows. `false` for more than [`MAX_ROWS`] rows, for a negative multiplier, and for NaN or
 /// infinity.
-pub(crate) fn proves<const K: usize>(
-    rows: &[Row<K>],
-    bounds: &[f64; K],
-    multipliers: &[DoubleDouble],
-) -> bool {
+fn proves<const K: usize>(rows: &[Row<K>], bounds: &[f64; K], multipliers: &[DoubleDouble]) -> bool {
     // Written so that a NaN is rejected.
     if !multipliers.iter().all(|l| l.hi >= l.lo.abs()) || rows.len() > MAX_ROWS {
         return false;
@@ -98,7 +94,7 @@ pub(crate) fn proves<const K: usize>(
 /// Searches multipliers, one for each row, that prove that no `x` with `|x_k| <= bounds[k]` satisfies all
 /// `rows`. The multiplier of a row that the proof does not need is 0. `None` if none are found, which proves
 /// nothing, and for more than [`MAX_ROWS`] rows.
-pub(crate) fn find<const K: usize>(rows: &[Row<K>], bounds: &[f64; K]) -> Option<[DoubleDouble; MAX_ROWS]> {
+pub(super) fn find<const K: usize>(rows: &[Row<K>], bounds: &[f64; K]) -> Option<[DoubleDouble; MAX_ROWS]> {
     if rows.len() > MAX_ROWS {
         return None;
     }
