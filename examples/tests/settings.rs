@@ -32,7 +32,7 @@ use visibility_plp::{
 };
 use visibility_portals::from_geometry::{PolygonSettings, WallSettings, from_polygons, from_walls};
 use visibility_portals::{BakerSettings, CellBaker, ChainTest, PortalCuller, PortalEye, SceneCells};
-use visibility_region::{ShrunkCuller, VirtualSweepCuller};
+use visibility_region::ShrunkCuller;
 
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
@@ -187,9 +187,6 @@ fn plans() {
         culler.cull(&world.scene, &cell, &mut VisibleSet::new());
         assert!(culler.occluders().len() <= count, "{count}: virtual occluders");
         check_memory("virtual occluders");
-        let mut culler = VirtualSweepCuller::new().with_max(count);
-        culler.cull(&world.scene, &cell, &mut VisibleSet::new());
-        assert!(culler.last().unwrap().occluders().len() <= count, "{count}: virtual occluders of a sweep");
         // Along one side only: in a cube of viewpoints the greatest number takes minutes.
         let line = Viewcell::from_box(cell.min, cell.min + DVec3::X);
         let mut culler = ShrunkCuller::new(HzbCuller::new(Hzb::new(64, 64).unwrap()), count);

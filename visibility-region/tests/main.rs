@@ -6,14 +6,12 @@ mod candidates;
 mod common;
 mod ground;
 mod huge_bounds;
-mod no_allocation;
 mod oriented;
 mod sampling;
 mod slots;
 mod soundness;
 mod swapped_sources;
 mod traps;
-mod virtual_occluders;
 
 #[global_allocator]
 static ALLOCATOR: visibility_testing::allocations::CountingAllocator =
