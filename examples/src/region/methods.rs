@@ -156,7 +156,7 @@ impl Method for ExactCuller {
     }
 
     fn clearance(&self) -> f64 {
-        self.settings().clearance
+        self.settings().clearance()
     }
 
     fn set_stop(&mut self, stop: Box<dyn Fn() -> bool + Send + Sync>) {

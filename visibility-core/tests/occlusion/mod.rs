@@ -119,12 +119,12 @@ fn occluders_are_made_of_what_is_worth_it() {
     let all = [good, sliver, broken, small];
     assert_eq!(count(&all, Preparation::default()), 2, "the sliver and the NaN are left out");
     assert_eq!(
-        count(&all, Preparation { sliver: 0.0, ..Preparation::default() }),
+        count(&all, Preparation::default().with_sliver(0.0)),
         3,
         "slivers are kept, the NaN is left out"
     );
     assert_eq!(
-        count(&all, Preparation { min_area: 0.5, ..Preparation::default() }),
+        count(&all, Preparation::default().with_min_area(0.5)),
         1,
         "triangles of at least half a square metre"
     );

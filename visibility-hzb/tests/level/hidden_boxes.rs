@@ -123,7 +123,7 @@ fn a_door_beside_a_level_is_drawn_and_the_level_is_not_drawn_again() {
         let middle = Vec3::new(20.0 + i as f32, (i % 8) as f32 * 0.2 - 0.8, 0.0);
         Aabb::new(middle - 0.1, middle + 0.1)
     }));
-    scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
+    scene.prepare_occluders(&Preparation::default().with_two_sided(true));
     let level = LevelOccluders::of_scene(&scene, |id| id != door, LevelSettings::default()).unwrap();
     assert_eq!(level.objects().len(), 2, "objects of the level: two walls without the door");
     let hzb = Hzb::default().with_level(Arc::new(level), DVec3::ZERO);
