@@ -141,7 +141,7 @@ impl<C: Culler> RegionCuller for ShrunkCuller<C> {
         let meets =
             |bounds: &Aabb| bounds.min.as_dvec3().cmple(high).all() && low.cmple(bounds.max.as_dvec3()).all();
         let kept = visible.retain(scene, |id, bounds| seen[id.index()] || meets(bounds));
-        CullStats { visible: kept.visible, ..stats }
+        stats.with_visible(kept.visible)
     }
 }
 
