@@ -28,7 +28,7 @@ fn proofs_in_stored_scenes_pass_their_check() {
     for name in ["oa_dm2", "denhaag", "alpine1"] {
         let world = world(scene(name));
         let triangles = Arc::new(SceneTriangles::new(&world.scene));
-        let settings = ExactSettings { rays: 20_000, aimed_rays: 20, ..ExactSettings::new(Exact(CLEARANCE)) };
+        let settings = ExactSettings::new(Exact(CLEARANCE)).with_rays(20_000).with_aimed_rays(20);
         let mut culler = ExactCuller::new(triangles.clone(), settings);
         let mut judge = Judge::new(&world, Effort { eyes: 5, side: 96, rays: 0 }).unwrap();
         let mut rays = SamplingCuller::new().with_rays(20_000).with_seed(7);

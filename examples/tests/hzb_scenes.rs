@@ -27,7 +27,7 @@ fn chosen(name: &str, world: &World, size: [usize; 2], price: u32) -> Trial {
 /// Culls a scene in `frames` frames with z-buffers of several sizes, and fails if a visible object is hidden.
 fn check(source: SceneSource, frames: usize) {
     let mut world = World::new(source, JUDGE, Some(frames)).unwrap();
-    let preparation = Preparation { two_sided: true, ..Preparation::default() };
+    let preparation = Preparation::default().with_two_sided(true);
     world.scene.prepare_occluders(&preparation);
     let trials = [
         run("frustum".to_owned(), Pipeline::new().with(FrustumCuller::new()), &world),

@@ -23,7 +23,6 @@ mod moved_origin;
 mod occluder_scenes;
 mod occlusion_scenes;
 mod pinned_answers;
-mod plan_cells_scenes;
 mod plan_scenes;
 mod plp_scenes;
 mod program_arguments;

@@ -32,7 +32,7 @@ use visibility_plp::{
 };
 use visibility_portals::from_geometry::{PolygonSettings, WallSettings, from_polygons, from_walls};
 use visibility_portals::{BakerSettings, CellBaker, ChainTest, PortalCuller, PortalEye, SceneCells};
-use visibility_region::{ShrunkCuller, VirtualSweepCuller};
+use visibility_region::ShrunkCuller;
 
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
@@ -187,9 +187,6 @@ fn plans() {
         culler.cull(&world.scene, &cell, &mut VisibleSet::new());
         assert!(culler.occluders().len() <= count, "{count}: virtual occluders");
         check_memory("virtual occluders");
-        let mut culler = VirtualSweepCuller::new().with_max(count);
-        culler.cull(&world.scene, &cell, &mut VisibleSet::new());
-        assert!(culler.last().unwrap().occluders().len() <= count, "{count}: virtual occluders of a sweep");
         // Along one side only: in a cube of viewpoints the greatest number takes minutes.
         let line = Viewcell::from_box(cell.min, cell.min + DVec3::X);
         let mut culler = ShrunkCuller::new(HzbCuller::new(Hzb::new(64, 64).unwrap()), count);
@@ -244,7 +241,10 @@ fn core_and_image_space() {
             }
         }
         for two_sided in [false, true] {
-            let preparation = Preparation { sliver: share as f32, min_area: share as f32, two_sided };
+            let preparation = Preparation::default()
+                .with_sliver(share as f32)
+                .with_min_area(share as f32)
+                .with_two_sided(two_sided);
             world.scene.prepare_occluders(&preparation);
             show(&what, &world, HzbCuller::new(Hzb::new(64, 64).unwrap()));
         }
@@ -336,11 +336,19 @@ fn cells_and_portals() {
             for (min_share, min_area, margin) in
                 [(tolerance, None, 1.0), (0.3, Some(tolerance), 1.0), (0.3, None, tolerance)]
             {
-                let settings = WallSettings { tolerance: 1e-4, min_share, min_area, margin, max_cells };
+                let settings = WallSettings::default()
+                    .with_tolerance(1e-4)
+                    .with_min_share(min_share)
+                    .with_min_area(min_area)
+                    .with_margin(margin)
+                    .with_max_cells(max_cells);
                 drop(from_walls(&walls, &settings));
-                drop(from_walls(&walls, &WallSettings { tolerance, ..settings }));
-                let settings =
-                    PolygonSettings { min_share, min_area, margin, max_cells, ..PolygonSettings::default() };
+                drop(from_walls(&walls, &settings.with_tolerance(tolerance)));
+                let settings = PolygonSettings::default()
+                    .with_min_share(min_share)
+                    .with_min_area(min_area)
+                    .with_margin(margin)
+                    .with_max_cells(max_cells);
                 let polygons: Vec<_> = walls
                     .iter()
                     .map(|&[min, max]| {
@@ -350,7 +358,7 @@ fn cells_and_portals() {
                     })
                     .collect();
                 drop(from_polygons(&polygons, &settings));
-                drop(from_polygons(&polygons, &PolygonSettings { tolerance: Some(tolerance), ..settings }));
+                drop(from_polygons(&polygons, &settings.with_tolerance(tolerance)));
             }
         }
         check_memory(&what);

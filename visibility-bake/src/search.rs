@@ -44,7 +44,7 @@ impl<'a> Search<'a> {
     ) -> Self {
         let exact = ExactSettings::new(Effort::Exact(settings.clearance));
         let (rays, aimed_rays) = (settings.rays.saturating_mul(64), settings.rays);
-        let query = CellQuery::new(triangles, cell, ExactSettings { rays, aimed_rays, ..exact });
+        let query = CellQuery::new(triangles, cell, exact.with_rays(rays).with_aimed_rays(aimed_rays));
         let mut costs = Vec::new();
         for (id, answer) in scene.ids().zip(&mut answers) {
             let Ok(object) = scene.object(id) else { continue };

@@ -2,7 +2,8 @@
 
 use crate::cell_sandwich::CellSandwich;
 use crate::deflated::{deflated, inflated};
-use crate::sandwich_baker::{SandwichBaker, SandwichOutcome};
+use crate::sandwich_baker::SandwichBaker;
+use crate::sandwich_outcome::SandwichOutcome;
 use std::fmt;
 use visibility_core::bake::Bake;
 use visibility_core::binary_format::{Format, FormatError, Reader, Writer};

@@ -192,7 +192,7 @@ fn a_level_of_many_tiles_has_the_bytes_of_a_whole_bake() {
         let mut scene = Scene::new();
         insert(&mut scene, &bricks);
         // The walls hide by themselves, whatever the winding of their triangles.
-        scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
+        scene.prepare_occluders(&Preparation::default().with_two_sided(true));
         let [whole, partly] = [&none, &cache].map(|cache| baked(&scene, &cells, settings, cache));
         let of = |outcome: &SandwichOutcome| Shard::new(0, outcome.clone()).to_bytes();
         assert!(of(&whole) == of(&partly), "round {round}: other bytes");

@@ -33,7 +33,7 @@ fn town() -> (Scene, Viewcells) {
         scene.set_triangles(id, OccluderMesh::CUBOID.map(|t| t.map(|i| corners[i as usize]))).unwrap();
         ids.push(id);
     }
-    scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
+    scene.prepare_occluders(&Preparation::default().with_two_sided(true));
     // Some have meshes of their own, in other coordinates; one is never culled.
     for &id in ids.iter().skip(3).step_by(40) {
         let bounds = scene.bounds(id).unwrap();

@@ -222,10 +222,7 @@ fn two_polygons_hide_nothing_where_the_near_plane_cuts_the_edge_that_they_share(
                 .insert(visibility_core::Object { occluder: true, ..visibility_core::Object::new(bounds) });
             scene.set_triangles(id, slope).unwrap();
         }
-        scene.prepare_occluders(&visibility_core::occlusion::Preparation {
-            two_sided: true,
-            ..Default::default()
-        });
+        scene.prepare_occluders(&visibility_core::occlusion::Preparation::default().with_two_sided(true));
         let small = |y: f32| Aabb::new(Vec3::new(-0.1, y - 0.05, -0.6), Vec3::new(0.1, y + 0.05, -0.5));
         let [behind_what_is_cut, behind] = [3.6, 1.0].map(|y| scene.insert(small(y)));
         // At the far end of the ridge the depth is 1.15, at the eaves there 0.2.

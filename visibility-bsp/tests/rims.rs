@@ -155,7 +155,7 @@ fn scene_of(triangles: &[Triangle], boxes: &[Aabb]) -> (Scene, Vec<visibility_co
         scene.set_triangles(id, vec![*triangle]).unwrap();
     }
     let ids = boxes.iter().map(|&bounds| scene.insert(bounds)).collect();
-    scene.prepare_occluders(&Preparation { sliver: 0.0, two_sided: true, ..Preparation::default() });
+    scene.prepare_occluders(&Preparation::default().with_sliver(0.0).with_two_sided(true));
     (scene, ids)
 }
 

@@ -94,12 +94,6 @@ impl Bits {
         self.0.iter().zip(words).map(|(own, other)| (own & !other).count_ones()).sum()
     }
 
-    /// Returns whether `other` has all indices of this set.
-    pub fn is_subset(&self, other: &Self) -> bool {
-        let words = other.0.iter().copied().chain(core::iter::repeat(0));
-        self.0.iter().zip(words).all(|(own, other)| own & !other == 0)
-    }
-
     /// Returns the least index in the set that is not below `first`. `None` if there is none.
     pub fn next(&self, first: usize) -> Option<usize> {
         let head = self.0.get(first / 64)? & u64::MAX << (first % 64);
@@ -158,7 +152,6 @@ mod tests {
             assert_eq!(bits.next(index), set.range(index..).next().copied(), "next from {index}");
             let without = set.difference(&other_set).count() as u32;
             assert_eq!(bits.count_without(&other), without, "indices that the other set lacks");
-            assert_eq!(bits.is_subset(&other), without == 0, "subset");
         }
         assert!(bits.iter().eq(set.iter().copied()), "{:?} listed of {set:?}", bits);
         other.unite(&bits);

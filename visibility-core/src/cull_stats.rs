@@ -7,11 +7,12 @@ use core::ops::AddAssign;
 ///
 /// ```
 /// use visibility_core::CullStats;
-/// let mut sum = CullStats { nodes: 2, ..CullStats::default() };
-/// sum += CullStats { nodes: 1, visible: 5, ..CullStats::default() };
+/// let mut sum = CullStats::default().with_nodes(2);
+/// sum += CullStats::default().with_nodes(1).with_visible(5);
 /// assert_eq!((sum.nodes, sum.visible), (3, 5));
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[non_exhaustive]
 pub struct CullStats {
     /// Number of hierarchy nodes whose children were tested.
     pub nodes: u64,
@@ -24,6 +25,26 @@ pub struct CullStats {
     /// Number of objects left in the set. `+=` takes this number from the right-hand side instead of adding,
     /// since the later stage removed objects from the same set.
     pub visible: u64,
+}
+
+impl CullStats {
+    /// Returns the counters with another number of nodes whose children were tested.
+    #[must_use]
+    pub fn with_nodes(self, nodes: u64) -> Self {
+        Self { nodes, ..self }
+    }
+
+    /// Returns the counters with another number of tests.
+    #[must_use]
+    pub fn with_tests(self, tests: u64) -> Self {
+        Self { tests, ..self }
+    }
+
+    /// Returns the counters with another number of objects left in the set.
+    #[must_use]
+    pub fn with_visible(self, visible: u64) -> Self {
+        Self { visible, ..self }
+    }
 }
 
 impl AddAssign for CullStats {

@@ -142,7 +142,7 @@ fn objects_with_the_same_triangles_share_one_prepared_mesh() {
     for i in 0..10 {
         place(&mut scene, &mesh, at(i), i % 2 == 0);
     }
-    scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
+    scene.prepare_occluders(&Preparation::default().with_two_sided(true));
     assert_eq!(scene.mesh_count(), 2, "a one-sided mesh and a two-sided one");
     for id in scene.ids() {
         let is_two_sided = scene.occluder(id).expect("a mesh").0.is_two_sided();

@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             add([plate(x, -30.0, slit - width / 2.0), plate(x, slit + width / 2.0, 30.0)].concat())?;
         }
         let triangles = Arc::new(SceneTriangles::new(&scene));
-        let settings = ExactSettings { keep_proofs: true, ..ExactSettings::new(Effort::Exact(1e-4)) };
+        let settings = ExactSettings::new(Effort::Exact(1e-4)).with_kept_proofs();
         let found = ExactCuller::new(triangles.clone(), settings).verdicts(&cell);
         let verdict = found.iter(&triangles).find(|(id, _)| *id == picture).map(|(_, verdict)| verdict);
         match verdict {

@@ -138,7 +138,7 @@ impl CellVerdicts {
 impl RegionCuller for ExactCuller {
     fn accuracy(&self) -> Accuracy {
         let ExactSettings { proves, share, clearance, .. } = self.settings;
-        match (proves, share > 0.0, clearance > 0.0 && clearance.is_finite()) {
+        match (proves, share > 0.0, clearance > 0.0) {
             (_, true, _) => Accuracy::Approximate,
             (false, false, _) => Accuracy::Aggressive,
             (true, false, false) => Accuracy::Conservative,

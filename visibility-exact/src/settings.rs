@@ -5,7 +5,7 @@
 /// ```
 /// use visibility_exact::{Effort, ExactSettings};
 /// let settings = ExactSettings::new(Effort::Exact(1e-4));
-/// assert_eq!(settings.clearance, 1e-4);
+/// assert_eq!(settings.clearance(), 1e-4);
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Effort {
@@ -31,20 +31,16 @@ pub enum Effort {
 
 /// Settings of an [`ExactCuller`](crate::ExactCuller), made from an [`Effort`].
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[must_use]
 pub struct ExactSettings {
-    /// Number of rays in all directions.
-    pub rays: u32,
-    /// Greatest number of rays aimed at each object that no ray has found.
-    pub aimed_rays: u32,
+    pub(crate) rays: u32,
+    pub(crate) aimed_rays: u32,
     /// Whether objects that no ray found need proof to be removed.
-    pub proves: bool,
+    pub(crate) proves: bool,
     /// Share for [`Effort::Share`], 0 for other efforts.
-    pub share: f64,
-    /// Clearance in metres, see [`Effort::Exact`]. Counts as 0 if it is negative, NaN, infinite, or within
-    /// the error of positions: less than about 1e-12 of the greatest coordinate.
-    pub clearance: f64,
-    /// Whether proofs are kept in the [`CellVerdicts`](crate::CellVerdicts). False by default.
-    pub keep_proofs: bool,
+    pub(crate) share: f64,
+    pub(crate) clearance: f64,
+    pub(crate) keep_proofs: bool,
 }
 
 impl ExactSettings {
@@ -55,7 +51,33 @@ impl ExactSettings {
             Effort::Share(share) => (100_000, 200, true, 1e-4, share.max(0.0)),
             Effort::Exact(c) => (100_000, 200, true, c, 0.0),
         };
-        let clearance = if clearance.is_finite() && clearance > 0.0 { clearance } else { 0.0 };
-        Self { rays, aimed_rays, proves, share, clearance, keep_proofs: false }
+        let settings = Self { rays, aimed_rays, proves, share, clearance: 0.0, keep_proofs: false };
+        settings.with_clearance(clearance)
+    }
+
+    /// Sets the number of rays in all directions.
+    pub fn with_rays(self, rays: u32) -> Self {
+        Self { rays, ..self }
+    }
+
+    /// Sets the greatest number of rays aimed at each object that no ray has found.
+    pub fn with_aimed_rays(self, aimed_rays: u32) -> Self {
+        Self { aimed_rays, ..self }
+    }
+
+    /// Sets the clearance in metres, see [`Effort::Exact`]. Counts as 0 if it is negative, NaN, infinite, or
+    /// within the error of positions: less than about 1e-12 of the greatest coordinate.
+    pub fn with_clearance(self, clearance: f64) -> Self {
+        Self { clearance: if clearance.is_finite() { clearance.max(0.0) } else { 0.0 }, ..self }
+    }
+
+    /// Returns the clearance in metres.
+    pub fn clearance(&self) -> f64 {
+        self.clearance
+    }
+
+    /// Keeps the proofs in the [`CellVerdicts`](crate::CellVerdicts).
+    pub fn with_kept_proofs(self) -> Self {
+        Self { keep_proofs: true, ..self }
     }
 }

@@ -50,7 +50,7 @@ pub struct ProvenHidden {
 #[non_exhaustive]
 pub struct CellVerdicts {
     pub(crate) verdicts: Vec<Verdict>,
-    /// Proofs of the hidden objects. Empty unless they are [kept](crate::ExactSettings::keep_proofs).
+    /// Proofs of the hidden objects. Empty unless they are [kept](crate::ExactSettings::with_kept_proofs).
     pub proofs: Vec<ProvenHidden>,
     /// Number of proofs that passed their check, kept or not. Proofs of parts of objects that are not hidden
     /// as a whole count too.

@@ -26,8 +26,7 @@ fn cell() -> Viewcell {
 fn decide(objects: &[Vec<Triangle>], p: DVec3, q: DVec3) -> bool {
     assert!(clearance(objects, 0, p, q) > 1e-3, "the target is seen from {p} at {q}");
     let triangles = prepared(objects);
-    let settings =
-        ExactSettings { rays: 0, aimed_rays: 0, keep_proofs: true, ..ExactSettings::new(Effort::Exact(0.0)) };
+    let settings = ExactSettings::new(Effort::Exact(0.0)).with_rays(0).with_aimed_rays(0).with_kept_proofs();
     let found = ExactCuller::new(triangles.clone(), settings).verdicts(&cell());
     check(objects, &triangles, &found);
     let (_, verdict) = found.iter(&triangles).next().unwrap();
@@ -77,8 +76,7 @@ fn planks_through_the_plane_of_a_target_hide_it() {
         };
         let objects = [vec![t], plank(5.0, [-40.0, 0.2]), plank(6.0, [-0.2, 40.0])];
         let triangles = prepared(&objects);
-        let settings =
-            ExactSettings { keep_proofs: true, ..few_rays(ExactSettings::new(Effort::Exact(1e-4))) };
+        let settings = few_rays(ExactSettings::new(Effort::Exact(1e-4))).with_kept_proofs();
         let found = ExactCuller::new(triangles.clone(), settings).verdicts(&cell());
         check(&objects, &triangles, &found);
         let (_, verdict) = found.iter(&triangles).next().unwrap();

@@ -19,7 +19,7 @@ fn many_objects_behind_one_fence_cost_little_more_than_few() {
             cuboid(min, min + 1.0)
         });
         let triangles = prepared(&slats.chain(boxes).collect::<Vec<_>>());
-        let settings = ExactSettings { keep_proofs: true, ..ExactSettings::new(Effort::Exact(1e-4)) };
+        let settings = ExactSettings::new(Effort::Exact(1e-4)).with_kept_proofs();
         let mut culler = ExactCuller::new(triangles, settings);
         let found = culler.verdicts(&Viewcell::from_box(DVec3::splat(-1.5), DVec3::splat(1.5)));
         let [_, hidden, open] = found.counts();

@@ -14,7 +14,7 @@ fn few_rays_find_most_of_a_far_cluster() {
         cuboid(min, min + 0.25)
     });
     let triangles = prepared(&boxes.collect::<Vec<_>>());
-    let settings = ExactSettings { rays: 20_000, ..ExactSettings::new(Effort::Rays(0)) };
+    let settings = ExactSettings::new(Effort::Rays(0)).with_rays(20_000);
     let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
     let [seen, _, open] = ExactCuller::new(triangles, settings).verdicts(&cell).counts();
     assert!(seen > 200 && seen + open == 400, "{seen}");

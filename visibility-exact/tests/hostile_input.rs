@@ -71,7 +71,7 @@ fn bits_of_any_kind_are_decided_or_open() {
 fn settings_at_their_limits_decide_nothing_wrong() {
     let triangles = prepared(&wall_and_plate());
     for c in [f64::NAN, -1.0, f64::INFINITY, 0.0, 1e-300, 1e-7, 1e-2] {
-        let settings = ExactSettings { rays: 0, aimed_rays: 0, ..ExactSettings::new(Effort::Exact(c)) };
+        let settings = ExactSettings::new(Effort::Exact(c)).with_rays(0).with_aimed_rays(0);
         let found = ExactCuller::new(triangles.clone(), settings).verdicts(&unit_cell());
         assert_eq!(found.counts(), [1, 1, 0], "{c}");
     }
@@ -89,8 +89,6 @@ fn settings_at_their_limits_decide_nothing_wrong() {
     );
 }
 
-/// The fields of the settings are public: their values need not be those that [`ExactSettings::new`] lets
-/// through.
 #[test]
 fn a_clearance_that_is_no_number_counts_as_none() {
     let plate = |y: f64| {
@@ -100,7 +98,7 @@ fn a_clearance_that_is_no_number_counts_as_none() {
     let triangles = prepared(&[plate(-2.0), plate(2.0)]);
     for clearance in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1.0] {
         let settings =
-            ExactSettings { clearance, rays: 0, aimed_rays: 0, ..ExactSettings::new(Effort::Exact(1e-4)) };
+            ExactSettings::new(Effort::Exact(1e-4)).with_clearance(clearance).with_rays(0).with_aimed_rays(0);
         let mut culler = ExactCuller::new(triangles.clone(), settings);
         assert_eq!(culler.verdicts(&unit_cell()).counts()[1], 0, "{clearance}");
         assert_eq!(culler.accuracy(), Accuracy::Conservative, "{clearance}");
@@ -111,7 +109,7 @@ fn a_clearance_that_is_no_number_counts_as_none() {
 #[test]
 fn a_target_nearer_than_the_clearance_is_not_hidden() {
     let t = [[1.005, 0.2, 0.2], [1.005, 0.8, 0.2], [1.005, 0.2, 0.8]].map(Vec3::from);
-    let settings = ExactSettings { rays: 0, aimed_rays: 0, ..ExactSettings::new(Effort::Exact(0.01)) };
+    let settings = ExactSettings::new(Effort::Exact(0.01)).with_rays(0).with_aimed_rays(0);
     // A triangle, and cubes of which nothing but the face at the viewcell can be seen. The advanced face of
     // the second is as large as the viewcell's and behind it, so that no segment between the two is left.
     let cube = |r: f64| cuboid(DVec3::new(1.005, 0.5 - r, 0.5 - r), DVec3::new(1.5, 0.5 + r, 0.5 + r));
@@ -127,7 +125,7 @@ fn a_target_nearer_than_the_clearance_is_not_hidden() {
 fn a_table_top_at_the_height_of_a_low_viewcell_is_not_hidden() {
     let at = |x: f64, y: f64| DVec3::new(x, y, 0.995);
     let table = quad(at(3.0, -1.0), at(4.0, -1.0), at(4.0, 1.0), at(3.0, 1.0));
-    let settings = ExactSettings { rays: 0, aimed_rays: 0, ..ExactSettings::new(Effort::Exact(0.01)) };
+    let settings = ExactSettings::new(Effort::Exact(0.01)).with_rays(0).with_aimed_rays(0);
     let cell = Viewcell::from_box(DVec3::new(0.0, 0.0, 0.992), DVec3::ONE);
     let found = ExactCuller::new(prepared(&[table]), settings).verdicts(&cell);
     assert_eq!(found.counts()[1], 0, "the table top is hidden");

@@ -30,12 +30,7 @@ fn world(with_corner_in_gap: bool) -> Vec<Vec<Triangle>> {
 
 fn verdict(objects: &[Vec<Triangle>]) -> (Verdict, u64, usize) {
     let triangles = prepared(objects);
-    let settings = ExactSettings {
-        rays: 0,
-        aimed_rays: 0,
-        keep_proofs: true,
-        ..ExactSettings::new(Effort::Exact(1e-4))
-    };
+    let settings = ExactSettings::new(Effort::Exact(1e-4)).with_rays(0).with_aimed_rays(0).with_kept_proofs();
     let mut culler = ExactCuller::new(triangles.clone(), settings);
     let found = culler.verdicts(&Viewcell::from_box(DVec3::splat(-0.2), DVec3::splat(0.2)));
     let proofs = check(objects, &triangles, &found);
@@ -109,7 +104,7 @@ fn a_mesh_seen_through_a_missing_plate_is_not_hidden() {
     });
     let objects: Vec<Vec<Triangle>> = [sheet.collect()].into_iter().chain(plates).collect();
     let triangles = prepared(&objects);
-    let settings = ExactSettings { rays: 0, aimed_rays: 0, ..ExactSettings::new(Effort::Exact(1e-4)) };
+    let settings = ExactSettings::new(Effort::Exact(1e-4)).with_rays(0).with_aimed_rays(0);
     let cell = Viewcell::from_box(DVec3::new(-40.0, -0.1, -0.1), DVec3::new(-39.9, 0.1, 0.1));
     let mut query = CellQuery::new(&triangles, &cell, settings).unwrap();
     query.prove_triangles(&|id| id.index() == 0);

@@ -49,11 +49,11 @@ fn decide(gap: f64, worlds: std::ops::Range<u64>) -> [[usize; 3]; 2] {
         let (cell, objects, [p, q]) = world(&mut Random(number), gap, closed);
         let triangles = prepared(&objects);
         let settings = ExactSettings::new(Effort::Exact((gap * 0.05).min(1e-4)));
-        let settings = ExactSettings { rays: 50, aimed_rays: 5, keep_proofs: true, ..settings };
+        let settings = settings.with_rays(50).with_aimed_rays(5).with_kept_proofs();
         let found = ExactCuller::new(triangles.clone(), settings).verdicts(&cell);
         check(&objects, &triangles, &found);
         let verdict = found.iter(&triangles).next().unwrap().1;
-        let is_clear = clearance(&objects, 0, p, q) > 6.0 * settings.clearance;
+        let is_clear = clearance(&objects, 0, p, q) > 6.0 * settings.clearance();
         assert!(!is_clear || verdict != Verdict::Hidden, "gap {gap}, world {number}");
         let kind = match verdict {
             Verdict::Seen(_) => 0,
@@ -97,12 +97,8 @@ fn surfaces_that_overlap_themselves_are_no_proof() {
         let objects = [vec![target], frame.collect()];
         let triangles = prepared(&objects);
         let cell = Viewcell::from_box(DVec3::new(-0.01, -0.002, -0.002), DVec3::new(0.0, 0.002, 0.002));
-        let settings = ExactSettings {
-            rays: 0,
-            aimed_rays: 0,
-            keep_proofs: true,
-            ..ExactSettings::new(Effort::Exact(c))
-        };
+        let settings =
+            ExactSettings::new(Effort::Exact(c)).with_rays(0).with_aimed_rays(0).with_kept_proofs();
         check(&objects, &triangles, &ExactCuller::new(triangles.clone(), settings).verdicts(&cell));
     }
 }

@@ -108,12 +108,8 @@ impl World {
     /// Decides object 0 without rays. Panics if the object is proven hidden, or if a proof does not hold.
     fn is_seen(&self, c: f64) -> bool {
         let triangles = prepared(&self.objects);
-        let settings = ExactSettings {
-            rays: 0,
-            aimed_rays: 0,
-            keep_proofs: true,
-            ..ExactSettings::new(Effort::Exact(c))
-        };
+        let settings =
+            ExactSettings::new(Effort::Exact(c)).with_rays(0).with_aimed_rays(0).with_kept_proofs();
         let found = ExactCuller::new(triangles.clone(), settings).verdicts(&self.cell);
         check(&self.objects, &triangles, &found);
         let verdict = found.iter(&triangles).next().unwrap().1;
@@ -203,12 +199,8 @@ fn boxes_at_a_distance_within_rounding_are_not_hidden() {
             let objects = vec![cuboid(from, to), shell];
             let cell = Viewcell::from_box(DVec3::ZERO, max);
             let is_seen = from.cmple(max + f64::EPSILON * 1e4).all() && to.cmpge(DVec3::ZERO).all();
-            let settings = ExactSettings {
-                rays: 0,
-                aimed_rays: 0,
-                keep_proofs: true,
-                ..ExactSettings::new(Effort::Exact(0.0))
-            };
+            let settings =
+                ExactSettings::new(Effort::Exact(0.0)).with_rays(0).with_aimed_rays(0).with_kept_proofs();
             let triangles = prepared(&objects);
             let found = ExactCuller::new(triangles.clone(), settings).verdicts(&cell);
             check(&objects, &triangles, &found);

@@ -16,7 +16,7 @@ fn search(numbers: std::ops::Range<usize>) -> [usize; 3] {
         let triangles = Arc::new(SceneTriangles::new(&world.scene));
         assert!(triangles.occluder_count() > 0, "{number}");
         // Few rays, so that proofs have to decide.
-        let settings = ExactSettings { rays: 20, aimed_rays: 2, ..ExactSettings::new(Effort::Exact(0.0)) };
+        let settings = ExactSettings::new(Effort::Exact(0.0)).with_rays(20).with_aimed_rays(2);
         let mut culler = ExactCuller::new(triangles, settings);
         assert_eq!(culler.accuracy(), Accuracy::Conservative, "without clearance the culler is conservative");
         let mut visible = VisibleSet::new();

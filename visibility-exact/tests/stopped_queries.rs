@@ -21,7 +21,7 @@ fn town() -> SceneTriangles {
 }
 
 fn settings() -> ExactSettings {
-    ExactSettings { rays: 300, aimed_rays: 5, ..ExactSettings::new(Effort::Exact(1e-4)) }
+    ExactSettings::new(Effort::Exact(1e-4)).with_rays(300).with_aimed_rays(5)
 }
 
 #[test]

@@ -11,7 +11,7 @@ use visibility_testing::swapped::{AroundEye, Swapped, hold_against_fresh};
 struct Exact(AroundEye<ExactCuller>, bool);
 
 fn culler(triangles: &Arc<SceneTriangles>) -> AroundEye<ExactCuller> {
-    let settings = ExactSettings { rays: 2000, aimed_rays: 10, ..ExactSettings::new(Effort::Exact(1e-3)) };
+    let settings = ExactSettings::new(Effort::Exact(1e-3)).with_rays(2000).with_aimed_rays(10);
     AroundEye(ExactCuller::new(triangles.clone(), settings))
 }
 

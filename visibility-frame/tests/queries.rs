@@ -6,8 +6,7 @@ use visibility_core::geometry::{Plane, Sphere};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::simd::Simd;
 use visibility_core::view::ViewPlane;
-use visibility_core::{Aabb, Object, ObjectId, Pose, Scene, View};
-use visibility_frame::casters::{Light, lights_in_view};
+use visibility_core::{Aabb, Object, ObjectId, Scene};
 use visibility_frame::queries::{Ray, SceneQuery};
 use visibility_testing::allocations::ALLOCATIONS;
 use visibility_testing::{Random, sign_of_sum};
@@ -365,85 +364,11 @@ fn queries_skip_what_is_outside_and_accept_what_is_inside() {
 }
 
 #[test]
-fn lights_reach_what_sampled_points_reach() {
-    let mut rng = Random(5);
-    let mut scene = Scene::new();
-    scene.set_origin(DVec3::new(1e5, -2e5, 30.0)).unwrap();
-    scene.insert_batch((0..2000).map(|_| random_object(&mut rng)).collect::<Vec<_>>());
-    let (mut lit, mut in_view, mut reached, mut seen) = (Vec::new(), Vec::new(), 0, [0; 2]);
-    let (mut missed, mut ends) = (0, 0);
-    for _ in 0..200 {
-        let position = scene.origin() + rng.vector(60.0);
-        let range = rng.range(1.0, 50.0);
-        let (direction, half_angle) = (rng.direction() * 3.0, rng.range(0.05, 3.1));
-        let light = if rng.one_in(3) {
-            Light::Point { position, range }
-        } else {
-            let range = if rng.one_in(5) { f64::INFINITY } else { range };
-            Light::Spot { position, direction, half_angle, range }
-        };
-        let lights_point = |p: DVec3| {
-            let to = p - position;
-            match light {
-                Light::Spot { direction, half_angle, range, .. } => {
-                    to.length() <= range && to.angle_between(direction) <= half_angle - 1e-9
-                }
-                _ => to.length() <= range,
-            }
-        };
-        SceneQuery::new(&scene).lit_by(&light, &mut lit).unwrap();
-        let lit = sorted(lit.clone());
-        for id in scene.ids() {
-            let object = scene.object(id).unwrap();
-            let b = object.bounds;
-            let inner = |rng: &mut Random| b.min + (b.max - b.min) * rng.vec3(0.0, 1.0);
-            let touched = !b.is_proper()
-                || b.is_finite() && (0..8).any(|_| lights_point(scene.origin() + inner(&mut rng).as_dvec3()));
-            if touched && object.layers != 0 {
-                reached += 1;
-                assert!(lit.binary_search(&id).is_ok(), "{light:?} reaches {b:?}");
-            }
-        }
-        missed += scene.len() - lit.len();
-        // Points in view that the light reaches: the light is found.
-        let eye = scene.origin() + rng.vector(60.0);
-        let pose = Pose::look_at(eye, eye + rng.direction(), DVec3::new(0.1, 0.2, 1.0));
-        let view = View::perspective(pose, 0.8, 1.3, 0.1, 200.0).unwrap();
-        lights_in_view(&[light], &view, &mut in_view);
-        let planes = view.planes(position);
-        let shines = (0..500).any(|_| {
-            let p = rng.vector(range);
-            planes.contains(p) && lights_point(position + p)
-        });
-        assert!(!shines || in_view == [0], "{light:?} shines into view");
-        seen[in_view.len()] += 1;
-        // A view that begins at the very end of the light's reach and looks away from the light.
-        let axis = (direction.normalize() * rng.range(0.0, 3.0) + rng.direction()).normalize();
-        let end = position + axis * range.min(1e3) * (1.0 - 1e-7);
-        let pose = Pose::look_at(end - axis * 0.1, end + axis, DVec3::new(0.1, 0.2, 1.0));
-        let view = View::perspective(pose, 0.8, 1.3, 0.1 * (1.0 - 1e-5), 200.0).unwrap();
-        if lights_point(end) && view.planes(position).contains(end - position) {
-            lights_in_view(&[light], &view, &mut in_view);
-            assert_eq!(in_view, [0], "{light:?} shines to {end}");
-            ends += 1;
-        }
-    }
-    assert!(
-        ends > 50 && missed > 100 * scene.len() && reached > 2000 && seen[0] > 20 && seen[1] > 20,
-        "{reached} {seen:?}"
-    );
-    let broken = Light::Point { position: DVec3::NAN, range: 1.0 };
-    assert!(SceneQuery::new(&scene).lit_by(&broken, &mut lit).is_err() && lit.is_empty(), "a light at NaN");
-}
-
-#[test]
 fn queries_allocate_nothing_once_warm() {
     let mut rng = Random(9);
     let mut scene = Scene::new();
     scene.insert_batch((0..20_000).map(|_| random_object(&mut rng)).collect::<Vec<_>>());
-    let (mut found, mut hits, mut near, mut in_view) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
-    let view = View::perspective(pose, 1.0, 1.0, 0.1, 99.0).unwrap();
+    let (mut found, mut hits, mut near) = (Vec::new(), Vec::new(), Vec::new());
     let mut before = 0;
     let mut sum = 0;
     for round in 0..3 {
@@ -455,13 +380,9 @@ fn queries_allocate_nothing_once_warm() {
             query.in_sphere(&Sphere::new(p, 20.0), &mut found);
             sum += found.len();
             query.in_box(&Aabb::new(p, p + 9.0), &mut found);
-            let position = p.as_dvec3();
-            let spot = Light::Spot { position, direction: DVec3::X, half_angle: 0.4, range: 30.0 };
-            query.lit_by(&spot, &mut found).unwrap();
             query.all_hits(&Ray::new(p, Vec3::X, 90.0).unwrap(), &mut hits);
             query.nearest(p, 32, &mut near);
-            lights_in_view(&[spot, spot], &view, &mut in_view);
-            sum += hits.len() + near.len() + in_view.len();
+            sum += hits.len() + near.len();
         }
         if round == 2 {
             assert_eq!(ALLOCATIONS.get(), before, "allocations in 50 warm queries of each kind");

@@ -244,7 +244,7 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
         let frustum = CellFrustum::new(view, scene.origin(), &tessellation.bounds());
         let frame = FrameContext { tessellation, scene, visible, frustum, settings: *settings };
         if !walk.begin(&frame) {
-            return CullStats { visible: visible.count(scene) as u64, ..CullStats::default() };
+            return CullStats::default().with_visible(visible.count(scene) as u64);
         }
         let cells = tessellation.content().cell_count();
         waiting.clear();
@@ -279,7 +279,7 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
         stats.projected_cells = walk.projected;
         let (nodes, tests) = (walk.projected, stats.tests);
         visible.keep_in_order(scene, &walk.order);
-        CullStats { nodes, tests, visible: visible.count(scene) as u64, ..CullStats::default() }
+        CullStats::default().with_nodes(nodes).with_tests(tests).with_visible(visible.count(scene) as u64)
     }
 
     fn reset(&mut self) {

@@ -109,7 +109,7 @@ impl<S: Deref<Target: Tessellation>> Culler for PlpCuller<S> {
         let frame = FrameContext { tessellation, scene, visible, frustum, settings: self.settings };
         let walk = &mut self.walk;
         if !walk.begin(&frame) {
-            return CullStats { visible: visible.count(scene) as u64, ..CullStats::default() };
+            return CullStats::default().with_visible(visible.count(scene) as u64);
         }
         while let Some(cell) = walk.next() {
             if walk.step(&frame, cell) == Projected::OutOfBudget {
@@ -117,13 +117,13 @@ impl<S: Deref<Target: Tessellation>> Culler for PlpCuller<S> {
             }
         }
         walk.check_candidates(&frame, false);
-        let stats = CullStats { nodes: walk.projected, tests: walk.reached, ..CullStats::default() };
+        let stats = CullStats::default().with_nodes(walk.projected).with_tests(walk.reached);
         if self.keep_all {
             visible.order_first(scene, &walk.order);
         } else {
             visible.keep_in_order(scene, &walk.order);
         }
-        CullStats { visible: visible.count(scene) as u64, ..stats }
+        stats.with_visible(visible.count(scene) as u64)
     }
 
     fn reset(&mut self) {}

@@ -26,7 +26,7 @@ pub enum ChainTest {
     /// Each rejection is certain: a certificate shows that no line passes the edges of the chain and keeps
     /// the clearance from them. A chain that is kept need not be passable, for two reasons. The half-spaces
     /// of the linear program may have a common point that is no line, since lines form a quadric in Pluecker
-    /// space (see [`stabbing`](crate::stabbing)). And the common part of the half-spaces may be too small
+    /// space. And the common part of the half-spaces may be too small
     /// for `f64` to prove empty.
     Pluecker,
 }

@@ -11,7 +11,7 @@
 //! direction between them is dominated by rounding.
 
 use crate::coplanar_portals;
-use crate::stabbing::pluecker::{Edge, Opening, edges_of};
+use crate::pluecker::{Edge, Opening, edges_of};
 use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::glam::DVec3;

@@ -48,10 +48,6 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Two modules serve the bakers and can be used alone: [`stabbing`] tests whether a line passes a sequence of
-//! openings, in a floor plan or in space, and [`lp`] solves linear programs in few variables. Both return
-//! certificates.
-//!
 //! # Guarantees
 //! - A bake never calls two cells hidden from each other if a line passes between them that stays at least
 //!   the [clearance](BakerSettings::with_clearance) away from all portal edges, whatever the rounding. A
@@ -78,14 +74,13 @@ mod directed_portals;
 pub mod from_geometry;
 #[cfg(test)]
 mod integer_vectors;
-pub mod lp;
 mod object_baker;
+mod pluecker;
 mod portal_chain;
 mod portal_flow;
 mod portal_pairs;
 pub mod prt;
 mod separating_planes;
-pub mod stabbing;
 
 pub use bake_settings::{BakeError, BakerSettings, ChainTest};
 pub use cell_baker::{CellBaker, Fallback, Outcome};

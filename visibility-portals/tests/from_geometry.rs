@@ -206,7 +206,7 @@ fn clear_lines_pass_the_cells_of_polygons() {
         let boxes = house(&mut random);
         let one_sided =
             if solid == SolidRule::Nothing && turn == DMat3::IDENTITY { &one_sided[..] } else { &[] };
-        let settings = PolygonSettings { solid, one_sided, ..PolygonSettings::default() };
+        let settings = PolygonSettings::default().with_solid(solid).with_one_sided(one_sided);
         let cells = from_polygons(&triangles(&boxes, turn), &settings).unwrap();
         assert!(cells.graph.cell_count() > 20, "{solid:?}: the house has {} cells", cells.graph.cell_count());
         let (clear, stopped) = check(&cells, &boxes, turn, 2e-5, &mut random);
@@ -226,7 +226,7 @@ fn solid_leaves_are_no_cells() {
     let soup = triangles(&solids, DMat3::IDENTITY);
     let (around, within) = ([DVec3::splat(-0.5)], [DVec3::splat(2.0)]);
     let count = |solid| {
-        let settings = PolygonSettings { solid, ..PolygonSettings::default() };
+        let settings = PolygonSettings::default().with_solid(solid);
         let cells = from_polygons(&soup, &settings).unwrap();
         let inside = Viewcells::new(cells.viewcells.iter().cloned()).locate(DVec3::splat(2.0));
         assert!(
@@ -260,7 +260,7 @@ fn regions_that_look_through_backs_are_no_cells() {
         |polygon: &ConvexPolygon| ConvexPolygon::new(polygon.vertices().iter().rev().copied()).unwrap();
     let inside_out: Vec<ConvexPolygon> = soup.iter().map(turned).collect();
     let count = |soup: &[ConvexPolygon], one_sided: &[bool]| {
-        let settings = PolygonSettings { one_sided, ..PolygonSettings::default() };
+        let settings = PolygonSettings::default().with_one_sided(one_sided);
         let cells = from_polygons(soup, &settings).unwrap();
         let inside = Viewcells::new(cells.viewcells.iter().cloned()).locate(DVec3::splat(2.0));
         (cells.graph.cell_count(), inside.is_some())
@@ -286,8 +286,7 @@ fn regions_that_look_through_backs_are_no_cells() {
         ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(0.0, y, z))).unwrap()
     };
     let count = |soup: &[ConvexPolygon]| {
-        let settings =
-            PolygonSettings { margin: 0.0, one_sided: &[true, true], ..PolygonSettings::default() };
+        let settings = PolygonSettings::default().with_margin(0.0).with_one_sided(&[true, true]);
         // Too small to divide space, it only widens its bounds.
         let thin = [DVec3::new(-5.0, 0.0, 0.0), DVec3::new(5.0, 9.0, 3.0), DVec3::new(-5.0, 0.001, 0.0)];
         let thin = ConvexPolygon::new(thin).unwrap();
@@ -333,7 +332,7 @@ fn cells_behind_the_outermost_polygons_reach_out() {
             [DVec3::splat(-5.0), DVec3::splat(5.0)],
             [DVec3::new(-1.0, -1.0, room[0]), DVec3::new(1.0, 1.0, room[1])],
         ];
-        let settings = PolygonSettings { margin: 0.0, ..PolygonSettings::default() };
+        let settings = PolygonSettings::default().with_margin(0.0);
         let cells = from_polygons(&triangles(&boxes, DMat3::IDENTITY), &settings).unwrap();
         let bodies = Viewcells::new(cells.viewcells.iter().cloned());
         let cell = bodies
@@ -359,7 +358,7 @@ fn gaps_thinner_than_the_tolerance_close_and_wider_ones_stay() {
         soup.extend(ConvexPolygon::new(needle));
         let offset = wall([-5.0, -1.0]).vertices().iter().map(|&v| v + DVec3::X * 1e-6).collect::<Vec<_>>();
         soup.extend(ConvexPolygon::new(offset));
-        let settings = PolygonSettings { margin: 0.0, tolerance: Some(1e-4), ..PolygonSettings::default() };
+        let settings = PolygonSettings::default().with_margin(0.0).with_tolerance(1e-4);
         let mut wide = soup.clone();
         wide.push(
             ConvexPolygon::new([[9.0, 0.0], [9.0, 1.0], [8.0, 0.0]].map(|[x, z]| DVec3::new(x, 9.0, z)))
@@ -397,9 +396,9 @@ fn odd_input_gives_an_error_or_an_answer() {
         Err(GeometryError::NotAWall { index: 0 }),
         "a wall that runs along no axis"
     );
-    let bad = WallSettings { margin: f64::NAN, ..walls };
+    let bad = walls.with_margin(f64::NAN);
     assert!(matches!(from_walls(&[unit], &bad), Err(GeometryError::Setting { .. })), "a margin of NaN");
-    let fine = PolygonSettings { tolerance: Some(1e-30), ..polygons };
+    let fine = polygons.with_tolerance(1e-30);
     let soup = triangles(&[unit], DMat3::IDENTITY);
     assert!(
         matches!(from_polygons(&soup, &fine), Err(GeometryError::Setting { .. })),
@@ -407,9 +406,9 @@ fn odd_input_gives_an_error_or_an_answer() {
     );
     for scale in [1e-30, 1e-9, 1e9, 1e30, 1e300] {
         let scaled = [unit.map(|p| p * scale), [DVec3::splat(scale * 2.0), DVec3::splat(scale * 3.0)]];
-        let settings = WallSettings { margin: scale, tolerance: scale * 1e-6, ..walls };
+        let settings = walls.with_margin(scale).with_tolerance(scale * 1e-6);
         assert!(from_walls(&scaled, &settings).unwrap().graph.cell_count() > 1, "walls of {scale} m");
-        let settings = PolygonSettings { margin: scale, ..polygons };
+        let settings = polygons.with_margin(scale);
         let cells = from_polygons(&triangles(&scaled, DMat3::IDENTITY), &settings);
         assert!(cells.is_ok_and(|cells| scale > 1e100 || cells.graph.cell_count() > 1), "{scale}");
     }
@@ -418,7 +417,7 @@ fn odd_input_gives_an_error_or_an_answer() {
     let mut point = || DVec3::new(random.fine_unit(), random.fine_unit(), random.fine_unit()) * 10.0;
     let soup: Vec<_> =
         (0..150).filter_map(|_| ConvexPolygon::new([point(), point(), point()]).ok()).collect();
-    let settings = PolygonSettings { max_cells: 200, min_share: 0.0, min_area: Some(0.0), ..polygons };
+    let settings = polygons.with_max_cells(200).with_min_share(0.0).with_min_area(0.0);
     let cells = from_polygons(&soup, &settings).unwrap();
     assert!(
         cells.graph.cell_count() <= 200 && cells.graph.portals().len() > 200,

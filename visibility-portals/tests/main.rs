@@ -1,10 +1,8 @@
 //! One program for the tests of all files here: it compiles and runs in less time than many.
 #![allow(missing_docs)]
 
-mod certificates;
 mod from_geometry;
 mod hostile_maps;
-mod linear_programs;
 mod maze;
 mod no_allocation;
 mod object_rows;
@@ -15,7 +13,6 @@ mod portal_rays;
 mod portal_winding;
 mod resumed_bakes;
 mod room_row;
-mod stabbing;
 mod swapped_sources;
 
 #[global_allocator]

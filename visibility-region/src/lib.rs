@@ -4,8 +4,6 @@
 //!
 //! - [`ExtendedProjectionCuller`] is the one to begin with: conservative, fuses any number of occluders, and
 //!   takes a fraction of a second.
-//! - [`VirtualOccluders`] are a few rectangles that hide, from an eye in the viewcell, what moves later on.
-//!   [`VirtualSweepCuller`] hides what they hide from all of the viewcell.
 //! - [`OnlinePvs`] keeps the answers for an eye on the move, and makes the next ones ahead of it, in a scene
 //!   that changes.
 //! - [`SamplingCuller`] is aggressive: a lower bound to judge the others by.
@@ -17,8 +15,7 @@
 //! the *candidates* that are flagged as occluders and have a mesh: see
 //! [`VisibleSet::for_each_occluder`](visibility_core::VisibleSet::for_each_occluder). An object that an
 //! earlier stage has dropped, that is on no layer of the set, or that is never culled hides nothing, since it
-//! may not be drawn. Virtual occluders, made without candidates, stand for all occluders on a layer, and hide
-//! only in views that draw all of these. The aggressive [`SamplingCuller`] errs the other way: whatever may
+//! may not be drawn. The aggressive [`SamplingCuller`] errs the other way: whatever may
 //! be drawn blocks its rays, candidate or not.
 //!
 //! ```
@@ -58,7 +55,6 @@ mod sight_start;
 mod solids;
 mod sweep;
 mod umbra;
-mod virtual_occluders;
 mod volumetric;
 
 pub use convex_blockers::ConvexBlockersCuller;
@@ -66,7 +62,6 @@ pub use online::{OnlinePvs, OnlineStep};
 pub use sampling::{SamplingCuller, SightLine};
 pub use shrunk::ShrunkCuller;
 pub use sweep::{ExtendedProjectionCuller, ProjectionPlane};
-pub use virtual_occluders::{VirtualOccluder, VirtualOccluders, VirtualSweepCuller};
 pub use volumetric::VolumetricCuller;
 
 #[cfg(doctest)]

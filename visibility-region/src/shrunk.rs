@@ -22,16 +22,12 @@ use visibility_core::{
     View, VisibleSet,
 };
 
-/// Distance at which the views of a sample point begin, as a fraction of the viewcell's extent. Objects
-/// within this distance of the viewcell are visible.
+/// Distance at which the views of a sample point begin, as a fraction of the viewcell's extent, so that
+/// depths in such a view have magnitudes of `f32` at every scale. Any distance is sound: what no view of a
+/// point in the viewcell shows is within this distance of the viewcell, and such objects stay.
 const NEAR: f64 = 1e-6;
 
-/// Least distance at which the views of a sample point begin, as a share of the greatest coordinate of the
-/// viewcell: 9,000 times the round-off U of `f64`. A plane of such a view is wrong by some 10 U of the
-/// coordinate.
-const NEAR_OF_MAGNITUDE: f64 = 1e-12;
-
-/// Least distance at which views begin, where a viewcell is a point at the origin.
+/// Least distance in metres at which views begin: of a viewcell that is a point.
 const LEAST_NEAR: f64 = 1e-30;
 
 /// Bound on the rounding of sample points and of the distance between them, as a part of the greatest
@@ -103,10 +99,9 @@ impl<C: Culler> RegionCuller for ShrunkCuller<C> {
         };
         let distance =
             sample_points(min, max, self.points_per_side.clamp(1, MOST_POINTS_PER_SIDE), &mut self.points);
-        let magnitude = min.abs().max(max.abs()).max_element();
         // The near plane of each point's views. Objects so close to the viewcell that it may cut them are
         // kept below.
-        let near = ((max - min).max_element() * NEAR).max(magnitude * NEAR_OF_MAGNITUDE).max(LEAST_NEAR);
+        let near = ((max - min).max_element() * NEAR).max(LEAST_NEAR);
         self.solids.sync(scene);
         // A solid that the viewcell meets, or that is open towards it, hides nothing from some of its points.
         let usable = |solid: &&Solid| !solid.meets(min, max) && is_closed_from(&solid.blocker, min, max);
@@ -137,11 +132,14 @@ impl<C: Culler> RegionCuller for ShrunkCuller<C> {
             }
         }
         self.points.iter_mut().for_each(|point| *point += scene.origin());
+        // Sample points are within the box: sums are rounded, but not beyond its corners, which are numbers.
+        // An object nearer to a point than `near`, beyond the box, is within these bounds: twice the distance
+        // covers their rounding, unless it is less than a rounding, and then no number is between.
         let (low, high) = (min - 2.0 * near, max + 2.0 * near);
         let meets =
             |bounds: &Aabb| bounds.min.as_dvec3().cmple(high).all() && low.cmple(bounds.max.as_dvec3()).all();
         let kept = visible.retain(scene, |id, bounds| seen[id.index()] || meets(bounds));
-        CullStats { visible: kept.visible, ..stats }
+        stats.with_visible(kept.visible)
     }
 }
 
@@ -259,6 +257,7 @@ fn shrink(solid: &OccluderMesh, transform: &Affine3A, distance: f64) -> Option<V
 mod tests {
     use super::*;
     use visibility_core::glam::Vec3Swizzles;
+    use visibility_core::view::Eye;
 
     #[test]
     fn points_cover_the_boundary() {
@@ -302,6 +301,56 @@ mod tests {
                 "round {round}: the nearest point to {middle} is at {nearest}, {distance} is claimed"
             );
         }
+    }
+
+    /// A culler that removes all objects and notes how far from the eye its views begin.
+    #[derive(Default)]
+    struct NearestViews(f64);
+
+    impl Culler for NearestViews {
+        fn name(&self) -> &str {
+            "nearest views"
+        }
+
+        fn accuracy(&self) -> Accuracy {
+            Accuracy::Approximate
+        }
+
+        fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
+            let Eye::Point(eye) = view.eye(scene.origin()) else { panic!("sample points are eyes") };
+            let planes = view.planes(scene.origin());
+            let behind = planes.as_slice().iter().map(|plane| -plane.plane.signed_distance(eye));
+            self.0 = behind.fold(0.0, f64::max);
+            visible.retain(scene, |_, _| false)
+        }
+    }
+
+    #[test]
+    fn views_begin_at_a_millionth_of_the_viewcell_and_hide_at_every_scale() {
+        for scale in [1e-15, 1.0, 1e15] {
+            for (size, expected) in [(2.0 * scale, 2e-6 * scale), (0.0, LEAST_NEAR)] {
+                let mut scene = Scene::new();
+                let far = DVec3::splat(9.0 * scale).as_vec3();
+                let id = scene.insert(Aabb::new(far, far * 2.0));
+                let mut culler = ShrunkCuller::new(NearestViews::default(), 1);
+                let mut visible = VisibleSet::new();
+                let cell = Viewcell::from_box(DVec3::ZERO, DVec3::splat(size));
+                culler.cull(&scene, &cell, &mut visible);
+                assert!(
+                    !visible.contains(&scene, id),
+                    "scale {scale}, viewcell of {size}: a culler hides it"
+                );
+                let near = culler.culler.0;
+                assert!((near / expected - 1.0).abs() < 1e-3, "viewcell of {size}: views begin at {near}");
+            }
+        }
+        // A point far from the origin: its views begin at less than a rounding of its coordinates.
+        let mut scene = Scene::new();
+        let id = scene.insert(Aabb::from_arrays([1e6 + 9.0, 0.0, 0.0], [1e6 + 10.0, 1.0, 1.0]));
+        let mut visible = VisibleSet::new();
+        let cell = Viewcell::from_box(DVec3::X * 1e6, DVec3::X * 1e6);
+        ShrunkCuller::new(NearestViews::default(), 1).cull(&scene, &cell, &mut visible);
+        assert!(!visible.contains(&scene, id), "an object is hidden from a point far from the origin");
     }
 
     #[test]

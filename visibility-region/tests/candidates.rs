@@ -5,12 +5,9 @@ use crate::common;
 
 use common::{PointShadows, World};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
-use visibility_core::occlusion::Occlusion;
 use visibility_core::pvs::Viewcell;
-use visibility_core::{Aabb, ObjectId, OcclusionMap, Pose, RegionCuller, Scene, View, VisibleSet};
-use visibility_region::{
-    ConvexBlockersCuller, ExtendedProjectionCuller, ShrunkCuller, VirtualSweepCuller, VolumetricCuller,
-};
+use visibility_core::{Aabb, ObjectId, Pose, RegionCuller, Scene, View, VisibleSet};
+use visibility_region::{ConvexBlockersCuller, ExtendedProjectionCuller, ShrunkCuller, VolumetricCuller};
 
 /// A wall, given in scene coordinates or by a transform, and an object that the wall hides.
 fn world(transform: Affine3A) -> (World, ObjectId, ObjectId) {
@@ -30,13 +27,12 @@ fn view(layers: u32) -> View {
     View::perspective(pose, 1.0, 1.0, 0.1, 100.0).unwrap().with_layers(layers)
 }
 
-fn cullers() -> [Box<dyn RegionCuller>; 5] {
+fn cullers() -> [Box<dyn RegionCuller>; 4] {
     [
         Box::new(ExtendedProjectionCuller::new()),
         Box::new(ConvexBlockersCuller::new()),
         Box::new(VolumetricCuller::new()),
         Box::new(ShrunkCuller::new(PointShadows, 2)),
-        Box::new(VirtualSweepCuller::new()),
     ]
 }
 
@@ -84,27 +80,5 @@ fn what_is_on_no_layer_of_the_candidates_hides_nothing() {
         assert!(sees(&world.scene, of_layers(&world.scene, 1)), "drawn by other cameras");
         world.scene.set_layers(wall, 0).unwrap();
         assert!(sees(&world.scene, VisibleSet::new()), "drawn by no camera");
-    }
-}
-
-#[test]
-fn virtual_occluders_stand_for_what_the_view_draws() {
-    for transform in transforms() {
-        let (mut world, wall, behind) = world(transform);
-        let (mut culler, bounds) = (ExtendedProjectionCuller::new(), world.scene.bounds(behind).unwrap());
-        let mut hides = |scene: &Scene, layers: u32| {
-            let mut map = culler.virtual_occluders(scene, &cell());
-            assert!(map.sync(scene), "the occluders are of this scene");
-            map.begin(&view(layers), DVec3::ZERO);
-            map.test(&bounds) == Occlusion::Hidden
-        };
-        assert!(hides(&world.scene, 1), "the wall is on all layers");
-        world.scene.set_layers(wall, 2).unwrap();
-        assert!(
-            hides(&world.scene, 2) && hides(&world.scene, 3) && !hides(&world.scene, 1),
-            "the wall is on layer 2"
-        );
-        world.scene.set_layers(wall, 0).unwrap();
-        assert!(!hides(&world.scene, u32::MAX), "the wall is on no layer");
     }
 }

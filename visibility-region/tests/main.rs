@@ -6,7 +6,6 @@ mod candidates;
 mod common;
 mod ground;
 mod huge_bounds;
-mod no_allocation;
 mod online;
 mod oriented;
 mod sampling;
@@ -14,7 +13,6 @@ mod slots;
 mod soundness;
 mod swapped_sources;
 mod traps;
-mod virtual_occluders;
 
 #[global_allocator]
 static ALLOCATOR: visibility_testing::allocations::CountingAllocator =

@@ -3,9 +3,8 @@
 use crate::common::{World, cuboid, random_world};
 use visibility_core::geometry::Plane;
 use visibility_core::glam::{Affine3A, DQuat, DVec3, Vec3};
-use visibility_core::occlusion::Occlusion;
 use visibility_core::pvs::Viewcell;
-use visibility_core::{Aabb, OcclusionMap, Pose, RegionCuller, View};
+use visibility_core::{Aabb, RegionCuller};
 use visibility_region::ExtendedProjectionCuller;
 use visibility_testing::Random;
 
@@ -70,26 +69,10 @@ fn a_street_askew_is_as_tight_as_one_along_an_axis() {
 }
 
 #[test]
-fn virtual_occluders_of_an_oriented_cell_are_for_eyes_in_it() {
+fn the_planes_of_an_empty_viewcell_leave_nothing_to_panic_about() {
     let mut world = World::new();
     world.add_box([9.0, -9.0, -9.0], [9.2, 9.0, 9.0]);
-    let post = Aabb::from_arrays([20.0, -0.2, -0.2], [20.5, 0.2, 0.2]);
-    world.add_target(post);
-    let half = DVec3::new(4.0, 0.3, 0.3);
-    let (cell, eye) = oriented(DQuat::from_rotation_z(0.8), DVec3::ZERO, half);
-    let mut map = ExtendedProjectionCuller::new().virtual_occluders(&world.scene, &cell);
-    let mut hides = |eye: DVec3| {
-        let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
-        map.sync(&world.scene);
-        map.begin(&View::perspective(pose, 1.0, 1.0, 0.01, 100.0).unwrap(), DVec3::ZERO);
-        map.test(&post) == Occlusion::Hidden
-    };
-    for part in [0.1, 0.5, 0.9] {
-        assert!(hides(eye(DVec3::new(part, 0.5, 0.5))), "an eye {part} along the cell");
-    }
-    assert!(!hides(DVec3::new(2.5, -2.5, 0.0)), "in the box, and out of the planes");
-    // The planes of an empty viewcell leave nothing to see, and nothing to panic about.
-    let mut empty = cell.clone();
+    let (mut empty, _) = oriented(DQuat::from_rotation_z(0.8), DVec3::ZERO, DVec3::new(4.0, 0.3, 0.3));
     empty.planes.extend([
         Plane::new(DVec3::X, -1e9),
         Plane::new(DVec3::NAN, f64::NAN),

@@ -3,9 +3,7 @@
 //! `cargo test -p visibility-region slots -- --ignored --nocapture` makes a million trials of the sweep.
 
 use visibility_core::{Accuracy, RegionCuller};
-use visibility_region::{
-    ConvexBlockersCuller, ExtendedProjectionCuller, VirtualSweepCuller, VolumetricCuller,
-};
+use visibility_region::{ConvexBlockersCuller, ExtendedProjectionCuller, VolumetricCuller};
 use visibility_testing::{SlotScene, SlotSearch};
 
 /// Makes trials, and fails for one whose target is hidden though it is seen.
@@ -20,12 +18,6 @@ fn search(culler: &mut dyn RegionCuller, first: usize, trials: usize) -> SlotSea
 fn sweeps_hide_nothing_that_is_seen_through_a_slot() {
     let found = search(&mut ExtendedProjectionCuller::new(), 0, 2000);
     assert!(found.seen > 1000 && found.hidden > 20, "{found:?}");
-}
-
-#[test]
-fn virtual_occluders_hide_nothing_that_is_seen_through_a_slot() {
-    let found = search(&mut VirtualSweepCuller::new(), 0, 300);
-    assert!(found.seen > 150, "{found:?}");
 }
 
 #[test]
@@ -62,8 +54,7 @@ fn sweeps_hide_nothing_in_a_million_scenes_of_slots() {
 
 #[test]
 #[ignore = "an hour"]
-fn virtual_occluders_and_solids_hide_nothing_in_many_scenes_of_slots() {
+fn solids_hide_nothing_in_many_scenes_of_slots() {
     search_long(&mut ConvexBlockersCuller::new(), 20_000);
-    search_long(&mut VirtualSweepCuller::new(), 20_000);
     search_long(&mut VolumetricCuller::new(), 10_000);
 }

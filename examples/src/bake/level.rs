@@ -236,7 +236,7 @@ fn append(writer: &mut TiledSceneWriter, object: SourceObject) -> Result<(), Lev
     let whole = object.object();
     let id = scene.insert(Object { occluder: whole.occluder && !object.door, ..whole });
     scene.set_triangles(id, object.fixed_triangles()).expect("the object was just inserted");
-    scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
+    scene.prepare_occluders(&Preparation::default().with_two_sided(true));
     let (Ok(object), Ok(triangles)) = (scene.object(id), scene.triangles(id)) else { return Ok(()) };
     writer.push(&object, triangles, scene.occluder(id))
 }

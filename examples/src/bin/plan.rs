@@ -6,7 +6,6 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 use visibility_2d::cdt::{Plan, PlanView, RegionVisibility, Visibility, Wall};
-use visibility_core::cells::CellId;
 use visibility_examples::output_file::write;
 use visibility_examples::plan::drawing::Drawing;
 use visibility_examples::plan::forest_walk::ForestWalk;
@@ -61,10 +60,6 @@ struct Arguments {
     /// anywhere in the region's convex hull; the rest of the picture is its umbra.
     #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
     region: Vec<[f64; 2]>,
-
-    /// File to draw the convex cells of the plan and the portals between them to. By default none.
-    #[arg(long, value_name = "FILE.svg")]
-    cells: Option<PathBuf>,
 
     /// Distance from the outermost walls to the rectangle in which sight ends. By default a quarter of the
     /// plan's larger extent, at least 1.
@@ -129,9 +124,6 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     write_json(arguments, &json)?;
     if let Some(path) = &arguments.svg {
         write(path, draw(arguments, &file, &plan)?.as_bytes())?;
-    }
-    if let Some(path) = &arguments.cells {
-        write(path, draw_cells(&file, &plan)?.as_bytes())?;
     }
     Ok(())
 }
@@ -216,24 +208,5 @@ fn draw(
     for (&eye, color) in eyes() {
         drawing.dot(eye, color);
     }
-    Ok(drawing.finish())
-}
-
-/// Draws the cells of a plan in pale colours, with portals in blue.
-fn draw_cells(file: &PlanFile, plan: &Plan) -> Result<String, visibility_2d::cdt::PlanError> {
-    const COLORS: [&str; 5] = ["#f3e2c0", "#d5e6f2", "#d9ebd3", "#efdcec", "#f4d8cd"];
-    let cells = plan.cells(0.0, 1.0)?;
-    eprintln!("{} cells, {} portals", cells.graph.cell_count(), cells.graph.portals().len());
-    let mut drawing = Drawing::new(plan.bounds(), file.y_down);
-    for cell in 0..cells.graph.cell_count() {
-        let color = COLORS[cell % COLORS.len()];
-        drawing.polygon(cells.outline(CellId(cell as u32)), &format!("fill:{color}"));
-    }
-    let portals = cells.graph.portals().iter().filter_map(|portal| match portal.polygon().vertices() {
-        [a, b, ..] => Some([[a.x, a.y], [b.x, b.y]]),
-        _ => None,
-    });
-    drawing.lines(portals, "stroke:#37c;stroke-width:1");
-    drawing.walls(file);
     Ok(drawing.finish())
 }

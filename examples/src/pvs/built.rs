@@ -39,7 +39,7 @@ pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String
                 source.walks.iter().flat_map(|walk| &walk.keys).map(|key| key.eye).collect();
             let (polygons, one_sided) = polygons(source);
             let solid = SolidRule::Unreached(&eyes);
-            let settings = PolygonSettings { solid, one_sided: &one_sided, ..PolygonSettings::default() };
+            let settings = PolygonSettings::default().with_solid(solid).with_one_sided(&one_sided);
             from_polygons(&polygons, &settings)
         }
     };

@@ -12,8 +12,7 @@ use visibility_core::{Culler, ObjectId, RegionCuller, Scene};
 use visibility_exact::{Effort, ExactCuller, ExactSettings, SceneTriangles, Verdict};
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_region::{
-    ConvexBlockersCuller, ExtendedProjectionCuller, SamplingCuller, ShrunkCuller, VirtualSweepCuller,
-    VolumetricCuller,
+    ConvexBlockersCuller, ExtendedProjectionCuller, SamplingCuller, ShrunkCuller, VolumetricCuller,
 };
 
 /// A culler from viewcells that can be drawn.
@@ -129,17 +128,6 @@ pub const METHODS: &[Entry] = &[
             Ok(Box::new(ShrunkCuller::new(HzbCuller::new(map), points)))
         },
     },
-    Entry {
-        name: "virtual",
-        dial: "MOST",
-        make: |dial, _| {
-            let culler = VirtualSweepCuller::new();
-            Ok(Box::new(match dial {
-                Some(most) => culler.with_max(number(most)?),
-                None => culler,
-            }))
-        },
-    },
     Entry { name: "volume", dial: "", make: |_, _| Ok(Box::new(VolumetricCuller::new())) },
 ];
 
@@ -168,7 +156,7 @@ impl Method for ExactCuller {
     }
 
     fn clearance(&self) -> f64 {
-        self.settings().clearance
+        self.settings().clearance()
     }
 
     fn set_stop(&mut self, stop: Box<dyn Fn() -> bool + Send + Sync>) {
@@ -201,13 +189,6 @@ impl<C: Culler> Method for ShrunkCuller<C> {
 impl Method for VirtualOccluderCuller {
     fn lines(&self) -> Vec<[DVec3; 2]> {
         self.occluders().iter().flat_map(|occluder| sides(occluder.corners())).collect()
-    }
-}
-
-impl Method for VirtualSweepCuller {
-    fn lines(&self) -> Vec<[DVec3; 2]> {
-        let occluders = self.last().into_iter().flat_map(|last| last.occluders());
-        occluders.flat_map(|occluder| sides(occluder.corners())).collect()
     }
 }
 

@@ -91,7 +91,7 @@ impl World {
         }
         // Occluders are two-sided unless their objects are not: built-in scenes and VSCN files are drawn with
         // both faces, and may have any winding.
-        scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
+        scene.prepare_occluders(&Preparation::default().with_two_sided(true));
         let (prepared, made_cells) = (Prepared::default(), OnceLock::new());
         Self { source, scene, views, poses, size, prepared, makes_cells: false, is_quiet: false, made_cells }
     }

@@ -9,12 +9,10 @@ use visibility_bsp::{
     ShadowFrusta, ShadowFrustaCuller,
 };
 use visibility_core::occlusion::{HardwareQueries, LateAnswers, Occlusion, QueryDevice};
-use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Culler, OccluderMesh, OcclusionCuller, OcclusionMap, Scene, View, VisibleSet};
 use visibility_frame::backface::BackfaceCuller;
 use visibility_hzb::{Hom, Hzb, HzbCuller};
 use visibility_plp::{Budget, ConservativePlpCuller, DelaunayTessellation, OctreeTessellation};
-use visibility_region::{ExtendedProjectionCuller, VirtualOccluders};
 use visibility_testing::PlainMap;
 
 /// A culler, and how it follows the scene.
@@ -26,27 +24,6 @@ pub(crate) trait Live {
     }
     fn culler(&mut self) -> &mut dyn Culler;
     fn sync(&mut self, scene: &Scene);
-}
-
-/// A culler that hides something for eyes near the scene's origin alone.
-struct Near(Box<dyn Live>);
-
-impl Live for Near {
-    fn name(&self) -> &str {
-        self.0.name()
-    }
-
-    fn reach(&self) -> f64 {
-        0.8
-    }
-
-    fn culler(&mut self) -> &mut dyn Culler {
-        self.0.culler()
-    }
-
-    fn sync(&mut self, scene: &Scene) {
-        self.0.sync(scene);
-    }
 }
 
 struct Following<C, F> {
@@ -178,12 +155,6 @@ impl<C: Culler> Culler for Twice<C> {
     }
 }
 
-/// Makes virtual occluders for a viewcell around a scene's origin.
-fn virtual_occluders(scene: &Scene) -> VirtualOccluders {
-    let cell = Viewcell::from_box(scene.origin() - 1.0, scene.origin() + 1.0);
-    ExtendedProjectionCuller::new().virtual_occluders(scene, &cell)
-}
-
 pub(crate) const ALL: &[fn() -> Box<dyn Live>] = &[
     || live("backface", BackfaceCuller::new(), BackfaceCuller::sync),
     || live("hzb", HzbCuller::new(Hzb::new(256, 160).unwrap()), |_, _| {}),
@@ -246,15 +217,5 @@ pub(crate) const ALL: &[fn() -> Box<dyn Live>] = &[
                 Arc::make_mut(culler.shared_mut()).rebuild(scene);
             }
         })
-    },
-    || {
-        let culler = OcclusionCuller::new(virtual_occluders(&Scene::new())).with_price(0);
-        let live = live("virtual occluders", culler, |culler, scene| {
-            if !culler.map_mut().sync(scene) {
-                *culler.map_mut() = virtual_occluders(scene);
-                assert!(culler.map_mut().sync(scene), "the map is of this scene");
-            }
-        });
-        Box::new(Near(live))
     },
 ];

@@ -171,7 +171,7 @@ impl Culler for BakedCuller {
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         let sets = self.shared.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let Some(sets) = sets else {
-            return CullStats { visible: visible.count(scene) as u64, ..CullStats::default() };
+            return CullStats::default().with_visible(visible.count(scene) as u64);
         };
         let culler = self.culler.get_or_insert_with(|| PvsCuller::new(sets.clone()));
         *culler.shared_mut() = sets;

@@ -109,7 +109,7 @@ impl Culler for WhereOccluders {
         if scene.occluder_count() > 0 {
             return self.0.cull(scene, view, visible);
         }
-        CullStats { visible: visible.count(scene) as u64, ..CullStats::default() }
+        CullStats::default().with_visible(visible.count(scene) as u64)
     }
 
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {

@@ -38,8 +38,13 @@ pub struct vis_stats {
 
 impl From<CullStats> for vis_stats {
     fn from(stats: CullStats) -> Self {
-        let CullStats { nodes, accepted_subtrees, tests, occluders, visible } = stats;
-        Self { nodes, accepted_subtrees, tests, occluders, visible }
+        Self {
+            nodes: stats.nodes,
+            accepted_subtrees: stats.accepted_subtrees,
+            tests: stats.tests,
+            occluders: stats.occluders,
+            visible: stats.visible,
+        }
     }
 }
 

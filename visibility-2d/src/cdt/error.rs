@@ -15,7 +15,7 @@ pub enum PlanError {
     },
     /// There are too many walls, or walls that cross or overlap too often.
     TooMany {
-        /// Number of walls given, or number of vertices or of overlaps reached, or of cells or portals.
+        /// Number of walls given, or number of vertices or of overlaps reached.
         count: usize,
     },
     /// A wall has a number that the plan does not have.
@@ -29,9 +29,7 @@ pub enum PlanError {
     Objects,
     /// A region or an object has no point, or a point outside the rectangle around the plan.
     Region,
-    /// A height of a line of sight is not finite or above 1e60. Or the lower bound of heights of cells is not
-    /// below the upper one, one is not finite, or they are so large or so close beside the plan that a portal
-    /// has no area as `f64`.
+    /// A height of a line of sight is not finite or above 1e60 in absolute value.
     Heights,
 }
 
@@ -52,10 +50,7 @@ impl fmt::Display for PlanError {
             Self::Region => {
                 write!(f, "the region or object is empty, or not inside the rectangle around the plan")
             }
-            Self::Heights => write!(
-                f,
-                "the lower height must be below the upper one, and both of a size that suits the plan"
-            ),
+            Self::Heights => write!(f, "a height is no number up to 1e60"),
         }
     }
 }

@@ -12,10 +12,8 @@
 //! - [`Plan::sees`], [`Plan::ray`]: lines of sight between two points, the first wall on a ray.
 //! - [`Plan::look_from_region`]: the walls and triangles seen from anywhere in a triangle, on a segment, in a
 //!   convex cell.
-//! - [`Plan::cells`]: convex cells and portals, for cullers of cells and portals.
 //! - [`Plan::set_opacity`]: doors that open and close.
 
-mod cells;
 pub(crate) mod constrain;
 mod error;
 mod expand;
@@ -34,7 +32,6 @@ mod view;
 mod visibility;
 mod wall;
 
-pub use cells::PlanCells;
 pub use error::PlanError;
 pub use objects::PlanObjects;
 pub use plan::Plan;

@@ -15,11 +15,9 @@
 //! - [`Discs`] is the set, made once; [`DiscZone`] looks around in it: [`look`](DiscZone::look) finds the
 //!   discs seen from a point, or from all points of a small ball.
 //! - [`KineticZone`] keeps the discs seen as an eye moves.
-//! - [`Discs::first_hits`] follows one ray to the first k discs.
 
 mod gaps;
 mod kinetic;
-mod ray;
 #[cfg(test)]
 mod tests;
 mod tree;
@@ -33,6 +31,5 @@ const ROUNDING: f64 = 1e-12;
 const MAX_NUMBER: f64 = 1e150;
 
 pub use kinetic::{KineticZone, ZoneWork};
-pub use ray::RayDisc;
 pub use tree::{Disc, DiscError, Discs};
 pub use zone::{DiscView, DiscZone};

@@ -74,7 +74,7 @@ impl Soup {
             let size = random.fine_vector(0.6).abs().as_vec3() * scale;
             scene.insert(Aabb::new(min, min + size));
         }
-        scene.prepare_occluders(&Preparation { sliver: 0.0, two_sided: true, ..Preparation::default() });
+        scene.prepare_occluders(&Preparation::default().with_sliver(0.0).with_two_sided(true));
         scene.rebuild();
         Self { scene, solid }
     }

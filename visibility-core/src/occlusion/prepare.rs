@@ -15,21 +15,37 @@ use hashbrown::HashMap;
 /// assert!(prepare(triangles, &Preparation::default()).is_none());
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[must_use]
 pub struct Preparation {
-    /// Slivers are dropped, since they cover no whole pixel. A triangle is a sliver if its height over its
-    /// longest side is at most this fraction of that side's length. 0 keeps all triangles with an area.
-    /// Default 1e-3.
-    pub sliver: f32,
-    /// Triangles with less than this fraction of the area of the largest triangle are dropped. Default 0.
-    pub min_area: f32,
-    /// Whether back faces occlude too, for models whose triangles do not all face outwards. Objects that are
-    /// drawn [one-sided](crate::Object::one_sided) get one-sided meshes nevertheless. Default false.
-    pub two_sided: bool,
+    sliver: f32,
+    min_area: f32,
+    two_sided: bool,
 }
 
 impl Default for Preparation {
     fn default() -> Self {
         Self { sliver: 1e-3, min_area: 0.0, two_sided: false }
+    }
+}
+
+impl Preparation {
+    /// Sets which triangles are slivers, and so dropped, since they cover no whole pixel: those whose height
+    /// over their longest side is at most this fraction of that side's length. 0 keeps all triangles with an
+    /// area. 1e-3 by default.
+    pub fn with_sliver(self, sliver: f32) -> Self {
+        Self { sliver, ..self }
+    }
+
+    /// Sets the least area of a triangle that is kept, as a fraction of that of the largest triangle. 0 by
+    /// default.
+    pub fn with_min_area(self, min_area: f32) -> Self {
+        Self { min_area, ..self }
+    }
+
+    /// Sets whether back faces occlude too, for models whose triangles do not all face outwards. Objects that
+    /// are drawn [one-sided](crate::Object::one_sided) get one-sided meshes nevertheless. False by default.
+    pub fn with_two_sided(self, two_sided: bool) -> Self {
+        Self { two_sided, ..self }
     }
 }
 
@@ -78,7 +94,7 @@ impl Scene {
             let (false, Some(triangles)) = (self.has_mesh(id), self.shared_triangles(id).cloned()) else {
                 continue;
             };
-            let sides = Preparation { two_sided: preparation.two_sided && !object.one_sided, ..*preparation };
+            let sides = preparation.with_two_sided(preparation.two_sided && !object.one_sided);
             // Instances of one mesh share the prepared mesh, keyed by the address of the triangles and the
             // sides they are seen from.
             let placed = triangles.rounded_transform().filter(|_| self.local_bounds(id).is_none());

@@ -28,7 +28,7 @@ pub fn prepared(objects: &[Vec<Triangle>]) -> Arc<SceneTriangles> {
 
 /// Few rays, so that proofs have to decide; proofs are kept.
 pub fn few_rays(settings: ExactSettings) -> ExactSettings {
-    ExactSettings { rays: 200, aimed_rays: 10, keep_proofs: true, ..settings }
+    settings.with_rays(200).with_aimed_rays(10).with_kept_proofs()
 }
 
 pub fn quad(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> Vec<Triangle> {

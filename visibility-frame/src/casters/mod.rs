@@ -11,10 +11,8 @@
 
 mod hull;
 mod light;
-mod lit;
 
 pub use light::{Light, LightError};
-pub use lit::lights_in_view;
 
 use hull::{HullPlanes, Source, push_ball, push_cone, push_hull};
 use visibility_core::frustum::ConvexVolume;

@@ -189,7 +189,7 @@ impl<'a> ClusterView<'a> {
         let mut stats = CullStats::default();
         let Some(placement) = Placement::new(&transform) else {
             (0..mesh.len() as u32).for_each(each);
-            return CullStats { visible: mesh.len() as u64, ..stats };
+            return stats.with_visible(mesh.len() as u64);
         };
         let Some(root) = mesh.level_count().checked_sub(1) else { return stats };
         let volume = placement.volume(self.simd, &self.planes, mesh.reach());

@@ -26,8 +26,8 @@ pub use nearest::Neighbor;
 pub use ray::{Ray, RayError, RayHit};
 
 use alloc::vec::Vec;
-pub(crate) use region::{Both, Region, SphereRegion};
 use region::{BoxRegion, Everywhere};
+use region::{Region, SphereRegion};
 use visibility_core::frustum::ConvexVolume;
 use visibility_core::geometry::Sphere;
 use visibility_core::scene::{Boxes64, FAN_OUT, lanes};

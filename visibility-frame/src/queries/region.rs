@@ -42,19 +42,6 @@ impl Region for ConvexVolume {
     }
 }
 
-/// The intersection of two regions, or a region around it.
-pub(crate) struct Both<A, B>(pub(crate) A, pub(crate) B);
-
-impl<A: Region, B: Region> Region for Both<A, B> {
-    fn outside(&self, boxes: &Boxes64) -> u64 {
-        self.0.outside(boxes) | self.1.outside(boxes)
-    }
-
-    fn inside(&self, boxes: &Boxes64) -> u64 {
-        self.0.inside(boxes) & self.1.inside(boxes)
-    }
-}
-
 /// A closed box, or all of space instead of an improper one.
 pub(super) struct BoxRegion(Aabb);
 

@@ -191,7 +191,7 @@ impl PortalEye {
     /// objects of `visible` count as visible.
     fn fall_back(&mut self, why: NotCulled, scene: &Scene, visible: &VisibleSet) -> CullStats {
         self.stats.fallback = Some(why);
-        CullStats { visible: visible.count(scene) as u64, ..CullStats::default() }
+        CullStats::default().with_visible(visible.count(scene) as u64)
     }
 
     /// Marks in `unknown` the objects that have changed since the last sync of `cells`; these are not culled

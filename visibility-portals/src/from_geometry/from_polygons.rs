@@ -34,32 +34,15 @@ pub enum SolidRule<'a> {
 
 /// Settings of [`from_polygons`]. Lengths are in world units.
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[must_use]
 pub struct PolygonSettings<'a> {
-    /// Distance that a line must keep from all polygons to be certain to pass. `None`, the default: 2^-20 of
-    /// the greatest absolute coordinate, well above the rounding of `f32`.
-    pub tolerance: Option<f64>,
-    /// Minimum covered fraction, from 0 to 1, for a split: the region is split along a plane if polygons
-    /// cover at least this fraction of the plane's section of the region. A covered area of at least 1/512
-    /// of the square of the longest side of the bounding box also suffices, since even large walls cover
-    /// a small fraction of a large region. Default 0.25.
-    pub min_share: f64,
-    /// Minimum total area, in square world units, of the polygons that lie in a plane and in a region. If the
-    /// total is less, the region is not split along that plane, whatever `min_share` allows. `None`, the
-    /// default: 2^-13 of the square of the longest side of the bounding box.
-    pub min_area: Option<f64>,
-    /// Distance, in world units, by which the outermost cells extend beyond the bounds of all polygons.
-    /// Default 1.
-    pub margin: f64,
-    /// Maximum number of leaf regions, solid ones included. Regions are split breadth first until this
-    /// number is reached. Default 16,384.
-    pub max_cells: usize,
-    /// Rule that decides which regions are solid. Default [`SolidRule::Nothing`].
-    pub solid: SolidRule<'a>,
-    /// For each polygon, whether it is drawn from its front alone, so that lines from behind pass it.
-    /// Polygons beyond the end block from both sides. Portals have no direction, so that regions from which
-    /// lines pass polygons from behind, and all regions that portals join to these, do not become cells: from
-    /// there everything is visible. The inside of a wall is such a region. Default empty.
-    pub one_sided: &'a [bool],
+    tolerance: Option<f64>,
+    min_share: f64,
+    min_area: Option<f64>,
+    margin: f64,
+    max_cells: usize,
+    solid: SolidRule<'a>,
+    one_sided: &'a [bool],
 }
 
 impl Default for PolygonSettings<'_> {
@@ -73,6 +56,54 @@ impl Default for PolygonSettings<'_> {
             solid: SolidRule::Nothing,
             one_sided: &[],
         }
+    }
+}
+
+impl<'a> PolygonSettings<'a> {
+    /// Sets the distance that a line must keep from all polygons to be certain to pass. `None`, the default:
+    /// 2^-20 of the greatest absolute coordinate, well above the rounding of `f32`.
+    pub fn with_tolerance(self, tolerance: impl Into<Option<f64>>) -> Self {
+        Self { tolerance: tolerance.into(), ..self }
+    }
+
+    /// Sets the minimum covered fraction, from 0 to 1, for a split: the region is split along a plane if
+    /// polygons cover at least this fraction of the plane's section of the region. A covered area of at least
+    /// 1/512 of the square of the longest side of the bounding box also suffices, since even large walls
+    /// cover a small fraction of a large region. 0.25 by default.
+    pub fn with_min_share(self, min_share: f64) -> Self {
+        Self { min_share, ..self }
+    }
+
+    /// Sets the minimum total area, in square world units, of the polygons that lie in a plane and in a
+    /// region. If the total is less, the region is not split along that plane, whatever its covered fraction.
+    /// `None`, the default: 2^-13 of the square of the longest side of the bounding box.
+    pub fn with_min_area(self, min_area: impl Into<Option<f64>>) -> Self {
+        Self { min_area: min_area.into(), ..self }
+    }
+
+    /// Sets the distance, in world units, by which the outermost cells extend beyond the bounds of all
+    /// polygons. 1 by default.
+    pub fn with_margin(self, margin: f64) -> Self {
+        Self { margin, ..self }
+    }
+
+    /// Sets the maximum number of leaf regions, solid ones included. Regions are split breadth first until
+    /// this number is reached. 16,384 by default.
+    pub fn with_max_cells(self, max_cells: usize) -> Self {
+        Self { max_cells, ..self }
+    }
+
+    /// Sets the rule that decides which regions are solid. [`SolidRule::Nothing`] by default.
+    pub fn with_solid(self, solid: SolidRule<'a>) -> Self {
+        Self { solid, ..self }
+    }
+
+    /// Sets for each polygon whether it is drawn from its front alone, so that lines from behind pass it.
+    /// Polygons beyond the end block from both sides. Portals have no direction, so that regions from which
+    /// lines pass polygons from behind, and all regions that portals join to these, do not become cells: from
+    /// there everything is visible. The inside of a wall is such a region. Empty by default.
+    pub fn with_one_sided(self, one_sided: &'a [bool]) -> Self {
+        Self { one_sided, ..self }
     }
 }
 

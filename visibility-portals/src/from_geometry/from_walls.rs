@@ -16,22 +16,13 @@ use visibility_core::{
 
 /// Settings of [`from_walls`]. Lengths are in world units.
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[must_use]
 pub struct WallSettings {
-    /// Distance in world units. Coordinates of walls along one axis that differ by no more than this become
-    /// one. 0 merges equal coordinates only.
-    pub tolerance: f64,
-    /// Minimum covered fraction, from 0 to 1, for a split: a region is split along a plane if wall faces in
-    /// the plane cover at least this fraction of the area in which the plane cuts the region. A covered area
-    /// of at least `min_area` also suffices.
-    pub min_share: f64,
-    /// Covered area, in square world units, that suffices for a split even if the covered fraction is below
-    /// `min_share`. `None`: 1/32 of the largest wall face.
-    pub min_area: Option<f64>,
-    /// Distance, in world units, by which the outermost cells extend beyond the bounds of all walls.
-    pub margin: f64,
-    /// Maximum number of cells. Splitting stops at this number. Values above `CellGraph::LIMIT` count as
-    /// `CellGraph::LIMIT`.
-    pub max_cells: usize,
+    tolerance: f64,
+    min_share: f64,
+    min_area: Option<f64>,
+    margin: f64,
+    max_cells: usize,
 }
 
 impl Default for WallSettings {
@@ -39,6 +30,38 @@ impl Default for WallSettings {
     /// 0.3, a least area of 1/32 of the largest wall face, at most 32,768 cells.
     fn default() -> Self {
         Self { tolerance: 1e-4, min_share: 0.3, min_area: None, margin: 1.0, max_cells: 1 << 15 }
+    }
+}
+
+impl WallSettings {
+    /// Sets the distance, in world units, up to which coordinates of walls along one axis become one. 0
+    /// merges equal coordinates only.
+    pub fn with_tolerance(self, tolerance: f64) -> Self {
+        Self { tolerance, ..self }
+    }
+
+    /// Sets the minimum covered fraction, from 0 to 1, for a split: a region is split along a plane if wall
+    /// faces in the plane cover at least this fraction of the area in which the plane cuts the region. A
+    /// covered area of at least [the least area](Self::with_min_area) also suffices.
+    pub fn with_min_share(self, min_share: f64) -> Self {
+        Self { min_share, ..self }
+    }
+
+    /// Sets the covered area, in square world units, that suffices for a split even if the covered fraction
+    /// is below [the least share](Self::with_min_share). `None`: 1/32 of the largest wall face.
+    pub fn with_min_area(self, min_area: impl Into<Option<f64>>) -> Self {
+        Self { min_area: min_area.into(), ..self }
+    }
+
+    /// Sets the distance, in world units, by which the outermost cells extend beyond the bounds of all walls.
+    pub fn with_margin(self, margin: f64) -> Self {
+        Self { margin, ..self }
+    }
+
+    /// Sets the maximum number of cells. Splitting stops at this number. Values above `CellGraph::LIMIT`
+    /// count as `CellGraph::LIMIT`.
+    pub fn with_max_cells(self, max_cells: usize) -> Self {
+        Self { max_cells, ..self }
     }
 }
 
@@ -108,7 +131,7 @@ struct Shared {
 ///     wall([4.0, 0.0, 0.0], [4.0, 1.0, 3.0]), wall([4.0, 2.0, 0.0], [4.0, 4.0, 3.0]),
 ///     wall([4.0, 1.0, 2.0], [4.0, 2.0, 3.0]),
 /// ];
-/// let rooms = from_walls(&walls, &WallSettings { margin: 0.0, ..WallSettings::default() })?;
+/// let rooms = from_walls(&walls, &WallSettings::default().with_margin(0.0))?;
 /// assert_eq!((rooms.graph.cell_count(), rooms.graph.portals().len()), (2, 1));
 /// assert_eq!(rooms.graph.portals()[0].polygon().area(), 2.0);
 /// # Ok::<(), visibility_portals::from_geometry::GeometryError>(())

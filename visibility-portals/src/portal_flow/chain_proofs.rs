@@ -3,8 +3,7 @@
 
 use super::flow_input::FlowInput;
 use super::flow_scratch::FlowScratch;
-use crate::directed_portals::DirectedPortal;
-use crate::stabbing::pluecker::Polytope;
+use crate::directed_portals::{DirectedPortal, DirectedPortals};
 use core::ops::Range;
 use visibility_core::glam::DVec3;
 
@@ -27,7 +26,7 @@ impl FlowScratch {
     /// `false` proves nothing.
     pub(crate) fn witness(&self, input: &FlowInput, target: u32, [a, b]: [DVec3; 2]) -> bool {
         let chain = self.chain.frames.iter().map(|frame| frame.portal).chain([target]);
-        chain.into_iter().all(|portal| passes(input, &input.portals.all[portal as usize], a, b))
+        chain.into_iter().all(|portal| passes(input.portals, &input.portals.all[portal as usize], a, b))
     }
 
     /// Tests whether it is certain that no line passes all portals of the chain and then directed portal
@@ -44,8 +43,7 @@ impl FlowScratch {
             input.portals.pluecker_opening(&input.portals.all[portal as usize])
         };
         let line = (a, direction);
-        let answer = self.pluecker.test(opening, frames.len() + 1, line, clearance);
-        if answer == Polytope::Open {
+        if !self.pluecker.excludes(opening, frames.len() + 1, line, clearance) {
             return false;
         }
         let portal = |&i: &u32| frames.get(i as usize).map_or(target, |frame| frame.portal);
@@ -84,19 +82,56 @@ const KNOWN_RISE: f64 = 1e3;
 /// line that misses this shrunk polygon by less than `inset`, and so still meets the portal of the graph.
 /// `false` if `a` and `b` differ so little along the normal that the intersection is inaccurate; see
 /// [`KNOWN_RISE`].
-fn passes(input: &FlowInput, portal: &DirectedPortal, a: DVec3, b: DVec3) -> bool {
+fn passes(portals: &DirectedPortals, portal: &DirectedPortal, a: DVec3, b: DVec3) -> bool {
     let (da, db) = (portal.plane.signed_distance(a), portal.plane.signed_distance(b));
     // For so short a distance along the normal, the intersection with the plane is not accurate.
-    let is_known = db - da > KNOWN_RISE * input.portals.margins.keep;
+    let is_known = db - da > KNOWN_RISE * portals.margins.keep;
     if !is_known {
         return false;
     }
     let p = a + (b - a) * (da / (da - db));
-    let vertices = input.portals.vertices_of(portal);
+    let vertices = portals.vertices_of(portal);
     let mut start = vertices[vertices.len() - 1];
     vertices.iter().all(|&end| {
         let edge = end - core::mem::replace(&mut start, end);
         // The intersection is on the inner side of the edge, or on it.
-        portal.plane.normal.cross(edge).dot(p - (end - edge)) >= -input.portals.margins.keep * edge.length()
+        portal.plane.normal.cross(edge).dot(p - (end - edge)) >= -portals.margins.keep * edge.length()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::integer_vectors::{IntegerVector, Random};
+    use visibility_core::cells::{CellGraph, CellId};
+    use visibility_core::geometry::ConvexPolygon;
+
+    /// Lines nearly in the plane of a portal, whose crossing is known exactly: beside the portal. Both
+    /// distances from the plane are sums of roundings.
+    #[test]
+    fn a_line_nearly_in_the_plane_of_a_portal_proves_nothing() {
+        let mut random = Random(5);
+        let normal = IntegerVector([1, 2, 2]);
+        let (u, v) = (IntegerVector([2, -2, 1]), IntegerVector([2, 1, -2]));
+        for round in 0..200 {
+            let center = random.vector(1 << 20);
+            let corner = |i: i128, j: i128| center.plus(u.times(2 * i)).plus(v.times(2 * j)).to_f64();
+            let polygon = ConvexPolygon::new([corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1)]);
+            let graph = CellGraph::new(2, [(polygon.unwrap(), [CellId(0), CellId(1)])]).unwrap();
+            let portals = DirectedPortals::new(&graph, 1e-3, DirectedPortals::extent(&graph));
+            // Exact multiples of 2^-30. The line crosses the plane at `beside`, half way from `a` to `b`.
+            let unit = 1i128 << 30;
+            let beside = center.plus(u.times(random.below(8).abs() + 3)).times(unit);
+            let half = u.times(1024 * unit).plus(normal.times(1 + random.below(20).abs()));
+            let at = |p: IntegerVector| p.to_f64() / unit as f64;
+            let (a, b) = (at(beside.minus(half)), at(beside.plus(half)));
+            for portal in &portals.all {
+                assert!(!passes(&portals, portal, a, b), "round {round}: a line beside the portal");
+                let through = [-4, 4].map(|by| center.plus(normal.times(by)).to_f64());
+                let forth = portal.plane.normal.dot(normal.to_f64()) > 0.0;
+                let [a, b] = if forth { through } else { [through[1], through[0]] };
+                assert!(passes(&portals, portal, a, b), "round {round}: a line through its middle");
+            }
+        }
+    }
 }

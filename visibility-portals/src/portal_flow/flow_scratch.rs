@@ -1,9 +1,8 @@
 //! Scratch memory of flows, and the candidates of a source.
 
 use super::flow_input::FlowInput;
-use crate::lp::MAX_ROWS;
+use crate::pluecker::{MAX_ROWS, Pluecker};
 use crate::portal_chain::{CellFlood, PortalChain};
-use crate::stabbing::pluecker::Pluecker;
 use alloc::vec::Vec;
 use core::ops::Range;
 use smallvec::SmallVec;

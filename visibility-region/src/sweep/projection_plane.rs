@@ -53,8 +53,7 @@ impl ProjectionPlane<'_> {
 
 impl ExtendedProjectionCuller {
     /// Calls `each` with the planes of a sweep from a viewcell, direction by direction and nearest first. The
-    /// maps reach as far aside as the objects of the scene. They hold all occluders of the scene, as the maps
-    /// that [virtual occluders](Self::virtual_occluders) are chosen from.
+    /// maps reach as far aside as the objects of the scene and hold all occluders of the scene.
     pub fn for_each_plane(
         &mut self,
         scene: &Scene,

@@ -261,17 +261,6 @@ impl Window {
         self.ends
     }
 
-    /// Returns a rectangle on the plane that is certainly within the pixels of `rect`: its least and greatest
-    /// coordinate along x, then along y, in metres.
-    pub(crate) fn inside(&self, rect: PixelRect) -> [[f64; 2]; 2] {
-        let along = |[first, last]: [usize; 2], lat: usize| {
-            let at = |pixel: f64| self.ends[lat][0] + pixel * self.pixel_size(lat);
-            let margin = self.margin(lat);
-            [at(first as f64 + margin), at((last + 1) as f64 - margin)]
-        };
-        [along(rect.x, 0), along(rect.y, 1)]
-    }
-
     /// Returns for each pixel of this window, along lateral axis `lat` (0 or 1), the pixels of the earlier
     /// window `from` that asked rays through it meet. This is the reprojection with the cell itself as the
     /// source.

@@ -115,6 +115,6 @@ impl Culler for Centroid {
         };
         let kept: Vec<ObjectId> = self.order.iter().copied().take_while(fits).map(|(_, id)| id).collect();
         visible.keep_in_order(scene, &kept);
-        CullStats { tests: self.order.len() as u64, visible: kept.len() as u64, ..CullStats::default() }
+        CullStats::default().with_tests(self.order.len() as u64).with_visible(kept.len() as u64)
     }
 }

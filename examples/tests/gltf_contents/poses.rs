@@ -1,0 +1,289 @@
+//! Tests of what moves in a glTF file: skins, clips and morph targets, bounded over all their poses.
+
+use super::{CORNERS, File, door, points, reported, triangle};
+use glam::{DQuat, DVec3, Quat, Vec3};
+use proptest::prelude::*;
+use serde_json::json;
+
+/// Returns a file with a triangle that two joints move: the first two corners by the first alone, the third
+/// half by each. The node itself is elsewhere.
+fn skinned() -> File {
+    let mut file = triangle();
+    file.node(json!({"translation": [10, 0, 0], "name": "root joint"}));
+    file.node(json!({"translation": [0, 4, 0], "scale": [2, 2, 2], "name": "tip joint"}));
+    let joints = file.accessor(&[0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0], 5121, "VEC4", 3);
+    let weights = file.floats(&[[1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.25, 0.25, 0.0, 0.0]]);
+    let matrix = |x: f32| [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, x, 0.0, 0.0, 1.0];
+    let binds = file.floats(&[matrix(0.0), matrix(1.0)]);
+    file.root["skins"] = json!([{"joints": [1, 2], "inverseBindMatrices": binds}]);
+    file.root["nodes"][0]["skin"] = json!(0);
+    file.root["nodes"][0]["scale"] = json!([0.1, 0.1, 0.1]);
+    let attributes = &mut file.root["meshes"][0]["primitives"][0]["attributes"];
+    attributes["JOINTS_0"] = json!(joints);
+    attributes["WEIGHTS_0"] = json!(weights);
+    file
+}
+
+#[test]
+fn skins_are_placed_by_their_joints() {
+    let scene = skinned().scene();
+    // (0, 2, 0) by the first joint is (10, 2, 0), and by the second 2 (1, 2, 0) + (0, 4, 0) = (2, 8, 0).
+    assert_eq!(
+        points(&scene),
+        [[10.0, 0.0, 0.0], [11.0, 0.0, 0.0], [6.0, 5.0, 0.0]],
+        "corners placed by their joints"
+    );
+    let object = &scene.objects[0];
+    assert!(!object.opaque && !object.never_cull, "a skin hides nothing, and is culled");
+    let (low, high) = *object.motion.as_deref().expect("a skin moves");
+    assert!(
+        low.cmple(Vec3::new(6.0, 0.0, 0.0)).all() && high.cmpge(Vec3::new(11.0, 5.0, 0.0)).all(),
+        "the bounds {low} to {high} hold all poses"
+    );
+    let mut wrong = skinned();
+    wrong.root["skins"][0]["joints"] = json!([1]);
+    assert!(
+        wrong.read().expect_err("a joint too few").to_string().contains("joint 1 is beyond the 1"),
+        "a joint that is missing"
+    );
+}
+
+/// Returns the bounds over all clips of a file's first object.
+fn motion(file: &File) -> (Vec3, Vec3) {
+    let scene = file.scene();
+    let object = &scene.objects[0];
+    assert!(
+        !object.opaque && !object.never_cull && object.fixed_triangles().is_empty(),
+        "what moves hides nothing, and has no fixed triangles"
+    );
+    let bounds = object.object().bounds;
+    assert!(!object.object().occluder, "what moves is no occluder");
+    assert_eq!(object.motion.as_deref(), Some(&(bounds.min, bounds.max)), "bounds over all clips");
+    (bounds.min, bounds.max)
+}
+
+/// Checks the bounds over all clips of a file's first object, up to a millimetre.
+fn assert_bounds(file: &File, expected: [[f32; 3]; 2]) {
+    let (bounds, expected) = (motion(file), expected.map(Vec3::from_array));
+    let error = (bounds.0 - expected[0]).abs().max((bounds.1 - expected[1]).abs());
+    assert!(error.max_element() < 1e-3, "{bounds:?}");
+}
+
+#[test]
+fn what_a_clip_moves_hides_nothing_and_is_seen_wherever_it_goes() {
+    let mut file = door();
+    assert_bounds(&file, [[-2.0, -2.0, 0.0], [2.0, 7.0, 0.0]]);
+    let ahead = |file: &File| reported(file.scene(), "hzb", DVec3::new(0.0, 0.0, 2.0), DVec3::ZERO);
+    assert_eq!(ahead(&file), [0, 1], "objects seen behind the moving door");
+    // From above the closed door, looking up, only the open door could be seen.
+    let above =
+        |file: &File| reported(file.scene(), "frustum", DVec3::new(0.0, 4.0, 2.0), DVec3::new(0.0, 9.0, 0.0));
+    assert_eq!(above(&file), [0], "objects seen from above, looking up");
+    assert_eq!(file.scene().notes.len(), 1, "notes of a file with a clip");
+    // A clip that keeps the door at rest moves nothing.
+    file.root["animations"] = json!(null);
+    file.root.as_object_mut().expect("a document").remove("animations");
+    let values = file.floats(&[[0.0, 0.0, 0.0], [-0.0, 0.0, 0.0]]);
+    file.clip(0, "translation", &[0.0, 1.0], values, "STEP");
+    let turn = file.floats(&[[0.0, 0.0, 0.0, -1.0], [0.0, 0.0, 0.0, 1.0]]);
+    file.clip(0, "rotation", &[0.0, 1.0], turn, "LINEAR");
+    assert_eq!(
+        (ahead(&file), above(&file), file.scene().notes),
+        (vec![0], vec![], vec![]),
+        "a clip that keeps the door at rest: seen ahead, seen above, and notes"
+    );
+    // A node that a pointer moves may be anywhere.
+    let pointer = json!({"KHR_animation_pointer": {"pointer": "/nodes/0/translation"}});
+    let target = json!({"path": "pointer", "extensions": pointer});
+    file.root["animations"][0]["channels"][0]["target"] = target;
+    assert!(
+        file.scene().objects[0].never_cull && !file.scene().objects[0].opaque,
+        "what a pointer moves is never culled, and hides nothing"
+    );
+    assert_eq!(ahead(&file), [0, 1], "objects seen behind what a pointer moves");
+}
+
+#[test]
+fn poses_between_keys_are_within_the_bounds() {
+    // Hinges turn from -60 to 60 degrees about y. What they turn reaches farthest along x in the middle.
+    let ends = [-60.0f32, 60.0].map(|degrees| Quat::from_rotation_y(degrees.to_radians()).to_array());
+    let leaf = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.5, 0.0]];
+    // A leaf, an arm with a leaf at its end, and an arm with a leaf that turns as well.
+    for (arm, turns, farthest) in [(false, 1, 1.0), (true, 1, 10.1), (true, 2, 10.1)] {
+        let mut file = File::new();
+        let size = if arm { 0.1 } else { 1.0 };
+        let mesh = file.mesh(&leaf.map(|corner| corner.map(|x| x * size)));
+        let rest = ends[0];
+        if arm {
+            file.node(json!({"rotation": rest, "children": [1]}));
+            let own = if turns == 2 { rest } else { [0.0, 0.0, 0.0, 1.0] };
+            file.push("nodes", json!({"mesh": mesh, "translation": [10, 0, 0], "rotation": own}));
+        } else {
+            file.node(json!({"mesh": mesh, "rotation": rest}));
+        }
+        let values = file.floats(&ends);
+        file.clip(0, "rotation", &[0.0, 1.0], values, "LINEAR");
+        if turns == 2 {
+            let mut channel = file.root["animations"][0]["channels"][0].clone();
+            channel["target"]["node"] = json!(1);
+            file.root["animations"][0]["channels"].as_array_mut().expect("channels").push(channel);
+        }
+        let (_, high) = motion(&file);
+        assert!((farthest..farthest * 1.15).contains(&high.x), "{arm} {turns}: {high}");
+    }
+    // A cubic spline leaves its first key, and comes back: its middle is at 8 (t^3 - 2 t^2 + t).
+    let mut file = triangle();
+    let still = [0.0; 3];
+    let values = file.floats(&[still, still, [8.0, 0.0, 0.0], still, still, still]);
+    file.clip(0, "translation", &[0.0, 1.0], values, "CUBICSPLINE");
+    let (low, high) = motion(&file);
+    assert!((59.0 / 27.0..2.3).contains(&high.x) && low.x > -0.1, "{low} {high}");
+    // Sizes and places at a key that the pose at rest has not.
+    for (path, farthest) in [("scale", 3.0), ("translation", 4.0)] {
+        let mut file = triangle();
+        let values = file.floats(&[[3.0, 1.0, 1.0], [1.0, 1.0, 1.0], [1.0, 1.0, 1.0]]);
+        file.clip(0, path, &[0.0, 1.0, 2.0], values, "LINEAR");
+        let (_, high) = motion(&file);
+        assert!((farthest..farthest * 1.15).contains(&high.x), "{path}: {high}");
+    }
+}
+
+#[test]
+fn morph_targets_are_bounded_over_all_weights() {
+    let mut file = triangle();
+    let up = file.floats(&[[0.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 0.0]]);
+    let back = file.floats(&[[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, -1.0]]);
+    file.root["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": up}, {"POSITION": back}]);
+    file.root["meshes"][0]["weights"] = json!([0.5, 0.0]);
+    assert_eq!(
+        points(&file.scene()),
+        [CORNERS[0], [1.0, 1.5, 0.0], CORNERS[2]],
+        "corners with half of the first target"
+    );
+    assert_bounds(&file, [[0.0, 0.0, -1.0], [1.0, 3.0, 0.0]]);
+    let weights = file.floats(&[[0.0], [0.25], [2.0], [-1.0]]);
+    file.clip(0, "weights", &[0.0, 1.0], weights, "LINEAR");
+    assert_bounds(&file, [[0.0, 0.0, -0.25], [1.0, 6.0, 1.0]]);
+}
+
+/// Value of a channel at a time, by the formulas of the specification's appendix C.
+fn at(times: &[f32], values: &[Vec<f64>], kind: &str, time: f64, is_rotation: bool) -> Vec<f64> {
+    let cubic = kind == "CUBICSPLINE";
+    let value = |key: usize| values[if cubic { 3 * key + 1 } else { key }].clone();
+    let unit = |v: Vec<f64>| {
+        let length = if is_rotation { v.iter().map(|x| x * x).sum::<f64>().sqrt() } else { 1.0 };
+        v.into_iter().map(|x| x / length).collect::<Vec<_>>()
+    };
+    let last = times.len() - 1;
+    if time <= f64::from(times[0]) {
+        return unit(value(0));
+    }
+    if time >= f64::from(times[last]) {
+        return unit(value(last));
+    }
+    let key = (0..last).find(|&key| time < f64::from(times[key + 1])).expect("between keys");
+    let length = f64::from(times[key + 1]) - f64::from(times[key]);
+    let t = (time - f64::from(times[key])) / length;
+    let (a, b) = (value(key), value(key + 1));
+    match kind {
+        "STEP" => unit(a),
+        "LINEAR" if is_rotation => {
+            let [a, b] = [a, b].map(|q| DQuat::from_slice(&unit(q)));
+            a.slerp(b, t).to_array().to_vec()
+        }
+        "LINEAR" => a.iter().zip(&b).map(|(a, b)| a * (1.0 - t) + b * t).collect(),
+        _ => {
+            let (out, into) = (&values[3 * key + 2], &values[3 * key + 3]);
+            let (t2, t3) = (t * t, t * t * t);
+            let mix = |i: usize| {
+                (2.0 * t3 - 3.0 * t2 + 1.0) * a[i]
+                    + length * (t3 - 2.0 * t2 + t) * out[i]
+                    + (3.0 * t2 - 2.0 * t3) * b[i]
+                    + length * (t3 - t2) * into[i]
+            };
+            unit((0..a.len()).map(mix).collect())
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+    #[test]
+    fn bounds_over_clips_hold_every_pose(
+        numbers in proptest::collection::vec(-1.0f32..1.0, 400),
+        kinds in proptest::collection::vec(0usize..3, 9),
+        keys in 1usize..4,
+        matrix in any::<bool>(),
+    ) {
+        // Three nodes in a row, each with channels for translation, rotation and scale.
+        let mut numbers = numbers.into_iter().cycle();
+        let mut next = || numbers.next().expect("numbers without end");
+        let mut file = File::new();
+        let mesh = file.mesh(&CORNERS);
+        let root = if matrix {
+            json!({"matrix": [0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 2, 0, 3, 0, 0, 1], "children": [1]})
+        } else {
+            json!({"children": [1], "translation": [1, 2, 3]})
+        };
+        file.node(root);
+        file.push("nodes", json!({"children": [2]}));
+        file.push("nodes", json!({"children": [3]}));
+        file.push("nodes", json!({"mesh": mesh}));
+        let mut channels = Vec::new();
+        let times: Vec<f32> = (0..keys).map(|key| key as f32 * 0.75 + 0.25).collect();
+        for (i, &kind) in kinds.iter().enumerate() {
+            let (node, path) = (1 + i / 3, ["translation", "rotation", "scale"][i % 3]);
+            let kind = ["LINEAR", "STEP", "CUBICSPLINE"][kind];
+            let count = if kind == "CUBICSPLINE" { 3 * keys } else { keys };
+            let mut values: Vec<Vec<f64>> = Vec::new();
+            let output = if path == "rotation" {
+                let list: Vec<[f32; 4]> = (0..count)
+                    .map(|_| Quat::from_array([next(), next(), next(), next() + 1.5]).normalize().to_array())
+                    .collect();
+                values.extend(list.iter().map(|v| v.iter().map(|&x| f64::from(x)).collect()));
+                file.floats(&list)
+            } else {
+                let list: Vec<[f32; 3]> = (0..count).map(|_| [next() * 2.0, next(), next() + 1.0]).collect();
+                values.extend(list.iter().map(|v| v.iter().map(|&x| f64::from(x)).collect()));
+                file.floats(&list)
+            };
+            channels.push((node, i % 3, values, kind));
+            let times: Vec<[f32; 1]> = times.iter().map(|&time| [time]).collect();
+            let input = file.floats(&times);
+            if i == 0 {
+                file.root["animations"] = json!([{"channels": [], "samplers": []}]);
+            }
+            let clip = &mut file.root["animations"][0];
+            let target = json!({"node": node, "path": path});
+            clip["channels"].as_array_mut().expect("a list").push(json!({"sampler": i, "target": target}));
+            let sampler = json!({"input": input, "output": output, "interpolation": kind});
+            clip["samplers"].as_array_mut().expect("a list").push(sampler);
+        }
+        let (low, high) = motion(&file);
+        let (mut least, mut most) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        // The first pose is that at rest.
+        for step in -1..=600 {
+            let time = f64::from(step) * 2.5 / 600.0;
+            for corner in CORNERS {
+                let mut p = Vec3::from_array(corner).as_dvec3();
+                for node in [3, 2, 1].into_iter().filter(|_| step >= 0) {
+                    let of = |part: usize| {
+                        let channel = channels.iter().find(|channel| (channel.0, channel.1) == (node, part));
+                        let (.., values, kind) = channel.expect("a channel");
+                        at(&times, values, kind, time, part == 1)
+                    };
+                    p = DQuat::from_slice(&of(1)) * (DVec3::from_slice(&of(2)) * p) + DVec3::from_slice(&of(0));
+                }
+                let turned = DVec3::new(3.0 - p.y, p.x, 2.0 * p.z);
+                let p = if matrix { turned } else { p + DVec3::new(1.0, 2.0, 3.0) }.as_vec3();
+                let is_within = low.cmple(p + 1e-5).all() && p.cmple(high + 1e-5).all();
+                prop_assert!(is_within, "{p} at {time}: {low} {high}");
+                (least, most) = (least.min(p), most.max(p));
+            }
+        }
+        // The bounds are loose by the length of a step, and more where quaternions turn wildly.
+        let (size, tight) = ((high - low).length(), (most - least).length());
+        let is_wild = channels.iter().any(|(_, part, _, kind)| (*part, *kind) == (1, "CUBICSPLINE"));
+        prop_assert!(is_wild || size <= 4.0 * tight + 0.1, "{size} for {tight}");
+    }
+}

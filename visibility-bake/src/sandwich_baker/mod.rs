@@ -1,0 +1,414 @@
+//! The bake of sandwiches: for each viewcell methods from cheap to exact, each for what the one before left
+//! open.
+//!
+//! The objects that a sweep has *left* are those that it did not find hidden. An object is *open* in a
+//! viewcell if it is left there, and neither seen by a ray nor proven hidden. Its *cost* is
+//! [`Object::cost`](visibility_core::Object::cost), in triangles.
+
+mod group;
+mod group_content;
+mod viewcell_work;
+
+pub use group::BakeScratch;
+
+use crate::bake_cache::{BakeCache, GroupRecord};
+use crate::cell_groups::CellGroups;
+use crate::cell_sandwich::CellSandwich;
+use crate::fingerprints::level_fingerprint;
+use crate::found_cell::FoundCell;
+use crate::level_error::LevelError;
+use crate::method_times::MethodTimes;
+use crate::sandwich_outcome::SandwichOutcome;
+use crate::scratch_file::lock;
+use crate::settings::SandwichSettings;
+use crate::tiled_scene::TiledScene;
+use crate::time_plan::{BOXES, GROUP, LOOK, STAGES, SWEEP, TimePlan};
+use group::Slot;
+use std::fmt;
+use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use visibility_core::Scene;
+use visibility_core::bake::Baker;
+use visibility_core::binary_format::{Fingerprint, FormatError, Reader, Writer};
+use visibility_core::pvs::Viewcells;
+
+/// Finds the sandwiches of a range of viewcells, as a [`Baker`] for a [`Bake`](visibility_core::bake::Bake):
+/// with progress, stopping and resuming, on any number of threads; without a limit of time with the same
+/// result.
+///
+/// The sweep of extended projections removes what is hidden behind many occluders together, first for a group
+/// of neighbouring viewcells, then, in what is left, for each of them. When all viewcells are swept, rays
+/// find what is seen from them, and proofs are tried for the boxes of the open objects, the most costly
+/// first, until the [gap](SandwichSettings::with_gap) is met; then, where it is not met, for their triangles.
+/// So the bake has five items for each viewcell. In the later stages, of about as many viewcells as came
+/// before, the groups with the most costly open objects come first.
+///
+/// Occluders are the objects that are flagged so: the sweeps use their meshes, the proofs their triangles.
+/// Objects that are [never culled](visibility_core::Object::never_cull), such as moving ones, count as seen.
+/// Each method works on what the sweep before it has left, so that an edit elsewhere changes nothing
+/// ([`with_cache`](Self::with_cache)).
+///
+/// ```
+/// use visibility_bake::{SandwichBaker, SandwichSettings};
+/// use visibility_core::{bake::Bake, glam::{DVec3, Vec3}, pvs::{Viewcell, Viewcells}, Aabb, Object, Scene};
+/// // A wall, and a plate behind it.
+/// let square = |x: f32, r: f32| {
+///     let [a, b, c, d] = [(-r, -r), (r, -r), (r, r), (-r, r)].map(|(y, z)| Vec3::new(x, y, z));
+///     [[a, b, c], [a, c, d]]
+/// };
+/// let mut scene = Scene::new();
+/// for triangles in [square(5.0, 10.0), square(9.0, 1.0)] {
+///     let bounds = Aabb::from_points(triangles.as_flattened().iter().copied());
+///     let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+///     scene.set_triangles(id, triangles)?;
+/// }
+/// let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
+/// let outcome = Bake::new(SandwichBaker::new(&scene, &cells, SandwichSettings::default())).run();
+/// assert_eq!(outcome.cells[0].seen, [0]);
+/// assert!(outcome.cells[0].open.is_empty() && outcome.complete);
+/// # Ok::<(), visibility_core::scene::SceneError>(())
+/// ```
+pub struct SandwichBaker<'a> {
+    level: Arc<TiledScene<'a>>,
+    viewcells: &'a Viewcells,
+    settings: SandwichSettings,
+    range: Range<usize>,
+    /// Hash of the scene, all viewcells and the settings: the same for all shards of a bake.
+    fingerprint: u64,
+    groups: CellGroups,
+    /// State of each group while some of its viewcells are worked on.
+    slots: Vec<Mutex<Slot>>,
+    cache: Arc<BakeCache>,
+    time: TimePlan,
+    done: Vec<Option<FoundCell>>,
+    /// Sum of the costs of open objects, by group and stage: those of the group's viewcells that have come to
+    /// the stage.
+    costs: Vec<[u64; STAGES]>,
+    /// Result of the sweep of each group, for groups with a viewcell that is done.
+    found_groups: Vec<Option<Arc<GroupRecord>>>,
+    /// First reason why a viewcell could not be worked on.
+    error: Mutex<Option<LevelError>>,
+}
+
+impl fmt::Debug for SandwichBaker<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("SandwichBaker").field("settings", &self.settings).finish_non_exhaustive()
+    }
+}
+
+impl<'a> SandwichBaker<'a> {
+    /// Prepares a bake of all objects of a scene from all viewcells.
+    pub fn new(scene: &'a Scene, viewcells: &'a Viewcells, settings: SandwichSettings) -> Self {
+        Self::of_level(Arc::new(TiledScene::new(scene)), viewcells, settings)
+    }
+
+    /// Prepares a bake of all objects of a level from all viewcells.
+    pub fn of_level(
+        level: Arc<TiledScene<'a>>,
+        viewcells: &'a Viewcells,
+        settings: SandwichSettings,
+    ) -> Self {
+        let groups = CellGroups::new(viewcells);
+        let baker = Self {
+            viewcells,
+            settings,
+            range: 0..0,
+            fingerprint: level_fingerprint(&level, viewcells, &settings),
+            level,
+            slots: groups.cells.iter().map(|_| Mutex::default()).collect(),
+            groups,
+            cache: Arc::default(),
+            time: TimePlan::new(),
+            done: Vec::new(),
+            costs: Vec::new(),
+            found_groups: Vec::new(),
+            error: Mutex::default(),
+        };
+        baker.with_range(0..viewcells.cells().len())
+    }
+
+    /// Returns the baker for a part of the viewcells: those with numbers in `range`. Numbers beyond the last
+    /// viewcell are ignored.
+    #[must_use]
+    pub fn with_range(mut self, range: Range<usize>) -> Self {
+        let count = self.viewcells.cells().len();
+        let start = range.start.min(count);
+        self.range = start..range.end.clamp(start, count);
+        self.done = vec![None; self.range.len()];
+        self.found_groups = vec![None; self.slots.len()];
+        self.count();
+        self
+    }
+
+    /// Returns the baker with a clock, by which it measures the times of the methods. `clock` returns the
+    /// time passed since a fixed moment.
+    #[must_use]
+    pub fn with_clock(mut self, clock: fn() -> Duration) -> Self {
+        self.time.set_clock(clock);
+        self
+    }
+
+    /// Returns the baker for a bake that ends when `time` has passed, by its [clock](Self::with_clock), which
+    /// must run. More than 2^32 seconds count as these. The caller ends the bake. What is hidden comes first,
+    /// for as many viewcells as can be:
+    ///
+    /// - Groups are swept undivided, for seven tenths of the time at most; those that are not by then wait
+    ///   until all others are done. Where the first groups find less than an eighth of the objects hidden,
+    ///   the others are left out, and all the time is for viewcells.
+    /// - Viewcells are swept by themselves until 85 hundredths of the time have passed
+    ///   ([`SWEEP_TIME`](crate::SWEEP_TIME)); what is left of the others goes on as it is. A sweep that takes
+    ///   more than a quarter of the time that is left for its stage, and more than its share, ends early:
+    ///   what it has found by then counts.
+    /// - Each search, by rays and then by proofs, has its share of the time that is left, and half a second
+    ///   at least. Where it could not even begin in that, since a sweep has left too many triangles, the
+    ///   viewcell is swept in parts instead.
+    ///
+    /// Sweeps and searches that were left out or ended early stay so when the bake is resumed.
+    #[must_use]
+    pub fn with_time(mut self, time: Duration) -> Self {
+        self.time.limit(time);
+        self
+    }
+
+    /// Returns the baker with the results of a bake of the scene before an edit. Without a limit of time, the
+    /// outcome is the same as without these results, to the last byte, except for times. See [`BakeCache`]
+    /// for what an edit costs.
+    #[must_use]
+    pub fn with_cache(mut self, cache: impl Into<Arc<BakeCache>>) -> Self {
+        self.cache = cache.into();
+        self
+    }
+
+    /// Returns the sandwiches found so far, in the order of the viewcells.
+    pub fn cells(&self) -> impl Iterator<Item = Option<&CellSandwich>> {
+        self.done.iter().map(|done| done.as_ref().map(|found| &found.sandwich))
+    }
+
+    /// Returns the [`bake_fingerprint`](crate::bake_fingerprint) of all viewcells, whatever the range of this
+    /// baker.
+    pub fn whole_fingerprint(&self) -> u64 {
+        self.fingerprint
+    }
+
+    /// Returns why viewcells could not be worked on, for a level in a file. Objects not proven hidden before
+    /// the error count as visible. A resumed bake does not work on these viewcells again.
+    pub fn error(&self) -> Option<LevelError> {
+        lock(&self.error).clone()
+    }
+
+    /// Counts the viewcells of each group that are done with each stage, and those left.
+    fn count(&mut self) {
+        self.slots.iter_mut().for_each(|slot| *slot = Mutex::default());
+        self.costs = vec![[0; STAGES]; self.slots.len()];
+        for (cell, done) in self.range.clone().zip(&self.done) {
+            let of = self.groups.of[cell] as usize;
+            let slot = self.slots[of].get_mut().unwrap_or_else(PoisonError::into_inner);
+            let next = done.as_ref().map_or(GROUP, |found| found.next) as usize;
+            slot.left.iter_mut().skip(next).for_each(|left| *left += 1);
+            if let Some(found) = done {
+                add_cost(&mut self.costs[of], found);
+            }
+        }
+    }
+
+    /// Returns the position of an item's viewcell in `range`, from 0, and the item's stage.
+    fn place_and_stage(&self, item: u32) -> (usize, u32) {
+        let (item, count) = (item as usize, self.range.len().max(1));
+        (item % count, (item / count) as u32)
+    }
+
+    /// Returns the time on the clock at which a sweep for `viewcells` viewcells must end if it begins now.
+    /// `None` without a limit of time.
+    fn end_of_sweep(&self, stage: u32, viewcells: usize) -> Option<Duration> {
+        self.time.end_of_sweep(stage, viewcells, self.waiting(stage))
+    }
+
+    /// Returns the number of viewcells that were not done with a stage before this round.
+    fn waiting(&self, stage: u32) -> usize {
+        self.done.iter().filter(|done| done.as_ref().is_none_or(|found| found.next <= stage)).count()
+    }
+}
+
+/// Adds the cost of a viewcell's open objects to the costs of its group, at the viewcell's next stage.
+fn add_cost(costs: &mut [u64; STAGES], found: &FoundCell) {
+    if let Some(cost) = costs.get_mut(found.next as usize) {
+        *cost = cost.saturating_add(found.cost);
+    }
+}
+
+impl Baker for SandwichBaker<'_> {
+    type Scratch = BakeScratch;
+    /// `None` for a viewcell with nothing left to do, or whose objects could not be had.
+    type Found = Option<FoundCell>;
+    type Outcome = SandwichOutcome;
+
+    // Threads wait for one another at the end of a round, so short rounds leave many threads idle.
+    const ROUND: usize = 64;
+    const KIND: u32 = 33;
+
+    fn item_count(&self) -> usize {
+        STAGES * self.range.len()
+    }
+
+    fn rank(&self, item: u32) -> u64 {
+        let (place, stage) = self.place_and_stage(item);
+        let of = self.groups.of[self.range.start + place];
+        if stage <= SWEEP {
+            // The viewcells of a group follow one another.
+            return u64::from(of);
+        }
+        let costs = self.costs[of as usize][stage as usize] / self.groups.cells[of as usize].len() as u64;
+        u64::from(self.groups.portion(of)) << 56 | (u64::MAX >> 8).saturating_sub(costs)
+    }
+
+    fn stage(&self, item: u32) -> u32 {
+        let (place, stage) = self.place_and_stage(item);
+        let next = self.done[place].as_ref().map_or(GROUP, |found| found.next) as usize;
+        // No item is worked on while the next round is chosen.
+        if self.time.is_put_off(next) {
+            stage + STAGES as u32
+        } else if self.time.is_limited() && (stage, next) == (BOXES, BOXES as usize) {
+            // Rays hide nothing: where the time is limited, boxes are proven before other viewcells have
+            // rays.
+            SWEEP
+        } else {
+            stage
+        }
+    }
+
+    fn work(
+        &self,
+        item: u32,
+        scratch: &mut BakeScratch,
+        stop: &dyn Fn() -> bool,
+    ) -> Option<Option<FoundCell>> {
+        let (place, stage) = self.place_and_stage(item);
+        if self.done[place].as_ref().map_or(GROUP, |before| before.next) != stage {
+            return Some(None);
+        }
+        let of = self.groups.of[self.range.start + place];
+        let _begun = self.time.begin();
+        let mut attempt = |is_alone| {
+            // Content of groups is released before the work ends: a thread that works alone counts on it.
+            let _working = self.level.work(is_alone);
+            if is_alone {
+                *scratch = BakeScratch::default();
+                self.release_groups();
+            }
+            let found = self.attempt(item, scratch, stop);
+            match &found {
+                Ok(Some(Some(found))) => self.end_stages(of, stage..found.next),
+                Err(LevelError::Memory { .. }) if !is_alone => {}
+                Ok(None) => {}
+                Ok(Some(None)) | Err(_) => self.end_stages(of, stage..STAGES as u32),
+            }
+            found
+        };
+        let mut found = attempt(false);
+        if matches!(found, Err(LevelError::Memory { .. })) {
+            // Other threads may have too much of the memory, and groups whose viewcells wait.
+            found = attempt(true);
+        }
+        found.unwrap_or_else(|error| {
+            lock(&self.error).get_or_insert(error);
+            Some(None)
+        })
+    }
+
+    fn take_in(&mut self, item: u32, found: Option<FoundCell>) -> u64 {
+        self.time.end_round();
+        let Some(found) = found else { return 0 };
+        let (place, _) = self.place_and_stage(item);
+        let of = self.groups.of[self.range.start + place] as usize;
+        add_cost(&mut self.costs[of], &found);
+        self.found_groups[of].get_or_insert_with(|| found.group.clone());
+        let steps = found.record.steps;
+        let before = self.done[place].replace(found);
+        steps.saturating_sub(before.map_or(0, |before| before.record.steps))
+    }
+
+    fn finish(self, waiting: &[u32]) -> SandwichOutcome {
+        let all: Arc<[u32]> = self.level.objects.iter().map(|object| object.index).collect();
+        let is_done = |done: &Option<FoundCell>| done.as_ref().is_some_and(FoundCell::is_done);
+        let mut cache = BakeCache::default();
+        for members in &self.groups.cells {
+            let found = members.iter().map(|&cell| {
+                let place = (cell as usize).checked_sub(self.range.start)?;
+                self.done.get(place).filter(|done| is_done(done))?.as_ref()
+            });
+            // A bake that sweeps all of a group would find other results.
+            if let Some(found) = found.collect::<Option<Vec<&FoundCell>>>()
+                && let Some(first) = found.first()
+                && found.iter().all(|found| found.is_whole() && found.group.trace == first.group.trace)
+            {
+                cache.insert(first.group.clone(), found.iter().map(|found| found.record.clone()).collect());
+            }
+        }
+        let stages = [0, 1, 2, 3, 4]
+            .map(|stage| self.done.iter().flatten().filter(|found| found.has_passed(stage)).count());
+        let too_large = |found: &FoundCell| {
+            (LOOK..STAGES as u32).contains(&found.next) && {
+                let objects = found.group.trace.replay(&self.level.tree).unwrap_or_default();
+                self.is_too_large(&found.record, &objects)
+            }
+        };
+        let too_large = self.done.iter().flatten().filter(|found| too_large(found)).count();
+        let complete = waiting.is_empty() && self.done.iter().all(is_done);
+        let reused = self.done.iter().flatten().filter(|found| found.is_reused).count();
+        let unknown = || CellSandwich { open: all.clone(), ..CellSandwich::default() };
+        let done = self.done.into_iter().map(|done| {
+            done.map_or_else(|| (unknown(), MethodTimes::default()), |found| (found.sandwich, found.times))
+        });
+        let (cells, times) = done.unzip();
+        let first = self.range.start;
+        let error = self.error.into_inner().unwrap_or_else(PoisonError::into_inner);
+        SandwichOutcome { first, cells, times, complete, stages, reused, cache, too_large, error }
+    }
+
+    fn fingerprint(&self) -> u64 {
+        let hash = Fingerprint::new().with_u64(self.fingerprint);
+        hash.with_u64(self.range.start as u64).with_u64(self.range.end as u64).value()
+    }
+
+    fn save(&self, state: &mut Writer) {
+        for group in &self.found_groups {
+            state.u32(u32::from(group.is_some()));
+            if let Some(group) = group {
+                group.save(state);
+            }
+        }
+        for done in &self.done {
+            state.u32(u32::from(done.is_some()));
+            if let Some(found) = done {
+                found.save(state);
+            }
+        }
+    }
+
+    fn load(&mut self, state: &mut Reader<'_>) -> Result<(), FormatError> {
+        // By group, the number of objects that its sweep has left.
+        let mut left = vec![0; self.found_groups.len()];
+        for (group, left) in self.found_groups.iter_mut().zip(&mut left) {
+            *group = None;
+            if state.u32()? != 0 {
+                let found = GroupRecord::load(state)?;
+                let objects = found.trace.replay(&self.level.tree);
+                let wrong = || state.content_error("the sweep of a group is of another level");
+                *left = objects.ok_or_else(wrong)?.len();
+                *group = Some(Arc::new(found));
+            }
+        }
+        let limit = self.level.index_limit;
+        for (cell, done) in self.range.clone().zip(&mut self.done) {
+            let of = self.groups.of[cell] as usize;
+            *done = match (state.u32()?, &self.found_groups[of]) {
+                (0, _) => None,
+                (_, None) => return Err(state.content_error("the group of a viewcell is missing")),
+                (_, Some(group)) => Some(FoundCell::load(state, group.clone(), limit, left[of])?),
+            };
+        }
+        self.count();
+        Ok(())
+    }
+}

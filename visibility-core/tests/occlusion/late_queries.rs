@@ -1,0 +1,177 @@
+//! Tests of the occlusion driver over a device whose answers come frames late, as those of a graphics card
+//! do.
+
+use super::{Street, along_x, pipeline, street, view_from, visible};
+use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::occlusion::{HardwareQueries, LateAnswers, Occlusion, QueryDevice};
+use visibility_core::{
+    Aabb, Culler, FrustumCuller, OccluderMesh, OcclusionCuller, OcclusionMap, Scene, View, VisibleSet,
+};
+use visibility_testing::PlainMap;
+
+/// A simulated GPU whose query answers arrive some frames late: a plain depth map and a queue of answers.
+struct SimulatedCard {
+    map: PlainMap,
+    /// Occluders that the engine draws itself at the start of each frame.
+    own: Vec<OccluderMesh>,
+    latency: u32,
+    frame: u32,
+    view: View,
+    under_way: Vec<(u32, u64, bool)>,
+    asked: usize,
+}
+
+impl SimulatedCard {
+    fn new(latency: u32) -> Self {
+        Self {
+            map: PlainMap::new(96, 60),
+            own: Vec::new(),
+            latency,
+            frame: 0,
+            view: along_x(),
+            under_way: Vec::new(),
+            asked: 0,
+        }
+    }
+}
+
+impl QueryDevice for SimulatedCard {
+    fn ask(&mut self, query: u64, bounds: &Aabb) {
+        self.map.flush();
+        self.asked += 1;
+        self.under_way.push((self.frame, query, self.map.test(bounds) != Occlusion::Hidden));
+    }
+
+    fn answers(&mut self, each: &mut dyn FnMut(u64, bool)) {
+        let (frame, latency) = (self.frame, self.latency);
+        self.under_way.retain(|&(asked, query, passed)| {
+            let due = frame >= asked + latency;
+            if due {
+                each(query, passed);
+            }
+            !due
+        });
+        // The driver asks for answers once per frame, before it draws anything.
+        self.frame += 1;
+        self.map.begin(&self.view, DVec3::ZERO);
+        self.own.iter().for_each(|mesh| self.map.add(mesh, &Affine3A::IDENTITY));
+    }
+
+    fn draw(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
+        self.map.add(occluder, transform);
+    }
+}
+
+/// Culls one frame from each eye by late queries alone. Returns, for each frame, the number of objects
+/// reported and whether a visible object was missing.
+fn by_queries(latency: u32, late: LateAnswers, eyes: &[DVec3]) -> Vec<(usize, bool)> {
+    let Street { scene, .. } = street();
+    let mut culler = OcclusionCuller::new(HardwareQueries::new(SimulatedCard::new(latency), late));
+    let mut visible_set = VisibleSet::new();
+    let mut result = Vec::new();
+    for &eye in eyes {
+        let view = view_from(eye, eye + DVec3::X);
+        culler.map_mut().device_mut().view = view;
+        visible_set.fill(&scene, &view);
+        FrustumCuller::new().cull(&scene, &view, &mut visible_set);
+        culler.cull(&scene, &view, &mut visible_set);
+        let exact = visible(&mut pipeline(), &scene, &view);
+        let lost = exact.iter().any(|&id| !visible_set.contains(&scene, id));
+        result.push((visible_set.count(&scene), lost));
+    }
+    result
+}
+
+#[test]
+fn late_answers_count_as_visible_until_they_are_there() {
+    for latency in [1, 3] {
+        let frames = by_queries(latency, LateAnswers::Visible, &[DVec3::ZERO; 24]);
+        assert_eq!(frames[0], (503, false), "nothing is answered yet");
+        assert_eq!(frames[23], (3, false), "a still camera culls all in the end, latency {latency}");
+        assert!(
+            frames.windows(2).all(|pair| pair[0].0 >= pair[1].0),
+            "latency {latency}: objects visible by frame, never more than before: {frames:?}"
+        );
+    }
+}
+
+#[test]
+fn answers_about_other_occluders_do_not_count() {
+    let Street { mut scene, wall, .. } = street();
+    let map = HardwareQueries::new(SimulatedCard::new(2), LateAnswers::Visible);
+    let mut culler = OcclusionCuller::new(map);
+    let mut visible = VisibleSet::new();
+    let mut frame = |scene: &Scene| {
+        visible.fill(scene, &along_x());
+        FrustumCuller::new().cull(scene, &along_x(), &mut visible);
+        culler.cull(scene, &along_x(), &mut visible);
+        visible.count(scene)
+    };
+    let still = (0..20).map(|_| frame(&scene)).last();
+    assert_eq!(still, Some(3), "objects visible after 20 still frames");
+    // The wall stops being an occluder between two frames; all known and pending answers are about the
+    // old state.
+    scene.set_occluder(wall, false).unwrap();
+    assert!((0..20).all(|_| frame(&scene) == 503), "the wall's old answers hide objects");
+}
+
+/// Tests a change of scene where the engine draws its occluders itself, so that the occluders given to the
+/// map do not reveal the change: answers about the old scene must not be used.
+#[test]
+fn answers_about_another_scene_do_not_count() {
+    let Street { mut scene, wall, .. } = street();
+    let mut card = SimulatedCard::new(1);
+    card.own.push(scene.occluder(wall).unwrap().0.clone());
+    scene.set_occluder(wall, false).unwrap();
+    let mut culler = OcclusionCuller::new(HardwareQueries::new(card, LateAnswers::Visible));
+    let mut visible = VisibleSet::new();
+    let mut frame = |scene: &Scene| {
+        visible.fill(scene, &along_x());
+        FrustumCuller::new().cull(scene, &along_x(), &mut visible);
+        culler.cull(scene, &along_x(), &mut visible);
+        visible.count(scene)
+    };
+    assert_eq!((0..20).map(|_| frame(&scene)).last(), Some(3), "objects visible after 20 still frames");
+    let copy = scene.clone();
+    assert_eq!(frame(&copy), 503, "no answer is about the other scene");
+}
+
+#[test]
+fn a_device_that_loses_queries_is_asked_again() {
+    struct Deaf {
+        asked: Vec<u64>,
+    }
+    impl QueryDevice for Deaf {
+        fn ask(&mut self, query: u64, _: &Aabb) {
+            self.asked.push(query);
+        }
+
+        fn answers(&mut self, _: &mut dyn FnMut(u64, bool)) {}
+    }
+    let mut map = HardwareQueries::new(Deaf { asked: Vec::new() }, LateAnswers::Visible);
+    let far = Aabb::from_arrays([20.0, 0.0, 0.0], [21.0, 1.0, 1.0]);
+    let at_the_eye = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
+    for _ in 0..200 {
+        map.begin(&along_x(), DVec3::ZERO);
+        map.flush();
+        assert_eq!(map.test_mut(&far), Occlusion::Visible, "a query without an answer");
+        assert_eq!(map.test_mut(&at_the_eye), Occlusion::Partial, "never asked about");
+    }
+    let asked = &map.device_mut().asked;
+    assert!((3..=5).contains(&asked.len()), "{asked:?}");
+    assert!(
+        asked.windows(2).all(|pair| pair[0] != pair[1]),
+        "late answers to the first are not taken for the second's"
+    );
+}
+
+#[test]
+fn a_moving_camera_loses_nothing_unless_old_answers_are_trusted() {
+    let eyes: Vec<DVec3> = (0..40).map(|i| DVec3::new(0.0, f64::from(i) * 0.4, 0.0)).collect();
+    let safe = by_queries(2, LateAnswers::Visible, &eyes);
+    assert!(safe.iter().all(|(_, lost)| !lost), "frames in which a visible thing is lost: {safe:?}");
+    let trusting = by_queries(2, LateAnswers::Trusted { frames: 4 }, &eyes);
+    assert!(trusting.iter().any(|(_, lost)| *lost), "what comes into view pops in late");
+    let sum = |frames: &[(usize, bool)]| frames.iter().map(|(count, _)| count).sum::<usize>();
+    assert!(sum(&trusting) < sum(&safe), "and that is what it gains");
+}
