@@ -22,6 +22,7 @@ mod same_answers;
 mod scene_model;
 mod shared_triangles;
 mod sight_start;
+mod skinned_bounds;
 mod swapped_sources;
 mod transforms;
 mod visible_set;
