@@ -36,7 +36,8 @@ pub(crate) fn bits(bytes: &[u8; WIDTH]) -> u32 {
     (low | high << 8) as u32
 }
 
-/// Returns what `pick` makes of all lanes, two at a time in any order: their least or their greatest.
+/// Returns the least or the greatest of all lanes, where `pick` is [`least`] or [`greatest`]. No lane may be
+/// NaN.
 #[inline(always)]
 pub(crate) fn of_all(lanes: &[f32; WIDTH], pick: impl Fn(f32, f32) -> f32) -> f32 {
     // By halves, which takes the time of four steps, not of sixteen that wait for one another.

@@ -147,7 +147,6 @@ mod tests {
         for (b, cut) in [([99.0, 5.0], false), ([101.0, 5.0], true), ([300.0, -40.0], true)] {
             for ends in [[[0.0, 0.0], b], [b, [0.0, 0.0]]] {
                 let mut edges = Edges::default();
-                edges.clear();
                 push_within(ends[0], ends[1], 100.0, &mut edges);
                 assert_eq!(edges.is_cut_at_right(), cut, "the edge {ends:?} is cut");
             }

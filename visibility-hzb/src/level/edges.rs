@@ -64,7 +64,7 @@ pub(crate) struct Edges {
     count: usize,
     /// Least column that the outline reaches at the right, whatever its edges: those beyond the guard band
     /// are left out.
-    right: f32,
+    right: Option<f32>,
     /// Edges as drawn. Valid after [`finish`](Self::finish).
     pub(super) drawn: Vec<Edges16>,
     /// Least column, least row, greatest column, greatest row of all edges, in pixels. Valid after
@@ -79,20 +79,21 @@ impl Edges {
         self.count = 0;
         self.ends.clear();
         self.shared.clear();
-        self.right = f32::NEG_INFINITY;
+        self.right = None;
     }
 
-    /// Counts the outline as reaching the column `right`, for edges there that are not pushed: without them
-    /// the [bounds](Self::bounds) would end where pixels are covered.
+    /// Counts the outline as reaching the column `right`, for edges, or parts of edges, there that are not
+    /// pushed: without them the [bounds](Self::bounds) would end where pixels are covered.
     #[inline(always)]
     pub(super) fn reach(&mut self, right: f32) {
-        self.right = right;
+        self.right = Some(right);
     }
 
-    /// Returns whether edges at the right are left out: then the outline may cover all pixels up to there.
+    /// Returns whether edges, or parts of them, at the right are left out: then the outline may cover all
+    /// pixels up to there.
     #[inline(always)]
     pub(super) fn is_cut_at_right(&self) -> bool {
-        self.right > f32::NEG_INFINITY
+        self.right.is_some()
     }
 
     /// Appends an edge between two points, given by column and row. `shared` is its index in the frame if
@@ -139,7 +140,7 @@ impl Edges {
             }
         }
         self.bounds = all.joined();
-        self.bounds[2] = greatest(self.right, self.bounds[2]);
+        self.bounds[2] = greatest(self.right.unwrap_or(f32::NEG_INFINITY), self.bounds[2]);
     }
 }
 

@@ -123,8 +123,8 @@ impl LevelFrame {
         let least_near = least_near * (1.0 + 1e-6) + 2.0 * object.near_limit();
         // A `w` of at least 1,024 times its error: quotients by it err by a thousandth at most.
         let least_w = 1024.0 * object.error[2];
-        // A polygon's area in pixels, estimated from its area in square metres: only its order in the queue
-        // depends on it.
+        // A polygon's area in pixels, estimated from its area in square metres: it decides only whether the
+        // polygon is worth drawing.
         let across = |row: DVec3| {
             let along = if perspective && depth > 0.0 { w * (row.dot(w) / depth) } else { DVec3::ZERO };
             (row - along).length()

@@ -19,7 +19,8 @@
 //! is the same for all lines through the pixel. If it is odd, each of them goes through a face of one or the
 //! other. Both polygons must agree on which centres have the shared edge to their left, also where a centre
 //! is nearer to it than rounding. They do: they take the same `f32` for its ends, in the same order, and
-//! round the same column at a row to the same whole number.
+//! round the same column at a row to the same whole number. Each limits it to its own columns first, which
+//! changes nothing for pixels that both have.
 //!
 //! Polygons need not be flat: their outlines run through the vertices of the level, and all that is said of
 //! windings holds for closed curves in space. What is not flat matters in four places.

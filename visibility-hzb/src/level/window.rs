@@ -41,15 +41,24 @@ impl Window {
     pub(super) fn new(row: &[RowEdge], left: i32, seams: &mut Seams) -> Self {
         let mut window = Self::default();
         for edge in row {
+            // A pixel more on each side than columns are rounded by.
+            let [first, end] = edge.span;
+            if first >= (left + WINDOW + 1) as f32 {
+                continue;
+            }
+            for row in 0..SIDE {
+                window.odd[row] ^= bits_from(edge.step[row] - left);
+            }
+            if end <= (left - 1) as f32 {
+                continue;
+            }
             let mut near = [0; SIDE];
             for row in 0..SIDE {
                 near[row] = bits_from(edge.first[row] - left) & !bits_from(edge.end[row] - left);
                 window.near_two[row] |= near[row] & window.near[row];
                 window.near[row] |= near[row];
-                window.odd[row] ^= bits_from(edge.step[row] - left);
             }
-            let [first, end] = edge.columns;
-            if edge.shared != NO_EDGE && first < (left + WINDOW) as f32 && end > left as f32 {
+            if edge.shared != NO_EDGE {
                 seams.add(edge.shared, &near);
             }
         }
@@ -57,26 +66,28 @@ impl Window {
     }
 }
 
-/// An edge in a row of tiles. Arrays have an element for each row of pixels, from the top.
+/// An edge in a row of tiles. Arrays have an element for each row of pixels, from the top. Their columns are
+/// limited to those of the polygon's tiles.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RowEdge {
-    /// First column of pixels that the edge comes near. [`NEVER`] in rows that it does not come near.
+    /// First column of pixels that the edge comes near.
     first: [i32; SIDE],
     /// End, exclusive, of the columns of pixels that the edge comes near. -[`NEVER`] in rows that it does not
     /// come near.
     end: [i32; SIDE],
-    /// First column whose pixel centre is to the right of the edge. [`NEVER`] in rows whose centres the edge
-    /// does not cross.
+    /// First column whose pixel centre counts as to the right of the edge. [`NEVER`] in rows whose centres
+    /// the edge does not cross.
     step: [i32; SIDE],
     /// Least and greatest column that the edge comes near in any of the rows, up to rounding.
-    columns: [f32; 2],
+    span: [f32; 2],
     /// As [`Edges16::shared`].
     shared: u32,
 }
 
 impl RowEdge {
-    /// Returns lane `i` of `edges` in the row of tiles from row `top` of pixels on, of which only `columns`
-    /// count (first and end, in pixels). Pixels within `slack` of the edge are near it.
+    /// Returns lane `i` of `edges` in the row of tiles from row `top` of pixels on. The polygon's tiles have
+    /// the columns from `start` to `finish`, in pixels. Pixels within `slack` of the edge are near it; in
+    /// this row of tiles they lie in the columns of `span`.
     #[inline(always)]
     fn new(
         edges: &Edges16,
@@ -84,7 +95,7 @@ impl RowEdge {
         top: f32,
         slack: f32,
         [start, finish]: [f32; 2],
-        columns: [f32; 2],
+        span: [f32; 2],
     ) -> Self {
         let (y, bottom, level) = (edges.top[i], edges.bottom[i], edges.level[i]);
         let (mut first, mut end, mut step) = ([0; SIDE], [0; SIDE], [0; SIDE]);
@@ -102,14 +113,14 @@ impl RowEdge {
             let column = round_to_i32(least(greatest(edges.column(i, centre), start), finish));
             step[row] = if crosses { column } else { NEVER };
         }
-        Self { first, end, step, columns, shared: edges.shared[i] }
+        Self { first, end, step, span, shared: edges.shared[i] }
     }
 }
 
-/// Replaces `row` by the edges that meet the row of tiles from row `top` of pixels on. Only `columns` count
-/// (first and end, in pixels), and pixels within `slack` of an edge are near it. Returns the least and the
-/// greatest column that the outline may cover or come near. The latter is infinity for an outline that is cut
-/// at the right.
+/// Replaces `row` by the edges that meet the row of tiles from row `top` of pixels on. The polygon's tiles
+/// have `columns` (first and end, in pixels), and pixels within `slack` of an edge are near it. Returns the
+/// least and the greatest column that the outline may cover or come near. The latter is infinity for an
+/// outline that is cut at the right.
 #[inline(always)]
 pub(super) fn edges_of_row(
     edges: &Edges,
