@@ -267,12 +267,12 @@ fn worth_drawing(polygons: &Polygons, frame: &LevelFrame) -> u32 {
             squared += towards * towards;
         }
         // A polygon covers `area * facing * pixels_per_area` over the cube of the distance: once for the
-        // length of `towards` in `facing`. Both sides are squared.
-        let pixels = polygons.area[i] * facing * frame.pixels_per_area;
-        let cubed = squared * squared * squared;
+        // length of `towards` in `facing`. Pixels times the distance are compared, and squared, which neither
+        // overflows nor vanishes for distances from 1e-18 to 1e18.
+        let pixels = polygons.area[i] * facing * frame.pixels_per_area / squared;
         let radius = polygons.radius[i];
         let close = frame.perspective & (squared <= 4.0 * radius * radius);
-        let large = pixels * pixels >= frame.min_polygon_area * frame.min_polygon_area * cubed;
+        let large = pixels * pixels >= frame.min_polygon_area * frame.min_polygon_area * squared;
         let mut inside = polygons.area[i] > 0.0;
         for side in &frame.sides {
             let mut beyond = side[3] + side[4] * radius;
