@@ -19,7 +19,7 @@ mod error;
 mod eye;
 mod limits;
 mod planes;
-mod projection;
+mod projection_rounding;
 mod sight_start;
 
 pub use camera::{Pose, Window};
@@ -29,7 +29,7 @@ pub use error::ViewError;
 pub use eye::Eye;
 pub use limits::{MAX_CLIP_PLANES, MAX_PLANES};
 pub use planes::{ViewPlane, ViewPlanes};
-pub use projection::{ClipRow, ViewProjection};
+pub use projection_rounding::{ClipRow, ViewProjection};
 
 use crate::geometry::Plane;
 use eye::eye_of;

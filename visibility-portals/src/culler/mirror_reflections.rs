@@ -7,9 +7,9 @@
 
 use super::hung_mirrors::MirrorId;
 use super::portal_stats::{NotCulled, PortalStats};
-use super::portal_view::PortalView;
 use super::portal_walk::{Narrowing, PortalWalk, SeenMirror};
 use super::scene_cells::SceneCells;
+use super::view_planes::PortalView;
 use super::walked_scene::WalkedScene;
 use super::window_plane::{U, WindowPlane};
 use alloc::vec::Vec;

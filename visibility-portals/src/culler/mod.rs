@@ -16,7 +16,6 @@ mod outline;
 mod portal_culler;
 mod portal_eye;
 mod portal_stats;
-mod portal_view;
 mod portal_walk;
 mod scene_cells;
 mod scene_cells_error;
@@ -24,6 +23,7 @@ mod screen_rectangle;
 #[cfg(feature = "std")]
 mod shared_portal_culler;
 mod start_cells;
+mod view_planes;
 mod walked_scene;
 mod window_plane;
 

@@ -3,10 +3,10 @@
 use super::NONE;
 use super::mirror_reflections::{Reflection, Reflections};
 use super::portal_stats::{NotCulled, PortalStats};
-use super::portal_view::PortalView;
 use super::portal_walk::{Narrowing, PortalPath, PortalWalk};
 use super::scene_cells::SceneCells;
 use super::start_cells::StartCells;
+use super::view_planes::PortalView;
 use super::walked_scene::WalkedScene;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;

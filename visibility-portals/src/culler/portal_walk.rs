@@ -9,9 +9,9 @@
 use super::NONE;
 use super::outline::Outline;
 use super::portal_stats::PortalStats;
-use super::portal_view::{Crossing, Lines, PortalView};
 use super::scene_cells::SceneCells;
 use super::screen_rectangle::{ScreenRectangle, push_rectangle_planes, rectangle_around};
+use super::view_planes::{Crossing, Lines, PortalView};
 use super::window_plane::{Corner, EdgeSource, U, WindowPlane, clip_corners};
 use alloc::vec::Vec;
 use core::ops::Range;

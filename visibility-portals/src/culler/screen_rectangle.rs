@@ -1,6 +1,6 @@
 //! Screen-space bounding rectangles: the narrowing of Luebke and Georges, with four planes for each portal.
 
-use super::portal_view::PortalView;
+use super::view_planes::PortalView;
 use super::window_plane::{Corner, U, WindowPlane};
 use alloc::vec::Vec;
 use visibility_core::geometry::Plane;

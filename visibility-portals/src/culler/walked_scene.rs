@@ -1,8 +1,8 @@
 //! The test of objects against the windows (views through chains of portals) of a walk.
 
-use super::portal_view::PortalView;
 use super::portal_walk::PortalWalk;
 use super::scene_cells::SceneCells;
+use super::view_planes::PortalView;
 use visibility_core::{CullStats, Scene, VisibleSet};
 
 /// A finished walk, with the cells, the scene and the view that it was made for.

@@ -18,7 +18,7 @@ use visibility_core::{geometry::Plane, view::ViewPlane};
 pub(super) const U: f64 = f64::EPSILON / 2.0;
 
 /// A half-space that contains all lines of sight through a window, for points relative to the anchor of a
-/// [`PortalView`](super::portal_view::PortalView). Its inner side is the side that the plane's unit normal
+/// [`PortalView`](super::view_planes::PortalView). Its inner side is the side that the plane's unit normal
 /// points to.
 ///
 /// Every point `x` seen through the window satisfies `normal . x + offset >= -(slack + slope |x|)`, with the
