@@ -31,10 +31,12 @@ const KEPT: usize = 32;
 /// by the viewcell that holds the eye, otherwise by the wide box around it, otherwise by nothing, so that all
 /// candidates stay. Lines of sight begin on the near plane, so the viewcell must hold that as well.
 ///
-/// An object that was inserted, moved, or changed otherwise counts as visible until its box is made anew, and
-/// it is not among the occluders of the next boxes, so that a mover does not cost the boxes each frame. A
-/// change of an object that was among them forgets all boxes: doors and other movers should not be flagged as
-/// occluders, or hide by a culler of frames. In another scene, a clone included, all boxes are forgotten.
+/// An object that was inserted, moved, or changed otherwise counts as visible until the next wide box is
+/// made, and it is not among the occluders of the next boxes, so that a mover does not cost the boxes each
+/// frame. A change of an object that was among them forgets all boxes: doors and other movers should not be
+/// flagged as occluders, or hide by a culler of frames. All boxes are forgotten as well in another scene, a
+/// clone included, and if more objects change between two calls than the scene's log holds: 1,024, or a
+/// quarter of the objects if that is more.
 /// Views whose layers leave out an occluder of the boxes keep all candidates. Objects that earlier stages of
 /// a pipeline drop occlude all the same, as in a baked set.
 ///
@@ -43,8 +45,8 @@ const KEPT: usize = 32;
 /// milliseconds, in a furnished building of 200,000 triangles 60; a wide box takes a little more than a sweep
 /// by [`ExtendedProjectionCuller`]. The first step in a scene, and the first after a change of an occluder
 /// whose mesh is in scene coordinates, sorts all edges. Steps allocate. A frame takes a few nanoseconds for
-/// each candidate. A kept box takes a bit for each object of the scene, and 8 bytes for each object that can
-/// be seen; a wide box the edges of its occluders as well.
+/// each candidate, and looks at a bit for each object of the scene. A kept box takes a bit for each object of
+/// the scene, and 8 bytes for each object that can be seen; a wide box the edges of its occluders as well.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Culler, Object, OccluderMesh, Pose, Scene, View,
@@ -92,13 +94,13 @@ pub struct OnlinePvs {
     /// The objects that the last viewcell saw.
     known: Vec<ObjectId>,
     /// Direction in which the next viewcell asks about all objects.
-    turn: usize,
+    full_direction: usize,
     /// Counter of uses of boxes.
     clock: u64,
     /// Size and box of the last frame's answer.
     answer: Option<(usize, Viewcell)>,
     /// Indices of the objects hidden from the box of the last frame.
-    told: Bits,
+    last_hidden: Bits,
     came: Vec<ObjectId>,
     went: Vec<ObjectId>,
 }
@@ -126,7 +128,8 @@ struct Made {
     cell: Viewcell,
     /// Indices of the hidden objects, without those that have changed since.
     hidden: Bits,
-    /// The other objects of the scene when the box was made.
+    /// The other objects when the box was made: for a wide box those of the scene, for a viewcell those that
+    /// the wide box sees.
     seen: Vec<ObjectId>,
     /// For a wide box: the surfaces of the occluders that it sees.
     surfaces: Arc<Surfaces>,
@@ -171,10 +174,10 @@ impl OnlinePvs {
             layers: Vec::new(),
             changed: [Bits::EMPTY, Bits::EMPTY],
             known: Vec::new(),
-            turn: 0,
+            full_direction: 0,
             clock: 0,
             answer: None,
-            told: Bits::EMPTY,
+            last_hidden: Bits::EMPTY,
             came: Vec::new(),
             went: Vec::new(),
         }
@@ -190,10 +193,11 @@ impl OnlinePvs {
 
     /// Works on the most urgent box that is missing: that of the first of `places` without a viewcell. Sweeps
     /// one direction. Returns the work done, or `None` if all places have viewcells. `places` are in world
-    /// space: the eye, then places where it may be next, such as points of its path at equal times. A
-    /// viewcell is put around as many places in a row as it holds. Places that are not finite are left out.
+    /// space: the eye, then places where it may be next, such as points of its path at equal times. The six
+    /// directions of a box take six calls. A viewcell is put around as many places in a row as it holds.
+    /// Places that are not finite are left out.
     pub fn step(&mut self, scene: &Scene, places: &[DVec3]) -> Option<OnlineStep> {
-        self.follow(scene);
+        self.sync(scene);
         let finite = || places.iter().copied().filter(|place| place.is_finite());
         let number = finite().position(|place| self.find(NEAR, self.around(place)).is_none())?;
         // A box that a place needs is finished, unless the eye itself is without a viewcell.
@@ -209,14 +213,14 @@ impl OnlinePvs {
             // The place before is held as well, so that no gap is left between two viewcells.
             let rest: Vec<DVec3> = finite().skip(number.saturating_sub(1)).collect();
             let ends = finite().next().zip(finite().next_back());
-            let way = ends.map_or(DVec3::ZERO, |(first, last)| last - first);
-            self.begin(scene, &rest, usize::from(number > 0), way);
+            let heading = ends.map_or(DVec3::ZERO, |(first, last)| last - first);
+            self.begin(scene, &rest, usize::from(number > 0), heading);
         }
         let job = self.job.as_mut()?;
         let all = VisibleSet::new();
         let asked = match job.level {
             WIDE => Asked::Set(&all),
-            _ if job.next == self.turn => Asked::Objects(&job.seen),
+            _ if job.next == self.full_direction => Asked::Objects(&job.seen),
             _ => Asked::Objects(&job.new),
         };
         let ask = Ask { occluding: &job.occluding, asked, effort: Effort::QUICK, stop: &|| false };
@@ -240,7 +244,9 @@ impl OnlinePvs {
     }
 
     /// Returns the objects that the box of the last frame sees and the box of the frame before did not see,
-    /// wherever the view looks. Inserted objects are not among them.
+    /// wherever the view looks; all that were hidden come if no box answers. An inserted object is among them
+    /// only if it has the index of a removed one that was hidden. In another scene both lists begin anew, as
+    /// if nothing had been hidden.
     pub fn came(&self) -> &[ObjectId] {
         &self.came
     }
@@ -253,19 +259,22 @@ impl OnlinePvs {
 
     /// Returns the indices of the objects that are hidden from all points of a box in world space, from `min`
     /// to `max`. Only for observers that all occluders of the scene are drawn for, as other observers of a
-    /// server. `None` if no box that was made holds this one.
+    /// server. `None` if no box that was made holds this one, or unless `min` is at most `max` on each axis.
     pub fn hidden_from(&mut self, scene: &Scene, min: DVec3, max: DVec3) -> Option<&Bits> {
-        self.follow(scene);
-        let (level, at) = self.best(min, max)?;
+        self.sync(scene);
+        let (level, at) = min.cmple(max).all().then(|| self.best(min, max))??;
         Some(&self.made[level][at].hidden)
     }
 
     /// Takes in the changes of the scene.
-    fn follow(&mut self, scene: &Scene) {
+    fn sync(&mut self, scene: &Scene) {
+        let is_same = self.cursor.is_in(scene);
         let Changes::Objects(ids) = self.cursor.follow(scene) else {
             self.forget();
             self.changed = [Bits::EMPTY, Bits::EMPTY];
-            self.told = Bits::EMPTY;
+            if !is_same {
+                self.last_hidden = Bits::EMPTY;
+            }
             return;
         };
         if ids.iter().any(|id| self.occluding.contains(id.index())) {
@@ -315,8 +324,8 @@ impl OnlinePvs {
     }
 
     /// Returns a box of the size of `level` around the box `first` and around as many of `places` in a row as
-    /// it holds. Room that is left over lies ahead of them, along `way`.
-    fn fit(&self, level: usize, first: [DVec3; 2], places: &[DVec3], way: DVec3) -> Viewcell {
+    /// it holds. Room that is left over lies ahead of them, along `heading`.
+    fn fit(&self, level: usize, first: [DVec3; 2], places: &[DVec3], heading: DVec3) -> Viewcell {
         let size = self.sizes[level];
         let mut ends = first;
         for &place in places {
@@ -328,25 +337,27 @@ impl OnlinePvs {
             ends = wider;
         }
         let room = (size - (ends[1] - ends[0])).max(DVec3::ZERO) * 0.5;
-        let ahead = way / way.abs().max_element().max(f64::MIN_POSITIVE);
+        let ahead = heading / heading.abs().max_element().max(f64::MIN_POSITIVE);
+        let ahead = if ahead.is_finite() { ahead } else { DVec3::ZERO };
         let middle = ends[0] * 0.5 + ends[1] * 0.5 + room * ahead;
         // Rounding must not make the box smaller than what it is to hold.
         Viewcell::from_box((middle - size * 0.5).min(ends[0]), (middle + size * 0.5).max(ends[1]))
     }
 
     /// Begins the box that `places[missing]` needs, around the places before it too if the box holds them.
-    /// `way` is the direction of the eye's path.
-    fn begin(&mut self, scene: &Scene, places: &[DVec3], missing: usize, way: DVec3) {
+    /// `heading` is the direction of the eye's path.
+    fn begin(&mut self, scene: &Scene, places: &[DVec3], missing: usize, heading: DVec3) {
         let around = self.around(places[missing]);
         let from = self.around(places[0]);
         let both = [around[0].min(from[0]), around[1].max(from[1])];
         let fits = (both[1] - both[0]).cmple(self.sizes[NEAR]).all();
-        let cell = self.fit(NEAR, if fits { both } else { around }, &places[missing..], way);
+        let cell = self.fit(NEAR, if fits { both } else { around }, &places[missing..], heading);
         // A viewcell is cut off at the sides of the wide box, unless too little of it is left.
-        let cut = |wide: &Viewcell| Viewcell::from_box(cell.min.max(wide.min), cell.max.min(wide.max));
-        let is_enough = |cut: &Viewcell| (cut.max - cut.min).cmpge(self.sizes[NEAR] * 0.5).all();
+        let clipped = |wide: &Viewcell| Viewcell::from_box(cell.min.max(wide.min), cell.max.min(wide.max));
+        let least = (cell.max - cell.min) * 0.5;
+        let is_enough = |clipped: &Viewcell| (clipped.max - clipped.min).cmpge(least).all();
         let wide = self.made[WIDE].iter().filter(|wide| holds(&wide.cell, around[0], around[1]));
-        let wide = wide.map(|wide| (wide, cut(&wide.cell))).filter(|(_, cell)| is_enough(cell));
+        let wide = wide.map(|wide| (wide, clipped(&wide.cell))).filter(|(_, cell)| is_enough(cell));
         let mut occluding = occluding(scene, &VisibleSet::new());
         let (job, surfaces) = if let Some((wide, cell)) = wide.max_by_key(|(wide, _)| wide.used) {
             let bits = |ids: &[ObjectId]| {
@@ -360,7 +371,7 @@ impl OnlinePvs {
             let (hidden, seen) = (wide.hidden.clone(), wide.seen.clone());
             (Job { level: NEAR, cell, next: 0, occluding, hidden, seen, new }, wide.surfaces.clone())
         } else {
-            let cell = self.fit(WIDE, [cell.min, cell.max], places, way);
+            let cell = self.fit(WIDE, [cell.min, cell.max], places, heading);
             let last = core::mem::replace(&mut self.changed[0], Bits::new(scene.index_limit()));
             self.changed[1] = last;
             self.culler.sync(scene);
@@ -376,6 +387,10 @@ impl OnlinePvs {
         for bits in &self.changed {
             bits.iter().for_each(|index| _ = job.occluding.remove(index));
         }
+        // What is flagged but has no mesh hides nothing, and may change without any box being forgotten.
+        let has_mesh = |index: usize| scene.id_at(index).is_some_and(|id| scene.occluder(id).is_some());
+        let bare: Vec<usize> = job.occluding.iter().filter(|&index| !has_mesh(index)).collect();
+        bare.into_iter().for_each(|index| _ = job.occluding.remove(index));
         self.occluding.grow(scene.index_limit());
         self.occluding.unite(&job.occluding);
         for object in job.occluding.iter().filter_map(|index| scene.object(scene.id_at(index)?).ok()) {
@@ -399,7 +414,7 @@ impl OnlinePvs {
         };
         if job.level == NEAR {
             self.known.clone_from(&seen);
-            self.turn = (self.turn + 1) % 6;
+            self.full_direction = (self.full_direction + 1) % 6;
         }
         let surfaces = match job.level {
             WIDE => {
@@ -421,12 +436,12 @@ impl OnlinePvs {
     }
 
     /// Notes what the box of this frame sees and that of the frame before did not, and the other way round.
-    fn tell(&mut self, scene: &Scene, at: Option<(usize, usize)>) {
+    fn note_differences(&mut self, scene: &Scene, at: Option<(usize, usize)>) {
         self.came.clear();
         self.went.clear();
         let nothing = Bits::EMPTY;
         let hidden = at.map_or(&nothing, |(level, at)| &self.made[level][at].hidden);
-        let (old, new) = (self.told.words(), hidden.words());
+        let (old, new) = (self.last_hidden.words(), hidden.words());
         for at in 0..old.len().max(new.len()) {
             let [old, new] = [old, new].map(|words| words.get(at).copied().unwrap_or(0));
             let mut differ = old ^ new;
@@ -438,8 +453,8 @@ impl OnlinePvs {
                 }
             }
         }
-        self.told.reset(new.len() * 64);
-        self.told.unite(hidden);
+        self.last_hidden.reset(new.len() * 64);
+        self.last_hidden.unite(hidden);
     }
 }
 
@@ -458,7 +473,7 @@ impl Culler for OnlinePvs {
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        self.follow(scene);
+        self.sync(scene);
         let anchor = match view.eye(DVec3::ZERO) {
             Eye::Point(eye) => eye,
             Eye::Direction(_) => view.origin(),
@@ -467,14 +482,15 @@ impl Culler for OnlinePvs {
         let start = sight_start(view, anchor).filter(|_| draws_all);
         let found = start.and_then(|(low, high)| self.best(low, high));
         self.answer = found.map(|(level, at)| (level, self.made[level][at].cell.clone()));
-        self.tell(scene, found);
+        self.note_differences(scene, found);
         let hidden = found.map(|(level, at)| &self.made[level][at].hidden);
         visible.retain(scene, |id, _| !hidden.is_some_and(|hidden| hidden.contains(id.index())))
     }
 
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
         if self.answer.is_none() && !scene.is_empty() {
-            each(Lack { what: "objects not culled, no viewcell being ready", count: scene.len() });
+            let what = "objects not culled, for want of a viewcell around the near plane, made for the view's layers";
+            each(Lack { what, count: scene.len() });
         }
     }
 }

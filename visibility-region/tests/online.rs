@@ -3,11 +3,11 @@
 
 use crate::common::{World, random_world};
 use std::collections::BTreeSet;
-use visibility_core::glam::DVec3;
+use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::pvs::Viewcell;
 use visibility_core::view::Eye;
 use visibility_core::{
-    Aabb, Accuracy, CullStats, Culler, ObjectId, Pose, RegionCuller, Scene, View, VisibleSet,
+    Aabb, Accuracy, CullStats, Culler, ObjectId, OccluderMesh, Pose, RegionCuller, Scene, View, VisibleSet,
 };
 use visibility_region::{OnlinePvs, SamplingCuller};
 use visibility_testing::Random;
@@ -330,4 +330,62 @@ fn a_warm_frame_allocates_nothing() {
     let before = ALLOCATIONS.get();
     (0..20).for_each(|number| frame(0.001 * f64::from(number)));
     assert_eq!(ALLOCATIONS.get() - before, 0, "allocations in 20 warm frames");
+}
+
+#[test]
+fn an_occluder_that_moved_after_a_wide_box_saw_it_hides_from_its_new_place() {
+    let Street { mut world, wall, back, mut online, .. } = Street::new();
+    let between = world.add_target(Aabb::from_arrays([10.0, 0.0, 0.0], [10.5, 0.5, 1.0]));
+    let scene = &mut world.scene;
+    let make_wide = |online: &mut OnlinePvs, scene: &Scene, z: f64| {
+        for _ in 0..6 {
+            assert!(online.step(scene, &[DVec3::Z * z]).is_some_and(|step| step.is_wide), "height {z}");
+        }
+    };
+    assert!(online.hidden_from(scene, DVec3::ZERO, DVec3::ZERO).is_none(), "takes in the scene");
+    // The wall has changed, so it is seen by the first wide box and is none of its occluders.
+    scene.set_cost(wall, 2).unwrap();
+    make_wide(&mut online, scene, 0.0);
+    let moved = Aabb::from_arrays([15.0, -30.0, -30.0], [15.2, 30.0, 30.0]);
+    scene.set_bounds(wall, moved).unwrap();
+    let mesh = scene.add_mesh(OccluderMesh::cuboid(&moved).unwrap());
+    scene.set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
+    // It rests for two more wide boxes, and is an occluder again.
+    [9.0, 18.0].into_iter().for_each(|z| make_wide(&mut online, scene, z));
+    let steps = core::iter::from_fn(|| online.step(scene, &[DVec3::ZERO])).count();
+    assert_eq!(steps, 6, "the first wide box is kept, so a viewcell alone is made");
+    let hidden = online.hidden_from(scene, DVec3::splat(-0.01), DVec3::splat(0.01)).expect("a viewcell");
+    let hidden = [between, back].map(|id| hidden.contains(id.index()));
+    assert_eq!(hidden, [false, true], "the wall is between the posts now");
+}
+
+#[test]
+fn what_is_hidden_comes_again_when_the_boxes_are_forgotten() {
+    let mut street = Street::new();
+    street.make(0.0);
+    assert_eq!(street.frame(0.0, 1), HIDDEN, "at rest");
+    street.world.scene.set_origin(DVec3::splat(4.0)).unwrap();
+    assert_eq!((street.frame(0.0, 1), street.online.came()), (ALL, &[street.back][..]), "other coordinates");
+}
+
+#[test]
+fn boxes_of_any_places_are_made_at_last() {
+    let mut street = Street::new();
+    for place in [1e15, 1e16, 1e300, f64::MAX, f64::NAN] {
+        let places = [DVec3::splat(place), DVec3::splat(-place)];
+        let steps =
+            core::iter::from_fn(|| street.online.step(&street.world.scene, &places)).take(100).count();
+        assert!(steps < 100, "boxes around places at {place} m are made in {steps} steps");
+    }
+}
+
+#[test]
+fn a_box_with_swapped_ends_has_no_answer() {
+    let mut street = Street::new();
+    street.make(0.0);
+    let scene = &street.world.scene;
+    let mut hidden_from = |min, max| street.online.hidden_from(scene, min, max).is_some();
+    assert!(hidden_from(DVec3::splat(-0.01), DVec3::splat(0.01)), "a box in the viewcell");
+    assert!(!hidden_from(DVec3::splat(0.01), DVec3::splat(-0.01)), "its ends are swapped");
+    assert!(!hidden_from(DVec3::NAN, DVec3::NAN), "no numbers");
 }
