@@ -263,8 +263,8 @@ impl<'a> ContourRaster<'a> {
         }
     }
 
-    /// Covers the mesh's pixels in `tiles`, each at the least depth key of its quarter of a tile, and empties
-    /// the mesh's contributions.
+    /// Draws the mesh into `tiles`: covers each of its pixels at the least depth key (the farthest) that the
+    /// mesh has in the pixel's quarter of the tile. Empties the [`ContourTile`]s for the next mesh.
     #[inline(always)]
     pub(crate) fn merge(self, tiles: &mut Tiles) {
         let [x0, x1, y0, y1] = self.used;
