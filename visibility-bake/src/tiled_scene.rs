@@ -49,9 +49,9 @@ pub struct TiledScene<'a> {
     /// object's index in the level, in which there may be gaps. The list is sorted by index, ascending.
     pub(crate) objects: Vec<ObjectFacts>,
     pub(crate) tree: TileTree,
-    /// Greatest index of an object plus 1.
+    /// Greatest index of an object of the level plus 1.
     pub(crate) index_limit: usize,
-    /// Weight of the occluders of the first sweep from near to far.
+    /// Weight of the tiles, nearest first, that are opened before the first sweep from near to far.
     pub(crate) first_weight: u64,
     /// Greatest weight of the occluders in a sweep of several viewcells, without a limit of time.
     pub(crate) most_weight: u64,
@@ -60,7 +60,8 @@ pub struct TiledScene<'a> {
     /// once. For a level in a file there is no such limit (`u64::MAX`): its memory is limited in bytes.
     pub(crate) most_copied: u64,
     store: Store<'a>,
-    /// Scene of all objects, tile by tile, and a sweep prepared for it. Made on the first request.
+    /// Scene of all objects, tile by tile, and a sweep prepared for it. `None` before the first request,
+    /// which makes it.
     whole: Mutex<Option<Arc<PreparedScene>>>,
 }
 
