@@ -11,7 +11,7 @@ use crate::triangles::SceneTriangles;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// A segment from a point of the viewcell, in scene coordinates.
+/// A segment from a point `p` of the viewcell to a point `q` of the target, in scene coordinates.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Segment {
     pub(crate) p: DVec3,
