@@ -169,8 +169,8 @@ impl HorizonCuller {
         }
     }
 
-    /// Tests the children of a node and queues the ones that are not hidden. `drawn` is the number of solids
-    /// drawn so far.
+    /// Tests the children of a node (`None`: the top of the hierarchy) and queues the ones that are not
+    /// hidden. `drawn` is the number of solids drawn so far in the frame.
     fn open(&mut self, walk: &mut Walk<SceneHierarchy>, node: Option<usize>, drawn: u32) {
         let (horizon, queue) = (&self.horizon, &mut self.queue);
         let (up, eye) = (horizon.up(), horizon.frame.eye.map(|x| x as f32));
