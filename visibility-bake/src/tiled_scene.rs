@@ -229,12 +229,14 @@ impl<'a> TiledScene<'a> {
         (part, ids)
     }
 
-    /// Returns the ids that objects have in the scene of the level, by their numbers.
+    /// Returns the ids that objects have in the scene of the level, in the order of their `numbers`. `None`
+    /// for an object that the scene does not have.
     fn ids_in(&self, scene: &Scene, numbers: &[u32]) -> impl Iterator<Item = Option<ObjectId>> {
         numbers.iter().map(|&at| scene.id_at(self.objects[at as usize].index as usize))
     }
 
-    /// Reserves memory for the content of some objects, if there is a limit. Blocks until it is free.
+    /// Reserves memory for the content of some objects, and blocks until it is free. `None` for a level in
+    /// memory, which has no limit.
     fn reserve(&self, numbers: &[u32], bytes: u64) -> Result<Option<Reserved>, LevelError> {
         match &self.store {
             Store::Scene(_) => Ok(None),
@@ -258,7 +260,8 @@ impl<'a> TiledScene<'a> {
     }
 
     /// Reserves the memory that work on one viewcell takes, for the objects with the given numbers: its
-    /// search if `is_search`, otherwise its sweep (a copy of the prepared sweep).
+    /// search if `is_search`, otherwise its sweep (a copy of the prepared sweep). `None` for a level in
+    /// memory, which has no limit.
     pub(crate) fn reserve_cell(
         &self,
         numbers: &[u32],

@@ -182,7 +182,8 @@ impl<'a> SandwichBaker<'a> {
         self
     }
 
-    /// Returns the sandwiches found so far, in the order of the viewcells.
+    /// Returns the sandwiches found so far, in the order of the viewcells in the range. `None` for a viewcell
+    /// of which no stage is done.
     pub fn cells(&self) -> impl Iterator<Item = Option<&CellSandwich>> {
         self.done.iter().map(|done| done.as_ref().map(|found| &found.sandwich))
     }
