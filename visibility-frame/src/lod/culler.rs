@@ -176,6 +176,8 @@ impl ContributionCuller {
 
 /// Data of a frame's test of sizes and distances.
 struct Frame {
+    /// Test for objects that are too small. `None` if no object is: for a limit or a picture height that is
+    /// NaN, zero or negative.
     size: Option<SizeTest>,
     eye: EyeBox,
 }

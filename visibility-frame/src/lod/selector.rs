@@ -165,7 +165,8 @@ impl LodSelector {
     }
 
     /// Sets the point of the world that distances for draw ranges are measured from, as
-    /// [`ContributionCuller::set_distance_eye`](super::ContributionCuller::set_distance_eye) does.
+    /// [`ContributionCuller::set_distance_eye`](super::ContributionCuller::set_distance_eye) does. `None` is
+    /// the view's own eye.
     pub fn set_distance_eye(&mut self, eye: Option<DVec3>) {
         self.distance_eye = eye;
     }
