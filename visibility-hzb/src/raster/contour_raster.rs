@@ -79,7 +79,7 @@ impl ContourTiles {
 pub(crate) struct ContourRaster<'a> {
     /// Contribution of the mesh to each tile, row by row from the top.
     cells: &'a mut [ContourTile],
-    /// Number of tile columns.
+    /// Number of tile columns of the buffer.
     columns: usize,
     /// Width and height of the buffer in pixels.
     size: [f64; 2],
