@@ -6,7 +6,7 @@ use crate::scene::{FAN_OUT, Scene, lanes};
 use crate::walk::{BoxHierarchy, Child, SceneHierarchy, unculled_blocks};
 use crate::{Aabb, ObjectId};
 
-/// Greatest number of occluders that are inspected.
+/// Greatest number of occluders that are inspected. Of more occluders, evenly spaced ones are.
 const MOST: usize = 256;
 
 /// Returns how many occluders of `scene` go on in another occluder beside them, as the panels of a wall or
