@@ -117,11 +117,12 @@ impl GroupRecord {
 pub struct BakeCache {
     /// Groups in any order, with the results for their viewcells.
     groups: Vec<(Arc<GroupRecord>, Vec<CellRecord>)>,
-    /// Index of a group by its [question](GroupRecord::question).
+    /// Index in `groups` of a group, by its [question](GroupRecord::question).
     by_question: HashMap<u64, usize>,
-    /// Index of a group by its [key](GroupRecord::key).
+    /// Index in `groups` of a group, by its [key](GroupRecord::key).
     by_key: HashMap<u64, usize>,
-    /// Indices of a group and of a viewcell in it, by the [key](CellRecord::key) of the viewcell.
+    /// Index in `groups` of a group, and index in the group of a viewcell, by the viewcell's
+    /// [key](CellRecord::key).
     by_cell: HashMap<u64, (usize, usize)>,
 }
 

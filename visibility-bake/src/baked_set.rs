@@ -26,7 +26,9 @@ const FORMAT: Format = Format { magic: *b"VISI-SET", version: 5 };
 /// similar.
 const TRIED: usize = 128;
 
-/// Approximate limit on the work of ordering columns: the number of pairs of 64-bit words that are compared.
+/// Approximate limit on the work of [`tour`], which orders the columns: the number of pairs of 64-bit words
+/// that are compared. Of many or long columns, each is compared with fewer than [`TRIED`] to either side, but
+/// with one at least.
 const WORK: usize = 1 << 31;
 
 /// Greatest index of an object plus 1 that the classes can store.

@@ -29,7 +29,8 @@ use visibility_region::ExtendedProjectionCuller;
 /// its ratio is greater. Each further sweep halves the limit.
 const COARSEST: f64 = 0.1;
 
-/// Weight of objects up to which they are left without a sweep.
+/// Weight of the objects that do not occlude yet, up to which they are left as visible without a further
+/// sweep.
 const FEW: u64 = 4096;
 
 /// A tile that a sweep has opened.
@@ -37,7 +38,7 @@ const FEW: u64 = 4096;
 pub(crate) struct Opened {
     /// Position of the tile above in the list of opened tiles. The root has its own position.
     parent: u32,
-    /// Number of the tile among the children of the tile above.
+    /// Number of the tile among the children of the tile above, or [`WHOLE`].
     child: u32,
     /// Hash of the data that opening the tile reveals: its objects, and the bounds of the tiles below.
     hash: u64,

@@ -9,7 +9,7 @@ use crate::method_times::MethodTimes;
 #[derive(Clone, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub struct SandwichOutcome {
-    /// Number of the first viewcell.
+    /// Number of the first viewcell of the baker's range, whose result is `cells[0]`.
     pub first: usize,
     /// Result for each viewcell, in order. In a viewcell that was not worked on, all objects are open.
     pub cells: Vec<CellSandwich>,
@@ -32,6 +32,7 @@ pub struct SandwichOutcome {
     /// more triangles than a search may copy: 2^21, or as many as the level has with each shared mesh counted
     /// once.
     pub too_large: usize,
-    /// Why viewcells could not be worked on, for a level in a file.
+    /// First reason why a viewcell could not be worked on, for a level in a file: its objects not proven
+    /// hidden before count as visible. `None` if there was no such error.
     pub error: Option<LevelError>,
 }

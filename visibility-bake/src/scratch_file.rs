@@ -90,7 +90,8 @@ impl ContentWriter {
         Ok(Self { scratch, to, offsets: vec![0], bytes: Vec::new() })
     }
 
-    /// Appends the content of an object.
+    /// Appends the content of an object: its triangles, and its occluder mesh with the transform to
+    /// coordinates of the level. `None` for an object without a mesh.
     pub(crate) fn push(
         &mut self,
         triangles: Triangles<'_>,

@@ -32,7 +32,7 @@ const FORMAT: Format = Format { magic: *b"VISSHARD", version: 3 };
 pub struct Shard {
     /// [Fingerprint](SandwichBaker::whole_fingerprint) of the whole bake.
     pub fingerprint: u64,
-    /// Number of the first viewcell.
+    /// Number, in the whole bake, of the first viewcell of the shard.
     pub first: usize,
     /// Result for each viewcell of the range, from viewcell `first` on.
     pub cells: Vec<CellSandwich>,

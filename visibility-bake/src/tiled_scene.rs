@@ -49,9 +49,9 @@ pub struct TiledScene<'a> {
     /// object's index in the level, in which there may be gaps. The list is sorted by index, ascending.
     pub(crate) objects: Vec<ObjectFacts>,
     pub(crate) tree: TileTree,
-    /// Greatest index of an object plus 1.
+    /// Greatest index of an object of the level plus 1.
     pub(crate) index_limit: usize,
-    /// Weight of the occluders of the first sweep from near to far.
+    /// Weight of the tiles, nearest first, that are opened before the first sweep from near to far.
     pub(crate) first_weight: u64,
     /// Greatest weight of the occluders in a sweep of several viewcells, without a limit of time.
     pub(crate) most_weight: u64,
@@ -60,7 +60,8 @@ pub struct TiledScene<'a> {
     /// once. For a level in a file there is no such limit (`u64::MAX`): its memory is limited in bytes.
     pub(crate) most_copied: u64,
     store: Store<'a>,
-    /// Scene of all objects, tile by tile, and a sweep prepared for it. Made on the first request.
+    /// Scene of all objects, tile by tile, and a sweep prepared for it. `None` before the first request,
+    /// which makes it.
     whole: Mutex<Option<Arc<PreparedScene>>>,
 }
 
@@ -228,12 +229,14 @@ impl<'a> TiledScene<'a> {
         (part, ids)
     }
 
-    /// Returns the ids that objects have in the scene of the level, by their numbers.
+    /// Returns the ids that objects have in the scene of the level, in the order of their `numbers`. `None`
+    /// for an object that the scene does not have.
     fn ids_in(&self, scene: &Scene, numbers: &[u32]) -> impl Iterator<Item = Option<ObjectId>> {
         numbers.iter().map(|&at| scene.id_at(self.objects[at as usize].index as usize))
     }
 
-    /// Reserves memory for the content of some objects, if there is a limit. Blocks until it is free.
+    /// Reserves memory for the content of some objects, and blocks until it is free. `None` for a level in
+    /// memory, which has no limit.
     fn reserve(&self, numbers: &[u32], bytes: u64) -> Result<Option<Reserved>, LevelError> {
         match &self.store {
             Store::Scene(_) => Ok(None),
@@ -257,7 +260,8 @@ impl<'a> TiledScene<'a> {
     }
 
     /// Reserves the memory that work on one viewcell takes, for the objects with the given numbers: its
-    /// search if `is_search`, otherwise its sweep (a copy of the prepared sweep).
+    /// search if `is_search`, otherwise its sweep (a copy of the prepared sweep). `None` for a level in
+    /// memory, which has no limit.
     pub(crate) fn reserve_cell(
         &self,
         numbers: &[u32],

@@ -61,7 +61,7 @@ pub(crate) struct TimePlan {
     ends: [Duration; STAGES],
     /// Phase of each stage: [`IN_TIME`], [`ENDED`] or [`PUT_OFF`].
     phases: [AtomicU8; STAGES],
-    /// Number of items that are worked on now.
+    /// Number of items (each a viewcell and a stage) that threads work on now.
     working: AtomicUsize,
     /// Number of searches begun in this round.
     begun: AtomicUsize,
@@ -103,7 +103,7 @@ impl TimePlan {
         (self.clock)()
     }
 
-    /// Returns whether a time on the clock, if any, is over.
+    /// Returns whether the clock has reached the time `end`. False for `None`, which stands for no limit.
     pub(crate) fn is_over(&self, end: Option<Duration>) -> bool {
         end.is_some_and(|end| self.now() >= end)
     }

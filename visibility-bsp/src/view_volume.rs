@@ -15,7 +15,7 @@ pub(crate) struct ViewVolume {
     /// Planes of the view volume, normals inwards, each moved outwards by a bound on its rounding error.
     /// Only the first `count` are valid.
     planes: [Plane; MAX_PLANES],
-    /// Number of valid entries in `planes`.
+    /// Number of planes of the view: the valid entries in `planes`.
     count: usize,
 }
 

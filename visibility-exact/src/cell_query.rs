@@ -338,7 +338,8 @@ impl<'a> CellQuery<'a> {
     }
 
     /// Casts a ray from p along d and marks the object that it meets first as seen. Returns the object's
-    /// number if it was not seen before.
+    /// number. `None` if the ray meets nothing or does not certainly reach the object, or the object has a
+    /// verdict already.
     fn see_first(&mut self, p: DVec3, d: DVec3) -> Option<usize> {
         let (distance, t) = self.search.triangles.tree.nearest(p, d)?;
         self.see(p, p + d * distance, t).then(|| self.search.triangles.object_of(t))
@@ -637,7 +638,7 @@ impl<'a> CellQuery<'a> {
     }
 }
 
-/// Returns a point of a triangle, up to rounding, in the viewcell.
+/// Returns a point of a triangle, up to rounding, in the viewcell. `None` if none is found.
 fn point_inside(cell: &CellBox, t: &[DVec3; 3]) -> Option<DVec3> {
     let inside = |p: &DVec3| p.cmpge(cell.min).all() && p.cmple(cell.max).all();
     if let Some(corner) = t.iter().find(|p| inside(p)) {

@@ -56,7 +56,7 @@ struct RowNode {
     /// One row for each of `rows`: the sides on which the lines between all pairs of corners of P and Q pass
     /// the edge of that row.
     matrix: Matrix,
-    /// Solution of the linear program of all rows, if it is known.
+    /// Solution of the linear program of all rows. `None` if it is not computed yet.
     solution: Option<Solution>,
 }
 
@@ -245,7 +245,7 @@ impl Search<'_> {
     }
 
     /// Returns a segment of the node that satisfies all rows, starting from the weights of columns for which
-    /// the program of the rows is positive, by programs in p and in q in turn.
+    /// the program of the rows is positive, by programs in p and in q in turn. `None` if none is found.
     fn line_inside(&mut self, node: &RowNode, weights: &[f64]) -> Option<Segment> {
         let RowNode { sight, rows, .. } = node;
         let delta = node.delta;
@@ -307,7 +307,7 @@ impl Search<'_> {
     }
 
     /// Returns the loop with the fewest dividing edges, of loops on the occluders that a line crosses. `hits`
-    /// are these occluders' indices.
+    /// are the indices of these occluder triangles. `None` if no loop can be used.
     fn best_loop(&mut self, sight: &Sight, depth: usize, line: Segment, hits: &[u32]) -> Option<Loop> {
         // The growth shrinks with every row, so that a line outside of one edge is surely not inside of
         // another edge on the same line.

@@ -11,7 +11,7 @@ use crate::triangles::SceneTriangles;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// A segment from a point of the viewcell, in scene coordinates.
+/// A segment from a point `p` of the viewcell to a point `q` of the target, in scene coordinates.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Segment {
     pub(crate) p: DVec3,
@@ -254,7 +254,7 @@ impl<'a> Search<'a> {
     }
 
     /// Decides the halves of a node. `obstacle` is an edge that kept the node from being blocked, and a line
-    /// by it.
+    /// of the node by that edge, if they are known.
     fn halve(
         &mut self,
         sight: &Sight,
@@ -348,6 +348,7 @@ pub(crate) struct Halving {
 
 /// Chooses the halving after which the node's lines pass an obstacle on fewer sides. It halves the polygon
 /// that looks wider from the obstacle, in the direction in which it is wider across the obstacle's edge.
+/// Without an obstacle, it halves the polygon with the longer side.
 pub(crate) fn best_halving(sight: &Sight, obstacle: Option<(Obstacle, Segment)>) -> Halving {
     let (mut at, mut edge) = (0.5, DVec3::ZERO);
     if let Some(([a, b], line)) = obstacle {

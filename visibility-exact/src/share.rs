@@ -18,8 +18,8 @@ struct Node {
     /// Number of the node in the order of making. It decides between nodes of equal shares.
     number: u32,
     sight: Sight,
-    /// Edge that kept a surface from blocking the parent node, and a line of the parent by that edge, if
-    /// known.
+    /// Edge that kept a surface from blocking the parent node, and a line of the parent by that edge. `None`
+    /// if neither is known.
     obstacle: Option<(Obstacle, Segment)>,
 }
 

@@ -194,8 +194,8 @@ impl TriangleTree {
         }
     }
 
-    /// Returns the triangle that the ray from p along d meets first, and its distance in lengths of d.
-    /// Computed in ordinary floating point, so that the caller must check the answer.
+    /// Returns the triangle that the ray from p along d meets first, and its distance in lengths of d. `None`
+    /// if it meets none. Computed in ordinary floating point, so that the caller must check the answer.
     pub(crate) fn nearest(&self, p: DVec3, d: DVec3) -> Option<(f64, u32)> {
         let inverse = d.map(|x| if x.abs() < 1e-200 { 1e200 } else { 1.0 / x });
         let enter = |node: &Node| {

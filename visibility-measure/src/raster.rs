@@ -105,9 +105,9 @@ pub(crate) struct VeilPixels {
 /// top.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Image {
-    /// Number of columns.
+    /// Number of pixel columns of the image.
     pub(crate) width: usize,
-    /// Number of rows.
+    /// Number of pixel rows of the image.
     pub(crate) height: usize,
     /// Number of the triangle that each pixel shows, or [`NONE`].
     pub(crate) items: Vec<u32>,
@@ -448,9 +448,9 @@ struct DepthKeyPlane {
     slope_x: f64,
     /// Change of the depth key for each row downwards.
     slope_y: f64,
-    /// Least depth key of the corners.
+    /// Least depth key of the three corners, that of the farthest.
     least: f64,
-    /// Greatest depth key of the corners.
+    /// Greatest depth key of the three corners, that of the nearest.
     greatest: f64,
 }
 

@@ -175,7 +175,7 @@ pub struct LevelOccluders {
     pub(crate) clusters: Vec<OccluderCluster>,
     pub(crate) objects: Vec<ObjectId>,
     pub(crate) report: LevelReport,
-    /// Version of the level that the occluders were made from, if it is known.
+    /// Version of the level that the occluders were made from. `None` if it is unknown.
     pub(crate) version: Option<u64>,
 }
 

@@ -63,7 +63,7 @@ pub(crate) struct CellFrustum {
     pub(crate) eye: Eye,
     /// View planes; only the first `count` are valid.
     planes: [BoundedPlane; MAX_PLANES],
-    /// Number of valid `planes`.
+    /// Number of planes of the view: the valid entries of `planes`.
     count: usize,
     /// Number of leading `planes` that have the eye on their inner side, to which their normals point. No
     /// view ray to anything in view passes through a box outside of one of these planes. View rays cross

@@ -21,7 +21,7 @@ pub(crate) struct Corners {
     /// Corner points in the coordinates of the shape (metres relative to `Scene::origin`, unless mapped).
     /// Only the first `count` are valid.
     points: [DVec3; 8],
-    /// Number of valid `points`, 3 or 8.
+    /// Number of corners of the shape, 3 or 8: the valid entries of `points`.
     count: usize,
 }
 

@@ -100,7 +100,8 @@ fn turn(transform: &Affine3A) -> impl Fn([u32; 3]) -> [u32; 3] {
 
 /// The map from a mesh's coordinates to the scene's, in `f64`.
 pub(crate) struct Placement {
-    /// Columns of the linear part. `None` for the identity.
+    /// Columns of the linear part of the map. `None` if the map is the identity, translation included: points
+    /// stay as they are, without rounding.
     columns: Option<[DVec3; 3]>,
     translation: DVec3,
     /// Greatest sum of the magnitudes of a coordinate's terms over all placed vertices, in metres.

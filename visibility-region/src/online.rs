@@ -75,14 +75,17 @@ const KEPT: usize = 32;
 /// ```
 #[derive(Clone, Debug)]
 pub struct OnlinePvs {
-    /// Sizes of wide boxes and of viewcells, in metres.
+    /// Sizes of the boxes along x, y and z in metres: `sizes[WIDE]` of wide boxes, `sizes[NEAR]` of
+    /// viewcells.
     sizes: [DVec3; 2],
     margin: f64,
     culler: ExtendedProjectionCuller,
     /// State of the scene that all fields below are of.
     cursor: SceneCursor,
-    /// Wide boxes and viewcells that are made.
+    /// Finished boxes by size, each with what is hidden from it: `made[WIDE]` holds the wide boxes,
+    /// `made[NEAR]` the viewcells.
     made: [Vec<Made>; 2],
+    /// The box at work. `None` before the first step, and between two boxes.
     job: Option<Job>,
     /// Indices of the objects that were occluders of any box in `made` or of `job`.
     occluding: Bits,
@@ -91,23 +94,26 @@ pub struct OnlinePvs {
     /// Indices of the objects that have changed since the last wide box was begun, and between that and the
     /// one before.
     changed: [Bits; 2],
-    /// The objects that the last viewcell saw.
+    /// Objects that the viewcell finished last sees. The next viewcell takes them as seen without asking.
     known: Vec<ObjectId>,
-    /// Direction in which the next viewcell asks about all objects.
+    /// Direction, 0 to 5, in which the next viewcell asks about all objects that the wide box sees, `known`
+    /// ones included.
     full_direction: usize,
-    /// Counter of uses of boxes.
+    /// Counter of uses of boxes, by which [`Made::used`] orders them: greater is later.
     clock: u64,
-    /// Size and box of the last frame's answer.
+    /// Size ([`WIDE`] or [`NEAR`]) and box of the last frame's answer. `None` if no box answered, so that all
+    /// candidates stayed.
     answer: Option<(usize, Viewcell)>,
-    /// Indices of the objects hidden from the box of the last frame.
+    /// Indices of the objects hidden from the box that answered the last frame; empty if none did. Compared
+    /// with the next frame's to find `came` and `went`.
     last_hidden: Bits,
     came: Vec<ObjectId>,
     went: Vec<ObjectId>,
 }
 
-/// Index of wide boxes, in arrays by the size of boxes.
+/// Index of the larger of the two sizes of boxes, the wide boxes, in arrays by size.
 const WIDE: usize = 0;
-/// Index of viewcells, in arrays by the size of boxes.
+/// Index of the smaller of the two sizes of boxes, the viewcells, in arrays by size.
 const NEAR: usize = 1;
 
 /// Work that a [step](OnlinePvs::step) has done.
@@ -122,22 +128,23 @@ pub struct OnlineStep {
     pub stats: CullStats,
 }
 
-/// A box with what is hidden from all of it.
+/// A finished box, wide or a viewcell, with the objects that are hidden from all points of it.
 #[derive(Clone, Debug)]
 struct Made {
     cell: Viewcell,
     /// Indices of the hidden objects, without those that have changed since.
     hidden: Bits,
-    /// The other objects when the box was made: for a wide box those of the scene, for a viewcell those that
-    /// the wide box sees.
+    /// Objects that were not hidden when the box was finished: of the scene for a wide box, of those that the
+    /// wide box sees for a viewcell.
     seen: Vec<ObjectId>,
     /// For a wide box: the surfaces of the occluders that it sees.
     surfaces: Arc<Surfaces>,
-    /// The clock when the box was used last.
+    /// [`OnlinePvs::clock`] when the box was used last, or was finished.
     used: u64,
 }
 
-/// A box at work.
+/// A box that [`step`](OnlinePvs::step) works on, one direction at a time. It answers no frame before it is
+/// finished.
 #[derive(Clone, Debug)]
 struct Job {
     level: usize,
@@ -305,8 +312,8 @@ impl OnlinePvs {
         [place - self.margin, place + self.margin]
     }
 
-    /// Returns the index of the box of a size that was used last of those that hold the box from `low` to
-    /// `high`.
+    /// Returns the index in `made[level]` of the finished box that was used last, of those that hold the box
+    /// from `low` to `high`. `None` if none holds it.
     fn find(&self, level: usize, [low, high]: [DVec3; 2]) -> Option<usize> {
         let made = self.made[level].iter().enumerate();
         made.filter(|(_, made)| holds(&made.cell, low, high))
@@ -314,7 +321,8 @@ impl OnlinePvs {
             .map(|(at, _)| at)
     }
 
-    /// Returns the size and the index of the best box that holds the box from `low` to `high`.
+    /// Returns the size and the index in `made` of the best finished box that holds the box from `low` to
+    /// `high`: a viewcell if there is one, otherwise a wide box, otherwise `None`. Notes its use.
     fn best(&mut self, low: DVec3, high: DVec3) -> Option<(usize, usize)> {
         let (level, at) =
             [NEAR, WIDE].iter().find_map(|&level| Some((level, self.find(level, [low, high])?)))?;

@@ -138,7 +138,8 @@ impl Plan {
         })
     }
 
-    /// Returns the first wall along a half-edge at which lines of sight out of its triangle end.
+    /// Returns the first wall along a half-edge at which lines of sight out of its triangle end. `None` if
+    /// they pass.
     fn wall_that_stops(&self, h: u32) -> Option<u32> {
         let piece = self.piece[h as usize];
         let walls = if piece == NONE { &[] } else { self.walls_of(piece) };

@@ -342,7 +342,8 @@ impl<'a> KineticZone<'a> {
         Some(())
     }
 
-    /// Returns the direction number of an arc's tangent segment.
+    /// Returns the direction number of an arc's tangent segment. `None` for an eye that touches the arc's
+    /// disc.
     fn number(&self, arc: Arc, eye: [f64; 2]) -> Option<f64> {
         let (first, last) = span(&self.discs.discs[arc.pivot as usize], eye)?;
         Some(if arc.is_first { first } else { last })

@@ -57,17 +57,17 @@ struct Relative<const N: usize> {
 
 /// Bounds of the parts of boxes in a face's wedge, one per lane.
 struct Parts<const N: usize> {
-    /// Whether the box meets the wedge.
+    /// Whether each box meets the wedge. If not, the other entries of its lane have no meaning.
     meets: [bool; N],
-    /// Least position of the part, in columns.
+    /// Least position of each part, in columns from the right edge of the face, rounded downwards.
     from: [f32; N],
-    /// Greatest position of the part, in columns.
+    /// Greatest position of each part, in columns from the right edge of the face, rounded upwards.
     to: [f32; N],
-    /// Greatest inverse depth of the part, in 1/m.
+    /// Greatest inverse depth of each part, that of its nearest point, in 1/m, rounded upwards.
     inverse_depth: [f32; N],
-    /// Least height of the part in the picture.
+    /// Least height of each part in the picture (height above the eye over depth), rounded downwards.
     low: [f32; N],
-    /// Greatest height of the part in the picture.
+    /// Greatest height of each part in the picture (height above the eye over depth), rounded upwards.
     high: [f32; N],
 }
 

@@ -118,9 +118,10 @@ impl Block {
 #[derive(Clone, Debug)]
 pub(crate) struct Columns {
     per_face: usize,
-    /// Columns of each face, rounded up to whole blocks.
+    /// Blocks of the columns of all faces, face by face. The columns of each face are rounded up to whole
+    /// blocks.
     blocks: Vec<Block>,
-    /// Columns in view of each face.
+    /// Half-open range of the columns of each face that are in view. Empty for a face that is not.
     seen: [Range<usize>; FACES],
     outline: Outline,
     /// Scratch of [`draw`](Self::draw), one entry per side of a column: top, negated bottom, inverse depth.
@@ -143,12 +144,13 @@ impl Columns {
         self.per_face
     }
 
-    /// Returns the columns of a face that are in view.
+    /// Returns the half-open range of the columns of a face that are in view, empty if none is.
     pub(crate) fn seen(&self, face: usize) -> Range<usize> {
         self.seen[face].clone()
     }
 
-    /// Returns the columns of one face, in blocks.
+    /// Returns the columns of one face, in blocks of [`BLOCK`] from its right edge on. The last block may
+    /// have columns beyond the face.
     pub(crate) fn face(&self, face: usize) -> &[Block] {
         let count = self.per_face.div_ceil(BLOCK);
         &self.blocks[face * count..][..count]
@@ -159,7 +161,7 @@ impl Columns {
         &mut self.blocks[face * count..][..count]
     }
 
-    /// Empties the columns for a new frame.
+    /// Takes the range of columns in view from a new frame, and empties these columns.
     pub(crate) fn begin(&mut self, frame: &Frame) {
         for (face, seen) in frame.seen.iter().enumerate() {
             let last = self.per_face as f64;
@@ -204,7 +206,7 @@ impl Columns {
         }
     }
 
-    /// Adds a step to all columns of a block.
+    /// Adds a step to all columns of a block, given by its position in the face.
     pub(crate) fn add_step(&mut self, face: usize, block: usize, step: Step) {
         let block = &mut self.face_mut(face)[block];
         (0..BLOCK).for_each(|column| insert(block, column, step));

@@ -21,7 +21,7 @@ const CORE: f32 = 0.5;
 /// Count of the crowns that each column has met.
 #[derive(Clone, Debug)]
 pub(crate) struct CrownColumns {
-    /// Objects that are crowns, ascending.
+    /// Ids of the objects that are crowns, ascending.
     crowns: Vec<ObjectId>,
     /// Number of crowns in a row that count as opaque, at least 1.
     crossings: u8,

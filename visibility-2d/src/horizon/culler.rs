@@ -59,8 +59,9 @@ pub struct HorizonCuller {
     queue: Queue,
     /// Indices of the objects that changed since the occluders were made, ascending.
     changed: Vec<u32>,
-    /// Scratch: whether each object of the ground is drawn.
+    /// Scratch: for lists of objects of the ground, whether all of them are drawn in the frame.
     presence: Presence,
+    /// Crowns of trees that each column has met in this frame. `None` if no crowns are named.
     crowns: Option<CrownColumns>,
 }
 
@@ -75,10 +76,11 @@ struct Queue {
 /// A node or an object that waits in the queue.
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
-    /// Number of solids drawn when the box was last tested.
+    /// Number of solids that were drawn in the frame when the box was last tested. If more are drawn by now,
+    /// the box is tested again.
     drawn: u32,
     child: Child,
-    /// Node that lists the child, and the child's lane in it.
+    /// Node whose children include this one, in lane `lane`. `None` for a child of the top of the hierarchy.
     parent: Option<usize>,
     lane: u8,
     bounds: Aabb,
@@ -167,8 +169,8 @@ impl HorizonCuller {
         }
     }
 
-    /// Tests the children of a node and queues the ones that are not hidden. `drawn` is the number of solids
-    /// drawn so far.
+    /// Tests the children of a node (`None`: the top of the hierarchy) and queues the ones that are not
+    /// hidden. `drawn` is the number of solids drawn so far in the frame.
     fn open(&mut self, walk: &mut Walk<SceneHierarchy>, node: Option<usize>, drawn: u32) {
         let (horizon, queue) = (&self.horizon, &mut self.queue);
         let (up, eye) = (horizon.up(), horizon.frame.eye.map(|x| x as f32));

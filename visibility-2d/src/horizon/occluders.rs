@@ -43,7 +43,8 @@ pub struct HorizonOccluders {
     up: UpAxis,
     cursor: SceneCursor,
     solids: Solids,
-    /// Range of the solids of each object, by object index.
+    /// Range of the solids of each object in `solids`, by object index: start, and exclusive end. Empty for
+    /// an object without solids.
     ranges: Vec<[u32; 2]>,
     /// Number of solids in use. The others belong to former states of objects.
     used: usize,

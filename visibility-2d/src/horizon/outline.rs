@@ -40,7 +40,7 @@ pub(crate) struct Post {
     /// First coordinate on the plan, in metres from the scene's origin.
     pub(crate) x: f64,
     pub(crate) y: f64,
-    /// Height of the lower end.
+    /// Height of the lower end, from the scene's origin.
     pub(crate) low: f64,
     /// Height of the upper end, at least `low`.
     pub(crate) high: f64,
@@ -111,7 +111,7 @@ struct Projected {
 }
 
 impl Projected {
-    /// Returns the upper and the lower end.
+    /// Returns the upper and the lower end of the post, as corners of an outline.
     fn corners(&self) -> (Corner, Corner) {
         let corner = |height| Corner { column: self.column, height, inverse_depth: self.inverse_depth };
         (corner(self.high), corner(self.low))

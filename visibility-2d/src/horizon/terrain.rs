@@ -74,8 +74,8 @@ pub(crate) struct Square {
     /// Least and greatest height of the sheet over the square in metres, rounded outwards.
     pub(crate) low: f32,
     pub(crate) high: f32,
-    /// List of the objects whose triangles are over the square: see [`Sheet::owners`]. [`BROKEN`] if the
-    /// sheet has a border there, or does not cover the square.
+    /// Number of the list of objects whose triangles are over the square: see [`Sheet::owners`]. [`BROKEN`]
+    /// if the sheet has a border there, or does not cover the square.
     pub(crate) owners: u32,
 }
 
@@ -100,9 +100,9 @@ pub(crate) struct Sheet {
     pub(crate) corner: [f64; 2],
     /// Side of a square in metres, a power of two.
     pub(crate) side: f64,
-    /// Squares of side `side`; then of twice that side, and so on.
+    /// Levels of squares: first those of side `side`, then those of twice that side, and so on.
     pub(crate) levels: Vec<Level>,
-    /// Least and greatest height of unbroken squares in metres.
+    /// Least and greatest height of the sheet over its unbroken squares, in metres from the scene's origin.
     pub(crate) bottom: f32,
     pub(crate) top: f32,
     /// By number of a list of owners (the objects whose triangles meet a square): the end, exclusive, of the
@@ -116,9 +116,10 @@ pub(crate) struct Sheet {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Terrain {
     pub(crate) sheets: Vec<Sheet>,
-    /// Objects whose triangles are in the sheet, ascending by their indices.
+    /// Objects with triangles in any of the sheets, in no particular order.
     pub(crate) objects: Vec<GroundObject>,
-    /// Bit for each object that has changed since the sheets were made.
+    /// By position in `objects`: whether the object has changed since the sheets were made, so that its
+    /// triangles hide nothing any more.
     lost: Vec<bool>,
 }
 
@@ -160,14 +161,15 @@ impl Terrain {
 }
 
 impl Sheet {
-    /// Returns a list of owners: positions in [`Terrain::objects`].
+    /// Returns the owners (the objects with triangles over a square) in the list with the number `list`, as
+    /// positions in [`Terrain::objects`].
     pub(crate) fn owners(&self, list: u32) -> &[u32] {
         let list = list as usize;
         let begin = if list == 0 { 0 } else { self.owner_ends[list - 1] as usize };
         &self.objects[begin..self.owner_ends[list] as usize]
     }
 
-    /// Returns the number of lists of owners.
+    /// Returns the number of lists of owners: numbers of lists are below it.
     pub(crate) fn list_count(&self) -> usize {
         self.owner_ends.len()
     }
@@ -295,7 +297,7 @@ impl Level {
     }
 }
 
-/// Lists of objects, each list once.
+/// Lists of objects under construction, the owners of squares. Equal lists are stored once.
 #[derive(Default)]
 struct Lists {
     ends: Vec<u32>,
@@ -316,7 +318,8 @@ impl Lists {
         number
     }
 
-    /// Returns the number of the union of four lists.
+    /// Returns the number of the list that unites four lists, given by their numbers. It is stored if it is
+    /// new.
     fn union(&mut self, four: [u32; 4]) -> u32 {
         let mut all = Vec::new();
         for list in four {
@@ -329,7 +332,7 @@ impl Lists {
     }
 }
 
-/// The squares of the finest level.
+/// Layout of the finest squares of a sheet, from its least corner on the plan, in metres.
 struct Grid {
     corner: [f64; 2],
     side: f64,
@@ -391,7 +394,7 @@ struct HeightRange {
     /// First corner of the triangle, and the growth of the height from there, in metres per metre. `None` for
     /// a triangle that is too narrow to tell.
     plane: Option<([f64; 3], [f64; 2])>,
-    /// Bound in metres on the error of a height of the plane.
+    /// Bound in metres on the error of a height taken from `plane`.
     slack: f64,
 }
 
@@ -549,11 +552,12 @@ struct Borders {
     /// Sides of each triangle, from corner to next corner, that are borders: joined to no other triangle, or
     /// to several.
     sides: Vec<[bool; 3]>,
-    /// Pairs of triangles that join.
+    /// Indices of the two triangles of each pair that joins at a side.
     pairs: Vec<[u32; 2]>,
 }
 
-/// Finds the borders of triangles.
+/// Joins triangles at the sides that exactly two of them share, in opposite directions. All other sides are
+/// borders.
 fn join(triangles: &[Triangle]) -> Borders {
     let mut sides: Vec<([u32; 2], bool, u32)> = Vec::with_capacity(3 * triangles.len());
     for (i, t) in (0u32..).zip(triangles) {

@@ -44,7 +44,7 @@ struct Drawn<'a> {
     scene: &'a Scene,
     visible: &'a VisibleSet,
     planes: ViewPlanes,
-    /// Indices of objects that have changed, ascending.
+    /// Indices of the objects that have changed since the sheets were made, ascending.
     changed: &'a [u32],
     terrain: &'a Terrain,
 }
@@ -132,14 +132,15 @@ struct Wedge<'a> {
     top: f64,
 }
 
-/// Consecutive rings of a column in which no square is broken.
+/// Consecutive rings of a wedge in which every square is unbroken: the sheet covers it without a border.
 #[derive(Clone, Copy)]
 struct Run {
-    /// Least of the rings' greatest heights in the picture.
+    /// Least, over the rings of the run, of a ring's greatest height in the picture (height above the eye
+    /// over depth).
     low: f64,
-    /// The step at the crest: its lower and upper height, its depth.
+    /// The step at the crest: its lower and upper height in the picture, and its depth in metres.
     crest: [f64; 3],
-    /// Number of rings since the crest. `None` if the crest's step is added already.
+    /// Number of rings since the crest. `None` before the first crest, and once the crest's step is added.
     since: Option<u32>,
 }
 
@@ -194,8 +195,8 @@ impl<'a> Wedge<'a> {
         }
     }
 
-    /// Returns the next step, `None` at the end of the sheet. `is_present` tells whether all objects of a
-    /// list are drawn.
+    /// Returns the next step outwards, or `None` if no further part of the sheet hides anything. `is_present`
+    /// tells whether all objects of a list (see [`Sheet::owners`]) are drawn.
     fn next_step(&mut self, is_present: &mut impl FnMut(u32) -> bool) -> Option<Step> {
         while self.depth < self.end {
             let from = self.depth;
@@ -235,9 +236,12 @@ impl<'a> Wedge<'a> {
         self.run.take()
     }
 
-    /// Returns the least and the greatest height of the sheet above the eye, in metres, in the ring between
-    /// two depths. `None` if a square in the ring is broken, one of its objects is not drawn, or the ring is
-    /// not certainly beyond the near plane.
+    /// Returns a lower bound on the least and an upper bound on the greatest height of the sheet above the
+    /// eye, in metres, in the part of the wedge from depth `from` to depth `to`. `is_present` tells whether
+    /// all objects of a list (see [`Sheet::owners`]) are drawn. `None` if the sheet must not hide there: the
+    /// part leaves the grid or is too large for the coarsest level, meets a [`BROKEN`] square (one with a
+    /// border of the sheet, or not covered by it) or an object that is not drawn, or is not certainly beyond
+    /// the near plane.
     fn heights(&self, from: f64, to: f64, is_present: &mut impl FnMut(u32) -> bool) -> Option<[f64; 2]> {
         let [right, left] = self.sides;
         let (right, left) = ((right * from).min(right * to), (left * from).max(left * to));

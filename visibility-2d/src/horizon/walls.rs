@@ -39,7 +39,7 @@ struct Panel {
 /// An upright side of a panel.
 #[derive(Clone, Copy, Debug)]
 struct Side {
-    /// Position on the plan, in metres from the scene's origin.
+    /// Position of the side on the plan, in mesh coordinates.
     at: [f32; 2],
     low: f32,
     high: f32,
@@ -109,7 +109,7 @@ fn is_mirrored_on_plan(transform: &Affine3A, up: UpAxis) -> Option<bool> {
     (z[0] == 0.0 && z[1] == 0.0 && a != b).then_some(a < b)
 }
 
-/// Returns the panels among some triangles of a mesh.
+/// Returns the panels among the triangles of a mesh with the indices `triangles`, in mesh coordinates.
 fn panels(mesh: &OccluderMesh, triangles: &[u32], up: UpAxis) -> Vec<Panel> {
     let at = |vertex: u32| up.split_f32(mesh.positions()[vertex as usize]);
     let is_over = |a: [f32; 3], b: [f32; 3]| a[0] == b[0] && a[1] == b[1];

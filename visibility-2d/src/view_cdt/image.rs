@@ -106,8 +106,9 @@ fn is_behind(shapes: &Shapes, shape: &Shape, bounds: &ProjectedBox) -> bool {
         })
 }
 
-/// Returns a lower bound on the depth key of a shape where a triangle and a rectangle meet; in the whole
-/// triangle if the rectangle has no corners.
+/// Returns a lower bound on the depth key (greater is nearer) of a shape wherever a triangle and a rectangle
+/// overlap. `rectangle` holds the corners of the rectangle; if it is empty, the bound holds in the whole
+/// triangle.
 fn least_key(shapes: &Shapes, shape: &Shape, triangle: &[[f64; 2]; 3], rectangle: &[[f64; 2]]) -> f64 {
     let least =
         |plane, points: &[[f64; 2]]| points.iter().map(|&p| at(plane, p)).fold(f64::INFINITY, f64::min);

@@ -49,13 +49,13 @@ pub(crate) struct ProjectedBox {
     /// Column and row of each corner in grid units, in the order of [`Aabb::corners`]. Each value is wrong by
     /// at most a quarter of a grid unit.
     pub(crate) corners: [[f64; 2]; 8],
-    /// Least column and row in grid units, rounded outwards.
+    /// Least column and row that the box may reach, in grid units, rounded outwards.
     pub(crate) low: [f64; 2],
-    /// Greatest column and row in grid units, rounded outwards.
+    /// Greatest column and row that the box may reach, in grid units, rounded outwards.
     pub(crate) high: [f64; 2],
-    /// Upper bound on the depth key of each corner.
+    /// Upper bound on the depth key (greater is nearer) of each corner, in the order of `corners`.
     pub(crate) keys: [f64; 8],
-    /// Upper bound on the depth keys of the box.
+    /// Upper bound on the depth keys (greater is nearer) of all points of the box.
     pub(crate) nearest: f64,
 }
 

@@ -38,7 +38,7 @@ pub(crate) struct Shape {
     pub(crate) planes: Range<usize>,
     /// Vertices of the outline on the grid, counter-clockwise.
     pub(crate) outline: Range<usize>,
-    /// Lower bound on the depth key anywhere.
+    /// Lower bound on the occluder's depth keys (greater is nearer) at all points of the shape.
     pub(crate) floor: f64,
 }
 

@@ -12,7 +12,8 @@ use std::collections::hash_map::Entry;
 use std::collections::{HashMap, VecDeque};
 use visibility_core::glam::DVec3;
 
-/// Greatest number of voxels of all boxes that a flood reaches. They take two gigabytes.
+/// Greatest number of voxels in all boxes of a flood together: two bits each, two gigabytes in all. A flood
+/// that needs more fails with [`GridError::TooMany`].
 const ALL_VOXELS: u64 = 1 << 33;
 
 /// A flood within the [limits](SolidTriangles::limits) of solid triangles.

@@ -29,7 +29,7 @@ pub(super) struct SolidTriangles<'a> {
     pub limits: [[i64; 3]; 2],
     /// Number of voxels of a box on each axis.
     pub counts: [usize; 3],
-    /// Axis that points up or down.
+    /// Axis that points up or down: 0, 1 or 2.
     pub up: usize,
     /// Least and greatest coordinate of the camera on the axis `up`, in metres relative to a floor below it.
     /// `None` for a camera that flies.

@@ -128,12 +128,14 @@ impl ClippedTriangle {
         self.corners().iter().fold(start, |[low, high], p| [low.min(p[axis]), high.max(p[axis])])
     }
 
-    /// Returns the part between two coordinates on an axis.
+    /// Returns the part of the polygon between two coordinates on an axis, inclusive. Empty if the polygon
+    /// has no point there.
     pub(super) fn clipped(&self, axis: usize, [low, high]: [f64; 2]) -> Self {
         self.clipped_by(axis, 1.0, low).clipped_by(axis, -1.0, -high)
     }
 
-    /// Returns the part where the coordinate on an axis, times `sign`, is at least `limit`.
+    /// Returns the part of the polygon where the coordinate on an axis, times `sign` (1 or -1), is at least
+    /// `limit`.
     fn clipped_by(&self, axis: usize, sign: f64, limit: f64) -> Self {
         let inside = |p: DVec3| p[axis] * sign - limit;
         let mut part = Self::empty();

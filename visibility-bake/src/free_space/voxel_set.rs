@@ -18,12 +18,13 @@ pub(super) struct VoxelBounds {
     pub last: [usize; 3],
 }
 
-/// Returns the place of a voxel on each axis, from its number.
+/// Returns the place of a voxel on each axis, from its number. `counts` are the numbers of voxels of the box
+/// on each axis.
 pub(super) fn voxel_place(voxel: usize, counts: [usize; 3]) -> [usize; 3] {
     [voxel % counts[0], voxel / counts[0] % counts[1], voxel / counts[0] / counts[1]]
 }
 
-/// Returns the number of the voxel at a place.
+/// Returns the number of the voxel at a place. `counts` are the numbers of voxels of the box on each axis.
 pub(super) fn voxel_number(place: [usize; 3], counts: [usize; 3]) -> usize {
     place[0] + counts[0] * (place[1] + counts[1] * place[2])
 }
@@ -53,7 +54,7 @@ impl VoxelSet {
         self
     }
 
-    /// Returns the voxels that are not in the set.
+    /// Returns the set of the voxels of the box that are not in this set.
     pub(super) fn complement(mut self) -> Self {
         self.bits.iter_mut().for_each(|bits| *bits = !*bits);
         self

@@ -9,11 +9,13 @@ use visibility_region::ExtendedProjectionCuller;
 /// Scratch memory of one thread of a bake.
 #[derive(Default, Debug)]
 pub struct BakeScratch {
-    /// Culler prepared for the whole level, if that is small.
+    /// Culler prepared for the whole level. `None` before the thread's first sweep of a group with all tiles
+    /// at once.
     pub(super) whole: Option<ExtendedProjectionCuller>,
-    /// Culler for the tiles around a group.
+    /// Culler for the sweep of a group from near to far, over the tiles around it.
     pub(super) sweep: ExtendedProjectionCuller,
-    /// Culler prepared for the scene of a group, after the number of the group.
+    /// Number of the group whose viewcells the thread swept last, and a culler prepared for its scene. `None`
+    /// before the first such sweep, and once other content is made.
     pub(super) local: Option<(u32, ExtendedProjectionCuller)>,
 }
 
@@ -22,11 +24,12 @@ pub struct BakeScratch {
 pub(super) struct Slot {
     /// Number of the group's viewcells that are not worked on yet, by stage.
     pub(super) left: [usize; STAGES],
-    /// Content of the group that was made last. The flag is true if it is for the sweeps of viewcells, false
-    /// if it is for another stage. With a limit of time, or in a resumed bake, viewcells of the group may be
-    /// in different stages.
+    /// Content of the group that was made last. `None` before it is made and once it is released. The flag is
+    /// true if it is for the sweeps of viewcells, false if it is for another stage. With a limit of time, or
+    /// in a resumed bake, viewcells of the group may be in different stages.
     pub(super) group: Option<(bool, Arc<Group>)>,
-    /// Result of the group's sweep. It is kept when the content is released.
+    /// Result of the group's sweep. `None` until the group is swept, or an earlier result is taken over. It
+    /// is kept when the content is released.
     pub(super) record: Option<Arc<GroupRecord>>,
 }
 

@@ -81,13 +81,15 @@ pub struct SandwichBaker<'a> {
     slots: Vec<Mutex<Slot>>,
     cache: Arc<BakeCache>,
     time: TimePlan,
+    /// Results of each viewcell of `range` so far. `None` for a viewcell of which no stage is done.
     done: Vec<Option<FoundCell>>,
     /// Sum of the costs of open objects, by group and stage: those of the group's viewcells that have come to
     /// the stage.
     costs: Vec<[u64; STAGES]>,
-    /// Result of the sweep of each group, for groups with a viewcell that is done.
+    /// Result of the sweep of each group, by number of the group. `None` for a group of which no viewcell in
+    /// `range` has a result yet.
     found_groups: Vec<Option<Arc<GroupRecord>>>,
-    /// First reason why a viewcell could not be worked on.
+    /// First reason why a viewcell could not be worked on. `None` if there was no error so far.
     error: Mutex<Option<LevelError>>,
 }
 
@@ -180,7 +182,8 @@ impl<'a> SandwichBaker<'a> {
         self
     }
 
-    /// Returns the sandwiches found so far, in the order of the viewcells.
+    /// Returns the sandwiches found so far, in the order of the viewcells in the range. `None` for a viewcell
+    /// of which no stage is done.
     pub fn cells(&self) -> impl Iterator<Item = Option<&CellSandwich>> {
         self.done.iter().map(|done| done.as_ref().map(|found| &found.sandwich))
     }
@@ -191,8 +194,9 @@ impl<'a> SandwichBaker<'a> {
         self.fingerprint
     }
 
-    /// Returns why viewcells could not be worked on, for a level in a file. Objects not proven hidden before
-    /// the error count as visible. A resumed bake does not work on these viewcells again.
+    /// Returns the first reason why a viewcell could not be worked on, for a level in a file, or `None` if
+    /// there was no error so far. Objects not proven hidden before the error count as visible. A resumed bake
+    /// does not work on these viewcells again.
     pub fn error(&self) -> Option<LevelError> {
         lock(&self.error).clone()
     }
@@ -218,8 +222,9 @@ impl<'a> SandwichBaker<'a> {
         (item % count, (item / count) as u32)
     }
 
-    /// Returns the time on the clock at which a sweep for `viewcells` viewcells must end if it begins now.
-    /// `None` without a limit of time.
+    /// Returns the time on the baker's clock at which a sweep must end that begins now. `stage` is [`GROUP`]
+    /// or [`SWEEP`], and `viewcells` the number of viewcells that the sweep's result is for. `None` if the
+    /// bake has no limit of time: the sweep may run to its end.
     fn end_of_sweep(&self, stage: u32, viewcells: usize) -> Option<Duration> {
         self.time.end_of_sweep(stage, viewcells, self.waiting(stage))
     }

@@ -33,7 +33,7 @@ pub(super) struct ScreenProjection {
     /// clip planes, and the four sides of an image [`CLIP_WIDTH`] times as wide. Only the first `count` are
     /// valid.
     planes: [SidePlane; MAX_PLANES],
-    /// Number of valid entries in `planes`.
+    /// Number of clipping planes: the valid entries in `planes`.
     count: usize,
     /// The view volume, for testing boxes that extend in front of the near plane.
     volume: ViewVolume,

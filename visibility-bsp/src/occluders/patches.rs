@@ -29,8 +29,8 @@ struct Polygon {
     two_sided: bool,
 }
 
-/// Joins triangles greedily and returns the resulting polygons; a triangle that joins with none becomes a
-/// polygon of its own.
+/// Joins triangles greedily into nearly flat and convex polygons of at most [`MOST_VERTICES`] vertices. Each
+/// triangle ends up in exactly one polygon; one that joins with no other becomes a polygon of its own.
 pub(super) fn join(triangles: &[OccluderTriangle]) -> Vec<Outline> {
     // `edges` maps each directed edge to the polygon that runs along it: the neighbour runs along it in the
     // other direction.

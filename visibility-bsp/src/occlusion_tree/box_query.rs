@@ -22,9 +22,10 @@ const MOST: usize = 24;
 /// its corners span.
 #[derive(Clone, Copy)]
 struct Part {
-    /// Clip-space directions of the corners, in boundary order. Only the first `count` are valid.
+    /// Clip-space directions `(x, y, w)` of the part's corners, in order around its border. Only the first
+    /// `count` are valid.
     corners: [[f64; 3]; MOST],
-    /// Number of valid entries in `corners`.
+    /// Number of corners of the part, at most [`MOST`]: the valid entries in `corners`.
     count: usize,
     /// Bound on the absolute error of `n . v` for the direction `v` of any corner and any line coefficients
     /// `n` of at most 1 in magnitude.

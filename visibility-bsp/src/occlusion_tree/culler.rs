@@ -34,11 +34,12 @@ pub struct OcclusionTreeCuller {
     inner: OcclusionCuller<OcclusionTree>,
 }
 
-/// Number of polygons that pass the first ranking, by a bound on the solid angle from the eye, for each
-/// polygon that may be inserted in the frame's occlusion tree.
+/// Number of polygons that pass the first ranking, for each polygon that may be inserted in the frame's
+/// occlusion tree. It ranks all polygons by a bound on their solid angle from the eye.
 const CANDIDATES_PER_POLYGON: usize = 6;
-/// Number of polygons that pass the second ranking, by estimated worth (objects that the shadow may hide),
-/// for each polygon that may be inserted in the frame's occlusion tree.
+/// Number of polygons that pass the second ranking, for each polygon that may be inserted in the frame's
+/// occlusion tree. It ranks those that passed the first by estimated worth: the number of objects that the
+/// polygon's shadow may hide. The others are not used in this frame.
 const RANKED_PER_POLYGON: usize = 2;
 /// Worth in objects per steradian given to a polygon so close or large that its worth cannot be estimated. It
 /// ranks such polygons before all others, in the order of their solid angles.

@@ -22,7 +22,7 @@ pub(super) struct ScreenDensity {
     /// the left of that crossing in the image. Before `finish`: the number of centres in the cell whose top
     /// right corner is the crossing.
     sums: Vec<f32>,
-    /// Number of object centres counted.
+    /// Number of object centres counted so far in this frame: those in the image.
     all: f64,
 }
 

@@ -46,7 +46,7 @@ enum Region {
 pub struct ShadowFrusta {
     /// Occluder polygons of the scene, to which the indices in `chosen` refer.
     pub(super) occluders: Occluders,
-    /// Nodes of the kd-tree. The root is at index 0.
+    /// Nodes of the kd-tree over eye positions, whose leaves are the regions. The root is at index 0.
     regions: Vec<Region>,
     /// Indices in `occluders` of the polygons chosen for all regions; best first within each region.
     chosen: Vec<u32>,

@@ -170,7 +170,7 @@ impl<D: QueryDevice> HardwareQueries<D> {
     }
 
     /// Returns the result that the newest answer for a box, as [`Question::answer`] has it, gives in the
-    /// present frame.
+    /// present frame. Visible for `None`, a box without an answer.
     fn judge(&self, answer: Option<(u64, bool)>) -> Occlusion {
         match answer {
             Some((about, true)) if self.counts(about) => Occlusion::Hidden,

@@ -6,7 +6,7 @@ use crate::scene::{FAN_OUT, Scene, lanes};
 use crate::walk::{BoxHierarchy, Child, SceneHierarchy, unculled_blocks};
 use crate::{Aabb, ObjectId};
 
-/// Greatest number of occluders that are inspected.
+/// Greatest number of occluders that are inspected. Of more occluders, evenly spaced ones are.
 const MOST: usize = 256;
 
 /// Returns how many occluders of `scene` go on in another occluder beside them, as the panels of a wall or
@@ -45,8 +45,8 @@ pub fn occluders_with_seams(scene: &Scene) -> usize {
     has_seam.count()
 }
 
-/// Returns whether `test` holds for an object below a node of the scene's hierarchy whose bounds touch
-/// `area`.
+/// Returns whether `test` holds for an object whose bounds touch `area`, below a node of the scene's
+/// hierarchy, or in all of it for `None`.
 fn any_touching(scene: &Scene, node: Option<usize>, area: &Aabb, test: &impl Fn(ObjectId) -> bool) -> bool {
     let mut any = false;
     SceneHierarchy.for_each_child(scene, node, &mut |child, bounds| {

@@ -186,7 +186,8 @@ impl Path {
         Some([from, to])
     }
 
-    /// Returns the part of the path inside a viewcell, as [`part_in_box`](Self::part_in_box) does for a box.
+    /// Returns the first and the last `t` at which the point of the path is within `reach` of a viewcell
+    /// along each axis, `None` if there is none: as [`part_in_box`](Self::part_in_box) does for a box.
     fn part_in_cell(&self, cell: &Viewcell, reach: f64) -> Option<[f64; 2]> {
         let [mut from, mut to] = self.part_in_box(cell.min, cell.max, reach)?;
         let magnitude = self.start.abs() + self.step.abs() + reach;

@@ -37,7 +37,8 @@ impl Meshes {
         MeshId { index, generation: slot.generation }
     }
 
-    /// Returns the slot of a mesh that is stored, removed or not.
+    /// Returns the slot of a mesh that is stored, removed or not. `None` if the mesh of the id is stored no
+    /// more.
     fn slot(&self, id: MeshId) -> Option<&Slot> {
         self.slots
             .get(id.index as usize)

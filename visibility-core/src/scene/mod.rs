@@ -84,8 +84,8 @@ pub struct Scene {
     see_through: Bits,
     /// Objects whose triangles are drawn from their front alone, by index.
     one_sided: Bits,
-    /// Triangles of each object, indexed by object index. Shorter than the index range, and empty until an
-    /// object first gets triangles.
+    /// Triangles of each object, indexed by object index: `None` for an object without any. Shorter than the
+    /// index range, and empty until an object first gets triangles.
     triangles: Vec<Option<SharedTriangles>>,
     meshes: Meshes,
     placements: Placements,

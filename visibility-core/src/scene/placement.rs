@@ -47,8 +47,8 @@ pub(super) struct Placements {
     /// Shorter than the index range, and empty until an object first gets a placement.
     rows: Vec<u32>,
     dense: Vec<Placement>,
-    /// Occluder mesh of each object, indexed by object index. Shorter than the index range, and empty until
-    /// an object first gets a mesh.
+    /// Occluder mesh of each object, indexed by object index: `None` for an object without one. Shorter than
+    /// the index range, and empty until an object first gets a mesh.
     meshes: Vec<Option<PlacedMesh>>,
 }
 
@@ -63,7 +63,7 @@ impl Placements {
         *self.meshes.get(index as usize)?
     }
 
-    /// Sets or removes the mesh of an object.
+    /// Sets the mesh of an object, or removes it for `None`.
     pub(super) fn set_mesh(&mut self, index: u32, mesh: Option<PlacedMesh>) {
         let i = index as usize;
         if mesh.is_some() && self.meshes.len() <= i {

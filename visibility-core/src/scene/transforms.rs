@@ -435,7 +435,7 @@ impl Scene {
     }
 
     /// Returns what [`occluder`](Self::occluder) does, for an object that is in the scene and flagged as an
-    /// occluder.
+    /// occluder. `None` if it has no mesh, or its mesh was not found to be within its bounds.
     pub(crate) fn flagged_occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, Affine3A)> {
         let mesh = self.placements.mesh(id.index).filter(|mesh| mesh.is_inside)?;
         Some((self.meshes.at(mesh.index)?, self.mesh_transform(id.index, mesh)))

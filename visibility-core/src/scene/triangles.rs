@@ -258,8 +258,8 @@ impl<const N: usize> From<[Triangle; N]> for SharedTriangles {
 pub struct Triangles<'a> {
     mesh: &'a [Triangle],
     transform: Option<DAffine3>,
-    /// Box around the triangles in the coordinates of the mesh, if it is known and a transform is kept in
-    /// `f32`.
+    /// Box around the triangles in the coordinates of the mesh. `None` if it is unknown, or the transform is
+    /// kept in `f64`.
     mesh_bounds: Option<&'a Aabb>,
 }
 

@@ -15,7 +15,8 @@ use alloc::vec::Vec;
 /// Number of parts. More share the work more evenly, and take an atomic exchange each.
 const PARTS: usize = 16;
 
-/// Greatest level of the nodes whose subtrees are dealt out: parents of leaves.
+/// Greatest level, counted from 0 at the leaves, of the nodes whose subtrees are distributed among the parts:
+/// 1, the parents of leaves.
 const MAX_SUBTREE_LEVEL: u8 = 1;
 
 /// Number that says of a node that no test is needed of anything below.
@@ -111,8 +112,9 @@ pub(crate) fn retain_on<T: NodeTest>(
     stats
 }
 
-/// Returns the greatest level of the nodes whose subtrees are dealt out: below the root if it has nodes
-/// below.
+/// Returns the greatest level, counted from 0 at the leaves, of the nodes whose subtrees are distributed
+/// among the parts: [`MAX_SUBTREE_LEVEL`], or the level below the root's if that is less, or 0 if the root is
+/// a leaf.
 fn subtree_level(scene: &Scene) -> u8 {
     let tree = scene.tree();
     tree.levels[tree.root as usize].saturating_sub(1).min(MAX_SUBTREE_LEVEL)
@@ -123,7 +125,8 @@ struct Top<'a, T> {
     scene: &'a Scene,
     is_current: bool,
     test: &'a T,
-    /// Nodes whose subtrees are dealt out, and the knowledge about each: see [`SplitScratch::subtrees`].
+    /// Nodes whose subtrees are distributed among the parts, and the knowledge about each: see
+    /// [`SplitScratch::subtrees`].
     subtrees: &'a mut Vec<(u32, u32)>,
     stats: CullStats,
 }

@@ -123,7 +123,8 @@ pub(super) struct Fit {
     /// Apex, in the coordinates of the facets, that is in front of the planes of all facets or on them: an
     /// eye there sees all facets from the front or edge-on.
     pub(super) ahead: [f32; 3],
-    /// Approximate extent of all facets together, in units of the coordinates.
+    /// Approximate radius of all facets together around the mean of their points, in units of the
+    /// coordinates.
     pub(super) size: f64,
 }
 

@@ -111,7 +111,8 @@ pub struct CasterCuller {
     /// Tangent of a spot light's half angle. `None` for other lights, and for a half angle of pi/2 or more,
     /// or so little less that the cone bounds nothing.
     tangent: Option<f64>,
-    /// Box of the receivers, and the origin of the scene that it is relative to.
+    /// Box that contains all receivers of shadows, in metres, and the [`Scene::origin`] that it is relative
+    /// to. `None` if shadows count wherever in the view they fall.
     receivers: Option<(Aabb, DVec3)>,
 }
 

@@ -108,6 +108,7 @@ pub struct ClusterView<'a> {
     eye: Eye,
     /// Bound on the error of `eye`; infinite if it is unknown.
     eye_error: f64,
+    /// Occlusion map that clusters are tested against last. `None` if they are not tested for occlusion.
     map: Option<&'a dyn OcclusionMap>,
 }
 

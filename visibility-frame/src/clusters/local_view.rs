@@ -46,7 +46,7 @@ pub(super) struct LocalView {
 pub(super) struct Placement {
     axes: [DVec3; 3],
     translation: DVec3,
-    /// Rows of the inverse times `determinant`.
+    /// Rows of the inverse of the matrix with the columns `axes`, times `determinant`.
     rows: [DVec3; 3],
     determinant: f64,
     determinant_error: f64,

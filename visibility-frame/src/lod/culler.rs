@@ -53,7 +53,8 @@ pub struct ContributionCuller {
     simd: Simd,
     picture_height: f64,
     min_pixels: f64,
-    /// Point of the world that distances are measured from, instead of the view's eye.
+    /// World-space point that distances of draw ranges and HLOD parents are measured from. `None` for the
+    /// view's own eye.
     distance_eye: Option<DVec3>,
     /// The scene that `far` and `near` belong to.
     scene: SceneCursor,
@@ -175,6 +176,8 @@ impl ContributionCuller {
 
 /// Data of a frame's test of sizes and distances.
 struct Frame {
+    /// Test for objects that are too small. `None` if no object is: for a limit or a picture height that is
+    /// NaN, zero or negative.
     size: Option<SizeTest>,
     eye: EyeBox,
 }

@@ -76,7 +76,8 @@ impl PixelScale {
         self.eye.distance(bounds)
     }
 
-    /// Returns the region of the eye.
+    /// Returns the box that certainly contains the point that distances are measured from, relative to the
+    /// scene's origin.
     pub(super) fn eye(&self) -> &EyeBox {
         &self.eye
     }

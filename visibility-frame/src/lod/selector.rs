@@ -70,6 +70,7 @@ pub struct LodSelector {
     picture_height: f64,
     hysteresis: f64,
     fade_seconds: f32,
+    /// World-space point that distances are measured from. `None` for the view's own eye.
     distance_eye: Option<DVec3>,
     /// The scene that `states` belongs to.
     scene: SceneCursor,
@@ -89,7 +90,7 @@ struct State {
     previous: u8,
     fade: f32,
     opacity: f32,
-    /// Number of that frame; 0 if there was none.
+    /// Number of the last frame in which the object was visible; 0 if there was none.
     frame: u64,
 }
 
@@ -164,7 +165,8 @@ impl LodSelector {
     }
 
     /// Sets the point of the world that distances for draw ranges are measured from, as
-    /// [`ContributionCuller::set_distance_eye`](super::ContributionCuller::set_distance_eye) does.
+    /// [`ContributionCuller::set_distance_eye`](super::ContributionCuller::set_distance_eye) does. `None` is
+    /// the view's own eye.
     pub fn set_distance_eye(&mut self, eye: Option<DVec3>) {
         self.distance_eye = eye;
     }

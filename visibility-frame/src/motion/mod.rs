@@ -109,7 +109,7 @@ enum State {
 struct Mover {
     id: ObjectId,
     motion: Motion,
-    /// Length of the next span, in frames.
+    /// Length of the mover's next span, the time for which its next volume is to hold, in frames.
     span: f32,
     /// Last time at which the volume holds. Meaningful in the state `Volume`.
     deadline: f64,

@@ -165,7 +165,7 @@ impl PartialEq for RayHit {
 
 impl Eq for RayHit {}
 
-/// Best hit so far: parameter and object.
+/// Best hit so far: parameter `t` of the ray, and object. `None` before the first hit.
 type Best = Option<(f32, ObjectId)>;
 
 impl SceneQuery<'_> {

@@ -12,12 +12,12 @@ use alloc::vec::Vec;
 /// up.
 #[derive(Clone, Debug)]
 struct Level {
-    /// Number of texel columns.
+    /// Number of texel columns of this level.
     columns: usize,
-    /// Number of texel rows.
+    /// Number of texel rows of this level.
     rows: usize,
-    /// Least depth key of all pixels under each texel, row by row from the top. Negative infinity if a pixel
-    /// is not covered.
+    /// Least depth key (the farthest) of all pixels under each texel, row by row from the top. Negative
+    /// infinity if a pixel is not covered.
     least: Vec<f32>,
 }
 

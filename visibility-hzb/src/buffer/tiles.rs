@@ -34,9 +34,9 @@ pub(crate) struct Layers {
 /// top.
 #[derive(Clone, Debug)]
 pub(crate) struct Tiles {
-    /// Number of tile columns.
+    /// Number of tile columns of the buffer.
     pub(crate) columns: usize,
-    /// Number of tile rows.
+    /// Number of tile rows of the buffer.
     pub(crate) rows: usize,
     /// Lower bound on the depth keys of all 64 pixels of each tile. [`EMPTY_DEPTH`] if a pixel is not
     /// covered. Followed by [`PADDING`] unused elements.

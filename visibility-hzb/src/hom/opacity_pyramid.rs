@@ -15,11 +15,11 @@ use alloc::vec::Vec;
 /// Counts of covered pixels on one level of the pyramid: that of tiles (8 x 8 pixels), or a coarser one.
 #[derive(Clone, Debug)]
 pub(crate) struct Level {
-    /// Number of texel columns.
+    /// Number of texel columns of this level, at least 1.
     pub(crate) columns: usize,
-    /// Number of texel rows.
+    /// Number of texel rows of this level, at least 1.
     pub(crate) rows: usize,
-    /// Number of covered pixels of each texel, row by row from the top.
+    /// Number of covered pixels of each texel of this level, row by row from the top.
     pub(crate) counts: Vec<u32>,
     /// Minimum number of covered pixels of an opaque texel. Element 0 is for texels in neither the last
     /// column nor the last row, element 1 for the last column, element 2 for the last row, element 3 for the

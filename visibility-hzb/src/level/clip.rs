@@ -18,7 +18,7 @@ pub(super) struct End {
     /// The point in homogeneous screen coordinates.
     pub(super) point: Point,
     /// Column and row of a plain vertex: one that no cut concerns, and that has the same column and row in
-    /// all outlines.
+    /// all outlines. `None` for any other vertex, and for an end that a cut has made.
     pub(super) plain: Option<[f32; 2]>,
 }
 

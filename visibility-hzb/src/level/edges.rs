@@ -63,7 +63,7 @@ pub(crate) struct Edges {
     /// Number of edges.
     count: usize,
     /// Least column that the outline reaches at the right, whatever its edges: those beyond the guard band
-    /// are left out.
+    /// are left out. `None` if none is.
     right: Option<f32>,
     /// Edges as drawn. Valid after [`finish`](Self::finish).
     pub(super) drawn: Vec<Edges16>,

@@ -42,7 +42,7 @@ pub(crate) struct DepthBound {
     /// Coefficients `[a, b, c]` of the least key in a tile: `a * column + b * row + c`, in tile columns and
     /// tile rows.
     pub(super) plane: [f32; 3],
-    /// Lower bound on all keys.
+    /// Lower bound on the polygon's depth keys in all tiles.
     pub(super) floor: f32,
 }
 
@@ -61,7 +61,7 @@ pub(crate) struct TileKeys {
     /// Constant added to the least key of each tile: `plane` is for whole tiles, and this moves it to the
     /// corner of a part of a tile at which the key is least.
     constant: f32,
-    /// Lower bound on all keys.
+    /// Lower bound on the polygon's depth keys in all tiles.
     floor: f32,
 }
 

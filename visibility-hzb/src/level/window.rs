@@ -23,7 +23,9 @@ fn bits_from(column: i32) -> u64 {
     if column < 64 { u64::MAX << column } else { 0 }
 }
 
-/// Pixels of a window: a word for each row of pixels, a bit for each column.
+/// Pixels of a window, the part of a row of tiles that is filled at once: [`WINDOW`] columns of the [`SIDE`]
+/// rows of pixels. Element `i` of an array stands for pixel row `i` from the top, bit `j` of it for the
+/// `j`-th column from the left.
 #[derive(Default)]
 pub(super) struct Window {
     /// Pixels that an edge comes near.

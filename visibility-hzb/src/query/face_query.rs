@@ -25,7 +25,8 @@ const FEW_TILES: usize = 64;
 /// Width and height of a tile, in pixels.
 const STEP: u32 = SIDE as u32;
 
-/// A box that is tested by its faces.
+/// The test of one box against the depth keys drawn so far, by bounds on the box's own from the planes of its
+/// faces.
 pub(crate) struct FaceTest<'a> {
     /// Bounds on the box's depth key by its faces.
     planes: BoxFacePlanes,
@@ -67,7 +68,8 @@ impl<'a> FaceTest<'a> {
         Self::anywhere(query, picture, sides, f32::INFINITY)
     }
 
-    /// Prepares the test of a box of any size, which may reach the plane of the eye.
+    /// Prepares the test of a box of any size, which may reach the plane of the eye. `None` if the faces
+    /// bound nothing: in parallel views, or if the eye may be in the box.
     #[inline(always)]
     fn anywhere(
         &BoxQuery { faces, tiles, pyramid, .. }: &BoxQuery<'a>,

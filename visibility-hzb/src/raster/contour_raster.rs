@@ -79,7 +79,7 @@ impl ContourTiles {
 pub(crate) struct ContourRaster<'a> {
     /// Contribution of the mesh to each tile, row by row from the top.
     cells: &'a mut [ContourTile],
-    /// Number of tile columns.
+    /// Number of tile columns of the buffer.
     columns: usize,
     /// Width and height of the buffer in pixels.
     size: [f64; 2],
@@ -263,8 +263,8 @@ impl<'a> ContourRaster<'a> {
         }
     }
 
-    /// Covers the mesh's pixels in `tiles`, each at the least depth key of its quarter of a tile, and empties
-    /// the mesh's contributions.
+    /// Draws the mesh into `tiles`: covers each of its pixels at the least depth key (the farthest) that the
+    /// mesh has in the pixel's quarter of the tile. Empties the [`ContourTile`]s for the next mesh.
     #[inline(always)]
     pub(crate) fn merge(self, tiles: &mut Tiles) {
         let [x0, x1, y0, y1] = self.used;

@@ -49,12 +49,13 @@ pub(crate) fn fill_shape(shape: &ScreenShape, tiles: &mut Tiles) -> bool {
 
 /// Ranges of tile columns that a shape meets and covers in each of eight rows of tiles.
 struct Bands {
-    /// Half-open range of the columns of tiles that the shape may meet, for each row of tiles: `met[0]` holds
-    /// the first column, `met[1]` the end.
+    /// Half-open range of the columns of tiles that the shape may meet, for each of the eight rows of tiles:
+    /// `met[0][i]` is the first column in row `i`, `met[1][i]` the end. An end not after the first means that
+    /// the shape meets no tile in the row.
     met: [[i32; SIDE]; 2],
-    /// Half-open range of the columns of tiles that the shape covers entirely, for each row of tiles:
-    /// `covered[0]` holds the first column, `covered[1]` the end. The end is -1 if the shape covers no whole
-    /// tile in the row.
+    /// Half-open range of the columns of tiles that the shape covers entirely, for each of the eight rows of
+    /// tiles: `covered[0][i]` is the first column in row `i`, `covered[1][i]` the end. The end is not after
+    /// the first if the shape covers no whole tile in the row, and -1 where it begins or ends in the row.
     covered: [[i32; SIDE]; 2],
 }
 

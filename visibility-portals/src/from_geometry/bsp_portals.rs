@@ -81,7 +81,7 @@ impl Cover {
 
 /// Maximum number of covers that are subtracted from a whole piece. A piece with more is halved first.
 const MAX_COVERS: usize = 32;
-/// Maximum number of times that a piece is halved.
+/// Maximum number of times that a piece of a portal with more than [`MAX_COVERS`] covers is halved.
 const MAX_HALVINGS: u32 = 8;
 
 /// Subtracts the covers from a convex piece of a portal, and appends what is left, the open parts, to `open`.

@@ -63,15 +63,17 @@ pub(super) fn merge_pieces(pieces: &mut Vec<Vec<DVec3>>, normal: DVec3) {
     }
 }
 
-/// Returns the convex hull of two pieces, and the area of it that they do not cover.
+/// Returns the convex hull of two coplanar convex pieces, and the area of the hull less the areas of both:
+/// what the hull adds, if they do not overlap. `normal` is the unit normal of their plane.
 fn join(a: &[DVec3], b: &[DVec3], normal: DVec3) -> (Vec<DVec3>, f64) {
     let both = hull(a.iter().chain(b).copied(), normal);
     let waste = area(&both, normal) - area(a, normal) - area(b, normal);
     (both, waste)
 }
 
-/// Halves the number of pieces: sorts them along the longest side of their bounds, and merges each with the
-/// next.
+/// Halves the number of coplanar convex pieces, rounding up: sorts them along the longest side of their
+/// bounds, and replaces each two that follow each other by their hull. `normal` is the unit normal of their
+/// plane.
 fn merge_neighbours(pieces: &mut Vec<Vec<DVec3>>, normal: DVec3) {
     let (min, max) = bounds(pieces.iter().flatten());
     let size = max - min;

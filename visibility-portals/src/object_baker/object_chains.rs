@@ -121,7 +121,8 @@ pub struct Chains {
     seen: Vec<bool>,
     /// Whether each target is a candidate of the present first portal and not known to be seen, by target.
     open: Vec<bool>,
-    /// Targets that became candidates of the present first portal, each once.
+    /// Candidates of the present first portal: targets that may be seen through it, as the search of pairs
+    /// found. Each is listed once, and stays when a chain reaches it and it is no longer `open`.
     candidates: Vec<u32>,
     /// Bit i: directed portal i leads to a cell with an open candidate, as a pair with the first portal.
     goals: Bits,

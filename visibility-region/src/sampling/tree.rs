@@ -11,7 +11,8 @@ use visibility_core::{Aabb, OccluderMesh, Scene};
 /// Greatest number of triangles in a leaf.
 const LEAF: usize = 4;
 
-/// Relative error of a coordinate that was rounded to `f32`. Half of this would do.
+/// Upper bound on the relative error of a coordinate that was rounded to `f32`: 2^-23. The exact bound is
+/// half of it.
 const ROUNDED: f64 = f32::EPSILON as f64;
 
 /// Index of a triangle in the tree.

@@ -22,7 +22,7 @@ pub(crate) struct CellBox {
     center: DVec3,
     half: DVec3,
     /// For each axis of the box that is an axis of the scene: that axis, and the ends of the viewcell along
-    /// it, rounded outwards.
+    /// it, rounded outwards. `None` for any other axis.
     exact: [Option<(usize, [f64; 2])>; 3],
     /// Bound on the error of every local coordinate, in metres; see [`Direction::error`].
     error: f64,

@@ -171,7 +171,7 @@ impl OccluderRaster {
     }
 }
 
-/// Returns the triangle on the other side of an edge, if the edge has exactly two.
+/// Returns the triangle on the other side of an edge that has exactly two, otherwise `None`.
 #[inline]
 fn neighbour(mesh: &OccluderMesh, edge: u32, triangle: u32) -> Option<u32> {
     let edge = &mesh.edges()[edge as usize];

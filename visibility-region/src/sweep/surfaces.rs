@@ -112,7 +112,8 @@ struct LineSide {
 /// have equal ends. This bounds memory where many long sides and many short ones lie on one line.
 const MOST_SEGMENTS: usize = 16;
 
-/// Returns the representative of the set that `at` is in.
+/// Returns the representative of the set that `at` is in, and shortens the way to it. `parent` is a
+/// union-find forest: representatives are their own parents.
 pub(super) fn find(parent: &mut [u32], mut at: u32) -> u32 {
     while parent[at as usize] != at {
         parent[at as usize] = parent[parent[at as usize] as usize];
@@ -272,7 +273,9 @@ impl Surfaces {
         self.sides.extend(sides);
     }
 
-    /// Returns the ends of a side, in the order in which its line runs.
+    /// Returns the two ends of a triangle's side, in the direction of its line: the same for all sides with
+    /// one `key`, whichever way their triangles turn. On a line along an axis, the lesser coordinate comes
+    /// first.
     fn points(&self, side: &LineSide) -> [Vec3; 2] {
         let corners = self.triangles[side.side as usize / 2].corners;
         let (a, b) = (corners[side.corner as usize], corners[(side.corner as usize + 1) % 3]);

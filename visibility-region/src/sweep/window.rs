@@ -134,7 +134,7 @@ pub(crate) struct Window {
     pub(crate) ends: [[f64; 2]; 2],
     /// Pixels per metre along x and y.
     scale: [f64; 2],
-    /// Rims along x and y that the viewcell does not cross.
+    /// Rims along x and y that the viewcell does not cross. `None` along an axis without one.
     rims: [Option<ExactRim>; 2],
 }
 
