@@ -156,7 +156,7 @@ struct Job {
     hidden: Bits,
     /// For a viewcell: the objects that the wide box sees.
     seen: Vec<ObjectId>,
-    /// Those of `seen` that the last viewcell did not see.
+    /// The objects of `seen` that are not in [`OnlinePvs::known`]: the last viewcell did not see them.
     new: Vec<ObjectId>,
 }
 
@@ -395,10 +395,6 @@ impl OnlinePvs {
         for bits in &self.changed {
             bits.iter().for_each(|index| _ = job.occluding.remove(index));
         }
-        // What is flagged but has no mesh hides nothing, and may change without any box being forgotten.
-        let has_mesh = |index: usize| scene.id_at(index).is_some_and(|id| scene.occluder(id).is_some());
-        let bare: Vec<usize> = job.occluding.iter().filter(|&index| !has_mesh(index)).collect();
-        bare.into_iter().for_each(|index| _ = job.occluding.remove(index));
         self.occluding.grow(scene.index_limit());
         self.occluding.unite(&job.occluding);
         for object in job.occluding.iter().filter_map(|index| scene.object(scene.id_at(index)?).ok()) {

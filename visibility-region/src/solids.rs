@@ -83,11 +83,13 @@ impl Solids {
 }
 
 /// Returns the indices of the objects that may occlude: the candidates flagged as occluders, as
-/// [`VisibleSet::for_each_occluder`] lists them.
+/// [`VisibleSet::for_each_occluder`] lists them, that have a mesh.
 pub(crate) fn occluding(scene: &Scene, visible: &VisibleSet) -> Bits {
     let mut bits = Bits::new(scene.index_limit());
     visible.for_each_occluder(scene, |id| {
-        bits.insert(id.index());
+        if scene.occluder(id).is_some() {
+            bits.insert(id.index());
+        }
     });
     bits
 }

@@ -283,6 +283,16 @@ fn what_moves_while_a_box_is_made_is_seen() {
 }
 
 #[test]
+fn what_is_flagged_but_has_no_mesh_costs_no_box_when_it_moves() {
+    let mut street = Street::new();
+    street.world.scene.set_occluder(street.back, true).unwrap();
+    street.make(0.0);
+    let moved = Aabb::from_arrays([25.0, 0.0, 0.0], [25.5, 0.5, 1.0]);
+    street.world.scene.set_bounds(street.back, moved).unwrap();
+    assert_eq!((street.make(0.0), street.frame(0.0, 1)), (0, ALL), "steps, and the frame after the move");
+}
+
+#[test]
 fn a_wall_that_changes_hides_nothing_until_it_rests() {
     let mut street = Street::new();
     street.make(0.0);
