@@ -22,45 +22,37 @@ impl Plan {
     }
 
     fn walk_to(&self, point: Point, from: u32) -> Place {
-        let mut t = from / 3;
-        'walk: for step in 0..MOST_STEPS {
-            if from == NONE {
-                break;
-            }
-            for turn in 0..3 {
-                let h = 3 * t + (turn + step) % 3;
-                if orient(self.start(h), self.start(next(h)), point) < 0.0 {
-                    match self.edges[h as usize].twin() {
-                        Some(twin) => t = twin / 3,
-                        None => return Place::Outside,
-                    }
-                    continue 'walk;
-                }
-            }
-            return self.place_in(t, point).unwrap_or(Place::Outside);
-        }
-        self.locate(point, self.near(point))
+        let near = if from == NONE { None } else { self.walk(point, from, MOST_STEPS) };
+        near.unwrap_or_else(|| self.locate(point, self.near(point)))
     }
 
-    /// Finds where a point lies, starting at a half-edge. The walk turns to another edge at each step, so it
-    /// hardly ever runs in a circle; when it has taken too long, all triangles are searched.
+    /// Finds where a point lies, starting at a half-edge. The walk hardly ever runs in a circle; when it has
+    /// taken too long, all triangles are searched.
     pub(crate) fn locate(&self, point: Point, from: u32) -> Place {
+        let found = self.walk(point, from, self.edges.len() as u32 + 16);
+        let mut triangles = 0..self.edges.len() as u32 / 3;
+        let search = || triangles.find_map(|t| self.place_in(t, point));
+        found.or_else(search).unwrap_or(Place::Outside)
+    }
+
+    /// Walks from a half-edge to the triangle of a point. The walk turns to another edge at each step. `None`
+    /// if the point is not reached in `most` steps.
+    fn walk(&self, point: Point, from: u32, most: u32) -> Option<Place> {
         let mut t = from / 3;
-        'walk: for step in 0..self.edges.len() as u32 + 16 {
+        'walk: for step in 0..most {
             for turn in 0..3 {
                 let h = 3 * t + (turn + step) % 3;
                 if orient(self.start(h), self.start(next(h)), point) < 0.0 {
                     match self.edges[h as usize].twin() {
                         Some(twin) => t = twin / 3,
-                        None => return Place::Outside,
+                        None => return Some(Place::Outside),
                     }
                     continue 'walk;
                 }
             }
-            return self.place_in(t, point).unwrap_or(Place::Outside);
+            return Some(self.place_in(t, point).unwrap_or(Place::Outside));
         }
-        let triangles = 0..self.edges.len() as u32 / 3;
-        triangles.into_iter().find_map(|t| self.place_in(t, point)).unwrap_or(Place::Outside)
+        None
     }
 
     fn place_in(&self, t: u32, point: Point) -> Option<Place> {
