@@ -95,18 +95,21 @@ fn late_answers_count_as_visible_until_they_are_there() {
     }
 }
 
+/// Returns the number of objects that a frame along x leaves, by frustum and `culler`.
+fn visible_along_x(culler: &mut dyn Culler, visible: &mut VisibleSet, scene: &Scene) -> usize {
+    visible.fill(scene, &along_x());
+    FrustumCuller::new().cull(scene, &along_x(), visible);
+    culler.cull(scene, &along_x(), visible);
+    visible.count(scene)
+}
+
 #[test]
 fn answers_about_other_occluders_do_not_count() {
     let Street { mut scene, wall, .. } = street();
     let map = HardwareQueries::new(SimulatedCard::new(2), LateAnswers::Visible);
     let mut culler = OcclusionCuller::new(map);
     let mut visible = VisibleSet::new();
-    let mut frame = |scene: &Scene| {
-        visible.fill(scene, &along_x());
-        FrustumCuller::new().cull(scene, &along_x(), &mut visible);
-        culler.cull(scene, &along_x(), &mut visible);
-        visible.count(scene)
-    };
+    let mut frame = |scene: &Scene| visible_along_x(&mut culler, &mut visible, scene);
     let still = (0..20).map(|_| frame(&scene)).last();
     assert_eq!(still, Some(3), "objects visible after 20 still frames");
     // The wall stops being an occluder between two frames; all known and pending answers are about the
@@ -125,12 +128,7 @@ fn answers_about_another_scene_do_not_count() {
     scene.set_occluder(wall, false).unwrap();
     let mut culler = OcclusionCuller::new(HardwareQueries::new(card, LateAnswers::Visible));
     let mut visible = VisibleSet::new();
-    let mut frame = |scene: &Scene| {
-        visible.fill(scene, &along_x());
-        FrustumCuller::new().cull(scene, &along_x(), &mut visible);
-        culler.cull(scene, &along_x(), &mut visible);
-        visible.count(scene)
-    };
+    let mut frame = |scene: &Scene| visible_along_x(&mut culler, &mut visible, scene);
     assert_eq!((0..20).map(|_| frame(&scene)).last(), Some(3), "objects visible after 20 still frames");
     let copy = scene.clone();
     assert_eq!(frame(&copy), 503, "no answer is about the other scene");
