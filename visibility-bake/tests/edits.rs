@@ -207,7 +207,7 @@ fn a_level_of_many_tiles_has_the_bytes_of_a_whole_bake() {
 #[test]
 fn a_resumed_bake_keeps_to_the_sweep_that_its_group_began_with() {
     let mut scene = scene(&level(&mut Random(53)));
-    // So many triangles behind the last wall that the level has several tiles.
+    // The last wall hides 2^18 triangles, which make the level large enough for several tiles.
     let heap = [Vec3::ZERO, Vec3::Y, Vec3::Z].map(|corner| corner + Vec3::X * 90.0);
     let id = scene.insert(Aabb::from_points(heap));
     scene.set_triangles(id, vec![heap; 1 << 18]).unwrap();

@@ -136,13 +136,13 @@ fn walk(arguments: &Arguments, name: &str) -> Result<Sums, Box<dyn std::error::E
     let size = |width: f64, height: f64| on_axes([width, width, height], world.source.up);
     let walks: Vec<&Walk> = world.source.walks.iter().take(4).collect();
     let (mut sums, mut visible) = (Sums::default(), VisibleSet::new());
-    // The first walk's first frames have nothing made ahead: the eye was not there before.
     let mut sweep = ExtendedProjectionCuller::new();
     sweep.sync(&world.scene);
     let mut online =
         OnlinePvs::new(size(arguments.size, arguments.size), size(arguments.wide, 2.0 * arguments.size));
     for walk in &walks {
         let path = path(walk, arguments.speed / RATE, arguments.frames / walks.len());
+        // The boxes around the eye's first place are made before the first frame, and are not counted.
         let start = path.first().copied().into_iter().collect::<Vec<_>>();
         while online.step(&world.scene, &start).is_some() {}
         for (number, &eye) in path.iter().enumerate() {

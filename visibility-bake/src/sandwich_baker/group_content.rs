@@ -137,7 +137,7 @@ impl SandwichBaker<'_> {
                 known.insert(Arc::new(GroupRecord { question, key, trace, is_cut })).clone()
             }
         };
-        // What was opened in this bake is what it was.
+        // The tree is that of the bake in which the trace was recorded, so the trace can be replayed.
         let objects = record.trace.replay(&self.level.tree).unwrap_or_default();
         let content = match self.cache.group(record.key).filter(|records| is_usable(records, &objects)) {
             Some(records) => Content::Cached(records.to_vec()),

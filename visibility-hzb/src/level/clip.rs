@@ -93,8 +93,8 @@ impl ClipScratch {
 
 /// Pushes the part of an edge that is within the guard band: columns and rows of magnitude up to `guard`. Its
 /// part beyond the left side becomes an edge along that side, so that the same rows have an edge to their
-/// left. What is above or below changes nothing in the picture. What is to the
-/// right changes but how far the outline reaches.
+/// left. What is above or below changes nothing in the picture. What is to the right changes but how far the
+/// outline reaches.
 ///
 /// Columns and rows beyond the guard band are off by a few roundings of themselves, as their error bound
 /// allows for. The row at which an edge passes the left side is the same number for both parts.
