@@ -1,5 +1,5 @@
-//! Values of arguments on the command line: numbers of things, and sizes of pictures; and arguments for
-//! another program.
+//! Values of arguments on the command line: numbers of things and of bytes, parts, and sizes of pictures; and
+//! arguments for another program.
 
 use crate::{Hint, Reading};
 use clap::builder::RangedU64ValueParser;
@@ -26,6 +26,28 @@ pub fn parse_size<T: FromStr<Err: Display> + From<u8> + PartialEq>(text: &str) -
         Err(error) => Err(format!("{text}: {error}")),
     };
     Ok([side(width)?, side(height)?])
+}
+
+/// Reads a number of bytes from text, as in 512M or 2G.
+pub fn parse_bytes(text: &str) -> Result<u64, String> {
+    let (number, unit) = match text.char_indices().next_back() {
+        Some((end, 'k' | 'K')) => (&text[..end], 10),
+        Some((end, 'm' | 'M')) => (&text[..end], 20),
+        Some((end, 'g' | 'G')) => (&text[..end], 30),
+        _ => (text, 0),
+    };
+    let number: Option<u64> = number.parse().ok();
+    let bytes = number.and_then(|number| number.checked_mul(1 << unit));
+    bytes.ok_or_else(|| "a size is a number of bytes, or as in 512M or 2G".to_owned())
+}
+
+/// Reads a part from text: a number from 0 to 1, or a percentage up to 100%.
+pub fn parse_share(text: &str) -> Result<f64, String> {
+    let (number, unit) = text.strip_suffix('%').map_or((text, 1.0), |number| (number, 0.01));
+    match number.trim().parse::<f64>() {
+        Ok(number) if (0.0..=1.0).contains(&(number * unit)) => Ok(number * unit),
+        _ => Err("a part is a number from 0 to 1, or a percentage up to 100%".to_owned()),
+    }
 }
 
 /// Returns a word of a command for a Unix shell, in quotes if it has characters that a shell may read.
@@ -72,6 +94,30 @@ mod tests {
         ] {
             let error = parse_size::<u32>(text).unwrap_err();
             assert!(error.contains(why), "{text} is refused with `{error}`, expected `{why}`");
+        }
+    }
+
+    #[test]
+    fn numbers_of_bytes_are_read_or_refused() {
+        assert_eq!(
+            (parse_bytes("512M"), parse_bytes("2g"), parse_bytes("77")),
+            (Ok(512 << 20), Ok(2 << 30), Ok(77)),
+            "sizes in mebibytes, gibibytes and bytes"
+        );
+        for wrong in ["", "M", "1.5G", "-1", "99999999999G", "1T"] {
+            assert!(parse_bytes(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn parts_are_read_or_refused() {
+        assert_eq!(
+            (parse_share("5%"), parse_share("0.05"), parse_share("1")),
+            (Ok(0.05), Ok(0.05), Ok(1.0)),
+            "parts in percent and as numbers"
+        );
+        for wrong in ["", "5", "-1%", "101%", "nan", "x"] {
+            assert!(parse_share(wrong).is_err(), "{wrong}");
         }
     }
 }

@@ -4,8 +4,9 @@
 //! Every key is optional, since each scene has its own selection. A key of the wrong type is an error that
 //! names the key by its path, such as `cameras[1].keys[3].eye`. Unknown keys are ignored.
 
-use crate::error::{SourceError, ordinary};
+use crate::error::SourceError;
 use crate::json;
+use crate::ordinary_file::require_ordinary_file;
 use crate::walk::{CameraKey, Walk};
 use glam::{DVec3, Vec3};
 use serde_json::Value;
@@ -69,7 +70,7 @@ impl Description {
     /// Returns [`SourceError::Io`] when the file cannot be read, [`SourceError::Content`] when it is no
     /// ordinary file, such as a pipe, and the errors of [`parse`](Self::parse).
     pub fn load(path: &Path) -> Result<Self, SourceError> {
-        ordinary(path)?;
+        require_ordinary_file(path)?;
         let bytes = std::fs::read(path).map_err(|cause| SourceError::io(path, cause))?;
         Self::parse(&bytes, path)
     }

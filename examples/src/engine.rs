@@ -1,7 +1,7 @@
 //! Small engine on the library's public calls alone: moving instances of few meshes, two eyes, four shadow
 //! cascades, levels of detail, draw lists and streaming. Each method is one step of a frame.
 
-use crate::streaming::Cache;
+use crate::streaming_cache::Cache;
 use glam::{Affine3A, DVec3, Quat, Vec3};
 use visibility_core::{Aabb, FrustumCuller, ObjectId, OccluderMesh, Pipeline, Pose, Scene, View, VisibleSet};
 use visibility_frame::casters::{CasterCuller, Light};

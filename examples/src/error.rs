@@ -59,16 +59,6 @@ impl SourceError {
     }
 }
 
-/// Returns an error for a path of a pipe, a device or a folder. A pipe that nobody writes to would be waited
-/// for without end.
-pub(crate) fn ordinary(path: &Path) -> Result<(), SourceError> {
-    let facts = std::fs::metadata(path).map_err(|cause| SourceError::io(path, cause))?;
-    if facts.is_file() {
-        return Ok(());
-    }
-    Err(SourceError::content(path, "file", "it is no ordinary file, but a folder, a pipe or a device"))
-}
-
 impl fmt::Display for SourceError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

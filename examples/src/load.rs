@@ -4,7 +4,8 @@
 //! glass or doors, and the camera walks. Without the JSON the scene still loads, with z up and without walks.
 
 use crate::description::Description;
-use crate::error::{SourceError, ordinary};
+use crate::error::SourceError;
+use crate::ordinary_file::require_ordinary_file;
 use crate::reading::Reading;
 use crate::recipes::{built_in_by_object, known_recipes};
 use crate::source::{Bounds, SceneSource, SourceObject, collected};
@@ -167,7 +168,7 @@ fn cars5_by_object(path: &Path, each: &mut dyn FnMut(SourceObject)) -> Result<Sc
 
 /// Reads all bytes of a file. The error of the file system carries the path.
 fn read(path: &Path) -> Result<Vec<u8>, SourceError> {
-    ordinary(path)?;
+    require_ordinary_file(path)?;
     std::fs::read(path).map_err(|cause| SourceError::io(path, cause))
 }
 
@@ -209,7 +210,7 @@ fn assemble(
     description: &Description,
     each: &mut dyn FnMut(SourceObject),
 ) -> Result<SceneSource, SourceError> {
-    ordinary(path)?;
+    require_ordinary_file(path)?;
     let failed = |cause| SourceError::io(path, cause);
     let file = File::open(path).map_err(failed)?;
     let size = file.metadata().map_err(failed)?.len();

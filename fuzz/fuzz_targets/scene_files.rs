@@ -5,7 +5,7 @@
 use libfuzzer_sys::fuzz_target;
 use std::path::Path;
 use visibility_examples::description::Description;
-use visibility_examples::occlusion::{scene_file, visibility_file};
+use visibility_examples::visc::{scene_file, visibility_file};
 use visibility_examples::{gltf_file, vscn};
 
 fuzz_target!(|bytes: &[u8]| {

@@ -65,7 +65,7 @@ impl Level {
                 let (source, bounds) = read(job, &mut |_, object| objects.push(object))?;
                 let mut source = SceneSource { objects, ..source };
                 job.cameras.give_whole(&mut source, &job.reading)?;
-                note_still_cameras(&mut source, job);
+                viewcells::note_still_cameras(&mut source, &job.places);
                 source.print_notes();
                 let world = world(source);
                 world.check_copies().map_err(|why| format!("{why}; --memory bounds what a bake keeps"))?;
@@ -102,7 +102,7 @@ impl Level {
                         each(&object);
                     });
                 })?;
-                note_still_cameras(&mut source, job);
+                viewcells::note_still_cameras(&mut source, &job.places);
                 source.print_notes();
                 let writer = writer.map_or_else(|| TiledScene::writer(scratch, source.origin), Ok)?;
                 let (level, places) = (writer.finish(memory, PROGRAM_BYTES)?, &job.places);
@@ -239,18 +239,6 @@ fn append(writer: &mut TiledSceneWriter, object: SourceObject) -> Result<(), Lev
     scene.prepare_occluders(&Preparation::default().with_two_sided(true));
     let (Ok(object), Ok(triangles)) = (scene.object(id), scene.triangles(id)) else { return Ok(()) };
     writer.push(&object, triangles, scene.occluder(id))
-}
-
-/// Notes that viewcells are around a few still cameras alone, such as those of a glTF file, where nothing
-/// says that others are wanted.
-fn note_still_cameras(source: &mut SceneSource, job: &Job) {
-    let is_still = !source.walks.is_empty() && source.walks.iter().all(|walk| walk.keys.len() == 1);
-    let places = &job.places;
-    if is_still && places.cells.is_none() && places.over.is_none() && places.from.is_empty() {
-        let note =
-            "viewcells are around the cameras alone: --cells free adds all that can be reached from there";
-        source.notes.push(note.to_owned());
-    }
 }
 
 #[cfg(test)]

@@ -153,6 +153,17 @@ impl Solids<'_> {
     }
 }
 
+/// Notes that viewcells are around a few still cameras alone, such as those of a glTF file, where nothing
+/// says that others are wanted.
+pub(super) fn note_still_cameras(source: &mut SceneSource, places: &Places) {
+    let is_still = !source.walks.is_empty() && source.walks.iter().all(|walk| walk.keys.len() == 1);
+    if is_still && places.cells.is_none() && places.over.is_none() && places.from.is_empty() {
+        let note =
+            "viewcells are around the cameras alone: --cells free adds all that can be reached from there";
+        source.notes.push(note.to_owned());
+    }
+}
+
 /// Makes the viewcells of a scene, and gives up once `stop` returns true. `reading` is how its file, and a
 /// file of walkable triangles, are read. `bounds` are those of all its objects, relative to its origin,
 /// `None` if there are none.

@@ -7,9 +7,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 use visibility_examples::arguments::parse_size;
-use visibility_examples::occlusion::frame::Stage;
-use visibility_examples::occlusion::{picture, scene_file, visibility_file};
 use visibility_examples::output_file::write;
+use visibility_examples::visc::frame::Stage;
+use visibility_examples::visc::{picture, scene_file, visibility_file};
 use visibility_examples::{exit_code, println};
 use visibility_hzb::Coverage;
 

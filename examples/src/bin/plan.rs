@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 use visibility_2d::cdt::{Plan, PlanView, RegionVisibility, Visibility, Wall};
+use visibility_examples::floor_plans::drawing::Drawing;
+use visibility_examples::floor_plans::forest_walk::ForestWalk;
+use visibility_examples::floor_plans::{PlanFile, load};
 use visibility_examples::output_file::write;
-use visibility_examples::plan::drawing::Drawing;
-use visibility_examples::plan::forest_walk::ForestWalk;
-use visibility_examples::plan::{PlanFile, load};
 use visibility_examples::{eprintln, exit_code, print};
 
 /// Compute what eyes on a floor plan see: visibility polygons and the walls seen.

@@ -9,7 +9,7 @@ use visibility_core::glam::DVec3;
 use visibility_core::pvs::Prefetch;
 use visibility_examples::built_in;
 use visibility_examples::region::read_sets;
-use visibility_examples::streaming::Cache;
+use visibility_examples::streaming_cache::Cache;
 use visibility_examples::walkthrough::{World, cullers};
 use visibility_examples::{exit_code, println};
 

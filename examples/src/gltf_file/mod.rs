@@ -21,7 +21,7 @@ use crate::error::SourceError;
 use crate::object_name::ObjectName;
 use crate::reading::Reading;
 use crate::source::{Hint, SceneSource, SourceObject};
-use crate::{frame_hints, walk};
+use crate::{unit_and_axis_hints, walk};
 use buffers::Buffers;
 use document::Document;
 use glam::{DAffine3, DMat4, DVec3, Vec3};
@@ -123,7 +123,7 @@ pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSou
     }
     let (name, up) = (crate::source::stem(path), reading.up.unwrap_or(Vec3::Y));
     let mut scene = SceneSource { origin, notes, objects, ..SceneSource::new(name, up, 0.0) };
-    let hints = frame_hints::hints(&scene, reading);
+    let hints = unit_and_axis_hints::hints(&scene, reading);
     scene.notes.extend(hints);
     let bounds = scene.bounds();
     scene.near = walk::made_up_near(bounds);

@@ -1,0 +1,7 @@
+//! Occlusion culling on VISC files, the scenes on which other cullers were measured; used by the program
+//! `occlusion`.
+
+pub mod frame;
+pub mod picture;
+pub mod scene_file;
+pub mod visibility_file;
