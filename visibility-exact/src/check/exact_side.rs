@@ -4,7 +4,7 @@ use crate::line_side::U;
 use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::DVec3;
 
-/// Number of 106 bits of precision.
+/// Number with 106 bits of precision.
 pub(super) type D = DoubleDouble;
 
 pub(super) fn difference(a: DVec3, b: DVec3) -> [D; 3] {

@@ -74,7 +74,7 @@ pub(crate) struct TargetObject {
     /// Bounding box in scene coordinates: of the triangles, or the object's own if it has none.
     pub(crate) min: DVec3,
     pub(crate) max: DVec3,
-    /// Range of the object's triangles.
+    /// First of the object's triangles. Their end, exclusive, is `end`.
     pub(crate) first: u32,
     pub(crate) end: u32,
     /// Whether the object has a coordinate that is not finite or beyond [`LIMIT`].
