@@ -238,7 +238,8 @@ impl Walk<'_> {
         is_same_way(self.a, self.b, point)
     }
 
-    /// Returns the first step, `None` if the segment does not meet the rectangle or ends before a step.
+    /// Returns the walk's first position. `None` if the walk does not run through the rectangle, or ends
+    /// before a vertex on its line.
     fn begin(&self) -> Option<At> {
         let plan = self.plan;
         match plan.locate(self.a, plan.near(self.a)) {
@@ -273,7 +274,8 @@ impl Walk<'_> {
         self.is_ray || if to > from { to >= end } else { to <= end }
     }
 
-    /// Returns the step out of the triangle of `h`, in which the walk is or on whose boundary it begins.
+    /// Returns the position at which the line of the walk leaves the triangle of `h`, in which the walk is or
+    /// on whose boundary it begins. `None` if that is a vertex, and the walk ends before it.
     fn leave_triangle(&self, h: u32) -> Option<At> {
         [h, next(h), previous(h)].into_iter().find_map(|h| {
             let [p, q] = self.plan.ends(h);
@@ -285,8 +287,8 @@ impl Walk<'_> {
         })
     }
 
-    /// Returns the step after the walk has entered the triangle of `h` across `h`, whose first end is to the
-    /// left. `None` if the walk ends before the next vertex or edge.
+    /// Returns the next position after the walk has entered the triangle of `h` across `h`, whose first end
+    /// is to the left. `None` if a vertex is next, and the walk ends before it.
     fn cross(&self, h: u32) -> Option<At> {
         let apex = previous(h);
         let side = self.side(self.plan.start(apex));
@@ -296,7 +298,8 @@ impl Walk<'_> {
         Some(At::Edge(if side > 0.0 { next(h) } else { apex }))
     }
 
-    /// Returns the first step of a segment that begins outside the rectangle, `None` if it stays outside.
+    /// Returns the first position of a walk that begins outside the rectangle. `None` if the walk does not
+    /// come into the rectangle, or ends before a vertex on its line.
     fn enter(&self) -> Option<At> {
         let plan = self.plan;
         for h in plan.outer() {
@@ -349,8 +352,9 @@ impl Walk<'_> {
         self.is_stopped(passed, Some(plan.start(h))).then_some(passed)
     }
 
-    /// Returns the step from the origin of `h` in the direction of `b`, if the segment may pass this vertex
-    /// on `sides`. `None` if no triangle lies there, or if `b` is on the edge along which the segment runs.
+    /// Returns the next position from the origin of `h` in the direction of `b`, if the segment may pass this
+    /// vertex on `sides`. `None` if no triangle lies there, or if `b` is on the edge along which the segment
+    /// runs.
     fn leave(&self, h: u32, sides: u8) -> Option<At> {
         let plan = self.plan;
         let from = plan.start(h);

@@ -40,7 +40,8 @@ pub(crate) const BLOCK: usize = 8;
 /// The steps of eight neighbouring columns, by step and column: tested together.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Block {
-    /// Step that every column of the block hides at least, made from the step with the highest top in each.
+    /// Step that hides only what every column of the block hides, made from the step with the highest top in
+    /// each.
     common: Step,
     inverse_depth: [[f32; BLOCK]; STEPS],
     low: [[f32; BLOCK]; STEPS],
@@ -206,7 +207,7 @@ impl Columns {
         }
     }
 
-    /// Adds a step to all columns of a block, given by its position in the face.
+    /// Adds a step to all columns of the block with index `block` in a face.
     pub(crate) fn add_step(&mut self, face: usize, block: usize, step: Step) {
         let block = &mut self.face_mut(face)[block];
         (0..BLOCK).for_each(|column| insert(block, column, step));

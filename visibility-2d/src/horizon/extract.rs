@@ -36,8 +36,8 @@ pub(crate) struct Solid {
     pub(crate) count: u32,
     /// Bound on the distance in metres of each post from a point of the exact solid.
     pub(crate) error: f64,
-    /// Part of `error` that is not rounding: the hull of the posts may reach this far out of the mesh, which
-    /// may be dented.
+    /// Part of `error` that is not rounding, in metres: how far the hull of the posts may reach out of the
+    /// mesh where the mesh is dented.
     pub(crate) dent: f64,
     /// Height in metres that the eye must be above, since the solid has no face there; negative infinity for
     /// a closed solid.

@@ -72,8 +72,9 @@ pub(crate) struct GroundObject {
 /// A square of the plan, or several that are joined.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Square {
-    /// Least and greatest height of the sheet over the square in metres, rounded outwards.
+    /// Least height of the sheet over the square in metres, rounded downwards.
     pub(crate) low: f32,
+    /// Greatest height of the sheet over the square in metres, rounded upwards.
     pub(crate) high: f32,
     /// Number of the list of objects whose triangles are over the square: see [`Sheet::owners`]. [`BROKEN`]
     /// if the sheet has a border there, or does not cover the square.
@@ -103,8 +104,9 @@ pub(crate) struct Sheet {
     pub(crate) side: f64,
     /// Levels of squares: first those of side `side`, then those of twice that side, and so on.
     pub(crate) levels: Vec<Level>,
-    /// Least and greatest height of the sheet over its unbroken squares, in metres from the scene's origin.
+    /// Least height of the sheet over its unbroken squares, in metres from the scene's origin.
     pub(crate) bottom: f32,
+    /// Greatest height of the sheet over its unbroken squares, in metres from the scene's origin.
     pub(crate) top: f32,
     /// By number of a list of owners (the objects whose triangles meet a square): the end, exclusive, of the
     /// list in [`objects`](Self::objects). A list begins where the list before it ends.
@@ -392,8 +394,8 @@ struct HeightRange {
     min: [f64; 2],
     /// Greatest coordinates of the triangle on the plan.
     max: [f64; 2],
-    /// First corner of the triangle, and the growth of the height from there, in metres per metre. `None` for
-    /// a triangle that is too narrow to tell.
+    /// First corner of the triangle (on the plan, then its height), and the slopes of the height along the
+    /// plan's two axes, in metres per metre. `None` for a triangle that is too narrow or too steep for that.
     plane: Option<([f64; 3], [f64; 2])>,
     /// Bound in metres on the error of a height taken from `plane`.
     slack: f64,

@@ -127,8 +127,9 @@ struct Wedge<'a> {
     /// Bound on the error of coordinates and heights, in metres.
     error: f64,
     run: Run,
-    /// Heights of the sheet's lowest and highest point above the eye, in metres.
+    /// Height of the sheet's lowest point above the eye, in metres.
     bottom: f64,
+    /// Height of the sheet's highest point above the eye, in metres.
     top: f64,
 }
 
