@@ -71,8 +71,10 @@ pub struct SceneTriangles {
 #[derive(Clone, Debug)]
 pub(crate) struct TargetObject {
     pub(crate) id: ObjectId,
-    /// Bounding box in scene coordinates: of the triangles, or the object's own if it has none.
+    /// Least corner, in scene coordinates, of the box around the object's triangles; of the object's own
+    /// bounds if it has no triangles.
     pub(crate) min: DVec3,
+    /// Greatest corner of the same box.
     pub(crate) max: DVec3,
     /// First of the object's triangles. Their end, exclusive, is `end`.
     pub(crate) first: u32,
