@@ -66,11 +66,11 @@ pub struct BspTree {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum BspError {
-    /// The polygons cut each other more often than the limit, so that a tree of them would be too large.
+    /// The polygons were cut more often than the limit, so that a tree of them would be too large.
     TooManyFragments {
         /// Number of accepted polygons in the failed `build` or `insert` call.
         polygons: usize,
-        /// Maximum number of cuts for that number of polygons.
+        /// Maximum number of cuts for that number of polygons: 4,096, and 256 for each.
         limit: usize,
     },
 }
