@@ -5,16 +5,17 @@
 //! With `u = 2^-53`: the sum rounds once, the quotient once, and adding a whole number once: at most `4u` of
 //! the result's largest value 4, so two directions are told apart if they differ by more than `2^-49`.
 
-/// Returns the number of a direction other than zero, from 0 to 4.
+/// Returns the direction number of a vector other than zero, from 0 to 4: 0 for +x, 1 for +y, 2 for -x, 3 for
+/// -y.
 #[inline]
 pub(crate) fn diamond(x: f64, y: f64) -> f64 {
     let part = y / (x.abs() + y.abs());
     if x >= 0.0 { if y >= 0.0 { part } else { 4.0 + part } } else { 2.0 - part }
 }
 
-/// Returns the numbers of the first and the last direction, counter-clockwise, in which a disc is seen whose
-/// centre is at `(x, y)` relative to the eye, and a bound on the error of both. `power` is `x^2 + y^2 - r^2`
-/// and must be positive.
+/// Returns the direction numbers of the first and the last direction, counter-clockwise, in which a disc is
+/// seen whose centre is at `(x, y)` relative to the eye, and a bound on the error of both. `power` is `x^2 +
+/// y^2 - r^2` and must be positive.
 #[inline]
 pub(crate) fn disc_span(x: f64, y: f64, radius: f64, power: f64) -> (f64, f64, f64) {
     // A tangent from the eye is of the length `t`, the root of the power. It meets the circle at right
@@ -30,8 +31,8 @@ pub(crate) fn disc_span(x: f64, y: f64, radius: f64, power: f64) -> (f64, f64, f
     (first, last, 8.0 * f64::EPSILON + 4.0 * f64::EPSILON * (squared / power))
 }
 
-/// Returns the numbers of the first and the last direction, counter-clockwise, in which a rectangle is seen,
-/// given by its least and greatest coordinates relative to the eye. `None` if the eye is in it.
+/// Returns the direction numbers of the first and the last direction, counter-clockwise, in which a rectangle
+/// is seen, given by its least and greatest coordinates relative to the eye. `None` if the eye is in it.
 #[inline]
 pub(crate) fn rectangle_span(x0: f64, y0: f64, x1: f64, y1: f64) -> Option<(f64, f64)> {
     // The corners that bound the rectangle, counter-clockwise, by the side that the eye is on.

@@ -4,7 +4,7 @@
 //! itself: fog of war, guards, robots, perception, servers that decide who may see whom.
 //!
 //! - [`cdt`]: exact visibility among walls, which are segments, by a triangulation.
-//! - [`discs`]: exact zones and rays among round obstacles, such as the trunks of a forest.
+//! - [`discs`]: exact visibility among round obstacles, such as the trunks of a forest.
 //! - `view_cdt` (feature `papers`, see `docs/papers.md` in the repository): culls in space behind outlines of
 //!   occluders in a triangulation of the image.
 //! - [`horizon`]: culls what is below the skyline of houses and crowns that stand on the ground.

@@ -73,8 +73,9 @@ impl<S: Borrow<SceneTree>> BspOrderCuller<S> {
         }
     }
 
-    /// Returns the tree for replacement, or for [`sync`](SceneTree::sync) if this culler owns the tree. The
-    /// change takes effect in the next frame.
+    /// Returns a mutable reference to the tree, or to the pointer to it, that [`new`](Self::new) was given.
+    /// Assign through it to use another tree. If this culler owns the tree, call [`sync`](SceneTree::sync) on
+    /// it. The change takes effect in the next frame.
     pub fn shared_mut(&mut self) -> &mut S {
         &mut self.shared
     }

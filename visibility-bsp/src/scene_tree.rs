@@ -45,7 +45,7 @@ impl SceneTree {
     /// visible.
     ///
     /// # Errors
-    /// [`BspError::TooManyFragments`] if the triangles cut each other into too many fragments.
+    /// [`BspError::TooManyFragments`] if building makes more than 4,096 cuts plus 256 for each triangle.
     pub fn new(scene: &Scene) -> Result<Self, BspError> {
         let mut represented = alloc::vec![None; scene.index_limit()];
         for id in scene.ids() {
@@ -60,8 +60,9 @@ impl SceneTree {
     /// objects. For another scene than before, the tree is built anew as by [`new`](Self::new).
     ///
     /// # Errors
-    /// [`BspError::TooManyFragments`]. Objects that could not be inserted count as visible. If a rebuild for
-    /// another scene fails, the tree stays as it was.
+    /// [`BspError::TooManyFragments`], if the triangles of an object, or of the scene in a rebuild, are cut
+    /// more than 4,096 times plus 256 times for each. Objects that could not be inserted count as visible. If
+    /// a rebuild for another scene fails, the tree stays as it was.
     pub fn sync(&mut self, scene: &Scene) -> Result<(), BspError> {
         match self.cursor.peek(scene) {
             Changes::Everything => *self = Self::new(scene)?,

@@ -102,8 +102,8 @@ pub(crate) struct OccluderPolygon<'a> {
     pub(crate) vertices: &'a [DVec3],
     /// Unit normal of the front, the side from which the vertices run counter-clockwise.
     pub(crate) normal: DVec3,
-    /// Least and greatest coordinate of the vertices along `normal`, in metres from `Scene::origin`, widened
-    /// by rounding.
+    /// Least and greatest coordinate of the vertices along `normal`, in metres from `Scene::origin`, rounded
+    /// outwards.
     pub(crate) extent_along_normal: [f64; 2],
     /// Whether the polygon also hides for eyes behind its front; if false, only for eyes in front.
     pub(crate) two_sided: bool,
@@ -111,7 +111,7 @@ pub(crate) struct OccluderPolygon<'a> {
 
 /// Returns three properties of a loop of vertices in metres relative to `Scene::origin`: the unit normal of
 /// the side from which the loop runs counter-clockwise; the least and greatest coordinate of the vertices
-/// along this normal in metres, widened by rounding; and the area in square metres. `None` if the loop has no
+/// along this normal in metres, rounded outwards; and the area in square metres. `None` if the loop has no
 /// area or a vertex is not finite.
 pub(crate) fn plane_of(vertices: &[DVec3]) -> Option<(DVec3, [f64; 2], f64)> {
     let (&first, rest) = vertices.split_first()?;

@@ -56,9 +56,9 @@ const PART_TRIANGLES: usize = 16;
 const PATIENT: Budget = Budget { nodes: 600, divided: 1500, halvings: 30 };
 /// Number of nodes after which no further triangle of an object gets a second look.
 const ALL_PATIENT: u32 = 4000;
-/// Number of rays past the box of an object that was just seen.
+/// Number of rays cast past the box of an object that was just seen.
 const PAST: u32 = 32;
-/// Greatest number of nodes for the visible share of an object.
+/// Greatest number of nodes for the bound on the visible share of one object.
 const SHARE: u32 = 2000;
 
 /// Costs of past searches in nodes, by which a group is searched as thoroughly as an object or not.
@@ -76,7 +76,8 @@ struct Prices {
 }
 
 impl Prices {
-    /// Returns the number of nodes that `objects` single objects cost, by the mean so far.
+    /// Returns an estimate of the nodes that `objects` objects cost if each is searched by itself: `objects`
+    /// times the mean of past searches for single objects.
     fn singles(&self, objects: u64) -> u64 {
         objects * self.single.0 / self.single.1.max(1)
     }
@@ -193,22 +194,24 @@ impl<'a> CellQuery<'a> {
         self.search.is_stopped
     }
 
-    /// Finds the objects that reach into the viewcell, and those that rays meet: as many rays as the settings
-    /// say.
+    /// Marks as seen the objects that reach into the viewcell and those that rays from it meet first, of the
+    /// open objects for which `is_asked` is true. Casts as many rays as the settings say.
     pub fn look(&mut self, is_asked: &dyn Fn(ObjectId) -> bool) {
         let open = self.asked(is_asked);
         self.look_at(open);
     }
 
-    /// Tries to prove objects hidden by their bounding boxes, in groups first. Finds some that are seen.
+    /// Tries to prove the open objects for which `is_asked` is true hidden by their bounding boxes: by boxes
+    /// around groups of them first, then by the box of each. Marks some objects as seen that the search finds
+    /// on the way.
     pub fn prove_boxes(&mut self, is_asked: &dyn Fn(ObjectId) -> bool) {
         let open = self.asked(is_asked);
         self.groups(open);
     }
 
-    /// Decides objects by their triangles, the largest first. Parts of objects with many triangles are first
-    /// tried by boxes around the parts. Takes some hundred times the work of a proof for a box, which should
-    /// have failed before.
+    /// Decides the open objects for which `is_asked` is true by their triangles, the largest first. Parts of
+    /// objects with many triangles are first tried by boxes around the parts. Takes some hundred times the
+    /// work of a proof for a box, which should have failed before.
     pub fn prove_triangles(&mut self, is_asked: &dyn Fn(ObjectId) -> bool) {
         let open = self.asked(is_asked);
         self.triangles(&open, false);
@@ -266,8 +269,8 @@ impl<'a> CellQuery<'a> {
         })
     }
 
-    /// Returns the indices in `verdicts` of the objects that are asked about and whose coordinates can all be
-    /// computed with.
+    /// Returns the indices in `verdicts` of the objects that are asked about and whose coordinates are all
+    /// finite and in range.
     fn usable(&self, is_asked: impl Fn(usize) -> bool) -> Vec<u32> {
         let objects = &self.search.triangles.objects;
         (0..objects.len() as u32).filter(|&o| is_asked(o as usize) && !objects[o as usize].is_open).collect()
@@ -338,8 +341,8 @@ impl<'a> CellQuery<'a> {
     }
 
     /// Casts a ray from p along d and marks the object that it meets first as seen. Returns the object's
-    /// number. `None` if the ray meets nothing or does not certainly reach the object, or the object has a
-    /// verdict already.
+    /// index in `verdicts`. `None` if the ray meets nothing or does not certainly reach the object, or the
+    /// object has a verdict already.
     fn see_first(&mut self, p: DVec3, d: DVec3) -> Option<usize> {
         let (distance, t) = self.search.triangles.tree.nearest(p, d)?;
         self.see(p, p + d * distance, t).then(|| self.search.triangles.object_of(t))
@@ -425,8 +428,8 @@ impl<'a> CellQuery<'a> {
         self.search.cell.meets(min - pad, max + pad)
     }
 
-    /// Proves groups of objects hidden. A group that is not proven is halved. Returns the single objects
-    /// left.
+    /// Tries to prove the objects of `list` hidden, in groups by boxes around them. A group that is not
+    /// proven is halved. Returns the objects that are still open after a try by their own box.
     fn groups(&mut self, mut list: Vec<u32>) -> Vec<u32> {
         let mut left = Vec::new();
         let mut stack = vec![(0, list.len())];
@@ -463,8 +466,9 @@ impl<'a> CellQuery<'a> {
         left
     }
 
-    /// Proves a box with all objects of a group hidden. On failure, marks the object that was seen on the
-    /// way.
+    /// Tries to prove a group hidden by the box from `min` to `max`, which holds all its objects. Returns
+    /// whether it is proven. If the search finds a line of sight instead, the object that it meets first is
+    /// marked as seen.
     fn prove_box(&mut self, group: &[u32], min: DVec3, max: DVec3) -> bool {
         if self.meets_cell(min, max) {
             return false;

@@ -30,8 +30,9 @@ const MOST: usize = 3000;
 const AT_EDGE: usize = 64;
 
 impl Search<'_> {
-    /// Grows a surface from the triangle `start` that blocks all segments of a node. `line` is a segment of
-    /// the node. `Err` with the edge that is in the way.
+    /// Grows a surface from triangle `start` that blocks all segments of the node `sight`, and returns it as
+    /// a step of the proof. `line` is a segment of the node. `Err` with an edge that is in the way if no such
+    /// surface is found.
     pub(crate) fn close(
         &mut self,
         sight: &Sight,
@@ -125,7 +126,8 @@ impl Search<'_> {
         self.target_vertices.iter().position(|&v| v == vertex).map_or(NO_CORNER, |k| k as u8)
     }
 
-    /// Returns whether no segment of the node meets an edge of the scene, and stores the answer for the edge.
+    /// Returns whether no segment of the node meets the edge with the index `number`, and stores the answer
+    /// in `scratch`.
     fn misses(
         &self,
         scratch: &mut ChainScratch,
@@ -169,8 +171,9 @@ impl Search<'_> {
                 || apart(corners, &sight.q, &sight.before_q, pad))
     }
 
-    /// Returns the triangle beyond an edge of the chain that folds back least. It must continue the surface
-    /// as seen along the line, and occlude for all points of P. `None` without such a triangle.
+    /// Returns the triangle beyond edge `k` of the chain's triangle `t` that folds back least, of those that
+    /// continue the surface as seen along `line` and occlude for all points of P. `None` without such a
+    /// triangle.
     fn next_across(
         &mut self,
         scratch: &ChainScratch,
@@ -230,7 +233,8 @@ impl Search<'_> {
         }
     }
 
-    /// Moves the corners of open edges outwards, and tests the moved boundary.
+    /// Moves the corners of open edges outwards by the clearance, and tests the moved boundary. `Err` with an
+    /// edge that segments of the node may still meet.
     fn move_boundary(
         &self,
         scratch: &mut ChainScratch,
@@ -336,7 +340,8 @@ fn edge_of(corners: &[DVec3; 3], tags: &[u8; 3], k: usize) -> Edge {
     Edge { ends: [corners[k], corners[j]], tags: [tags[k], tags[j]] }
 }
 
-/// Returns the unit vector from an edge of a triangle outwards, in the triangle's plane.
+/// Returns the unit vector in a triangle's plane that is perpendicular to its edge from `a` to `b` and points
+/// away from its third corner `apex`.
 fn outwards(a: DVec3, b: DVec3, apex: DVec3) -> DVec3 {
     let along = (b - a).normalize_or_zero();
     let inwards = (apex - a) - along * along.dot(apex - a);

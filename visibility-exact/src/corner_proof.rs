@@ -10,7 +10,7 @@ use crate::line_side::{Row, U};
 use crate::sight::Sight;
 use visibility_core::glam::DVec3;
 
-/// Greatest number of rows whose triples are tried.
+/// Greatest number of rows of which triples are tried. With more rows, none is.
 const MOST: usize = 14;
 
 /// Searches three rows that no line of a node satisfies together, and returns their indices. `None` if no

@@ -121,8 +121,9 @@ impl CellVerdicts {
         }
     }
 
-    /// Returns whether an object stays in the set: if it is seen or open. Without proofs, an open object
-    /// stays only if nothing can be said of it.
+    /// Returns whether an object stays in the set: if it is seen or open. With settings that need no proof,
+    /// an open object stays only if the viewcell could not be used, the query did not run to its end, or the
+    /// object has no triangles or unusable coordinates.
     fn keeps(&self, place: usize, object: &TargetObject, settings: &ExactSettings) -> bool {
         match self.verdicts[place] {
             Verdict::Seen(_) => true,

@@ -16,9 +16,9 @@ impl Half {
         self.normal.dot(x) + self.offset
     }
 
-    /// Returns the axis that the plane is perpendicular to, if there is one. Points lie on such a plane, or
-    /// at either side, by one coordinate, without rounding. None for a plane whose normal is tilted by so
-    /// little that a component rounds to 1.
+    /// Returns the axis that the plane is perpendicular to, if there is one. Whether a point lies on such a
+    /// plane, or on which side, is then decided by one coordinate, without rounding. `None` also for a plane
+    /// whose normal is tilted by so little that a component rounds to 1.
     #[inline]
     pub(crate) fn axis(&self) -> Option<usize> {
         (0..3).find(|&k| self.normal.abs() == DVec3::AXES[k])

@@ -99,7 +99,7 @@ pub(crate) enum Crossing {
     Unsure,
 }
 
-/// Tells whether the segment from p to q crosses a triangle. The four points are taken as exact.
+/// Tells whether the segment from p to q crosses a triangle. All points are taken as exact.
 #[inline]
 pub(crate) fn segment_triangle(p: DVec3, q: DVec3, t: &[DVec3; 3]) -> Crossing {
     let s = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| sign(side(p, q, t[i], t[j], 0.0)));

@@ -62,7 +62,8 @@ impl Matrix {
 pub(crate) struct MatrixGame {
     tableau: Vec<f64>,
     labels: Vec<usize>,
-    /// Weights of the rows before these were scaled.
+    /// Weights for which the sum of the rows, as they were before scaling, is negative in all columns, if the
+    /// value is [`Value::Negative`].
     pub(crate) row_weights: Vec<f64>,
     pub(crate) column_weights: Vec<f64>,
 }

@@ -28,7 +28,8 @@ impl Polygon {
         polygon
     }
 
-    /// Makes a polygon of a target triangle.
+    /// Makes the polygon of a whole target triangle, with the barycentric coordinates of its corners that are
+    /// 0.
     pub(crate) fn target(triangle: &[DVec3; 3]) -> Self {
         let mut polygon = Self::new(triangle);
         polygon.zero[..3].copy_from_slice(&[0b110, 0b101, 0b011]);

@@ -307,7 +307,8 @@ impl Search<'_> {
     }
 
     /// Returns the loop with the fewest dividing edges, of loops on the occluders that a line crosses. `hits`
-    /// are the indices of these occluder triangles. `None` if no loop can be used.
+    /// are the indices of these occluder triangles, `depth` is the number of the node's rows. `None` if no
+    /// loop can be used.
     fn best_loop(&mut self, sight: &Sight, depth: usize, line: Segment, hits: &[u32]) -> Option<Loop> {
         // The growth shrinks with every row, so that a line outside of one edge is surely not inside of
         // another edge on the same line.

@@ -49,17 +49,17 @@ pub(crate) struct Budget {
     pub(crate) halvings: u32,
 }
 
-/// Depth of halvings below which a node stays undecided.
+/// Number of halvings after which a node is halved no more: what is not decided then stays undecided.
 const DEPTH: u32 = 28;
 /// Depth from which nodes are divided by occluder edges, on every third level.
 const DIVIDE_FROM: u32 = 3;
 /// Greatest number of cuts of P by planes of one-sided triangles on the way to a node. Each rounds a corner
 /// four times more: [`SceneTriangles::position_error`] has room for these.
 pub(crate) const SPLITS: u32 = 8;
-/// Greatest number of triangles on a line from which surfaces are grown.
+/// Greatest number of triangles from which surfaces are grown, of those that a node's sample line crosses.
 const STARTS: usize = 4;
-/// Greatest number of triangles on a line that are collected. With 8, viewcells in a building took up to a
-/// third more nodes.
+/// Greatest number of triangles that are collected of those that a line crosses. With 8, viewcells in a
+/// building took up to a third more nodes.
 const HITS: usize = 16;
 
 /// Index that no triangle and no vertex has.
@@ -99,7 +99,7 @@ pub(crate) struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    /// Makes the state; `chain` is memory of another search in the same triangles.
+    /// Makes a search without a target yet. `chain` is memory of another search in the same triangles.
     pub(crate) fn new(
         triangles: &'a SceneTriangles,
         cell: CellBox,
@@ -159,7 +159,7 @@ impl<'a> Search<'a> {
         self.is_stopped
     }
 
-    /// Returns the height over a plane up to which a point may touch the plane, see [`Shaft`].
+    /// Returns the height over a plane, in metres, up to which a point may touch the plane, see [`Shaft`].
     pub(crate) fn pad(&self) -> f64 {
         4.0 * self.delta
     }

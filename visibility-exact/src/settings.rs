@@ -76,7 +76,7 @@ impl ExactSettings {
         self.clearance
     }
 
-    /// Keeps the proofs in the [`CellVerdicts`](crate::CellVerdicts).
+    /// Makes the culler keep its proofs, in [`CellVerdicts::proofs`](crate::CellVerdicts::proofs).
     pub fn with_kept_proofs(self) -> Self {
         Self { keep_proofs: true, ..self }
     }

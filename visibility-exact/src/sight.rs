@@ -28,8 +28,8 @@ pub(crate) struct CellBox {
 }
 
 impl CellBox {
-    /// Returns the box of a viewcell. `None` if the box is empty, NaN or beyond the coordinates that are
-    /// used.
+    /// Returns the box of a viewcell, relative to `origin`. `None` if the box is empty or NaN, or if a
+    /// coordinate is beyond [`LIMIT`].
     pub(crate) fn new(cell: &Viewcell, origin: DVec3) -> Option<Self> {
         // The difference is exact for most origins, (0, 0, 0) above all.
         let local = |x: DVec3, outwards: fn(f64) -> f64| {
@@ -190,7 +190,7 @@ fn faces(min: DVec3, max: DVec3) -> impl Iterator<Item = (Polygon, Half)> {
 }
 
 /// Returns the pairs of polygons that hold all segments from the viewcell to the target that are asked about.
-/// Cuts keep `pad` more than they must. Empty if the target cannot be seen because it has no area. `None` if
+/// Cuts leave a margin of `pad` metres. Empty if the target cannot be seen because it has no area. `None` if
 /// one of its faces is seen from less than the clearance over its plane alone.
 pub(crate) fn sights(
     triangles: &SceneTriangles,

@@ -62,7 +62,8 @@ pub struct CellVerdicts {
     /// Number of proofs that [`Proof::check`] refused. Their targets were left undecided. No scene with such
     /// a proof is known.
     pub refused: u64,
-    /// Whether the viewcell could be used. If not, all objects are open.
+    /// Whether the viewcell could be used and the query ran to its end. If not, objects may be open for that
+    /// reason alone.
     pub(crate) is_decided: bool,
 }
 

@@ -87,8 +87,9 @@ impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
         self
     }
 
-    /// Returns the pointer to the tessellation, for calls of `sync` or for exchanging the tessellation. The
-    /// next frame uses whatever tessellation the pointer then holds.
+    /// Returns a mutable reference to the pointer to the tessellation. Call `sync` on the tessellation
+    /// through it, or assign a pointer to another tessellation. The next frame uses what the pointer then
+    /// points to.
     pub fn shared_mut(&mut self) -> &mut S {
         &mut self.tessellation
     }

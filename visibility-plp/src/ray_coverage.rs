@@ -39,8 +39,8 @@ impl Cover {
 /// centre of the box, in units of half the box's size. Exceeds 1 by far more than the rounding of a depth
 /// interpolated between corners.
 const BEYOND: f64 = 1.0 + 1e-6;
-/// Least area of a projected triangle that stops rays, where the box has a side of 2. Smaller ones meet no
-/// ray but by rounding.
+/// Twice the least area of a projected triangle that stops rays, where the box has a side of 2. Smaller
+/// triangles meet no ray but by rounding.
 const LEAST_AREA: f64 = 1e-9;
 
 /// Returns the rays through a box that meet a triangle inside the box, at a point for which `inside` returns

@@ -26,8 +26,7 @@ pub enum ChainTest {
     /// Each rejection is certain: a certificate shows that no line passes the edges of the chain and keeps
     /// the clearance from them. A chain that is kept need not be passable, for two reasons. The half-spaces
     /// of the linear program may have a common point that is no line, since lines form a quadric in Pluecker
-    /// space. And the common part of the half-spaces may be too small
-    /// for `f64` to prove empty.
+    /// space. And the common part of the half-spaces may be too small for `f64` to prove empty.
     Pluecker,
 }
 
@@ -41,7 +40,7 @@ impl BakerSettings {
     /// Sets the distance, in world units, that a line of sight must keep from all portal edges to count. A
     /// cell counts as hidden only if no such line leads to it. Must be positive, finite and at least 2^-33 of
     /// the greatest absolute coordinate of a portal vertex, so that rounding cannot decide. `None`, the
-    /// default, is the least that is, but not less than 1e-6: more from a coordinate of 8,590 on.
+    /// default, stands for the greater of that least value and 1e-6.
     pub fn with_clearance(self, clearance: impl Into<Option<f64>>) -> Self {
         Self { clearance: clearance.into(), ..self }
     }

@@ -1,4 +1,5 @@
-//! Walls become edges of the triangulation: what crosses a wall makes room, walls that cross are split.
+//! Makes walls edges of the triangulation. Triangles that a wall crosses are removed, and their area is
+//! triangulated anew on both sides of the wall. Walls that cross are split.
 //!
 //! This work is based on: Marc Vigo Anglada, "An Improved Incremental Algorithm for Constructing Restricted
 //! Delaunay Triangulations", 1997 (both sides of the wall are triangulated anew); Godfried Toussaint and
@@ -6,9 +7,9 @@
 //! (in one pass over the corners, since all of them see the wall).
 //!
 //! Two walls that cross are split at the `f64` point nearest to their crossing, and from there on both are
-//! chains through that point. If an end of one is within rounding of the other, or a vertex of their
-//! crossing, both pass through that vertex instead: pieces would cross again beside it, on and on. No gap
-//! opens: a chain has the ends of its wall and no holes.
+//! chains through that point. If a vertex is within rounding of the crossing, both walls pass through that
+//! vertex instead: pieces would cross again beside it, on and on. No gap opens: a chain has the ends of its
+//! wall and no holes.
 
 use super::error::PlanError;
 use super::predicates::{LEAST, Point, area, is_same_way, orient};
@@ -19,8 +20,8 @@ use alloc::vec::Vec;
 /// number of items in its lists of walls.
 pub(crate) const MOST_VERTICES: usize = 1 << 24;
 
-/// Flag in a link or a twin: the other bits are the index of a step of the hole's boundary, not of a
-/// half-edge.
+/// Flag of a number that is a half-edge without it. With it, the other bits are an index into
+/// `Constrainer::steps`.
 const STEP: u32 = 1 << 31;
 
 /// A piece of a wall that is to become an edge or a chain of edges.
@@ -29,16 +30,17 @@ struct Task {
     from: u32,
     to: u32,
     walls: u32,
-    /// True if the piece is a part of a piece that was split before, false if it is as given.
+    /// True if the piece is a part of one that was split at a crossing, false if it is as given.
     is_part: bool,
 }
 
 /// An edge of the boundary of the triangles that a wall crosses.
 #[derive(Clone, Debug)]
 struct Step {
-    /// Vertex at the end of the step, in order along the wall's left side.
+    /// Vertex at which the step ends on the way clockwise around the removed triangles: the origin of
+    /// `inner`.
     vertex: u32,
-    /// Half-edge of the removed triangle; later that of the new triangle.
+    /// Half-edge on the inner side: of the removed triangle, and of the new one once `fill_side` has made it.
     inner: u32,
     /// Half-edge on the outer side. If both triangles at the edge are removed: [`STEP`] plus the index of the
     /// step on its other side. [`NONE`] on the outer rectangle.
@@ -58,15 +60,16 @@ enum Way {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Constrainer {
     tasks: Vec<Task>,
-    /// Steps around the hole that the removed triangles leave, counter-clockwise: first those on the left
-    /// side of the wall, then those on the right side.
+    /// Steps around the hole that the removed triangles leave, clockwise: first those on the left side of the
+    /// wall from its first end, then those on the right side back to it.
     steps: Vec<Step>,
     right: Vec<Step>,
-    /// Triangles that the wall crosses.
+    /// Triangles that the wall crosses, as indices. `fill_side` uses them for the new triangles.
     removed: Vec<u32>,
-    /// Chain of vertices, each with the link to the vertex before it.
+    /// Scratch of `fill_side`: vertices that are not cut off yet, each with the half-edge, or [`STEP`] and
+    /// the step, that joins it to the vertex before it. [`NONE`] for the first.
     chain: Vec<(u32, u32)>,
-    /// Number of crossings so far of the wall that is inserted.
+    /// Number of times that the wall being inserted was split at a crossing.
     splits: usize,
     /// Number of crossings of one wall above which its pieces count as endless, and the wall is refused.
     usual: usize,
@@ -77,7 +80,8 @@ impl Constrainer {
     ///
     /// # Errors
     /// [`PlanError::TooMany`] when crossings make more than [`MOST_VERTICES`] vertices, or overlaps more than
-    /// so many items. One step can double the items, which their `u32` numbers allow.
+    /// [`MOST_VERTICES`] items in `Triangulation::lists`. The check comes before each step, which can double
+    /// the items: even then their numbers fit into `u32`.
     pub(crate) fn insert(
         &mut self,
         of: &mut Triangulation,
@@ -114,7 +118,8 @@ impl Constrainer {
         Ok(())
     }
 
-    /// Does the first part of a task, and puts the rest onto the stack of tasks.
+    /// Makes the first part of a task's piece an edge, up to the next vertex on the way, and pushes the rest
+    /// as a task. If a wall is in the way, only splits both walls where they cross.
     fn advance(&mut self, of: &mut Triangulation, task: Task) {
         let Task { from, to, walls, is_part } = task;
         if from == to {
@@ -169,7 +174,8 @@ impl Constrainer {
         }
     }
 
-    /// Splits the walls of `crossed` and the wall of a task where they cross.
+    /// Splits the walls along half-edge `crossed` and the wall of a task where they cross. The pieces become
+    /// tasks.
     fn split(&mut self, of: &mut Triangulation, task: &Task, crossed: u32) {
         let &Task { from, to, walls, is_part } = task;
         let edge = of.edges[crossed as usize];
@@ -228,8 +234,8 @@ impl Constrainer {
         upper
     }
 
-    /// Triangulates one side of the hole: the steps of a range, from the vertex `from`. Returns the half-edge
-    /// along the wall.
+    /// Triangulates one side of the hole, between the wall and the steps `first..end`, which begin at the
+    /// vertex `from`. Returns the new half-edge along the wall.
     fn fill_side(&mut self, of: &mut Triangulation, from: u32, first: usize, end: usize) -> u32 {
         self.chain.clear();
         self.chain.push((from, NONE));
@@ -281,7 +287,7 @@ fn link(of: &mut Triangulation, h: u32, g: u32) {
     of.edges[g as usize].twin = h;
 }
 
-/// Sets the walls of both half-edges of an edge.
+/// Sets the list of walls of half-edge `h` and of its twin.
 fn mark_as(of: &mut Triangulation, h: u32, walls: u32) {
     let twin = of.edges[h as usize].twin;
     of.edges[h as usize].walls = walls;
@@ -290,7 +296,8 @@ fn mark_as(of: &mut Triangulation, h: u32, walls: u32) {
     }
 }
 
-/// Adds a list of walls to an edge. A wall may then be listed more than once.
+/// Adds the walls of the list that begins with item `walls` to the edge of `h`. A wall may then be listed
+/// more than once.
 fn mark(of: &mut Triangulation, h: u32, walls: u32) {
     let mut head = of.edges[h as usize].walls;
     if head == walls {
@@ -312,8 +319,8 @@ fn mark(of: &mut Triangulation, h: u32, walls: u32) {
     mark_as(of, h, head);
 }
 
-/// Returns whether a wall is among the last 64 walls of a list. Without this test, walls that bend onto each
-/// other again and again would double their lists each time.
+/// Returns whether a wall is among the first 64 items of a list from `item` on, which were added last.
+/// Without this test, walls that bend onto each other again and again would double their lists each time.
 fn lists_lately(of: &Triangulation, mut item: u32, wall: u32) -> bool {
     for _ in 0..64 {
         if item == NONE {
@@ -328,8 +335,8 @@ fn lists_lately(of: &Triangulation, mut item: u32, wall: u32) -> bool {
     false
 }
 
-/// Returns the way by which the wall from one vertex to another leaves the first. `None` only if the
-/// triangulation is broken.
+/// Returns how the segment from one vertex to another leaves the first: along an edge, or through a triangle.
+/// `None` only if the triangulation is broken.
 fn way(of: &Triangulation, from: u32, to: u32) -> Option<Way> {
     let [a, b] = [from, to].map(|v| of.points[v as usize]);
     let first = of.out[from as usize];
@@ -407,10 +414,12 @@ fn rounding(points: &[Point]) -> f64 {
     8.0 * f64::EPSILON * points.as_flattened().iter().fold(0.0, |size: f64, x| size.max(x.abs()))
 }
 
-/// Returns the `f64` point nearest to the crossing of `ab` and `cd`, up to a few units of rounding, in the
-/// bounding boxes of both. Lines that 106 bits cannot tell from parallel ones are cut in the middle of `ab`.
+/// Returns the `f64` point nearest to the crossing of `ab` and `cd`, up to a few units of rounding. The point
+/// lies in the bounding boxes of both segments. Lines that 106 bits cannot tell from parallel ones are cut in
+/// the middle of `ab`.
 ///
-/// A number below [`LEAST`] becomes 0, which the boxes then hold: their corners are 0 or beyond `LEAST`.
+/// A coordinate of a magnitude below [`LEAST`] becomes 0, which is in both boxes: their corners are 0 or
+/// beyond `LEAST`.
 fn crossing(a: Point, b: Point, c: Point, d: Point) -> Point {
     let (of_a, of_b) = (area(c, d, a), area(c, d, b));
     let share = of_a / (of_a - of_b);

@@ -13,12 +13,13 @@ pub enum PlanError {
         /// The first point with a coordinate that cannot be used.
         point: [f64; 2],
     },
-    /// There are too many walls, or walls that cross or overlap too often.
+    /// There are more walls than [`Plan::LIMIT`](crate::cdt::Plan::LIMIT), they cross or overlap more often
+    /// than [`Plan::new`](crate::cdt::Plan::new) allows, or beams of a region enter more than 2^24 triangles.
     TooMany {
-        /// Number of walls given, or number of vertices or of overlaps reached.
+        /// Number of walls given, or number of vertices, overlaps or triangles entered that was reached.
         count: usize,
     },
-    /// A wall has a number that the plan does not have.
+    /// A wall's number is not below the number of walls of the plan.
     UnknownWall {
         /// Index of the wall that was asked for.
         wall: u32,
@@ -29,7 +30,7 @@ pub enum PlanError {
     Objects,
     /// A region or an object has no point, or a point outside the rectangle around the plan.
     Region,
-    /// A height of a line of sight is not finite or above 1e60 in absolute value.
+    /// A height of a line of sight is NaN, infinite, or above 1e60 in absolute value.
     Heights,
 }
 

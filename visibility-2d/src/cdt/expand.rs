@@ -15,17 +15,17 @@ use alloc::vec::Vec;
 /// A ray from the eye through a point: a vertex, or a bound of the sector.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ray {
-    /// Vertex, or the number of vertices plus the index of a point of the sector.
+    /// Index of a vertex of the plan, or the number of its vertices plus an index into `Expansion::sector`.
     pub(crate) point: u32,
-    /// Rounded difference of the point and the eye.
+    /// The point less the eye, rounded, in world units.
     pub(crate) offset: Point,
 }
 
 /// Part of the view that leaves a triangle by an edge.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cone {
-    /// Half-edge of the triangle that the cone leaves. Before the outer rectangle, the half-edge by which
-    /// the cone enters.
+    /// Half-edge across which the cone leaves a triangle. If `enters`, the half-edge on the outer rectangle
+    /// across which the cone enters its triangle.
     pub(crate) edge: u32,
     pub(crate) right: Ray,
     pub(crate) left: Ray,
@@ -51,7 +51,7 @@ pub(crate) enum Met {
     Passed,
     /// The cone ends at a wall or at the outer rectangle.
     Ended,
-    /// The cone ends because the edge is out of range.
+    /// The cone ends because the edge is farther away than the view's range.
     Far,
 }
 
@@ -77,7 +77,7 @@ impl Expansion<'_> {
         if point < vertices { self.plan.points[point] } else { self.sector[point - vertices] }
     }
 
-    /// Returns whether the second ray is strictly to the left of the first.
+    /// Returns whether the second ray is strictly to the left of the first, as seen from the eye.
     #[inline(always)]
     fn is_left(&self, first: Ray, second: Ray) -> bool {
         let (plus, minus) = (first.offset[0] * second.offset[1], first.offset[1] * second.offset[0]);
@@ -88,7 +88,9 @@ impl Expansion<'_> {
         orient_slow(self.point(first.point), self.point(second.point), self.eye) > 0.0
     }
 
-    /// Writes the cones by which the view leaves the triangles at the eye, counter-clockwise.
+    /// Replaces `cones` by those in which the view leaves the triangles at `place`, the place of the eye,
+    /// counter-clockwise. For an eye outside, those in which it enters the rectangle. Each may pass `through`
+    /// opaque walls.
     pub(crate) fn start(&self, place: Place, through: u32, cones: &mut Vec<Cone>) {
         cones.clear();
         let plan = self.plan;
@@ -154,7 +156,8 @@ impl Expansion<'_> {
         cones.drain(..count);
     }
 
-    /// Returns whether a ray is in a cone narrower than half a turn: on its right bound or inside.
+    /// Returns whether `ray` is in the cone from `right` to `left`, narrower than half a turn: on its right
+    /// bound or strictly inside.
     fn holds(&self, right: Ray, left: Ray, ray: Ray) -> bool {
         !self.is_left(ray, right)
             && self.is_left(ray, left)

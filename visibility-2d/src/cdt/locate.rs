@@ -26,8 +26,9 @@ impl Plan {
         near.unwrap_or_else(|| self.locate(point, self.near(point)))
     }
 
-    /// Finds where a point lies, starting at a half-edge. The walk hardly ever runs in a circle; when it has
-    /// taken too long, all triangles are searched.
+    /// Returns the triangle, half-edge or vertex that a point is on, [`Place::Outside`] if there is none.
+    /// Walks there from the triangle of half-edge `from`. If the walk runs in a circle, which it hardly ever
+    /// does, it ends after more steps than there are half-edges, and all triangles are searched.
     pub(crate) fn locate(&self, point: Point, from: u32) -> Place {
         let found = self.walk(point, from, self.edges.len() as u32 + 16);
         let mut triangles = 0..self.edges.len() as u32 / 3;
@@ -35,8 +36,9 @@ impl Plan {
         found.or_else(search).unwrap_or(Place::Outside)
     }
 
-    /// Walks from a half-edge to the triangle of a point. The walk turns to another edge at each step. `None`
-    /// if the point is not reached in `most` steps.
+    /// Walks from the triangle of half-edge `from` to that of a point, each time across an edge that the
+    /// point is beyond. Each step begins its tests at another edge, so that the walk hardly ever runs in a
+    /// circle. `None` if the point is not reached in `most` steps.
     fn walk(&self, point: Point, from: u32, most: u32) -> Option<Place> {
         let mut t = from / 3;
         'walk: for step in 0..most {

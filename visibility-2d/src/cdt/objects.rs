@@ -24,7 +24,7 @@ struct Item {
 ///
 /// Each is the convex hull of some points: a point, a segment, a box, a polygon. Walls are not changed:
 /// objects hide nothing. Objects belong to the plan that they were put on, and to its clones; doors may open
-/// and close.
+/// and close meanwhile.
 ///
 /// ```
 /// use visibility_2d::cdt::{Plan, PlanObjects, PlanView, Visibility, Wall};
@@ -44,14 +44,14 @@ struct Item {
 pub struct PlanObjects {
     /// Stamp of the triangulation on which the objects are listed.
     pub(super) of: Stamp,
-    /// First item of each triangle, or [`NONE`].
+    /// First item of each triangle in `items`, [`NONE`] without objects.
     of_triangle: Vec<u32>,
-    /// First item of each object, or [`NONE`].
+    /// First item of each object in `items`, [`NONE`] for a removed object.
     of_object: Vec<u32>,
     /// Corners of the hull of each object, counter-clockwise.
     hulls: Vec<Vec<Point>>,
     items: Vec<Item>,
-    /// First free item, or [`NONE`].
+    /// First item of `items` that is free, or [`NONE`].
     free: u32,
     scratch: RegionVisibility,
 }

@@ -9,7 +9,7 @@ use super::wall::{Opacity, Wall};
 use alloc::vec::Vec;
 use visibility_core::stamp::Stamp;
 
-/// Greatest sum of the numbers of walls over all pieces: one for each edge of a triangulation, and some that
+/// Greatest length of `Plan::walls_of_pieces`: one wall for each edge of a triangulation, and some that
 /// overlap.
 const MOST_WALLS: usize = 4 * MOST_VERTICES;
 
@@ -18,7 +18,7 @@ const MOST_WALLS: usize = 4 * MOST_VERTICES;
 pub(crate) struct HalfEdge {
     /// Vertex at which the half-edge begins.
     pub(crate) origin: u32,
-    /// Twin in the bits of [`TWIN`], with the flags [`WALL`] and [`BLOCKS`].
+    /// Index of the twin half-edge in the bits of [`TWIN`], with the flags [`WALL`] and [`BLOCKS`].
     pub(crate) twin: u32,
 }
 
@@ -79,12 +79,12 @@ pub struct Plan {
     places: Vec<u32>,
     /// Piece of a wall along each half-edge, [`NONE`] without a wall. Both halves have the same piece.
     pub(crate) piece: Vec<u32>,
-    /// First wall of each piece in `walls_of_pieces`, by piece; then the end of the last.
+    /// By piece: start of its walls in `walls_of_pieces`. The last entry is the end of the last piece.
     first_wall: Vec<u32>,
     walls_of_pieces: Vec<u32>,
     /// One of the half-edges of each piece, by piece.
     piece_edge: Vec<u32>,
-    /// First piece of each wall in `pieces_of_walls`, by wall; then the end of the last.
+    /// By wall: start of its pieces in `pieces_of_walls`. The last entry is the end of the last wall.
     first_piece: Vec<u32>,
     pieces_of_walls: Vec<u32>,
     walls: Vec<Wall>,
@@ -94,8 +94,8 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Greatest number of walls: their ends and the corners of the rectangle are 2^24 vertices. Crossings
-    /// count as well.
+    /// Greatest number of walls. With two ends each and the corners of the rectangle they are 2^24 vertices.
+    /// Crossings are vertices as well, so that fewer walls may be too many.
     pub const LIMIT: usize = MOST_VERTICES / 2 - 2;
 
     /// Makes a plan of walls, numbered from 0 in the order given. The rectangle around the plan leaves a
@@ -268,7 +268,7 @@ impl Plan {
         }
     }
 
-    /// Sets the flags of the two halves of a piece by the opacity of its walls.
+    /// Sets the flags [`WALL`] and [`BLOCKS`] of the two half-edges of a piece by the opacity of its walls.
     fn set_flags(&mut self, piece: u32) {
         let h = self.piece_edge[piece as usize];
         let (mut out, mut back) = (WALL, WALL);

@@ -46,8 +46,9 @@ pub(crate) fn orient_slow(a: Point, b: Point, c: Point) -> f64 {
     robust::orient2d(coord(a), coord(b), coord(c))
 }
 
-/// Returns twice the signed area of a triangle with 106 bits of precision. [`orient`] has the same sign, but
-/// where the points are nearly collinear no more than the sign.
+/// Returns twice the signed area of a triangle with 106 bits of precision, positive if `a`, `b` and `c` turn
+/// left. [`orient`] has the same sign, but where the points are nearly collinear its magnitude is not
+/// precise.
 ///
 /// Differences are exact as sums of two numbers, and so are products: T. J. Dekker, "A Floating-Point
 /// Technique for Extending the Available Precision", 1971. What is left out is 2^-105 of the two products.
@@ -65,7 +66,8 @@ fn sum(a: f64, b: f64) -> (f64, f64) {
     (sum, (a - (sum - of_b)) + (b - of_b))
 }
 
-/// Returns the product of two sums of two numbers, without the product of the low ones.
+/// Returns the product of two numbers, each the sum of a high and a low part, again as high and low part. The
+/// product of the two low parts is left out.
 fn product((a, a_low): (f64, f64), (b, b_low): (f64, f64)) -> (f64, f64) {
     // Halves of 26 bits: 2^27 + 1 times a number moves its upper half to the top.
     let halves = |x: f64| {

@@ -2,7 +2,7 @@
 
 use super::predicates::Point;
 
-/// Cosine of a 64th of a turn.
+/// Cosine of a 64th of a turn, the greatest angle between successive points of an arc.
 const COSINE: f64 = 0.995_184_726_672_196_9;
 
 /// The points within the range of an eye.
@@ -57,9 +57,9 @@ impl Disc {
         cross * cross <= square * length * (1.0 + ERROR)
     }
 
-    /// Calls `push` with the boundary of the part of a triangle within the range, counter-clockwise. The
-    /// triangle's corners are the eye, `a` on the ray in direction `right`, and `b` on the ray in direction
-    /// `left`.
+    /// Calls `push` with the vertices, except the eye, of the part of a triangle within the range,
+    /// counter-clockwise; arcs become chords. The triangle's corners are the eye, `a` on the ray in direction
+    /// `right`, and `b` on the ray in direction `left`.
     pub(crate) fn clip(&self, [a, b]: [Point; 2], [right, left]: [Point; 2], push: &mut impl FnMut(Point)) {
         let [p, q] = [a, b].map(|p| [p[0] - self.eye[0], p[1] - self.eye[1]]);
         let along = [q[0] - p[0], q[1] - p[1]];

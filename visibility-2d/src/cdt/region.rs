@@ -21,24 +21,25 @@ use alloc::vec::Vec;
 /// 40 ns.
 const MOST_STEPS: usize = 1 << 24;
 
-/// A side of a beam's dual polygon, with the corner that follows it.
+/// A side of a beam's polygon in the dual plane, where each point is a line of sight, with the corner that
+/// follows it.
 #[derive(Clone, Copy, Debug)]
 struct Side {
-    /// Vertex that the lines of the side touch.
+    /// Index of the vertex that the lines of the side touch.
     vertex: u32,
     /// Two vertices on the line of the corner, in the line's direction.
     corner: [u32; 2],
 }
 
-/// A beam that leaves a triangle.
+/// A beam of lines of sight that leaves a triangle across an edge.
 #[derive(Clone, Copy, Debug)]
 struct Beam {
     /// Half-edge of the triangle that the beam leaves.
     edge: u32,
-    /// Range of the beam's sides in the list of all sides.
+    /// Half-open range of the beam's sides in `RegionVisibility::sides`.
     sides: (u32, u32),
-    /// Length of the list of all sides up to which it belongs to this beam and to the beams below it on the
-    /// stack.
+    /// Length of `RegionVisibility::sides` up to which the list belongs to this beam and to the beams below
+    /// it on the stack.
     kept: u32,
 }
 
@@ -103,7 +104,7 @@ impl RegionVisibility {
         }
     }
 
-    /// Adds a triangle, and returns whether it is new.
+    /// Adds a triangle to the answer. Returns false if the answer has it already.
     fn add_triangle(&mut self, triangle: u32) -> bool {
         let mark = &mut self.triangle_marks[triangle as usize];
         let is_new = core::mem::replace(mark, self.query) != self.query;
@@ -122,7 +123,7 @@ impl Plan {
     /// is listed if a line that crosses it meets the region, and meets no wall on its way from the triangles
     /// that the region overlaps. To get exact answers for a region in several triangles, give the plan the
     /// region's outline as [clear](super::Opacity::Clear) walls, and join the answers of its triangles. Time
-    /// is in proportion to the number of classes of lines.
+    /// is in proportion to the triangles that beams of lines enter: see [`RegionVisibility::steps`].
     ///
     /// # Errors
     /// - [`PlanError::Coordinate`] if a coordinate of a point is NaN, infinite or above 1e60 in absolute
@@ -174,8 +175,11 @@ impl Plan {
         Ok(())
     }
 
-    /// Lists the triangles that the hull overlaps in an area. For a hull without area, all triangles that it
-    /// touches.
+    /// Adds to `answer` the triangles whose overlap with its hull has an area. For a hull without area, a
+    /// point or a segment, all triangles that it touches.
+    ///
+    /// # Errors
+    /// [`PlanError::Region`] if the hull is empty or reaches out of the rectangle around the plan.
     pub(super) fn overlapped(&self, answer: &mut RegionVisibility) -> Result<(), PlanError> {
         let first = *answer.hull.first().ok_or(PlanError::Region)?;
         let [low, high] = self.bounds();
@@ -236,8 +240,11 @@ impl Plan {
         !by_triangle && !by_hull()
     }
 
-    /// Follows all lines that leave a triangle of the region by half-edge `edge` and meet the region. Adds
-    /// the walls and triangles that they meet to `answer`.
+    /// Follows all lines of sight that meet the region and leave one of its triangles across half-edge
+    /// `edge`, until walls stop them. Adds the walls and triangles that they reach to `answer`.
+    ///
+    /// # Errors
+    /// [`PlanError::TooMany`] beyond [`MOST_STEPS`] triangles entered for the region.
     fn follow_from(&self, edge: u32, answer: &mut RegionVisibility) -> Result<(), PlanError> {
         answer.sides.clear();
         let (a, b) = (self.edges[edge as usize].origin, self.edges[next(edge) as usize].origin);
@@ -313,6 +320,8 @@ fn contains(hull: &[Point], point: Point) -> bool {
 
 /// Pushes the part of a beam that passes the vertex `apex` on one side, as the beam that leaves by half-edge
 /// `edge`. `sign` is 1 for lines with the vertex to their left, -1 for those with it to their right.
+/// `answer.signs` must hold, for each corner of the beam, the side of the corner's line on which the vertex
+/// is.
 fn clip(answer: &mut RegionVisibility, beam: Beam, apex: u32, sign: i8, edge: u32) {
     let (first, count) = (beam.sides.0 as usize, answer.signs.len());
     let kept = answer.sides.len() as u32;

@@ -42,10 +42,10 @@ enum At {
 enum Stop {
     /// The walk has reached the second point, or no more triangle is on the way.
     Reached,
-    /// The segment ends at a half-edge, between its ends.
+    /// A wall or the outer rectangle stops the segment at this half-edge, between its ends.
     Edge(u32),
-    /// The segment ends at the origin of a half-edge. Index of the half-edge, and the sides ([`LEFT`],
-    /// [`RIGHT`]) on which the segment came: none at the rectangle.
+    /// A wall or the outer rectangle stops the segment at the origin of a half-edge. Index of the half-edge,
+    /// and the sides ([`LEFT`], [`RIGHT`]) on which the segment came: none at the rectangle.
     Vertex(u32, u8),
 }
 
@@ -53,7 +53,7 @@ impl Plan {
     /// Returns whether two points see each other: whether no wall stops the segment between them. Exact, and
     /// symmetric unless one-way walls are in the way; then, whether `a` sees `b`. A point on a wall sees both
     /// sides of the wall. A segment passes the end of a wall, and along a wall. Points outside the rectangle
-    /// around the plan count. Time is in proportion to the triangles crossed.
+    /// around the plan are allowed. Time is in proportion to the triangles crossed.
     ///
     /// ```
     /// use visibility_2d::cdt::{Plan, Wall};
@@ -65,7 +65,8 @@ impl Plan {
     /// ```
     ///
     /// # Errors
-    /// [`PlanError::Coordinate`] if a point, with index 0 or 1, is not finite or above 1e60.
+    /// [`PlanError::Coordinate`] with index 0 or 1 if a coordinate of `a` or `b` is NaN, infinite or above
+    /// 1e60 in absolute value.
     pub fn sees(&self, a: impl Into<[f64; 2]>, b: impl Into<[f64; 2]>) -> Result<bool, PlanError> {
         let (a, b) = (checked(a.into(), 0)?, checked(b.into(), 1)?);
         Ok(a == b || Walk { plan: self, a, b, is_ray: false, heights: None }.run() == Stop::Reached)
@@ -87,8 +88,8 @@ impl Plan {
     /// ```
     ///
     /// # Errors
-    /// [`PlanError::Coordinate`] if a point, with index 0 or 1, is not finite or above 1e60, and
-    /// [`PlanError::Heights`] if a height is not.
+    /// [`PlanError::Coordinate`] with index 0 or 1 if a coordinate of `a` or `b` is NaN, infinite or above
+    /// 1e60 in absolute value, and [`PlanError::Heights`] if a height is.
     pub fn sees_at(
         &self,
         (a, of_a): (impl Into<[f64; 2]>, f64),
@@ -108,7 +109,8 @@ impl Plan {
     /// for [`sees`](Self::sees).
     ///
     /// # Errors
-    /// [`PlanError::Coordinate`] if a point, with index 0 or 1, is not finite or above 1e60.
+    /// [`PlanError::Coordinate`] with index 0 or 1 if a coordinate of `eye` or `through` is NaN, infinite or
+    /// above 1e60 in absolute value.
     pub fn ray(
         &self,
         eye: impl Into<[f64; 2]>,
@@ -138,8 +140,8 @@ impl Plan {
         })
     }
 
-    /// Returns the first wall along a half-edge at which lines of sight out of its triangle end. `None` if
-    /// they pass.
+    /// Returns the wall of least number along half-edge `h` at which lines of sight out of its triangle end.
+    /// `None` if they pass.
     fn wall_that_stops(&self, h: u32) -> Option<u32> {
         let piece = self.piece[h as usize];
         let walls = if piece == NONE { &[] } else { self.walls_of(piece) };
@@ -198,8 +200,8 @@ impl Walk<'_> {
         }
     }
 
-    /// Returns whether a wall ends the walk where it leaves the triangle of `h` across `h`, or passes an end
-    /// of `h`: the point `end`, if it is given.
+    /// Returns whether a wall along half-edge `h` stops the walk out of the triangle of `h`: where the walk
+    /// crosses `h`, or at `end`, if given, an end of `h` that the walk passes.
     fn is_stopped(&self, h: u32, end: Option<Point>) -> bool {
         if self.plan.edges[h as usize].twin & BLOCKS == 0 {
             return false;
@@ -236,7 +238,8 @@ impl Walk<'_> {
         is_same_way(self.a, self.b, point)
     }
 
-    /// Returns the first step, `None` if the segment does not meet the rectangle or ends before a step.
+    /// Returns the walk's first position. `None` if the walk does not run through the rectangle, or ends
+    /// before a vertex on its line.
     fn begin(&self) -> Option<At> {
         let plan = self.plan;
         match plan.locate(self.a, plan.near(self.a)) {
@@ -271,7 +274,8 @@ impl Walk<'_> {
         self.is_ray || if to > from { to >= end } else { to <= end }
     }
 
-    /// Returns the step out of the triangle of `h`, in which the walk is or on whose boundary it begins.
+    /// Returns the position at which the line of the walk leaves the triangle of `h`, in which the walk is or
+    /// on whose boundary it begins. `None` if that is a vertex, and the walk ends before it.
     fn leave_triangle(&self, h: u32) -> Option<At> {
         [h, next(h), previous(h)].into_iter().find_map(|h| {
             let [p, q] = self.plan.ends(h);
@@ -283,8 +287,8 @@ impl Walk<'_> {
         })
     }
 
-    /// Returns the step after the walk has entered the triangle of `h` across `h`, whose first end is to the
-    /// left. `None` if the walk ends before the next vertex or edge.
+    /// Returns the next position after the walk has entered the triangle of `h` across `h`, whose first end
+    /// is to the left. `None` if a vertex is next, and the walk ends before it.
     fn cross(&self, h: u32) -> Option<At> {
         let apex = previous(h);
         let side = self.side(self.plan.start(apex));
@@ -294,7 +298,8 @@ impl Walk<'_> {
         Some(At::Edge(if side > 0.0 { next(h) } else { apex }))
     }
 
-    /// Returns the first step of a segment that begins outside the rectangle, `None` if it stays outside.
+    /// Returns the first position of a walk that begins outside the rectangle. `None` if the walk does not
+    /// come into the rectangle, or ends before a vertex on its line.
     fn enter(&self) -> Option<At> {
         let plan = self.plan;
         for h in plan.outer() {
@@ -347,8 +352,9 @@ impl Walk<'_> {
         self.is_stopped(passed, Some(plan.start(h))).then_some(passed)
     }
 
-    /// Returns the step from the origin of `h` in the direction of `b`, if the segment may pass this vertex
-    /// on `sides`. `None` if no triangle lies there, or if `b` is on the edge along which the segment runs.
+    /// Returns the next position from the origin of `h` in the direction of `b`, if the segment may pass this
+    /// vertex on `sides`. `None` if no triangle lies there, or if `b` is on the edge along which the segment
+    /// runs.
     fn leave(&self, h: u32, sides: u8) -> Option<At> {
         let plan = self.plan;
         let from = plan.start(h);

@@ -66,13 +66,14 @@ pub(crate) struct Triangulation {
     pub(crate) out: Vec<u32>,
     /// Items of the lists of walls: the number of a wall, and the next item or [`NONE`]. Items never change.
     pub(crate) lists: Vec<(u32, u32)>,
-    /// Label of each triangle, [`NONE`] without one. A label holds for all points of its triangle.
+    /// Label of each triangle, [`NONE`] without one. A label says something that holds for all points of its
+    /// triangle.
     pub(crate) labels: Vec<u32>,
     /// Labels that triangles have lost. A label may be listed several times.
     pub(crate) erased: Vec<u32>,
     /// Least and greatest coordinates of the triangles that have lost their labels.
     pub(crate) erased_bounds: [Point; 2],
-    /// Half-edge at which the next location begins.
+    /// Half-edge from whose triangle the next walk to a point begins: see `locate`.
     last: u32,
     stack: Vec<u32>,
 }
@@ -186,8 +187,10 @@ impl Triangulation {
         vertex
     }
 
-    /// Finds a point by walking from the half-edge `last`. The walk turns to another edge at each step, so it
-    /// hardly ever runs in a circle; when it has taken too long, all triangles are searched.
+    /// Returns the triangle, half-edge or vertex that a point is on, [`Place::Outside`] if there is none.
+    /// Walks there from the triangle of half-edge `last`, each time across an edge that the point is beyond.
+    /// Each step begins its tests at another edge, so that the walk hardly ever runs in a circle; after more
+    /// steps than there are half-edges, all triangles are searched.
     pub(crate) fn locate(&self, point: Point) -> Place {
         let mut t = self.last / 3;
         'walk: for step in 0..self.edges.len() as u32 + 16 {

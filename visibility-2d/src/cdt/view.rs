@@ -68,14 +68,19 @@ impl PlanView {
     /// Returns the eye with coordinates that the exact predicates accept.
     ///
     /// # Errors
-    /// [`PlanError::Coordinate`] if the eye (index 0) or a point of the sector (index 1 or 2) is not finite
-    /// or above 1e60.
+    /// [`PlanError::Coordinate`] with index 0 if a coordinate of the eye is NaN, infinite or above 1e60 in
+    /// absolute value.
     pub(crate) fn checked_eye(&self) -> Result<Point, PlanError> {
         checked(self.eye, 0)
     }
 
-    /// Writes the points that divide the sector into parts of less than half a turn each, from right to left.
-    /// Returns false without limit. One point or none: the sector is empty.
+    /// Replaces `out` by points whose directions from the eye divide the sector into parts of less than half
+    /// a turn each, from right to left. A single point: the sector is empty. Returns false if the view has no
+    /// sector, or one without directions: all directions count.
+    ///
+    /// # Errors
+    /// [`PlanError::Coordinate`] with index 1 or 2 if a coordinate of the sector's first or second point is
+    /// NaN, infinite or above 1e60 in absolute value.
     pub(crate) fn sector_points(&self, eye: Point, out: &mut Vec<Point>) -> Result<bool, PlanError> {
         out.clear();
         let Some([right, left]) = self.sector else { return Ok(false) };

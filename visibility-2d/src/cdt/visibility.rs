@@ -103,8 +103,8 @@ impl Plan {
     /// seen, plus a search for the eye.
     ///
     /// # Errors
-    /// [`PlanError::Coordinate`] if the eye or a point of the sector is not finite or above 1e60. The answer
-    /// is then empty.
+    /// [`PlanError::Coordinate`] if a coordinate of the eye (index 0) or of a point of the sector (index 1 or
+    /// 2) is NaN, infinite or above 1e60 in absolute value. The answer is then empty.
     pub fn look(&self, view: &PlanView, answer: &mut Visibility) -> Result<(), PlanError> {
         self.look_for(view, None, answer)
     }

@@ -81,7 +81,7 @@ pub(crate) fn is_along(wall: [Point; 2], piece: [Point; 2]) -> bool {
     (wall[0][axis] < wall[1][axis]) == (piece[0][axis] < piece[1][axis])
 }
 
-/// Adds the walls that do not have the mark of the query to an answer, and marks them.
+/// Adds to `to` each wall of `walls` whose entry in `marks` is not `query` yet, and sets the entry.
 pub(crate) fn add_walls(to: &mut Vec<u32>, marks: &mut [u32], query: u32, walls: &[u32]) {
     for &wall in walls {
         let mark = &mut marks[wall as usize];

@@ -52,7 +52,8 @@ pub struct ZoneWork {
     /// Number of elementary steps at the eye: tangent segments with a pivot or a front that they did not have
     /// before.
     pub steps: usize,
-    /// Tangent segments whose classes had ended or reached the limit of their derivation.
+    /// Tangent segments whose class did not hold for the new eye: the eye has left it, or has gone beyond the
+    /// zone's reach from where the class was derived.
     pub ended: usize,
     /// Whether all segments were made anew: in the first move, for eyes that touch a disc or have gone far,
     /// and where rounding cannot decide.
@@ -66,7 +67,7 @@ struct HalfPlane {
     offset: f64,
 }
 
-/// Class of a tangent segment, given by the eyes that are certainly in it.
+/// Class of a tangent segment, given by the eyes for which the segment certainly stays in it.
 #[derive(Clone, Copy, Debug, Default)]
 struct Class {
     anchor: [f64; 2],
@@ -93,11 +94,11 @@ impl Class {
 /// Range of directions in which the same disc is seen, and the tangent segment at its clockwise end.
 #[derive(Clone, Copy, Debug)]
 struct Arc {
-    /// Index of the disc that is seen in the arc, or [`NONE`].
+    /// Place in `Discs::discs` of the disc that is seen in the arc, [`NONE`] if none is.
     disc: u32,
     pivot: u32,
     front: u32,
-    /// Whether the pivot is counter-clockwise of the segment: its first tangent.
+    /// Whether the segment is the pivot's first tangent counter-clockwise. If not, it is the last one.
     is_first: bool,
     class: Class,
 }
@@ -142,9 +143,9 @@ pub struct KineticZone<'a> {
 /// Assigns directions to discs that come front to back.
 #[derive(Clone, Debug, Default)]
 struct Painter {
-    /// Ranges of directions that no disc drawn so far covers, ascending, in radians.
+    /// Ranges of directions that no disc drawn so far covers, ascending, as direction numbers.
     open: Vec<(f64, f64)>,
-    /// First direction in which a disc is seen, and the disc.
+    /// Direction number from which on a disc is seen, and the disc's place in `Discs::discs` or [`NONE`].
     runs: Vec<(f64, u32)>,
 }
 
@@ -198,9 +199,10 @@ fn left_of([x, y]: [f64; 2]) -> [f64; 2] {
 }
 
 impl<'a> KineticZone<'a> {
-    /// Makes a zone without an eye. Classes are derived for eyes up to `reach` metres away: some tens of
-    /// steps of the eye. A greater reach makes their derivation slower. NaN and negative numbers count as 0,
-    /// which makes each move a look from scratch.
+    /// Makes a zone without an eye. The class of a tangent segment is derived for eyes up to `reach` metres
+    /// from the present one, best some tens of the distance that the eye moves in a frame. A greater reach
+    /// makes the derivation slower. NaN and negative numbers count as 0, which makes each move a look from
+    /// scratch.
     pub fn new(discs: &'a Discs, reach: f64) -> Self {
         let mut places = alloc::vec![0; discs.len()];
         for (place, &index) in (0..).zip(&discs.indices) {
@@ -291,7 +293,8 @@ impl<'a> KineticZone<'a> {
     }
 
     /// Assigns directions to the discs of the last look. `None` if one of them, other than those of `beside`,
-    /// touches the eye or is seen in no direction that rounding can tell.
+    /// touches the eye or is seen in no direction that rounding can tell. `between` are the first and the
+    /// last direction number; the last may exceed 4.
     fn paint(&mut self, eye: [f64; 2], between: (f64, f64), beside: &[u32]) -> Option<()> {
         self.painter.begin(between.0, between.1);
         for &index in &self.looked {
@@ -342,8 +345,8 @@ impl<'a> KineticZone<'a> {
         Some(())
     }
 
-    /// Returns the direction number of an arc's tangent segment. `None` for an eye that touches the arc's
-    /// disc.
+    /// Returns the direction number of an arc's tangent segment. `None` for an eye that is in the arc's pivot
+    /// or so near it that rounding cannot tell.
     fn number(&self, arc: Arc, eye: [f64; 2]) -> Option<f64> {
         let (first, last) = span(&self.discs.discs[arc.pivot as usize], eye)?;
         Some(if arc.is_first { first } else { last })
@@ -394,7 +397,8 @@ impl<'a> KineticZone<'a> {
     }
 }
 
-/// Returns the direction numbers of a disc's tangents. `None` for an eye that touches the disc.
+/// Returns the direction numbers of a disc's tangents. `None` for an eye in the disc, or so near it that
+/// rounding cannot tell.
 fn span(disc: &Disc, eye: [f64; 2]) -> Option<(f64, f64)> {
     let [x, y] = minus(disc.center, eye);
     let power = x * x + y * y - disc.radius * disc.radius;

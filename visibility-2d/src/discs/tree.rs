@@ -105,7 +105,7 @@ impl Node {
         })
     }
 
-    /// Returns whether a disc of the node may overlap another disc or touch it.
+    /// Returns whether a disc of the node may overlap `disc` or touch it.
     fn may_overlap(&self, disc: &Disc) -> bool {
         let ([dx, dy], reach) = (self.away(disc.center), f64::from(self.radius) + disc.radius);
         dx * dx + dy * dy <= reach * reach * (1.0 + 10.0 * ROUNDING)
@@ -159,7 +159,8 @@ impl Discs {
     /// a disc in a pile: one that thousands of others overlap.
     ///
     /// # Errors
-    /// [`DiscError`] for discs that are not finite, and for too many.
+    /// [`DiscError::Disc`] if a coordinate or a radius is NaN, infinite or beyond 1e150, or a radius is
+    /// negative. [`DiscError::TooMany`] for more than 2^27 discs.
     pub fn new(discs: &[Disc]) -> Result<Self, DiscError> {
         if discs.len() > 1 << 27 {
             return Err(DiscError::TooMany);

@@ -16,10 +16,12 @@ const INDEX_BITS: u32 = 27;
 const DISC: u32 = 31;
 /// Level of a queue entry that is a disc which overlaps others, and closes gaps with a lesser radius.
 const SOLID: u32 = 30;
-/// Error of the directions in which a rectangle is seen: more than `4u` of 4.
+/// Bound on the error of the direction numbers of a rectangle's sides, which are at most 4: more than `4u` of
+/// 4, with `u = 2^-53`.
 const RECTANGLE_ERROR: f64 = 16.0 * f64::EPSILON;
 
-/// Greatest error of the tangents of a disc. Beyond it the eye counts as on the disc's circle.
+/// Greatest error of the direction numbers of a disc's tangents. Beyond it the eye counts as on the disc's
+/// circle.
 pub(super) const WIDEST_ERROR: f64 = 0.1;
 
 /// An eye among discs: where it is, and how far and in which directions it looks.
@@ -64,7 +66,8 @@ impl DiscView {
         Self { directions: Some((first, last)), ..self }
     }
 
-    /// Restricts the view to discs that begin within `range` metres. NaN and negative numbers count as 0.
+    /// Restricts the view to discs whose nearest point is within `range` metres of the eye. NaN and negative
+    /// numbers count as 0.
     pub fn with_range(self, range: f64) -> Self {
         Self { range: range.max(0.0), ..self }
     }
@@ -225,7 +228,8 @@ impl DiscZone {
         }
     }
 
-    /// Closes the directions in which a disc with another radius is seen.
+    /// Closes the directions in which a disc would be seen if it had the given radius. None for a radius that
+    /// is not positive, or an eye within it.
     fn close(&mut self, disc: &Disc, radius: f64, eye: [f64; 2]) {
         let (x, y) = (disc.center[0] - eye[0], disc.center[1] - eye[1]);
         let power = x * x + y * y - radius * radius;

@@ -90,7 +90,8 @@ impl<const N: usize> Relative<N> {
         Self { x: around(0), y: around(1), z: around(2) }
     }
 
-    /// Returns depth and lateral coordinates in the face `FACE`, least and greatest.
+    /// Returns the coordinates of the boxes in the face `FACE`: depth, then lateral coordinate; of each the
+    /// least, then the greatest.
     #[inline(always)]
     fn turned<const FACE: usize>(&self) -> [[[f32; N]; 2]; 2] {
         let negated = |of: &[[f32; N]; 2]| {

@@ -40,7 +40,8 @@ pub(crate) const BLOCK: usize = 8;
 /// The steps of eight neighbouring columns, by step and column: tested together.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Block {
-    /// Step that every column of the block hides at least, made from the step with the highest top in each.
+    /// Step that hides only what every column of the block hides, made from the step with the highest top in
+    /// each.
     common: Step,
     inverse_depth: [[f32; BLOCK]; STEPS],
     low: [[f32; BLOCK]; STEPS],
@@ -114,7 +115,7 @@ impl Block {
     }
 }
 
-/// All columns of the four faces.
+/// All columns of the four faces of the picture.
 #[derive(Clone, Debug)]
 pub(crate) struct Columns {
     per_face: usize,
@@ -206,7 +207,7 @@ impl Columns {
         }
     }
 
-    /// Adds a step to all columns of a block, given by its position in the face.
+    /// Adds a step to all columns of the block with index `block` in a face.
     pub(crate) fn add_step(&mut self, face: usize, block: usize, step: Step) {
         let block = &mut self.face_mut(face)[block];
         (0..BLOCK).for_each(|column| insert(block, column, step));
@@ -275,9 +276,9 @@ fn ceil(x: f64) -> f64 {
     if whole < x { whole + 1.0 } else { whole }
 }
 
-/// Lowers, for each side of a column from the right side of column `begin` on, `heights` and
-/// `inverse_depths` to the height (times `sense`) and the inverse depth of an outline there, less the error
-/// bounds.
+/// Lowers `heights` and `inverse_depths` to at most the height (times `sense`, 1 or -1) and the inverse depth
+/// of an outline, less the error bounds. Each entry is for a side between two columns, from the right side of
+/// column `begin` on.
 fn sample(
     heights: &mut [f64],
     inverse_depths: &mut [f64],
@@ -306,9 +307,9 @@ fn sample(
     }
 }
 
-/// Lowers the side of lower number of each column that the exact corner may be in, from the side of column
-/// `begin` on, to the height (times `sense`) and the inverse depth of a corner, less the error bounds. The
-/// column before that side is lowered with it.
+/// Lowers `heights` and `inverse_depths` to at most the height (times `sense`, 1 or -1) and the inverse depth
+/// of a corner, less the error bounds, at the right side of each column that the exact corner may be in.
+/// Entries are those of [`sample`]. The column to the right, which has this side too, is lowered with it.
 fn lower_at(
     heights: &mut [f64],
     inverse_depths: &mut [f64],
@@ -332,8 +333,8 @@ fn lower_at(
     }
 }
 
-/// Adds a step to a column of a block. If the column is full, the step that spans the least height is
-/// dropped.
+/// Adds a step to a column of a block. If the column is full, the step that spans the least height, old or
+/// new, is dropped.
 fn insert(block: &mut Block, column: usize, step: Step) {
     // Most columns are drawn once.
     if block.high.iter().all(|high| high[column] == f32::NEG_INFINITY) {

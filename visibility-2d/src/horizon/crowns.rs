@@ -51,7 +51,8 @@ impl CrownColumns {
         self.crowns.binary_search(&id).is_ok()
     }
 
-    /// Returns whether a box is behind enough crowns, wherever the view may see it.
+    /// Returns whether a box is behind enough crowns, and lower than the mean of their tops, in every column
+    /// in which the view may see it. False for a box over or under the eye.
     pub(crate) fn hides(&self, columns: &Columns, eye: &QueryEye, rows: [usize; 3], bounds: &Aabb) -> bool {
         let mut any = false;
         columns.for_each_part(eye, rows, bounds, |face, first, last, high| {
@@ -61,7 +62,7 @@ impl CrownColumns {
         }) && any
     }
 
-    /// Adds a crown, given by its box.
+    /// Counts a crown, given by its box, in all columns that the inner part of its width meets.
     pub(crate) fn add(&mut self, columns: &Columns, eye: &QueryEye, rows: [usize; 3], bounds: &Aabb) {
         let (center, half) = (bounds.center(), bounds.half_extent());
         let mut core = *bounds;

@@ -190,7 +190,8 @@ impl HorizonCuller {
         });
     }
 
-    /// Draws the solids of an object. Returns their number.
+    /// Draws the solids of an object. Returns their number: 0 if the object has changed since the occluders
+    /// were made, or if a clip plane may cut it.
     fn draw(&mut self, scene: &Scene, id: ObjectId) -> u32 {
         if self.changed.binary_search(&(id.index() as u32)).is_ok() {
             return 0;
@@ -299,7 +300,7 @@ impl Culler for HorizonCuller {
     }
 }
 
-/// Keeps all candidates of a walk: nothing hides.
+/// Keeps all candidates of a walk, in a frame in which nothing can be hidden.
 fn keep_all(walk: &mut Walk<SceneHierarchy>) {
     walk.visit(None, |walk, block, candidates| {
         let mut nodes = candidates & !block.objects(candidates);

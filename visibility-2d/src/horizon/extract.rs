@@ -31,18 +31,18 @@ pub(crate) enum Shape {
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Solid {
     pub(crate) shape: Shape,
-    /// Posts of the solid, a range of the list that the solid was added to.
+    /// Index of the solid's first post, in the list of posts that the solid was added with.
     pub(crate) first: u32,
     pub(crate) count: u32,
     /// Bound on the distance in metres of each post from a point of the exact solid.
     pub(crate) error: f64,
-    /// Part of `error` that is not rounding: the hull of the posts may reach this far out of the mesh, which
-    /// may be dented.
+    /// Part of `error` that is not rounding, in metres: how far the hull of the posts may reach out of the
+    /// mesh where the mesh is dented.
     pub(crate) dent: f64,
     /// Height in metres that the eye must be above, since the solid has no face there; negative infinity for
     /// a closed solid.
     pub(crate) open_below: f64,
-    /// Area of the upright face in square metres: width times height.
+    /// Area in square metres of the upright face of the solid's bounds: greater width times height.
     pub(crate) face: f64,
 }
 
@@ -100,8 +100,8 @@ impl Solids {
         }
     }
 
-    /// Adds a post to the solid that began at index `first`. A post over the same point of the plan as the
-    /// last one is joined with it.
+    /// Adds a post to the solid that began at index `first`. A post over the same point of the plan as an
+    /// earlier one of the solid is joined with it.
     fn add_post(&mut self, first: usize, post: Post) {
         for other in &mut self.posts[first..] {
             if other.x == post.x && other.y == post.y {
@@ -112,7 +112,8 @@ impl Solids {
         self.posts.push(post);
     }
 
-    /// Adds the solid of the posts from `first` on. `size` is the greatest sum of [`placed`].
+    /// Adds the solid of the posts from index `first` on. Drops these posts if there are fewer than two or
+    /// one is not finite. `size` is the greatest sum of magnitudes that [`placed`] returned for them.
     pub(crate) fn finish(
         &mut self,
         first: usize,
@@ -136,8 +137,8 @@ impl Solids {
         self.solids.push(Solid { shape, first, count, error, dent, open_below, face });
     }
 
-    /// Removes solids, from index `begin` on, that are small beside the largest of these or beside
-    /// [`least_face`](Self::least_face).
+    /// Removes solids, from index `begin` on, whose upright face is smaller than [`LEAST_FACE`] of the
+    /// largest of these, or than [`least_face`](Self::least_face).
     fn drop_small(&mut self, begin: usize) {
         let largest = self.solids[begin..].iter().map(|solid| solid.face).fold(0.0, f64::max);
         let least = self.least_face.max(LEAST_FACE * largest);
@@ -160,7 +161,7 @@ impl Solids {
     /// Adds a prism that may be open at the bottom. The triangles must be joined by shared vertices and meet
     /// these conditions: their vertices have two heights in all; the triangles between the two heights are
     /// upright and bound the hull of the triangles on the plan; every edge joins two triangles, except edges
-    /// at the lower height. `None` if the triangles are no such prism.
+    /// at the lower height. `None`, and nothing is added, if the triangles are no such prism.
     fn add_open_prism(
         &mut self,
         mesh: &OccluderMesh,
@@ -240,7 +241,7 @@ impl Solids {
     }
 }
 
-/// Returns the area of the upright face of posts, width times height, in square metres.
+/// Returns the area of the upright face of the bounds of posts, greater width times height, in square metres.
 fn face(posts: &[Post]) -> f64 {
     let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for p in posts {

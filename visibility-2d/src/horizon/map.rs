@@ -124,7 +124,7 @@ impl Horizon {
         }
     }
 
-    /// Tests whether `mesh`, placed by `transform`, is not cut by a clip plane of the view.
+    /// Returns whether `mesh`, placed by `transform`, is certainly inside all clip planes of the view.
     pub(crate) fn is_inside_clip_planes(&self, mesh: &OccluderMesh, transform: &Affine3A) -> bool {
         mesh.is_inside(&self.clip_planes, transform)
     }

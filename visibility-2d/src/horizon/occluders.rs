@@ -9,11 +9,12 @@ use visibility_core::glam::Affine3A;
 use visibility_core::scene::{Changes, SceneCursor};
 use visibility_core::{ObjectId, OccluderMesh, Scene};
 
-/// Share of the solids whose upright face is at most as large as the face that all are compared with.
+/// Quantile of the upright faces of all solids, by area. The face there is the one that [`LEAST_FACE`] is a
+/// fraction of.
 const USUAL: f64 = 0.95;
 
-/// Least size of a solid's upright face as a fraction of that face. Smaller solids are left out: furniture
-/// hides next to nothing beside walls.
+/// Least size of a solid's upright face as a fraction of the face at the quantile [`USUAL`]. Smaller solids
+/// are left out: furniture hides next to nothing beside walls.
 const LEAST_FACE: f64 = 1.0 / 8.0;
 
 /// The convex solids of a scene's occluders that a [`HorizonCuller`](super::HorizonCuller) draws, made from
@@ -105,7 +106,7 @@ impl HorizonOccluders {
         self.terrain = Terrain::new(scene, self.up);
     }
 
-    /// Removes solids that are not in use, and those that are too small.
+    /// Removes solids that are not in use, and those whose upright face is smaller than `least_face`.
     fn drop_former(&mut self) {
         let least_face = self.solids.least_face;
         let all = core::mem::replace(&mut self.solids, Solids { least_face, ..Solids::default() });
@@ -172,7 +173,7 @@ impl HorizonOccluders {
     }
 }
 
-/// Returns the solids of one mesh under a transform in `scratch`, which is cleared before.
+/// Replaces `scratch` by the solids of one mesh under a transform.
 pub(crate) fn solids_of_mesh(scratch: &mut Solids, mesh: &OccluderMesh, transform: &Affine3A, up: UpAxis) {
     scratch.clear();
     scratch.add_mesh(mesh, transform, up, true);

@@ -243,7 +243,8 @@ impl Outline {
         is_decided.then_some((nearest, e))
     }
 
-    /// Projects the posts of `cut`, whose coordinates are off by at most `e`, and bounds the errors.
+    /// Projects the posts of `cut`, whose coordinates are off by at most `e` metres, into `projected`, and
+    /// sets the bounds in `error`.
     fn project_cut(&mut self, e: f64, columns: usize) {
         let half = 0.5 * columns as f64;
         let (mut tangent, mut height, mut least) = (0.0f64, 0.0f64, 0.0f64);

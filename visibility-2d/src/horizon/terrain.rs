@@ -27,11 +27,12 @@ use visibility_core::{Aabb, ObjectId, Scene};
 /// Greatest number of sheets of a scene. Each takes its own time in a frame.
 const MAX_SHEETS: usize = 4;
 
-/// Least area of a sheet on the plan, as a fraction of the scene's. Smaller ones are left out: roofs and
-/// rocks.
+/// Least area of a sheet on the plan, as a fraction of the rectangle around all triangles of the scene that
+/// face up. Smaller ones are left out: roofs and rocks.
 const LEAST_AREA: f64 = 1.0 / 64.0;
 
-/// Least height of a sheet as a fraction of its lesser width. A floor hides next to nothing.
+/// Least difference between the greatest and the least height of a sheet, as a fraction of the lesser side of
+/// its bounds on the plan. A floor hides next to nothing.
 const LEAST_HEIGHT: f64 = 1.0 / 128.0;
 
 /// Number of squares of a grid for each triangle of its sheet, within a factor of four. Borders break whole
@@ -41,7 +42,7 @@ const SQUARES_PER_TRIANGLE: usize = 64;
 /// Least and greatest number of squares of a grid, within a factor of four.
 const SQUARES: [usize; 2] = [1 << 10, 1 << 22];
 
-/// Number of levels of squares. Each level joins the squares of the one below by fours.
+/// Greatest number of levels of squares. Each level joins the squares of the one below by fours.
 const LEVELS: usize = 8;
 
 /// Distance in squares below which a triangle counts as meeting a square. A hundred times the errors of
@@ -60,7 +61,7 @@ struct Triangle {
     object: u32,
 }
 
-/// An object with triangles of a sheet.
+/// An object that has triangles in a sheet.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct GroundObject {
     pub(crate) id: ObjectId,
@@ -71,8 +72,9 @@ pub(crate) struct GroundObject {
 /// A square of the plan, or several that are joined.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Square {
-    /// Least and greatest height of the sheet over the square in metres, rounded outwards.
+    /// Least height of the sheet over the square in metres, rounded downwards.
     pub(crate) low: f32,
+    /// Greatest height of the sheet over the square in metres, rounded upwards.
     pub(crate) high: f32,
     /// Number of the list of objects whose triangles are over the square: see [`Sheet::owners`]. [`BROKEN`]
     /// if the sheet has a border there, or does not cover the square.
@@ -102,8 +104,9 @@ pub(crate) struct Sheet {
     pub(crate) side: f64,
     /// Levels of squares: first those of side `side`, then those of twice that side, and so on.
     pub(crate) levels: Vec<Level>,
-    /// Least and greatest height of the sheet over its unbroken squares, in metres from the scene's origin.
+    /// Least height of the sheet over its unbroken squares, in metres from the scene's origin.
     pub(crate) bottom: f32,
+    /// Greatest height of the sheet over its unbroken squares, in metres from the scene's origin.
     pub(crate) top: f32,
     /// By number of a list of owners (the objects whose triangles meet a square): the end, exclusive, of the
     /// list in [`objects`](Self::objects). A list begins where the list before it ends.
@@ -391,8 +394,8 @@ struct HeightRange {
     min: [f64; 2],
     /// Greatest coordinates of the triangle on the plan.
     max: [f64; 2],
-    /// First corner of the triangle, and the growth of the height from there, in metres per metre. `None` for
-    /// a triangle that is too narrow to tell.
+    /// First corner of the triangle (on the plan, then its height), and the slopes of the height along the
+    /// plan's two axes, in metres per metre. `None` for a triangle that is too narrow or too steep for that.
     plane: Option<([f64; 3], [f64; 2])>,
     /// Bound in metres on the error of a height taken from `plane`.
     slack: f64,
@@ -475,8 +478,8 @@ fn placed_exactly(p: Vec3, transform: &Affine3A) -> Option<DVec3> {
 /// number of an object and of its vertex.
 type VertexKey = [u64; 4];
 
-/// Returns the objects and the triangles that face up. Triangles
-/// of meshes that hide from both sides are turned up.
+/// Returns the triangles that face up, of all occluders that are not convex, and the objects that they belong
+/// to. Triangles of meshes that hide from both sides are turned up.
 fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, Vec<Triangle>) {
     let (mut objects, mut triangles) = (Vec::new(), Vec::<Triangle>::new());
     let mut keys: Vec<(VertexKey, u32)> = Vec::new();
@@ -581,7 +584,8 @@ fn join(triangles: &[Triangle]) -> Borders {
     borders
 }
 
-/// Returns the triangles of the sheets with the largest areas on the plan.
+/// Returns the sheets with the largest areas on the plan, at most [`MAX_SHEETS`], each as indices of its
+/// triangles. Sheets smaller than [`LEAST_AREA`] are left out.
 fn largest(triangles: &[Triangle], borders: &Borders) -> Vec<Vec<u32>> {
     let mut parent: Vec<u32> = (0..triangles.len() as u32).collect();
     fn root(parent: &mut [u32], mut i: u32) -> u32 {

@@ -1,10 +1,10 @@
 //! The hills of a frame: steps of columns from the sheets of ground, block of columns by block.
 //!
 //! From the eye outwards, the wedge of a block is cut into *rings* by depth. The squares that a ring meets
-//! bound the height of the sheet there. While they are unbroken, the greatest of the rings' least heights in
-//! the picture, so far, is a step: lines of sight lower than that are below the sheet at that ring, and were
-//! above it at the ring before whose greatest height is the least. A step is added to the columns where the
-//! heights stop growing, which is at a crest.
+//! bound the height of the sheet there. While they are unbroken, the step of a ring reaches from the least of
+//! the greatest heights in the picture of the rings before it up to its own least height: a line of sight
+//! between the two was above the sheet before and is below it at this ring. A step is added to the columns
+//! where the heights stop growing, which is at a crest.
 //!
 //! # Rounding
 //! With `u = 2^-53`. Depths and sides of a wedge are numbers as computed, for the exact eye. Points of the
@@ -127,8 +127,9 @@ struct Wedge<'a> {
     /// Bound on the error of coordinates and heights, in metres.
     error: f64,
     run: Run,
-    /// Heights of the sheet's lowest and highest point above the eye, in metres.
+    /// Height of the sheet's lowest point above the eye, in metres.
     bottom: f64,
+    /// Height of the sheet's highest point above the eye, in metres.
     top: f64,
 }
 

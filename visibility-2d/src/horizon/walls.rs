@@ -62,8 +62,8 @@ fn compare(a: &[f32; 2], b: &[f32; 2]) -> Ordering {
 }
 
 impl Solids {
-    /// Adds the walls among some triangles of a mesh under a transform. None under a transform that leans, or
-    /// that takes the plan to a line.
+    /// Adds the walls among some triangles of a mesh under a transform. Adds none under a transform that does
+    /// not keep upright lines upright, or that takes the plan to a line.
     pub(super) fn add_walls(
         &mut self,
         mesh: &OccluderMesh,

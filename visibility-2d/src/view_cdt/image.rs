@@ -14,13 +14,14 @@ use alloc::vec::Vec;
 /// Greatest number of triangles that may be filled. Further triangles stay open.
 pub(crate) const MOST_TRIANGLES: usize = 1 << 13;
 
-/// Number of the list of walls that marks every edge of an outline. Its content is not used.
+/// Value of `BuildEdge::walls` that marks every edge of an outline. It is the number of no list.
 const OUTLINE: u32 = 0;
 
 /// Least and greatest coordinates of a region that is all of the image plane.
 const EVERYWHERE: [[f64; 2]; 2] = [[f64::NEG_INFINITY; 2], [f64::INFINITY; 2]];
 
-/// Triangles of a search, in memory of fixed size, so that a test of a borrowed image needs no other.
+/// Triangles that a search has seen and that wait for it, in memory of fixed size: a test, which only borrows
+/// the image, allocates nothing.
 struct Search {
     seen: [u64; MOST_TRIANGLES / 64],
     waiting: [u64; MOST_TRIANGLES / 64],
@@ -33,7 +34,8 @@ impl Search {
         Self { seen: [0; MOST_TRIANGLES / 64], waiting: [0; MOST_TRIANGLES / 64], first: 0 }
     }
 
-    /// Adds a triangle unless it was added before. Returns false if its number is too large.
+    /// Adds triangle `t` to those that wait, unless it was added before. Returns false, and adds nothing, if
+    /// `t` is not below [`MOST_TRIANGLES`].
     fn push(&mut self, t: u32) -> bool {
         let (word, bit) = (t as usize / 64, 1 << (t % 64));
         let Some(seen) = self.seen.get_mut(word) else { return false };
@@ -58,8 +60,8 @@ impl Search {
     }
 }
 
-/// A convex region of the image: the rectangle between two corners, within the hull of points that have
-/// errors of at most one unit.
+/// A convex region of the image, in grid units: the common part of the rectangle from `low` to `high` and of
+/// the hull of points that are wrong by at most one unit.
 #[derive(Clone, Copy)]
 struct Region<'a> {
     low: [f64; 2],
@@ -68,7 +70,8 @@ struct Region<'a> {
 }
 
 impl Region<'_> {
-    /// Returns false only if a triangle and the rectangle are apart along an axis.
+    /// Returns whether the triangle with the given corners may meet the rectangle: whether they overlap in
+    /// their ranges of x and in their ranges of y.
     fn meets_rectangle(&self, corners: &[[f64; 2]; 3]) -> bool {
         (0..2).all(|axis| {
             corners.iter().any(|p| p[axis] >= self.low[axis])
@@ -76,7 +79,8 @@ impl Region<'_> {
         })
     }
 
-    /// Returns false only if the hull is apart from a triangle, beyond one of its sides.
+    /// Returns whether the triangle with the given corners may meet the hull: false only if the hull is
+    /// beyond one of the triangle's sides.
     ///
     /// Points of the hull are wrong by up to half a unit on each axis. They are below 2^48 and sides shorter
     /// than 2^21, so the cross product is wrong by less than a quarter of the side's extents. Together these
@@ -131,7 +135,7 @@ pub(crate) struct Image {
 }
 
 impl Image {
-    /// Empties the image: no cell hides.
+    /// Empties the image: no triangle hides.
     pub(crate) fn clear(&mut self) {
         self.triangulation.restart([-RIM; 2], [REACH; 2]);
         self.is_filled = false;
@@ -142,13 +146,14 @@ impl Image {
         self.triangulation.points.len()
     }
 
-    /// Returns whether no triangle was ever filled.
+    /// Returns whether no triangle was filled since the image was last emptied.
     pub(crate) fn is_empty(&self) -> bool {
         !self.is_filled
     }
 
-    /// Adds a shape: its outline, and its number as the label of the triangles that it fills. Does nothing if
-    /// all of its outline is filled already.
+    /// Adds a shape, given by its index in the list of `shapes`: its outline as edges, and the index as the
+    /// label of the triangles that it fills. Does nothing if all triangles within the outline are filled
+    /// already.
     pub(crate) fn add(&mut self, shapes: &Shapes, number: u32) {
         let shape = &shapes.list[number as usize];
         let outline = &shapes.outlines[shape.outline.clone()];

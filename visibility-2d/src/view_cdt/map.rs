@@ -58,7 +58,7 @@ impl Default for ViewCdt {
 }
 
 impl ViewCdt {
-    /// Makes an empty map, which hides nothing inside the image before the first frame.
+    /// Makes an empty map, which hides nothing until a frame begins.
     pub fn new() -> Self {
         let mut image = Image::default();
         image.clear();

@@ -28,7 +28,8 @@ pub(crate) type Corner = [f64; 5];
 pub(crate) struct Screen {
     rows: [ClipRow; 5],
     anchor: DVec3,
-    /// Sign of the determinant of triangles that face the eye. 0 if it is not known.
+    /// Sign of the determinant of a triangle's corners `(x, y, w)` if the triangle faces the eye and no
+    /// transform mirrors it. 0 if it is not known.
     facing: f64,
 }
 
@@ -39,7 +40,7 @@ pub(crate) struct Projected {
     /// Bound on the absolute error of each of the five values of a corner. It also holds for points
     /// interpolated between two corners with up to four roundings.
     pub(crate) error: Corner,
-    /// Greatest magnitude of each value with its error.
+    /// Upper bound on the magnitude of each of the five values, errors included.
     pub(crate) size: Corner,
 }
 
@@ -90,8 +91,8 @@ impl Screen {
         }
     }
 
-    /// Returns the sign that the determinant of a placed triangle that faces the eye has, `None` if rounding
-    /// leaves open whether the transform mirrors.
+    /// Returns the sign of the determinant of a triangle's corners `(x, y, w)` if the triangle, placed by
+    /// `transform`, faces the eye. `None` if rounding leaves open whether the transform mirrors.
     pub(crate) fn facing(&self, transform: &Affine3A) -> Option<f64> {
         let [x, y, z] = axes(transform);
         let determinant = x.cross(y).dot(z);

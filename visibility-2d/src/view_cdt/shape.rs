@@ -29,12 +29,13 @@ pub(crate) fn at([a, b, c]: Line, [x, y]: [f64; 2]) -> f64 {
     a * x + b * y + c
 }
 
-/// Bounds of a shape, as ranges in the lists of [`Shapes`].
+/// What a shape covers and how near it is, as ranges in the lists of [`Shapes`].
 #[derive(Clone, Debug)]
 pub(crate) struct Shape {
     /// Half-planes of the shape: a point of the grid at which all are positive is covered.
     pub(crate) lines: Range<usize>,
-    /// Planes of lower bounds on the occluder's depth key. At each point the least of the bounds holds.
+    /// Linear functions of grid coordinates, one for each triangle of the shape. The least of their values at
+    /// a point is a lower bound on the occluder's depth key there (greater is nearer).
     pub(crate) planes: Range<usize>,
     /// Vertices of the outline on the grid, counter-clockwise.
     pub(crate) outline: Range<usize>,
@@ -42,7 +43,7 @@ pub(crate) struct Shape {
     pub(crate) floor: f64,
 }
 
-/// Outlines of the occluders of a frame.
+/// Shapes of the occluders of a frame, and the lists that the shapes have ranges in.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Shapes {
     pub(crate) list: Vec<Shape>,
@@ -80,9 +81,9 @@ struct Meshed<'a> {
     corners: &'a [Corner],
     size: &'a Corner,
     error: &'a Corner,
-    /// Sign of the determinant of triangles of the shape.
+    /// Sign that the determinant of a triangle's corners has if it may be a part of the shape.
     facing: f64,
-    /// Distance beyond the near plane at which geometry is cut.
+    /// Distance beyond the near plane, the fifth value of a corner, at which geometry is cut.
     limit: f64,
     /// Bounds on the errors of components of cross products.
     of_cross: Line,
@@ -114,8 +115,8 @@ impl<'a> Meshed<'a> {
         self.corner(vertex)[4] > self.limit
     }
 
-    /// Returns the half-plane on the inner side of an edge from `a` to `b`, lowered by its error at all
-    /// points of the grid.
+    /// Returns a linear function that is positive only on the inner side of an edge from `a` to `b`: the
+    /// edge's line, lowered by the bound on its error in the triangulated rectangle.
     fn line(&self, a: &Corner, b: &Corner) -> Line {
         let line = cross(a, b).map(|x| x * self.facing);
         let size = REACH * (line[0].abs() + line[1].abs()) + line[2].abs();
@@ -130,8 +131,8 @@ impl<'a> Meshed<'a> {
         determinant * self.facing > self.of_determinant && [a, b, c].iter().any(|&v| self.is_beyond(v))
     }
 
-    /// Returns a lower bound on the depth key of a triangle's plane at all points of the grid. `None` if
-    /// rounding leaves the plane open.
+    /// Returns a linear function of grid coordinates that is a lower bound on the depth key of a triangle's
+    /// plane, at all points of the grid. `None` if rounding leaves the plane open.
     ///
     /// By Cramer's rule the key is `n_a (b x c) + n_b (c x a) + n_c (a x b)` over the determinant.
     fn depth_plane(&self, t: [u32; 3]) -> Option<Line> {
@@ -305,7 +306,7 @@ impl Shapes {
     }
 
     /// Adds the outline of the points inside all lines from `first` on, moved inwards and rounded to the
-    /// grid. Returns false if fewer than three vertices are left. What the outline is need not be exact: only
+    /// grid. Returns false if fewer than three vertices are left. The outline need not be exact: only
     /// triangles whose corners are inside the lines are filled.
     fn push_outline(&mut self, first: usize) -> bool {
         let begin = self.outlines.len();

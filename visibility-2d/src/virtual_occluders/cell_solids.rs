@@ -27,13 +27,14 @@ impl CellBox {
         [[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(|[x, y]| Point::exact(x, y))
     }
 
-    /// Returns a lower bound in metres on the distance on the plan from a rectangle.
+    /// Returns a lower bound in metres on the distance on the plan between the viewcell and a rectangle.
     pub(crate) fn distance(&self, min: [f64; 2], max: [f64; 2]) -> f64 {
         let gap = |axis: usize| (min[axis] - self.max[axis]).max(self.min[axis] - max[axis]).max(0.0);
         sqrt(gap(0) * gap(0) + gap(1) * gap(1)) * (1.0 - 8.0 * U)
     }
 
-    /// Returns an upper bound in metres on the greatest distance on the plan from a point.
+    /// Returns an upper bound in metres on the distance on the plan between a point and any point of the
+    /// viewcell.
     fn reach(&self, x: f64, y: f64) -> f64 {
         let along = |at: f64, axis: usize| (at - self.min[axis]).abs().max((at - self.max[axis]).abs());
         let (dx, dy) = (along(x, 0), along(y, 1));
@@ -47,8 +48,8 @@ pub(crate) struct Post {
     pub(crate) at: Point,
     /// Upper bound on the height of the lower end.
     pub(crate) low: f64,
-    /// Greatest rise, in metres per metre on the plan, of a line from a viewpoint that meets the post.
-    /// Negative if lines from the highest viewpoint have to descend to meet the post.
+    /// Slope up to which lines of sight from the viewcell certainly meet the post instead of passing above
+    /// it, in metres of rise per metre on the plan. -1 if the post's top is below the highest viewpoint.
     pub(crate) slope: f64,
 }
 
@@ -57,7 +58,8 @@ pub(crate) struct Post {
 pub(crate) struct CellSolid {
     first: u32,
     count: u32,
-    /// Approximate solid angle from the middle of the viewcell.
+    /// Estimate of the solid angle at the nearest point of the viewcell: width times height over squared
+    /// distance.
     pub(crate) size: f64,
     /// Middle of the solid's bounds on the plan, in metres.
     pub(crate) middle: [f64; 2],
@@ -82,12 +84,13 @@ pub(crate) struct CellSolids {
     /// Chosen solids, in the order of the tree's leaves.
     solids: Vec<CellSolid>,
     posts: Vec<Post>,
-    /// Posts of the solids that are high enough for the present slope, solid by solid. `used_ends` has the
-    /// end of each solid's range.
+    /// Posts that the last [`restrict`](Self::restrict) left in use, solid by solid. `used_ends` has the end
+    /// of each solid's range.
     used: Vec<Post>,
     used_ends: Vec<u32>,
     levels: Vec<Vec<Node>>,
-    /// Solids of candidates above the viewpoints: size, then index.
+    /// Scratch: solids of candidate objects that are higher than the viewpoints, as size and index in
+    /// `PlanSolids`.
     ranked: Vec<(f64, u32)>,
     order: Vec<([f64; 2], u32)>,
 }
@@ -115,20 +118,20 @@ impl CellSolids {
         &self.posts[solid.first as usize..][..solid.count as usize]
     }
 
-    /// Returns the posts to which a solid is restricted at present, counter-clockwise.
+    /// Returns the posts of a solid that the last [`restrict`](Self::restrict) left in use,
+    /// counter-clockwise.
     pub(crate) fn ring(&self, index: u32) -> &[Post] {
         let end = |index: usize| self.used_ends[index] as usize;
         let first = (index as usize).checked_sub(1).map_or(0, end);
         &self.used[first..end(index as usize)]
     }
 
-    /// Returns whether all posts of a solid are in use at present.
+    /// Returns whether the last [`restrict`](Self::restrict) left all posts of a solid in use.
     pub(crate) fn is_whole(&self, index: u32) -> bool {
         self.ring(index).len() == self.solids[index as usize].count as usize
     }
 
-    /// Restricts all solids to the posts whose slope is at least `slope` and for which `is_of_use` returns
-    /// true.
+    /// Leaves in use only the posts whose slope is at least `slope` and for which `is_of_use` returns true.
     pub(crate) fn restrict(&mut self, slope: f64, is_of_use: impl Fn(&Post) -> bool) {
         self.used.clear();
         self.used_ends.clear();
@@ -147,8 +150,8 @@ impl CellSolids {
         (0..2).all(|axis| a.min[axis] <= b.max[axis] && b.min[axis] <= a.max[axis])
     }
 
-    /// Chooses the solids that look largest from a viewcell, of the objects for which `is_candidate` returns
-    /// true.
+    /// Replaces the solids by those that look largest from a viewcell, of the objects for which
+    /// `is_candidate` returns true. Solids that may touch the viewcell on the plan are left out.
     pub(crate) fn fill(&mut self, all: &PlanSolids, cell: &CellBox, is_candidate: impl Fn(u32) -> bool) {
         let middle = [0, 1].map(|axis| 0.5 * cell.min[axis] + 0.5 * cell.max[axis]);
         self.ranked.clear();
@@ -237,7 +240,8 @@ impl CellSolids {
         }
     }
 
-    /// Calls `each` with the solids whose bounds a segment meets and that reach up to `slope`.
+    /// Calls `each` with the solids whose bounds a segment meets and whose greatest slope is at least
+    /// `slope`.
     pub(crate) fn along(&self, from: [f64; 2], to: [f64; 2], slope: f64, each: &mut impl FnMut(u32)) {
         let segment = Segment::new(from, to);
         if let Some(top) = self.levels.len().checked_sub(1) {

@@ -16,14 +16,14 @@ const MOST: usize = 64;
 /// Number of solids of the former chain that are tried for the next link.
 const AHEAD: usize = 3;
 
-/// Greatest extent of a virtual occluder to each side, as a multiple of the line's distance: farther aside
-/// lines of sight are almost parallel to it.
+/// Greatest extent of a virtual occluder to each side, as a multiple of the line's distance from the
+/// viewcell's middle. Farther aside, lines of sight are almost parallel to the line.
 pub(crate) const WIDEST: f64 = 4.0;
 
 /// A line on the plan behind which virtual occluders hide, with the viewcell on its near side.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BackLine {
-    /// Point on the plan that distances are measured from.
+    /// Point on the plan, in metres, that `distance` is measured from: the middle of the viewcell.
     origin: [f64; 2],
     /// Unit vector that points away from the viewcell.
     normal: [f64; 2],
@@ -64,10 +64,11 @@ impl BackLine {
 #[derive(Clone, Copy, Debug)]
 struct Link {
     solid: u32,
-    /// First and last end of the chord, counter-clockwise as seen from the hidden point.
+    /// End of the chord that is first counter-clockwise, as seen from the hidden point. The other end is
+    /// `to`.
     from: Point,
     to: Point,
-    /// Height of the lower ends of the chord's two posts, the greater one.
+    /// Height in metres of the higher one of the lower ends of the chord's two posts.
     low: f64,
     /// Point of both solids in which the chord of the link before must end in place of its own end. `None` if
     /// that chord needs no other end.

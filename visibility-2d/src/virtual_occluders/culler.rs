@@ -76,7 +76,7 @@ pub struct VirtualOccluderCuller {
 }
 
 impl VirtualOccluderCuller {
-    /// Number of virtual occluders of a viewcell by default.
+    /// Greatest number of virtual occluders of a viewcell by default.
     pub const MAX: usize = 8;
 
     /// Makes a culler for scenes in which the given axis points up.

@@ -12,8 +12,8 @@ use visibility_core::glam::DVec3;
 
 /// Maximum deviation of vertices from the plane, as a fraction of the joined polygon's size.
 const FLAT: f64 = 1e-6;
-/// Greatest depth of a corner that counts as convex, as a part of the size of the polygon: a thousandth of
-/// [`FLAT`].
+/// Greatest distance of a vertex from the outer side of an edge's line at which the polygon counts as convex,
+/// as a fraction of the polygon's size, for an edge of that size: a thousandth of [`FLAT`].
 const CORNER_ROUNDING: f64 = 1e-9;
 /// Maximum number of vertices of a joined polygon. Each edge costs a plane through the eye in every frame.
 const MOST_VERTICES: usize = if MOST_EDGES < 10 { MOST_EDGES } else { 10 };

@@ -32,8 +32,8 @@ pub(super) struct Polygon {
     pub(super) solids: u32,
     /// Unit normal of the front, the side from which the vertices run counter-clockwise.
     pub(super) normal: DVec3,
-    /// Least and greatest coordinate of the vertices along `normal`, in metres from `Scene::origin`, widened
-    /// by rounding.
+    /// Least and greatest coordinate of the vertices along `normal`, in metres from `Scene::origin`, rounded
+    /// outwards.
     pub(super) extent_along_normal: [f64; 2],
     /// Area of the polygon in square metres.
     pub(super) area: f64,

@@ -119,8 +119,8 @@ impl Selector {
     /// Replaces `chosen` by the up to `count` polygons with the greatest upper bound on their solid angle
     /// from `eye`, greatest first. Polygons with a bound of 0 or less are left out. If `volume` is given,
     /// only polygons that may be inside it are considered. `samples_region` tells that the eye stands for a
-    /// region, so that what hides only from within a solid around the eye is left out. Chooses none if
-    /// `lost`.
+    /// region: a polygon whose back hides only for eyes in the box around its object then counts as hiding
+    /// from its front alone. Chooses none if `lost`.
     pub(crate) fn choose(
         &mut self,
         occluders: &Occluders,

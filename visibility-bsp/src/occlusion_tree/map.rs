@@ -21,13 +21,14 @@ pub(super) struct QueuedPolygon {
     /// Unit normal of the polygon's front, the side from which the vertices run counter-clockwise.
     normal: DVec3,
     /// Least and greatest coordinate of the polygon's vertices along `normal`, in metres from
-    /// `Scene::origin`, widened by rounding.
+    /// `Scene::origin`, rounded outwards.
     extent_along_normal: [f64; 2],
     /// Whether the polygon also hides for eyes behind its front; if false, only for eyes in front.
     two_sided: bool,
 }
 
-/// Greatest thickness of two triangles that count as one quadrilateral, as a part of its diagonal.
+/// Greatest extent along their normal of two triangles that count as one flat quadrilateral, as a fraction of
+/// its longer diagonal.
 const FLAT: f64 = 1e-6;
 
 /// Gain at or below which a polygon is not inserted, in steradians or objects as [`Worth`] measures it.
@@ -81,7 +82,8 @@ pub struct OcclusionTree {
     pub(super) vertices: Vec<DVec3>,
     /// Polygons that take effect at the next flush.
     pub(super) queue: Vec<QueuedPolygon>,
-    /// Whether the queue is of the frame that begins next: its polygons were chosen before.
+    /// True if the queued polygons are for the frame that begins next, which keeps them; false if they are
+    /// for the present frame, so that the next one drops them.
     pub(super) is_queued_ahead: bool,
     /// Scratch: queue of shadows, greatest gain first.
     heap: BinaryHeap<Candidate>,
@@ -256,7 +258,8 @@ impl OcclusionMap for OcclusionTree {
 }
 
 /// Returns the convex quadrilateral that two triangles form, in boundary order. `None` if they share no edge
-/// in opposite directions, or the quadrilateral is not flat to 1e-6 of its diagonal or not strictly convex.
+/// in opposite directions, or the quadrilateral is not flat to 1e-6 of its longer diagonal or not strictly
+/// convex.
 fn quad(one: &OccluderTriangle, two: &OccluderTriangle) -> Option<[DVec3; 4]> {
     let (p, q) = (one.corners, two.corners);
     for i in 0..3 {

@@ -21,12 +21,13 @@ pub(crate) const OUTSIDE: Child = u32::MAX - 1;
 /// hidden.
 pub(crate) const HIDDEN: Child = 1 << 31;
 
-/// Distance from a back plane within which a corner counts as on the plane, as a part of the plane's offset:
-/// 9,000 times the round-off of `f64`. It only saves the cut of a sliver.
+/// Distance from a back plane within which a corner counts as on the plane, as a fraction of the plane's
+/// offset: 9,000 times the round-off of `f64`. It only saves the cut of a sliver.
 const ON_PLANE: f64 = 1e-12;
 
-/// Margin of the share of an edge at which a plane cuts it. A share is some ten roundings of `f64` away from
-/// values that have their own slack: a millionth of this.
+/// Amount by which the part of an edge inside a leaf, as fractions of the edge from 0 to 1, is enlarged at
+/// each end where a plane cuts the edge. The division rounds by less than a millionth of this; the errors of
+/// the plane's values are covered by their own slack.
 const SHARE_ROUNDING: f64 = 1e-9;
 
 /// Maximum number of nodes, which bounds time and memory for adversarial occluders. Polygons that would

@@ -14,11 +14,11 @@ use visibility_core::{Aabb, glam::DVec3};
 /// [`build`](Self::build) makes a tree of many polygons at once. [`insert`](Self::insert) and
 /// [`remove`](Self::remove) change the polygons of single owners without a rebuild.
 ///
-/// # Robustness Sides are decided with the margin of [`SidePlane`](visibility_core::geometry::SidePlane). A
-/// polygon that is beyond the margin on one side of a plane, and nowhere on the other, goes to that side
-/// uncut. So rounding makes no slivers, and polygons in one plane share a node. A cut point depends only on
-/// the plane and the two ends of the cut edge, so two polygons that share an edge are cut in bit-identical
-/// points.
+/// # Robustness
+/// Sides are decided with the margin of [`SidePlane`](visibility_core::geometry::SidePlane). A polygon that
+/// is beyond the margin on one side of a plane, and nowhere on the other, goes to that side uncut. So
+/// rounding makes no slivers, and polygons in one plane share a node. A cut point depends only on the plane
+/// and the two ends of the cut edge, so two polygons that share an edge are cut in bit-identical points.
 ///
 /// # Cost
 /// Building takes some microseconds per polygon. The time is quadratic for polygons that no plane separates
@@ -66,11 +66,11 @@ pub struct BspTree {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum BspError {
-    /// The polygons cut each other more often than the limit, so that a tree of them would be too large.
+    /// The polygons were cut more often than the limit, so that a tree of them would be too large.
     TooManyFragments {
         /// Number of accepted polygons in the failed `build` or `insert` call.
         polygons: usize,
-        /// Maximum number of cuts for that number of polygons.
+        /// Maximum number of cuts for that number of polygons: 4,096, and 256 for each.
         limit: usize,
     },
 }

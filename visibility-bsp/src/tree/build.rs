@@ -12,7 +12,7 @@ use visibility_core::{
     glam::DVec3,
 };
 
-/// Maximum number of cuts per inserted polygon, on average, before building fails.
+/// Maximum number of cuts per inserted polygon, on average, beyond 4,096 cuts in all, before building fails.
 const GROWTH: usize = 256;
 
 impl BspTree {
@@ -23,7 +23,7 @@ impl BspTree {
     /// that is not [accepted](Self::accepts) is left out. Takes some microseconds per polygon.
     ///
     /// # Errors
-    /// [`BspError::TooManyFragments`] if the polygons cut each other into too many fragments.
+    /// [`BspError::TooManyFragments`] if building makes more than 4,096 cuts plus 256 for each polygon.
     pub fn build<P: AsRef<[DVec3]>>(polygons: impl IntoIterator<Item = (u32, P)>) -> Result<Self, BspError> {
         let mut tree = Self::new();
         tree.sort_in(polygons)?;

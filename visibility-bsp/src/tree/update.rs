@@ -15,8 +15,8 @@ impl BspTree {
     /// polygons has been removed before.
     ///
     /// # Errors
-    /// [`BspError::TooManyFragments`] if the polygons are cut into too many fragments. All polygons of the
-    /// owner are then removed from the tree, including earlier ones.
+    /// [`BspError::TooManyFragments`] if the polygons are cut more than 4,096 times plus 256 times for each.
+    /// All polygons of the owner are then removed from the tree, including earlier ones.
     pub fn insert<P: AsRef<[DVec3]>>(
         &mut self,
         owner: u32,

@@ -4,7 +4,7 @@ use crate::line_side::U;
 use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::DVec3;
 
-/// Number of 106 bits of precision.
+/// Number with 106 bits of precision.
 pub(super) type D = DoubleDouble;
 
 pub(super) fn difference(a: DVec3, b: DVec3) -> [D; 3] {
@@ -47,8 +47,8 @@ pub(super) fn side(p: DVec3, q: DVec3, a: DVec3, b: DVec3, delta: f64) -> (f64, 
     (value, 2.0 * delta * slopes + rounding)
 }
 
-/// Returns a side with a bound on its error as [`side`] does, in `f64` where these decide the sign, which is
-/// then that of [`side`].
+/// Returns a side with a bound on its error, as [`side`] does, but computed in `f64` where that decides the
+/// sign. The sign is always that of [`side`].
 ///
 /// Differences round by U of their magnitude, the two products and the difference that make a component of a
 /// cross product by 5 U of the sum m of the products' magnitudes, with those of the differences. The product

@@ -7,8 +7,9 @@ use crate::sight::Sight;
 use alloc::vec::Vec;
 
 impl Check<'_> {
-    /// Returns whether weights of rows make the sum of their sides negative at all pairs of corners. Rows
-    /// without a weight do not count.
+    /// Returns whether the weighted sum of the rows' sides is certainly negative at all pairs of corners of P
+    /// and Q: then no line passes all rows on their sides. Rows without a weight do not count. False if a
+    /// weight is negative.
     ///
     /// Rounding, with U the unit round-off of `f64`: a term is a side rounded to `f64` times a weight, wrong
     /// by 2 U of its magnitude, and each of the sums of n terms by U of the sum of their magnitudes.

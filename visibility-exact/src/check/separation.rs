@@ -49,8 +49,9 @@ impl Check<'_> {
         sight.near.map_or(self.delta, |near| 2.0 * near)
     }
 
-    /// Returns whether a point is within what may be moved into Q's plane, with half as much for the errors
-    /// of heights when the proof was made.
+    /// Returns whether a point counts as in Q's plane: whether its height over the plane is below `near`, the
+    /// limit of the search, and half as much for the errors of heights in the search. False without
+    /// clearance.
     pub(super) fn is_near_plane_of_q(&self, sight: &Sight, x: DVec3) -> bool {
         let Half { normal, offset } = sight.before_q;
         let height = dot(normal.to_array().map(D::from), x.to_array().map(D::from)).plus(D::from(offset));
@@ -96,8 +97,8 @@ impl Check<'_> {
         })
     }
 
-    /// Returns whether points and others have heights over a plane that are apart by more than three times
-    /// the error of positions.
+    /// Returns whether the heights of `points` along `normal` are all above or all below those of `others`,
+    /// by more than three times the error of positions.
     ///
     /// Heights in `f64` decide where they do: with components of the normal of at most 1 and coordinates of
     /// at most m, three products and two sums round by at most 9 U m, and the gap between two heights by

@@ -71,10 +71,12 @@ pub struct SceneTriangles {
 #[derive(Clone, Debug)]
 pub(crate) struct TargetObject {
     pub(crate) id: ObjectId,
-    /// Bounding box in scene coordinates: of the triangles, or the object's own if it has none.
+    /// Least corner, in scene coordinates, of the box around the object's triangles; of the object's own
+    /// bounds if it has no triangles.
     pub(crate) min: DVec3,
+    /// Greatest corner of the same box.
     pub(crate) max: DVec3,
-    /// Range of the object's triangles.
+    /// First of the object's triangles. Their end, exclusive, is `end`.
     pub(crate) first: u32,
     pub(crate) end: u32,
     /// Whether the object has a coordinate that is not finite or beyond [`LIMIT`].

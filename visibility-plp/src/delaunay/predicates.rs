@@ -16,7 +16,7 @@ fn determinant(a: [i64; 3], b: [i64; 3], c: [i64; 3]) -> i64 {
 }
 
 /// Returns six times the signed volume of the tetrahedron with corners a, b, c and d, in cubic steps of the
-/// fine grid: positive if a, b, c run clockwise seen from d, 0 if the tetrahedron is flat. Exact.
+/// fine grid: positive if a, b, c run anticlockwise seen from d, 0 if the tetrahedron is flat. Exact.
 pub(crate) fn volume([a, b, c, d]: [Point; 4]) -> i64 {
     // Differences are at most 2^17, so all sums are less than 6 * 2^51.
     determinant(minus(b, a), minus(c, a), minus(d, a))

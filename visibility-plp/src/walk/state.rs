@@ -25,8 +25,7 @@ pub enum Budget {
     Cost(u64),
 }
 
-/// Settings that `PlpCuller` and `ConservativePlpCuller`
-/// share.
+/// Settings that `PlpCuller` and `ConservativePlpCuller` have in common.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PlpSettings {
     /// Limit on the objects kept per frame without an occlusion test.

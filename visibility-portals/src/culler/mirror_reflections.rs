@@ -103,11 +103,10 @@ impl Reflections {
     }
 
     /// Reflects the view in the mirrors that `walk` has met, and again in the mirrors that the reflections
-    /// show, until a limit is reached.
-    /// `known` holds `PortalEye::unknown` (by object index, the last frame in which the object was out of
-    /// date) and the current frame number: objects whose entry equals the frame number stay visible.
-    /// `settings` holds the narrowing and the maximum number of portals per walk. Adds to the counters in
-    /// `stats`.
+    /// show, until a limit is reached. `known` holds `PortalEye::unknown` (by object index, the last frame in
+    /// which the object was out of date) and the current frame number: objects whose entry equals the frame
+    /// number stay visible. `settings` holds the narrowing and the maximum number of portals per walk. Adds
+    /// to the counters in `stats`.
     #[expect(clippy::too_many_arguments)]
     pub(super) fn reflect_all(
         &mut self,

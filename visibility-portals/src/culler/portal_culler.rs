@@ -76,8 +76,8 @@ impl PortalCuller {
         &self.cells
     }
 
-    /// Returns the cells for changes: to open and close doors, to add and cover mirrors, or to replace all
-    /// cells by others. The next `cull` detects the change.
+    /// Returns a mutable reference to the cells: to open and close doors, to add and cover mirrors, or to
+    /// assign other cells. The next `cull` detects the change.
     pub fn cells_mut(&mut self) -> &mut SceneCells {
         &mut self.cells
     }

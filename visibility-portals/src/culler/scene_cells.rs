@@ -160,8 +160,8 @@ impl SceneCells {
         Ok(self)
     }
 
-    /// Returns false for a PVS without a source, which may be of another graph: see
-    /// [`with_pvs`](Self::with_pvs).
+    /// Returns true if there is no PVS, or one with a source. A PVS without a source may be of another graph:
+    /// see [`with_pvs`](Self::with_pvs).
     pub(crate) fn is_pvs_checked(&self) -> bool {
         self.pvs.as_ref().is_none_or(|pvs| pvs.source().is_some())
     }

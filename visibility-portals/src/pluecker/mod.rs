@@ -128,8 +128,9 @@ pub(crate) struct Pluecker {
     pub(crate) needed: Vec<u32>,
 }
 
-/// Least cosine between a line and a portal's normal at which the line's crossing of the portal is a start
-/// for the program: the crossing is at most a billion times as far as the line is off.
+/// Least cosine between the approximate line and the normal of the portal that it meets most squarely. Below
+/// it, [`Pluecker::excludes`] decides nothing: rounding could move the crossing by a billion times the error
+/// of the line.
 const LEAST_COSINE: f64 = 1e-9;
 
 impl Pluecker {
