@@ -47,8 +47,9 @@ const OUTLINE_COST_DIVISOR: usize = 6;
 /// updated between flushes. From this number on, the update costs less than it saves.
 const MAX_PYRAMID_MISSES: usize = 32;
 
-/// Default of [`Hzb::with_min_polygon_area`], in pixels of the buffer. Where drawing an object takes as long
-/// as the driver assumes, smaller polygons cost more than what they hide in all real levels measured but one.
+/// Default of [`Hzb::with_min_polygon_area`], in pixels of the buffer. If drawing an object takes as long as
+/// the occlusion culler assumes, smaller polygons cost more than what they hide in all real levels measured
+/// but one.
 const MIN_POLYGON_AREA: f32 = 128.0;
 
 /// A hierarchical z-buffer: an [`OcclusionMap`] of tiles of 8 x 8 pixels with a pyramid of least depth keys
@@ -188,8 +189,8 @@ impl Hzb {
         Self { coverage, ..self }
     }
 
-    /// Sets how many pixels of the buffer a polygon of a [level](Self::with_level) must cover to be drawn, as
-    /// estimated from its middle; close to the eye smaller ones may be drawn too. 128 by default. With 32, 1
+    /// Sets how many pixels of the buffer a polygon of a [level](Self::with_level) must cover to be drawn, by
+    /// an estimate for its middle; close to the eye smaller ones may be drawn too. 128 by default. With 32, 1
     /// to 8 % fewer objects are reported in most levels, and a quarter fewer in a village with many small
     /// walls, for 1.02 to 2.3 times the time. Below 0 or NaN counts as 0.
     #[must_use]
@@ -236,11 +237,12 @@ impl Hzb {
     /// that is there already changes nothing.
     ///
     /// An engine that streams keeps its [`HzbCuller`](crate::HzbCuller), reaches the z-buffer by `map_mut`,
-    /// and runs the culler after those before it ([`Culler::cull`](visibility_core::Culler::cull)).
+    /// and runs the culler after the cullers of earlier stages
+    /// ([`Culler::cull`](visibility_core::Culler::cull)).
     ///
-    /// Takes no time to speak of: [`PreparedLevel::new`] takes it, in proportion to the sector, on any
-    /// thread, so that an engine prepares one sector a frame or beside its frames. A frame takes some 40 ns
-    /// for each level out of view.
+    /// Takes next to no time. [`PreparedLevel::new`] takes time in proportion to the sector and may run on
+    /// any thread, so that an engine prepares one sector a frame or beside its frames. A frame takes some 40
+    /// ns for each level out of view.
     ///
     /// ```
     /// use std::sync::Arc;
@@ -299,9 +301,9 @@ impl Hzb {
     /// outside the buffer.
     ///
     /// For perspective views the key is `1 / w`, where `w` is the distance along the viewing direction in the
-    /// unit of the clip matrix, usually metres. A clip matrix scaled by a factor gives the same key, up to
-    /// the power of two nearest to the factor. For parallel views the key is clip depth, negated unless depth
-    /// is reversed.
+    /// unit of the clip matrix, usually metres. Powers of two are first taken out of the matrix's scale, so
+    /// that a clip matrix times any positive factor gives a key within a factor of 2 of this. For parallel
+    /// views the key is clip depth, negated unless depth is reversed.
     pub fn depth_key(&self, column: usize, row: usize) -> f32 {
         if column < self.size[0] && row < self.size[1] {
             self.tiles.pixel_closely(column, row)

@@ -2,11 +2,12 @@
 //! that never hide what is visible.
 //!
 //! [`Hzb`] is an [`OcclusionMap`](visibility_core::OcclusionMap): occluders are drawn into it, boxes are
-//! tested against it. [`HzbCuller`] is core's front-to-back driver over that map, for a pipeline after the
-//! frustum. [`Hom`] and [`HomCuller`] are the same for occlusion maps, which can be told to ignore small
-//! holes. (Greene, Kass and Miller, "Hierarchical Z-Buffer Visibility", 1993; Zhang, Manocha, Hudson and
-//! Hoff, "Visibility Culling using Hierarchical Occlusion Maps", 1997; Cohen-Or, Chrysanthou, Silva and
-//! Durand, "A Survey of Visibility for Walkthrough Applications", 2003, section 6.)
+//! tested against it. [`HzbCuller`] is core's occlusion culler over that map, which draws and tests from
+//! front to back, for a pipeline after the frustum. [`Hom`] and [`HomCuller`] are the same for occlusion
+//! maps, which can be told to ignore small holes. (Greene, Kass and Miller, "Hierarchical Z-Buffer
+//! Visibility", 1993; Zhang, Manocha, Hudson and Hoff, "Visibility Culling using Hierarchical Occlusion
+//! Maps", 1997; Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough
+//! Applications", 2003, section 6.)
 //!
 //! ```
 //! use visibility_core::glam::{Affine3A, DVec3};

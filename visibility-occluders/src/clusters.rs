@@ -1,8 +1,8 @@
-//! Clusters: polygons that lie close together and face alike, with a bounded number of edges.
+//! Clusters: polygons that lie close together, with a bounded number of edges.
 
 use visibility_core::glam::DVec3;
 
-/// A polygon to be put into a cluster: its middle, its normal and its number of edges.
+/// A polygon to be put into a cluster: its index, its middle and its number of edges.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Item {
     /// Index of the polygon.
@@ -13,9 +13,10 @@ pub(crate) struct Item {
     pub(crate) edges: usize,
 }
 
-/// Sorts `items` so that those of a cluster are adjacent, and calls `each` with the range of every cluster. A
-/// cluster has at most `max_edges` edges, or a single polygon. Sets of polygons are halved by their middles,
-/// along the axis in which the middles extend farthest, until they are small enough: n log n steps.
+/// Sorts `items` so that those of a cluster are adjacent, and calls `each` with the range of every cluster,
+/// half-open, counted from `first`, the index of the first item. A cluster has at most `max_edges` edges, or
+/// a single polygon. Sets of polygons are halved by their middles, along the axis in which the middles extend
+/// farthest, until they are small enough: n log n steps.
 pub(crate) fn divide(items: &mut [Item], max_edges: usize, first: usize, each: &mut impl FnMut([usize; 2])) {
     let edges: usize = items.iter().map(|item| item.edges).sum();
     if edges <= max_edges || items.len() <= 1 {

@@ -58,7 +58,7 @@ pub(crate) fn open_sides(sides: &[Side]) -> impl Iterator<Item = Side> {
 
 impl Faces {
     /// Welds triangles. Triangles that have no area or are not finite are left out. Of triangles with the
-    /// same three vertices one is kept: with both orientations, or two-sided if any is.
+    /// same three vertices one is kept. It is two-sided if any of them is, or if they have both orientations.
     pub(crate) fn weld(triangles: &[LevelTriangle]) -> Self {
         let is_finite = |t: &&LevelTriangle| t.corners.iter().all(|p| p.is_finite());
         let triangles: Vec<&LevelTriangle> = triangles.iter().filter(is_finite).collect();

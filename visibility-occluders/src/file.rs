@@ -22,7 +22,7 @@ const NORMAL_ERROR: f64 = 1e-9;
 pub enum LevelFileError {
     /// The bytes are damaged, or are not those of a level's occluders.
     Format(FormatError),
-    /// The occluders were made from another version of the level.
+    /// The occluders were made from another version of the level, or the file does not say from which.
     OtherVersion {
         /// Version from which the occluders were made. `None` if the file does not say.
         made_from: Option<u64>,
@@ -124,7 +124,8 @@ impl LevelOccluders {
     /// some four times the bytes.
     ///
     /// # Errors
-    /// [`LevelFileError::Format`], [`LevelFileError::OtherVersion`].
+    /// [`LevelFileError::Format`] if the bytes are damaged or are not such a file.
+    /// [`LevelFileError::OtherVersion`] if `level` is given and the file has another version or none.
     pub fn from_bytes(bytes: &[u8], level: Option<u64>) -> Result<Self, LevelFileError> {
         let mut reader = Reader::new(bytes, FORMAT)?;
         let made_from = match reader.kind() {

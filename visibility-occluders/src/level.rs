@@ -29,8 +29,8 @@ impl Default for LevelSettings {
 
 impl LevelSettings {
     /// Sets how far a polygon's vertices may be off its plane, as a fraction of the greatest coordinate.
-    /// 4.8e-7 by default, some roundings of a coordinate to `f32`. Greater values give fewer polygons, which
-    /// count as farther away by as much. Below 0 or NaN counts as 0.
+    /// 4.8e-7 by default, some roundings of a coordinate to `f32`. Greater values give fewer polygons, each
+    /// of which counts as farther away by as much as its vertices are off. Below 0 or NaN counts as 0.
     pub fn with_flatness(self, flatness: f64) -> Self {
         Self { flatness: flatness.max(0.0), ..self }
     }
@@ -38,21 +38,23 @@ impl LevelSettings {
     /// Sets how far a polygon's vertices may be off the plane of its first face, as a share of the square
     /// root of its area, where that is more than the [flatness](Self::with_flatness). 0.03 by default, which
     /// gives terrain and curved walls a half to a third of the polygons that 0 gives. Greater values give
-    /// fewer polygons, which count as farther away by as much, and hide nothing from an eye within that
-    /// distance. Below 0 or NaN counts as 0.
+    /// fewer polygons. Each counts as farther away by as much as its vertices are off, and hides nothing from
+    /// an eye within that distance. Below 0 or NaN counts as 0.
     pub fn with_bulge(self, bulge: f64) -> Self {
         Self { bulge: bulge.max(0.0), ..self }
     }
 
     /// Sets the least share of the area of all polygons that is kept, from 0 to 1. The smallest polygons are
-    /// left out. 0.98 by default: the last hundredths of the area are in most of the polygons.
+    /// left out. 0.98 by default: most of the polygons are so small that they have only hundredths of the
+    /// area together.
     pub fn with_kept_area(self, share: f64) -> Self {
         Self { kept_area: share.clamp(0.0, 1.0), ..self }
     }
 
     /// Sets the maximum number of edges of a cluster of more than one polygon. 96 by default. A polygon of
     /// several faces is divided if it has more edges, not counting vertices in the middle of straight lines.
-    /// The number of hidden objects hardly depends on it, and the time of a frame by some hundredths.
+    /// The setting hardly changes the number of hidden objects, and it changes the time of a frame by a few
+    /// per cent.
     pub fn with_max_cluster_edges(self, edges: usize) -> Self {
         Self { max_cluster_edges: edges, ..self }
     }
@@ -69,8 +71,8 @@ pub struct OccluderPolygon {
     pub extent: [f64; 2],
     /// Sum of the areas of the polygon's faces in square metres.
     pub area: f64,
-    /// Least cosine of the angle between `normal` and the normal of the front of any of the polygon's faces,
-    /// above 0.
+    /// Least cosine of the angle between `normal` and the normal of any of the polygon's faces, taken on the
+    /// polygon's front side. Above 0.
     pub min_cosine: f64,
     /// Range of the polygon's edges in [`LevelOccluders::edges`], half-open.
     pub edges: [u32; 2],
@@ -181,10 +183,10 @@ pub struct LevelOccluders {
 
 impl LevelOccluders {
     /// Makes the occluders of a level from its triangles. The order of the triangles decides between equals
-    /// only. Takes some microseconds a triangle, and 200 bytes while it works.
+    /// only. Takes some microseconds a triangle, and 200 bytes a triangle while it works.
     ///
     /// # Errors
-    /// [`LevelError::TooManyTriangles`].
+    /// [`LevelError::TooManyTriangles`] for more than 1,073,741,823 triangles.
     pub fn new(triangles: &[LevelTriangle], settings: LevelSettings) -> Result<Self, LevelError> {
         if triangles.len() > MAX_TRIANGLES {
             return Err(LevelError::TooManyTriangles { triangles: triangles.len() });
@@ -262,7 +264,8 @@ impl LevelOccluders {
         Self { objects: objects_of(scene, stands_still).map(|(id, _)| id).collect(), ..self }
     }
 
-    /// Appends a cluster of regions, each given with its outline. `magnitude` bounds all coordinates.
+    /// Appends a cluster of regions, each given with its outline. `magnitude` bounds the magnitudes of the x,
+    /// y and z of all vertices.
     fn push_cluster<'a>(
         &mut self,
         faces: &Faces,
@@ -329,7 +332,8 @@ impl LevelOccluders {
         &self.objects
     }
 
-    /// Sets the [version](Self::version) of the level, for occluders that were not made from a scene.
+    /// Sets the [version](Self::version) of the level that the occluders were made from, for occluders that
+    /// were not made from a scene.
     #[must_use]
     pub fn with_version(self, version: u64) -> Self {
         Self { version: Some(version), ..self }
@@ -341,7 +345,7 @@ impl LevelOccluders {
         self.version
     }
 
-    /// Returns the counts of the making.
+    /// Returns the counts of triangles, edges and polygons at the steps by which the occluders were made.
     pub fn report(&self) -> &LevelReport {
         &self.report
     }

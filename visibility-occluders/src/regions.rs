@@ -87,9 +87,9 @@ impl Member {
 
 impl Regions {
     /// Grows regions from the largest faces on. A face joins a region if it shares an edge with it, is close
-    /// to the plane of the region's first face, and faces alike. Close is within `flatness` metres, or within
-    /// `bulge` times the square root of the region's area. `sides` are all sides of the faces, sorted by
-    /// edge.
+    /// to the plane of the region's first face, hides from the same sides, and faces the same way up to
+    /// [`LEAST_COSINE`]. Close is within `flatness` metres, or within `bulge` times the square root of the
+    /// region's area. `sides` are all sides of the faces, sorted by edge.
     pub(crate) fn find(faces: &Faces, sides: &[Side], flatness: f64, bulge: f64) -> Self {
         // For each corner, the first of the sides at the edge that begins at the corner.
         let mut first_of_edge = alloc::vec![0u32; faces.corners.len()];
@@ -159,8 +159,9 @@ impl Regions {
 }
 
 /// Returns whether the face of `side` must be turned to continue a region. It shares an edge with the
-/// region's face `member`, whose side of the edge is `own`. `None` if it cannot continue the region: it faces
-/// elsewhere, lies on the same side of the edge, or hides from other sides.
+/// region's face `member`, whose side of the edge is `own`. `None` if it cannot continue the region: its
+/// normal is too far from the region's, it would run through the edge in the same direction as `member`, or
+/// it hides from other sides.
 fn turn(faces: &Faces, region: &Region, member: Member, own: &Side, side: &Side) -> Option<bool> {
     let face = &faces.faces[side.face as usize];
     let cosine = face.normal.dot(region.normal);

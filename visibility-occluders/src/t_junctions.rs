@@ -76,8 +76,8 @@ impl PointTree {
     }
 }
 
-/// Tests whether a segment certainly misses a closed box: whether an axis, or the direction across the
-/// segment and an axis, separates them. False if uncertain.
+/// Tests whether a segment certainly misses a closed box: whether they are apart along an axis, or along a
+/// direction perpendicular to the segment and to an axis. False if uncertain.
 fn is_apart([a, b]: [DVec3; 2], [low, high]: [DVec3; 2]) -> bool {
     if a.max(b).cmplt(low).any() || a.min(b).cmpgt(high).any() {
         return true;

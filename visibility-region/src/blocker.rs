@@ -5,15 +5,16 @@ use visibility_core::OccluderMesh;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::scene::Triangle;
 
-/// Error of a transformed coordinate, as a fraction of the sum of the magnitudes of its terms. The terms are
-/// multiplied and summed in `f64`, which errs by less than 8u = 4 epsilon.
+/// Bound on the error of a transformed coordinate, as a fraction of the sum of the magnitudes of its terms:
+/// twice the 8u = 4 epsilon by which multiplying and summing them in `f64` errs at most.
 const TRANSFORMED: f64 = 8.0 * f64::EPSILON;
 
-/// Greatest depth of the dents of a convex mesh, as a fraction of the greatest magnitude of a coordinate:
-/// twice the depth that [`OccluderMesh::is_convex`] allows.
+/// Bound on how deep a mesh that counts as convex may be dented, as a fraction of the greatest magnitude of
+/// its coordinates: twice the depth that [`OccluderMesh::is_convex`] allows.
 const DENTS: f64 = 4.0 * f32::EPSILON as f64;
 
-/// Returns the greatest depth of the dents of a convex mesh, in units of its coordinates.
+/// Returns a bound on how deep a solid is dented, as a fraction of the greatest magnitude of its coordinates.
+/// 0 for a cuboid, and for a mesh that is not convex, of which only single triangles block.
 pub(crate) fn dents(mesh: &OccluderMesh) -> f64 {
     if mesh.is_convex() && !mesh.is_cuboid() { DENTS } else { 0.0 }
 }
@@ -30,14 +31,14 @@ pub(crate) struct Blocker {
     /// Bound on the error of each coordinate of the vertices, in metres.
     pub(crate) slack: f64,
     /// Triangles that close a hole of the mesh although nothing is there, in metres relative to the scene's
-    /// origin. Nothing is hidden from viewpoints that are not strictly behind them. They are among `faces`
-    /// too.
+    /// origin. The blocker hides nothing from viewpoints that are not strictly behind all of them. They are
+    /// among `faces` too.
     pub(crate) caps: Vec<[DVec3; 3]>,
 }
 
 impl Blocker {
-    /// Makes the blocker of a whole convex mesh. `caps` are triangles of the mesh that close a hole. Wherever
-    /// the mesh is closed, it must be in the plane of one of them.
+    /// Makes the blocker of a whole convex mesh. `caps` are the triangles of the mesh that close its hole, if
+    /// it has one. Any further triangle that closes the hole must lie in the plane of one of them.
     pub(crate) fn solid(mesh: &OccluderMesh, transform: &Affine3A, caps: &[Triangle]) -> Self {
         let mut blocker = Self::placed(mesh, transform, mesh.positions().iter().map(|p| p.as_dvec3()));
         let turned = turn(transform);
@@ -63,7 +64,7 @@ impl Blocker {
         blocker
     }
 
-    /// Maps points of a mesh to scene coordinates. The blocker has no faces yet.
+    /// Makes a blocker without faces yet, whose vertices are points of a mesh mapped to scene coordinates.
     fn placed(mesh: &OccluderMesh, transform: &Affine3A, points: impl Iterator<Item = DVec3>) -> Self {
         let placement = Placement::new(mesh, transform);
         Self {
@@ -73,7 +74,7 @@ impl Blocker {
         }
     }
 
-    /// Makes the blocker of a box, given by its least and greatest corner.
+    /// Makes the blocker of a box, given by its least and greatest corner in scene coordinates.
     pub(crate) fn cuboid(min: DVec3, max: DVec3) -> Self {
         let at = |corner: usize, bit: usize, axis: usize| {
             if corner >> bit & 1 != 0 { max[axis] } else { min[axis] }
@@ -104,7 +105,7 @@ pub(crate) struct Placement {
     /// stay as they are, without rounding.
     columns: Option<[DVec3; 3]>,
     translation: DVec3,
-    /// Greatest sum of the magnitudes of a coordinate's terms over all placed vertices, in metres.
+    /// Bound on the sum of the magnitudes of a placed coordinate's terms, over all vertices, in metres.
     size: f64,
     /// Bound on the error of each coordinate of a placed vertex, in metres. 0 for the identity.
     pub(crate) doubt: f64,
@@ -123,7 +124,7 @@ impl Placement {
         Self { columns: Some(columns), translation, size, doubt: size * TRANSFORMED }
     }
 
-    /// Maps a point of the mesh.
+    /// Maps a point from mesh coordinates to scene coordinates.
     pub(crate) fn place(&self, p: DVec3) -> DVec3 {
         match &self.columns {
             Some(columns) => columns[0] * p.x + columns[1] * p.y + columns[2] * p.z + self.translation,

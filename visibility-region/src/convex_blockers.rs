@@ -51,10 +51,10 @@ pub struct ConvexBlockersCuller {
     blockers: Vec<[DVec3; 2]>,
 }
 
-/// A solid that may become a blocker.
+/// A convex solid, or a single triangle, that may become a blocker.
 struct Candidate<'a> {
     shape: Shape<'a>,
-    /// Approximate solid angle from the viewcell.
+    /// Approximate solid angle in steradians, as seen from the viewcell. The greatest become blockers.
     rank: f64,
     bounds: [DVec3; 2],
 }
@@ -121,7 +121,8 @@ impl RegionCuller for ConvexBlockersCuller {
     }
 }
 
-/// Returns the solids of the candidate occluders, and the triangles of occluders without a solid.
+/// Returns the solids of the candidate occluders, and the triangles of occluders without a solid. `min` and
+/// `max` are the corners of the viewcell's box, from which they are ranked.
 fn candidates<'a>(
     scene: &'a Scene,
     visible: &VisibleSet,

@@ -7,11 +7,11 @@ use visibility_core::glam::Vec3;
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Scene};
 
-/// Number of objects from which the reach of all is estimated.
+/// Greatest number of objects from whose reaches the usual reach is estimated. An object's reach is the
+/// greatest magnitude of a coordinate of its bounds, relative to the scene's origin.
 const SAMPLE: usize = 1024;
 
-/// Greatest ratio of an object's reach to that of nine in ten objects, 2^14. Objects that reach farther are
-/// left out.
+/// Greatest reach of an object that is not left out, as a multiple of the reach of nine in ten objects: 2^14.
 const FARTHEST: f64 = 16_384.0;
 
 /// Returns the quantile at `part`, from 0 (the least number) to 1 (the greatest). It is one of the numbers,
@@ -21,9 +21,10 @@ pub(crate) fn quantile(numbers: &mut [f64], part: f64) -> Option<f64> {
     Some(*numbers.select_nth_unstable_by((last as f64 * part) as usize, f64::total_cmp).1)
 }
 
-/// Returns the bounds of the part of a scene that is looked at from a viewcell, relative to the scene's
-/// origin. Objects that reach out of these bounds count as visible and hide nothing. `None` without usable
-/// bounds.
+/// Returns a box around a scene's objects, relative to the scene's origin, cut off where few objects reach:
+/// at [`FARTHEST`] times the reach of nine in ten objects or of the viewcell, whichever is greater. Objects
+/// that reach out of the box count as visible. Occluders whose coordinates are several times as large hide
+/// nothing. `None` if the scene has no objects that can be culled, or none with proper bounds.
 pub(crate) fn usable_bounds(scene: &Scene, cell: &Viewcell) -> Option<Aabb> {
     let bounds = scene.culled_bounds()?;
     let step = scene.index_limit() / SAMPLE + 1;

@@ -1,4 +1,5 @@
-//! Finds the objects that can be seen from anywhere in a viewcell: quickly, and never one too few.
+//! Finds the objects that can be seen from anywhere in a viewcell. All methods but [`SamplingCuller`] are
+//! conservative: an object that can be seen is never removed.
 //!
 //! All methods are [`RegionCuller`](visibility_core::RegionCuller)s: they take a viewcell instead of a view.
 //!

@@ -9,8 +9,8 @@ use visibility_core::pvs::Viewcell;
 use visibility_core::walk::{Child, SceneHierarchy, Walk};
 use visibility_core::{Aabb, CullStats, Scene, VisibleSet};
 
-/// Returns the box of a viewcell relative to a scene's origin, rounded outwards. `None` if it is inverted or
-/// not finite.
+/// Returns the least and greatest corner of a viewcell's box relative to a scene's origin, rounded outwards.
+/// `None` if the box is inverted or not finite.
 pub(crate) fn cell_box(cell: &Viewcell, origin: DVec3) -> Option<(DVec3, DVec3)> {
     if !cell.min.cmple(cell.max).all() {
         return None;
@@ -28,10 +28,11 @@ pub(crate) fn cell_box(cell: &Viewcell, origin: DVec3) -> Option<(DVec3, DVec3)>
     (min.is_finite() && max.is_finite()).then_some((min, max))
 }
 
-/// A further test that returns whether a box is hidden.
+/// Test of a box in scene coordinates: true if the box is certainly hidden from all of the viewcell.
 pub(crate) type IsHidden<'a> = &'a dyn Fn(&Aabb) -> bool;
 
-/// Removes the candidates that one of `umbrae` contains, or for which `or` returns true.
+/// Removes the candidates whose bounds lie within one of `umbrae`, or for whose bounds `or` returns true.
+/// Both are asked about the bounds of nodes too: a node that is hidden loses all candidates below it.
 pub(crate) fn remove_hidden(
     scene: &Scene,
     visible: &mut VisibleSet,
@@ -44,8 +45,8 @@ pub(crate) fn remove_hidden(
     walk.finish()
 }
 
-/// Removes hidden candidates below a node (`None`: the root). `live` are the indices of the umbrae that reach
-/// into the node. `or` is a further test of a box. Returns whether any candidate is left.
+/// Removes hidden candidates below a node (`None`: the root), as [`remove_hidden`] does. `live` are the
+/// indices of the umbrae that may reach into the node. Returns whether any candidate below it is left.
 fn remove_below(
     walk: &mut Walk<SceneHierarchy>,
     node: Option<usize>,

@@ -22,12 +22,12 @@ use visibility_core::{
     View, VisibleSet,
 };
 
-/// Distance at which the views of a sample point begin, as a fraction of the viewcell's extent, so that
-/// depths in such a view have magnitudes of `f32` at every scale. Any distance is sound: what no view of a
-/// point in the viewcell shows is within this distance of the viewcell, and such objects stay.
+/// Distance of the near plane of a sample point's views, as a fraction of the viewcell's greatest extent, so
+/// that depths in such a view have magnitudes of `f32` at every scale. Any distance is sound: objects before
+/// a near plane are within this distance of the viewcell, and all such objects are kept.
 const NEAR: f64 = 1e-6;
 
-/// Least distance in metres at which views begin: of a viewcell that is a point.
+/// Least distance of the near plane in metres, used for a viewcell that is a point.
 const LEAST_NEAR: f64 = 1e-30;
 
 /// Bound on the rounding of sample points and of the distance between them, as a part of the greatest
@@ -37,11 +37,11 @@ const LEAST_NEAR: f64 = 1e-30;
 /// much is taken.
 const POINT_ROUNDING: f64 = 16.0 * f64::EPSILON;
 
-/// Margin of lengths for rounding to `f32`, of the sums of the magnitudes that placed coordinates are summed
-/// of. A vertex of the shrunk mesh rounds by half an epsilon of itself, and a map that places the vertex in
-/// `f32` by four roundings, 2 epsilon of the sum: 2.5 would do. The rest covers what [`shrink`] rounds in
-/// `f64`: the distance of a face is wrong by some 10 U over the sharpness of its triangle (an area of 1e-4 of
-/// the longest side squared at least, see `solids.rs`), below 1e-11 of the sum.
+/// Margin of lengths for rounding to `f32`, as a part of the sum of the magnitudes of the terms that a placed
+/// coordinate is summed of. A vertex of the shrunk mesh rounds by half an epsilon of itself, and a map that
+/// places the vertex in `f32` by four roundings, 2 epsilon of the sum: 2.5 would do. The rest covers what
+/// [`shrink`] rounds in `f64`: the distance of a face is wrong by some 10 U over the sharpness of its
+/// triangle (an area of 1e-4 of the longest side squared at least, see `solids.rs`), below 1e-11 of the sum.
 const ROUNDING: f64 = 8.0 * f32::EPSILON as f64;
 
 /// Greatest number of points along a side of the viewcell.
@@ -52,8 +52,8 @@ const MOST_POINTS_PER_SIDE: usize = 64;
 /// culler is.
 ///
 /// `C` must take its occluders from the occluder meshes of the scene that it is given, as
-/// [`OcclusionCuller`](visibility_core::OcclusionCuller) does with any map. Meshes keep their convex solids,
-/// without those that the viewcell meets; the other triangles of a mesh are left out.
+/// [`OcclusionCuller`](visibility_core::OcclusionCuller) does with any map. Of a mesh, the convex solids
+/// occlude that the viewcell does not meet. Its other triangles are left out.
 ///
 /// # Cost
 /// A copy of the scene's bounds for each viewcell, and six views for each point: with `n` points to a side,
@@ -67,9 +67,9 @@ pub struct ShrunkCuller<C> {
 }
 
 impl<C: Culler> ShrunkCuller<C> {
-    /// Makes a culler that calls `culler` for sample points. `points_per_side` are along the longest side of
-    /// the viewcell, and equally dense ones along the others. 0 counts as 1, and more than 64 as 64.
-    /// Occluders shrink by about 0.7 of the longest side over `points_per_side`.
+    /// Makes a culler that calls `culler` for sample points. `points_per_side` is their number along the
+    /// longest side of the viewcell; along the other sides they are equally dense. 0 counts as 1, and more
+    /// than 64 as 64. Occluders shrink by about 0.7 of the longest side over `points_per_side`.
     pub const fn new(culler: C, points_per_side: usize) -> Self {
         Self { culler, points_per_side, points: Vec::new(), solids: Solids::new() }
     }
@@ -90,8 +90,8 @@ impl<C: Culler> RegionCuller for ShrunkCuller<C> {
         }
     }
 
-    /// Removes the candidates that are hidden from all points. Of a viewcell that planes cut, the whole box
-    /// counts. A viewcell that is inverted or not finite removes nothing.
+    /// Removes the candidates that are hidden from all sample points. Of a viewcell that planes cut, the
+    /// whole box counts. A viewcell that is inverted or not finite removes nothing.
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
         self.points.clear();
         let Some((min, max)) = cell_box(cell, scene.origin()) else {
@@ -143,8 +143,8 @@ impl<C: Culler> RegionCuller for ShrunkCuller<C> {
     }
 }
 
-/// Covers the sides of a box with sample points. Returns the greatest distance in metres of a point of a side
-/// from the nearest sample point.
+/// Covers the sides of a box with sample points. Returns an upper bound on the distance in metres of any
+/// point of a side from the nearest sample point.
 fn sample_points(min: DVec3, max: DVec3, per_side: usize, points: &mut Vec<DVec3>) -> f64 {
     let size = max - min;
     let step = size.max_element() / per_side as f64;
@@ -206,8 +206,8 @@ fn shrunk_scene(
     (shrunk, ids)
 }
 
-/// Shrinks a convex solid, in coordinates of the mesh, so that the ball of radius `distance` around each of
-/// its points is inside the solid itself. `None` if nothing is left.
+/// Shrinks a convex solid, in coordinates of the mesh, so that the ball around each of its points with a
+/// radius of `distance`, in metres of the scene, is inside the solid itself. `None` if nothing is left.
 fn shrink(solid: &OccluderMesh, transform: &Affine3A, distance: f64) -> Option<Vec<Triangle>> {
     let bounds = solid.bounds();
     let columns = transform.matrix3.to_cols_array_2d().map(|column| DVec3::from_array(column.map(f64::from)));

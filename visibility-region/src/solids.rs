@@ -11,7 +11,7 @@ use visibility_core::glam::DVec3;
 use visibility_core::scene::{Changes, SceneCursor, Triangle};
 use visibility_core::{ObjectId, OccluderMesh, Scene, VisibleSet};
 
-/// Greatest number of triangles of an open mesh whose hole is closed.
+/// Greatest number of triangles that a mesh may have for its hole to be closed.
 const OPEN: usize = 64;
 
 /// A convex solid of an occluder.
@@ -20,7 +20,7 @@ pub(crate) struct Solid {
     pub(crate) id: ObjectId,
     /// The solid in coordinates of the occluder's mesh: closed and convex.
     pub(crate) mesh: OccluderMesh,
-    /// The solid in scene coordinates, which knows the faces that close the hole.
+    /// The solid in scene coordinates. Its `caps` are the triangles that close the hole of an open mesh.
     pub(crate) blocker: Blocker,
     /// Least corner of the bounds in scene coordinates, widened by the error of vertices.
     pub(crate) min: DVec3,
@@ -39,7 +39,7 @@ impl Solid {
 #[derive(Clone, Debug)]
 pub(crate) struct Solids {
     cursor: SceneCursor,
-    /// Indices of the objects that were occluders.
+    /// Indices of the objects that were occluders when `list` was made.
     occluders: Bits,
     pub(crate) list: Vec<Solid>,
 }
@@ -110,9 +110,9 @@ pub(crate) fn pieces(mesh: &OccluderMesh) -> &[OccluderMesh] {
     if mesh.parts().is_empty() { core::slice::from_ref(mesh) } else { mesh.parts() }
 }
 
-/// Closes the hole of an open mesh. Returns the convex solid, and the caps: triangles that close it, without
-/// slivers. `None` if there is not exactly one hole, if the closed mesh is not convex, or if a sliver is not
-/// in the plane of a cap.
+/// Closes the hole of an open mesh. Returns the convex solid, and the caps: the triangles that close the
+/// hole, without slivers. `None` if the mesh has more than [`OPEN`] triangles or not exactly one hole, if the
+/// closed mesh is not convex, or if a sliver is not in the plane of a cap.
 pub(crate) fn close(mesh: &OccluderMesh) -> Option<(OccluderMesh, Vec<Triangle>)> {
     if mesh.is_closed() || mesh.triangles().len() > OPEN {
         return None;
@@ -140,13 +140,13 @@ pub(crate) fn close(mesh: &OccluderMesh) -> Option<(OccluderMesh, Vec<Triangle>)
     closed.is_convex().then_some((closed, caps))
 }
 
-/// Returns the triangles of `fan` that have an area. `None` if a triangle without area is not in the plane of
-/// one with an area.
+/// Returns the triangles of `fan` that are no slivers. `None` if a sliver, a triangle of nearly no area, is
+/// not in the plane of one of them.
 ///
-/// A line of sight from strictly behind the plane of a cap does not enter the solid through the cap. If it
-/// enters through a sliver that is within the depth of the solid's dents of that plane, it stays as close to
-/// the plane as long as it is in the solid, since the solid does not reach beyond. It misses the solid
-/// without its dents, and nothing is hidden from such a line.
+/// A line of sight from strictly behind the plane of a cap does not enter the solid through the cap. A sliver
+/// in that plane lies off it by at most the depth of the solid's dents. A line that enters through the sliver
+/// stays that close to the plane inside the solid, which does not reach beyond. So it misses the solid
+/// without its dents, which is all that blocks, and nothing is hidden from such a line.
 fn caps(fan: &[Triangle], solid: &OccluderMesh) -> Option<Vec<Triangle>> {
     let normal = |t: &Triangle| {
         let [a, b, c] = t.map(|p| p.as_dvec3());

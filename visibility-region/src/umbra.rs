@@ -16,7 +16,8 @@ use visibility_core::glam::DVec3;
 /// Unit round-off of `f64`, 2^-53.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// The open half-space of the points `x` with `det(u, v, x - anchor) > 0`.
+/// The open half-space of the points `x` with `det(u, v, x - anchor) > 0`. The points `anchor`, `anchor + u`
+/// and `anchor + v` are in its boundary plane.
 #[derive(Clone, Copy, Debug)]
 struct Side {
     anchor: DVec3,
@@ -32,7 +33,9 @@ impl Side {
         Self { anchor, normal: u.cross(v), sizes: [u.abs().max_element(), v.abs().max_element()] }
     }
 
-    /// Classifies the box between two corners: `Inside` and `Outside` are certain.
+    /// Returns `Inside` if the box between two corners is certainly within the half-space, `Outside` if it
+    /// certainly has no point in it, otherwise `Crossing`. `slack` bounds the error of each coordinate of the
+    /// points that span the plane, in metres.
     ///
     /// # Rounding
     /// Let U, V and W be the greatest magnitudes of the coordinates of `u`, `v` and `x - anchor`, for all
@@ -71,7 +74,8 @@ fn behind(blocker: &Blocker) -> impl Iterator<Item = Side> + '_ {
         .map(move |face| Side::new(vertex(face.start), vertex(face.start + 2), vertex(face.start + 1)))
 }
 
-/// Returns whether the box between two corners is strictly behind the hole of a blocker. True without a hole.
+/// Returns whether a blocker is closed towards the box between two corners: the box is certainly strictly
+/// behind the planes of all its caps. True for a blocker without caps.
 pub(crate) fn is_closed_from(blocker: &Blocker, min: DVec3, max: DVec3) -> bool {
     let is_behind = |[a, b, c]: &[DVec3; 3]| {
         Side::new(*a, *c, *b).classify(min, max, blocker.slack) == Containment::Inside

@@ -21,14 +21,14 @@ use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
 
-/// Greatest number of cells of the octree: 1 MiB.
+/// Greatest number of cells of the octree, which take 1 MiB.
 const NODES: usize = 1 << 17;
 
-/// Greatest number of solids that the cells list in all, besides 16 for each solid: 8 MiB. Where the
-/// boundaries of many solids pass the same cells, these cells stay large.
+/// Greatest total length of the cells' lists of solids nearby, besides 16 entries for each solid: 8 MiB.
+/// Where the boundaries of many solids pass the same cells, these cells stay large.
 const LISTED: usize = 1 << 21;
 
-/// Number of blockers of a viewcell.
+/// Greatest number of blockers of a viewcell.
 const BLOCKERS: usize = 256;
 
 /// Index that stands for no node and for no solid.
@@ -51,7 +51,7 @@ struct Octree {
     nodes: Vec<Node>,
 }
 
-/// Hides what boxes of opaque space hide from all of a viewcell. Conservative.
+/// Removes the objects that boxes of opaque space hide from all of a viewcell. Conservative.
 ///
 /// Space is opaque inside the convex solids of occluder meshes. Solids that meet the viewcell do not count.
 /// The octree has at most 131,072 cells around nine tenths of the solids, and is built anew when occluders of
@@ -154,7 +154,8 @@ impl RegionCuller for VolumetricCuller {
     }
 }
 
-/// Returns the box of a child, which has the upper half on the axes of the bits of `child`.
+/// Returns the box of child number `child` (0 to 7) of a cell. Bit k of the number says whether the child is
+/// in the upper half on axis k.
 fn child_box(min: DVec3, max: DVec3, child: usize) -> [DVec3; 2] {
     let middle = min * 0.5 + max * 0.5;
     let [mut low, mut high] = [min, max];
@@ -224,9 +225,9 @@ struct Leaf {
 /// State of the octree's cells as seen from one viewcell.
 struct Space<'a> {
     octree: &'a Octree,
-    /// Whether each solid may occlude.
+    /// Whether each solid may occlude, by the solid's index.
     usable: &'a [bool],
-    /// Whether each node is hidden from the viewcell, all of it.
+    /// Whether all of each node is hidden from the viewcell, by the node's index.
     hidden: Vec<bool>,
 }
 
@@ -239,7 +240,7 @@ impl<'a> Space<'a> {
         self.usable.get(self.octree.nodes[node].solid as usize).is_some_and(|&usable| usable)
     }
 
-    /// Returns the opaque leaves, those first that look largest from the box between two corners.
+    /// Returns the opaque leaves, first those that look largest from the box between two corners.
     fn largest(&self, min: DVec3, max: DVec3) -> Vec<Leaf> {
         let mut leaves = Vec::new();
         let mut stack = alloc::vec![(0usize, [self.octree.min, self.octree.max])];
@@ -258,8 +259,8 @@ impl<'a> Space<'a> {
         leaves
     }
 
-    /// Returns whether a box lies in space that is opaque or hidden. A cell that only touches the box counts
-    /// if `closed`. False for what reaches out of the octree.
+    /// Returns whether all cells that a box meets are opaque or hidden. With `closed`, cells that the box
+    /// only touches count too. False for a box that reaches out of the octree.
     fn is_blocked(&self, min: DVec3, max: DVec3, closed: bool) -> bool {
         let root = [self.octree.min, self.octree.max];
         root[0].cmple(min).all()
@@ -283,9 +284,9 @@ impl<'a> Space<'a> {
                 .all(|i| self.is_blocked_in(children as usize + i, child_box(low, high, i), part, closed))
     }
 
-    /// Extends a box of opaque space, side by side, by slabs that are opaque or hidden all through. Each slab
-    /// is as wide as the box has become: an extension of two sides at once would claim the edge between them
-    /// too.
+    /// Extends a box of opaque space on one side after another, by slabs that are opaque or hidden all
+    /// through. Each slab is as wide as the box has become: an extension of two sides at once would claim the
+    /// edge between them too.
     fn extended(&self, min: DVec3, max: DVec3) -> [DVec3; 2] {
         let size = max - min;
         let mut bounds = [min, max];
@@ -312,7 +313,7 @@ impl<'a> Space<'a> {
         bounds
     }
 
-    /// Notes which cells an umbra contains.
+    /// Marks the cells that an umbra contains as hidden.
     fn hide(&mut self, umbra: &Umbra) {
         let root = [self.octree.min, self.octree.max];
         self.hide_in(0, root, umbra);

@@ -39,8 +39,8 @@ const WORKSPACES: [&str; 6] = [
 /// Keys that the manifest of a published crate has, for its page at the registry.
 const REQUIRED: [&str; 4] = ["license", "description", "readme", "documentation"];
 
-/// Prints each dependency whose licence is not allowed and each published crate without what its page at the
-/// registry shows. Returns their number.
+/// Prints each dependency whose licence is not allowed, and each key that the manifest of a published crate
+/// lacks for its page at the registry. Returns the number of lines printed.
 ///
 /// # Errors
 ///

@@ -23,7 +23,8 @@ struct Listing {
     paths: BTreeMap<Definition, BTreeSet<Rank>>,
 }
 
-/// Public path and its rank among the paths of an item: definitions before re-exports, then short ones first.
+/// Public path and its rank among the paths of an item: whether it is a re-export, its number of `::`, and
+/// the path itself. So definitions come before re-exports, then short paths first.
 type Rank = (bool, usize, String);
 
 /// Returns the lines of a crate, sorted, without duplicates. `root` is the crate's root file, `name` its name

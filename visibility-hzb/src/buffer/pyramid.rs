@@ -62,8 +62,9 @@ impl Pyramid {
         self.levels.get(level).map(|level| (level.columns, level.rows, &level.least[..]))
     }
 
-    /// Returns the least depth keys under the texels from `column` on in a row of a level, counted from the
-    /// tiles, which are level 0. Negative infinity where there are no texels.
+    /// Returns the least depth keys of `N` texels from `column` on in row `row` of a level. Level 1 is the
+    /// first above the tiles. Negative infinity where there are no texels, and on level 0, which is the
+    /// tiles.
     #[inline(always)]
     pub(crate) fn texels<const N: usize>(&self, level: usize, column: usize, row: usize) -> [f32; N] {
         let mut texels = [EMPTY_DEPTH; N];

@@ -3,8 +3,8 @@
 //! The clusters that may be seen are found once. A band is a fixed range of columns of tiles, and is drawn as
 //! if the buffer had no other columns, into tiles of its own, which are then copied to the buffer. Columns
 //! have less in common than rows have: a floor or a wall of a room is in most rows. A cluster that is hidden
-//! in a band is not drawn there, so bands may hold less than the buffer drawn as a whole, in pixels that are
-//! hidden to all that is worth drawing.
+//! in a band is not drawn there, so a pixel of a band may keep a slightly farther depth key than if the
+//! buffer were drawn as a whole.
 
 use super::draw::{CANDIDATE_WORK, Candidate, LevelScratch, draw_candidates};
 use super::frame::LevelFrame;
@@ -39,18 +39,19 @@ pub(crate) struct LevelRaster {
 struct Band {
     /// Half-open range of tile columns.
     columns: [usize; 2],
-    /// The view of each level, for the columns of the band.
+    /// What drawing each level needs of the view, limited to the columns of the band. `None` for a level that
+    /// is not drawn.
     frames: Vec<Option<LevelFrame>>,
     scratch: LevelScratch,
-    /// Upper bound on the depth keys of the clusters drawn, and the work spent in triangles.
+    /// Upper bound on the depth keys of the clusters drawn, and the work spent, in triangles.
     drawn: (f32, f32),
 }
 
 impl LevelRaster {
     /// Draws levels into `tiles`, which must be empty: the nearest clusters of all levels first, until about
-    /// `work`, in triangles, is spent. With a job system, bands of columns are drawn on its threads, and each
-    /// band may spend `work`. `frames` has the view for each level, `None` for a level that is not drawn.
-    /// Returns an upper bound on the depth keys drawn, and the work spent.
+    /// `work` is spent, counted in the time that a triangle takes. With a job system, bands of columns are
+    /// drawn on its threads, and each band may spend `work`. `frames` has the view for each level, `None` for
+    /// a level that is not drawn. Returns an upper bound on the depth keys drawn, and the work spent.
     pub(crate) fn draw(
         &mut self,
         simd: Simd,

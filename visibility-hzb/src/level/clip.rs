@@ -8,8 +8,8 @@ use crate::raster::mesh_raster::project_corner;
 use crate::setup::near_clip::cut_edge;
 use alloc::vec::Vec;
 
-/// A point in homogeneous screen coordinates: `x` and `y` (pixel coordinates times `w`), `w`, `n`, and the
-/// distance beyond the near plane.
+/// A point in homogeneous screen coordinates: `x` and `y` (pixel coordinates times `w`), `w`, `n` (depth key
+/// times `w`), and the distance beyond the near plane.
 type Point = [f64; 5];
 
 /// An end of an edge of a flat outline.
@@ -40,9 +40,10 @@ pub(super) struct ClipScratch {
 }
 
 impl ClipScratch {
-    /// Cuts off the parts of a flat outline where value `of` of its points is at most `limit`. All cuts lie
-    /// on one line. An edge along that line from each cut to the first keeps the outline closed: on either
-    /// side of the line an odd number of edges is to the left of a point as before.
+    /// Cuts off the parts of a flat outline where value `of` of its points (an index into [`Point`]) is at
+    /// most `limit`. The points of the cut lie on one line. An edge along that line from each of them to the
+    /// first keeps the outline closed. Whether the number of edges to the left of a point is odd does not
+    /// change on the side of the line that is kept.
     #[inline(always)]
     fn cut(&mut self, of: usize, limit: f64) {
         self.cut.clear();
@@ -65,8 +66,8 @@ impl ClipScratch {
         core::mem::swap(&mut self.edges, &mut self.cut);
     }
 
-    /// Cuts the outline of the flat polygon in `edges` by the near plane and the guard band, and pushes the
-    /// rest to `out`. Returns an upper bound on the error of its points in pixels, and the least and the
+    /// Cuts the outline of the flat polygon in `edges` by the near plane and the guard band, and pushes what
+    /// is left to `out`. Returns an upper bound on the error of its points in pixels, and the least and the
     /// greatest `w`: infinity and 0 if nothing is left.
     #[inline(always)]
     pub(super) fn clip(&mut self, frame: &LevelFrame, out: &mut Edges) -> [f64; 3] {
@@ -93,8 +94,8 @@ impl ClipScratch {
 
 /// Pushes the part of an edge that is within the guard band: columns and rows of magnitude up to `guard`. Its
 /// part beyond the left side becomes an edge along that side, so that the same rows have an edge to their
-/// left. What is above or below changes nothing in the picture. What is to the right changes but how far the
-/// outline reaches.
+/// left. Parts above and below the band are dropped, since they change nothing in the picture. Of a part
+/// beyond the right side, `out` only notes that the outline reaches that side.
 ///
 /// Columns and rows beyond the guard band are off by a few roundings of themselves, as their error bound
 /// allows for. The row at which an edge passes the left side is the same number for both parts.

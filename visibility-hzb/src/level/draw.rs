@@ -25,8 +25,8 @@ use visibility_core::glam::DVec3;
 use visibility_core::simd::Simd;
 use visibility_occluders::{OccluderCluster, OccluderPolygon};
 
-/// Work of testing whether a cluster may be seen, in triangles of a tenth of a microsecond (measured, as the
-/// following ones).
+/// Work of testing whether a cluster may be seen. Work is counted in triangles, the time that one takes: a
+/// tenth of a microsecond. This and the following works are measured.
 pub(super) const CANDIDATE_WORK: f32 = 0.05;
 
 /// Work of choosing the polygons of one cluster that are drawn, in triangles.
@@ -70,16 +70,16 @@ pub(crate) struct LevelScratch {
     seams: Seams,
     /// For each level the number of edges in levels before it.
     first_edges: Vec<u32>,
-    /// For each polygon of a cluster, the coordinate along its normal of the far side of its slab. NaN for a
-    /// polygon that is not drawn.
+    /// For each polygon of a cluster, the coordinate along its normal of the side of its slab (the layer that
+    /// holds its vertices) that is away from the eye. NaN for a polygon that is not drawn.
     far_sides: Vec<f64>,
     /// Work spent in this frame, in triangles.
     work: f32,
 }
 
 /// Draws clusters of levels into the frames' columns of `tiles`, in the order of `candidates`, until about
-/// `work`, in triangles, is spent. `frames` has the view for each level. Returns an upper bound on the depth
-/// keys drawn, and the work spent.
+/// `work`, in triangles, is spent. `frames` has the view for each level, `None` for a level that is not
+/// drawn. Returns an upper bound on the depth keys drawn, and the work spent.
 pub(crate) fn draw_candidates(
     simd: Simd,
     levels: &[Arc<PreparedLevel>],
@@ -117,8 +117,8 @@ pub(crate) fn draw_candidates(
     (nearest, scratch.work)
 }
 
-/// Appends the clusters of a level that may be seen. `index` is the index of the level. Returns the number of
-/// clusters tested.
+/// Appends to `candidates` the clusters of a level that may be seen, in no particular order. `index` is the
+/// index of the level. Returns the number of clusters tested.
 #[inline(always)]
 pub(crate) fn find_candidates(
     index: u32,
@@ -166,8 +166,8 @@ pub(crate) fn find_candidates(
     looked_at
 }
 
-/// Returns the mask of the clusters whose largest polygon could cover enough pixels at the nearest distance
-/// of its cluster.
+/// Returns the mask of the clusters whose largest polygon could cover enough pixels to be drawn if it faced
+/// the eye at the nearest point of the cluster's box.
 #[inline(always)]
 fn are_large(boxes: &BoxLanes, largest: &[f32; WIDTH], frame: &LevelFrame) -> u32 {
     let eye = frame.eye.as_vec3().to_array();
@@ -207,8 +207,8 @@ fn draw_cluster(
     drawn
 }
 
-/// Chooses the polygons of a cluster that are worth drawing, and projects the cluster's vertices. Returns
-/// whether any polygon is worth it.
+/// Chooses the polygons of cluster `index` that are worth drawing, and projects the cluster's vertices.
+/// Returns whether any polygon is worth it.
 #[inline(always)]
 pub(crate) fn begin_cluster(
     level: &PreparedLevel,

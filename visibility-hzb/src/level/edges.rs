@@ -4,28 +4,29 @@ use super::prepared::NO_EDGE;
 use crate::lanes::{WIDTH, greatest, least, of_all};
 use alloc::vec::Vec;
 
-/// Height in pixels below which an edge counts as level: it may pass any of its columns in any of its rows.
+/// Height in pixels below which an edge counts as horizontal: it may pass any of its columns in any of its
+/// rows.
 const LEVEL_EDGE_PX: f32 = 1.0 / 64.0;
 
 /// Edges of an outline as they are drawn, [`WIDTH`] at a time, in pixels of the buffer. Lanes without an edge
 /// lie below all rows.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Edges16 {
-    /// Column of the upper end, in pixels. For an edge that counts as level, the least column.
+    /// Column of the upper end, in pixels. For an edge that counts as horizontal, the least column.
     pub(super) x: [f32; WIDTH],
     /// Row of the upper end, in pixels.
     pub(super) top: [f32; WIDTH],
     /// Row of the lower end, in pixels.
     pub(super) bottom: [f32; WIDTH],
-    /// Change of the column from one row to the next. 0 for an edge that counts as level.
+    /// Change of the column from one row to the next. 0 for an edge that counts as horizontal.
     pub(super) slope: [f32; WIDTH],
     /// Least column of each edge, in pixels.
     pub(super) low: [f32; WIDTH],
     /// Greatest column of each edge, in pixels.
     pub(super) high: [f32; WIDTH],
-    /// Width in pixels of an edge that counts as level, 0 for any other edge.
+    /// Width in pixels of an edge that counts as horizontal ([`LEVEL_EDGE_PX`]), 0 for any other edge.
     pub(super) level: [f32; WIDTH],
-    /// For each edge that two polygons share its index in the frame, else [`NO_EDGE`].
+    /// Index in the frame of an edge that two polygons share. [`NO_EDGE`] for any other edge.
     pub(super) shared: [u32; WIDTH],
 }
 
@@ -45,7 +46,7 @@ impl Edges16 {
         }
     };
 
-    /// Returns the column of lane `i` at `row`.
+    /// Returns the column at which the edge in lane `i` passes `row`, clamped to the edge's own columns.
     #[inline(always)]
     pub(super) fn column(&self, i: usize, row: f32) -> f32 {
         let column = self.x[i] + (row - self.top[i]) * self.slope[i];
@@ -62,8 +63,8 @@ pub(crate) struct Edges {
     shared: Vec<[u32; WIDTH]>,
     /// Number of edges.
     count: usize,
-    /// Least column that the outline reaches at the right, whatever its edges: those beyond the guard band
-    /// are left out. `None` if none is.
+    /// Column up to which the outline reaches at the right at least, although edges there, beyond the guard
+    /// band, are left out. `None` if none is left out.
     right: Option<f32>,
     /// Edges as drawn. Valid after [`finish`](Self::finish).
     pub(super) drawn: Vec<Edges16>,

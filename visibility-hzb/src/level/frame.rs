@@ -20,7 +20,8 @@ pub(super) const MAX_BEND_PX: f64 = 1.0 / 64.0;
 /// Unit round-off of `f32`.
 const U32: f64 = f32::EPSILON as f64 / 2.0;
 
-/// Width of the guard band, in sides of the buffer: outlines are cut where they leave it, beyond all pixels.
+/// Greatest magnitude of columns and rows within the guard band, as a multiple of the buffer's longer side.
+/// Outlines are cut where they leave the band, beyond all pixels.
 const GUARD_BAND: f64 = 4.0;
 
 /// Least cosine of the angle between the direction of a parallel view and the normal of a polygon that is
@@ -166,7 +167,7 @@ impl LevelFrame {
 /// Returns the five planes that bound the part of a view that a half-open range of tile columns shows: left,
 /// right, top, bottom and near plane. Each has five coefficients `[a, b, c, d, e]`: `a x + b y + c z + d + e
 /// r` is negative for a ball of radius `r` about the point `x`, `y`, `z` that is beyond the plane. Lengths
-/// are in metres, points relative to the scene's origin. Not rounded conservatively.
+/// are in metres, points relative to the origin of `projection`. Not rounded conservatively.
 pub(crate) fn sides(projection: &ScreenProjection, columns: [usize; 2]) -> [[f64; 5]; 5] {
     let row = |row: &ScreenRow| {
         let linear = DVec3::from(row.linear);

@@ -26,14 +26,14 @@
 //! windings holds for closed curves in space. What is not flat matters in four places.
 //!
 //! *Sides*: a polygon that hides from its front alone must not count where a line goes through a face from
-//! the back. If the eye is in front of all its faces there is no such line. It is if its height above the
-//! slab is more than its distance from each point of the polygon times the sine of the greatest angle between
-//! the normals of slab and faces. Else the outline must be nearly flat. On the plane it winds round a point
-//! at least 0 times, since all faces are turned to the front by less than a right angle. Moving each vertex
-//! from the plane to its place moves the outline on the screen by no more than the *bend*, which is part of
-//! the slack, so the same holds for the lines of a pixel: an odd number means that more faces are gone
-//! through from the front. Two such polygons run through an edge that they share in opposite directions, so
-//! that it is gone from the sum of their numbers. The sum is the same for all lines through a pixel of the
+//! the back. There is no such line if the eye is in front of all its faces. The eye is if its height above
+//! the slab is more than its distance from each point of the polygon times the sine of the greatest angle
+//! between the normals of slab and faces. Else the outline must be nearly flat. On the plane it winds round a
+//! point at least 0 times, since all faces are turned to the front by less than a right angle. Moving each
+//! vertex from the plane to its place moves the outline on the screen by no more than the *bend*, which is
+//! part of the slack, so the same holds for the lines of a pixel: an odd number means that more faces are
+//! gone through from the front. Two such polygons run through an edge that they share in opposite directions,
+//! so that it is gone from the sum of their numbers. The sum is the same for all lines through a pixel of the
 //! seam, and at least 0 for those that are farther from the edge than the bend. Polygons that hide from both
 //! sides may run through it either way: their parity is enough.
 //!

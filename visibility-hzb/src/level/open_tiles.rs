@@ -1,4 +1,5 @@
-//! Open tiles of an outline: the tiles that the outline may come near and that do not hold anything as near.
+//! Open tiles of an outline: the tiles that the outline may come near and whose depth key is not as near
+//! already.
 
 use super::edges::Edges;
 use super::frame::LevelFrame;
@@ -18,14 +19,14 @@ fn nearest_whole(x: f32) -> f32 {
     (x + WHOLE) - WHOLE
 }
 
-/// Returns the first tile of the buffer at or beyond the position `side`, in tiles.
+/// Returns the index of the tile that holds the position `side`, in tiles. 0 for a negative position or NaN.
 #[inline(always)]
 pub(super) fn first_tile(side: f32) -> usize {
     greatest(side, 0.0) as usize
 }
 
-/// Returns the end, exclusive, of the tiles before the position `side`, in tiles. `count` is the number of
-/// tiles of the buffer.
+/// Returns the end, exclusive, of the tiles that begin at or before the position `side`, in tiles. A negative
+/// position or NaN counts as 0. At most `count`, the number of tiles of the buffer.
 #[inline(always)]
 pub(super) fn end_tile(side: f32, count: usize) -> usize {
     ((greatest(side, 0.0) + 1.0) as usize).min(count)
@@ -55,11 +56,11 @@ pub(crate) struct TileKeys {
     pub(super) rows: [usize; 2],
     /// Left, upper, right and lower side of the pixels that the outline may come near, in tiles.
     sides: [f32; 4],
-    /// Coefficients of the least key of a tile for column, row and the constant, for the part of the tile
-    /// within `sides`.
+    /// Coefficients `[a, b, c]` of the least key in a whole tile: `a * column + b * row + c`, in tile columns
+    /// and tile rows.
     pub(super) plane: [f32; 3],
-    /// Constant added to the least key of each tile: `plane` is for whole tiles, and this moves it to the
-    /// corner of a part of a tile at which the key is least.
+    /// Constant of the same plane at single positions: the key at `x` and `y`, in tiles, is at least
+    /// `plane[0] * x + plane[1] * y + constant`.
     constant: f32,
     /// Lower bound on the polygon's depth keys in all tiles.
     floor: f32,
@@ -98,7 +99,8 @@ impl TileKeys {
         })
     }
 
-    /// Returns the part of the keys of a row of tiles that is the same for all columns.
+    /// Returns the terms of the least key that are the same for all tiles of a row: that of the row, and the
+    /// constant.
     #[inline(always)]
     pub(super) fn of_row(&self, row: usize) -> f32 {
         let [_, above, _, below] = self.sides;
@@ -108,7 +110,8 @@ impl TileKeys {
         y * self.plane[1] + self.constant
     }
 
-    /// Returns the least key in the tile at `column` of the row with [`of_row`](Self::of_row).
+    /// Returns the least key of the polygon in the part of the tile at `column` that the outline may come
+    /// near. `of_row` are the terms of its row, see [`of_row`](Self::of_row).
     #[inline(always)]
     pub(super) fn at(&self, column: f32, of_row: f32) -> f32 {
         let [left, _, right, _] = self.sides;
@@ -118,8 +121,8 @@ impl TileKeys {
     }
 }
 
-/// Replaces `open` by the open tiles of an outline: for each row of tiles a mask for each [`WIDTH`] columns.
-/// Returns their number.
+/// Replaces `open` by the open tiles of an outline: for each row of tiles, one mask for each [`WIDTH`]
+/// columns. Returns the number of open tiles.
 #[inline(always)]
 pub(crate) fn find_open_tiles(keys: &TileKeys, tiles: &Tiles, open: &mut Vec<u32>) -> u32 {
     open.clear();

@@ -46,7 +46,7 @@ pub struct PreparedLevel {
     pub(crate) thickness: f64,
     /// Boxes of clusters, [`WIDTH`] at a time.
     pub(crate) clusters: Vec<BoxLanes>,
-    /// Areas of the largest polygons of clusters in square metres, [`WIDTH`] at a time.
+    /// Area of the largest polygon of each cluster in square metres, [`WIDTH`] clusters at a time.
     pub(crate) largest: Vec<[f32; WIDTH]>,
     /// Boxes around the clusters of [`WIDTH`] elements of `clusters`, [`WIDTH`] at a time.
     pub(crate) groups: Vec<BoxLanes>,
@@ -65,7 +65,7 @@ pub struct PreparedLevel {
 pub(crate) struct PreparedEdge {
     /// Both ends, as indices into the cluster's vertices.
     pub(crate) ends: [u32; 2],
-    /// The same edge of another polygon, as an index into the level's edges; [`NO_EDGE`] without.
+    /// Index, among the level's edges, of the same edge of another polygon. [`NO_EDGE`] if there is none.
     pub(crate) partner: u32,
 }
 
@@ -170,7 +170,8 @@ impl PreparedLevel {
     }
 }
 
-/// Number of polygons before a polygon, of those around an edge, among which its partner is sought.
+/// Greatest number of edges with which one edge is compared to find its partner, of those with equal ends
+/// that come before it. Bounds the time where many polygons have an edge in common.
 const MOST_AROUND: usize = 16;
 
 /// Finds for each edge the same edge of another polygon. The two polygons hide from the same sides, and run
@@ -213,7 +214,7 @@ fn find_partners(level: &LevelOccluders, edges: &mut [PreparedEdge]) {
     }
 }
 
-/// Returns boxes in lanes of [`WIDTH`]. Lanes beyond the last box are empty.
+/// Returns boxes in lanes of [`WIDTH`]. Lanes beyond the last box repeat that box.
 fn in_lanes(boxes: &[Aabb]) -> Vec<BoxLanes> {
     let lanes = |boxes: &[Aabb]| {
         let mut lanes = [[0.0; WIDTH]; 6];

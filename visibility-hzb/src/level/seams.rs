@@ -11,7 +11,7 @@ use crate::buffer::tiles::Tiles;
 use crate::lanes::least;
 use alloc::vec::Vec;
 
-/// What the polygons drawn in a frame have to tell about the pixels along their shared edges.
+/// Pixels along the shared edges of the polygons drawn in a frame, as each polygon by itself knows them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Seams {
     /// Pieces of all shared edges of the polygons drawn so far in the frame, in the order in which they were
@@ -19,11 +19,11 @@ pub(crate) struct Seams {
     pieces: Vec<Piece>,
     /// For each edge of all levels the index of its last piece; [`NO_PIECE`] for an edge without.
     last: Vec<u32>,
-    /// Numbers in the frame of the edges that have pieces, each once.
+    /// Indices in the frame of the edges that have pieces, each once.
     met: Vec<u32>,
     /// Depth keys of the polygons drawn so far in the frame, in their order.
     polygons: Vec<TileKeys>,
-    /// Pieces of the present window: for each, the number of its edge in the frame, and the pixels that the
+    /// Pieces of the present window: for each, the index of its edge in the frame, and the pixels that the
     /// edge comes near, one word for each row of pixels from the top. It is not yet known whether any of
     /// these pixels count.
     window: Vec<(u32, [u64; SIDE])>,
@@ -39,8 +39,8 @@ const NO_PIECE: u32 = u32::MAX;
 struct Piece {
     /// Index in the buffer of the leftmost tile of the window.
     first: u32,
-    /// Index of the piece that the same edge has in a window farther to the left or above, [`NO_PIECE`]
-    /// without.
+    /// Index of the piece before this one of the same edge and polygon, in a window farther to the left or
+    /// above. [`NO_PIECE`] for the first.
     before: u32,
     /// Index of the polygon in [`Seams::polygons`].
     polygon: u32,
@@ -61,7 +61,8 @@ impl Seams {
         self.polygons.clear();
     }
 
-    /// Begins a polygon with these depth keys.
+    /// Begins the next polygon, whose depth keys are `keys`. Windows that are finished from now on are its
+    /// own.
     #[inline(always)]
     pub(super) fn begin_polygon(&mut self, keys: &TileKeys) {
         self.polygons.push(*keys);
@@ -73,9 +74,9 @@ impl Seams {
         self.window.push((edge, *near));
     }
 
-    /// Ends the window whose first tile has index `first`, of which only the tiles in the mask `open` count.
-    /// Two edges of the polygon or more come near the pixels `near_two`, and it winds round the centres of
-    /// the pixels `wound` an odd number of times.
+    /// Ends the window whose leftmost tile has index `first` in the buffer. Only its tiles in the mask `open`
+    /// count. Two edges of the polygon or more come near the pixels `near_two`, and it winds round the
+    /// centres of the pixels `wound` an odd number of times.
     #[inline(always)]
     pub(super) fn finish_window(
         &mut self,
@@ -106,9 +107,9 @@ impl Seams {
         }
     }
 
-    /// Covers the seams of the edges `outline` of the polygon that was drawn last with polygons drawn before.
-    /// The index of an edge in this frame is that in its level and `base`, and `first` is the first one's in
-    /// the level. Returns whether a tile may have changed.
+    /// Covers the seams between the polygon that was drawn last, whose edges are `outline`, and polygons
+    /// drawn before. `first` is the index of the first of these edges in their level. `base` is added to the
+    /// indices of a level's edges to get those in the frame. Returns whether a tile may have changed.
     #[inline(always)]
     pub(crate) fn cover(&self, outline: &[PreparedEdge], first: u32, base: u32, tiles: &mut Tiles) -> bool {
         let last = |edge: u32| self.last.get(base as usize + edge as usize).copied().unwrap_or(NO_PIECE);
@@ -153,8 +154,8 @@ impl Seams {
 }
 
 impl Piece {
-    /// Returns the pixels of the seam that pieces of its two polygons cover together, in that window of the
-    /// two that is farther to the right or below, given by its first tile.
+    /// Returns the pixels of the seam that pieces of its two polygons cover together. They are those of the
+    /// window that is farther to the right or below of the two: the index of its leftmost tile comes first.
     #[inline(always)]
     fn together(&self, other: &Self) -> (usize, [u64; SIDE]) {
         let (left, right) = if self.first <= other.first { (self, other) } else { (other, self) };

@@ -16,7 +16,8 @@ const NEVER: i32 = 1 << 24;
 /// Row numbers 0 to 7 within a tile.
 const ROWS: [f32; SIDE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
-/// Returns a word whose bits from `column` on are set: all from 0 down, none from 64 on.
+/// Returns a word whose bits from `column` on are set: all bits if `column` is 0 or less, none if it is 64 or
+/// more.
 #[inline(always)]
 fn bits_from(column: i32) -> u64 {
     let column = least(greatest(column, 0), WINDOW) as u32;
@@ -87,9 +88,9 @@ pub(super) struct RowEdge {
 }
 
 impl RowEdge {
-    /// Returns lane `i` of `edges` in the row of tiles from row `top` of pixels on. The polygon's tiles have
-    /// the columns from `start` to `finish`, in pixels. Pixels within `slack` of the edge are near it; in
-    /// this row of tiles they lie in the columns of `span`.
+    /// Returns the edge in lane `i` of `edges` in the row of tiles from row `top` of pixels on. The polygon's
+    /// tiles have the columns from `start` to `finish`, in pixels. Pixels within `slack` of the edge are near
+    /// it; in this row of tiles they lie in the columns of `span`.
     #[inline(always)]
     fn new(
         edges: &Edges16,

@@ -30,7 +30,7 @@ use crate::setup::screen_projection::{ScreenProjection, U};
 /// together. Lanes 0 to 2 are the faces of greatest x, y and z, lanes 3 to 5 those of least x, y and z.
 pub(crate) const LANES: usize = 8;
 
-/// Places of squares side by side, counted from the first.
+/// Indices of squares side by side, as `f64`.
 const STEPS: [f64; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
 /// Sign of the outward normal of each face along its axis; 0 in the two unused lanes.

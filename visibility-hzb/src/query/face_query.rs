@@ -14,12 +14,12 @@ const BLOCK: u32 = 1 << BLOCK_LEVEL;
 /// Level of the pyramid whose texels are blocks, counted from the tiles.
 const BLOCK_LEVEL: usize = 3;
 
-/// Part of the picture that a tested box may meet: one in so many tiles. Larger boxes are not tested by their
-/// faces. Most are nodes of a hierarchy, whose children are tested anyway (measured: without a limit 1 to 3 %
-/// fewer objects are reported, for 1 to 4 % of the time).
+/// A box that may meet more than one in this many of the buffer's tiles is not tested by its faces. Most such
+/// boxes are nodes of a hierarchy, whose children are tested anyway (measured: without a limit 1 to 3 % fewer
+/// objects are reported, for 1 to 4 % of the time).
 const LARGE_SHARE: usize = 8;
 
-/// Number of tiles that a tested box may always meet.
+/// Number of tiles that a box may meet and be tested by its faces, however few tiles the buffer has.
 const FEW_TILES: usize = 64;
 
 /// Width and height of a tile, in pixels.
@@ -43,7 +43,7 @@ pub(crate) struct FaceTest<'a> {
 
 impl<'a> FaceTest<'a> {
     /// Prepares the test of a box in front of the plane of the eye, given by `sides`: its least x, y, z and
-    /// greatest x, y, z in scene coordinates. It meets no pixel beside `rectangle`, and has no depth key
+    /// greatest x, y, z in scene coordinates. It meets no pixel outside `rectangle`, and has no depth key
     /// above `nearest`. `None` if the faces bound nothing, as in parallel views, or if the rectangle is
     /// [large](LARGE_SHARE).
     #[inline(always)]
@@ -133,7 +133,7 @@ impl<'a> FaceTest<'a> {
         open
     }
 
-    /// Returns whether the box shows, as far as its faces tell, in the pixel at column `x` and row `y`.
+    /// Returns whether the box may show in the pixel at column `x` and row `y`, as far as its faces tell.
     #[inline(always)]
     pub(crate) fn shows_at(&self, x: u32, y: u32) -> bool {
         let tile = (y / STEP) as usize * self.tiles.columns + (x / STEP) as usize;

@@ -92,9 +92,9 @@ pub(crate) struct ContourRaster<'a> {
 }
 
 /// Returns the half-open range of the units (pixels, or quarters of tiles) that the interval from `low` to
-/// `high` meets, clipped to `0..size`. May begin one unit early if `low` is a whole number, and end before
-/// the unit that only touches `high` if `high` is one. `None` if the interval lies outside `0..size`, or if
-/// `low` or `high` is NaN.
+/// `high` meets, clipped to `0..size`. May begin one unit early if `low` is a whole number. If `high` is a
+/// whole number, may end before the unit that only touches `high`. `None` if the interval lies outside
+/// `0..size`, or if `low` or `high` is NaN.
 #[inline(always)]
 fn range(low: f64, high: f64, size: f64) -> Option<[usize; 2]> {
     // False for NaN.
@@ -333,7 +333,8 @@ struct Side {
     top: [f64; 2],
     /// Column and row of the lower end, in pixels.
     bottom: [f64; 2],
-    /// Change of the column, in pixels, from one row of pixels to the next. Infinite or NaN for a level edge.
+    /// Change of the column, in pixels, from one row of pixels to the next. Infinite or NaN for a horizontal
+    /// edge.
     slope: f64,
 }
 

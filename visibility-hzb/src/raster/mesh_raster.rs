@@ -76,15 +76,17 @@ const MIN_OPEN_TRIANGLE_SIZE_PX: f64 = 64.0;
 /// apply.
 const MIN_OPEN_EDGES: usize = 32;
 
-/// Least ratio of the depth keys of the nearest and the farthest vertex of a mesh with sheets. In a mesh that
-/// is shallower from the eye, farther sheets lower the depth keys of nearer ones by little.
+/// Least ratio of the depth keys of the nearest and the farthest vertex of a mesh that is drawn sheet by
+/// sheet. In a mesh that is shallower from the eye, farther sheets lower the depth keys of nearer ones by
+/// little.
 const MIN_SHEET_DEPTH_RATIO: f32 = 1.5;
 
-/// Greatest number of triangles of a mesh with sheets: finding them takes time for each edge.
+/// Greatest number of triangles of a mesh that is drawn sheet by sheet: finding the sheets takes time for
+/// each edge.
 const MAX_SHEET_TRIANGLES: usize = 256;
 
-/// Greatest number of sheets that are drawn one by one. A mesh of more is drawn as one: most of its sheets
-/// are small, and each takes time for all triangles and edges of the mesh.
+/// Greatest number of sheets that are drawn one by one. A mesh of more sheets is drawn as one: most of its
+/// sheets are small, and each takes time for all triangles and edges of the mesh.
 const MAX_SHEETS: i8 = 8;
 
 /// Relative tolerance for telling that a closed mesh is seen from outside: the signed areas of its triangles
@@ -224,8 +226,8 @@ pub(crate) fn draw_mesh(
 }
 
 /// Multiplies the facings of drawn triangles, 1 or -1, by the numbers of their sheets, from 1 on in the order
-/// of their first triangles. Returns the number of sheets. Leaves the facings and returns 1 if there are more
-/// than [`MAX_SHEETS`].
+/// of their first triangles. Returns the number of sheets. If there are more than [`MAX_SHEETS`], leaves the
+/// facings as they are and returns 1.
 fn number_sheets(mesh: &OccluderTriangles, facing: &mut [i8], earlier: &mut Vec<u32>) -> i8 {
     earlier.clear();
     earlier.extend(0..facing.len() as u32);

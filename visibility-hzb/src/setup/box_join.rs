@@ -68,8 +68,8 @@ impl BoxJoin {
     /// Adds the box `bounds`, in its own coordinates, which `transform` maps to the scene, and joins it with
     /// the boxes that it abuts, as long as the result abuts others. Two boxes abut if they share a whole
     /// face. `two_sided`: true if the inner sides of its faces hide objects too, false if only the outer
-    /// sides do. Returns the number of the added box in `boxes`. Each join is a box of its own behind those
-    /// that it replaces.
+    /// sides do. Returns the number of the added box in `boxes`. Each joined box is appended to `boxes` as
+    /// well, after those that it replaces.
     pub(crate) fn add(&mut self, bounds: &Aabb, transform: &Affine3A, two_sided: bool) -> usize {
         let number = self.boxes.len();
         let mut next = OccluderBox { bounds: *bounds, transform: *transform, two_sided, is_replaced: false };
@@ -142,8 +142,8 @@ fn slots(hash: u32) -> [usize; 2] {
 /// Returns hashes of the six faces of a box: least and greatest along x, then y, then z. Equal faces of
 /// boxes with equal transforms have equal hashes.
 fn face_hashes(of: &OccluderBox) -> [u32; 6] {
-    /// Odd numbers without a pattern: for each axis the factors of the least coordinate, of the greatest, and
-    /// of the one that a face lies at.
+    /// Factors of the hash, odd numbers without a pattern: for each axis those of the least coordinate, of
+    /// the greatest, and of the one that a face lies at.
     const FACTORS: [[u64; 3]; 3] = [
         [0x9e37_79b9_7f4a_7c15, 0xbf58_476d_1ce4_e5b9, 0x94d0_49bb_1331_11eb],
         [0xd6e8_feb8_6659_fd93, 0xa076_1d64_78bd_642f, 0xe703_7ed1_a0b4_28db],

@@ -36,8 +36,8 @@ impl<'a> Eyes<'a> {
         self.planes.iter().all(|plane| plane.signed_distance(p + self.origin) >= 0.0)
     }
 
-    /// Returns the point at fractions from 0 to 1 of the box on each axis. `None` if a plane of the viewcell
-    /// cuts it off.
+    /// Returns the point at the fractions `part` of the box along each axis, from 0 to 1. `None` if a plane
+    /// of the viewcell cuts the point off.
     pub(super) fn at(&self, part: DVec3) -> Option<DVec3> {
         let p = (self.min + (self.max - self.min) * part).clamp(self.min, self.max);
         self.contains(p).then_some(p)

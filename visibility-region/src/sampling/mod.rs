@@ -33,7 +33,7 @@ use visibility_core::{Accuracy, CullStats, ObjectId, RegionCuller, Scene, Visibl
 /// city.
 const RAYS: usize = 100_000;
 
-/// Number of rows, and of columns, of each face of a cube of rays.
+/// Number of rows, and of columns, of the rays through each face of a cube around a viewpoint.
 const CUBE: usize = 16;
 
 /// Number of blockers that reverse sampling tries to look past for one target.
@@ -256,12 +256,13 @@ impl Search<'_> {
         self.borders(eyes, 0);
     }
 
-    /// Returns whether more than `reserve` rays are left and an object is missing.
+    /// Returns whether more than `reserve` rays are left and some candidate has not been met yet.
     fn goes_on(&self, reserve: usize) -> bool {
         self.rays > reserve && self.missing > 0
     }
 
-    /// Sends rays through the pixels of cubes around the middle and the corners of the viewcell.
+    /// Sends rays through the pixels of cubes around the middle and the corners of the viewcell, until
+    /// `reserve` rays are left.
     fn cubes(&mut self, eyes: &Eyes<'_>, reserve: usize) {
         let corner = |i: usize| DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2 & 1) as f64);
         let middle = core::iter::once(DVec3::splat(0.5));
@@ -282,7 +283,8 @@ impl Search<'_> {
         }
     }
 
-    /// Casts rays past the borders of the triangles in the queue, and of triangles found by these rays.
+    /// Casts rays past the borders of the triangles in the queue, and of triangles found by these rays, until
+    /// `reserve` rays are left.
     fn borders(&mut self, eyes: &Eyes<'_>, reserve: usize) {
         while self.goes_on(reserve) {
             let Some((eye, triangle)) = self.queue.pop_front() else { return };
@@ -327,7 +329,7 @@ impl Search<'_> {
     }
 
     /// Casts a ray to `x` from a viewpoint that sees `x` just past a random edge of a triangle. The triangle
-    /// blocks a ray to `x` at the point `near`. `None` without such a viewpoint.
+    /// blocks an earlier ray to `x` at the point `near`. `None` without such a viewpoint.
     fn reverse(&mut self, eyes: &Eyes<'_>, x: DVec3, triangle: TriangleIndex, near: DVec3) -> Option<End> {
         let side = self.random.below(3);
         let gap = self.past_edge(triangle, side, near);
@@ -345,8 +347,8 @@ impl Search<'_> {
         a + (b - a) * u + (c - a) * v
     }
 
-    /// Returns a point in the plane of a triangle, a little outside one of its edges: beside `near` three
-    /// times in four, otherwise anywhere along the edge.
+    /// Returns a point in the plane of a triangle, a little outside its edge `side` (0 to 2): beside `near`
+    /// three times in four, otherwise anywhere along the edge.
     fn past_edge(&mut self, triangle: TriangleIndex, side: usize, near: DVec3) -> DVec3 {
         let corners = self.tree.corners(triangle).map(|p| p.as_dvec3());
         let [a, b, c] = [0, 1, 2].map(|i| corners[(side + i) % 3]);

@@ -22,7 +22,7 @@ pub(super) struct Ray {
     length_squared: f64,
 }
 
-/// Range of the ray's parameter in which the ray meets a triangle.
+/// Bounds on the ray's parameter at the point where the ray meets a triangle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Meeting {
     /// Lower bound of the ray's parameter, possibly negative.
@@ -79,8 +79,9 @@ impl Ray {
         (lower <= exit + exit.abs() * (8.0 * U)).then_some(lower)
     }
 
-    /// Tests a triangle whose corners are known up to `slack` metres on each axis. `None` if the ray
-    /// certainly misses the triangle, or certainly meets the back of one that is one-sided.
+    /// Returns bounds on the ray's parameter at the point where the ray meets a triangle, whose corners are
+    /// known up to `slack` metres on each axis. `None` if the ray certainly misses the triangle, or certainly
+    /// meets the back of one that is one-sided.
     ///
     /// # Rounding
     /// With the corners `p` relative to the ray's origin and `d` the direction, the ray passes the edge from

@@ -62,7 +62,8 @@ pub(super) struct TriangleTree {
 pub(super) struct Cast {
     /// Object index, triangle and ray parameter of each triangle that the ray certainly sees.
     pub(super) seen: Vec<(u32, TriangleIndex, f64)>,
-    /// Triangle that ends the ray, and its parameter. `None` if it is not certain which blocker does.
+    /// Triangle that ends the ray, and its parameter. `None` if nothing blocks the ray, or if it is not
+    /// certain which triangle does first.
     pub(super) end: Option<(TriangleIndex, f64)>,
     hits: Vec<Hit>,
     stack: Vec<(u32, f64)>,
@@ -72,8 +73,9 @@ pub(super) struct Cast {
 struct Hit {
     object: u32,
     triangle: TriangleIndex,
-    /// Bounds, `least` and `most`, of the ray's parameter in which the ray meets the triangle.
+    /// Lower bound of the ray's parameter at which the ray meets the triangle.
     least: f64,
+    /// Upper bound of that parameter. Infinite if the ray may miss the triangle.
     most: f64,
     /// Whether the object of the triangle blocks rays.
     blocks: bool,
@@ -199,8 +201,9 @@ impl TriangleTree {
 
     /// Casts a ray, and replaces the content of `cast` with its result.
     ///
-    /// Something is seen if it is certainly met before everything that another object may block the ray with.
-    /// What its own object blocks does not matter, since that part of it is then seen instead.
+    /// A triangle is seen if the ray certainly meets it before any place where another object may block the
+    /// ray. Whether its own object blocks the ray there does not matter, since that part of the object is
+    /// then seen instead.
     pub(super) fn cast(&self, ray: &Ray, cast: &mut Cast) {
         let Cast { seen, end, hits, stack } = cast;
         seen.clear();

@@ -9,9 +9,9 @@ use visibility_core::pvs::Viewcell;
 /// Greatest number of a viewcell's planes whose normals are tried as axes, in pairs.
 const MOST_AXES: usize = 16;
 
-/// Greatest ratio of the surface of a box along other axes to that of the upright box, at which the other
-/// axes are taken. Bounds of objects are boxes along the axes of the world, and grow when turned: where the
-/// gain is smaller, more objects are found visible than from the upright box (measured).
+/// Other axes than the scene's are taken if the surface of the viewcell's box along them is less than this
+/// part of the surface of the box along the scene's axes. Bounds of objects are boxes along the scene's axes,
+/// and grow when turned: where the gain is smaller, more objects are found visible (measured).
 const SMALLER: f64 = 0.3;
 
 /// A viewcell relative to the scene's origin.
@@ -57,7 +57,8 @@ impl CellExtent {
     /// correct up to the rounding of three products and two sums.
     ///
     /// A half-space `m . x >= -d` and the rest `s = axis - (axis . m) m` give `axis . x >= (axis . m) (-d) +
-    /// s . x`. The last term is bounded by the viewcell's box. Planes across the axis say most.
+    /// s . x`. The last term is bounded by the viewcell's box. Planes perpendicular to the axis give the best
+    /// bound.
     pub(crate) fn least(&self, axis: DVec3) -> f64 {
         let of_box = |axis: DVec3| (axis * self.min).min(axis * self.max).element_sum();
         let reach = self.min.abs().max(self.max.abs()).element_sum();
@@ -70,8 +71,8 @@ impl CellExtent {
         self.planes.iter().filter_map(of_plane).fold(of_box(axis), f64::max)
     }
 
-    /// Returns lower and upper bounds of the positions of the viewcell's points along three axes, in pairs
-    /// that are swapped if the viewcell is empty.
+    /// Returns lower and upper bounds of the positions of the viewcell's points along three axes of about
+    /// unit length, in metres. If the viewcell is empty, a lower bound may exceed its upper one.
     pub(crate) fn along(&self, axes: [DVec3; 3]) -> (DVec3, DVec3) {
         let least = DVec3::from_array(axes.map(|axis| self.least(axis)));
         (least, -DVec3::from_array(axes.map(|axis| self.least(-axis))))

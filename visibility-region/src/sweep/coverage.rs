@@ -32,7 +32,7 @@ pub(super) struct PieceMaps {
 pub(super) struct Target<'a> {
     pub(super) direction: &'a Direction,
     pub(super) window: &'a Window,
-    /// Depth at which the chain is cut, on the side of the viewcell.
+    /// Depth in metres at which the near ends of the occluder's triangles are cut off.
     pub(super) near: f64,
     /// Pixels that the occluder may cover. No other pixel is drawn.
     pub(super) rect: PixelRect,

@@ -23,16 +23,18 @@ use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet
 ///
 /// Occluders are [candidates](crate#which-objects-occlude) with meshes, concave, open and thin ones too.
 /// Meshes that are in scene coordinates, with the identity as transform, hide as one surface where they
-/// touch, if they share edges exactly. An object that reaches into the viewcell, or close to one of its sides
-/// and far along it, counts as visible, and so does one that reaches 16,384 times farther than nine tenths of
-/// all objects. Planes of a [`Viewcell`] count as far as they make it an oriented box, or nearly.
+/// touch, if they share edges exactly. An object counts as visible if it reaches into the viewcell's box, if
+/// it begins close to a side of the box and extends far along that side, or if it reaches 16,384 times
+/// farther from the scene's origin than nine tenths of all objects. Planes of a [`Viewcell`] count as far as
+/// they make it an oriented box, or nearly.
 ///
 /// # Cost
 /// 20 to 100 milliseconds a viewcell in scenes of some thousand objects, up to half a second in a furnished
-/// building of 200,000 triangles. Occluders are collected nearest first, until nothing is left to ask: in a
-/// city, 44 times the objects take 4 times the time. The first call for a scene, and the first after a change
-/// of its occluders, sorts all edges: some hundred bytes for each triangle, shared by clones. Each clone has
-/// 2 to 4 MB of its own in such scenes: 9 bytes for each triangle, more for those that may be seen, and maps.
+/// building of 200,000 triangles. Occluders are collected nearest first, until no object is left to test: in
+/// a city, 44 times the objects take 4 times the time. The first call for a scene, and the first after a
+/// change of its occluders, sorts all edges: some hundred bytes for each triangle, shared by clones. Each
+/// clone has 2 to 4 MB of its own in such scenes: 9 bytes for each triangle, more for those that may be seen,
+/// and maps.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, pvs::Viewcell};
@@ -57,8 +59,8 @@ pub struct ExtendedProjectionCuller {
     cursor: SceneCursor,
     /// Surfaces for the viewcell that was begun last: those of the scene, or of some of its objects.
     present: Arc<Surfaces>,
-    /// Box around the viewcell that was begun last, and bounds of what it looks at. `None` if it can hide
-    /// nothing.
+    /// Box around the viewcell that was begun last, and the [`usable_bounds`] of the scene. `None` if no
+    /// object can be found hidden from the viewcell.
     cell_box: Option<(CellBox, Aabb)>,
     pieces: Pieces,
     sweep: Sweep,
@@ -72,7 +74,7 @@ pub struct ExtendedProjectionCuller {
     /// Scratch memory for coordinates of the occludees.
     coordinates: Vec<f64>,
     stack: Vec<Option<usize>>,
-    /// Indices of the objects found hidden in this call.
+    /// Indices of the objects found hidden from the viewcell that was begun last.
     hidden: Bits,
 }
 
@@ -83,7 +85,7 @@ impl Default for ExtendedProjectionCuller {
 }
 
 impl ExtendedProjectionCuller {
-    /// Creates a culler.
+    /// Creates a culler without surfaces of a scene. The first call collects them.
     pub fn new() -> Self {
         Self {
             surfaces: Arc::default(),
@@ -117,9 +119,9 @@ impl ExtendedProjectionCuller {
         }
     }
 
-    /// Sweeps all directions with maps as large as a convex cone of rays, so that a bit of a map holds for
-    /// every ray from the cell through its pixel. Calls `each` with the direction, and with each plane and
-    /// its map.
+    /// Sweeps all directions with maps that cover a convex cone of rays, so that a set bit of a map holds for
+    /// every ray from the cell through its pixel, not for rays to the occludees alone. Calls `each` for each
+    /// plane, with its direction, its window and its map.
     pub(crate) fn sweep_open(
         &mut self,
         scene: &Scene,
@@ -158,9 +160,9 @@ impl ExtendedProjectionCuller {
         }
     }
 
-    /// Removes hidden objects as [`cull`](RegionCuller::cull) does, until `stop` returns true. Once `stop`
-    /// has returned true, it must do so in all later calls. It is called at each projection plane, after the
-    /// scene's changes are taken over. Objects that are not found hidden by then stay in `visible`.
+    /// Removes hidden objects as [`cull`](RegionCuller::cull) does, until `stop` returns true. `stop` is
+    /// called before each projection plane, after the scene's changes are taken over. Once it has returned
+    /// true, it must do so in all later calls. Objects that are not found hidden by then stay in `visible`.
     pub fn cull_until(
         &mut self,
         scene: &Scene,
@@ -174,10 +176,10 @@ impl ExtendedProjectionCuller {
 
     /// Removes hidden objects as [`cull_until`](Self::cull_until) does, by sweeps from parts of the
     /// viewcell's box. The box is divided into `parts` along each of its two longer axes. An object that is
-    /// hidden from each part is hidden from the whole viewcell, and from smaller viewcells mostly more
-    /// objects are found hidden. Each sweep tests only the objects that all sweeps before have found hidden,
-    /// so that 2 by 2 parts take two to three times as long as one sweep for the whole. Nothing is removed if
-    /// `stop` has returned true in the end, or if `parts` is 0.
+    /// hidden from each part is hidden from the whole viewcell, and a sweep from a small part mostly finds
+    /// more objects hidden than one from the whole. Each sweep tests only the objects that all sweeps before
+    /// have found hidden, so that 2 by 2 parts take two to three times as long as one sweep for the whole.
+    /// Nothing is removed if `stop` returns true at the end, or if `parts` is 0.
     pub fn cull_in_parts(
         &mut self,
         scene: &Scene,
@@ -346,18 +348,18 @@ impl ExtendedProjectionCuller {
     }
 }
 
-/// What a viewcell is asked.
+/// Request to [`sweep_directions`](ExtendedProjectionCuller::sweep_directions) for the present viewcell.
 pub(crate) struct Ask<'a> {
     /// Indices of the objects that may occlude.
     pub(crate) occluding: &'a Bits,
-    /// Objects that may be found hidden.
+    /// Objects to be tested. Others are not found hidden.
     pub(crate) asked: Asked<'a>,
     pub(crate) effort: Effort,
     /// Function that returns true once no more planes are to be swept.
     pub(crate) stop: &'a dyn Fn() -> bool,
 }
 
-/// Sweep of one direction in one call.
+/// The sweep of one direction: what stays the same from plane to plane.
 struct Job<'a> {
     scene: &'a Scene,
     asked: Asked<'a>,
@@ -388,7 +390,7 @@ impl Job<'_> {
         }
     }
 
-    /// Adds the children of a node to `list`. Rays to them are rays to the node, and so were asked before.
+    /// Adds the children of a node to `list`. Rays to them are rays to the node, so the map holds for them.
     fn open_node(&self, node: usize, list: &mut Vec<Item>, stats: &mut CullStats) {
         stats.nodes += 1;
         // Objects that are asked one by one have no nodes.

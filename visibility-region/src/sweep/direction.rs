@@ -17,9 +17,9 @@ use visibility_core::glam::DVec3;
 pub(crate) struct CellBox {
     /// Rows of the map from scene coordinates to the axes of the box.
     axes: [DVec3; 3],
-    /// Middle of the box and half its extent along `axes`, in metres. The middle is relative to the scene's
-    /// origin.
+    /// Middle of the box along `axes`, in metres relative to the scene's origin.
     center: DVec3,
+    /// Half the extent of the box along `axes`, in metres.
     half: DVec3,
     /// For each axis of the box that is an axis of the scene: that axis, and the ends of the viewcell along
     /// it, rounded outwards. `None` for any other axis.
@@ -97,7 +97,8 @@ pub(crate) struct Direction {
     /// Half the extent of the viewcell along local x and y, in metres.
     pub(crate) half: [f64; 2],
     /// For each of local x and y that runs along an axis of the scene: that axis, and the ends of the
-    /// viewcell along it relative to the scene's origin, rounded outwards. `None` for other directions.
+    /// viewcell along it relative to the scene's origin, rounded outwards. `None` for a local axis that runs
+    /// otherwise.
     pub(crate) exact: [Option<(usize, [f64; 2])>; 2],
     /// Extent of the viewcell along local z, in metres.
     pub(crate) depth: f64,
@@ -133,20 +134,20 @@ impl Direction {
     }
 
     /// Returns the distance in metres that an object must keep from a plane to be certainly behind or before
-    /// it. Occluders end and occludees begin where their local coordinates say, up to 4 and 1
-    /// [`error`](Self::error); a plane's own distance is exact.
+    /// it. Local coordinates of occluders err by up to 4 [`error`](Self::error), those of occludees by up to
+    /// 1; a plane's own distance is exact.
     pub(crate) fn guard(&self) -> f64 {
         8.0 * self.error
     }
 
-    /// Returns the largest half extent of the viewcell across the direction.
+    /// Returns the greater of the viewcell's half extents along local x and y, in metres.
     pub(crate) fn widest(&self) -> f64 {
         self.half[0].max(self.half[1])
     }
 
-    /// Returns the range along lateral axis `lat` (0 or 1) in which rays from the viewcell through a point
-    /// meet a plane. The point is at lateral position `x`. `near` and `far` are the factors from
-    /// [`beyond`](Self::beyond).
+    /// Returns the least and greatest coordinate along lateral axis `lat` (0 or 1), in metres, at which rays
+    /// from the viewcell through a point meet a plane. The point is at lateral position `x`. `near` and `far`
+    /// are the factors that [`beyond`](Self::beyond) returns for the point's depth and the plane.
     #[inline]
     pub(crate) fn spread(&self, x: f64, lat: usize, [near, far]: [f64; 2]) -> [f64; 2] {
         let (a, b) = (x - self.half[lat], x + self.half[lat]);
@@ -161,8 +162,8 @@ impl Direction {
         [(d - z) / z, (d - z) / (z + self.depth)]
     }
 
-    /// Returns the ranges along both lateral axes in which rays from the viewcell to a box behind the plane
-    /// at `d` meet that plane: the extended projection of an occludee, by separating lines.
+    /// Returns the ranges along local x and y, in metres, in which rays from the viewcell to a box behind the
+    /// plane at `d` meet that plane: the extended projection of an occludee, by separating lines.
     #[inline]
     pub(crate) fn occludee(&self, d: f64, b: &LocalBox) -> [[f64; 2]; 2] {
         // From viewpoint v at depth w behind the front, to x at z: v + (x - v) t with t = (d + w) / (z + w),
@@ -190,14 +191,14 @@ impl Direction {
     }
 
     /// Returns the least width along lateral axis `lat` (0 or 1) of the projection onto the plane at `d` of
-    /// an occludee at depth `z` or more: the width that a point has.
+    /// an occludee at depth `z` or more, in metres: the width of the projection of a point at depth `z`.
     pub(crate) fn least_width(&self, d: f64, z: f64, lat: usize) -> f64 {
         2.0 * self.half[lat] * (1.0 - d / z)
     }
 
-    /// Returns a range along lateral axis `lat` (0 or 1) on the plane at depth `d` that holds all points
-    /// inside every view of a box, between the depths `near > 0` and `far <= d`. The ends of an empty range
-    /// are swapped.
+    /// Returns a range along lateral axis `lat` (0 or 1) that holds all points of the plane at depth `d` that
+    /// a box covers as seen from every viewpoint. Of the box, the part between the depths `near > 0` and `far
+    /// <= d` counts. The ends of an empty range are swapped.
     pub(crate) fn common_view(&self, d: f64, b: &LocalBox, [near, far]: [f64; 2], lat: usize) -> [f64; 2] {
         let (mut left, mut right) = (f64::NEG_INFINITY, f64::INFINITY);
         for w in [0.0, self.depth] {

@@ -28,7 +28,7 @@ pub(super) fn draw_hull(map: &mut RayMap, p: &Spread, q: &Spread, rect: PixelRec
     }
 }
 
-/// The left side of the hull of two upright segments: a convex function of y.
+/// The left side of the hull of two vertical segments: a convex function of y.
 struct Side {
     /// x of the segment farther to the left, in pixels.
     x: f64,
@@ -36,13 +36,13 @@ struct Side {
     ends: [f64; 2],
     /// x of the other segment, in pixels.
     other: f64,
-    /// Change of x from one row to the next, from the end of least y of that segment to the end of least y of
-    /// the other segment; then the same from greatest y to greatest y.
+    /// Change of x per row along the line between the ends of least y of the two segments, then along the
+    /// line between their ends of greatest y. 0 where the two ends have equal y.
     slopes: [f64; 2],
 }
 
 impl Side {
-    /// Makes the common side of two vertical segments, each given as x, least y and greatest y.
+    /// Makes the left side of the hull of two vertical segments, each given as x, least y and greatest y.
     fn new(p: [f64; 3], q: [f64; 3]) -> Self {
         let ([x, low, high], [other, other_low, other_high]) = if p[0] <= q[0] { (p, q) } else { (q, p) };
         let slope = |from: f64, to: f64| if from == to { 0.0 } else { (other - x) / (to - from) };

@@ -1,4 +1,5 @@
-//! The occlusion sweep: projection planes that leave the viewcell in six directions and gather occlusion.
+//! The occlusion sweep: in each of six directions, projection planes move away from the viewcell. A map of
+//! the rays that are blocked before the plane is carried on from plane to plane.
 
 pub(crate) mod cell_extent;
 mod coverage;
@@ -33,8 +34,8 @@ use planes::{Candidate, Cone};
 use ray_map::RayMap;
 use window::Window;
 
-/// Depth at which pieces of several meshes are cut on the side of the cell, as a fraction of the depth of the
-/// plane that they are drawn on.
+/// Depth at which the near end of a piece that joins several meshes is cut off, as a fraction of the depth of
+/// the plane that the piece is drawn on.
 const CUT: f64 = 0.3;
 
 /// The map of a sweep along one direction, and scratch memory. One value serves any number of sweeps.
@@ -75,8 +76,8 @@ impl Sweep {
 
     /// Moves the map on to the plane of `window`: reprojects the covered pixels, and draws the occluders that
     /// end within `again` planes before the plane or reach through it. `occluders` are those of the whole
-    /// sweep, nearest first. `place` must return the occluder of a source in local coordinates. Returns the
-    /// number of occluders drawn.
+    /// sweep, nearest first. `place` must return the occluder of a source in local coordinates, or `None` to
+    /// skip it. Returns the number of occluders drawn.
     pub(crate) fn advance<'a>(
         &mut self,
         direction: &Direction,

@@ -1,5 +1,5 @@
-//! Occluders of one direction, collected from the nearest on and in portions. A sweep in which the next
-//! corner hides everything never touches the rest of a city.
+//! Occluders of one direction, collected from the nearest on and in portions. Where the nearest houses hide
+//! everything, a sweep never touches the rest of a city.
 
 use super::direction::{CellBox, Direction, LocalBox};
 use super::occludees::Item;
@@ -20,7 +20,8 @@ use visibility_core::{ObjectId, Scene};
 /// occluders are chosen portion by portion: a smaller number is faster, and chooses worse planes.
 const FIRST_PORTION: usize = 4096;
 
-/// Greatest number of occludees with which each occluder is compared before it is collected.
+/// Greatest number of occludees with which each occluder is compared before it is collected. With more
+/// occludees, no occluder is left out.
 const FEW: usize = 128;
 
 /// Occluders that one call may use.
@@ -70,7 +71,8 @@ pub(crate) struct Nearest {
     occluders: Vec<Candidate>,
     settled: usize,
     portion: usize,
-    /// Range of depths in metres in which all occluders of the last portion have been collected.
+    /// Range of depths in metres of the planes that the last portion serves. All occluders that begin before
+    /// its end are collected.
     complete: Range<f64>,
 }
 
@@ -192,7 +194,7 @@ impl Nearest {
 }
 
 impl<'a> Occluders<'a> {
-    /// Places an occluder. `None` if its transform flattens it.
+    /// Returns an occluder in local coordinates of a direction. `None` if its transform flattens it.
     pub(crate) fn place(
         &self,
         pieces: &'a Pieces,
@@ -211,8 +213,8 @@ impl<'a> Occluders<'a> {
     }
 }
 
-/// Returns the data of an occluder that the choice of planes needs. `None` if it cannot cover a pixel of the
-/// cone.
+/// Returns the data of an occluder that the choice of planes needs. `None` if the occluder cannot cover a
+/// pixel of the cone, or its coordinates are too imprecise.
 fn candidate(
     all: &Occluders<'_>,
     pieces: &Pieces,

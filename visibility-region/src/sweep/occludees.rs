@@ -32,7 +32,8 @@ pub(crate) enum Asked<'a> {
 
 /// Assigns the objects of `asked` to the six directions. Where all objects below a node are farthest along
 /// one direction, or nearly, the whole node is assigned. Objects that reach out of `usable_bounds`, into the
-/// box of the viewcell, or too far aside of it, are left out: they count as visible.
+/// box of the viewcell, or too far aside of it, are left out: they count as visible. Returns the number of
+/// nodes visited.
 pub(crate) fn assign(
     scene: &Scene,
     asked: Asked<'_>,
@@ -89,12 +90,14 @@ pub(crate) fn assign(
     nodes
 }
 
-/// Returns the direction along which a box, given in the coordinates of each, is farthest away.
+/// Returns the index of the direction along which a box is farthest away. `boxes` is the box in the local
+/// coordinates of each direction.
 fn farthest(boxes: &[LocalBox; 6]) -> usize {
     (1..6).fold(0, |best, i| if boxes[i].lo.z > boxes[best].lo.z { i } else { best })
 }
 
-/// Tests whether a box may be asked in a direction. `local` and `bounds` are its local and scene coordinates.
+/// Tests whether a box may be an occludee of a direction. `local` and `bounds` are its bounds in local and in
+/// scene coordinates.
 fn is_usable(usable_bounds: &Aabb, direction: &Direction, local: &LocalBox, bounds: &Aabb) -> bool {
     contains(usable_bounds, bounds) && local.lo.z > direction.guard() && is_ahead(direction, local)
 }
@@ -119,7 +122,7 @@ pub(crate) fn for_each_child(
     });
 }
 
-/// Adds the indices of all objects below a node, or of an object.
+/// Adds to `bits` the indices of all objects below a node, or the index of an object.
 pub(crate) fn mark(scene: &Scene, child: Child, bits: &mut Bits) {
     match child {
         Child::Object(id) => {

@@ -11,7 +11,7 @@ use visibility_core::{ObjectId, OccluderMesh};
 /// Key by which an occluder is found again in the scene or among the pieces.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Source {
-    /// Index of a piece of a mesh.
+    /// Index of a piece among the [`Pieces`] of the viewcell.
     Piece(u32),
     /// A part of an object's mesh, by index.
     Part(ObjectId, u32),
@@ -94,7 +94,7 @@ impl<'a> Occluder<'a> {
         }
     }
 
-    /// Returns a vertex in local coordinates.
+    /// Returns a vertex in local coordinates of the direction, given in mesh coordinates.
     pub(super) fn local(&self, p: Vec3) -> DVec3 {
         let p = p.as_dvec3();
         DVec3::new(self.rows[0].dot(p), self.rows[1].dot(p), self.rows[2].dot(p)) + self.offset
@@ -107,8 +107,9 @@ impl<'a> Occluder<'a> {
     }
 }
 
-/// Returns the pixels that the part of an occluder between depth `near` and the plane may cover, since they
-/// may be inside its views from all viewpoints. `bounds` contain the occluder. `None` if it covers no pixel.
+/// Returns a rectangle with all pixels that the part of an occluder between depth `near` and the plane can
+/// cover: those within the projections of `bounds`, which contain the occluder, from all viewpoints. `None`
+/// if there is no whole pixel.
 pub(super) fn pixels_behind(
     bounds: &LocalBox,
     direction: &Direction,

@@ -1,5 +1,6 @@
-//! Draws occluders: their triangles that face the viewcell, cut into pieces that share no inner edge. Each
-//! piece is a chain by itself, so that the contour of one leaf does not cut what another covers.
+//! Draws occluders: their triangles that face the viewcell, in pieces that are joined across edges. Each
+//! piece is a chain of its own, with its own contour, so that the contour of one leaf of a tree does not undo
+//! what another leaf covers.
 
 use super::coverage::{PieceMaps, Target};
 use super::direction::{Direction, LocalBox};
@@ -35,7 +36,8 @@ impl OccluderRaster {
     }
 
     /// Adds to `map` the pixels that an occluder covers. Parts nearer than depth `near` do not count. Returns
-    /// whether the occluder was drawn at all.
+    /// false if the occluder was not drawn, since it can cover no pixel that is not covered yet, or is too
+    /// imprecise.
     pub(crate) fn draw(
         &mut self,
         map: &mut RayMap,
@@ -87,7 +89,8 @@ impl OccluderRaster {
         }
     }
 
-    /// Returns whether the errors of vertices stay below the slack in pixels on this plane.
+    /// Returns whether the errors of vertices, projected onto this plane, stay below a quarter of [`SLACK`]
+    /// pixels. Otherwise the occluder is not drawn.
     fn decides(direction: &Direction, window: &Window, occluder: &Occluder<'_>, near: f64) -> bool {
         // A vertex at (x, z) is seen at x + (x - v) (d - z) / (z + w). With w >= 0 and |v| <= h its
         // derivative by x is at most d / z, that by z at most (|x| + h) d / z^2.
@@ -152,7 +155,7 @@ impl OccluderRaster {
         }
     }
 
-    /// Collects the drawn triangles that are joined to `first` across inner edges.
+    /// Collects into `piece` the triangles of facing `side` that are joined to `first` across edges.
     fn collect_piece(&mut self, mesh: &OccluderMesh, first: u32, side: i8) {
         self.piece.clear();
         self.stack.push(first);

@@ -4,14 +4,15 @@
 //! segment that run along it in opposite ways are *paired*: a ray that crosses the segment leaves one and
 //! enters the other, so the segment bounds neither. Sides that are left over bound the chain: together they
 //! are its contour, as the signed sum of sides on a segment demands. Of several possible partners a side
-//! takes the one that lies flattest beside it. Walls between houses of a row, where three triangles meet on
-//! an edge, are so left aside, and the fronts and roofs of the row become one surface.
+//! takes the one that lies flattest beside it. So where three triangles meet on an edge, as at the walls
+//! between houses of a row, the wall is left unpaired, and the fronts and roofs of the row become one
+//! surface.
 //!
 //! Triangles that are paired, directly or by others, are a piece.
 //!
 //! A convex solid hides what lies behind its front faces from one end of the cell, and behind its back faces
-//! from the other. If the cell is wider than the solid, the shadow narrows from the back faces on, which
-//! begin farther behind. So both are drawn.
+//! from the other. If the cell is wider than the solid, the hidden region narrows with the distance from the
+//! faces that are drawn, and the back faces begin farther away. So both are drawn.
 
 use super::direction::CellBox;
 use super::facing::facing;
@@ -26,8 +27,9 @@ use visibility_core::glam::DVec3;
 /// of what it covers. Several smaller pieces are drawn faster and cover no less.
 const MOST_TRIANGLES: u32 = 256;
 
-/// Greatest number of drawn triangles on one segment that run along it the same way and are paired. Finding
-/// the flattest partner takes the square of their number. Where more meet, the segment bounds all of them.
+/// Greatest number of drawn triangles that run along one segment the same way, for pairs to be sought there.
+/// Finding the flattest partner takes the square of their number. Where more meet, the segment bounds all of
+/// them.
 const MOST_ON_SEGMENT: usize = 32;
 
 /// The pieces of one viewcell.
@@ -126,17 +128,18 @@ impl Pieces {
         &self.pieces[piece as usize]
     }
 
-    /// Returns the triangles of a piece.
+    /// Returns the indices of a piece's triangles in its [`Surfaces`].
     pub(crate) fn triangles(&self, piece: &Piece) -> &[u32] {
         &self.triangles[piece.triangles[0] as usize..piece.triangles[1] as usize]
     }
 
-    /// Returns the segments that bound a piece.
+    /// Returns the indices of the segments that bound a piece, in its [`Surfaces`].
     pub(crate) fn contour(&self, piece: &Piece) -> &[u32] {
         &self.contours[piece.contour[0] as usize..piece.contour[1] as usize]
     }
 
-    /// Pairs the drawn triangles on each segment. With `joins`, also triangles of different parts of meshes.
+    /// Pairs the drawn triangles on each segment of a cluster, those of one part with each other. With
+    /// `joins`, triangles of different parts are paired too.
     fn pair(&mut self, surfaces: &Surfaces, cluster: usize, joins: bool) {
         for &triangle in surfaces.triangles_of(cluster) {
             self.parent[triangle as usize] = triangle;
@@ -188,8 +191,8 @@ impl Pieces {
         }
     }
 
-    /// Returns the cosine of the angle between two drawn triangles, both turned to face the cell, times its
-    /// magnitude. Greater is flatter.
+    /// Returns the square of the cosine of the angle between the normals of two drawn triangles, both turned
+    /// to face the cell, with the sign of the cosine: from -1 for folded back to 1 for coplanar.
     fn flatness(&self, surfaces: &Surfaces, a: u32, b: u32) -> f64 {
         let [m, n] = [a, b].map(|triangle| {
             let [p, q, r] = surfaces.triangles[triangle as usize].corners.map(|p| p.as_dvec3());
@@ -272,7 +275,8 @@ impl Pieces {
     }
 }
 
-/// Joins the pieces of two triangles. Returns false if they are different pieces that are too large together.
+/// Joins the pieces of two triangles. Returns false, and leaves them apart, if they are different pieces that
+/// have more than [`MOST_TRIANGLES`] together.
 fn unite(parent: &mut [u32], count: &mut [u32], a: u32, b: u32) -> bool {
     let (a, b) = (find(parent, a), find(parent, b));
     if a == b {

@@ -1,12 +1,13 @@
 //! Choice of occluders and projection planes.
 //!
-//! Planes are put right behind the occluders that cover most of what is asked, each by itself, and at
-//! geometrically growing distances (Durand, Drettakis, Thollot and Puech, "Conservative Visibility
-//! Preprocessing Using Extended Projections", 2000, section 6.1, puts one behind each occluder and counts
-//! pixels). Planes are chosen one after another, by the largest share that one occluder before the plane
-//! covers, times the gap between the plane and the nearest one chosen already. The sum of shares would favour
-//! planes behind many small occluders, none of which covers a pixel, and shares alone would put nearly all
-//! planes behind the nearest occluders, where a plane hides little that the next one does not hide as well.
+//! Planes are put right behind the occluders that, each by itself, cover the largest share of the rays to the
+//! occludees, and at geometrically growing distances (Durand, Drettakis, Thollot and Puech, "Conservative
+//! Visibility Preprocessing Using Extended Projections", 2000, section 6.1, puts one behind each occluder and
+//! counts pixels). Planes are chosen one after another, by the largest share that one occluder before the
+//! plane covers, times the gap between the plane and the nearest one chosen already. The sum of shares would
+//! favour planes behind many small occluders, none of which covers a pixel, and shares alone would put nearly
+//! all planes behind the nearest occluders, where a plane hides little that the next one does not hide as
+//! well.
 
 use super::direction::{Direction, LocalBox};
 use super::occludees::Item;
@@ -16,29 +17,32 @@ use crate::extent::quantile;
 use alloc::vec::Vec;
 use core::ops::Range;
 
-/// Numbers of planes of a sweep, and of times that occluders are drawn. More hide more and take longer.
+/// Limits of a sweep: how many planes it has, and how often an occluder is drawn. Higher limits hide more
+/// objects and take longer.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Effort {
-    /// Greatest number of planes right behind occluders.
+    /// Greatest number of planes that are each put right behind an occluder.
     pub(crate) behind: usize,
-    /// Least ratio of the distances of successive planes that are not behind occluders. Where objects are at
-    /// very different distances, the planes are farther apart.
+    /// Least ratio of the distances of successive planes of the geometric series: the planes that are put at
+    /// growing distances, wherever occluders are. The ratio is larger where `growing` planes would not reach
+    /// the last occludee.
     growth: f64,
-    /// Greatest number of planes that are not behind occluders.
+    /// Greatest number of planes in the geometric series.
     growing: usize,
-    /// Number of planes behind an occluder on which it is drawn, besides the planes that cut it. Each
-    /// reprojection loses up to a pixel around a covered area, so that drawing again keeps more.
+    /// Number of planes on which an occluder is drawn beyond its farthest point, besides the planes that cut
+    /// it. Each reprojection loses up to a pixel around a covered area, so that drawing again keeps more.
     pub(crate) again: usize,
 }
 
 impl Effort {
-    /// The effort of bakes.
+    /// The effort where a call may take its time, as in bakes.
     pub(crate) const FULL: Self = Self { behind: 24, growth: 1.3, growing: 27, again: 6 };
     /// The effort for a viewcell of an eye on the move: half the time, for 2 to 15 % more objects (measured).
     pub(crate) const QUICK: Self = Self { behind: 12, growth: 1.5, growing: 18, again: 3 };
 }
 
-/// Least ratio of the distances of two planes behind occluders.
+/// Least ratio of the distances of two planes that are put right behind occluders. Of planes closer together,
+/// only the farthest is considered.
 const APART: f64 = 1.004;
 
 /// Cone of rays from the viewcell to all occludees of a direction: its slopes, and its range of depths.
@@ -49,16 +53,16 @@ pub(crate) struct Cone {
     /// slope and 1 for the greatest. A slope is metres along that axis per metre of depth (local z), where
     /// depth is counted from the back of the viewcell.
     slopes: [[f64; 2]; 2],
-    /// Depth of the first plane in metres. All occludees are behind it.
+    /// Depth of the first plane, in metres. Occludees that are not behind it count as visible.
     pub(crate) first: f64,
-    /// Greatest depth in metres of the nearest side of an occludee. Planes farther away would hide nothing.
+    /// Greatest depth at which an occludee begins, in metres. No occludee is behind a plane farther away.
     pub(crate) deepest: f64,
-    /// Depth at which occluders are cut on the side of the viewcell.
+    /// Depth in metres at which the near ends of occluders are cut off.
     pub(crate) near: f64,
 }
 
 impl Cone {
-    /// Encloses the rays to `items`. `None` without items.
+    /// Encloses the rays to `items`. `None` without items, or if no plane fits before them.
     pub(crate) fn around(direction: &Direction, items: &[Item]) -> Option<Self> {
         let mut slopes = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
         let mut deepest = 0.0f64;
@@ -85,7 +89,8 @@ impl Cone {
         Self { slopes: self.slopes.map(|[low, high]| [low.min(0.0), high.max(0.0)]), ..*self }
     }
 
-    /// Returns the range of the cone at depth `z` along lateral axis `lat` (0 or 1).
+    /// Returns the least and greatest coordinate of the cone at depth `z` along lateral axis `lat` (0 or 1),
+    /// in metres.
     pub(crate) fn at(&self, direction: &Direction, z: f64, lat: usize) -> [f64; 2] {
         let [low, high] = self.slopes[lat].map(|slope| slope * (z + direction.depth));
         [low - direction.half[lat], high + direction.half[lat]]
@@ -102,8 +107,8 @@ impl Cone {
             })
     }
 
-    /// Estimates the share of the cone that an occluder covers on a plane right behind it. 0 if it cannot
-    /// cover a pixel.
+    /// Estimates the share of the cone's cross-section, from 0 to 1, that an occluder with bounds `b` covers
+    /// on a plane right behind it. 0 if it cannot cover a pixel.
     fn share(&self, direction: &Direction, b: &LocalBox) -> f64 {
         let (near, far) = (b.lo.z.max(self.near), b.hi.z.min(self.deepest));
         (0..2)
@@ -160,9 +165,9 @@ pub(crate) struct Candidate {
     pub(crate) joins: bool,
 }
 
-/// Chooses the distances of the projection planes within `range`, ascending, all before `cone.deepest`. Of
-/// the possible planes right behind occluders, the best of all ranges are chosen. `left.behind` is the number
-/// of them that earlier ranges have left over.
+/// Chooses the distances in metres of the projection planes within `range`, ascending, all before
+/// `cone.deepest`. At most `left.behind` of them are put right behind occluders, the best ones of this range.
+/// `left.behind` is reduced by their number, and what is left serves later ranges.
 pub(crate) fn distances(
     direction: &Direction,
     cone: &Cone,

@@ -15,8 +15,8 @@ pub(super) fn cut(a: DVec3, b: DVec3, z: f64) -> DVec3 {
 /// which a downward edge does.
 pub(super) type Sides = [[f64; SIDE]; 2];
 
-/// Returns the rows from `first` to `last`, both included, whose middle lines are at `low` or above it, and
-/// below `high`.
+/// Returns the rows from `first` to `last`, both included, the y of whose middle lines is at least `low` and
+/// less than `high`.
 fn rows_between([low, high]: [f64; 2], [first, last]: [usize; 2]) -> Range<usize> {
     let from = |y: f64| {
         // Casts round towards zero, and to zero what is negative.
@@ -27,14 +27,14 @@ fn rows_between([low, high]: [f64; 2], [first, last]: [usize; 2]) -> Range<usize
     start..from(high).min(last + 1).max(start)
 }
 
-/// A triangle, and the part of it between two depths.
+/// The part of a triangle between two depths: a convex polygon in local coordinates.
 pub(super) struct Polygon {
     points: [DVec3; 5],
     count: usize,
 }
 
 impl Polygon {
-    /// Returns the part of a triangle between two depths.
+    /// Returns the part of a triangle at depths from `near` to `far`, both included. It may be empty.
     pub(super) fn cut([a, b, c]: [DVec3; 3], near: f64, far: f64) -> Self {
         let mut polygon = Self { points: [a, b, c, c, c], count: 3 };
         polygon.clip(near, 1.0);
@@ -74,9 +74,9 @@ impl Polygon {
         *self = kept;
     }
 
-    /// Sets the pixels of `rect` in which the polygon, seen from the middle of the cell's front, meets the
-    /// middle line of the pixel's row. Pixels that are set in `map` may be left out. Returns whether any was
-    /// set. `sides` is scratch.
+    /// Sets in `inside` the pixels of `rect` in which the polygon, seen from the middle of the cell's front,
+    /// meets the middle line of the pixel's row. Pixels that are set in `map` may be left out. Returns
+    /// whether any was set. `sides` is scratch.
     pub(super) fn fill(
         &self,
         inside: &mut RayMap,

@@ -22,19 +22,20 @@ impl ProjectionPlane<'_> {
     /// Width and height of the map, in pixels.
     pub const SIDE: usize = SIDE;
 
-    /// Returns the direction that leaves the viewcell: a vector of unit length in world space, across the
-    /// plane.
+    /// Returns the plane's normal, which points away from the viewcell: a vector of unit length in world
+    /// space.
     pub fn direction(&self) -> DVec3 {
         self.direction.rows[2]
     }
 
-    /// Returns the distance of the plane from the side of the viewcell, in metres.
+    /// Returns the distance in metres from the box around the viewcell to the plane, along
+    /// [`direction`](Self::direction).
     pub fn distance(&self) -> f64 {
         self.window.d
     }
 
-    /// Returns the corners of the map in world space, in metres, up to rounding: at the pixels (0, 0),
-    /// (`SIDE`, 0), (`SIDE`, `SIDE`) and (0, `SIDE`).
+    /// Returns the corners of the map in world space, in metres, up to rounding: at the pixel coordinates (0,
+    /// 0), (`SIDE`, 0), (`SIDE`, `SIDE`) and (0, `SIDE`).
     pub fn corners(&self) -> [DVec3; 4] {
         let [[left, right], [low, high]] = self.window.ends();
         [[left, low], [right, low], [right, high], [left, high]].map(|[x, y]| {
@@ -52,8 +53,9 @@ impl ProjectionPlane<'_> {
 }
 
 impl ExtendedProjectionCuller {
-    /// Calls `each` with the planes of a sweep from a viewcell, direction by direction and nearest first. The
-    /// maps reach as far aside as the objects of the scene and hold all occluders of the scene.
+    /// Calls `each` with the planes of a sweep from a viewcell, direction by direction, the nearest plane
+    /// first. The maps cover all rays from the viewcell to objects of the scene that the sweep can test, and
+    /// all occluders of the scene are drawn on them.
     pub fn for_each_plane(
         &mut self,
         scene: &Scene,

@@ -41,7 +41,7 @@ impl RayMap {
         self.rows.fill([0; WORDS]);
     }
 
-    /// Clears the words that hold pixels of `rect`.
+    /// Clears the pixels of `rect`, and the other pixels in the same words.
     pub(crate) fn clear_rect(&mut self, rect: PixelRect) {
         for row in &mut self.rows[rect.y[0]..=rect.y[1]] {
             row[rect.x[0] / 64..=rect.x[1] / 64].fill(0);
@@ -66,9 +66,9 @@ impl RayMap {
         })
     }
 
-    /// Tests whether a rectangle within `rect` of at least `least` columns and rows may be all set. May be
-    /// true although none is. Where `least` is more than half of `rect`, all such rectangles have the middle
-    /// in common.
+    /// Returns false only if no rectangle within `rect` of at least `least[0]` columns and `least[1]` rows is
+    /// all set. True does not mean that there is one. Where `least` is more than half of `rect`, all such
+    /// rectangles have the middle in common.
     pub(crate) fn may_hold(&self, rect: PixelRect, least: [usize; 2]) -> bool {
         let middle = |[first, last]: [usize; 2], least: usize| {
             let middle = [(last + 1).saturating_sub(least).max(first), (first + least - 1).min(last)];
@@ -90,7 +90,7 @@ impl RayMap {
         self.rows.iter().flatten().any(|&word| word != 0)
     }
 
-    /// Tests whether `other` has a pixel that this map lacks, in the words of `rect`.
+    /// Tests whether a pixel is set in `other` but not in this map, in the words that hold `rect`.
     pub(crate) fn lacks(&self, other: &Self, rect: PixelRect) -> bool {
         let words = rect.x[0] / 64..=rect.x[1] / 64;
         (rect.y[0]..=rect.y[1]).any(|y| {
@@ -101,7 +101,7 @@ impl RayMap {
         })
     }
 
-    /// Sets the pixels that are set in `inside` and not in `contour`, in the words of `rect`.
+    /// Sets the pixels that are set in `inside` and not in `contour`, in the words that hold `rect`.
     pub(crate) fn add_difference(&mut self, inside: &Self, contour: &Self, rect: PixelRect) {
         for y in rect.y[0]..=rect.y[1] {
             for x in rect.x[0] / 64..=rect.x[1] / 64 {
@@ -115,8 +115,8 @@ impl RayMap {
         self.rows[y][x / 64] >> (x % 64) & 1 != 0
     }
 
-    /// Replaces the map with its erosion: a pixel of the result is set if all pixels of its ranges along x
-    /// and y were. `columns` and `rows` are scratch. Linear in the number of words and of runs of bits.
+    /// Replaces the map with its erosion: a pixel of the result is set if all pixels in its column's range of
+    /// `columns` and its row's range of `rows` were. Linear in the number of words and of runs of bits.
     pub(crate) fn erode(&mut self, columns: &Ranges, rows: &Ranges, scratch: &mut RayMap) {
         self.and_rows(rows, scratch);
         // A run of set bits keeps the pixels whose ranges lie within the run: from the first pixel whose
@@ -148,8 +148,9 @@ impl RayMap {
         }
     }
 
-    /// Writes to row `j` of `out` the conjunction of the rows `ranges[j]` of this map. Ends of ranges never
-    /// decrease, so a queue of two stacks needs three conjunctions a row.
+    /// Writes to row `j` of `out` the conjunction of the rows of this map from `ranges[j][0]` to
+    /// `ranges[j][1]`. Ends of ranges never decrease, so a queue of two stacks needs three conjunctions a
+    /// row.
     fn and_rows(&self, ranges: &Ranges, out: &mut RayMap) {
         // `suffix[r]`: conjunction of rows r to `middle`. `back`: of the rows after `middle` up to `end`.
         let mut suffix = [[0; WORDS]; SIDE];

@@ -16,7 +16,7 @@ use visibility_core::{Aabb, ObjectId, Scene};
 pub(crate) struct Surfaces {
     pub(crate) triangles: Vec<Surface>,
     pub(crate) segments: Vec<[Vec3; 2]>,
-    /// First element of `sides` of each segment; then the end of the last.
+    /// Index in `sides` of the first side of each segment; at the end, the length of `sides`.
     starts: Vec<u32>,
     /// Sides of triangles on each segment, as twice the index of the triangle, plus 1 if the triangle runs
     /// from the first end to the second.
@@ -27,8 +27,9 @@ pub(crate) struct Surfaces {
     /// Cluster of each object, by object index. Objects whose triangles meet along segments, directly or
     /// through others, are one cluster. `u32::MAX` for objects that are not in `objects`.
     cluster_of: Vec<u32>,
-    /// Triangles and segments of each cluster.
+    /// Indices of the triangles of each cluster.
     cluster_triangles: Groups,
+    /// Indices of the segments of each cluster.
     cluster_segments: Groups,
 }
 
@@ -40,7 +41,7 @@ struct Groups {
 }
 
 impl Groups {
-    /// Sorts the numbers from 0 on by group. `group_of` returns the group of each.
+    /// Sorts the numbers 0, 1, 2 and so on by group. `group_of` yields the group of each number in turn.
     fn new(groups: usize, group_of: impl Iterator<Item = u32> + Clone) -> Self {
         let mut starts = alloc::vec![0u32; groups + 1];
         let mut count = 0;
@@ -96,7 +97,8 @@ pub(crate) struct Part {
 
 /// A side of a triangle, on the line that `key` names.
 struct LineSide {
-    /// Axis and the two other coordinates, for a line along an axis. Otherwise 3, and a number for each end.
+    /// For a side along an axis: the axis (0 to 2), and the bits of the two other coordinates. For any other
+    /// side: 3, and the numbers of its two end points, the lesser first.
     key: [u32; 3],
     /// Coordinates of the two ends along the axis that the line is parallel to, ascending, in metres. Both 0
     /// for lines of other directions.
@@ -104,12 +106,13 @@ struct LineSide {
     /// Twice the index of the triangle, plus 1 if the side runs in the direction of its line: as in
     /// [`Surfaces::sides`].
     side: u32,
-    /// Number of the triangle's corner at which the side begins.
+    /// Corner of the triangle, from 0 to 2, at which the side begins.
     corner: u32,
 }
 
-/// Greatest number of segments per side of a line. A line with more is not divided: its sides join where they
-/// have equal ends. This bounds memory where many long sides and many short ones lie on one line.
+/// Greatest ratio of the number of segments on a line to the number of its sides. A line with more is not
+/// divided: its sides join where they have equal ends. This bounds memory where many long sides and many
+/// short ones lie on one line.
 const MOST_SEGMENTS: usize = 16;
 
 /// Returns the representative of the set that `at` is in, and shortens the way to it. `parent` is a
@@ -174,12 +177,12 @@ impl Surfaces {
         self.cluster_triangles.starts.len().saturating_sub(1)
     }
 
-    /// Returns the triangles of a cluster.
+    /// Returns the indices of a cluster's triangles, ascending.
     pub(crate) fn triangles_of(&self, cluster: usize) -> &[u32] {
         self.cluster_triangles.get(cluster)
     }
 
-    /// Returns the segments of a cluster.
+    /// Returns the indices of a cluster's segments, ascending.
     pub(crate) fn segments_of(&self, cluster: usize) -> &[u32] {
         self.cluster_segments.get(cluster)
     }

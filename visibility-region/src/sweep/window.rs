@@ -12,14 +12,15 @@ use visibility_core::glam::Vec3;
 /// for projected vertices.
 pub(crate) const SLACK: f64 = 1.0 / 1024.0;
 
-/// Greatest pixel coordinate that is used: 2^30, whose rounding errors are below `SLACK / 2^10`.
+/// Greatest magnitude of a pixel coordinate that is used: 2^30, whose rounding errors are below `SLACK /
+/// 2^10`.
 pub(crate) const FARTHEST_PIXEL: f64 = 1_073_741_824.0;
 
 /// Least width of a window, in units of the rounding error of positions on it: 2^26.
 const WIDTH: f64 = 67_108_864.0;
 
-/// Distance in pixels from a rim to the boundary of pixels next to it. Edges at the rim, with their margin,
-/// then mark pixels on one side of the boundary alone.
+/// Distance in pixels from a [`Rim`] to the boundary between pixels next to it. Edges at the rim, with their
+/// margin, then mark pixels on one side of the boundary alone.
 const BESIDE: f64 = 4.0 * SLACK;
 
 /// A coordinate along a lateral axis at which most objects begin, or end, such as the ground that houses
@@ -28,7 +29,7 @@ const BESIDE: f64 = 4.0 * SLACK;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rim {
     at: f64,
-    /// 1 if objects begin at the rim, -1 if they end there.
+    /// 1 if the objects begin at the rim and lie at greater coordinates, -1 if they end there.
     inwards: f64,
     /// Axis of the scene and exact position of the rim along it, if all of the viewcell is on the inner side
     /// of the rim or touches it. `None` otherwise.
@@ -37,29 +38,31 @@ pub(crate) struct Rim {
 
 /// A rim that the viewcell does not cross, as a boundary between the pixels of a window.
 ///
-/// The pixels on the inner side of this boundary hold the points on the inner side of the rim, exactly, and
-/// those on its outer side the points beyond: between the rim and the boundary of pixels by their coordinates
-/// are [`BESIDE`] pixels, and every range of pixels is widened by these. Rays from the viewcell through an
-/// inner pixel stay on the inner side of the rim. So an edge on the outer side, or at the rim, does not meet
-/// them. (Rays within the rim meet an edge at the rim, and its triangle blocks them there. Nor would they see
-/// an object that rays beside them do not: what is seen is seen by an open set of rays.)
+/// The pixels on the inner side of this boundary stand for exactly the points on the inner side of the rim,
+/// and the others for the points beyond it. By coordinates, the boundary lies [`BESIDE`] pixels off the rim,
+/// and every range of pixels is widened by as much. Rays from the viewcell through an inner pixel stay on the
+/// inner side of the rim. So an edge on the outer side, or at the rim, does not meet them. (Rays in the plane
+/// of the rim meet an edge at the rim, and its triangle blocks them there. Nor would they see an object that
+/// rays beside them do not: what is seen is seen by an open set of rays.)
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct ExactRim {
     at: f64,
     inwards: f64,
     exact: (usize, f64),
-    /// Index of the pixel on the inner side of the boundary.
+    /// Index of the column or row of pixels next to the boundary, on its inner side.
     inner: usize,
 }
 
 impl ExactRim {
-    /// Cuts a range of pixel coordinates off at the rim, for points that are all on its inner side.
+    /// Returns the part of a range of pixel coordinates that is on the inner side of the rim. The caller
+    /// knows that all points in the range are on that side.
     fn clip_inwards(&self, [low, high]: [f64; 2]) -> [f64; 2] {
         let inner = self.inner as f64;
         if self.inwards > 0.0 { [low.max(inner), high] } else { [low, high.min(inner + 1.0 - SLACK)] }
     }
 
-    /// Cuts a range of pixel coordinates off at the rim, for points that are all on its outer side or at it.
+    /// Returns the part of a range of pixel coordinates that is on the outer side of the rim. The caller
+    /// knows that all points in the range are on that side or at the rim.
     fn clip_outwards(&self, [low, high]: [f64; 2]) -> [f64; 2] {
         let inner = self.inner as f64;
         if self.inwards > 0.0 {
@@ -73,8 +76,8 @@ impl ExactRim {
 }
 
 impl Rim {
-    /// Returns the rim at the coordinate that most items share along a lateral axis, up to rounding. `None`
-    /// if no two share one.
+    /// Returns the rim at the coordinate along lateral axis `lat` (0 or 1) at which most items begin, or most
+    /// end, up to rounding. `None` if no two share one.
     pub(crate) fn of(
         items: &[Item],
         lat: usize,
@@ -139,8 +142,9 @@ pub(crate) struct Window {
 }
 
 impl Window {
-    /// Fits a window around the rectangle `ends`, which may be a point but not empty. Along an axis with a
-    /// rim, a boundary between pixels lies next to the rim. `None` if the numbers are not finite.
+    /// Fits a window on the plane at distance `d` around the rectangle `ends`, which may be a point but not
+    /// empty: least and greatest x, then y, in metres. Along an axis with a rim, a boundary between pixels
+    /// lies next to the rim. `None` if the numbers are not finite.
     pub(crate) fn fit(
         direction: &Direction,
         d: f64,
@@ -198,12 +202,14 @@ impl Window {
         self.scale[lat]
     }
 
-    /// Returns the margin of ranges of pixels along lateral axis `lat` (0 or 1), in pixels.
+    /// Returns by how many pixels each end of a range along lateral axis `lat` (0 or 1) must be moved
+    /// outwards.
     fn margin(&self, lat: usize) -> f64 {
         if self.rims[lat].is_some() { SLACK + BESIDE } else { SLACK }
     }
 
-    /// Returns the range of pixel coordinates that surely contains the positions from `low` to `high`.
+    /// Returns a range of pixel coordinates along axis `lat` (0 or 1) that certainly contains the positions
+    /// from `low` to `high`, in metres: at each end it is wider by [`margin`](Self::margin).
     pub(crate) fn widened(&self, [low, high]: [f64; 2], lat: usize) -> [f64; 2] {
         [self.pixel(low, lat) - self.margin(lat), self.pixel(high, lat) + self.margin(lat)]
     }
@@ -219,14 +225,16 @@ impl Window {
         })
     }
 
-    /// Cuts a range of pixel coordinates off at the rim, for points on its outer side.
+    /// Returns the part of a range of pixel coordinates that is on the outer side of the rim of lateral axis
+    /// `lat`. The caller knows that all points in the range are there, see [`is_outside`](Self::is_outside).
+    /// Unchanged without a rim.
     pub(crate) fn clip_outwards(&self, range: [f64; 2], lat: usize) -> [f64; 2] {
         self.rims[lat].map_or(range, |rim| rim.clip_outwards(range))
     }
 
-    /// Returns the pixels that the projection of an occludee onto the plane meets. The projection is given by
-    /// its least and greatest coordinate along x, then along y, in metres. `bounds` are those of the occludee
-    /// in scene coordinates. `None` if the projection reaches out of the window.
+    /// Returns the pixels that the projection of an occludee onto the plane may meet. The projection is given
+    /// by its least and greatest coordinate along x, then along y, in metres. `bounds` are those of the
+    /// occludee in scene coordinates. `None` if the projection reaches out of the window.
     pub(crate) fn pixels(&self, [x, y]: [[f64; 2]; 2], bounds: &Aabb) -> Option<PixelRect> {
         let along = |range: [f64; 2], lat| {
             let [mut low, mut high] = self.widened(range, lat);
@@ -246,8 +254,8 @@ impl Window {
         Some(PixelRect { x: along(x, 0)?, y: along(y, 1)? })
     }
 
-    /// Returns the least number of pixels along each lateral axis that the projection of an occludee at least
-    /// `z` away meets. At least 1.
+    /// Returns the least number of pixels along each lateral axis that the projection of an occludee meets
+    /// whose depth is at least `z` metres. At least 1.
     pub(crate) fn min_pixels(&self, direction: &Direction, z: f64) -> [usize; 2] {
         [0, 1].map(|lat| match self.rims[lat] {
             // Ranges are cut off at the rim.
@@ -261,9 +269,9 @@ impl Window {
         self.ends
     }
 
-    /// Returns for each pixel of this window, along lateral axis `lat` (0 or 1), the pixels of the earlier
-    /// window `from` that asked rays through it meet. This is the reprojection with the cell itself as the
-    /// source.
+    /// Returns for each column (`lat` 0) or row (`lat` 1) of pixels of this window the first and last one of
+    /// the earlier window `from` that asked rays through it may meet. This is the reprojection with the cell
+    /// itself as the source of the rays.
     pub(crate) fn reprojection(&self, direction: &Direction, from: &Self, lat: usize) -> Ranges {
         // A ray from v, at w behind the front, to p on this plane meets the earlier one at
         // p (1 - t) + v t with t = (d - from.d) / (d + w).
