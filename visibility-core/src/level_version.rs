@@ -36,8 +36,8 @@ pub fn version_of(origin: DVec3, objects: impl IntoIterator<Item = (u32, u64)>) 
     objects.into_iter().fold(Fingerprint::new().with_dvec3(origin), with).value()
 }
 
-/// Returns a hash of an object: bounds, layers, cost, flags, triangles and occluder mesh, but not the index,
-/// and not whether the object is see-through: an occluder is not.
+/// Returns a hash of an object: bounds, layers, cost, the flags `never_cull`, `occluder` and `one_sided`,
+/// triangles, occluder mesh and its transform. The index and the flag `see_through` do not count.
 pub fn object_hash<'a>(
     object: &Object,
     triangles: impl Into<Triangles<'a>>,

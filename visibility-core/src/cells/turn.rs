@@ -111,8 +111,9 @@ fn is_wound_wrong(portal: &Portal, [first, second]: [&Viewcell; 2], tolerance: f
     }
 }
 
-/// Returns an upper bound on `normal . (x - anchor)` for the points `x` of a body: the least that the box and
-/// one plane prove. NaN or infinity for a body that is inverted, infinite or NaN.
+/// Returns an upper bound on `normal . (x - anchor)` for the points `x` of a body: the least bound that
+/// follows from the body's box together with at most one of its planes. NaN or infinity for a body that is
+/// inverted, infinite or NaN.
 fn greatest(body: &Viewcell, normal: DVec3, anchor: DVec3) -> f64 {
     let (min, max) = (body.min - anchor, body.max - anchor);
     if !(body.min.cmple(body.max).all() && min.is_finite() && max.is_finite()) {

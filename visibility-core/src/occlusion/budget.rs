@@ -17,25 +17,26 @@ use glam::DVec3;
 /// until the first batch of occluders has been drawn and the boxes behind have been tested.
 const INITIAL_CREDIT: f32 = 2048.0;
 
-/// Work of testing one box of a block of siblings, in triangles (measured with the z-buffer: a block of 64
-/// takes what six triangles take; with three times as much, frames of real levels end their search early).
+/// Work of testing one box of a block of siblings, in triangles. Measured with the z-buffer: a test of 64
+/// boxes takes as long as drawing six triangles. With three times this value, the search ends early in frames
+/// of real levels.
 const TEST_WORK: f32 = 0.1;
 
-/// Cost in triangles up to which an occluder may be expensive for what it can hide. An occluder that costs
-/// more than this and the frame's earnings together is paid from the credit only if it costs at most half the
-/// worth of all objects behind it. So a frame of few objects draws no mesh that costs as much as all of them.
+/// Cost in triangles up to which an occluder may be paid from the credit without regard to what it can hide.
+/// An occluder that costs more than this and the frame's earnings together is paid from the credit only if it
+/// costs at most half the worth of all objects behind it. So a frame of few objects draws no mesh that costs
+/// as much as all of them are worth.
 const UNPROVEN_COST: f32 = 512.0;
 
 /// An occluder is drawn on a loan if the worth of the objects that it is expected to hide is at least this
 /// many times its cost and all loans not paid back yet.
 const LOAN_SAFETY: f32 = 4.0;
 
-/// Greatest share of a frame's work on occluders that an occlusion map may spend on occluders that the map
-/// draws by itself.
+/// Greatest share of the work of the search that an occlusion map may spend on the occluders that it draws by
+/// itself.
 const OWN_SHARE: f32 = 0.75;
 
-/// Greatest share of the initial credit that hidden objects may have paid in a frame in which nearly nothing
-/// is hidden.
+/// A search was in vain if the frame's earnings are at most this share of [`INITIAL_CREDIT`].
 const NEARLY_NOTHING: f32 = 0.25;
 
 /// Work of one frame, in triangles.
@@ -82,8 +83,8 @@ impl Budget {
         self.limit <= 0.0
     }
 
-    /// Returns whether the search has spent its credit and found nearly nothing hidden, as in the view of a
-    /// bird.
+    /// Returns whether the search has spent its credit and found nearly nothing hidden (see
+    /// [`NEARLY_NOTHING`]), as in the view of a bird.
     pub(super) fn is_spent_in_vain(&self) -> bool {
         self.price > 0.0 && self.credit <= 0.0 && self.earned <= NEARLY_NOTHING * INITIAL_CREDIT
     }
@@ -102,7 +103,7 @@ impl Budget {
         self.spent += work;
     }
 
-    /// Lowers the work that the frame may still spend, without counting it as spent.
+    /// Lowers the work that the frame may still spend by `work`, in triangles, without counting it as spent.
     pub(super) fn lower_limit(&mut self, work: f32) {
         self.limit -= work;
     }
@@ -121,7 +122,7 @@ impl Budget {
         self.spent
     }
 
-    /// Spends the work of testing boxes of a block of siblings.
+    /// Adds the work of testing `boxes` boxes of a block of siblings to the work of this frame.
     pub(super) fn spend_tests(&mut self, boxes: u32) {
         self.spend(TEST_WORK * boxes as f32);
     }
@@ -160,7 +161,7 @@ impl Budget {
     }
 }
 
-/// Number of frames in a row that did not pay after which frames are left out: nothing is searched in them.
+/// Number of frames in a row that did not pay after which frames are left out: see [`Experience`].
 const MOST_LOSSES: u32 = 8;
 
 /// Work, in triangles, that a frame left out saves for each object in view: some three times what frustum
@@ -225,8 +226,8 @@ impl Experience {
     }
 }
 
-/// Number of tested leaves in a row without a hidden object after which some leaves are left out: their boxes
-/// are not tested.
+/// Number of tested leaves in a row without a hidden object after which some leaves are not tested: see
+/// [`LeafSampling`].
 const MOST_MISSES: u32 = 8;
 
 /// Greatest number of leaves in a row that are not tested. The next leaf is tested.

@@ -109,10 +109,10 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     }
 
     /// Bounds the work of a frame, in triangles: with the z-buffer, ten of them take about a microsecond.
-    /// 32,768 by default; `u32::MAX` for no bound. A frame draws occluders with at most half of it, and from
-    /// the bound on tests no more objects and reports the rest. The last node tested, batch of occluders, or
-    /// cluster of a level may exceed the bound, and so may the search for a level's clusters in view. It does
-    /// not cover emptying the map, which takes longer the larger the map is.
+    /// 32,768 by default; `u32::MAX` for no bound. A frame spends at most half of it on occluders. Once all
+    /// of it is spent, the frame tests no more objects and reports the rest. The last node tested, batch of
+    /// occluders, or cluster of a level may exceed the bound, and so may the search for a level's clusters in
+    /// view. It does not cover emptying the map, which takes longer the larger the map is.
     #[must_use]
     pub fn with_work_limit(self, triangles: u32) -> Self {
         Self { work_limit: triangles, ..self }
@@ -337,14 +337,15 @@ impl<M: OcclusionMap> Sweep<'_, M> {
 /// Value of `known` in [`HiddenTest`] for a node that occluders may hide: its children must be tested.
 const UNDECIDED: u32 = 1;
 
-/// The test of the walk after the search, for several threads. The number passed down is [`UNDECIDED`], or 0
-/// if no occluder hides any part of the node.
+/// The test of the walk after the search, for several threads. Its number `known` for a node is
+/// [`UNDECIDED`], or 0 if no occluder hides any part of the node.
 struct HiddenTest<'a> {
     map: &'a (dyn OcclusionMap + Sync),
 }
 
 impl NodeTest for HiddenTest<'_> {
-    /// Mask of the lanes whose boxes are certainly not hidden in any part: what is below them needs no test.
+    /// Mask of the lanes whose boxes no occluder hides any part of, bit i for lane i: nothing below them
+    /// needs a test.
     type Found = u64;
 
     fn test(&self, block: &Block<'_>, candidates: u64, _: u32, stats: &mut CullStats) -> (u64, u64) {

@@ -26,11 +26,12 @@ use alloc::collections::BinaryHeap;
 use core::cmp::{Ordering, Reverse};
 use glam::{Affine3A, DVec3, DVec4, Vec3};
 
-/// Number of occluders added between two flushes. More waste draws on occluders that are hidden already,
-/// fewer waste flushes (measured with the z-buffer).
+/// Number of occluders added between two flushes. A larger number draws more occluders that are hidden
+/// already, a smaller one flushes too often (measured with the z-buffer).
 const BATCH: u32 = 8;
 
-/// Number of occluders of a frame beyond which each takes [`LATER_WORK`]. Levels draw some hundreds.
+/// Number of occluders of a frame after which each further one takes [`LATER_WORK`]. Levels draw some
+/// hundreds.
 const MANY_OCCLUDERS: u64 = 1024;
 
 /// Work in triangles, beyond what the search pays, of finding, testing and choosing one of thousands of small
@@ -63,7 +64,7 @@ const MOST_ESTIMATED: usize = 2048;
 pub(super) struct Waiting {
     /// Order of the queue: [`distance_key`] of `bounds`.
     distance_key: f32,
-    /// Number of flushes before `bounds` was tested last.
+    /// Number of flushes of the frame up to the last test of `bounds`.
     tested: u32,
     child: Child,
     /// Estimate of the number of objects below the entry, 1 for an object.
@@ -110,12 +111,12 @@ pub(super) struct OccluderSearch<'a, M> {
     depth_row: DVec4,
     clip_planes: ViewPlanes,
     queue: &'a mut Queue,
-    /// Work of the frame, which the walk after the search goes on with.
+    /// Budget of the frame's work, the rest of which the walk after the search uses.
     budget: Budget,
     /// Share of the view that one square metre covers, facing the eye at a distance of one metre; in a
     /// parallel view at any distance. May be NaN or infinite for a degenerate view.
     share_per_area: f32,
-    /// Whether all objects left had been tested before the first occluder was added.
+    /// Whether all objects left in the set had been tested before the first occluder was added.
     is_tested: bool,
     /// Number of objects that may lie behind the occluders to come: all objects not found hidden so far.
     /// Unopened leaves count as [`OBJECTS_PER_LEAF`].
@@ -129,7 +130,7 @@ pub(super) struct OccluderSearch<'a, M> {
 impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
     /// Prepares a search for a map on which [`OcclusionMap::begin`] has been called with the same `view` and
     /// `origin`. Without credit in the budget the search adds no occluder. `is_tested` tells whether all
-    /// objects left have been tested against what the map holds.
+    /// objects left in the set have been tested against what the map holds.
     pub(super) fn new(
         map: &'a mut M,
         queue: &'a mut Queue,
@@ -156,7 +157,7 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
 
     /// Adds the occluders of the frame to the map and flushes it. In the scene's own hierarchy, also drops
     /// the objects and nodes that it finds hidden on the way. Returns the rest of the budget, and whether all
-    /// objects left have been tested against everything in the map.
+    /// objects left in the set have been tested against everything in the map.
     pub(super) fn run<H: BoxHierarchy>(mut self, walk: &mut Walk<H>) -> (Budget, bool) {
         self.queue.clear();
         let begins = self.budget.has_credit();
@@ -187,7 +188,8 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
         (self.budget, is_all_tested)
     }
 
-    /// Tests the box of an entry again if the map has been flushed since the last test.
+    /// Returns whether the box of an entry is hidden now. False without a test if the map has not been
+    /// flushed since the box was last tested.
     fn has_become_hidden<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>, next: &Waiting) -> bool {
         if next.tested == self.flushes {
             return false;

@@ -176,7 +176,7 @@ fn count_below(pairs: &[(u32, ObjectId)], target: u32) -> usize {
 /// from the viewcells, and no time for other blocks. Where the view enters other viewcells, and where the
 /// [layout](Scene::layout) of the scene has changed, the frame first makes a mask of what is seen: a few
 /// nanoseconds for each object that is seen from the viewcells, wherever it is, that is never hidden, or that
-/// has changed, and for every thousand of the others.
+/// has changed, and as much for every thousand other objects.
 ///
 /// ```
 /// use visibility_core::{
@@ -209,7 +209,8 @@ pub struct PvsCuller<S> {
     viewcell: Option<ViewcellId>,
     /// Viewcells in which the view's lines of sight began when `seen` was last computed, ascending.
     entered: Vec<ViewcellId>,
-    /// Whether `entered` holds: false before the first frame, and where `seen` must be computed anew.
+    /// Whether `entered` and `seen` are valid: false before the first frame, and after the [`ScenePvs`] was
+    /// replaced.
     is_entered: bool,
     /// Scratch: the viewcells in which this frame's lines of sight begin.
     entering: Vec<ViewcellId>,
@@ -218,15 +219,15 @@ pub struct PvsCuller<S> {
     /// `t`.
     seen: Vec<u64>,
     seen_from_one: Vec<u64>,
-    /// For each node of the scene's hierarchy, a mask of the objects that count as visible from the viewcells
-    /// in `entered`: bit i for lane i, such an object (leaves) or a child with such an object below (inner
-    /// nodes).
+    /// Mask of each node of the scene's hierarchy, bit i for lane i. In a leaf: whether the object in the
+    /// lane counts as visible from the viewcells in `entered`. In an inner node: whether such an object is
+    /// below.
     masks: Vec<u64>,
     /// Layout of the scene that `masks` was made for. `NONE` if `masks` must be made again whatever the
     /// layout is, since `seen` has changed.
     masks_layout: Stamp,
-    /// Indices of the objects that have changed
-    /// since the [`ScenePvs`] was made, or is new, so that the PVS says nothing about the object.
+    /// Indices of the objects that were changed or inserted since the [`ScenePvs`] was made: the PVS says
+    /// nothing about these.
     changed: Bits,
     /// Whether lines of sight of the last frame began outside all viewcells.
     is_outside: bool,
@@ -270,8 +271,8 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
         self.viewcell
     }
 
-    /// Resets derived state if the [`ScenePvs`] was replaced, and takes in the objects that have changed in
-    /// the scene since the [`ScenePvs`] was made.
+    /// Resets derived state if the [`ScenePvs`] was replaced, and adds the objects that have changed in the
+    /// scene since the [`ScenePvs`] was made to `changed` and `masks`.
     fn follow(&mut self, scene: &Scene) {
         let shared = self.shared.borrow();
         if self.made_from != shared.stamp {

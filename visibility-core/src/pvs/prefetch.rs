@@ -48,11 +48,13 @@ pub struct Arrival {
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Prefetch {
-    /// Viewcells near the path, with the part of the path (0 to 1) at which each is reached.
+    /// Viewcells near the path, with the parameter of the path (0 at its start, 1 at its end) at which each
+    /// is reached.
     reached: Vec<(f64, ViewcellId)>,
-    /// Parts of the path on which the eye is in a viewcell: from, to.
+    /// First and last parameter (0 to 1) of each part of the path on which the eye is in some viewcell.
     inside: Vec<[f64; 2]>,
-    /// Part of the path at which each target is first seen. Infinite for a target that is not.
+    /// Indexed by target: parameter (0 to 1) of the path at which the target is first seen; infinity if it is
+    /// not.
     first: Vec<f64>,
     seen: Vec<u64>,
     row: Vec<u64>,
@@ -140,7 +142,8 @@ impl Prefetch {
         self.covered
     }
 
-    /// Fills `reached`, soonest first, and `covered`, as a part of the path.
+    /// Fills `reached`, soonest first, and sets `covered` to the parameter (0 to 1) of the path up to which
+    /// the eye stays inside viewcells.
     fn follow(&mut self, viewcells: &Viewcells, path: &Path, reach: f64) {
         let Self { reached, inside, covered, .. } = self;
         reached.clear();

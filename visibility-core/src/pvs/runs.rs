@@ -63,7 +63,8 @@ impl<'a> Runs<'a> {
         Ok((start, self.at))
     }
 
-    /// Returns the number of bits from `at` on that equal `value`.
+    /// Moves `at` past all bits equal to `value` that follow it, up to the next byte border at which one
+    /// differs. Returns their number.
     fn bits(&mut self, value: bool) -> u32 {
         let start = self.at;
         while let Some(byte) = self.bytes.get(self.at as usize / 8) {

@@ -34,7 +34,7 @@ pub(crate) struct ChangeLog {
     /// The revision before the change that `entries[0]` records; without entries, the present revision.
     start: u64,
     entries: Vec<ObjectId>,
-    /// The revision right after the origin last moved; before that, the first revision of the scene.
+    /// The revision right after the origin last moved; the first revision of the scene if it never did.
     moved: u64,
 }
 
@@ -45,7 +45,7 @@ impl ChangeLog {
         Self { start, entries: Vec::new(), moved: start }
     }
 
-    /// Lower limit of the number of changes that the log can hold, for scenes with few objects.
+    /// Least number of changes that the log can hold, however few objects the scene has.
     const LEAST: usize = 1024;
 
     pub(crate) fn revision(&self) -> u64 {

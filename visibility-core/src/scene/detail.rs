@@ -170,7 +170,7 @@ impl Scene {
         Ok(linked(self.tree.detail(id.index()).parent).and_then(|index| self.id_at(index)))
     }
 
-    /// Makes `details` as long as the index range.
+    /// Extends `details` to one entry for each object index.
     fn grow_details(&mut self) {
         self.tree.details.resize(self.generations.len(), Detail::NONE);
     }
@@ -198,15 +198,15 @@ impl Scene {
         self.log.push(id, self.generations.len());
     }
 
-    /// Raises the [bounds](DetailBounds) of the nodes above the object in `slot` to the object's details, and
+    /// Raises the [bounds](DetailBounds) of the nodes above the object in `slot` to include the object, and
     /// queues the object's leaf, so that [`maintain`](Self::maintain) lowers bounds that are too high.
     fn raise_bounds(&mut self, slot: Slot) {
         self.tree.raise_to_object(slot);
         self.queue.push(slot.node());
     }
 
-    /// Raises the bounds above the children of an object, which are drawn to another distance if the object
-    /// has changed.
+    /// Raises the bounds of the nodes above the HLOD children of an object: to which distance these are drawn
+    /// depends on the object.
     pub(super) fn raise_children(&mut self, id: ObjectId) {
         let mut child = linked(self.tree.detail(id.index()).first_child);
         while let Some(index) = child {

@@ -21,7 +21,7 @@ struct Slot {
     generation: u32,
     /// Number of objects that have the mesh.
     users: u32,
-    /// Whether the mesh goes with its last user, and its id names no mesh any more.
+    /// True once the mesh was removed: its id names no mesh any more, and it is freed with its last user.
     is_removed: bool,
 }
 
@@ -37,15 +37,15 @@ impl Meshes {
         MeshId { index, generation: slot.generation }
     }
 
-    /// Returns the slot of a mesh that is stored, removed or not. `None` if the mesh of the id is stored no
-    /// more.
+    /// Returns the slot of a mesh that is still stored, be it removed. `None` if the mesh of this id was
+    /// freed.
     fn slot(&self, id: MeshId) -> Option<&Slot> {
         self.slots
             .get(id.index as usize)
             .filter(|slot| slot.mesh.is_some() && slot.generation == id.generation)
     }
 
-    /// Returns the mesh at an index that an object has, removed or not. `None` in a free slot.
+    /// Returns the mesh in slot `index`, be it removed. `None` in a free slot.
     pub(super) fn at(&self, index: u32) -> Option<&OccluderMesh> {
         self.slots.get(index as usize)?.mesh.as_ref()
     }

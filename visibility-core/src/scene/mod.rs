@@ -45,7 +45,7 @@ use placement::Placements;
 use queue::Queue;
 use tree::{Payload, Scratch};
 
-/// A batch with at least this part of all objects, one in `MANY`, moves them in one pass over the hierarchy.
+/// Batches of at least 1 / `MANY` of all objects are moved in one pass over the hierarchy.
 const MANY: usize = 2;
 
 /// The store of objects: bounds, layers, costs, flags, triangles and occluder meshes, in a hierarchy of
@@ -442,7 +442,7 @@ impl Scene {
         found
     }
 
-    /// Returns whether a batch of `count` objects is moved in one pass over the hierarchy.
+    /// Returns whether a batch of `count` objects is moved in one pass over all leaves of the hierarchy.
     fn is_refit(&self, count: usize) -> bool {
         count >= self.tree.node_count() && count >= self.len() / MANY && count <= Scratch::MAX_BATCH
     }

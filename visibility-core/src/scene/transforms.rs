@@ -248,8 +248,9 @@ impl Scene {
         }
     }
 
-    /// Adds an object to the counts of objects that lack something to be occluders (`is_added`), or takes it
-    /// out. Does nothing for an object with neither the flag nor a mesh, or with both.
+    /// Adds an object to the count of what it lacks to be an occluder (`is_added` true), or takes it out of
+    /// that count (false). Does nothing for an object with neither the flag nor a mesh, or with both and the
+    /// mesh within its bounds.
     pub(super) fn count_occluder(&mut self, index: u32, is_added: bool) {
         let is_flagged = self.tree.payload(self.tree.slots[index as usize]).occluder;
         let count = match (self.placements.mesh(index), is_flagged) {

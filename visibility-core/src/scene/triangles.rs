@@ -67,8 +67,8 @@ impl SharedTriangles {
     }
 
     /// Returns triangles of the same mesh, [placed](Self::placed) by each of some transforms, in less memory
-    /// than by a call for each. It is freed with the last of the triangles. At most 2^32 - 1 transforms are
-    /// taken.
+    /// than by a call for each. This memory is freed with the last of the returned values. At most 2^32 - 1
+    /// transforms are taken.
     ///
     /// ```
     /// use visibility_core::glam::{DAffine3, DVec3, Vec3};
@@ -166,7 +166,8 @@ impl SharedTriangles {
 }
 
 impl Instances {
-    /// Returns the mesh placed by `transform`, which was rounded to the transform at `index`.
+    /// Returns the mesh placed by `transform`, whose rounded form is at `index` of `transforms`: by the
+    /// rounded one where [that is precise enough](can_be_rounded).
     fn placed(self: &Arc<Self>, index: u32, transform: &DAffine3) -> SharedTriangles {
         let source = if can_be_rounded(transform, &self.mesh.bounds) {
             Source::Rounded(self.clone(), index)

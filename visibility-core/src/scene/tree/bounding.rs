@@ -31,7 +31,8 @@ impl Tree {
         (contains && layers & !layers_above == 0).then_some(above)
     }
 
-    /// Returns a bound on the distance in metres to which the object in a slot is drawn, as it is now.
+    /// Returns an upper bound on the distance of the eye, in metres, at which the object in a slot is still
+    /// drawn; infinite for an object without a limit.
     fn draw_end(&self, slot: Slot) -> f32 {
         let end = self.detail(self.ids[slot.node()][slot.lane()].index()).range.end;
         let Some(above) = self.substitute(slot) else { return end };
@@ -84,7 +85,8 @@ impl Tree {
         self.raise(node as u32, bounds);
     }
 
-    /// Raises the bounds of a node and of all nodes above it, stopping at the first that is high enough.
+    /// Raises the bounds of a node and of all nodes above it, stopping at the first that includes `bounds`
+    /// already.
     pub(super) fn raise(&mut self, node: u32, bounds: DetailBounds) {
         let mut node = node as usize;
         loop {

@@ -33,9 +33,8 @@ pub(crate) struct History {
     copies: VecDeque<Copied>,
     /// Number of copies that were dropped from the front of `copies` so far.
     dropped: u64,
-    /// For each node: one more than the number of its newest copy, where copies are numbered from the first
-    /// one ever made. 0, and past the end, for nodes without a copy. If that copy is dropped, the node has
-    /// none.
+    /// For each node: the number of its newest copy, counted from 1 for the first copy ever made. 0, and past
+    /// the end, for nodes without a copy. If that copy is dropped, the node has none.
     newest: Vec<u64>,
 }
 
@@ -58,7 +57,8 @@ impl Clone for History {
 }
 
 impl History {
-    /// Returns the copy with a number of `newest`. `None` if there is none or it was dropped.
+    /// Returns the copy with the given number, counted as in `newest`. `None` for 0, or if the copy was
+    /// dropped.
     fn numbered(&self, number: u64) -> Option<&Copied> {
         self.copies.get(usize::try_from(number.checked_sub(self.dropped + 1)?).ok()?)
     }
@@ -81,7 +81,8 @@ impl History {
         Some(self.present.clone())
     }
 
-    /// Returns whether a node must be [copied](Self::copy) before it is changed: if a result may read it.
+    /// Returns whether some result may still read a node's content, so that a node must be
+    /// [copied](Self::copy) before it is changed.
     #[inline]
     pub(super) fn is_needed(&self) -> bool {
         !self.earlier.is_empty() || Token::strong_count(&self.present) > 1

@@ -94,8 +94,9 @@ fn fetch(moved: &[(ObjectId, Aabb)], positions: &[u32; FAN_OUT]) {
     core::hint::black_box(sum);
 }
 
-/// Returns whether all boxes, except in the lanes of `free`, certainly are finite and not far from `home`.
-/// `None` stands for all of space. A box that has not moved may be far: false then.
+/// Returns whether every box, except in the lanes of the mask `free`, is finite and has its centre near
+/// `home`: [`is_far`] is false. `None` stands for all of space. A box that has not moved may be far: false
+/// then.
 fn all_stay(boxes: &Boxes64, free: u64, home: Option<&Aabb>) -> bool {
     let mut bad = [0u32; FAN_OUT];
     for axis in 0..3 {
