@@ -29,9 +29,9 @@ pub struct Motion {
     /// [`region`](Self::region) bounds the motion.
     pub max_speed: f32,
     /// Box that the bounds never leave, relative to the scene's origin in the next call of
-    /// [`begin_frame`](MotionVolumes::begin_frame); the infinite box if none is known. A region that does not
-    /// contain the bounds is ignored while it does not. A region is dropped when the scene's origin is set,
-    /// and in another scene: [insert](MotionVolumes::insert) the mover again with a new one.
+    /// [`begin_frame`](MotionVolumes::begin_frame); the infinite box if none is known. While a region does
+    /// not contain the bounds, it is ignored. A region is dropped when the scene's origin is set, and in
+    /// another scene: [insert](MotionVolumes::insert) the mover again with a new one.
     pub region: Aabb,
 }
 
@@ -296,9 +296,9 @@ impl MotionVolumes {
     }
 
     /// Begins the frame at `time`: gives the movers that the last frame hid their volumes, and replaces the
-    /// content of `due` with the movers whose exact bounds the caller must set before it culls. Any unit of
-    /// time will do that [`Motion::max_speed`] is given in. Movers that the scene no longer contains are
-    /// removed.
+    /// content of `due` with the movers whose exact bounds the caller must set before it culls. `time` may be
+    /// in any unit, if [`Motion::max_speed`] is in metres per that unit. Movers that the scene no longer
+    /// contains are removed.
     pub fn begin_frame(&mut self, scene: &mut Scene, time: f64, due: &mut Vec<ObjectId>) {
         due.clear();
         self.take_changes(scene);
@@ -357,8 +357,8 @@ impl MotionVolumes {
         Ok(())
     }
 
-    /// Lets a mover that the frame at time `last` hid have a volume, if one holds beyond the present frame.
-    /// Returns false if none does: the mover is due.
+    /// Gives a mover, which was hidden in the frame at time `last`, a motion volume that holds beyond the
+    /// present frame. Returns false if no such volume is known: the mover is then due.
     fn enter_volume(&mut self, scene: &Scene, place: u32, last: f64) -> bool {
         let mover = &mut self.movers[place as usize];
         let Ok(bounds) = scene.bounds(mover.id) else { return false };
@@ -411,8 +411,8 @@ impl MotionVolumes {
     /// Makes every mover due whose bounds were set, or may have been, since the scene was last read, and
     /// removes those that the scene no longer contains.
     ///
-    /// Volumes, the exact bounds of this frame and regions are numbers in scene coordinates. Once the origin
-    /// was set they are other places, though equal numbers are still in the scene.
+    /// Volumes, the exact bounds of this frame and regions are in scene coordinates. After the origin was
+    /// set, their numbers stand for other places, even where the scene still holds equal numbers.
     fn take_changes(&mut self, scene: &Scene) {
         let is_placed = self.cursor.is_at_origin_of(scene);
         match self.cursor.follow(scene) {
