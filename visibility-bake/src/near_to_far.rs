@@ -29,8 +29,8 @@ use visibility_region::ExtendedProjectionCuller;
 /// its ratio is greater. Each further sweep halves the limit.
 const COARSEST: f64 = 0.1;
 
-/// Weight of the objects that do not occlude yet, up to which they are left as visible without a further
-/// sweep.
+/// If the objects that do not occlude yet weigh at most this much together, they are left as visible without
+/// a further sweep.
 const FEW: u64 = 4096;
 
 /// A tile that a sweep has opened.
@@ -96,18 +96,20 @@ pub(crate) fn ids_of(visible: &VisibleSet, scene: &Scene) -> Vec<ObjectId> {
     ids
 }
 
-/// Returns the distance of a box from a viewcell, 0 for a viewcell without a point.
+/// Returns the distance in metres of a box, relative to `origin`, from a viewcell in world space. 0 if the
+/// two touch, or if the distance is infinite or NaN, as for a viewcell without a point.
 fn distance(bounds: &Aabb, cell: &Viewcell, origin: DVec3) -> f64 {
     let (min, max) = (cell.min - origin, cell.max - origin);
     let gap = (bounds.min.as_dvec3() - max).max(min - bounds.max.as_dvec3()).max(DVec3::ZERO).length();
     if gap.is_nan() || gap == f64::INFINITY { 0.0 } else { gap }
 }
 
-/// Sweeps the objects around the viewcells with the numbers `members`. The sweeps may have any content;
-/// `whole` is for a level that is swept at once. Once `stop` returns true, no more objects are found hidden,
-/// and objects of unopened tiles are left. With `stop`, the group is not divided, since its result would be
-/// lost if the time ended before the last part. All tiles are then swept at once if the memory allows: sweeps
-/// from near to far save time only where most tiles are hidden early.
+/// Sweeps the level from the box around the viewcells with the numbers `members`: in tiles from near to far
+/// with the culler `sweep`, or all at once with the culler `whole`, which is made if it is `None`. Once
+/// `stop` returns true, no more objects are found hidden, and objects of unopened tiles are left. With
+/// `stop`, the group is not divided, since its result would be lost if the time ended before the last part.
+/// All tiles are then swept at once if the memory allows: sweeps from near to far save time only where most
+/// tiles are hidden early.
 pub(crate) fn sweep_near_to_far(
     level: &TiledScene<'_>,
     all: &[Viewcell],
@@ -239,7 +241,7 @@ impl Around<'_> {
         }
     }
 
-    /// Returns whether a tile has tiles below, `None` for an object.
+    /// Returns whether a waiting tile has tiles below. `None` for a waiting object.
     fn has_tiles(&self, waiting: &Waiting) -> Option<bool> {
         match waiting.what {
             What::Tile { tile, .. } => Some(!self.level.tree.tiles[tile as usize].children.is_empty()),
@@ -247,7 +249,8 @@ impl Around<'_> {
         }
     }
 
-    /// Turns the nearest of the waiting objects into occluders, up to the weight `portion`.
+    /// Turns the nearest of the waiting objects into occluders, until the weight of the new occluders is at
+    /// least `portion`.
     fn load(&mut self, portion: u64) {
         self.waiting.sort_by(|a, b| a.distance.total_cmp(&b.distance));
         let mut weight = 0;

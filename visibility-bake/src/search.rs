@@ -78,7 +78,7 @@ impl<'a> Search<'a> {
         self.read();
     }
 
-    /// Returns whether the open objects cost no more than the gap allows, so that the search may end.
+    /// Returns whether the open objects cost no more than the gap allows, so that no further proof is needed.
     pub(crate) fn is_met(&self) -> bool {
         self.cost(OPEN) <= self.allowed()
     }

@@ -53,7 +53,8 @@ impl<'a> SolidTriangles<'a> {
     ///
     /// # Errors
     /// [`GridError::Radius`] if the radius is not positive or a box would have too many voxels,
-    /// [`GridError::TooMany`], [`GridError::Stopped`].
+    /// [`GridError::TooMany`] if a corner has no [place](Grid::place) or there are more than [`MOST_ENTRIES`]
+    /// pairs of triangle and column, [`GridError::Stopped`] if the grid's stop function returned true.
     pub(super) fn new(
         grid: &'a Grid,
         scene: &Scene,

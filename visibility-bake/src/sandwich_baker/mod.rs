@@ -41,8 +41,9 @@ use visibility_core::pvs::Viewcells;
 /// of neighbouring viewcells, then, in what is left, for each of them. When all viewcells are swept, rays
 /// find what is seen from them, and proofs are tried for the boxes of the open objects, the most costly
 /// first, until the [gap](SandwichSettings::with_gap) is met; then, where it is not met, for their triangles.
-/// So the bake has five items for each viewcell. In the later stages, of about as many viewcells as came
-/// before, the groups with the most costly open objects come first.
+/// So the bake has five items for each viewcell. The stages after the sweeps take the viewcells in portions,
+/// each about as large as all before it. In a portion, the groups with the most costly open objects come
+/// first.
 ///
 /// Occluders are the objects that are flagged so: the sweeps use their meshes, the proofs their triangles.
 /// Objects that are [never culled](visibility_core::Object::never_cull), such as moving ones, count as seen.
@@ -244,7 +245,7 @@ fn add_cost(costs: &mut [u64; STAGES], found: &FoundCell) {
 
 impl Baker for SandwichBaker<'_> {
     type Scratch = BakeScratch;
-    /// `None` for a viewcell with nothing left to do, or whose objects could not be had.
+    /// `None` for a viewcell with nothing left to do, or whose objects could not be loaded.
     type Found = Option<FoundCell>;
     type Outcome = SandwichOutcome;
 

@@ -152,7 +152,8 @@ impl SandwichBaker<'_> {
     }
 
     /// Returns whether the objects that the sweep of a viewcell has left have more triangles than a search
-    /// may copy. Positions beyond the list of the group count as none.
+    /// may copy. `objects` are those left after the sweep of the group; positions in the record beyond that
+    /// list do not count.
     pub(super) fn is_too_large(&self, record: &CellRecord, objects: &[u32]) -> bool {
         self.triangles_left(record, objects) > self.level.most_copied
     }
