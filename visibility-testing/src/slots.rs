@@ -52,8 +52,8 @@ fn orientation(a: Point, b: Point, c: Point, d: Point) -> i128 {
     (u[0] * cross[0] + u[1] * cross[1] + u[2] * cross[2]).signum()
 }
 
-/// Returns whether a segment misses a closed triangle. False for some that do: those in the plane of the
-/// triangle.
+/// Returns whether a segment misses a closed triangle. False for every segment in the plane of the triangle,
+/// even one that misses it.
 fn misses([p, q]: [Point; 2], [a, b, c]: [Point; 3]) -> bool {
     if orientation(a, b, c, p) * orientation(a, b, c, q) > 0 {
         return true;
@@ -103,12 +103,13 @@ fn aabb([min, max]: [Point; 2]) -> Aabb {
     Aabb::new(vec3(min), vec3(max))
 }
 
-/// Returns a length from `least` to `most` metres, whose logarithm is equally likely everywhere.
+/// Returns a random length from `least` to `most` metres, in units of the scene, with an equally distributed
+/// logarithm.
 fn length(rng: &mut Random, least: f64, most: f64) -> i64 {
     ((least * (most / least).powf(rng.unit()) * PER_METRE) as i64).max(1)
 }
 
-/// Returns a coordinate within a range, often an end.
+/// Returns a random coordinate from `low` to `high`, often one of these two.
 fn within(rng: &mut Random, [low, high]: [i64; 2]) -> i64 {
     match rng.below(4) {
         0 => low,
