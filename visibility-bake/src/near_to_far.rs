@@ -59,7 +59,7 @@ pub(crate) struct Trace {
 /// Child number that stands for all tiles. Its hash is that of the tree.
 const WHOLE: u32 = u32::MAX;
 
-/// A tile that is not opened, or an object that does not occlude yet.
+/// In a sweep from near to far: a tile that is not opened yet, or an object that does not occlude yet.
 #[derive(Clone, Copy)]
 struct Waiting {
     what: What,
@@ -302,13 +302,13 @@ impl Around<'_> {
         }
     }
 
-    /// Returns the sum of the weights of the objects that occlude.
+    /// Returns the sum of the [weights](ObjectFacts::weight) of the objects that occlude.
     fn occluding_weight(&self) -> u64 {
         self.occluding.iter().map(|&(_, number)| self.level.objects[number as usize].weight()).sum()
     }
 
-    /// Returns the sum of the weights of the objects that do not occlude yet. `None` if a tile waits to be
-    /// opened.
+    /// Returns the sum of the [weights](ObjectFacts::weight) of the objects that do not occlude yet. `None`
+    /// if a tile is not opened yet.
     fn waiting_weight(&self) -> Option<u64> {
         let weight = |waiting: &Waiting| match waiting.what {
             What::Object { number, .. } => Some(self.level.objects[number as usize].weight()),

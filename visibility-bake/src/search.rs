@@ -121,7 +121,7 @@ impl<'a> Search<'a> {
         some.map(|(_, cost)| cost).sum()
     }
 
-    /// Takes the query's verdicts over into the answers.
+    /// Copies what the query has found to the answers.
     fn read(&mut self) {
         let Some(query) = &self.query else { return };
         for (id, verdict) in query.verdicts() {

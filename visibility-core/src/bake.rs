@@ -69,8 +69,8 @@ pub struct Progress {
 /// An algorithm over numbered items. A [`Bake`] calls it in rounds: the items of a round are worked on
 /// independently, then their results are merged.
 pub trait Baker: Sync {
-    /// Scratch memory of one thread, reused for one item after another. Its content must not change the
-    /// result of an item.
+    /// Scratch memory of one thread, reused for one item after another. What earlier items have left in it
+    /// must not change the result of an item.
     type Scratch: Default;
     /// Result of working on one item, before [`take_in`](Self::take_in) merges it into the baker's state.
     type Found: Send;
@@ -97,8 +97,8 @@ pub trait Baker: Sync {
     }
 
     /// Returns the stage of an item: an item is worked on when the results of all items of lower stages have
-    /// been merged. The stage may change between rounds, when the baker puts items off; the items that an
-    /// item needs must stay before it. The default is one stage for all.
+    /// been merged. The stage may change between rounds, as when the baker puts items off, but an item must
+    /// never come before an item whose result it needs. The default is one stage for all.
     fn stage(&self, item: u32) -> u32 {
         let _ = item;
         0
@@ -110,8 +110,8 @@ pub trait Baker: Sync {
     fn work(&self, item: u32, scratch: &mut Self::Scratch, stop: &dyn Fn() -> bool) -> Option<Self::Found>;
 
     /// Merges the result of one item into the baker's state. Called at the end of a round for each item of
-    /// the round, in ascending order of rank. Returns the cost of the item in the baker's own unit of work,
-    /// for [`Progress::steps`].
+    /// the round, in ascending order of rank. Returns the work that the item has cost, in the baker's own
+    /// unit, which [`Progress::steps`] sums up.
     fn take_in(&mut self, item: u32, found: Self::Found) -> u64;
 
     /// Turns the baker's state into the final result. `waiting` lists the items that were not worked on, in
@@ -305,8 +305,8 @@ fn work_on_all<B: Baker>(
 }
 
 /// Calls `fill(scratch, row_index, row)` for each row of a table, on all threads of the current pool with
-/// feature `rayon`, otherwise on this thread. `scratch` is memory reused by one thread, whose content must
-/// not change what is filled in.
+/// feature `rayon`, otherwise on this thread. `scratch` is memory that one thread reuses from row to row; its
+/// content must not change the rows.
 pub fn fill_rows<T: Send, S: Default>(rows: &mut [T], fill: impl Fn(&mut S, usize, &mut T) + Sync) {
     #[cfg(feature = "rayon")]
     {

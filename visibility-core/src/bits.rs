@@ -35,13 +35,14 @@ impl Bits {
         }
     }
 
-    /// Returns whether an index is in the set. False beyond the limit.
+    /// Returns whether an index is in the set. False for an index at or beyond the limit.
     #[inline]
     pub fn contains(&self, index: usize) -> bool {
         self.0.get(index / 64).is_some_and(|word| word >> (index % 64) & 1 != 0)
     }
 
-    /// Adds an index, unless the index is beyond the limit. Returns whether the index is new.
+    /// Adds an index, unless the index is at or beyond the limit. Returns true if the index was added, false
+    /// if the set had it already or cannot hold it.
     #[inline]
     pub fn insert(&mut self, index: usize) -> bool {
         let Some(word) = self.0.get_mut(index / 64) else { return false };
@@ -59,7 +60,8 @@ impl Bits {
         known
     }
 
-    /// Adds an index if `value` is true, or else removes it. Does nothing beyond the limit.
+    /// Adds an index if `value` is true, or else removes it. Does nothing for an index at or beyond the
+    /// limit.
     #[inline]
     pub fn set(&mut self, index: usize, value: bool) {
         if let Some(word) = self.0.get_mut(index / 64) {

@@ -40,7 +40,7 @@ impl Default for FrustumCuller {
 }
 
 impl FrustumCuller {
-    /// Creates a culler that uses the widest SIMD instructions of the processor.
+    /// Creates a culler that uses the widest SIMD instructions that the processor has.
     pub fn new() -> Self {
         Self { simd: Simd::best() }
     }

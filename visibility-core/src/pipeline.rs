@@ -29,8 +29,9 @@ pub struct Pipeline {
     stages: Vec<(Box<dyn Culler + Send + Sync>, CullStats)>,
     /// View that the last call of `cull` used; `None` before the first call.
     last: Option<View>,
-    frozen: Option<View>,
     /// View to cull for instead of the one passed to `cull`; `None` unless frozen.
+    frozen: Option<View>,
+    /// Which stage removed each object of the last frame; `None` unless the pipeline is explaining.
     removals: Option<Removals>,
 }
 

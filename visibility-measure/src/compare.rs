@@ -80,7 +80,8 @@ enum Answer {
 impl SampledVisibility {
     /// Replaces `out` by the comparison with a culler's answer. `reported(index, key)` returns whether the
     /// culler reported an object. It is called once for each object, in the order drawn, with the object's
-    /// index and key. O(objects + tied pixels). Allocates one byte per object.
+    /// index and key. Takes time in proportion to the numbers of objects and of tied pixels. Allocates one
+    /// byte per object.
     pub fn compare(&self, mut reported: impl FnMut(usize, u32) -> bool, out: &mut Comparison) {
         let mut keys = core::mem::take(&mut out.false_hidden_keys);
         keys.clear();

@@ -97,7 +97,7 @@ pub(crate) struct VeilPixels {
     pub(crate) pixels: u32,
     /// Number of other pixels in which rounding alone decides whether the object shows.
     pub(crate) tied: u32,
-    /// Number of pixels in which it shows and nothing has shown before.
+    /// Number of pixels in which the object certainly shows and nothing was shown before.
     pub(crate) newly_covered: u32,
 }
 
@@ -172,13 +172,13 @@ impl Image {
         }
     }
 
-    /// Begins the see-through object with an index, and returns the pixels of the one before.
+    /// Begins the see-through object with the index `object`, and returns the pixels of the object before it.
     pub(crate) fn next_see_through(&mut self, object: u32) -> VeilPixels {
         self.veil_object = object;
         core::mem::take(&mut self.veil_pixels)
     }
 
-    /// Returns the number of pixels that show the see-through triangle drawn last, once.
+    /// Returns the number of pixels that show the see-through triangle drawn last, and resets it to 0.
     pub(crate) fn take_triangle_pixels(&mut self) -> u32 {
         core::mem::take(&mut self.veil_triangle)
     }

@@ -62,7 +62,8 @@ fn misses([p, q]: [Point; 2], [a, b, c]: [Point; 3]) -> bool {
     sides.contains(&1) && sides.contains(&-1)
 }
 
-/// Coordinates across the line of sight first and along it last, and how they become those of the scene.
+/// Map from the coordinates in which a slot scene is built, two across the line of sight and then one along
+/// it, to those of the scene.
 struct Frame {
     /// Axis of the scene of each coordinate, and the sign.
     axes: [(usize, i64); 3],
@@ -84,7 +85,7 @@ impl Frame {
         ((b + 3 - a) % 3 == 1) == (p * q * r < 0)
     }
 
-    /// Returns the box of two opposite corners.
+    /// Returns the box in the scene between two opposite corners in the coordinates of the map.
     fn bounds(&self, p: Point, q: Point) -> [Point; 2] {
         let (p, q) = (self.to_scene(p), self.to_scene(q));
         [[0, 1, 2].map(|i| p[i].min(q[i])), [0, 1, 2].map(|i| p[i].max(q[i]))]

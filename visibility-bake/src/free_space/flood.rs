@@ -82,7 +82,7 @@ impl<'a> Flood<'a> {
         Ok(self.reached.into_iter().filter_map(voxels).collect())
     }
 
-    /// Adds open voxels of a box to the front of the flood, and queues the box.
+    /// Adds the open ones of the voxels `entered` of a box to the front of the flood, and queues the box.
     fn enter(&mut self, place: [i64; 3], entered: impl IntoIterator<Item = u32>) -> Result<(), GridError> {
         let voxels = self.voxels(place)?;
         let is_queued = !voxels.entered.is_empty();

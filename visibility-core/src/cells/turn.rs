@@ -70,8 +70,8 @@ impl CellGraph {
     }
 }
 
-/// Returns whether the normal of a portal points from the second body's side to the first's. `None` if the
-/// bodies do not decide.
+/// Returns true if the normal of a portal points from the side of the second body to the side of the first,
+/// so that the portal must be turned; false if it points the right way. `None` if the bodies do not decide.
 fn is_wound_wrong(portal: &Portal, [first, second]: [&Viewcell; 2], tolerance: f64) -> Option<bool> {
     let Portal { polygon, plane, .. } = portal;
     let vertices = polygon.vertices();

@@ -147,8 +147,9 @@ impl ConvexPolygon {
         self.vertices.reverse();
     }
 
-    /// Returns the area times the unit normal (the side from which the vertices run counter-clockwise), as
-    /// half the sum of cross products over a triangle fan from the first vertex. Zero for an empty polygon.
+    /// Returns the area times the unit normal, which points to the side from which the vertices run
+    /// counter-clockwise. Computed as half the sum of cross products over a triangle fan from the first
+    /// vertex. Zero for an empty polygon.
     fn area_vector(&self) -> DVec3 {
         let v = &self.vertices;
         let mut sum = DVec3::ZERO;

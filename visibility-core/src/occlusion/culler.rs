@@ -14,9 +14,9 @@ use crate::scene::lanes;
 use crate::walk::{Block, BoxHierarchy, Child, IsOfScene, NodeTest, SceneHierarchy, Walk, retain_on};
 use crate::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, scene::SceneCursor};
 
-/// Default price: the number of occluder triangles that may be drawn for each object that they are expected
-/// to hide. Measured: with larger prices, frames of some scenes took more than 1.2 times as long as with the
-/// best choice of occluders for that scene.
+/// Default [price](OcclusionCuller::with_price): the number of occluder triangles that may be drawn for each
+/// object that they are expected to hide. Measured: with larger prices, frames of some scenes took more than
+/// 1.2 times as long as with the best choice of occluders for that scene.
 const DEFAULT_PRICE: u32 = 24;
 
 /// Default bound on the work of a frame, in triangles: some milliseconds, more than an engine has to spare.
@@ -68,7 +68,7 @@ pub struct OcclusionCuller<M, H = SceneHierarchy> {
     /// Price: the number of occluder triangles that may be drawn for each object that they are expected to
     /// hide. With 0 no occluder is drawn.
     price: u32,
-    /// Most work of a frame, in triangles.
+    /// Greatest work of a frame, in triangles.
     work_limit: u32,
     /// Balance of earlier frames, which decides whether a frame draws occluders.
     experience: Experience,
@@ -220,7 +220,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     }
 }
 
-/// Choice of the boxes that a walk which drops hidden objects tests.
+/// Which boxes a sweep tests. A sweep is a walk that drops hidden objects.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum SweepKind {
     /// All nodes and leaves, before the search for occluders. Objects found hidden add to the search's
@@ -274,7 +274,7 @@ struct Sweep<'a, M> {
     map: &'a mut M,
     budget: &'a mut Budget,
     kind: SweepKind,
-    /// Choice of the leaves that are tested, where not all are.
+    /// Choice of the leaves that are tested, if only some are.
     sampling: LeafSampling,
 }
 

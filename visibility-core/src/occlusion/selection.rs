@@ -34,9 +34,9 @@ const BATCH: u32 = 8;
 /// hundreds.
 const MANY_OCCLUDERS: u64 = 1024;
 
-/// Work in triangles, beyond what the search pays, of finding, testing and choosing one of thousands of small
-/// occluders, such as voxels (measured: a microsecond for each). It counts against the limit of the frame
-/// alone.
+/// Extra work in triangles of each occluder after the first [`MANY_OCCLUDERS`] of a frame: among thousands of
+/// small occluders, such as voxels, finding, testing and choosing one takes a microsecond (measured). It
+/// counts against the limit of the frame, not against what the search may spend.
 const LATER_WORK: f32 = 8.0;
 
 /// Number of objects that an unopened leaf counts as: those of a full leaf.
@@ -46,10 +46,11 @@ const OBJECTS_PER_LEAF: u32 = 64;
 /// culled as tightly as a large one (measured).
 pub(super) const LEAST_BEHIND: f32 = 256.0;
 
-/// Greatest distance from the eye to the middle of a mesh, as a multiple of half the diagonal of its bounds,
-/// at which the share is estimated triangle by triangle. That is done where the estimate from the middle is
-/// too small. The middle of a wall of length `2 r` that is seen from its end at twice `r` is at twice the
-/// distance of the end: from there on the two estimates differ by no more than about 2.
+/// Greatest distance from the eye to the middle of a mesh, in radii of the mesh (halves of its bounds'
+/// diagonal), at which the share of the view that it covers is estimated triangle by triangle, if the
+/// estimate from the middle is too small. The middle of a wall of length `2 r` that is seen from its end at a
+/// distance of `2 r` is twice as far as the end: from there on the two estimates differ by no more than about
+/// 2.
 const NEAR_RADII: f32 = 2.0;
 
 /// Number of triangles whose solid angles are estimated in the time in which one is drawn.
@@ -62,12 +63,12 @@ const MOST_ESTIMATED: usize = 2048;
 /// A node or an occluder that waits in the queue of [`OccluderSearch`].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Waiting {
-    /// Order of the queue: [`distance_key`] of `bounds`.
+    /// Distance of `bounds` from the eye, as [`distance_key`] measures it. The queue has the least first.
     distance_key: f32,
     /// Number of flushes of the frame up to the last test of `bounds`.
     tested: u32,
     child: Child,
-    /// Estimate of the number of objects below the entry, 1 for an object.
+    /// Estimated number of objects below a node; 1 for an object.
     objects: f32,
     bounds: Aabb,
 }
@@ -118,8 +119,8 @@ pub(super) struct OccluderSearch<'a, M> {
     share_per_area: f32,
     /// Whether all objects left in the set had been tested before the first occluder was added.
     is_tested: bool,
-    /// Number of objects that may lie behind the occluders to come: all objects not found hidden so far.
-    /// Unopened leaves count as [`OBJECTS_PER_LEAF`].
+    /// Number of objects that may lie behind the occluders to come: all objects not found hidden so far. A
+    /// leaf that the search has not opened counts as [`OBJECTS_PER_LEAF`].
     undecided: f32,
     /// Number of flushes in this frame.
     flushes: u32,
@@ -281,8 +282,8 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
         }
     }
 
-    /// Flushes the map, so that tests count the occluders added so far, if the map can be tested before all
-    /// are there.
+    /// Flushes the map, so that tests take the occluders added so far into account. Does nothing for a map
+    /// that does not [answer at once](OcclusionMap::answers_at_once).
     fn flush(&mut self) {
         if self.map.answers_at_once() {
             self.map.flush();

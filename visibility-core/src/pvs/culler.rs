@@ -26,10 +26,10 @@ pub struct ScenePvs {
     /// of the next entry. A sentinel entry ends the list.
     objects: Vec<(Option<ObjectId>, u32)>,
     targets: Vec<u32>,
-    /// Each pair of a target and an object that has it, ascending.
+    /// Pairs of a target and an object that has it, sorted by target, then object.
     by_target: Vec<(u32, ObjectId)>,
-    /// Greatest target of an object that may be hidden, plus 1. The number of targets of the PVS may be
-    /// forged; this one is bounded by the pairs.
+    /// Greatest target of an object that may be hidden, plus 1. Used in place of the PVS's own number of
+    /// targets, which may be forged.
     target_limit: usize,
     /// Objects of the scene that are never hidden, by ascending index.
     never_hidden: Vec<ObjectId>,
@@ -116,7 +116,8 @@ impl ScenePvs {
         &self.viewcells
     }
 
-    /// Returns the greatest target of an object that may be hidden, plus 1.
+    /// Returns the greatest target of an object that may be hidden, plus 1; the bits of greater targets are
+    /// not needed.
     pub(super) fn target_limit(&self) -> usize {
         self.target_limit
     }
@@ -149,7 +150,7 @@ impl ScenePvs {
     }
 }
 
-/// Returns the number of pairs with a target below `target`. The pairs ascend. Time is logarithmic in that
+/// Returns how many of the pairs, sorted by target, have a target below `target`. Time is logarithmic in that
 /// number.
 fn count_below(pairs: &[(u32, ObjectId)], target: u32) -> usize {
     let is_below = |&(of, _): &(u32, ObjectId)| of < target;

@@ -204,8 +204,8 @@ impl Path {
     }
 }
 
-/// Returns the part of a range of `t` in which `height + t * slope` is at least 0. `None` if it is empty. A
-/// NaN cuts nothing off.
+/// Returns the part of a range of the parameter `t` in which `height + t * slope` is at least 0. `None` if no
+/// part is. If a number is NaN, the range is not cut.
 fn cut([from, to]: [f64; 2], height: f64, slope: f64) -> Option<(f64, f64)> {
     let root = -height / slope;
     let (from, to) = if slope > 0.0 {

@@ -167,8 +167,8 @@ impl Viewcells {
         found
     }
 
-    /// Calls `each` with the viewcells of all leaves whose bounding boxes, and whose ancestors' bounding
-    /// boxes, are accepted.
+    /// Calls `each` with the viewcells in all leaves of the tree for which `accepts` returns true, given the
+    /// minimum and maximum corners of the leaf's bounding box, and likewise for every node above the leaf.
     pub(super) fn for_each_accepted(
         &self,
         mut accepts: impl FnMut(DVec3, DVec3) -> bool,

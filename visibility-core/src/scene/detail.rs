@@ -191,7 +191,8 @@ impl Scene {
         (detail.parent, detail.next, detail.previous) = (None, None, None);
     }
 
-    /// Brings the bounds of the hierarchy up to date with the changed details of an object.
+    /// Raises the bounds of the hierarchy's nodes to the changed draw range and HLOD parent of an object, and
+    /// logs the change.
     fn details_changed(&mut self, id: ObjectId) {
         self.raise_bounds(self.tree.slots[id.index()]);
         self.raise_children(id);
@@ -215,7 +216,8 @@ impl Scene {
         }
     }
 
-    /// Forgets the details of an object that is being removed. Its children have no parent from then on.
+    /// Forgets the draw range and the HLOD parent of an object that is being removed. Its children have no
+    /// parent from then on.
     pub(super) fn forget_details(&mut self, id: ObjectId) {
         if self.tree.detail(id.index()) == Detail::NONE {
             return;

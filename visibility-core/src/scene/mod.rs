@@ -448,7 +448,7 @@ impl Scene {
     }
 
     /// Writes the slots of a batch's objects to `scratch`, as [`move_batch`](Self::move_batch) needs them.
-    /// Ends with the first error.
+    /// Returns the first error in `slots`, and then writes no more.
     fn find_slots(
         &self,
         mut slots: impl ExactSizeIterator<Item = Result<Slot, SceneError>>,

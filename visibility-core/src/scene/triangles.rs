@@ -183,10 +183,11 @@ fn rounded(transform: &DAffine3) -> Affine3 {
     Affine3 { matrix3: transform.matrix3.as_mat3(), translation: transform.translation.as_vec3() }
 }
 
-/// Returns whether a transform may be [rounded] for a mesh with the given box. On each axis, this must move
-/// vertices by at most 4 u (u = 2^-24) of the greatest coordinate of the box's image there, so that bounds
-/// computed from the transform as it was given still hold the triangles, up to rounding. A box around the
-/// mesh's origin always allows that: on each axis its image has a coordinate of a third of `size` or more.
+/// Returns whether a transform may be [rounded] for a mesh with the given box. On each axis, rounding must
+/// move vertices by at most `4 u` (`u = 2^-24`) times the greatest coordinate of the box's image on that
+/// axis, so that bounds computed from the transform as it was given still hold the triangles, up to rounding.
+/// A box around the mesh's origin always allows that: on each axis its image has a coordinate of a third of
+/// `size` or more.
 ///
 /// A placed mesh is computed in `f32`, so the terms that coordinates are the sum of must not be much larger
 /// than the image either: at most 4 times. False if the rounded transform is not finite.

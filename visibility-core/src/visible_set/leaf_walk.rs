@@ -19,9 +19,9 @@ pub(super) struct LeafWalk<'a> {
     path: SmallVec<[(&'a [ObjectId; FAN_OUT], u64); 8]>,
     /// The present leaf, meaningless in an empty tree.
     pub(super) leaf: usize,
-    /// The objects of the present leaf by lane, placeholders in an empty tree, and the mask of those in the
-    /// set that are still to be visited.
+    /// Objects of the present leaf by lane; placeholders in an empty tree.
     pub(super) ids: &'a [ObjectId; FAN_OUT],
+    /// Mask of the objects of the present leaf that are in the set and still to be visited, bit i for lane i.
     pub(super) mask: u64,
 }
 

@@ -69,13 +69,13 @@ pub struct VisibleSet {
     /// If true, the set holds every object on `layers` and `words` is ignored.
     everything: bool,
     layers: u32,
-    /// Objects of the set, as far as `listing` tells.
+    /// List of the set's objects; `listing` tells whether it is made and what it holds.
     ids: Vec<ObjectId>,
     listing: Listing,
     /// Number of object indices of the scene when the set was finished.
     index_limit: usize,
-    /// Leaves outside the tree when the set was finished, in the order of their objects. Meaningful while the
-    /// set is finished and not listed.
+    /// Leaves outside the tree, which hold the objects that are never culled, when the set was finished, in
+    /// the order of these objects. Meaningful while the set is finished and not listed.
     unculled_leaves: Vec<u32>,
     /// Scratch memory. Holds one bit per object index while objects are listed or dropped, or one mask per
     /// node in [`keep_in_order`](Self::keep_in_order).

@@ -165,8 +165,9 @@ impl<T: NodeTest> Top<'_, T> {
     }
 }
 
-/// Clears the bits of children without objects in and below a node above the subtrees. `next` is the number
-/// of the next subtree. Returns whether any object is left below the node.
+/// In a node above the subtrees and all nodes below it down to the subtrees, clears the bits of children
+/// without objects. `next` is the number of the next subtree. Returns whether any object is left below the
+/// node.
 fn drop_empty(
     visible: &mut VisibleSet,
     scene: &Scene,

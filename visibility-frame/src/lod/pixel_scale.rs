@@ -26,7 +26,8 @@ const U: f64 = f64::EPSILON / 2.0;
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct PixelScale {
     eye: EyeBox,
-    /// Squared pixels per metre at a distance of one metre, in parallel views at any distance, rounded up.
+    /// Square of the number of pixels that a metre covers at a distance of one metre (in parallel views, at
+    /// any distance). Too small by no more than [`MARGIN`] covers.
     squared: f64,
     /// True for a parallel view, false for a perspective one.
     is_parallel: bool,

@@ -83,7 +83,7 @@ impl Motion {
     }
 }
 
-/// Meaning of the bounds that the scene has for a mover.
+/// State of a mover, which tells what its bounds in the scene mean.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum State {
     /// The element of the list `movers` holds no mover.
@@ -192,7 +192,8 @@ pub struct MotionVolumes {
     /// mover.
     places: Vec<u32>,
     free: Vec<u32>,
-    /// Positions in `movers` of all movers without a volume, each once, and maybe of free elements.
+    /// Positions in `movers` of all movers without a volume, each once. Some may be of movers that were
+    /// removed.
     active: Vec<u32>,
     deadlines: Deadlines,
     /// Scratch memory: movers whose bounds in the scene `begin_frame` replaces, with their new volumes,
@@ -204,10 +205,10 @@ pub struct MotionVolumes {
     frame_time: f64,
 }
 
-/// Mark of an object that is no mover.
+/// Value of `places` for an object that is no mover.
 const NONE: u32 = u32::MAX;
 
-/// Least, first and greatest length of a span, in frames.
+/// Least, first and greatest span, in frames: the time for which a motion volume is to hold.
 const SPANS: [f32; 3] = [2.0, 8.0, 4096.0];
 
 impl Default for MotionVolumes {

@@ -117,7 +117,8 @@ impl SphereRegion {
         }
     }
 
-    /// Returns the squares of `gap(c, min, max)`, summed over the axes, for coordinate `c` of the centre.
+    /// For each box, returns the squares of `gap(c, min, max)` summed over the axes, where `c` is the
+    /// centre's coordinate on the axis, `min` and `max` those of the box.
     #[inline(always)]
     fn squares(&self, boxes: &Boxes64, gap: impl Fn(f32, f32, f32) -> f32) -> [f32; FAN_OUT] {
         let mut sums = [0.0; FAN_OUT];

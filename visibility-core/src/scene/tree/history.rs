@@ -9,7 +9,8 @@ use crate::scene::FAN_OUT;
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 
-/// Token of a state of the tree. Results of that state hold clones, whose number tells whether any is left.
+/// Token of a state of the tree. Results of that state hold clones of it; the count of clones tells whether
+/// such a result is left.
 #[cfg(target_has_atomic = "ptr")]
 pub(crate) type Token = alloc::sync::Arc<u64>;
 
@@ -41,7 +42,8 @@ pub(crate) struct History {
 /// Content of a node at an earlier state of the scene.
 #[derive(Debug)]
 struct Copied {
-    /// Number of the state: the newest one with a token when the copy was made.
+    /// Number of the state that the content is of: that of the last of `History::earlier` when the copy was
+    /// made.
     state: u64,
     /// What `newest` was for the node before this copy was made.
     older: u64,
@@ -75,8 +77,8 @@ impl History {
 
 #[cfg(target_has_atomic = "ptr")]
 impl History {
-    /// Returns a token for a result of the present state, which [`at`](Self::at) can read as long as the
-    /// token lives. `None` on processors without atomic counts.
+    /// Returns a token for a result of the present state. As long as the token lives, [`at`](Self::at)
+    /// returns the content of nodes at that state. `None` on processors without atomic counts.
     pub(super) fn token(&self) -> Option<Token> {
         Some(self.present.clone())
     }

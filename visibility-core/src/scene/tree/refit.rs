@@ -63,7 +63,8 @@ impl Tree {
     }
 
     /// Sets the bounds of all nodes above the leaves to the hulls of their contents, and their bounds on
-    /// details to what they hold, level by level. The lanes that hold leaves must be right.
+    /// details to what they hold, level by level. The boxes of the lanes that hold leaves must be right
+    /// already.
     fn tighten_all(&mut self) {
         let height = if self.root == NONE { 0 } else { self.levels[self.root as usize] };
         for level in 1..=height {

@@ -218,7 +218,8 @@ impl Tree {
 /// Greatest average number of items per remaining node, out of 64 lanes, up to which the nodes of a group are
 /// merged.
 const MERGE_FILL: usize = 60;
-/// Regrouping is carried out if it reduces the sum of the nodes' sizes below this fraction of the former sum.
+/// Regrouping is carried out if it reduces the sum of the [sizes](size) of the nodes' bounds below this
+/// fraction of the former sum.
 const MIN_SHRINK: f32 = 0.97;
 
 /// Returns the sum of the half sides of a box, which is proportional to its mean width, and so to the
