@@ -22,8 +22,8 @@ use visibility_core::{Aabb, ObjectId, Scene, level_version};
 
 const FORMAT: Format = Format { magic: *b"VISI-SET", version: 5 };
 
-/// Greatest number of columns before a column, and after it, that are compared with it to find the most
-/// similar.
+/// Greatest number of columns before a column in the list, and after it, that [`tour`] compares with the
+/// column to find the most similar.
 const TRIED: usize = 128;
 
 /// Approximate limit on the work of [`tour`], which orders the columns: the number of pairs of 64-bit words
@@ -285,8 +285,8 @@ impl BakedSet {
         Ok(set.for_objects(scene, scene.ids().map(|id| (id, id.index() as u32))))
     }
 
-    /// Returns the sets for a scene that has the objects of the bake under other indices, or others among
-    /// them: one that an engine fills with its entities. Each pair is an object and the index in the bake.
+    /// Returns the sets for a scene that has the objects of the bake under other indices, or among other
+    /// objects: one that an engine fills with its entities. Each pair is an object and the index in the bake.
     /// Objects without a pair count as visible, and so do objects with an index that is not below
     /// [`index_limit`](Self::index_limit). An index may be that of several objects: the parts of one.
     ///

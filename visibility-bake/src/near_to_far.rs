@@ -1,8 +1,8 @@
-//! A sweep of the tiles around a viewcell from near to far, that opens those alone that are seen.
+//! A sweep of the tiles around a viewcell from near to far, which opens only the tiles that are seen.
 //!
 //! The nearest objects are swept together with the bounds of all tiles farther away, which occlude nothing.
-//! Objects and tiles that are hidden are dropped. The tiles left are opened: their objects and the tiles
-//! below are asked in the next sweep, by their bounds, and the nearest of the objects that were asked before
+//! Objects and tiles that are hidden are dropped. The tiles left are opened: in the next sweep their objects
+//! and the tiles below are tested, by their bounds, and the nearest of the objects that were tested before
 //! occlude from now on, twice as many as in the sweep before. And so on, until no tile is left that is not
 //! opened. What a hidden object would occlude is hidden behind others anyway, so that nothing is lost but the
 //! time. The cost follows what is seen, not the size of the level.

@@ -7,9 +7,9 @@
 //! mesh, the twelve numbers of its transform; then nine words for each triangle, three for each position, and
 //! three for each triangle of the mesh.
 //!
-//! Threads that work share the memory. One that asks for more than is free waits until others release theirs.
-//! If all others wait too, none would ever release any: the last one to ask has an error, gives up what it
-//! has, and begins anew when no other thread works ([`LevelFile::work`]).
+//! Threads that work share the memory. A thread that asks for more than is free waits until others release
+//! theirs. If all others wait too, none would ever release any: the last one to ask has an error, gives up
+//! what it has, and begins anew when no other thread works ([`LevelFile::work`]).
 
 use crate::level_error::LevelError;
 use crate::object_facts::ObjectFacts;

@@ -1,9 +1,9 @@
 //! How a bake divides its time among stages and viewcells, if that is limited.
 //!
-//! Hidden objects are found first by the sweeps of groups, each for many viewcells, then by those of
-//! viewcells, and in the end by searches: in less time for an object the earlier. So each stage has all of
-//! the time that the later ones need not have, and a viewcell that is not swept at all counts more than ten
-//! that are not searched.
+//! Hidden objects are found first by the sweeps of groups, each for many viewcells, then by the sweeps of
+//! viewcells, and in the end by searches. An earlier stage takes less time for an object that it finds. So
+//! each stage has all the time that later stages can do without, and a viewcell that is not swept at all is
+//! worse than ten that are not searched.
 
 use std::sync::atomic::{AtomicU8, AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::time::Duration;

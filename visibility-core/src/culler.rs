@@ -82,9 +82,10 @@ pub struct Lack {
 }
 
 impl Lack {
-    /// Calls `each` with the number of occluders of `scene` without a mesh, of those whose mesh reaches out
-    /// of the object's bounds, and of objects that have an occluder mesh but no flag of an occluder, for
-    /// cullers that use meshes. Does not call `each` for a number of 0. Takes constant time.
+    /// Reports what keeps cullers that use meshes from using the occluders of `scene`. Calls `each` with the
+    /// number of occluders without a mesh, of occluders whose mesh reaches out of their bounds, and of
+    /// objects that have an occluder mesh and are not flagged as occluders, unless the number is 0. Takes
+    /// constant time.
     pub fn of_occluders(scene: &Scene, each: &mut dyn FnMut(Self)) {
         for (what, count) in [
             ("occluders without a mesh", scene.occluders_without_mesh()),

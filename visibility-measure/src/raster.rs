@@ -255,9 +255,9 @@ impl Image {
         }
     }
 
-    /// Records that triangle `item` ties for the pixels of a row whose centres lie inside the triangle or
-    /// within [`EDGE_TIE`] of it, where the triangle is at least as near as the triangle shown. `edges` are
-    /// the triangle's edges that may meet the row.
+    /// Records that triangle `item` ties for some pixels of a row: those whose centres lie inside the
+    /// triangle or within [`EDGE_TIE`] of it, and where it is at least as near as the triangle shown. `edges`
+    /// are the triangle's edges that may meet the row.
     #[cold]
     #[inline(never)]
     fn claim_row(&mut self, row: usize, edges: &[&Edge], plane: &DepthKeyPlane, item: u32) {

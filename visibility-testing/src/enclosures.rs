@@ -260,9 +260,9 @@ impl Enclosure {
     }
 }
 
-/// Asserts, for each of the first `count` enclosures, that of the objects whose sampled points are all
-/// blocked no more than the share `most` is kept, and no more than `most_far` if only those beyond 1 m from
-/// the enclosure count.
+/// For each of the first `count` enclosures, takes the objects whose sampled points are all blocked, and
+/// asserts that the culler keeps at most the share `most` of them, and that those of them that it keeps more
+/// than 1 m outside the enclosure are at most the share `most_far`.
 pub fn assert_most_hidden(
     make: &dyn Fn(&Scene) -> Box<dyn Culler + Send + Sync>,
     count: usize,

@@ -167,8 +167,8 @@ fn give_mesh(scene: &mut Scene, id: ObjectId, bounds: &Aabb) {
     scene.set_triangles(id, OccluderMesh::CUBOID.map(|t| t.map(|i| corners[i as usize]))).unwrap();
 }
 
-/// Culler of a view that asks a culler from viewcells, for the viewcell that is a cube with sides of 20 cm
-/// around the eye.
+/// Makes a culler of views from a [`RegionCuller`]: it culls for the viewcell that is a cube with sides of 20
+/// cm around the eye.
 pub struct AroundEye<R>(pub R);
 
 impl<R: RegionCuller> Culler for AroundEye<R> {

@@ -156,9 +156,9 @@ impl<'a> SandwichBaker<'a> {
     /// must run. More than 2^32 seconds count as these. The caller ends the bake. What is hidden comes first,
     /// for as many viewcells as can be:
     ///
-    /// - Groups are swept undivided, for seven tenths of the time at most; those that are not by then wait
-    ///   until all others are done. Where the first groups find less than an eighth of the objects hidden,
-    ///   the others are left out, and all the time is for viewcells.
+    /// - Groups are swept undivided, for seven tenths of the time at most; groups that are not swept by then
+    ///   wait until all others are done. Where the first groups find less than an eighth of the objects
+    ///   hidden, the others are left out, and all the time is for viewcells.
     /// - Viewcells are swept by themselves until 85 hundredths of the time have passed
     ///   ([`SWEEP_TIME`](crate::SWEEP_TIME)); what is left of the others goes on as it is. A sweep that takes
     ///   more than a quarter of the time that is left for its stage, and more than its share, ends early:

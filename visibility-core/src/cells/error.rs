@@ -84,8 +84,9 @@ pub enum CellGraphError {
         portal: PortalId,
         /// One of the two cells of the portal: no face of this cell's body holds the portal.
         cell: CellId,
-        /// Distance in metres, the greater of two: how far a vertex of the portal is at most outside the body
-        /// of `cell`, and how far a vertex is at most from the plane of the body's nearest face.
+        /// Distance in metres, the greater of two: the greatest distance of a vertex of the portal outside
+        /// the body of `cell`, and the greatest distance of a vertex from the plane of the body's nearest
+        /// face.
         distance: f64,
     },
     /// The normal of a portal does not point from the body of its first cell into the body of its second

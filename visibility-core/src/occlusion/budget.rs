@@ -29,9 +29,9 @@ const TEST_WORK: f32 = 0.1;
 /// costs as much as hiding all of them is worth.
 const UNPROVEN_COST: f32 = 512.0;
 
-/// An occluder that costs more than the search may still spend is drawn all the same, on a loan, if hiding
-/// the objects that it is expected to hide is worth at least this many times its cost and all loans not paid
-/// back yet.
+/// An occluder that costs more than the search may still spend can be drawn on a *loan*. The worth of the
+/// objects that it is expected to hide must then be at least this many times the sum of its cost and of all
+/// loans not paid back yet.
 const LOAN_SAFETY: f32 = 4.0;
 
 /// Greatest share of the work of the search that an occlusion map may spend on the occluders that it draws by

@@ -1,5 +1,5 @@
-//! Occluders that are parts of one wall, each a mesh of its own. A z-buffer fills a pixel with an occluder
-//! that covers all of it, so that along the seam between two of them no pixel is filled.
+//! Occluders that are parts of one wall, each a mesh of its own. A z-buffer fills only pixels that a single
+//! occluder covers altogether, so the pixels along the seam between two occluders stay unfilled.
 
 use crate::geometry::Containment;
 use crate::scene::{FAN_OUT, Scene, lanes};

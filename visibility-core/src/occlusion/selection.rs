@@ -46,11 +46,11 @@ const OBJECTS_PER_LEAF: u32 = 64;
 /// culled as tightly as a large one (measured).
 pub(super) const LEAST_BEHIND: f32 = 256.0;
 
-/// Greatest distance from the eye to the middle of a mesh, in radii of the mesh (halves of its bounds'
-/// diagonal), at which the share of the view that it covers is estimated triangle by triangle, if the
-/// estimate from the middle is too small. The middle of a wall of length `2 r` that is seen from its end at a
-/// distance of `2 r` is twice as far as the end: from there on the two estimates differ by no more than about
-/// 2.
+/// Greatest distance of the eye from the middle of a mesh, in radii of the mesh (halves of its bounds'
+/// diagonal), at which the share of the view that the mesh covers is estimated triangle by triangle, if the
+/// estimate from the middle is too small. At `2 r` from the middle of a wall of length `2 r`, along the wall,
+/// the near end is half as far as the middle: from there on the two estimates differ by a factor of no more
+/// than about 2.
 const NEAR_RADII: f32 = 2.0;
 
 /// Number of triangles whose solid angles are estimated in the time in which one is drawn.

@@ -47,9 +47,9 @@ impl ScenePvs {
     /// [`Pvs::target_count`], or changes in the scene later. Pairs of unknown objects are ignored. Time is
     /// that of sorting the pairs.
     ///
-    /// The caller promises that the PVS is of this scene as it is now: a PVS has no hash of what it was made
-    /// from. A wall with a new door, whose box is as before, has another PVS. Call
-    /// [`unchecked`](Self::unchecked) for bytes whose scene is not known for certain.
+    /// The caller promises that the PVS is of this scene as it is now: nothing is compared, not even the
+    /// [`source`](Pvs::source) of the PVS. A wall with a new door, whose box is as before, has another PVS.
+    /// Call [`unchecked`](Self::unchecked) for bytes whose scene is not known for certain.
     pub fn new(
         scene: &Scene,
         pvs: Pvs,

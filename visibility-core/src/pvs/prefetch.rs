@@ -8,10 +8,10 @@ use crate::ObjectId;
 use alloc::vec::Vec;
 use glam::DVec3;
 
-/// Margin for rounding, in units of the greatest absolute coordinate of path and viewcell. Each bound of a
-/// viewcell is moved outwards by it. The moved bound, its distance from the start of the path, and the
-/// caller's own point of the path are rounded by `EPSILON` of that coordinate at most, each; the quotient by
-/// `EPSILON` of the distance, at most twice the coordinate.
+/// Margin for rounding by which each bound of a viewcell is moved outwards, as a fraction of the greatest
+/// absolute coordinate of path and viewcell. It covers the rounding of the moved bound, of its distance from
+/// the start of the path and of the caller's own point of the path, each by at most `EPSILON` of that
+/// coordinate, and of the quotient, by `EPSILON` of a distance of at most twice that coordinate.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
 /// An object that becomes visible along a path.

@@ -1,5 +1,5 @@
-//! The occluder meshes of a scene: a slot for each, with a count of the objects that have it, and a
-//! generation by which the id of a mesh that was removed is told from that of a mesh in the same slot.
+//! The occluder meshes of a scene, each in a slot with the number of objects that have it. The generation of
+//! a slot tells the id of a mesh that was removed from the id of a later mesh in the same slot.
 
 use super::MeshId;
 use crate::OccluderMesh;

@@ -10,9 +10,9 @@ use glam::{Affine3, Affine3A, DAffine3, DMat3, DVec3, Vec3};
 /// Triangles that objects share. A clone refers to the same triangles.
 ///
 /// Triangles with a [transform](Self::placed) are placed one by one as they are read: in `f64`, and then
-/// rounded to `f32`. The transform is kept in `f32`, as renderers have it, which moves a vertex along an axis
-/// by at most 4 roundings of the greatest coordinate on that axis of the image of the mesh's box. Where that
-/// could move vertices more, it is kept in `f64`.
+/// rounded to `f32`. The transform is kept in `f32`, as renderers have it, if that moves no vertex along an
+/// axis by more than 4 roundings of the greatest coordinate of the placed mesh's box on that axis; otherwise
+/// it is kept in `f64`.
 ///
 /// Memory: 36 bytes for each triangle of the mesh, once, and 48 bytes for each of the transforms that are
 /// [given together](Self::placed_each), or 192 for one kept in `f64`.

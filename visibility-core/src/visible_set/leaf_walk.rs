@@ -26,13 +26,14 @@ pub(super) struct LeafWalk<'a> {
 }
 
 impl<'a> LeafWalk<'a> {
-    /// Begins a traversal of the set with these masks, or of all objects on `layers` if `masks` is `None`.
+    /// Begins a traversal of the set that `masks` describe, or of the set of all objects on `layers` if
+    /// `masks` is `None`.
     pub(super) fn new(masks: Option<&'a [u64]>, layers: u32, scene: &'a Scene) -> Self {
         Self::from_root(masks, layers, scene, scene.tree().root, None)
     }
 
-    /// Begins a traversal of the set with these masks as the tree was at the state of `token`, with `root` as
-    /// its root.
+    /// Begins a traversal of the set that `masks` describe, in the tree as it was at the state of `token`.
+    /// `root` was the number of its root then.
     pub(super) fn of_state(masks: &'a [u64], scene: &'a Scene, root: u32, token: &'a Token) -> Self {
         Self::from_root(Some(masks), 0, scene, root, Some(token))
     }

@@ -431,9 +431,10 @@ impl VisibleSet {
     }
 
     /// Keeps the objects that are in this set and in another, which `masks` gives as a mask for each node of
-    /// the scene's present layout: bit i for lane i, an object of the other set (leaves) or a child that may
-    /// have such objects below (inner nodes). Objects that are never culled stay. Only nodes that both sets
-    /// reach are visited, in a few nanoseconds each. Returns the work counters.
+    /// the scene's present layout. Bit i of a mask stands for lane i: in a leaf, it is set if the lane's
+    /// object is in the other set; in an inner node, if such objects may be below the lane's child. Objects
+    /// that are never culled stay. Only nodes that both sets reach are visited, in a few nanoseconds each.
+    /// Returns the work counters.
     pub(crate) fn intersect(&mut self, scene: &Scene, masks: &impl Fn(usize) -> u64) -> CullStats {
         self.prepare(scene);
         let mut stats = CullStats::default();

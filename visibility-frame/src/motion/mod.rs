@@ -296,10 +296,10 @@ impl MotionVolumes {
         is_mover.then_some(place)
     }
 
-    /// Begins the frame at `time`: gives the movers that the last frame hid their volumes, and replaces the
-    /// content of `due` with the movers whose exact bounds the caller must set before it culls. `time` may be
-    /// in any unit, if [`Motion::max_speed`] is in metres per that unit. Movers that the scene no longer
-    /// contains are removed.
+    /// Begins the frame at `time`: gives motion volumes to the movers that were hidden in the last frame, and
+    /// replaces the content of `due` with the movers whose exact bounds the caller must set before it culls.
+    /// `time` may be in any unit, if [`Motion::max_speed`] is in metres per that unit. Movers that the scene
+    /// no longer contains are removed.
     pub fn begin_frame(&mut self, scene: &mut Scene, time: f64, due: &mut Vec<ObjectId>) {
         due.clear();
         self.take_changes(scene);
