@@ -23,7 +23,8 @@ pub(crate) struct CellRecord {
     /// Hash of the input of the answers: the viewcell, the settings, and the content of the objects listed in
     /// `left`, in their order, without their numbers.
     pub key: u64,
-    /// Objects left after the sweep of the viewcell, ascending.
+    /// Objects left after the sweep of the viewcell, as positions in the list of those left after its group's
+    /// sweep, ascending.
     pub left: Vec<u32>,
     /// Answers for the objects listed in `left`, in the same order: each is [`SEEN`], [`HIDDEN`] or [`OPEN`].
     pub answers: Vec<u8>,

@@ -146,11 +146,11 @@ pub(crate) fn sweep_near_to_far(
     Ok(trace)
 }
 
-/// Tiles and objects around a viewcell in a sweep from near to far.
+/// Tiles and objects around the viewcells of a group or of a part of it, in a sweep from near to far.
 struct Around<'a> {
     level: &'a TiledScene<'a>,
     cell: &'a Viewcell,
-    /// Record of the opened tiles, shared by the viewcells around.
+    /// Record of the opened tiles, shared by all parts of the group.
     trace: &'a mut Trace,
     /// Position of each opened tile in the record, by number of the tile.
     places: &'a mut HashMap<u32, u32>,

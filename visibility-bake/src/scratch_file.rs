@@ -313,7 +313,7 @@ impl LevelFile {
         Ok(())
     }
 
-    /// Returns the content of a tile.
+    /// Returns the content of a tile's objects. Reads it from the file unless it is in memory.
     fn tile(
         &self,
         objects: &[ObjectFacts],

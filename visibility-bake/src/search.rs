@@ -65,7 +65,7 @@ impl<'a> Search<'a> {
         self.query.as_ref().is_some_and(CellQuery::is_stopped)
     }
 
-    /// Returns the work done: rays, and nodes of the search for proofs.
+    /// Returns the work done: the number of rays plus the number of nodes of the search for proofs.
     pub(crate) fn steps(&self) -> u64 {
         self.query.as_ref().map_or(0, CellQuery::steps)
     }
@@ -115,7 +115,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Returns the sum of the costs of the objects with this answer.
+    /// Returns the sum of the costs of the objects whose answer is `answer`.
     fn cost(&self, answer: u8) -> f64 {
         let some = self.answers.iter().zip(&self.costs).filter(|&(&of, _)| of == answer);
         some.map(|(_, cost)| cost).sum()

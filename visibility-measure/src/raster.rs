@@ -73,7 +73,7 @@ pub(crate) struct TieClaim {
 struct Veil {
     /// Number of the nearest see-through triangle that certainly shows in the pixel, or [`NONE`].
     nearest: u32,
-    /// Depth key of that triangle; negative infinity without one.
+    /// Depth key of the triangle `nearest`; negative infinity if there is none.
     depth_key: f64,
     /// Index of the see-through object that `shows` is about.
     object: u32,
@@ -134,7 +134,7 @@ pub(crate) struct Image {
     veils: Vec<Veil>,
     /// Index of the see-through object that is being drawn.
     veil_object: u32,
-    /// Pixels of that object so far.
+    /// Pixels so far of the see-through object that is being drawn.
     veil_pixels: VeilPixels,
     /// Number of pixels in which the see-through triangle that is being drawn shows.
     veil_triangle: u32,

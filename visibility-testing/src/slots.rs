@@ -65,7 +65,8 @@ fn misses([p, q]: [Point; 2], [a, b, c]: [Point; 3]) -> bool {
 /// Map from the coordinates in which a slot scene is built, two across the line of sight and then one along
 /// it, to those of the scene.
 struct Frame {
-    /// Axis of the scene of each coordinate, and the sign.
+    /// For each coordinate that is mapped: the axis of the scene (0 to 2) and the sign (1 or -1) that it
+    /// gets.
     axes: [(usize, i64); 3],
     offset: Point,
 }

@@ -35,7 +35,8 @@ pub(super) struct SolidTriangles<'a> {
     /// `None` for a camera that flies.
     offsets: Option<[f64; 2]>,
     triangles: Vec<SolidTriangle>,
-    /// Indices of the triangles that touch each column of boxes.
+    /// Indices of the triangles that touch each column of boxes, by the column's position on the two axes
+    /// across it.
     by_column: HashMap<[i64; 2], Vec<u32>>,
 }
 

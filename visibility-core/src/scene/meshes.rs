@@ -5,7 +5,7 @@ use super::MeshId;
 use crate::OccluderMesh;
 use alloc::vec::Vec;
 
-/// The occluder meshes of a scene by the index of their ids.
+/// The occluder meshes of a scene, in slots: the index of a mesh's id is that of its slot.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Meshes {
     slots: Vec<Slot>,
@@ -72,12 +72,12 @@ impl Meshes {
         is_known
     }
 
-    /// Counts an object that gets the mesh at an index.
+    /// Counts one more object that has the mesh in slot `index`.
     pub(super) fn add_user(&mut self, index: u32) {
         self.slots[index as usize].users += 1;
     }
 
-    /// Takes out an object that had a mesh, counted by [`add_user`](Self::add_user).
+    /// Counts one object less that has the mesh in slot `index`. Frees a removed mesh with its last object.
     pub(super) fn remove_user(&mut self, index: u32) {
         self.slots[index as usize].users -= 1;
         self.free_unused(index);

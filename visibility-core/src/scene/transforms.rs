@@ -137,7 +137,8 @@ impl Scene {
         found
     }
 
-    /// Returns the slot of an object, or the error of setting its transform.
+    /// Returns the slot of an object whose transform may be set to `transform`, otherwise the error that
+    /// [`set_transform`](Self::set_transform) states.
     fn slot_with_local(&self, id: ObjectId, transform: &Affine3A) -> Result<Slot, SceneError> {
         let slot = self.slot(id)?;
         if self.placements.get(id.index).is_none_or(|placement| placement.local.is_none()) {

@@ -17,7 +17,7 @@ pub(super) struct LeafWalk<'a> {
     /// Stack of the children of the inner nodes from the root to the present leaf, each with a mask of the
     /// lanes that are still to be visited.
     path: SmallVec<[(&'a [ObjectId; FAN_OUT], u64); 8]>,
-    /// The present leaf, meaningless in an empty tree.
+    /// Number of the present leaf; meaningless in an empty tree.
     pub(super) leaf: usize,
     /// Objects of the present leaf by lane; placeholders in an empty tree.
     pub(super) ids: &'a [ObjectId; FAN_OUT],
@@ -53,7 +53,7 @@ impl<'a> LeafWalk<'a> {
         walk
     }
 
-    /// Enters a node. Returns whether it is a leaf.
+    /// Enters a node: makes it the present leaf, or appends its children to `path`. Returns true for a leaf.
     fn enter(&mut self, node: usize) -> bool {
         let mask = match self.masks {
             Some(masks) => masks[node],

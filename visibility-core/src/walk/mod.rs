@@ -103,7 +103,7 @@ mod sealed {
     pub struct OfScene;
 }
 
-/// Whether a hierarchy is the [`SceneHierarchy`].
+/// Tells at compile time whether a hierarchy is the [`SceneHierarchy`].
 pub(crate) trait IsOfScene {
     const IS_OF_SCENE: bool;
 }

@@ -4,7 +4,7 @@ use super::eye_box::EyeBox;
 use visibility_core::Aabb;
 use visibility_core::scene::{Boxes64, FAN_OUT};
 
-/// Tests whether objects are too small for a view.
+/// Tests whether objects have less than a least number of pixels in a view.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct SizeTest {
     pub(super) eye: EyeBox,

@@ -36,7 +36,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Returns a motion with a greatest speed, anywhere in space.
+    /// Returns a motion of at most the speed `max_speed`, anywhere in space.
     pub const fn new(max_speed: f32) -> Self {
         Self { max_speed, region: Aabb::new(Vec3::NEG_INFINITY, Vec3::INFINITY) }
     }
@@ -201,7 +201,7 @@ pub struct MotionVolumes {
     moved: Vec<(ObjectId, Aabb)>,
     cursor: SceneCursor,
     time: f64,
-    /// Time from the frame before to the present one.
+    /// Time from the frame before to the present one, in the caller's unit.
     frame_time: f64,
 }
 
