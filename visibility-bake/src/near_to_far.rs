@@ -302,13 +302,14 @@ impl Around<'_> {
         }
     }
 
-    /// Returns the sum of the [weights](ObjectFacts::weight) of the objects that occlude.
+    /// Returns the sum of the [weights](crate::object_facts::ObjectFacts::weight) of the objects that
+    /// occlude.
     fn occluding_weight(&self) -> u64 {
         self.occluding.iter().map(|&(_, number)| self.level.objects[number as usize].weight()).sum()
     }
 
-    /// Returns the sum of the [weights](ObjectFacts::weight) of the objects that do not occlude yet. `None`
-    /// if a tile is not opened yet.
+    /// Returns the sum of the [weights](crate::object_facts::ObjectFacts::weight) of the objects that do not
+    /// occlude yet. `None` if a tile is not opened yet.
     fn waiting_weight(&self) -> Option<u64> {
         let weight = |waiting: &Waiting| match waiting.what {
             What::Object { number, .. } => Some(self.level.objects[number as usize].weight()),
