@@ -6,7 +6,8 @@ use crate::binary_format::{FormatError, HEADER_LENGTH, Reader, take_number};
 use crate::stamp::Stamp;
 use alloc::vec::Vec;
 
-/// Length in bytes of the number after the last row that [`Pvs::source`] returns, where the file has it.
+/// Length in bytes of the number that [`Pvs::source`] returns, which follows the last row in files that have
+/// it.
 const SOURCE_BYTES: usize = 8;
 
 impl Pvs {

@@ -91,7 +91,8 @@ impl ChangeLog {
         self.entries.clear();
     }
 
-    /// Records that the origin moved, so that numbers in scene coordinates are other points of the world.
+    /// Records that the origin moved, so that equal numbers in scene coordinates now stand for other points
+    /// of the world.
     pub(crate) fn move_origin(&mut self) {
         self.invalidate();
         self.moved = self.start;

@@ -67,7 +67,7 @@ pub(crate) struct Detail {
 }
 
 impl Detail {
-    /// Details of an object without a draw range, an HLOD parent and children.
+    /// Details of an object without a draw range, an HLOD parent or children.
     pub(crate) const NONE: Self =
         Self { range: DrawRange::ALWAYS, parent: None, first_child: None, next: None, previous: None };
 }

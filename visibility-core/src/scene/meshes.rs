@@ -37,15 +37,15 @@ impl Meshes {
         MeshId { index, generation: slot.generation }
     }
 
-    /// Returns the slot of a mesh that is still stored, be it removed. `None` if the mesh of this id was
-    /// freed.
+    /// Returns the slot of a mesh that is still stored, even if it was removed. `None` if the mesh of this id
+    /// was freed.
     fn slot(&self, id: MeshId) -> Option<&Slot> {
         self.slots
             .get(id.index as usize)
             .filter(|slot| slot.mesh.is_some() && slot.generation == id.generation)
     }
 
-    /// Returns the mesh in slot `index`, be it removed. `None` in a free slot.
+    /// Returns the mesh in slot `index`, even if it was removed. `None` in a free slot.
     pub(super) fn at(&self, index: u32) -> Option<&OccluderMesh> {
         self.slots.get(index as usize)?.mesh.as_ref()
     }
