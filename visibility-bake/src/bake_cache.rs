@@ -23,11 +23,12 @@ pub(crate) struct CellRecord {
     /// Hash of the input of the answers: the viewcell, the settings, and the content of the objects listed in
     /// `left`, in their order, without their numbers.
     pub key: u64,
-    /// Objects left after the sweep of the viewcell, ascending.
+    /// Objects left after the sweep of the viewcell, as positions in the list of those left after its group's
+    /// sweep, ascending.
     pub left: Vec<u32>,
     /// Answers for the objects listed in `left`, in the same order: each is [`SEEN`], [`HIDDEN`] or [`OPEN`].
     pub answers: Vec<u8>,
-    /// Work done after the sweep: rays, and nodes of the search for proofs.
+    /// Work done after the sweep: the number of rays plus the number of nodes of the search for proofs.
     pub steps: u64,
 }
 
@@ -61,7 +62,8 @@ impl CellRecord {
 /// Result of sweeping a group of viewcells.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub(crate) struct GroupRecord {
-    /// Hash of the viewcells, the settings and the origin of the level.
+    /// Hash of the viewcells of the group, the settings and the origin of the level: all of the sweep's input
+    /// but the objects.
     pub question: u64,
     /// Hash of the viewcells, the settings and the origin, and of the content of the objects that the sweep
     /// has left.
@@ -92,10 +94,11 @@ impl GroupRecord {
 /// ([`SandwichBaker::with_cache`](crate::SandwichBaker::with_cache)), and has the same result as without.
 ///
 /// A result depends on its viewcell, the viewcells in its group (up to 16 neighbours), the settings, and a
-/// part of the objects. A group for which all *tiles* that its sweep has opened, the parts of the level that
-/// are seen from it or near, are as they were costs nothing. If a tile has changed, the group is swept again;
-/// if that leaves the same objects as before, its viewcells cost nothing, and otherwise a viewcell costs a
-/// sweep if that leaves the same. Objects may be inserted, removed or renumbered, and viewcells too.
+/// part of the objects. The *tiles* that a group's sweep opens are the parts of the level that are near the
+/// group or seen from it. A group costs nothing if all of these are as they were. If a tile has changed, the
+/// group is swept again; if that leaves the same objects as before, its viewcells cost nothing. Otherwise
+/// each viewcell is swept again, and costs nothing more if that leaves the same objects as before. Objects
+/// may be inserted, removed or renumbered, and viewcells too.
 ///
 /// ```
 /// use visibility_bake::{BakeCache, SandwichBaker, SandwichSettings};
@@ -173,8 +176,8 @@ impl BakeCache {
     /// Reads the bytes of [`to_bytes`](Self::to_bytes).
     ///
     /// # Errors
-    /// [`FormatError`] if they are damaged or something else. Forged bytes are not detected: a bake is as
-    /// trustworthy as the results that it takes.
+    /// [`FormatError`] if the bytes are damaged, or are not those of a cache. Forged bytes are not detected:
+    /// a bake is as trustworthy as the results that it takes.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, FormatError> {
         let mut from = Reader::new(bytes, FORMAT)?;
         from.expect(0, 0)?;

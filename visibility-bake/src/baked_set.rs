@@ -22,8 +22,8 @@ use visibility_core::{Aabb, ObjectId, Scene, level_version};
 
 const FORMAT: Format = Format { magic: *b"VISI-SET", version: 5 };
 
-/// Greatest number of columns before a column, and after it, that are compared with it to find the most
-/// similar.
+/// Greatest number of columns before a column in the list, and after it, that [`tour`] compares with the
+/// column to find the most similar.
 const TRIED: usize = 128;
 
 /// Approximate limit on the work of [`tour`], which orders the columns: the number of pairs of 64-bit words
@@ -63,7 +63,8 @@ pub struct BakedSet {
     version: u64,
     /// Hash of the origin of the scene, and of the indices and bounds of its objects.
     bounds: u64,
-    /// Whether the set was compared with the version of the level that it is used for.
+    /// Whether the set was compared with the version of the level that it is used for. Cullers are
+    /// approximate if not.
     is_checked: bool,
     /// Greatest index of an object plus 1.
     index_limit: usize,
@@ -85,11 +86,11 @@ pub enum BakedSetError {
     Format(FormatError),
     /// The rows cannot be stored, or were stored wrongly.
     Pvs(PvsError),
-    /// The numbers of viewcells and of rows differ.
+    /// The number of viewcells is not the number of rows.
     Rows {
-        /// Number of viewcells in the file.
+        /// Number of viewcells, given or in the file.
         viewcells: usize,
-        /// Number of rows of the PVS in the file.
+        /// Number of rows, given or in the file.
         rows: usize,
     },
     /// The scene's objects are not those of the bake, or are at other places.
@@ -155,7 +156,8 @@ impl BakedSet {
     /// may be stored as the difference from the row of a viewcell that touches its own.
     ///
     /// # Errors
-    /// [`BakedSetError::Rows`], [`BakedSetError::Pvs`].
+    /// [`BakedSetError::Rows`] if there is not one row for each viewcell. [`BakedSetError::Pvs`] if a row is
+    /// not strictly ascending or has the index of no object, or if there is too much for 32 bits.
     pub fn new<R: AsRef<[u32]>>(
         scene: &Scene,
         viewcells: Viewcells,
@@ -169,7 +171,7 @@ impl BakedSet {
     /// memory.
     ///
     /// # Errors
-    /// [`BakedSetError::Rows`], [`BakedSetError::Pvs`].
+    /// Those of [`new`](Self::new).
     pub fn of_level<R: AsRef<[u32]>>(
         level: &TiledScene<'_>,
         viewcells: Viewcells,
@@ -252,8 +254,8 @@ impl BakedSet {
         self.index_limit
     }
 
-    /// Returns the sets for a [`PvsCuller`](visibility_core::pvs::PvsCuller). Objects that were inserted
-    /// since the bake count as visible. Time is linear in the number of triangles.
+    /// Returns the sets for a [`PvsCuller`](visibility_core::pvs::PvsCuller). Objects that are inserted or
+    /// changed from now on count as visible. Time is linear in the number of triangles.
     ///
     /// # Errors
     /// [`BakedSetError::OtherScene`] unless the scene has the [version](crate::level_version) from which the
@@ -274,7 +276,7 @@ impl BakedSet {
     ///
     /// # Errors
     /// [`BakedSetError::OtherScene`] unless the scene has just the objects of the bake, with the same indices
-    /// and bounds; [`BakedSetError::OtherVersion`].
+    /// and bounds, and [`BakedSetError::OtherVersion`] if `version` is not that from which the set was baked.
     pub fn for_level(self, scene: &Scene, version: Option<u64>) -> Result<ScenePvs, BakedSetError> {
         if self.index_limit != scene.index_limit() {
             return Err(BakedSetError::OtherScene);
@@ -283,8 +285,8 @@ impl BakedSet {
         Ok(set.for_objects(scene, scene.ids().map(|id| (id, id.index() as u32))))
     }
 
-    /// Returns the sets for a scene that has the objects of the bake under other indices, or others among
-    /// them: one that an engine fills with its entities. Each pair is an object and the index in the bake.
+    /// Returns the sets for a scene that has the objects of the bake under other indices, or among other
+    /// objects: one that an engine fills with its entities. Each pair is an object and the index in the bake.
     /// Objects without a pair count as visible, and so do objects with an index that is not below
     /// [`index_limit`](Self::index_limit). An index may be that of several objects: the parts of one.
     ///
@@ -319,13 +321,13 @@ impl BakedSet {
         if self.is_checked { sets } else { sets.unchecked() }
     }
 
-    /// Returns the set for a level of this version, with objects of these bounds. `bounds` are the index of
-    /// each object and its bounds relative to the scene's `origin`, by ascending index. Without a version
-    /// only the bounds are compared, and cullers stay [approximate](ScenePvs::unchecked).
+    /// Compares the set with a level, and returns it for use there. `version` is that of the level; without
+    /// one, only the objects are compared, and cullers stay [approximate](ScenePvs::unchecked). `bounds` are
+    /// the index of each object and its bounds relative to the scene's `origin`, by ascending index.
     ///
     /// # Errors
     /// [`BakedSetError::OtherScene`] if an object is missing, is another, or has other bounds;
-    /// [`BakedSetError::OtherVersion`].
+    /// [`BakedSetError::OtherVersion`] if `version` is not that from which the set was baked.
     pub fn compared(
         self,
         version: Option<u64>,
@@ -370,8 +372,8 @@ impl BakedSet {
     /// Reads the bytes of a baked set's file.
     ///
     /// # Errors
-    /// [`BakedSetError`] if they are damaged or something else. The bytes may be forged. Offsets in errors
-    /// are those of the content before compression.
+    /// [`BakedSetError`] if the bytes are damaged, inconsistent, or not those of a baked set. They may be
+    /// forged. Offsets in errors are those of the content before compression.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, BakedSetError> {
         let plain = inflated(bytes, FORMAT)?;
         let mut from = Reader::new(&plain, FORMAT)?;

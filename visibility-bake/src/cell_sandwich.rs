@@ -18,7 +18,7 @@ pub struct CellSandwich {
     pub swept: u32,
     /// Number of objects that were proven hidden one by one or in groups.
     pub proven: u32,
-    /// Work done after the sweep: rays, and nodes of the search for proofs.
+    /// Work done after the sweep: the number of rays plus the number of nodes of the search for proofs.
     pub steps: u64,
 }
 

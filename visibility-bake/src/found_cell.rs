@@ -19,7 +19,7 @@ pub struct FoundCell {
     pub(crate) is_reused: bool,
     /// Whether the sweep of the viewcell was left out or cut short.
     pub(crate) is_skipped: bool,
-    /// Whether a search was cut short, or sweeps from parts of the viewcell were in its place.
+    /// Whether a search of the viewcell was cut short, or replaced by sweeps from parts of the viewcell.
     pub(crate) is_cut: bool,
     /// Stage that the viewcell comes to next, or the number of stages if it is done.
     pub(crate) next: u32,

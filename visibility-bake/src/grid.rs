@@ -46,7 +46,8 @@ impl fmt::Debug for Stop {
 }
 
 impl Stop {
-    /// Calls the function if `number` is a multiple of 1024. [`GridError::Stopped`] if it returns true.
+    /// Calls the function if `number` is a multiple of 1024. Returns [`GridError::Stopped`] if the function
+    /// returns true.
     pub(crate) fn check(self, number: usize) -> Result<(), GridError> {
         if number.is_multiple_of(1024) && (self.0)() { Err(GridError::Stopped) } else { Ok(()) }
     }
@@ -102,7 +103,7 @@ impl Grid {
     /// Makes a grid with a corner of a box at `origin`. `size` is that of a box, in metres.
     ///
     /// # Errors
-    /// [`GridError::Size`].
+    /// [`GridError::Size`] if `size` is not positive and finite on each axis, or `origin` is not finite.
     pub fn new(origin: DVec3, size: DVec3) -> Result<Self, GridError> {
         let is_positive = size.is_finite() && size.cmpgt(DVec3::ZERO).all();
         let stop = Stop(|| false);
@@ -117,10 +118,11 @@ impl Grid {
     }
 
     /// Returns the viewcells that together contain the box from `min` to `max`, along x first. A box of the
-    /// grid that only touches it from outside is left out. None if the box is inverted.
+    /// grid that only touches it from outside is left out. Empty if `min` is greater than `max` on an axis.
     ///
     /// # Errors
-    /// [`GridError::Count`], [`GridError::TooMany`].
+    /// [`GridError::Count`] for more viewcells than [`LIMIT`](Self::LIMIT); [`GridError::TooMany`] if a
+    /// corner is not finite, or 4.5e15 boxes or more from the origin.
     pub fn over(&self, min: DVec3, max: DVec3) -> Result<Vec<Viewcell>, GridError> {
         if !min.is_finite() || !max.is_finite() {
             return Err(GridError::TooMany);
@@ -137,16 +139,20 @@ impl Grid {
         Ok(places.map(|at| self.cell([0, 1, 2].map(|axis| first[axis] + at[axis]))).collect())
     }
 
-    /// Returns the viewcells that a walk in straight lines from point to point passes, in ascending order of
-    /// z, y and x. Cost is in proportion to the number of boxes passed.
+    /// Returns the viewcells that a walk passes through, in ascending order of z, y and x. The walk goes in
+    /// straight lines from each point of `walk` to the next. Takes time in proportion to the number of
+    /// viewcells passed through, each counted as often as it is.
     ///
     /// # Errors
-    /// [`GridError::Count`], [`GridError::TooMany`], [`GridError::Stopped`].
+    /// [`GridError::Count`] for more viewcells than [`LIMIT`](Self::LIMIT), counted so;
+    /// [`GridError::TooMany`] if a point is not finite, or 4.5e15 boxes or more from the origin;
+    /// [`GridError::Stopped`] if the function of [`with_stop`](Self::with_stop) returned true.
     pub fn along(&self, walk: &[DVec3]) -> Result<Vec<Viewcell>, GridError> {
         Ok(self.passed(walk)?.into_iter().map(|place| self.cell(place)).collect())
     }
 
-    /// Returns the places in the grid of the boxes that a walk passes, in ascending order of z, y and x.
+    /// Returns the places in the grid of the boxes that a walk, in straight lines from point to point, passes
+    /// through, in ascending order of z, y and x.
     pub(crate) fn passed(&self, walk: &[DVec3]) -> Result<Vec<[i64; 3]>, GridError> {
         Self::check_count(self.count_passed(walk)?)?;
         let (mut found, mut asked) = (BTreeSet::new(), 0);
@@ -177,7 +183,8 @@ impl Grid {
         Ok(found.into_iter().map(|[z, y, x]| [x, y, z]).collect())
     }
 
-    /// Returns the number of boxes that a walk passes, each counted as often as it is passed.
+    /// Returns an upper bound on the number of boxes that a walk passes through, each counted as often as it
+    /// is.
     pub(crate) fn count_passed(&self, walk: &[DVec3]) -> Result<u128, GridError> {
         let mut count = 0u128;
         for (number, &to) in walk.iter().enumerate() {
@@ -188,7 +195,7 @@ impl Grid {
         Ok(count)
     }
 
-    /// Returns [`GridError::Count`] for more viewcells than [`LIMIT`](Self::LIMIT).
+    /// Returns [`GridError::Count`] if `count`, a number of viewcells, is more than [`LIMIT`](Self::LIMIT).
     pub(crate) fn check_count(count: u128) -> Result<(), GridError> {
         if count > Self::LIMIT as u128 { Err(GridError::Count { count }) } else { Ok(()) }
     }

@@ -1,8 +1,8 @@
-//! A sweep of the tiles around a viewcell from near to far, that opens those alone that are seen.
+//! A sweep of the tiles around a viewcell from near to far, which opens only the tiles that are seen.
 //!
 //! The nearest objects are swept together with the bounds of all tiles farther away, which occlude nothing.
-//! Objects and tiles that are hidden are dropped. The tiles left are opened: their objects and the tiles
-//! below are asked in the next sweep, by their bounds, and the nearest of the objects that were asked before
+//! Objects and tiles that are hidden are dropped. The tiles left are opened: in the next sweep their objects
+//! and the tiles below are tested, by their bounds, and the nearest of the objects that were tested before
 //! occlude from now on, twice as many as in the sweep before. And so on, until no tile is left that is not
 //! opened. What a hidden object would occlude is hidden behind others anyway, so that nothing is lost but the
 //! time. The cost follows what is seen, not the size of the level.
@@ -29,8 +29,8 @@ use visibility_region::ExtendedProjectionCuller;
 /// its ratio is greater. Each further sweep halves the limit.
 const COARSEST: f64 = 0.1;
 
-/// Weight of the objects that do not occlude yet, up to which they are left as visible without a further
-/// sweep.
+/// If the objects that do not occlude yet weigh at most this much together, they are left as visible without
+/// a further sweep.
 const FEW: u64 = 4096;
 
 /// A tile that a sweep has opened.
@@ -59,7 +59,7 @@ pub(crate) struct Trace {
 /// Child number that stands for all tiles. Its hash is that of the tree.
 const WHOLE: u32 = u32::MAX;
 
-/// A tile that is not opened, or an object that does not occlude yet.
+/// In a sweep from near to far: a tile that is not opened yet, or an object that does not occlude yet.
 #[derive(Clone, Copy)]
 struct Waiting {
     what: What,
@@ -96,18 +96,20 @@ pub(crate) fn ids_of(visible: &VisibleSet, scene: &Scene) -> Vec<ObjectId> {
     ids
 }
 
-/// Returns the distance of a box from a viewcell, 0 for a viewcell without a point.
+/// Returns the distance in metres of a box, relative to `origin`, from a viewcell in world space. 0 if the
+/// two touch, or if the distance is infinite or NaN, as for a viewcell without a point.
 fn distance(bounds: &Aabb, cell: &Viewcell, origin: DVec3) -> f64 {
     let (min, max) = (cell.min - origin, cell.max - origin);
     let gap = (bounds.min.as_dvec3() - max).max(min - bounds.max.as_dvec3()).max(DVec3::ZERO).length();
     if gap.is_nan() || gap == f64::INFINITY { 0.0 } else { gap }
 }
 
-/// Sweeps the objects around the viewcells with the numbers `members`. The sweeps may have any content;
-/// `whole` is for a level that is swept at once. Once `stop` returns true, no more objects are found hidden,
-/// and objects of unopened tiles are left. With `stop`, the group is not divided, since its result would be
-/// lost if the time ended before the last part. All tiles are then swept at once if the memory allows: sweeps
-/// from near to far save time only where most tiles are hidden early.
+/// Sweeps the level from the box around the viewcells with the numbers `members`: in tiles from near to far
+/// with the culler `sweep`, or all at once with the culler `whole`, which is made if it is `None`. Once
+/// `stop` returns true, no more objects are found hidden, and objects of unopened tiles are left. With
+/// `stop`, the group is not divided, since its result would be lost if the time ended before the last part.
+/// All tiles are then swept at once if the memory allows: sweeps from near to far save time only where most
+/// tiles are hidden early.
 pub(crate) fn sweep_near_to_far(
     level: &TiledScene<'_>,
     all: &[Viewcell],
@@ -144,11 +146,11 @@ pub(crate) fn sweep_near_to_far(
     Ok(trace)
 }
 
-/// Tiles and objects around a viewcell in a sweep from near to far.
+/// Tiles and objects around the viewcells of a group or of a part of it, in a sweep from near to far.
 struct Around<'a> {
     level: &'a TiledScene<'a>,
     cell: &'a Viewcell,
-    /// Record of the opened tiles, shared by the viewcells around.
+    /// Record of the opened tiles, shared by all parts of the group.
     trace: &'a mut Trace,
     /// Position of each opened tile in the record, by number of the tile.
     places: &'a mut HashMap<u32, u32>,
@@ -239,7 +241,7 @@ impl Around<'_> {
         }
     }
 
-    /// Returns whether a tile has tiles below, `None` for an object.
+    /// Returns whether a waiting tile has tiles below. `None` for a waiting object.
     fn has_tiles(&self, waiting: &Waiting) -> Option<bool> {
         match waiting.what {
             What::Tile { tile, .. } => Some(!self.level.tree.tiles[tile as usize].children.is_empty()),
@@ -247,7 +249,8 @@ impl Around<'_> {
         }
     }
 
-    /// Turns the nearest of the waiting objects into occluders, up to the weight `portion`.
+    /// Turns the nearest of the waiting objects into occluders, until the weight of the new occluders is at
+    /// least `portion`.
     fn load(&mut self, portion: u64) {
         self.waiting.sort_by(|a, b| a.distance.total_cmp(&b.distance));
         let mut weight = 0;
@@ -299,13 +302,14 @@ impl Around<'_> {
         }
     }
 
-    /// Returns the sum of the weights of the objects that occlude.
+    /// Returns the sum of the [weights](crate::object_facts::ObjectFacts::weight) of the objects that
+    /// occlude.
     fn occluding_weight(&self) -> u64 {
         self.occluding.iter().map(|&(_, number)| self.level.objects[number as usize].weight()).sum()
     }
 
-    /// Returns the sum of the weights of the objects that do not occlude yet. `None` if a tile waits to be
-    /// opened.
+    /// Returns the sum of the [weights](crate::object_facts::ObjectFacts::weight) of the objects that do not
+    /// occlude yet. `None` if a tile is not opened yet.
     fn waiting_weight(&self) -> Option<u64> {
         let weight = |waiting: &Waiting| match waiting.what {
             What::Object { number, .. } => Some(self.level.objects[number as usize].weight()),

@@ -7,9 +7,9 @@
 //! mesh, the twelve numbers of its transform; then nine words for each triangle, three for each position, and
 //! three for each triangle of the mesh.
 //!
-//! Threads that work share the memory. One that asks for more than is free waits until others release theirs.
-//! If all others wait too, none would ever release any: the last one to ask has an error, gives up what it
-//! has, and begins anew when no other thread works ([`LevelFile::work`]).
+//! Threads that work share the memory. A thread that asks for more than is free waits until others release
+//! theirs. If all others wait too, none would ever release any: the last one to ask has an error, gives up
+//! what it has, and begins anew when no other thread works ([`LevelFile::work`]).
 
 use crate::level_error::LevelError;
 use crate::object_facts::ObjectFacts;
@@ -152,7 +152,7 @@ pub(crate) struct LevelFile {
     /// Number of the tile of each object, by number of the object.
     tile_of: Vec<u32>,
     shared: Arc<Shared>,
-    /// Lock of all threads that work: for reading together, for writing alone.
+    /// Held by each thread that works on the level: as a reader together with others, or as the writer alone.
     turn: RwLock<()>,
 }
 
@@ -167,7 +167,7 @@ struct Shared {
 struct Memory {
     /// Greatest sum of `reserved` and `cached`.
     limit: u64,
-    /// Bytes that cannot be released now.
+    /// Bytes that no release of tiles can free: those of [reservations](Reserved), and what is always in use.
     reserved: u64,
     /// Bytes of the tiles that are kept in memory.
     cached: u64,
@@ -242,8 +242,9 @@ pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl LevelFile {
-    /// Begins the work of a thread on the level. With `is_alone`, waits until all other threads have ended
-    /// their work. A thread must not call this again before its work has ended.
+    /// Begins the work of a thread on the level. With `is_alone` true, waits until all other threads have
+    /// ended their work, and keeps others from beginning theirs. A thread must not call this again before its
+    /// work has ended.
     pub(crate) fn work(&self, is_alone: bool) -> Working<'_> {
         let _turn = if is_alone {
             Turn::Alone { _guard: self.turn.write().unwrap_or_else(PoisonError::into_inner) }
@@ -254,7 +255,8 @@ impl LevelFile {
         Working { file: self, _turn }
     }
 
-    /// Locks a mutex that another thread may hold while it waits for memory. Only for threads that work.
+    /// Locks a mutex that another thread may hold while it waits for memory. While the calling thread waits,
+    /// it does not count as one that works. Only for threads that [work](Self::work).
     pub(crate) fn lock<'m, T>(&self, mutex: &'m Mutex<T>) -> MutexGuard<'m, T> {
         match mutex.try_lock() {
             Ok(guard) => guard,
@@ -269,8 +271,8 @@ impl LevelFile {
         }
     }
 
-    /// Reserves memory. Waits as long as another thread runs that may release some. [`LevelError::Memory`] if
-    /// none does.
+    /// Reserves memory. Waits while there is not enough and another working thread, which may release some,
+    /// does not wait itself. [`LevelError::Memory`] if there is no such thread.
     pub(crate) fn reserve(&self, bytes: u64) -> Result<Reserved, LevelError> {
         let mut memory = lock(&self.shared.memory);
         while !memory.make_room(bytes) {
@@ -311,7 +313,7 @@ impl LevelFile {
         Ok(())
     }
 
-    /// Returns the content of a tile.
+    /// Returns the content of a tile's objects. Reads it from the file unless it is in memory.
     fn tile(
         &self,
         objects: &[ObjectFacts],

@@ -65,7 +65,7 @@ impl<'a> Search<'a> {
         self.query.as_ref().is_some_and(CellQuery::is_stopped)
     }
 
-    /// Returns the work done: rays, and nodes of the search for proofs.
+    /// Returns the work done: the number of rays plus the number of nodes of the search for proofs.
     pub(crate) fn steps(&self) -> u64 {
         self.query.as_ref().map_or(0, CellQuery::steps)
     }
@@ -78,7 +78,7 @@ impl<'a> Search<'a> {
         self.read();
     }
 
-    /// Returns whether the open objects cost no more than the gap allows, so that the search may end.
+    /// Returns whether the open objects cost no more than the gap allows, so that no further proof is needed.
     pub(crate) fn is_met(&self) -> bool {
         self.cost(OPEN) <= self.allowed()
     }
@@ -115,13 +115,13 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Returns the sum of the costs of the objects with this answer.
+    /// Returns the sum of the costs of the objects whose answer is `answer`.
     fn cost(&self, answer: u8) -> f64 {
         let some = self.answers.iter().zip(&self.costs).filter(|&(&of, _)| of == answer);
         some.map(|(_, cost)| cost).sum()
     }
 
-    /// Takes the query's verdicts over into the answers.
+    /// Copies what the query has found to the answers.
     fn read(&mut self) {
         let Some(query) = &self.query else { return };
         for (id, verdict) in query.verdicts() {

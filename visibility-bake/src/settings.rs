@@ -30,14 +30,14 @@ impl SandwichSettings {
         Self { gap, ..self }
     }
 
-    /// Sets the distance in metres that a line of sight must keep from all occluders for an object to count
-    /// as visible, up to a factor of six. 0 gives a conservative bake, see
+    /// Sets the clearance in metres: an object may be hidden if no line of sight to it keeps six times this
+    /// distance from all occluders. 0 gives a conservative bake, see
     /// [`Effort::Exact`](visibility_exact::Effort::Exact).
     pub fn with_clearance(self, clearance: f64) -> Self {
         Self { clearance, ..self }
     }
 
-    /// Returns the distance in metres that a line of sight must keep from all occluders.
+    /// Returns the clearance in metres: see [`with_clearance`](Self::with_clearance).
     pub fn clearance(&self) -> f64 {
         self.clearance
     }

@@ -66,7 +66,7 @@ impl Shard {
     /// Reads the bytes of a shard.
     ///
     /// # Errors
-    /// [`FormatError`] if they are damaged or something else.
+    /// [`FormatError`] if the bytes are damaged, or are not those of a shard.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, FormatError> {
         let plain = inflated(bytes, FORMAT)?;
         let mut from = Reader::new(&plain, FORMAT)?;

@@ -18,7 +18,8 @@ const LEAF: u64 = 128;
 /// Greatest weight of a level that is stored as one tile.
 const WHOLE: u64 = 1 << 18;
 
-/// Greatest number of halvings of a cell's edge, from the distance of its objects from the origin on.
+/// Greatest number of times that a cell is halved, beginning with an edge about as long as its objects'
+/// greatest distance from the origin along an axis.
 const DEPTH: i32 = 40;
 
 /// Bounds of a tile are rounded outwards to multiples of the cell's edge divided by two to this power.
@@ -57,8 +58,8 @@ impl TileTree {
         Self::with_leaves(objects, WHOLE, LEAF)
     }
 
-    /// Makes a tree. `whole` is the greatest weight of a level that is one tile, `leaf` that of a tile
-    /// without children.
+    /// Makes the tree of a level's objects. `whole` is the greatest weight of a level that is one tile,
+    /// `leaf` the greatest weight of a tile without children.
     pub(crate) fn with_leaves(objects: &[ObjectFacts], whole: u64, leaf: u64) -> Self {
         let weight = objects.iter().map(ObjectFacts::weight).sum::<u64>();
         let leaf = if weight <= whole { u64::MAX } else { leaf };

@@ -24,13 +24,13 @@ const MOST_WEIGHT: u64 = 1 << 19;
 /// Approximate bytes of memory per unit of weight of a scene that is swept.
 const SWEEP_BYTES: u64 = 600;
 
-/// Approximate bytes of memory per unit of a scene's weight of a copy of its sweep.
+/// Approximate bytes of memory of a copy of a scene's prepared sweep, per unit of weight of the scene.
 const COPY_BYTES: u64 = 100;
 
 /// Approximate bytes of memory per unit of weight of a scene with triangles alone.
 const TRIANGLE_BYTES: u64 = 200;
 
-/// Approximate bytes of memory per unit of weight of a search.
+/// Approximate bytes of memory of a search, per unit of weight of the objects that it looks for.
 const SEARCH_BYTES: u64 = 600;
 
 /// Number of triangles that the search for one viewcell may always copy, if the level is held in memory. The
@@ -170,8 +170,8 @@ impl<'a> TiledScene<'a> {
         bounds_fingerprint(self.origin, self.objects.iter().map(|object| (object.index, object.bounds)))
     }
 
-    /// Makes a scene of some objects with their triangles, by their numbers, in the given order: the first
-    /// gets index 0.
+    /// Makes a scene of the objects with the given numbers, with their triangles, in the order of `numbers`:
+    /// the first gets index 0.
     pub(crate) fn scene_with_triangles(&self, numbers: &[u32]) -> Result<Scene, LevelError> {
         let (mut part, ids) = self.scene_of(numbers, []);
         match &self.store {
@@ -189,9 +189,8 @@ impl<'a> TiledScene<'a> {
         Ok(part)
     }
 
-    /// Makes a scene of objects with their occluder meshes, given by their numbers, as
-    /// [`scene_with_triangles`](Self::scene_with_triangles) does. Then adds `boxes`, objects that have only
-    /// bounds.
+    /// Makes a scene of the objects with the given numbers, with their occluder meshes, in the order of
+    /// `numbers`: the first gets index 0. Then adds `boxes`, objects that have only bounds.
     pub(crate) fn scene_with_meshes(
         &self,
         numbers: &[u32],
@@ -219,7 +218,8 @@ impl<'a> TiledScene<'a> {
         Ok(part)
     }
 
-    /// Makes a scene of objects without content, given by their numbers. Then adds `boxes`.
+    /// Makes a scene of the objects with the given numbers, without triangles and meshes, and then adds
+    /// `boxes`. Returns the scene and the ids of all its objects in this order.
     fn scene_of(&self, numbers: &[u32], boxes: impl IntoIterator<Item = Object>) -> (Scene, Vec<ObjectId>) {
         let mut part = Scene::new();
         // The origin of a scene is finite, and that of an empty scene may be set.
@@ -235,8 +235,8 @@ impl<'a> TiledScene<'a> {
         numbers.iter().map(|&at| scene.id_at(self.objects[at as usize].index as usize))
     }
 
-    /// Reserves memory for the content of some objects, and blocks until it is free. `None` for a level in
-    /// memory, which has no limit.
+    /// Reserves `bytes` bytes of memory per unit of weight of the objects with the given numbers, and blocks
+    /// until they are free. `None` for a level in memory, which has no limit.
     fn reserve(&self, numbers: &[u32], bytes: u64) -> Result<Option<Reserved>, LevelError> {
         match &self.store {
             Store::Scene(_) => Ok(None),
@@ -247,8 +247,8 @@ impl<'a> TiledScene<'a> {
         }
     }
 
-    /// Calls `sweep` with a scene of objects with their occluder meshes, given by their numbers, followed by
-    /// `boxes`, objects that have only bounds.
+    /// Calls `sweep` with a scene of the objects with the given numbers, with their occluder meshes, followed
+    /// by `boxes`, objects that have only bounds.
     pub(crate) fn with_scene<T>(
         &self,
         numbers: &[u32],
@@ -270,8 +270,8 @@ impl<'a> TiledScene<'a> {
         self.reserve(numbers, if is_search { SEARCH_BYTES } else { COPY_BYTES })
     }
 
-    /// Returns a scene of objects with their occluder meshes, given by their numbers, and a sweep prepared
-    /// for it. Threads clone the sweep.
+    /// Returns a scene of the objects with the given numbers, with their occluder meshes, and a sweep
+    /// prepared for it, which each thread clones.
     pub(crate) fn prepared(&self, numbers: &[u32]) -> Result<PreparedScene, LevelError> {
         let _memory = self.reserve(numbers, SWEEP_BYTES)?;
         let scene = self.scene_with_meshes(numbers, [])?;
@@ -312,7 +312,8 @@ impl<'a> TiledScene<'a> {
         }
     }
 
-    /// Locks a mutex that another thread may hold while it waits for memory. Only for threads that work.
+    /// Locks a mutex that another thread may hold while it waits for memory. Only for threads that
+    /// [work](Self::work).
     pub(crate) fn lock<'m, T>(&self, mutex: &'m Mutex<T>) -> MutexGuard<'m, T> {
         match &self.store {
             Store::Scene(_) => lock(mutex),
@@ -351,10 +352,11 @@ impl fmt::Debug for TiledSceneWriter {
 
 impl TiledSceneWriter {
     /// Appends an object, which gets the next index. `mesh` is its occluder mesh with the transform to
-    /// coordinates of the level, needed for objects flagged as occluders alone.
+    /// coordinates of the level, which only objects flagged as occluders need.
     ///
     /// # Errors
-    /// [`LevelError::File`] if the file cannot be written, [`LevelError::TooMany`].
+    /// [`LevelError::File`] if the file cannot be written, [`LevelError::TooMany`] if 32 bits cannot count
+    /// the objects or the object's triangles.
     pub fn push<'a>(
         &mut self,
         object: &Object,

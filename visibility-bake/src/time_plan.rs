@@ -1,9 +1,9 @@
 //! How a bake divides its time among stages and viewcells, if that is limited.
 //!
-//! Hidden objects are found first by the sweeps of groups, each for many viewcells, then by those of
-//! viewcells, and in the end by searches: in less time for an object the earlier. So each stage has all of
-//! the time that the later ones need not have, and a viewcell that is not swept at all counts more than ten
-//! that are not searched.
+//! Hidden objects are found first by the sweeps of groups, each for many viewcells, then by the sweeps of
+//! viewcells, and in the end by searches. An earlier stage takes less time for an object that it finds. So
+//! each stage has all the time that later stages can do without, and a viewcell that is not swept at all is
+//! worse than ten that are not searched.
 
 use std::sync::atomic::{AtomicU8, AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::time::Duration;
@@ -114,13 +114,13 @@ impl TimePlan {
         Working(self)
     }
 
-    /// Returns whether the time of a stage is over at a time on the clock.
+    /// Returns whether the time of a stage is over when the clock shows `now`.
     pub(crate) fn is_past(&self, stage: u32, now: Duration) -> bool {
         now >= self.ends[stage as usize]
     }
 
-    /// Ends a stage whose time is over. Returns false if nothing else is left to do, so that its items are
-    /// still worked on.
+    /// Ends a stage whose time is over. Returns false if the stage was [put off](Self::is_put_off) already:
+    /// nothing else is left to do, and its items are worked on all the same.
     pub(crate) fn end(&self, stage: u32) -> bool {
         let phase = &self.phases[stage as usize];
         let is_new = phase.load(Relaxed) != PUT_OFF;
@@ -130,8 +130,8 @@ impl TimePlan {
         is_new
     }
 
-    /// Returns whether the items of a stage wait until all others are done. Called while no item is worked
-    /// on.
+    /// Returns whether the items of a stage wait until all others are done, since the time of the stage has
+    /// ended. Called while no item is worked on.
     pub(crate) fn is_put_off(&self, stage: usize) -> bool {
         let Some(phase) = self.phases.get(stage).filter(|phase| phase.load(Relaxed) != IN_TIME) else {
             return false;
@@ -140,14 +140,16 @@ impl TimePlan {
         true
     }
 
-    /// Notes the result of a group's sweep that was not cut short: `hidden` objects of the `asked` ones.
+    /// Notes the result of a group's sweep that was not cut short: of the `asked` objects that it tested, it
+    /// found `hidden` hidden.
     pub(crate) fn note_group(&self, asked: usize, hidden: usize) {
         for (sum, number) in self.groups.iter().zip([1, asked as u64, hidden as u64]) {
             sum.fetch_add(number, Relaxed);
         }
     }
 
-    /// Returns whether sweeps of groups are left out: the time is limited, and they find next to nothing.
+    /// Returns whether sweeps of groups are left out: the time is limited, and the first sweeps have found
+    /// less than [`LEAST_HIDDEN`] of the objects hidden.
     pub(crate) fn leaves_groups_out(&self) -> bool {
         let [swept, asked, hidden] = self.groups.each_ref().map(|sum| sum.load(Relaxed));
         self.is_limited() && swept >= TRIED && (hidden as f64) < LEAST_HIDDEN * asked as f64

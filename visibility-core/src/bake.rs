@@ -69,8 +69,8 @@ pub struct Progress {
 /// An algorithm over numbered items. A [`Bake`] calls it in rounds: the items of a round are worked on
 /// independently, then their results are merged.
 pub trait Baker: Sync {
-    /// Scratch memory of one thread, reused for one item after another. Its content must not change the
-    /// result of an item.
+    /// Scratch memory of one thread, reused for one item after another. What earlier items have left in it
+    /// must not change the result of an item.
     type Scratch: Default;
     /// Result of working on one item, before [`take_in`](Self::take_in) merges it into the baker's state.
     type Found: Send;
@@ -97,21 +97,21 @@ pub trait Baker: Sync {
     }
 
     /// Returns the stage of an item: an item is worked on when the results of all items of lower stages have
-    /// been merged. The stage may change between rounds, when the baker puts items off; the items that an
-    /// item needs must stay before it. The default is one stage for all.
+    /// been merged. The stage may change between rounds, as when the baker puts items off, but an item must
+    /// never come before an item whose result it needs. The default is one stage for all.
     fn stage(&self, item: u32) -> u32 {
         let _ = item;
         0
     }
 
     /// Computes the result of one item from the baker's state before the round. Called from several threads
-    /// at once with feature `rayon`. A baker of long items calls `stop` several times a second; once that
-    /// has returned true, it returns `None`, and the item waits on. A baker of short items ignores `stop`.
+    /// at once with feature `rayon`. A baker of long items calls `stop` several times a second; once that has
+    /// returned true, it returns `None`, and the item stays waiting. A baker of short items ignores `stop`.
     fn work(&self, item: u32, scratch: &mut Self::Scratch, stop: &dyn Fn() -> bool) -> Option<Self::Found>;
 
     /// Merges the result of one item into the baker's state. Called at the end of a round for each item of
-    /// the round, in ascending order of rank. Returns the cost of the item in the baker's own unit of work,
-    /// for [`Progress::steps`].
+    /// the round, in ascending order of rank. Returns the work that the item has cost, in the baker's own
+    /// unit, which [`Progress::steps`] sums up.
     fn take_in(&mut self, item: u32, found: Self::Found) -> u64;
 
     /// Turns the baker's state into the final result. `waiting` lists the items that were not worked on, in
@@ -169,10 +169,10 @@ impl<B: Baker> Bake<B> {
     }
 
     /// Works on the next round of items as [`advance`](Self::advance) does, until `pause` or `stop` returns
-    /// true: items of the round that no thread has begun by then wait on. Items that were begun are finished
-    /// after `pause`; after `stop` they are given up and wait on too, if the baker [asks](Baker::work) for
-    /// it. The outcome of the whole bake stays the same if the baker's items do not use one another's
-    /// results; of other bakers it may be another.
+    /// true: items of the round that no thread has begun by then stay waiting. After `pause`, items that were
+    /// begun are finished. After `stop`, those for which [`Baker::work`] returns `None` stay waiting too. The
+    /// outcome of the whole bake stays the same if the baker's items do not use one another's results;
+    /// otherwise it may change.
     pub fn advance_unless(
         &mut self,
         pause: impl Fn() -> bool + Sync,
@@ -259,7 +259,8 @@ impl<B: Baker> Bake<B> {
 }
 
 /// Returns the results of the items of a round, in the order of `round`, computed on this thread. `None` for
-/// those that `pause` or `stop` kept from being begun, and those that were given up.
+/// an item that was not begun because `pause` or `stop` had returned true, and for one that the baker gave
+/// up.
 #[cfg(not(feature = "rayon"))]
 fn work_on_all<B: Baker>(
     baker: &B,
@@ -273,9 +274,10 @@ fn work_on_all<B: Baker>(
 }
 
 /// Returns the results of the items of a round, in the order of `round`, computed on all threads of the
-/// current pool. `None` for those that `pause` or `stop` kept from being begun, and those that were given up.
-/// Each thread takes the next item when its last is done. Items are taken from the end of the round, where
-/// the rank and thus the expected cost is greatest, so that no thread is left with a long item at the end.
+/// current pool. `None` for an item that was not begun because `pause` or `stop` had returned true, and for
+/// one that the baker gave up. Each thread takes the next item when its last is done. Items are taken from
+/// the end of the round, where the rank and thus the expected cost is greatest, so that no thread is left
+/// with a long item at the end.
 #[cfg(feature = "rayon")]
 fn work_on_all<B: Baker>(
     baker: &B,
@@ -303,8 +305,8 @@ fn work_on_all<B: Baker>(
 }
 
 /// Calls `fill(scratch, row_index, row)` for each row of a table, on all threads of the current pool with
-/// feature `rayon`, otherwise on this thread. `scratch` is memory reused by one thread, whose content must
-/// not change what is filled in.
+/// feature `rayon`, otherwise on this thread. `scratch` is memory that one thread reuses from row to row; its
+/// content must not change the rows.
 pub fn fill_rows<T: Send, S: Default>(rows: &mut [T], fill: impl Fn(&mut S, usize, &mut T) + Sync) {
     #[cfg(feature = "rayon")]
     {

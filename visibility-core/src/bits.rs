@@ -2,20 +2,21 @@
 
 use alloc::vec::Vec;
 
-/// A set of indices below a limit. The limit is a multiple of 64, at least the one that was asked for.
+/// A set of indices below a limit, one bit for each. The limit is the one asked for, rounded up to a multiple
+/// of 64.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Bits(Vec<u64>);
 
 impl Bits {
-    /// The set without an index, whose limit is 0.
+    /// The empty set with limit 0, which no index can be added to.
     pub const EMPTY: Self = Self(Vec::new());
 
-    /// Returns an empty set with a limit.
+    /// Returns an empty set for the indices below `limit`, which is rounded up to a multiple of 64.
     pub fn new(limit: usize) -> Self {
         Self(alloc::vec![0; limit.div_ceil(64)])
     }
 
-    /// Removes all indices, and sets the limit.
+    /// Removes all indices, and sets the limit to `limit`, rounded up to a multiple of 64.
     pub fn reset(&mut self, limit: usize) {
         self.0.clear();
         self.0.resize(limit.div_ceil(64), 0);
@@ -26,20 +27,22 @@ impl Bits {
         self.0.fill(0);
     }
 
-    /// Raises the limit. Does nothing if the limit is not lower.
+    /// Raises the limit to `limit`, rounded up to a multiple of 64. Does nothing if the limit is that high
+    /// already.
     pub fn grow(&mut self, limit: usize) {
         if self.0.len() < limit.div_ceil(64) {
             self.0.resize(limit.div_ceil(64), 0);
         }
     }
 
-    /// Returns whether an index is in the set. False beyond the limit.
+    /// Returns whether an index is in the set. False for an index at or beyond the limit.
     #[inline]
     pub fn contains(&self, index: usize) -> bool {
         self.0.get(index / 64).is_some_and(|word| word >> (index % 64) & 1 != 0)
     }
 
-    /// Adds an index, unless the index is beyond the limit. Returns whether the index is new.
+    /// Adds an index, unless the index is at or beyond the limit. Returns true if the index was added, false
+    /// if the set had it already or cannot hold it.
     #[inline]
     pub fn insert(&mut self, index: usize) -> bool {
         let Some(word) = self.0.get_mut(index / 64) else { return false };
@@ -57,7 +60,8 @@ impl Bits {
         known
     }
 
-    /// Adds an index if `value` is true, or else removes it. Does nothing beyond the limit.
+    /// Adds an index if `value` is true, or else removes it. Does nothing for an index at or beyond the
+    /// limit.
     #[inline]
     pub fn set(&mut self, index: usize, value: bool) {
         if let Some(word) = self.0.get_mut(index / 64) {
@@ -70,8 +74,8 @@ impl Bits {
         self.unite_words(other.0.iter().copied());
     }
 
-    /// Adds the indices of words as [`words`](Self::words) returns them. Indices beyond the limit are left
-    /// out.
+    /// Adds the indices whose bits are set in `words`, in the layout of [`words`](Self::words). Indices
+    /// beyond the limit are left out.
     #[inline]
     pub fn unite_words(&mut self, words: impl Iterator<Item = u64>) {
         self.0.iter_mut().zip(words).for_each(|(own, other)| *own |= other);
@@ -88,7 +92,7 @@ impl Bits {
         self.0.iter().map(|word| word.count_ones()).sum()
     }
 
-    /// Returns the number of indices that are not in `other`.
+    /// Returns the number of indices of this set that `other` lacks.
     pub fn count_without(&self, other: &Self) -> u32 {
         let words = other.0.iter().copied().chain(core::iter::repeat(0));
         self.0.iter().zip(words).map(|(own, other)| (own & !other).count_ones()).sum()
@@ -119,7 +123,7 @@ impl Bits {
 }
 
 impl From<Vec<u64>> for Bits {
-    /// Takes words as [`words`](Self::words) returns them.
+    /// Makes the set whose [`words`](Self::words) are the given ones.
     fn from(words: Vec<u64>) -> Self {
         Self(words)
     }

@@ -28,19 +28,19 @@ pub struct CullStats {
 }
 
 impl CullStats {
-    /// Returns the counters with another number of nodes whose children were tested.
+    /// Returns these counters with [`nodes`](Self::nodes) replaced.
     #[must_use]
     pub fn with_nodes(self, nodes: u64) -> Self {
         Self { nodes, ..self }
     }
 
-    /// Returns the counters with another number of tests.
+    /// Returns these counters with [`tests`](Self::tests) replaced.
     #[must_use]
     pub fn with_tests(self, tests: u64) -> Self {
         Self { tests, ..self }
     }
 
-    /// Returns the counters with another number of objects left in the set.
+    /// Returns these counters with [`visible`](Self::visible) replaced.
     #[must_use]
     pub fn with_visible(self, visible: u64) -> Self {
         Self { visible, ..self }

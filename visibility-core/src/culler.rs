@@ -65,7 +65,8 @@ impl core::fmt::Display for Accuracy {
     }
 }
 
-/// Something that a culler lacks: objects that it cannot use, or cannot hide.
+/// Something that keeps a culler from hiding objects as it could: a number of objects with one and the same
+/// lack.
 ///
 /// ```
 /// use visibility_core::culler::Lack;
@@ -74,16 +75,17 @@ impl core::fmt::Display for Accuracy {
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 pub struct Lack {
-    /// What the objects lack, in the plural, such as "triangles".
+    /// The objects and what they lack, in the plural, such as "occluders without a mesh".
     pub what: &'static str,
     /// Number of objects, at least 1.
     pub count: usize,
 }
 
 impl Lack {
-    /// Calls `each` with what the occluders of `scene` lack for cullers that use meshes: a mesh, a mesh
-    /// within the object's bounds, or the flag of an occluder beside a mesh. Does not call `each` if they
-    /// lack nothing, as if there are no occluders. Takes constant time.
+    /// Reports what keeps cullers that use meshes from using the occluders of `scene`. Calls `each` with the
+    /// number of occluders without a mesh, of occluders whose mesh reaches out of their bounds, and of
+    /// objects that have an occluder mesh and are not flagged as occluders, unless the number is 0. Takes
+    /// constant time.
     pub fn of_occluders(scene: &Scene, each: &mut dyn FnMut(Self)) {
         for (what, count) in [
             ("occluders without a mesh", scene.occluders_without_mesh()),
@@ -103,7 +105,7 @@ impl Lack {
     }
 }
 
-/// Calls `each` with a lack, unless `count` is 0.
+/// Calls `each` with the lack `what` of `count` objects. Does nothing if `count` is 0.
 fn each_of(what: &'static str, count: usize, each: &mut dyn FnMut(Lack)) {
     if count > 0 {
         each(Lack { what, count });

@@ -40,7 +40,7 @@ impl Default for FrustumCuller {
 }
 
 impl FrustumCuller {
-    /// Creates a culler that uses the widest SIMD instructions of the processor.
+    /// Creates a culler that uses the widest SIMD instructions that the processor has.
     pub fn new() -> Self {
         Self { simd: Simd::best() }
     }
@@ -100,8 +100,8 @@ impl Culler for FrustumCuller {
 pub struct ConvexVolume {
     simd: Simd,
     planes: [TestPlane; MAX_PLANES],
-    /// The planes with normals and offsets negated, in the order of `planes`. A box certainly outside
-    /// `flipped[i]` is certainly inside `planes[i]`.
+    /// The planes with normals and offsets negated, in the order of the volume's planes. A box certainly
+    /// outside `flipped[i]` is certainly inside `planes[i]`.
     flipped: [TestPlane; MAX_PLANES],
     all: u32,
 }
@@ -185,10 +185,11 @@ impl ConvexVolume {
     }
 }
 
-/// The number passed down is the mask of the planes that are not known to have all of the node on their inner
-/// side.
+/// The number `known` of this test is a mask of planes, bit i for plane i: those that the node is not known
+/// to be wholly on the inner side of. Only these are tested.
 impl NodeTest for ConvexVolume {
-    /// For each plane of the mask, a mask of the lanes whose boxes are on its inner side.
+    /// Indexed by plane: a mask of the lanes whose boxes are wholly on the inner side of the plane, bit i for
+    /// lane i. 0 for planes that were not tested, and in leaves.
     type Found = [u64; MAX_PLANES];
 
     #[inline(always)]

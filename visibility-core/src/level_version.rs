@@ -28,16 +28,16 @@ pub fn level_version(scene: &Scene) -> u64 {
     version_of(scene.origin(), scene.ids().filter_map(object))
 }
 
-/// Returns the [version](level_version()) of a level that is not a scene in memory. `origin` is the origin of
-/// the level. `objects` gives the index and the [hash](object_hash) of each object, and must be in ascending
-/// order of the indices.
+/// Returns the [version](level_version()) of a level of which no scene is in memory. `origin` is the origin
+/// of its scene in the world. `objects` are the index and the [hash](object_hash) of each object, by
+/// ascending index.
 pub fn version_of(origin: DVec3, objects: impl IntoIterator<Item = (u32, u64)>) -> u64 {
     let with = |hash: Fingerprint, (index, content): (u32, u64)| hash.with(index).with_u64(content);
     objects.into_iter().fold(Fingerprint::new().with_dvec3(origin), with).value()
 }
 
-/// Returns a hash of an object: bounds, layers, cost, flags, triangles and occluder mesh, but not the index,
-/// and not whether the object is see-through: an occluder is not.
+/// Returns a hash of an object: bounds, layers, cost, the flags `never_cull`, `occluder` and `one_sided`,
+/// triangles, occluder mesh and its transform. The index and the flag `see_through` do not count.
 pub fn object_hash<'a>(
     object: &Object,
     triangles: impl Into<Triangles<'a>>,

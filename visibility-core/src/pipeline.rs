@@ -29,8 +29,9 @@ pub struct Pipeline {
     stages: Vec<(Box<dyn Culler + Send + Sync>, CullStats)>,
     /// View that the last call of `cull` used; `None` before the first call.
     last: Option<View>,
-    frozen: Option<View>,
     /// View to cull for instead of the one passed to `cull`; `None` unless frozen.
+    frozen: Option<View>,
+    /// Which stage removed each object of the last frame; `None` unless the pipeline is explaining.
     removals: Option<Removals>,
 }
 
@@ -207,9 +208,10 @@ impl Pipeline {
     }
 
     /// Calls `each` with the name of a stage and what the stage [lacks](Culler::for_each_lack) to cull
-    /// `scene`, such as "occluders without a mesh: 12"; and with "pipeline" and what no stage does, such as
-    /// to follow the draw ranges of objects, or can do, such as to cull objects whose bounds are NaN or
-    /// inverted and that are not flagged as never to be culled. Does not call `each` if nothing is lacking.
+    /// `scene`, such as "occluders without a mesh: 12". Calls `each` with the name "pipeline" for what no
+    /// stage can mend: objects that are never culled because their bounds are NaN or inverted, though they
+    /// are not flagged so, and objects with draw ranges if no stage follows these. Does not call `each` if
+    /// nothing is lacking.
     ///
     /// Takes up to a millisecond, and time in proportion to the number of objects that are never culled. For
     /// overlays and logs, once in a while rather than every frame.

@@ -1,4 +1,4 @@
-//! Pseudorandom numbers for what samples, identical in each run and on every target.
+//! Pseudorandom numbers for sampling, identical in each run and on every target.
 
 /// Pseudorandom number generator: SplitMix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number
 /// Generators", 2014). The field is the seed; any seed is good.

@@ -78,8 +78,8 @@ impl Simd {
 
 /// Declares a trait `Kernels` with methods that return a mask of 64 lanes, and implements it for [`Simd`].
 /// Each method runs the body that it names, compiled for the instruction set of the [`Simd`]. A body takes
-/// the method's arguments and a function that returns a mask of the negative numbers among as many lanes as
-/// it works on at a time, and has `#[inline(always)]`. For the SIMD modules of this crate and its siblings.
+/// the method's arguments and a function like `signs_portable`, for as many lanes as the body works on at a
+/// time, and has `#[inline(always)]`. For the SIMD modules of this crate and its siblings.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! mask_kernels {

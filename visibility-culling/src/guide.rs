@@ -1,8 +1,9 @@
-//! The guide: from a first program to baked sets, one chapter a module. Its pictures show where this
-//! documentation was made in a checkout of the repository, which has them in its folder `docs`.
+//! The guide: from a first program to baked sets, one chapter a module. Its pictures are in the folder `docs`
+//! of the repository: they show only if this documentation was made in a checkout of it.
 
-/// Returns the definition of a link to a picture in the folder `docs`, by the name that a chapter has for it.
-/// It goes before the chapter, whose own definition is for readers of the file: of two, the first counts.
+/// Returns the Markdown definition of a link to the picture `$name` in the folder `docs` of the checkout. The
+/// definition stands before the text of a chapter, which defines the same link for readers of the file: of
+/// two definitions the first counts.
 macro_rules! picture {
     ($name:literal) => {
         concat!("[", $name, "]: file://", env!("CARGO_MANIFEST_DIR"), "/../docs/", $name)

@@ -14,6 +14,7 @@ visibility_core::mask_kernels! {
     /// faces of the cone's triangles; bit i stands for lane i. Undecided cones count as not containing the
     /// eye.
     inside_cones = inside_cones, (cones: &Cones64, eye: &SplitEye);
-    /// Returns a mask of the lanes whose box is certainly too small; bit i stands for lane i.
+    /// Returns a mask of the lanes whose box certainly has less than the least number of pixels of `test`;
+    /// bit i stands for lane i.
     small_boxes = small_boxes, (boxes: &Boxes64, test: &SizeTest);
 }

@@ -58,8 +58,8 @@ pub struct SceneFacts {
     pub visible_objects: f64,
     /// Mean number of triangles that a view shows in at least one pixel.
     pub visible_triangles: f64,
-    /// Mean number of objects that a culler must report which tests only boxes, behind the triangles of all
-    /// occluders ([`Object::occluder`](visibility_core::Object::occluder)): see
+    /// Mean number of objects that a culler must report if it tests only their boxes, against the triangles
+    /// of all occluders ([`Object::occluder`](visibility_core::Object::occluder)): see
     /// [`ItemBuffer::box_limit`]. At least as many as are visible, on the layers of the views.
     pub box_limit: f64,
     /// Mean number of triangles that cover a covered pixel, visible or hidden behind one another. 0 if no

@@ -20,7 +20,7 @@ use visibility_core::{Aabb, ObjectId, Scene, View};
 
 impl ItemBuffer {
     /// Returns the objects of the *box limit* in the view and behind the surfaces of the last
-    /// [`draw`](Self::draw): the objects that a culler must report which knows those surfaces, but of other
+    /// [`draw`](Self::draw): the objects that a culler must report if it knows those surfaces, but of other
     /// objects only their boxes. Draw opaque objects alone, since others hide nothing.
     ///
     /// An object belongs to the limit if it shares a layer with the view and one of three conditions holds:
@@ -72,8 +72,8 @@ struct FreePixels<'a> {
     image: &'a Image,
     /// Mapping of points relative to the scene's origin to the image.
     projection: ImageProjection,
-    /// Inverse of the rows of the clip matrix that yield x, y and w (perspective) or x, y and z (parallel) of
-    /// a direction in space.
+    /// Inverse of the 3x3 matrix that takes a direction in space to clip x, y and w (perspective) or x, y and
+    /// z (parallel).
     inverse: DMat3,
     /// The eye (perspective), or a point of the ray through the middle of the image (parallel), in metres
     /// relative to the scene's origin.

@@ -34,7 +34,7 @@ pub struct Comparison {
     /// several objects in a tie counts only if none of them was reported, and then against the object that
     /// the image shows.
     pub false_hidden_objects: u32,
-    /// Number of triangles with a pixel, of the false hidden objects.
+    /// Number of the triangles of false hidden objects that at least one pixel shows.
     pub false_hidden_triangles: u32,
     /// Number of unreported objects that are visible only in ties with reported objects. Not counted as
     /// errors. See [ties](crate#ties).
@@ -51,7 +51,8 @@ pub struct Comparison {
     /// Number of objects that the culler reported as visible, though no pixel shows them and they tie in
     /// depth with the shown object of no pixel.
     pub false_visible_objects: u32,
-    /// Number of triangles without a pixel, of all reported objects, partly visible objects included.
+    /// Number of the triangles of reported objects that no pixel shows, those of partly visible objects
+    /// included.
     pub false_visible_triangles: u32,
     /// Keys of the false hidden objects, in the order in which the objects were drawn.
     pub false_hidden_keys: Vec<u32>,
@@ -80,7 +81,8 @@ enum Answer {
 impl SampledVisibility {
     /// Replaces `out` by the comparison with a culler's answer. `reported(index, key)` returns whether the
     /// culler reported an object. It is called once for each object, in the order drawn, with the object's
-    /// index and key. O(objects + tied pixels). Allocates one byte per object.
+    /// index and key. Takes time in proportion to the numbers of objects and of tied pixels. Allocates one
+    /// byte per object.
     pub fn compare(&self, mut reported: impl FnMut(usize, u32) -> bool, out: &mut Comparison) {
         let mut keys = core::mem::take(&mut out.false_hidden_keys);
         keys.clear();

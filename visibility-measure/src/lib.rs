@@ -17,11 +17,11 @@
 //! truth as the buffer grows.
 //!
 //! # How far a culler can get
-//! The *box limit* ([`ItemBuffer::box_limit`]) counts the objects that a culler must report which knows all
-//! opaque surfaces, but of the objects it tests only their boxes: those with a pixel where their box is not
-//! behind a surface. Reported objects for each one of the limit say how far such a culler is from the best of
-//! its kind: 1 is the best. Cullers that test triangles, and sets baked by proofs, may report fewer. The
-//! limit is sampled at the same pixel centres as V, and V is part of it.
+//! The *box limit* ([`ItemBuffer::box_limit`]) counts the objects that a culler must report if it knows all
+//! opaque surfaces, but of the objects that it tests only their boxes: those with a pixel where their box is
+//! not behind a surface. Reported objects for each one of the limit say how far such a culler is from the
+//! best of its kind: 1 is the best. Cullers that test triangles, and sets baked by proofs, may report fewer.
+//! The limit is sampled at the same pixel centres as V, and V is part of it.
 //!
 //! The *ideal* ([`Advisor::min_us`]) draws the visible triangles alone and takes no time to cull. The *cost
 //! over the ideal* of a culler is the time to cull and to draw what it reports, divided by the ideal, with

@@ -73,7 +73,7 @@ pub(crate) struct TieClaim {
 struct Veil {
     /// Number of the nearest see-through triangle that certainly shows in the pixel, or [`NONE`].
     nearest: u32,
-    /// Depth key of that triangle; negative infinity without one.
+    /// Depth key of the triangle `nearest`; negative infinity if there is none.
     depth_key: f64,
     /// Index of the see-through object that `shows` is about.
     object: u32,
@@ -97,7 +97,7 @@ pub(crate) struct VeilPixels {
     pub(crate) pixels: u32,
     /// Number of other pixels in which rounding alone decides whether the object shows.
     pub(crate) tied: u32,
-    /// Number of pixels in which it shows and nothing has shown before.
+    /// Number of pixels in which the object certainly shows and nothing was shown before.
     pub(crate) newly_covered: u32,
 }
 
@@ -134,7 +134,7 @@ pub(crate) struct Image {
     veils: Vec<Veil>,
     /// Index of the see-through object that is being drawn.
     veil_object: u32,
-    /// Pixels of that object so far.
+    /// Pixels so far of the see-through object that is being drawn.
     veil_pixels: VeilPixels,
     /// Number of pixels in which the see-through triangle that is being drawn shows.
     veil_triangle: u32,
@@ -172,13 +172,13 @@ impl Image {
         }
     }
 
-    /// Begins the see-through object with an index, and returns the pixels of the one before.
+    /// Begins the see-through object with the index `object`, and returns the pixels of the object before it.
     pub(crate) fn next_see_through(&mut self, object: u32) -> VeilPixels {
         self.veil_object = object;
         core::mem::take(&mut self.veil_pixels)
     }
 
-    /// Returns the number of pixels that show the see-through triangle drawn last, once.
+    /// Returns the number of pixels that show the see-through triangle drawn last, and resets it to 0.
     pub(crate) fn take_triangle_pixels(&mut self) -> u32 {
         core::mem::take(&mut self.veil_triangle)
     }
@@ -255,9 +255,9 @@ impl Image {
         }
     }
 
-    /// Records that triangle `item` ties for the pixels of a row whose centres lie inside the triangle or
-    /// within [`EDGE_TIE`] of it, where the triangle is at least as near as the triangle shown. `edges` are
-    /// the triangle's edges that may meet the row.
+    /// Records that triangle `item` ties for some pixels of a row: those whose centres lie inside the
+    /// triangle or within [`EDGE_TIE`] of it, and where it is at least as near as the triangle shown. `edges`
+    /// are the triangle's edges that may meet the row.
     #[cold]
     #[inline(never)]
     fn claim_row(&mut self, row: usize, edges: &[&Edge], plane: &DepthKeyPlane, item: u32) {

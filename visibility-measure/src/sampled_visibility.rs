@@ -108,8 +108,8 @@ impl SampledVisibility {
         self.tied_pixels
     }
 
-    /// Returns, for each tied pixel, the indices of the objects of which rounding alone decides which the
-    /// image shows. The first is the object that the image shows there.
+    /// Returns, for each tied pixel, the indices of the objects that tie for it: rounding alone decides which
+    /// of them the image shows. The first is the object that the image shows there.
     pub(crate) fn ties(&self) -> impl Iterator<Item = impl Iterator<Item = usize> + Clone> {
         self.ties.chunk_by(|a, b| a.pixel == b.pixel).map(|tie| tie.iter().map(|one| one.object as usize))
     }

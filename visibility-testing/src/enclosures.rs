@@ -45,14 +45,14 @@ fn quad([a, b, c, d]: [[f32; 3]; 4]) -> [Triangle; 2] {
     [[a, b, c], [a, c, d]]
 }
 
-/// Returns an upright wall from `from` to `to` (x and y in metres) between two heights, seen from the left of
-/// the way from `from` to `to`.
+/// Returns an upright wall from `from` to `to` (x and y in metres) between two heights, whose front is seen
+/// from the left of the way from `from` to `to`.
 fn wall(from: [f32; 2], to: [f32; 2], low: f32, high: f32) -> [Triangle; 2] {
     let ([ax, ay], [bx, by]) = (from, to);
     quad([[bx, by, low], [ax, ay, low], [ax, ay, high], [bx, by, high]])
 }
 
-/// Returns a level rectangle at a height, seen from above (`up`) or from below.
+/// Returns a level rectangle at a height, whose front is seen from above (`up` true) or from below (false).
 fn slab(min: [f32; 2], max: [f32; 2], z: f32, up: bool) -> [Triangle; 2] {
     let mut around = [[min[0], min[1], z], [max[0], min[1], z], [max[0], max[1], z], [min[0], max[1], z]];
     if !up {
@@ -61,7 +61,7 @@ fn slab(min: [f32; 2], max: [f32; 2], z: f32, up: bool) -> [Triangle; 2] {
     quad(around)
 }
 
-/// Returns the walls along a path, seen from the left of the way.
+/// Returns the walls along a path, whose fronts are seen from the left of the way.
 fn walls(path: &[[f32; 2]], low: f32, high: f32) -> Vec<Triangle> {
     path.windows(2).flat_map(|ends| wall(ends[0], ends[1], low, high)).collect()
 }
@@ -122,7 +122,7 @@ pub fn enclosures() -> Vec<Enclosure> {
     made
 }
 
-/// Returns a point in units of the judge.
+/// Converts a point from metres to whole units of 1/64 m.
 fn whole(p: DVec3) -> [i64; 3] {
     (p * UNIT).to_array().map(|x| x as i64)
 }
@@ -154,8 +154,9 @@ fn coordinate(random: &mut Random, low: f32, high: f32) -> f32 {
 }
 
 impl Enclosure {
-    /// Returns a scene of the enclosure, with the mesh in the given unit (in metres) and its coordinates
-    /// turned if `turned`, and 400 small objects around it; and the objects.
+    /// Returns a scene, and the ids of its 400 small objects. Its one occluder is the enclosure, around which
+    /// they are. The mesh of the enclosure is in units of `unit` metres, with its axes exchanged if `turned`
+    /// is true; its transform undoes both.
     fn scene(&self, random: &mut Random, unit: f32, turned: bool) -> (Scene, Vec<ObjectId>) {
         let mut scene = Scene::new();
         let into = |p: Vec3| if turned { Vec3::new(p.y, p.z, p.x) } else { p } / unit;
@@ -259,9 +260,9 @@ impl Enclosure {
     }
 }
 
-/// Asserts, for each of the first `count` enclosures, that of the objects whose sampled points are all
-/// blocked no more than the share `most` is kept, and no more than `most_far` if only those beyond 1 m from
-/// the enclosure count.
+/// For each of the first `count` enclosures, takes the objects whose sampled points are all blocked, and
+/// asserts that the culler keeps at most the share `most` of them, and that those of them that it keeps more
+/// than 1 m outside the enclosure are at most the share `most_far`.
 pub fn assert_most_hidden(
     make: &dyn Fn(&Scene) -> Box<dyn Culler + Send + Sync>,
     count: usize,

@@ -34,7 +34,7 @@ pub struct PlainMap {
     /// For each pixel, the farthest depth (clip w for perspective views, clip depth for parallel views) that
     /// is certainly covered; infinite in uncovered pixels. Row by row from the top.
     depth: Vec<f64>,
-    /// Depths of the occluders added so far, including those not flushed yet.
+    /// Like `depth`, with the occluders that were added but not flushed as well.
     pending: Vec<f64>,
 }
 

@@ -52,8 +52,8 @@ fn orientation(a: Point, b: Point, c: Point, d: Point) -> i128 {
     (u[0] * cross[0] + u[1] * cross[1] + u[2] * cross[2]).signum()
 }
 
-/// Returns whether a segment misses a closed triangle. False for some that do: those in the plane of the
-/// triangle.
+/// Returns whether a segment misses a closed triangle. False for every segment in the plane of the triangle,
+/// even one that misses it.
 fn misses([p, q]: [Point; 2], [a, b, c]: [Point; 3]) -> bool {
     if orientation(a, b, c, p) * orientation(a, b, c, q) > 0 {
         return true;
@@ -62,9 +62,11 @@ fn misses([p, q]: [Point; 2], [a, b, c]: [Point; 3]) -> bool {
     sides.contains(&1) && sides.contains(&-1)
 }
 
-/// Coordinates across the line of sight first and along it last, and how they become those of the scene.
+/// Map from the coordinates in which a slot scene is built, two across the line of sight and then one along
+/// it, to those of the scene.
 struct Frame {
-    /// Axis of the scene of each coordinate, and the sign.
+    /// For each coordinate that is mapped: the axis of the scene (0 to 2) and the sign (1 or -1) that it
+    /// gets.
     axes: [(usize, i64); 3],
     offset: Point,
 }
@@ -84,7 +86,7 @@ impl Frame {
         ((b + 3 - a) % 3 == 1) == (p * q * r < 0)
     }
 
-    /// Returns the box of two opposite corners.
+    /// Returns the box in the scene between two opposite corners in the coordinates of the map.
     fn bounds(&self, p: Point, q: Point) -> [Point; 2] {
         let (p, q) = (self.to_scene(p), self.to_scene(q));
         [[0, 1, 2].map(|i| p[i].min(q[i])), [0, 1, 2].map(|i| p[i].max(q[i]))]
@@ -103,12 +105,13 @@ fn aabb([min, max]: [Point; 2]) -> Aabb {
     Aabb::new(vec3(min), vec3(max))
 }
 
-/// Returns a length from `least` to `most` metres, whose logarithm is equally likely everywhere.
+/// Returns a random length from `least` to `most` metres, in units of the scene, with an equally distributed
+/// logarithm.
 fn length(rng: &mut Random, least: f64, most: f64) -> i64 {
     ((least * (most / least).powf(rng.unit()) * PER_METRE) as i64).max(1)
 }
 
-/// Returns a coordinate within a range, often an end.
+/// Returns a random coordinate from `low` to `high`, often one of these two.
 fn within(rng: &mut Random, [low, high]: [i64; 2]) -> i64 {
     match rng.below(4) {
         0 => low,

@@ -167,7 +167,8 @@ fn give_mesh(scene: &mut Scene, id: ObjectId, bounds: &Aabb) {
     scene.set_triangles(id, OccluderMesh::CUBOID.map(|t| t.map(|i| corners[i as usize]))).unwrap();
 }
 
-/// A culler from viewcells, asked for the cube of 20 cm around the eye of a view.
+/// Makes a culler of views from a [`RegionCuller`]: it culls for the viewcell that is a cube with sides of 20
+/// cm around the eye.
 pub struct AroundEye<R>(pub R);
 
 impl<R: RegionCuller> Culler for AroundEye<R> {

@@ -31,7 +31,7 @@ impl CameraRange {
     }
 
     /// Returns the least and greatest coordinate of the camera on the [up axis](Self::up_axis), in metres
-    /// relative to the surface below. `None` for a camera that flies.
+    /// relative to the surface below it. `None` for a camera that flies.
     pub(super) fn offsets(&self) -> Option<[f64; 2]> {
         let is_downwards = self.up[self.up_axis()] < 0.0;
         self.heights.map(|[low, high]| if is_downwards { [-high, -low] } else { [low, high] })

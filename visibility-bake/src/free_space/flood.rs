@@ -21,7 +21,7 @@ pub(super) struct Flood<'a> {
     solids: &'a SolidTriangles<'a>,
     /// Voxels of each box that was entered, by the box's place in the grid.
     boxes: HashMap<[i64; 3], BoxVoxels>,
-    /// Places of the boxes with voxels from which the flood goes on, first come, first served.
+    /// Places of the boxes that have [`entered`](BoxVoxels::entered) voxels, first come, first served.
     queue: VecDeque<[i64; 3]>,
     /// Places of the boxes reached, in the order of reaching them.
     reached: Vec<[i64; 3]>,
@@ -33,7 +33,7 @@ struct BoxVoxels {
     open: VoxelSet,
     /// Voxels that the flood has reached.
     reached: VoxelSet,
-    /// Numbers of the voxels from which the flood goes on. They were open when they were entered.
+    /// Numbers of the voxels from which the flood is still to go on. They were open when they were added.
     entered: Vec<u32>,
     /// Whether the box is in [`Flood::reached`].
     is_reached: bool,
@@ -48,7 +48,8 @@ impl<'a> Flood<'a> {
     /// nothing if the box has no free voxel.
     ///
     /// # Errors
-    /// [`GridError::TooMany`].
+    /// [`GridError::TooMany`] if the point has no [place](Grid::place), or the flood has too many boxes or
+    /// voxels.
     pub(super) fn start(&mut self, point: DVec3) -> Result<(), GridError> {
         let solids = self.solids;
         let mut place = solids.grid.place(point)?;
@@ -71,7 +72,7 @@ impl<'a> Flood<'a> {
     /// Runs to the end. Returns the places of the boxes reached, in order, with the voxels reached in each.
     ///
     /// # Errors
-    /// [`GridError::TooMany`].
+    /// [`GridError::TooMany`] if the flood has too many boxes or voxels.
     pub(super) fn run(mut self) -> Result<Vec<([i64; 3], VoxelSet)>, GridError> {
         while let Some(place) = self.queue.pop_front() {
             self.solids.grid.stop.check(0)?;
@@ -81,7 +82,7 @@ impl<'a> Flood<'a> {
         Ok(self.reached.into_iter().filter_map(voxels).collect())
     }
 
-    /// Adds open voxels of a box to the front of the flood, and queues the box.
+    /// Adds the open ones of the voxels `entered` of a box to the front of the flood, and queues the box.
     fn enter(&mut self, place: [i64; 3], entered: impl IntoIterator<Item = u32>) -> Result<(), GridError> {
         let voxels = self.voxels(place)?;
         let is_queued = !voxels.entered.is_empty();

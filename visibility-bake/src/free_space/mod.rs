@@ -28,9 +28,9 @@ impl Grid {
     /// Returns the viewcells that a camera reaches from some points: boxes of the grid, cut off at solid
     /// surfaces that the flood does not pass within the box. The viewcells of the points come first, then the
     /// others in the order in which the flood reaches them. The triangles of objects flagged as occluders are
-    /// solid. The flood does not leave the box from `min` to `max`. A point where the camera cannot be is
-    /// replaced by the nearest point in the same box of the grid where it can be. If there is none, the point
-    /// is ignored.
+    /// solid. The flood does not leave the box from `min` to `max`; points outside it are ignored. A point
+    /// where the camera cannot be is replaced by the nearest point in the same box of the grid where it can
+    /// be. If there is none, the point is ignored.
     ///
     /// No viewcell is left out that holds a position that the camera can reach in the box without coming
     /// nearer to a solid surface than the [radius](CameraRange::radius) and without leaving the
@@ -39,7 +39,8 @@ impl Grid {
     ///
     /// # Errors
     /// [`GridError::Radius`] if the radius is not positive, or less than about a hundredth of a viewcell;
-    /// [`GridError::TooMany`], [`GridError::Stopped`].
+    /// [`GridError::TooMany`] if `min` or `max` is not finite, or too much memory would be needed;
+    /// [`GridError::Stopped`] if the function of [`with_stop`](Grid::with_stop) returned true.
     ///
     /// ```
     /// use visibility_bake::{CameraRange, Grid};
@@ -98,7 +99,9 @@ impl Grid {
     /// box counts as that.
     ///
     /// # Errors
-    /// [`GridError::Count`], [`GridError::TooMany`], [`GridError::Stopped`].
+    /// [`GridError::Count`] for more viewcells than [`LIMIT`](Grid::LIMIT), each counted as often as it is
+    /// passed; [`GridError::TooMany`] if a walk is not finite, or too much memory would be needed;
+    /// [`GridError::Stopped`] if the function of [`with_stop`](Grid::with_stop) returned true.
     ///
     /// ```
     /// use visibility_bake::{CameraRange, Grid};

@@ -35,7 +35,8 @@ pub(super) struct SolidTriangles<'a> {
     /// `None` for a camera that flies.
     offsets: Option<[f64; 2]>,
     triangles: Vec<SolidTriangle>,
-    /// Indices of the triangles that touch each column of boxes.
+    /// Indices of the triangles that touch each column of boxes, by the column's position on the two axes
+    /// across it.
     by_column: HashMap<[i64; 2], Vec<u32>>,
 }
 
@@ -53,7 +54,8 @@ impl<'a> SolidTriangles<'a> {
     ///
     /// # Errors
     /// [`GridError::Radius`] if the radius is not positive or a box would have too many voxels,
-    /// [`GridError::TooMany`], [`GridError::Stopped`].
+    /// [`GridError::TooMany`] if a corner has no [place](Grid::place) or there are more than [`MOST_ENTRIES`]
+    /// pairs of triangle and column, [`GridError::Stopped`] if the grid's stop function returned true.
     pub(super) fn new(
         grid: &'a Grid,
         scene: &Scene,

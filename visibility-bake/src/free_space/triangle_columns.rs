@@ -2,7 +2,8 @@
 
 use visibility_core::glam::DVec3;
 
-/// Width by which columns count as wider, for rounding, as a fraction of the least side of a box.
+/// Margin for rounding by which a column counts as wider on each side, as a fraction of the least side of a
+/// box.
 const SLACK: f64 = 1e-6;
 
 /// The columns of a grid along one of its axes. Column 0 begins at coordinate 0 on the two other axes.

@@ -15,7 +15,7 @@ use visibility_core::pvs::Viewcell;
 /// out.
 ///
 /// # Errors
-/// [`GridError::TooMany`].
+/// [`GridError::TooMany`] if `all` then has more than [`Grid::LIMIT`] viewcells.
 pub(super) fn add_viewcells(
     solids: &SolidTriangles<'_>,
     place: [i64; 3],

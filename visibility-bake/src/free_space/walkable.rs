@@ -10,11 +10,13 @@ use visibility_core::pvs::Viewcell;
 impl Grid {
     /// Returns the viewcells that hold positions of a camera above walkable triangles, such as those of a
     /// navigation mesh, in world space. The camera is at the [heights](CameraRange::heights) above a point of
-    /// one of the triangles; 0 for a camera that flies. In ascending order of z, y and x. A triangle that is
-    /// not finite is ignored.
+    /// one of the triangles, or on the triangle if it flies. Viewcells are in ascending order of z, y and x.
+    /// A triangle that is not finite is ignored.
     ///
     /// # Errors
-    /// [`GridError::TooMany`], [`GridError::Stopped`].
+    /// [`GridError::TooMany`] for more viewcells than [`LIMIT`](Grid::LIMIT), or for one 4.5e15 boxes or more
+    /// from the origin; [`GridError::Stopped`] if the function of [`with_stop`](Grid::with_stop) returned
+    /// true.
     ///
     /// ```
     /// use visibility_bake::{CameraRange, Grid};

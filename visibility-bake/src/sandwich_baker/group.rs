@@ -22,7 +22,7 @@ pub struct BakeScratch {
 /// State of a group while some of its viewcells are worked on.
 #[derive(Default)]
 pub(super) struct Slot {
-    /// Number of the group's viewcells that are not worked on yet, by stage.
+    /// Indexed by stage: number of the group's viewcells that are not done with the stage yet.
     pub(super) left: [usize; STAGES],
     /// Content of the group that was made last. `None` before it is made and once it is released. The flag is
     /// true if it is for the sweeps of viewcells, false if it is for another stage. With a limit of time, or

@@ -41,8 +41,9 @@ use visibility_core::pvs::Viewcells;
 /// of neighbouring viewcells, then, in what is left, for each of them. When all viewcells are swept, rays
 /// find what is seen from them, and proofs are tried for the boxes of the open objects, the most costly
 /// first, until the [gap](SandwichSettings::with_gap) is met; then, where it is not met, for their triangles.
-/// So the bake has five items for each viewcell. In the later stages, of about as many viewcells as came
-/// before, the groups with the most costly open objects come first.
+/// So the bake has five items for each viewcell. The stages after the sweeps take the viewcells in portions,
+/// each about as large as all before it. In a portion, the groups with the most costly open objects come
+/// first.
 ///
 /// Occluders are the objects that are flagged so: the sweeps use their meshes, the proofs their triangles.
 /// Objects that are [never culled](visibility_core::Object::never_cull), such as moving ones, count as seen.
@@ -155,9 +156,9 @@ impl<'a> SandwichBaker<'a> {
     /// must run. More than 2^32 seconds count as these. The caller ends the bake. What is hidden comes first,
     /// for as many viewcells as can be:
     ///
-    /// - Groups are swept undivided, for seven tenths of the time at most; those that are not by then wait
-    ///   until all others are done. Where the first groups find less than an eighth of the objects hidden,
-    ///   the others are left out, and all the time is for viewcells.
+    /// - Groups are swept undivided, for seven tenths of the time at most; groups that are not swept by then
+    ///   wait until all others are done. Where the first groups find less than an eighth of the objects
+    ///   hidden, the others are left out, and all the time is for viewcells.
     /// - Viewcells are swept by themselves until 85 hundredths of the time have passed
     ///   ([`SWEEP_TIME`](crate::SWEEP_TIME)); what is left of the others goes on as it is. A sweep that takes
     ///   more than a quarter of the time that is left for its stage, and more than its share, ends early:
@@ -244,7 +245,7 @@ fn add_cost(costs: &mut [u64; STAGES], found: &FoundCell) {
 
 impl Baker for SandwichBaker<'_> {
     type Scratch = BakeScratch;
-    /// `None` for a viewcell with nothing left to do, or whose objects could not be had.
+    /// `None` for a viewcell with nothing left to do, or whose objects could not be loaded.
     type Found = Option<FoundCell>;
     type Outcome = SandwichOutcome;
 

@@ -152,7 +152,8 @@ impl SandwichBaker<'_> {
     }
 
     /// Returns whether the objects that the sweep of a viewcell has left have more triangles than a search
-    /// may copy. Positions beyond the list of the group count as none.
+    /// may copy. `objects` are those left after the sweep of the group; positions in the record beyond that
+    /// list do not count.
     pub(super) fn is_too_large(&self, record: &CellRecord, objects: &[u32]) -> bool {
         self.triangles_left(record, objects) > self.level.most_copied
     }
@@ -238,7 +239,9 @@ impl SandwichBaker<'_> {
         Ok(Some(((CellRecord { key, left, answers: search.answers, steps }, times, next), is_cut)))
     }
 
-    /// Returns the sandwich of a record, given the objects of its group.
+    /// Returns the result for a viewcell that its `record` states: the objects seen and open by their
+    /// indices, and the numbers of objects swept and proven hidden. `objects` are those left after the sweep
+    /// of the group.
     fn sandwich(&self, record: &CellRecord, objects: &[u32]) -> CellSandwich {
         let index = |at: u32| self.level.objects[objects[at as usize] as usize].index;
         let with = |wanted: u8| -> Vec<u32> {

@@ -70,7 +70,8 @@ pub enum CellGraphError {
         /// side of that plane away from `cell`.
         distance: f64,
     },
-    /// The number of bodies (volumes of cells) given to `validate_bodies` differs from the number of cells.
+    /// The number of bodies (volumes of cells) given to `validate_bodies` or `turn_portals` differs from the
+    /// number of cells.
     Bodies {
         /// Number of cells in the graph.
         cells: usize,
@@ -81,10 +82,11 @@ pub enum CellGraphError {
     NotOnBody {
         /// Portal that does not lie in any face of the body of `cell`.
         portal: PortalId,
-        /// Cell that the portal leads to or from, of whose body no face holds the portal.
+        /// One of the two cells of the portal: no face of this cell's body holds the portal.
         cell: CellId,
-        /// Distance in metres: the greatest by which a vertex of the portal is outside the body of the cell,
-        /// or the greatest of a vertex from the plane of the nearest face, whichever is greater.
+        /// Distance in metres, the greater of two: the greatest distance of a vertex of the portal outside
+        /// the body of `cell`, and the greatest distance of a vertex from the plane of the body's nearest
+        /// face.
         distance: f64,
     },
     /// The normal of a portal does not point from the body of its first cell into the body of its second
@@ -92,7 +94,8 @@ pub enum CellGraphError {
     Normal {
         /// Portal whose normal has the wrong direction.
         portal: PortalId,
-        /// Cell of the portal whose body the normal should enter and leaves, or should leave and enters.
+        /// Cell of the portal on whose side the normal is wrong: the normal points into the body of the first
+        /// cell, or out of the body of the second.
         cell: CellId,
     },
     /// The bodies of a portal's cells do not tell which side of the portal is whose: both reach across its

@@ -70,8 +70,8 @@ impl CellGraph {
     }
 }
 
-/// Returns whether the normal of a portal points from the second body's side to the first's. `None` if the
-/// bodies do not decide.
+/// Returns true if the normal of a portal points from the side of the second body to the side of the first,
+/// so that the portal must be turned; false if it points the right way. `None` if the bodies do not decide.
 fn is_wound_wrong(portal: &Portal, [first, second]: [&Viewcell; 2], tolerance: f64) -> Option<bool> {
     let Portal { polygon, plane, .. } = portal;
     let vertices = polygon.vertices();
@@ -111,8 +111,9 @@ fn is_wound_wrong(portal: &Portal, [first, second]: [&Viewcell; 2], tolerance: f
     }
 }
 
-/// Returns an upper bound on `normal . (x - anchor)` for the points `x` of a body: the least that the box and
-/// one plane prove. NaN or infinity for a body that is inverted, infinite or NaN.
+/// Returns an upper bound on `normal . (x - anchor)` for the points `x` of a body: the least bound that
+/// follows from the body's box together with at most one of its planes. NaN or infinity for a body that is
+/// inverted, infinite or NaN.
 fn greatest(body: &Viewcell, normal: DVec3, anchor: DVec3) -> f64 {
     let (min, max) = (body.min - anchor, body.max - anchor);
     if !(body.min.cmple(body.max).all() && min.is_finite() && max.is_finite()) {

@@ -92,7 +92,8 @@ impl Aabb {
     }
 
     /// Returns the squared diagonal of the box in square metres; an axis with `min > max` or NaN counts as 0.
-    /// Computed in `f64`: never overflows, and grows with the box, rounding included.
+    /// Computed in `f64`: the result never overflows, and is never less than that of a box inside this one,
+    /// in spite of rounding.
     pub fn diagonal_squared(&self) -> f64 {
         let side = |axis: usize| {
             let side = f64::from(self.max[axis]) - f64::from(self.min[axis]);
@@ -109,10 +110,10 @@ impl Aabb {
     }
 
     /// Returns a box that certainly contains the image of this box under `transform`: every point of the box,
-    /// mapped without rounding. A side of the result lies less than a millionth of the following sum farther
-    /// out than the side of the smallest such box: the magnitudes of the translation along this axis, and of
-    /// the products of the three matrix entries of its row with the minimum and with the maximum of the box.
-    /// A rotated box has the bounds of its image, which are larger than the image.
+    /// mapped without rounding. A side of the result lies less than a millionth of a sum outside the smallest
+    /// such box. The sum has the magnitudes of the translation along the side's axis, and of the products of
+    /// the three entries of that matrix row with the minimum and with the maximum of the box. A rotated box
+    /// has the bounds of its image, which are larger than the image.
     ///
     /// The identity returns the box unchanged. An improper box is returned unchanged. A NaN in `transform`,
     /// or an infinite side of the box that `transform` multiplies by 0, makes an improper box. Sides beyond

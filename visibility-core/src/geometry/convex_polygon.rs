@@ -71,8 +71,9 @@ impl fmt::Display for PolygonError {
 
 impl core::error::Error for PolygonError {}
 
-/// Least area of a polygon, as a part of its longest side squared: 90 times the round-off of `f64`, of which
-/// the area vector of a polygon of some ten vertices has less than 20.
+/// Least area of a polygon, as a fraction of its squared size (see [`ConvexPolygon::TOLERANCE`]): 90 times
+/// the round-off of `f64`. Rounding changes the area vector of a polygon of some ten vertices by less than 20
+/// times it.
 const AREA_ROUNDING: f64 = 1e-14;
 
 impl ConvexPolygon {
@@ -146,8 +147,9 @@ impl ConvexPolygon {
         self.vertices.reverse();
     }
 
-    /// Returns the area times the unit normal (the side from which the vertices run counter-clockwise), as
-    /// half the sum of cross products over a triangle fan from the first vertex. Zero for an empty polygon.
+    /// Returns the area times the unit normal, which points to the side from which the vertices run
+    /// counter-clockwise. Computed as half the sum of cross products over a triangle fan from the first
+    /// vertex. Zero for an empty polygon.
     fn area_vector(&self) -> DVec3 {
         let v = &self.vertices;
         let mut sum = DVec3::ZERO;

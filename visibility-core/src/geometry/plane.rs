@@ -144,8 +144,9 @@ impl Plane {
         self.decide(self.signed_distance(near), self.signed_distance(far), error)
     }
 
-    /// Classifies a shape whose signed distances span `least` to `greatest`, each computed with an absolute
-    /// error of at most `error`. Comparisons with NaN are false, so NaN gives `Crossing`.
+    /// Classifies a shape against the half-space. The signed distances of its points span `least` to
+    /// `greatest`; each of these two is computed with an absolute error of at most `error`. NaN gives
+    /// `Crossing`.
     fn decide(&self, least: f64, greatest: f64, error: f64) -> Containment {
         if greatest < -error {
             Containment::Outside

@@ -1,4 +1,4 @@
-//! The solid angle of a triangle, as the estimates of what an occluder hides take it.
+//! The solid angle of a triangle, used to estimate how much of the view an occluder covers.
 
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 use glam::DVec3;

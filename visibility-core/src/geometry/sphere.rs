@@ -28,8 +28,8 @@ impl Sphere {
     }
 
     /// Converts a world-space `f64` sphere to an `f32` sphere relative to `origin` that contains it. The
-    /// radius grows by at most 2^-22 of the distance of the centre from `origin`, and of itself. An improper
-    /// sphere stays improper.
+    /// radius grows by at most 2^-22 times the sum of itself and the distance of the centre from `origin`. An
+    /// improper sphere stays improper.
     pub fn from_world(center: DVec3, radius: f64, origin: DVec3) -> Self {
         let exact = center - origin;
         let rounded = exact.as_vec3();

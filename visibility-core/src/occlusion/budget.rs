@@ -13,32 +13,37 @@
 
 use glam::DVec3;
 
-/// Credit at the start of a frame, in triangles, to which the price of one object is added. It must last
-/// until the first batch of occluders has been drawn and the boxes behind have been tested.
+/// Work in triangles, beside the price of one object, that the search for occluders may spend in a frame
+/// before any object is found hidden. It must last until the first batch of occluders has been drawn and the
+/// boxes behind have been tested.
 const INITIAL_CREDIT: f32 = 2048.0;
 
-/// Work of testing one box of a block of siblings, in triangles (measured with the z-buffer: a block of 64
-/// takes what six triangles take; with three times as much, frames of real levels end their search early).
+/// Work of testing one box against the map, in a block of 64 siblings, in triangles. Measured with the
+/// z-buffer: a test of 64 boxes takes as long as drawing six triangles. With three times this value, the
+/// search ends early in frames of real levels.
 const TEST_WORK: f32 = 0.1;
 
-/// Cost in triangles up to which an occluder may be expensive for what it can hide. An occluder that costs
-/// more than this and the frame's earnings together is paid from the credit only if it costs at most half the
-/// worth of all objects behind it. So a frame of few objects draws no mesh that costs as much as all of them.
+/// Cost in triangles that an occluder may have, beyond the worth of all objects hidden so far in the frame,
+/// without regard to what it can hide. A costlier occluder must cost at most half of what hiding all objects
+/// behind it is worth, or be drawn on a [loan](LOAN_SAFETY). So a frame of few objects draws no mesh that
+/// costs as much as hiding all of them is worth.
 const UNPROVEN_COST: f32 = 512.0;
 
-/// An occluder is drawn on a loan if the worth of the objects that it is expected to hide is at least this
-/// many times its cost and all loans not paid back yet.
+/// An occluder that costs more than the search may still spend can be drawn on a *loan*. The worth of the
+/// objects that it is expected to hide must then be at least this many times the sum of its cost and of all
+/// loans not paid back yet.
 const LOAN_SAFETY: f32 = 4.0;
 
-/// Greatest share of a frame's work on occluders that an occlusion map may spend on occluders that the map
-/// draws by itself.
+/// Greatest share of the work of the search that an occlusion map may spend on the occluders that it draws by
+/// itself.
 const OWN_SHARE: f32 = 0.75;
 
-/// Greatest share of the initial credit that hidden objects may have paid in a frame in which nearly nothing
-/// is hidden.
+/// A search was in vain if all objects found hidden in the frame are worth at most this share of
+/// [`INITIAL_CREDIT`].
 const NEARLY_NOTHING: f32 = 0.25;
 
-/// Work of one frame, in triangles.
+/// Account of one frame's work, in triangles: what was spent, what may still be spent, and what the objects
+/// found hidden are worth.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Budget {
     /// Work in triangles that a hidden object is worth.
@@ -52,7 +57,7 @@ pub(super) struct Budget {
     debt: f32,
     /// Work in triangles that the frame may still spend.
     limit: f32,
-    /// Part of `limit` that the search leaves for the tests after it.
+    /// Part of `limit` that the search for occluders must leave, for the tests of objects after it.
     reserve: f32,
     /// Work of this frame so far, in triangles.
     spent: f32,
@@ -60,19 +65,20 @@ pub(super) struct Budget {
 
 impl Budget {
     /// Creates the budget of a frame. `price` is the work in triangles that a hidden object is worth, `limit`
-    /// the most work of the frame. With a price of 0 there is no credit.
+    /// the most work of the frame. With a price of 0 the search for occluders may spend nothing.
     pub(super) fn new(price: u32, limit: u32) -> Self {
         let credit = if price > 0 { INITIAL_CREDIT + price as f32 } else { 0.0 };
         let limit = limit as f32;
         Self { price: price as f32, credit, earned: 0.0, debt: 0.0, limit, reserve: 0.5 * limit, spent: 0.0 }
     }
 
-    /// Returns the work that hiding `objects` is worth.
+    /// Returns the work in triangles that hiding `objects` objects is worth: the price times this number.
     pub(super) fn worth(&self, objects: f32) -> f32 {
         self.price * objects
     }
 
-    /// Returns whether the search for occluders may go on.
+    /// Returns whether the search for occluders may go on: neither its credit nor its part of the limit is
+    /// spent.
     pub(super) fn has_credit(&self) -> bool {
         self.credit > 0.0 && self.limit > self.reserve
     }
@@ -82,8 +88,8 @@ impl Budget {
         self.limit <= 0.0
     }
 
-    /// Returns whether the search has spent its credit and found nearly nothing hidden, as in the view of a
-    /// bird.
+    /// Returns whether the search has spent its credit and found nearly nothing hidden (see
+    /// [`NEARLY_NOTHING`]), as in the view of a bird.
     pub(super) fn is_spent_in_vain(&self) -> bool {
         self.price > 0.0 && self.credit <= 0.0 && self.earned <= NEARLY_NOTHING * INITIAL_CREDIT
     }
@@ -102,7 +108,7 @@ impl Budget {
         self.spent += work;
     }
 
-    /// Lowers the work that the frame may still spend, without counting it as spent.
+    /// Lowers the work that the frame may still spend by `work`, in triangles, without counting it as spent.
     pub(super) fn lower_limit(&mut self, work: f32) {
         self.limit -= work;
     }
@@ -116,12 +122,12 @@ impl Budget {
         worth.min(OWN_SHARE * (self.limit - self.reserve))
     }
 
-    /// Returns the work spent so far.
+    /// Returns the work spent so far in this frame, in triangles.
     pub(super) fn spent(&self) -> f32 {
         self.spent
     }
 
-    /// Spends the work of testing boxes of a block of siblings.
+    /// Adds the work of testing `boxes` boxes of a block of siblings to the work of this frame.
     pub(super) fn spend_tests(&mut self, boxes: u32) {
         self.spend(TEST_WORK * boxes as f32);
     }
@@ -131,7 +137,8 @@ impl Budget {
         2.0 * TEST_WORK * objects as f32 <= self.limit
     }
 
-    /// Records `objects` found hidden. They pay loans back first.
+    /// Records that `objects` more objects were found hidden. Their worth pays back loans first; the rest is
+    /// added to the credit.
     pub(super) fn earn(&mut self, objects: f32) {
         let earned = self.worth(objects);
         let paid_back = self.debt.min(earned);
@@ -150,7 +157,8 @@ impl Budget {
         cost <= self.limit - self.reserve && (cost <= self.credit && is_in_proportion || is_on_loan)
     }
 
-    /// Pays for an occluder that [can be paid](Self::can_pay).
+    /// Spends `cost`, in triangles, for an occluder that [can be paid](Self::can_pay): on a loan if `cost`
+    /// exceeds the credit.
     pub(super) fn pay(&mut self, cost: f32) {
         if cost > self.credit {
             self.debt += cost;
@@ -160,21 +168,22 @@ impl Budget {
     }
 }
 
-/// Number of frames in a row that did not pay after which frames are left out: nothing is searched in them.
+/// Number of frames in a row that did not pay after which frames are left out: see [`Experience`].
 const MOST_LOSSES: u32 = 8;
 
-/// Work, in triangles, that a frame left out saves for each object in view: some three times what frustum
-/// culling takes (measured).
+/// Work, in triangles, that a frame saves for each object in view if it does not search for hidden objects:
+/// some three times what frustum culling takes (measured).
 const PAID_BACK: f32 = 0.02;
 
-/// Greatest number of frames left out in a row.
+/// Greatest number of frames in a row that do not search for hidden objects.
 const MOST_FRAMES_LEFT_OUT: u32 = 64;
 
-/// A frame tries again if it has at least this many times the objects in view of the last frame that was not
-/// left out.
+/// A frame searches again if at least this many times as many objects are in view as in the last frame that
+/// searched.
 const MORE_IN_VIEW: usize = 2;
 
-/// Cosine of the angle by which the camera must have turned for a frame to try again: 30 degrees.
+/// Cosine of 30 degrees: a frame searches again if the camera has turned by more since the last frame that
+/// searched.
 const OTHER_DIRECTION: f64 = 0.866;
 
 /// Balance of the past frames of a culler: whether the search for hidden objects pays. A frame *pays* if the
@@ -218,15 +227,16 @@ impl Experience {
         is_left_out
     }
 
-    /// Records a frame that found `hidden` objects hidden.
+    /// Records a frame that was not left out: what it spent from its `budget`, and that it found `hidden`
+    /// objects hidden.
     pub(super) fn record(&mut self, budget: &Budget, hidden: usize) {
         self.debt = budget.spent() - budget.worth(hidden as f32);
         self.losses = if self.debt > 0.0 { self.losses.saturating_add(1) } else { 0 };
     }
 }
 
-/// Number of tested leaves in a row without a hidden object after which some leaves are left out: their boxes
-/// are not tested.
+/// Number of tested leaves in a row without a hidden object after which some leaves are not tested: see
+/// [`LeafSampling`].
 const MOST_MISSES: u32 = 8;
 
 /// Greatest number of leaves in a row that are not tested. The next leaf is tested.

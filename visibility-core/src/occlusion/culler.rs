@@ -14,9 +14,9 @@ use crate::scene::lanes;
 use crate::walk::{Block, BoxHierarchy, Child, IsOfScene, NodeTest, SceneHierarchy, Walk, retain_on};
 use crate::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, scene::SceneCursor};
 
-/// Default price: the number of occluder triangles that may be drawn for each object that they are expected
-/// to hide. Measured: with larger prices, frames of some scenes took more than 1.2 times as long as with the
-/// best choice of occluders for that scene.
+/// Default [price](OcclusionCuller::with_price): the number of occluder triangles that may be drawn for each
+/// object that they are expected to hide. Measured: with larger prices, frames of some scenes took more than
+/// 1.2 times as long as with the best choice of occluders for that scene.
 const DEFAULT_PRICE: u32 = 24;
 
 /// Default bound on the work of a frame, in triangles: some milliseconds, more than an engine has to spare.
@@ -68,7 +68,7 @@ pub struct OcclusionCuller<M, H = SceneHierarchy> {
     /// Price: the number of occluder triangles that may be drawn for each object that they are expected to
     /// hide. With 0 no occluder is drawn.
     price: u32,
-    /// Most work of a frame, in triangles.
+    /// Greatest work of a frame, in triangles.
     work_limit: u32,
     /// Balance of earlier frames, which decides whether a frame draws occluders.
     experience: Experience,
@@ -109,10 +109,10 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     }
 
     /// Bounds the work of a frame, in triangles: with the z-buffer, ten of them take about a microsecond.
-    /// 32,768 by default; `u32::MAX` for no bound. A frame draws occluders with at most half of it, and from
-    /// the bound on tests no more objects and reports the rest. The last node tested, batch of occluders, or
-    /// cluster of a level may exceed the bound, and so may the search for a level's clusters in view. It does
-    /// not cover emptying the map, which takes longer the larger the map is.
+    /// 32,768 by default; `u32::MAX` for no bound. A frame spends at most half of it on occluders. Once all
+    /// of it is spent, the frame tests no more objects and reports the rest. The last node tested, batch of
+    /// occluders, or cluster of a level may exceed the bound, and so may the search for a level's clusters in
+    /// view. It does not cover emptying the map, which takes longer the larger the map is.
     #[must_use]
     pub fn with_work_limit(self, triangles: u32) -> Self {
         Self { work_limit: triangles, ..self }
@@ -220,7 +220,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     }
 }
 
-/// Choice of the boxes that a walk which drops hidden objects tests.
+/// Which boxes a sweep tests. A sweep is a walk that drops hidden objects.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum SweepKind {
     /// All nodes and leaves, before the search for occluders. Objects found hidden add to the search's
@@ -274,7 +274,7 @@ struct Sweep<'a, M> {
     map: &'a mut M,
     budget: &'a mut Budget,
     kind: SweepKind,
-    /// Choice of the leaves that are tested, where not all are.
+    /// Choice of the leaves that are tested, if only some are.
     sampling: LeafSampling,
 }
 
@@ -337,14 +337,15 @@ impl<M: OcclusionMap> Sweep<'_, M> {
 /// Value of `known` in [`HiddenTest`] for a node that occluders may hide: its children must be tested.
 const UNDECIDED: u32 = 1;
 
-/// The test of the walk after the search, for several threads. The number passed down is [`UNDECIDED`], or 0
-/// if no occluder hides any part of the node.
+/// The test of the walk after the search, for several threads. Its number `known` for a node is
+/// [`UNDECIDED`], or 0 if no occluder hides any part of the node.
 struct HiddenTest<'a> {
     map: &'a (dyn OcclusionMap + Sync),
 }
 
 impl NodeTest for HiddenTest<'_> {
-    /// Mask of the lanes whose boxes are certainly not hidden in any part: what is below them needs no test.
+    /// Mask of the lanes whose boxes no occluder hides any part of, bit i for lane i: nothing below them
+    /// needs a test.
     type Found = u64;
 
     fn test(&self, block: &Block<'_>, candidates: u64, _: u32, stats: &mut CullStats) -> (u64, u64) {

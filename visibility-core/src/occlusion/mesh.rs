@@ -120,8 +120,8 @@ impl OccluderMesh {
         [1, 7, 5],
     ];
 
-    /// Reads all cache lines of the mesh that the choice of occluders needs, so that they are loaded. The
-    /// number returned depends on all of them.
+    /// Reads every cache line of the mesh that the choice of occluders needs, so that they are in the cache.
+    /// The result is a mixture of what was read, without meaning, so that no read is optimized away.
     pub(crate) fn fetched(&self) -> u32 {
         let sizes = self.triangles.len() ^ self.solid_triangles;
         sizes as u32 ^ self.bounds.min.x.to_bits() ^ self.facing[0].to_bits() ^ self.facing[5].to_bits()

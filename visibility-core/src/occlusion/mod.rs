@@ -116,7 +116,7 @@ pub trait OcclusionMap {
     ///
     /// What the map holds does not depend on the job system or its number of threads. It may differ from what
     /// it holds without one within the [accuracy](Self::accuracy). The default calls [`begin`](Self::begin)
-    /// and returns 0; a map that wraps another passes on both, and `draws`.
+    /// and returns 0; a map that wraps another passes on `begin`, `begin_within` and `draws`.
     fn begin_within(&mut self, view: &View, origin: DVec3, _work: f32, _jobs: Option<&dyn Jobs>) -> f32 {
         self.begin(view, origin);
         0.0

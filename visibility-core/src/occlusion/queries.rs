@@ -123,7 +123,7 @@ struct Question {
     serial: u32,
     /// Whether this slot of `State::questions` is in use: `State::indices` then maps a box to it.
     known: bool,
-    /// Number of the frame of the newest query.
+    /// Number of the frame in which the newest query for the box was issued.
     asked: u64,
     /// Whether a query for the box was issued and has no answer yet.
     under_way: bool,

@@ -1,18 +1,20 @@
-//! Occluders that are parts of one wall, each a mesh of its own. A z-buffer fills a pixel with an occluder
-//! that covers all of it, so that along the seam between two of them no pixel is filled.
+//! Occluders that are parts of one wall, each a mesh of its own. A z-buffer fills only pixels that a single
+//! occluder covers altogether, so the pixels along the seam between two occluders stay unfilled.
 
 use crate::geometry::Containment;
 use crate::scene::{FAN_OUT, Scene, lanes};
 use crate::walk::{BoxHierarchy, Child, SceneHierarchy, unculled_blocks};
 use crate::{Aabb, ObjectId};
 
-/// Greatest number of occluders that are inspected. Of more occluders, evenly spaced ones are.
+/// Greatest number of occluders that are inspected. If a scene has more, every second, third or further one
+/// is.
 const MOST: usize = 256;
 
-/// Returns how many occluders of `scene` go on in another occluder beside them, as the panels of a wall or
+/// Returns how many occluders of `scene` continue in another occluder beside them, as the panels of a wall or
 /// the tiles of a floor do: their boxes have the same thinnest axis and the same extent along it, and meet
-/// end to end along another, up to a thousandth of their size. Inspects all of at most 256 occluders and an
-/// even choice of more, so the number is at most 256. Takes some microseconds for each.
+/// end to end along another, up to a thousandth of their size. Inspects all occluders if there are at most
+/// 256, otherwise every second, third or further one, so the result is at most 256. Takes some microseconds
+/// for each.
 ///
 /// ```
 /// use visibility_core::{glam::Affine3A, occlusion::occluders_with_seams, Aabb, Object, OccluderMesh, Scene};
@@ -70,7 +72,9 @@ fn grown(bounds: &Aabb) -> Aabb {
     Aabb::new(bounds.min - by, bounds.max + by)
 }
 
-/// Tests whether the box of a flat object continues in another box that touches it.
+/// Tests whether the box of a flat object continues in the box `beside`: both have the same thinnest axis and
+/// the same extent along it, meet end to end along a second axis, and overlap along the third, up to the
+/// [`tolerance`].
 fn is_continued(bounds: &Aabb, beside: &Aabb) -> bool {
     let thinnest = |b: &Aabb| (b.max - b.min).min_position();
     let (axis, tolerance) = (thinnest(bounds), tolerance(bounds));

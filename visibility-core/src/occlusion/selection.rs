@@ -26,16 +26,17 @@ use alloc::collections::BinaryHeap;
 use core::cmp::{Ordering, Reverse};
 use glam::{Affine3A, DVec3, DVec4, Vec3};
 
-/// Number of occluders added between two flushes. More waste draws on occluders that are hidden already,
-/// fewer waste flushes (measured with the z-buffer).
+/// Number of occluders added between two flushes. A larger number draws more occluders that are hidden
+/// already, a smaller one flushes too often (measured with the z-buffer).
 const BATCH: u32 = 8;
 
-/// Number of occluders of a frame beyond which each takes [`LATER_WORK`]. Levels draw some hundreds.
+/// Number of occluders of a frame after which each further one takes [`LATER_WORK`]. Levels draw some
+/// hundreds.
 const MANY_OCCLUDERS: u64 = 1024;
 
-/// Work in triangles, beyond what the search pays, of finding, testing and choosing one of thousands of small
-/// occluders, such as voxels (measured: a microsecond for each). It counts against the limit of the frame
-/// alone.
+/// Extra work in triangles of each occluder after the first [`MANY_OCCLUDERS`] of a frame: among thousands of
+/// small occluders, such as voxels, finding, testing and choosing one takes a microsecond (measured). It
+/// counts against the limit of the frame, not against what the search may spend.
 const LATER_WORK: f32 = 8.0;
 
 /// Number of objects that an unopened leaf counts as: those of a full leaf.
@@ -45,10 +46,11 @@ const OBJECTS_PER_LEAF: u32 = 64;
 /// culled as tightly as a large one (measured).
 pub(super) const LEAST_BEHIND: f32 = 256.0;
 
-/// Greatest distance from the eye to the middle of a mesh, as a multiple of half the diagonal of its bounds,
-/// at which the share is estimated triangle by triangle. That is done where the estimate from the middle is
-/// too small. The middle of a wall of length `2 r` that is seen from its end at twice `r` is at twice the
-/// distance of the end: from there on the two estimates differ by no more than about 2.
+/// Greatest distance of the eye from the middle of a mesh, in radii of the mesh (halves of its bounds'
+/// diagonal), at which the share of the view that the mesh covers is estimated triangle by triangle, if the
+/// estimate from the middle is too small. At `2 r` from the middle of a wall of length `2 r`, along the wall,
+/// the near end is half as far as the middle: from there on the two estimates differ by a factor of no more
+/// than about 2.
 const NEAR_RADII: f32 = 2.0;
 
 /// Number of triangles whose solid angles are estimated in the time in which one is drawn.
@@ -61,12 +63,12 @@ const MOST_ESTIMATED: usize = 2048;
 /// A node or an occluder that waits in the queue of [`OccluderSearch`].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Waiting {
-    /// Order of the queue: [`distance_key`] of `bounds`.
+    /// Distance of `bounds` from the eye, as [`distance_key`] measures it. The queue has the least first.
     distance_key: f32,
-    /// Number of flushes before `bounds` was tested last.
+    /// Number of flushes of the frame up to the last test of `bounds`.
     tested: u32,
     child: Child,
-    /// Estimate of the number of objects below the entry, 1 for an object.
+    /// Estimated number of objects below a node; 1 for an object.
     objects: f32,
     bounds: Aabb,
 }
@@ -110,15 +112,15 @@ pub(super) struct OccluderSearch<'a, M> {
     depth_row: DVec4,
     clip_planes: ViewPlanes,
     queue: &'a mut Queue,
-    /// Work of the frame, which the walk after the search goes on with.
+    /// Budget of the frame's work, the rest of which the walk after the search uses.
     budget: Budget,
     /// Share of the view that one square metre covers, facing the eye at a distance of one metre; in a
     /// parallel view at any distance. May be NaN or infinite for a degenerate view.
     share_per_area: f32,
-    /// Whether all objects left had been tested before the first occluder was added.
+    /// Whether all objects left in the set had been tested before the first occluder was added.
     is_tested: bool,
-    /// Number of objects that may lie behind the occluders to come: all objects not found hidden so far.
-    /// Unopened leaves count as [`OBJECTS_PER_LEAF`].
+    /// Number of objects that may lie behind the occluders to come: all objects not found hidden so far. A
+    /// leaf that the search has not opened counts as [`OBJECTS_PER_LEAF`].
     undecided: f32,
     /// Number of flushes in this frame.
     flushes: u32,
@@ -129,7 +131,7 @@ pub(super) struct OccluderSearch<'a, M> {
 impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
     /// Prepares a search for a map on which [`OcclusionMap::begin`] has been called with the same `view` and
     /// `origin`. Without credit in the budget the search adds no occluder. `is_tested` tells whether all
-    /// objects left have been tested against what the map holds.
+    /// objects left in the set have been tested against what the map holds.
     pub(super) fn new(
         map: &'a mut M,
         queue: &'a mut Queue,
@@ -156,7 +158,7 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
 
     /// Adds the occluders of the frame to the map and flushes it. In the scene's own hierarchy, also drops
     /// the objects and nodes that it finds hidden on the way. Returns the rest of the budget, and whether all
-    /// objects left have been tested against everything in the map.
+    /// objects left in the set have been tested against everything in the map.
     pub(super) fn run<H: BoxHierarchy>(mut self, walk: &mut Walk<H>) -> (Budget, bool) {
         self.queue.clear();
         let begins = self.budget.has_credit();
@@ -187,7 +189,8 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
         (self.budget, is_all_tested)
     }
 
-    /// Tests the box of an entry again if the map has been flushed since the last test.
+    /// Returns whether the box of an entry is hidden now. False without a test if the map has not been
+    /// flushed since the box was last tested.
     fn has_become_hidden<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>, next: &Waiting) -> bool {
         if next.tested == self.flushes {
             return false;
@@ -279,8 +282,8 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
         }
     }
 
-    /// Flushes the map, so that tests count the occluders added so far, if the map can be tested before all
-    /// are there.
+    /// Flushes the map, so that tests take the occluders added so far into account. Does nothing for a map
+    /// that does not [answer at once](OcclusionMap::answers_at_once).
     fn flush(&mut self) {
         if self.map.answers_at_once() {
             self.map.flush();

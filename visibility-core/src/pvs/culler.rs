@@ -26,10 +26,10 @@ pub struct ScenePvs {
     /// of the next entry. A sentinel entry ends the list.
     objects: Vec<(Option<ObjectId>, u32)>,
     targets: Vec<u32>,
-    /// Each pair of a target and an object that has it, ascending.
+    /// Pairs of a target and an object that has it, sorted by target, then object.
     by_target: Vec<(u32, ObjectId)>,
-    /// Greatest target of an object that may be hidden, plus 1. The number of targets of the PVS may be
-    /// forged; this one is bounded by the pairs.
+    /// Greatest target of an object that may be hidden, plus 1. Used in place of the PVS's own number of
+    /// targets, which may be forged.
     target_limit: usize,
     /// Objects of the scene that are never hidden, by ascending index.
     never_hidden: Vec<ObjectId>,
@@ -47,9 +47,9 @@ impl ScenePvs {
     /// [`Pvs::target_count`], or changes in the scene later. Pairs of unknown objects are ignored. Time is
     /// that of sorting the pairs.
     ///
-    /// The caller promises that the PVS is of this scene as it is now: a PVS has no hash of what it was made
-    /// from. A wall with a new door, whose box is as before, has another PVS. Call
-    /// [`unchecked`](Self::unchecked) for bytes whose scene is not known for certain.
+    /// The caller promises that the PVS is of this scene as it is now: nothing is compared, not even the
+    /// [`source`](Pvs::source) of the PVS. A wall with a new door, whose box is as before, has another PVS.
+    /// Call [`unchecked`](Self::unchecked) for bytes whose scene is not known for certain.
     pub fn new(
         scene: &Scene,
         pvs: Pvs,
@@ -116,7 +116,8 @@ impl ScenePvs {
         &self.viewcells
     }
 
-    /// Returns the greatest target of an object that may be hidden, plus 1.
+    /// Returns the greatest target of an object that may be hidden, plus 1; the bits of greater targets are
+    /// not needed.
     pub(super) fn target_limit(&self) -> usize {
         self.target_limit
     }
@@ -149,7 +150,7 @@ impl ScenePvs {
     }
 }
 
-/// Returns the number of pairs with a target below `target`. The pairs ascend. Time is logarithmic in that
+/// Returns how many of the pairs, sorted by target, have a target below `target`. Time is logarithmic in that
 /// number.
 fn count_below(pairs: &[(u32, ObjectId)], target: u32) -> usize {
     let is_below = |&(of, _): &(u32, ObjectId)| of < target;
@@ -176,7 +177,7 @@ fn count_below(pairs: &[(u32, ObjectId)], target: u32) -> usize {
 /// from the viewcells, and no time for other blocks. Where the view enters other viewcells, and where the
 /// [layout](Scene::layout) of the scene has changed, the frame first makes a mask of what is seen: a few
 /// nanoseconds for each object that is seen from the viewcells, wherever it is, that is never hidden, or that
-/// has changed, and for every thousand of the others.
+/// has changed, and as much for every thousand other objects.
 ///
 /// ```
 /// use visibility_core::{
@@ -209,7 +210,8 @@ pub struct PvsCuller<S> {
     viewcell: Option<ViewcellId>,
     /// Viewcells in which the view's lines of sight began when `seen` was last computed, ascending.
     entered: Vec<ViewcellId>,
-    /// Whether `entered` holds: false before the first frame, and where `seen` must be computed anew.
+    /// Whether `entered` and `seen` are valid: false before the first frame, and after the [`ScenePvs`] was
+    /// replaced.
     is_entered: bool,
     /// Scratch: the viewcells in which this frame's lines of sight begin.
     entering: Vec<ViewcellId>,
@@ -218,15 +220,15 @@ pub struct PvsCuller<S> {
     /// `t`.
     seen: Vec<u64>,
     seen_from_one: Vec<u64>,
-    /// For each node of the scene's hierarchy, a mask of the objects that count as visible from the viewcells
-    /// in `entered`: bit i for lane i, such an object (leaves) or a child with such an object below (inner
-    /// nodes).
+    /// Mask of each node of the scene's hierarchy, bit i for lane i. In a leaf: whether the object in the
+    /// lane counts as visible from the viewcells in `entered`. In an inner node: whether such an object is
+    /// below.
     masks: Vec<u64>,
     /// Layout of the scene that `masks` was made for. `NONE` if `masks` must be made again whatever the
     /// layout is, since `seen` has changed.
     masks_layout: Stamp,
-    /// Indices of the objects that have changed
-    /// since the [`ScenePvs`] was made, or is new, so that the PVS says nothing about the object.
+    /// Indices of the objects that were changed or inserted since the [`ScenePvs`] was made: the PVS says
+    /// nothing about these.
     changed: Bits,
     /// Whether lines of sight of the last frame began outside all viewcells.
     is_outside: bool,
@@ -270,8 +272,8 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
         self.viewcell
     }
 
-    /// Resets derived state if the [`ScenePvs`] was replaced, and takes in the objects that have changed in
-    /// the scene since the [`ScenePvs`] was made.
+    /// Resets derived state if the [`ScenePvs`] was replaced, and adds the objects that have changed in the
+    /// scene since the [`ScenePvs`] was made to `changed` and `masks`.
     fn follow(&mut self, scene: &Scene) {
         let shared = self.shared.borrow();
         if self.made_from != shared.stamp {

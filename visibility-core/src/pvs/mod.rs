@@ -86,7 +86,7 @@ const FORMAT: Format = Format { magic: *b"VISI-PVS", version: 3 };
 const DIFFERS: u8 = 1;
 /// Flag in the first byte of a stored row: the list is one bit per target, not runs.
 const BITS: u8 = 2;
-/// Number of viewcells whose rows share an offset.
+/// Number of consecutive viewcells whose rows share one stored offset, that of the first of these rows.
 const BLOCK: usize = 16;
 /// Greatest number of rows that must be read to decode a row, besides the row itself.
 const DEPTH: u8 = 4;
@@ -198,7 +198,7 @@ impl Pvs {
     }
 
     /// Returns the hash of what the PVS was made from. `None` if it [has none](Self::with_source): then
-    /// nobody can tell whether it is of a graph or a scene as that is now.
+    /// nobody can tell whether it was made from a given graph or scene in its present state.
     pub fn source(&self) -> Option<u64> {
         let bytes = self.bytes.get(self.rows_end()..)?;
         Some(u64::from_le_bytes(bytes.try_into().ok()?))

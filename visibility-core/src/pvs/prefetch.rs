@@ -8,10 +8,10 @@ use crate::ObjectId;
 use alloc::vec::Vec;
 use glam::DVec3;
 
-/// Margin for rounding, in units of the greatest absolute coordinate of path and viewcell. Each bound of a
-/// viewcell is moved outwards by it. The moved bound, its distance from the start of the path, and the
-/// caller's own point of the path are rounded by `EPSILON` of that coordinate at most, each; the quotient by
-/// `EPSILON` of the distance, at most twice the coordinate.
+/// Margin for rounding by which each bound of a viewcell is moved outwards, as a fraction of the greatest
+/// absolute coordinate of path and viewcell. It covers the rounding of the moved bound, of its distance from
+/// the start of the path and of the caller's own point of the path, each by at most `EPSILON` of that
+/// coordinate, and of the quotient, by `EPSILON` of a distance of at most twice that coordinate.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
 /// An object that becomes visible along a path.
@@ -48,11 +48,13 @@ pub struct Arrival {
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Prefetch {
-    /// Viewcells near the path, with the part of the path (0 to 1) at which each is reached.
+    /// Viewcells near the path, with the parameter of the path (0 at its start, 1 at its end) at which each
+    /// is reached.
     reached: Vec<(f64, ViewcellId)>,
-    /// Parts of the path on which the eye is in a viewcell: from, to.
+    /// First and last parameter (0 to 1) of each part of the path on which the eye is in some viewcell.
     inside: Vec<[f64; 2]>,
-    /// Part of the path at which each target is first seen. Infinite for a target that is not.
+    /// Indexed by target: parameter (0 to 1) of the path at which the target is first seen; infinity if it is
+    /// not.
     first: Vec<f64>,
     seen: Vec<u64>,
     row: Vec<u64>,
@@ -140,7 +142,8 @@ impl Prefetch {
         self.covered
     }
 
-    /// Fills `reached`, soonest first, and `covered`, as a part of the path.
+    /// Fills `reached`, soonest first, and sets `covered` to the parameter (0 to 1) of the path up to which
+    /// the eye stays inside viewcells.
     fn follow(&mut self, viewcells: &Viewcells, path: &Path, reach: f64) {
         let Self { reached, inside, covered, .. } = self;
         reached.clear();
@@ -201,8 +204,8 @@ impl Path {
     }
 }
 
-/// Returns the part of a range of `t` in which `height + t * slope` is at least 0. `None` if it is empty. A
-/// NaN cuts nothing off.
+/// Returns the part of a range of the parameter `t` in which `height + t * slope` is at least 0. `None` if no
+/// part is. If a number is NaN, the range is not cut.
 fn cut([from, to]: [f64; 2], height: f64, slope: f64) -> Option<(f64, f64)> {
     let root = -height / slope;
     let (from, to) = if slope > 0.0 {

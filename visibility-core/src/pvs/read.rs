@@ -6,7 +6,8 @@ use crate::binary_format::{FormatError, HEADER_LENGTH, Reader, take_number};
 use crate::stamp::Stamp;
 use alloc::vec::Vec;
 
-/// Length in bytes of the number after the last row that [`Pvs::source`] returns, where the file has it.
+/// Length in bytes of the number that [`Pvs::source`] returns, which follows the last row in files that have
+/// it.
 const SOURCE_BYTES: usize = 8;
 
 impl Pvs {
@@ -45,8 +46,8 @@ impl Pvs {
         rows.saturating_add(self.word(HEADER_LENGTH + blocks * 4) as usize)
     }
 
-    /// Checks a row after all rows before it. Returns the number of other rows that it takes to read it,
-    /// given those numbers of the rows before.
+    /// Checks a row after all rows before it. Returns the number of other rows that must be read to decode
+    /// the row; `depths` holds this number for each row before it. `Err` describes the fault of the row.
     fn check_row(&self, viewcell: ViewcellId, depths: &[u8]) -> Result<u8, &'static str> {
         let row = self.row(viewcell).ok_or("it lies outside the rows")?;
         let Row { base, runs } = Row::new(viewcell, row).ok_or("it has no known form")?;
@@ -65,8 +66,8 @@ impl Pvs {
         Ok(depth)
     }
 
-    /// Returns the bytes of a viewcell's row, without their number. `None` for an unknown viewcell, or if the
-    /// row lies outside the rows.
+    /// Returns the bytes of a viewcell's row, without the byte count in front of them. `None` for an unknown
+    /// viewcell, or if the row reaches beyond its block of rows.
     fn row(&self, viewcell: ViewcellId) -> Option<&[u8]> {
         if viewcell.index() >= self.viewcell_count() {
             return None;
@@ -83,8 +84,9 @@ impl Pvs {
         rest.get(..length as usize)
     }
 
-    /// Returns the runs of a viewcell's row, and of the rows that it is stored as a difference from. The
-    /// viewcell sees exactly the targets that are in an odd number of runs. Empty for an unknown viewcell.
+    /// Returns the runs, as half-open ranges of targets, of a viewcell's row and of the rows that it is
+    /// stored as a difference from. The viewcell sees exactly the targets that are in an odd number of runs.
+    /// Empty for an unknown viewcell.
     fn runs(&self, viewcell: ViewcellId) -> impl Iterator<Item = (u32, u32)> {
         let row = |viewcell| Row::new(viewcell, self.row(viewcell)?);
         let rows = core::iter::successors(row(viewcell), move |last| row(last.base?));
@@ -151,13 +153,15 @@ impl Pvs {
 
 /// A stored row: its flags, its base row and its list, not decoded.
 struct Row<'a> {
-    /// Viewcell from whose row it differs, with a lesser number. `None` for a plain row.
+    /// Viewcell with a lower number from whose row this row is stored as a difference. `None` for a row
+    /// stored by itself.
     base: Option<ViewcellId>,
     runs: Runs<'a>,
 }
 
 impl<'a> Row<'a> {
-    /// Splits the bytes of a viewcell's row. `None` if the row has no form or an unknown one.
+    /// Splits the bytes of a viewcell's row. `None` if its first byte, the form, is missing or unknown, or if
+    /// the viewcell that the row differs from has no lower number.
     fn new(viewcell: ViewcellId, bytes: &'a [u8]) -> Option<Self> {
         let (&form, mut list) = bytes.split_first()?;
         let base = match form & DIFFERS {

@@ -63,7 +63,8 @@ impl<'a> Runs<'a> {
         Ok((start, self.at))
     }
 
-    /// Returns the number of bits from `at` on that equal `value`.
+    /// Moves `at` past the bits equal to `value` that begin there, up to the first other bit or the end of
+    /// the bytes. Returns the number of these bits.
     fn bits(&mut self, value: bool) -> u32 {
         let start = self.at;
         while let Some(byte) = self.bytes.get(self.at as usize / 8) {

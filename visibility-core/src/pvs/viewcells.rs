@@ -167,8 +167,8 @@ impl Viewcells {
         found
     }
 
-    /// Calls `each` with the viewcells of all leaves whose bounding boxes, and whose ancestors' bounding
-    /// boxes, are accepted.
+    /// Walks down the tree as long as `accepts` returns true for the minimum and maximum corners of a node's
+    /// bounding box, and calls `each` with the viewcells of the leaves that it reaches.
     pub(super) fn for_each_accepted(
         &self,
         mut accepts: impl FnMut(DVec3, DVec3) -> bool,

@@ -132,8 +132,8 @@ impl Tree {
         }
     }
 
-    /// Appends a leaf with at most 64 entries, in lanes 0 and up. Each array that is accessed at random has a
-    /// loop of its own, in which the processor can wait for many cache misses at once.
+    /// Appends a leaf with at most 64 entries, in lanes 0 and up. Each array that is read at random places is
+    /// read in a loop of its own, in which the processor can wait for many cache misses at once.
     fn push_leaf(&mut self, entries: &[Entry], generations: &[u32]) {
         let node = self.node_count() as u32;
         let occupied = if entries.len() < FAN_OUT { (1 << entries.len()) - 1 } else { u64::MAX };

@@ -1,6 +1,6 @@
-//! The log of changes of a scene. Structures that derive state from a scene read it to update that state in
-//! time proportional to the number of changes (after the design of VISAPI, whose visibility modules keep the
-//! scene and are notified of changes).
+//! The log of changes of a scene. Structures that derive state from a scene read the log to update that state
+//! in time proportional to the number of changes (after the design of VISAPI, whose visibility modules keep
+//! the scene and are notified of changes).
 
 use crate::ObjectId;
 use crate::serial::{is_same_range, next_range};
@@ -34,7 +34,7 @@ pub(crate) struct ChangeLog {
     /// The revision before the change that `entries[0]` records; without entries, the present revision.
     start: u64,
     entries: Vec<ObjectId>,
-    /// The revision right after the origin last moved; before that, the first revision of the scene.
+    /// The revision right after the origin last moved; the first revision of the scene if it never did.
     moved: u64,
 }
 
@@ -45,7 +45,7 @@ impl ChangeLog {
         Self { start, entries: Vec::new(), moved: start }
     }
 
-    /// Lower limit of the number of changes that the log can hold, for scenes with few objects.
+    /// Least number of changes that the log can hold, however few objects the scene has.
     const LEAST: usize = 1024;
 
     pub(crate) fn revision(&self) -> u64 {
@@ -91,7 +91,8 @@ impl ChangeLog {
         self.entries.clear();
     }
 
-    /// Records that the origin moved, so that numbers in scene coordinates are other points of the world.
+    /// Records that the origin moved, so that equal numbers in scene coordinates now stand for other points
+    /// of the world.
     pub(crate) fn move_origin(&mut self) {
         self.invalidate();
         self.moved = self.start;

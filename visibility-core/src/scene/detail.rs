@@ -170,7 +170,7 @@ impl Scene {
         Ok(linked(self.tree.detail(id.index()).parent).and_then(|index| self.id_at(index)))
     }
 
-    /// Makes `details` as long as the index range.
+    /// Extends `details` to one entry for each object index.
     fn grow_details(&mut self) {
         self.tree.details.resize(self.generations.len(), Detail::NONE);
     }
@@ -191,22 +191,23 @@ impl Scene {
         (detail.parent, detail.next, detail.previous) = (None, None, None);
     }
 
-    /// Brings the bounds of the hierarchy up to date with the changed details of an object.
+    /// Raises the bounds of the hierarchy's nodes to the changed draw range and HLOD parent of an object, and
+    /// logs the change.
     fn details_changed(&mut self, id: ObjectId) {
         self.raise_bounds(self.tree.slots[id.index()]);
         self.raise_children(id);
         self.log.push(id, self.generations.len());
     }
 
-    /// Raises the [bounds](DetailBounds) of the nodes above the object in `slot` to the object's details, and
+    /// Raises the [bounds](DetailBounds) of the nodes above the object in `slot` to include the object, and
     /// queues the object's leaf, so that [`maintain`](Self::maintain) lowers bounds that are too high.
     fn raise_bounds(&mut self, slot: Slot) {
         self.tree.raise_to_object(slot);
         self.queue.push(slot.node());
     }
 
-    /// Raises the bounds above the children of an object, which are drawn to another distance if the object
-    /// has changed.
+    /// Raises the bounds of the nodes above the HLOD children of an object: to which distance these are drawn
+    /// depends on the object.
     pub(super) fn raise_children(&mut self, id: ObjectId) {
         let mut child = linked(self.tree.detail(id.index()).first_child);
         while let Some(index) = child {
@@ -215,7 +216,8 @@ impl Scene {
         }
     }
 
-    /// Forgets the details of an object that is being removed. Its children have no parent from then on.
+    /// Forgets the draw range and the HLOD parent of an object that is being removed. Its children have no
+    /// parent from then on.
     pub(super) fn forget_details(&mut self, id: ObjectId) {
         if self.tree.detail(id.index()) == Detail::NONE {
             return;

@@ -52,7 +52,7 @@ impl Default for DrawRange {
     }
 }
 
-/// Index of an object plus one.
+/// Index of an object plus one; `None` for no object.
 pub(crate) type Link = Option<NonZeroU32>;
 
 /// Details of an object that has a draw range, an HLOD parent or children. The children of a parent are a
@@ -67,7 +67,7 @@ pub(crate) struct Detail {
 }
 
 impl Detail {
-    /// Details of an object that none were set for.
+    /// Details of an object without a draw range, an HLOD parent or children.
     pub(crate) const NONE: Self =
         Self { range: DrawRange::ALWAYS, parent: None, first_child: None, next: None, previous: None };
 }

@@ -40,8 +40,9 @@ pub(super) fn is_any_outside(triangles: Triangles<'_>, bounds: &Aabb) -> bool {
     bounds.is_proper() && !known.is_some_and(is_inside) && triangles.iter().flatten().any(outside)
 }
 
-/// Returns the corners of `bounds`, moved outwards by a bound on the rounding of the bounds and of the points
-/// inside them. `size` bounds the magnitudes of the terms that such a point's coordinates are sums of.
+/// Returns the minimum and maximum corners of `bounds`, moved outwards by more than the rounding of the
+/// bounds and of the points inside them. The coordinates of such a point are sums of terms; `size` bounds the
+/// sum of their magnitudes on each axis.
 ///
 /// With u = 2^-24: the image of a vertex errs by less than 4.1 u of `size`, as `Aabb::transformed` derives.
 /// The bounds were computed elsewhere, to the nearest: two roundings of a side (middle plus half extent), or

@@ -1,11 +1,11 @@
-//! The occluder meshes of a scene: a slot for each, with a count of the objects that have it, and a
-//! generation by which the id of a mesh that was removed is told from that of a mesh in the same slot.
+//! The occluder meshes of a scene, each in a slot with the number of objects that have it. The generation of
+//! a slot tells the id of a mesh that was removed from the id of a later mesh in the same slot.
 
 use super::MeshId;
 use crate::OccluderMesh;
 use alloc::vec::Vec;
 
-/// The occluder meshes of a scene by the index of their ids.
+/// The occluder meshes of a scene, in slots: the index of a mesh's id is that of its slot.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Meshes {
     slots: Vec<Slot>,
@@ -21,7 +21,7 @@ struct Slot {
     generation: u32,
     /// Number of objects that have the mesh.
     users: u32,
-    /// Whether the mesh goes with its last user, and its id names no mesh any more.
+    /// True once the mesh was removed: its id names no mesh any more, and it is freed with its last user.
     is_removed: bool,
 }
 
@@ -37,15 +37,15 @@ impl Meshes {
         MeshId { index, generation: slot.generation }
     }
 
-    /// Returns the slot of a mesh that is stored, removed or not. `None` if the mesh of the id is stored no
-    /// more.
+    /// Returns the slot of a mesh that is still stored, even if it was removed. `None` if the mesh of this id
+    /// was freed.
     fn slot(&self, id: MeshId) -> Option<&Slot> {
         self.slots
             .get(id.index as usize)
             .filter(|slot| slot.mesh.is_some() && slot.generation == id.generation)
     }
 
-    /// Returns the mesh at an index that an object has, removed or not. `None` in a free slot.
+    /// Returns the mesh in slot `index`, even if it was removed. `None` in a free slot.
     pub(super) fn at(&self, index: u32) -> Option<&OccluderMesh> {
         self.slots.get(index as usize)?.mesh.as_ref()
     }
@@ -72,12 +72,12 @@ impl Meshes {
         is_known
     }
 
-    /// Counts an object that gets the mesh at an index.
+    /// Counts one more object that has the mesh in slot `index`.
     pub(super) fn add_user(&mut self, index: u32) {
         self.slots[index as usize].users += 1;
     }
 
-    /// Takes out an object that had a mesh, counted by [`add_user`](Self::add_user).
+    /// Counts one object less that has the mesh in slot `index`. Frees a removed mesh with its last object.
     pub(super) fn remove_user(&mut self, index: u32) {
         self.slots[index as usize].users -= 1;
         self.free_unused(index);

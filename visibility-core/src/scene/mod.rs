@@ -45,7 +45,7 @@ use placement::Placements;
 use queue::Queue;
 use tree::{Payload, Scratch};
 
-/// A batch with at least this part of all objects, one in `MANY`, moves them in one pass over the hierarchy.
+/// Batches of at least 1 / `MANY` of all objects are moved in one pass over the hierarchy.
 const MANY: usize = 2;
 
 /// The store of objects: bounds, layers, costs, flags, triangles and occluder meshes, in a hierarchy of
@@ -442,13 +442,13 @@ impl Scene {
         found
     }
 
-    /// Returns whether a batch of `count` objects is moved in one pass over the hierarchy.
+    /// Returns whether a batch of `count` objects is moved in one pass over all leaves of the hierarchy.
     fn is_refit(&self, count: usize) -> bool {
         count >= self.tree.node_count() && count >= self.len() / MANY && count <= Scratch::MAX_BATCH
     }
 
     /// Writes the slots of a batch's objects to `scratch`, as [`move_batch`](Self::move_batch) needs them.
-    /// Ends with the first error.
+    /// Returns the first error in `slots`, and then writes no more.
     fn find_slots(
         &self,
         mut slots: impl ExactSizeIterator<Item = Result<Slot, SceneError>>,

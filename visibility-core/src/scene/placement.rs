@@ -20,7 +20,8 @@ pub(super) struct Placement {
 /// The occluder mesh of an object.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlacedMesh {
-    /// Index of the mesh, which stays the same mesh while an object has it.
+    /// Index of the mesh in [`Meshes`](super::meshes::Meshes). It stands for the same mesh as long as the
+    /// object has it.
     pub(super) index: u32,
     pub(super) origin: MeshOrigin,
     /// Whether the mesh lies within the object's bounds. It hides nothing otherwise.

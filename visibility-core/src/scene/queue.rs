@@ -8,8 +8,8 @@ use alloc::vec::Vec;
 /// bounds of objects overlap too.
 pub(super) const MIN_OVERLAP: f32 = 1.0;
 
-/// Queue of nodes that wait for maintenance, one bit per node. Nodes are served in turn by ascending number,
-/// round and round.
+/// Queue of nodes that wait for maintenance, one bit per node. Nodes are taken out by ascending number,
+/// beginning again at 0 after the last.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Queue {
     queued: Bits,

@@ -30,7 +30,7 @@ pub struct SkinnedBounds {
     /// Indexed by bone: box of the vertices with a positive weight for the bone, in the mesh's coordinates;
     /// [`Aabb::EMPTY`] for a bone without such vertices.
     bones: Vec<Aabb>,
-    /// Least and greatest sum of a vertex's weights, rounded outwards.
+    /// Least and greatest, over all vertices, of the sum of a vertex's weights, rounded outwards.
     sums: [f32; 2],
     /// Upper bound on the rounding error of a vertex skinned in `f32`, as a fraction of the sum of the
     /// magnitudes of its terms (weight times matrix element times coordinate).

@@ -137,7 +137,8 @@ impl Scene {
         found
     }
 
-    /// Returns the slot of an object, or the error of setting its transform.
+    /// Returns the slot of an object whose transform may be set to `transform`, otherwise the error that
+    /// [`set_transform`](Self::set_transform) states.
     fn slot_with_local(&self, id: ObjectId, transform: &Affine3A) -> Result<Slot, SceneError> {
         let slot = self.slot(id)?;
         if self.placements.get(id.index).is_none_or(|placement| placement.local.is_none()) {
@@ -248,8 +249,9 @@ impl Scene {
         }
     }
 
-    /// Adds an object to the counts of objects that lack something to be occluders (`is_added`), or takes it
-    /// out. Does nothing for an object with neither the flag nor a mesh, or with both.
+    /// Counts an object among those that lack something to be occluders (`is_added` true), or takes it out of
+    /// the count (false). Such an object has the flag but no mesh, has both but the mesh reaches out of its
+    /// bounds, or has a mesh but not the flag. Does nothing for any other object.
     pub(super) fn count_occluder(&mut self, index: u32, is_added: bool) {
         let is_flagged = self.tree.payload(self.tree.slots[index as usize]).occluder;
         let count = match (self.placements.mesh(index), is_flagged) {
@@ -380,10 +382,10 @@ impl Scene {
     ///
     /// The object occludes only while it is also flagged as an [occluder](Self::set_occluder): to open and
     /// shut a door, switching that flag is enough and takes constant time. Everything that the mesh covers
-    /// must also be covered by the object as drawn, or visible objects are hidden. Of that, it is checked
-    /// that the mesh lies within the object's bounds, up to rounding, at most in time linear in its vertices.
-    /// A mesh that does not, such as one whose transform was forgotten,
-    /// [hides nothing](Self::occluders_outside_bounds).
+    /// must also be covered by the object as drawn, or visible objects are hidden. The only check of this is
+    /// whether the mesh lies within the object's bounds, up to rounding; it takes at most time linear in the
+    /// number of vertices. A mesh that does not lie so, such as one whose transform was forgotten, [hides
+    /// nothing](Self::occluders_outside_bounds).
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene, [`SceneError::UnknownMesh`] if `mesh` is

@@ -10,9 +10,9 @@ use glam::{Affine3, Affine3A, DAffine3, DMat3, DVec3, Vec3};
 /// Triangles that objects share. A clone refers to the same triangles.
 ///
 /// Triangles with a [transform](Self::placed) are placed one by one as they are read: in `f64`, and then
-/// rounded to `f32`. The transform is kept in `f32`, as renderers have it, which moves a vertex along an axis
-/// by at most 4 roundings of the greatest coordinate on that axis of the image of the mesh's box. Where that
-/// could move vertices more, it is kept in `f64`.
+/// rounded to `f32`. The transform is kept in `f32`, as renderers have it, if that moves no vertex along an
+/// axis by more than 4 roundings of the greatest coordinate of the placed mesh's box on that axis; otherwise
+/// it is kept in `f64`.
 ///
 /// Memory: 36 bytes for each triangle of the mesh, once, and 48 bytes for each of the transforms that are
 /// [given together](Self::placed_each), or 192 for one kept in `f64`.
@@ -67,8 +67,8 @@ impl SharedTriangles {
     }
 
     /// Returns triangles of the same mesh, [placed](Self::placed) by each of some transforms, in less memory
-    /// than by a call for each. It is freed with the last of the triangles. At most 2^32 - 1 transforms are
-    /// taken.
+    /// than by a call for each. This memory is freed with the last of the returned values. At most 2^32 - 1
+    /// transforms are taken.
     ///
     /// ```
     /// use visibility_core::glam::{DAffine3, DVec3, Vec3};
@@ -166,7 +166,8 @@ impl SharedTriangles {
 }
 
 impl Instances {
-    /// Returns the mesh placed by `transform`, which was rounded to the transform at `index`.
+    /// Returns the mesh placed by `transform`, whose rounded form is at `index` of `transforms`: by the
+    /// rounded one where [that is precise enough](can_be_rounded).
     fn placed(self: &Arc<Self>, index: u32, transform: &DAffine3) -> SharedTriangles {
         let source = if can_be_rounded(transform, &self.mesh.bounds) {
             Source::Rounded(self.clone(), index)
@@ -182,10 +183,11 @@ fn rounded(transform: &DAffine3) -> Affine3 {
     Affine3 { matrix3: transform.matrix3.as_mat3(), translation: transform.translation.as_vec3() }
 }
 
-/// Returns whether a transform may be [rounded] for a mesh with the given box. On each axis, this must move
-/// vertices by at most 4 u (u = 2^-24) of the greatest coordinate of the box's image there, so that bounds
-/// computed from the transform as it was given still hold the triangles, up to rounding. A box around the
-/// mesh's origin always allows that: on each axis its image has a coordinate of a third of `size` or more.
+/// Returns whether a transform may be [rounded] for a mesh with the given box. On each axis, rounding must
+/// move vertices by at most `4 u` (`u = 2^-24`) times the greatest coordinate of the box's image on that
+/// axis, so that bounds computed from the transform as it was given still hold the triangles, up to rounding.
+/// A box around the mesh's origin always allows that: on each axis its image has a coordinate of a third of
+/// `size` or more.
 ///
 /// A placed mesh is computed in `f32`, so the terms that coordinates are the sum of must not be much larger
 /// than the image either: at most 4 times. False if the rounded transform is not finite.

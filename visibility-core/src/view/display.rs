@@ -11,8 +11,9 @@ impl fmt::Display for View {
     /// world, the field of view in width and height, the distances of the near and far planes from the eye
     /// (for parallel views, along the direction of view from the origin that the matrix is relative to), the
     /// depth convention, and layers and clip planes if any are set. Numbers are rounded to four digits or a
-    /// thousandth. "left-handed" says that the directions right, up and ahead of the picture are those of
-    /// left-handed axes: right in a world of such axes; in a right-handed world, the picture is mirrored.
+    /// thousandth. "left-handed" is written if the directions right, up and ahead of the picture are
+    /// left-handed axes: correct in a world of left-handed axes; in a right-handed world, the picture is
+    /// mirrored.
     ///
     /// ```
     /// use visibility_core::{glam::DVec3, Pose, View};
@@ -110,7 +111,9 @@ impl Edges {
     }
 }
 
-/// Returns a number with four digits, or a thousandth where that is less, without zeros at its end.
+/// Returns a number rounded to four digits, at most three of them after the point, without zeros at its end.
+/// Magnitudes from 10,000 on keep all digits before the point; magnitudes below a thousandth have two digits
+/// and an exponent.
 fn short(x: f64) -> String {
     let decimals = match x.abs() {
         size if size < 10.0 => 3,

@@ -17,22 +17,23 @@ pub(super) struct LeafWalk<'a> {
     /// Stack of the children of the inner nodes from the root to the present leaf, each with a mask of the
     /// lanes that are still to be visited.
     path: SmallVec<[(&'a [ObjectId; FAN_OUT], u64); 8]>,
-    /// The present leaf, meaningless in an empty tree.
+    /// Number of the present leaf; meaningless in an empty tree.
     pub(super) leaf: usize,
-    /// The objects of the present leaf by lane, placeholders in an empty tree, and the mask of those in the
-    /// set that are still to be visited.
+    /// Objects of the present leaf by lane; placeholders in an empty tree.
     pub(super) ids: &'a [ObjectId; FAN_OUT],
+    /// Mask of the objects of the present leaf that are in the set and still to be visited, bit i for lane i.
     pub(super) mask: u64,
 }
 
 impl<'a> LeafWalk<'a> {
-    /// Begins a traversal of the set with these masks, or of all objects on `layers` if `masks` is `None`.
+    /// Begins a traversal of the set that `masks` describe, or of the set of all objects on `layers` if
+    /// `masks` is `None`.
     pub(super) fn new(masks: Option<&'a [u64]>, layers: u32, scene: &'a Scene) -> Self {
         Self::from_root(masks, layers, scene, scene.tree().root, None)
     }
 
-    /// Begins a traversal of the set with these masks as the tree was at the state of `token`, with `root` as
-    /// its root.
+    /// Begins a traversal of the set that `masks` describe, in the tree as it was at the state of `token`.
+    /// `root` was the number of its root then.
     pub(super) fn of_state(masks: &'a [u64], scene: &'a Scene, root: u32, token: &'a Token) -> Self {
         Self::from_root(Some(masks), 0, scene, root, Some(token))
     }
@@ -52,7 +53,7 @@ impl<'a> LeafWalk<'a> {
         walk
     }
 
-    /// Enters a node. Returns whether it is a leaf.
+    /// Enters a node: makes it the present leaf, or appends its children to `path`. Returns true for a leaf.
     fn enter(&mut self, node: usize) -> bool {
         let mask = match self.masks {
             Some(masks) => masks[node],

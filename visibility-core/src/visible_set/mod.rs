@@ -69,13 +69,13 @@ pub struct VisibleSet {
     /// If true, the set holds every object on `layers` and `words` is ignored.
     everything: bool,
     layers: u32,
-    /// Objects of the set, as far as `listing` tells.
+    /// List of the set's objects; `listing` tells whether it is made and what it holds.
     ids: Vec<ObjectId>,
     listing: Listing,
     /// Number of object indices of the scene when the set was finished.
     index_limit: usize,
-    /// Leaves outside the tree when the set was finished, in the order of their objects. Meaningful while the
-    /// set is finished and not listed.
+    /// Leaves outside the tree, which hold the objects that are never culled, when the set was finished, in
+    /// the order of these objects. Meaningful while the set is finished and not listed.
     unculled_leaves: Vec<u32>,
     /// Scratch memory. Holds one bit per object index while objects are listed or dropped, or one mask per
     /// node in [`keep_in_order`](Self::keep_in_order).
@@ -431,9 +431,10 @@ impl VisibleSet {
     }
 
     /// Keeps the objects that are in this set and in another, which `masks` gives as a mask for each node of
-    /// the scene's present layout: bit i for lane i, an object of the other set (leaves) or a child that may
-    /// have such objects below (inner nodes). Objects that are never culled stay. Only nodes that both sets
-    /// reach are visited, in a few nanoseconds each. Returns the work counters.
+    /// the scene's present layout. Bit i of a mask stands for lane i: in a leaf, it is set if the lane's
+    /// object is in the other set; in an inner node, if such objects may be below the lane's child. Objects
+    /// that are never culled stay. Only nodes that both sets reach are visited, in a few nanoseconds each.
+    /// Returns the work counters.
     pub(crate) fn intersect(&mut self, scene: &Scene, masks: &impl Fn(usize) -> u64) -> CullStats {
         self.prepare(scene);
         let mut stats = CullStats::default();

@@ -116,7 +116,7 @@ impl VisibleSet {
 
     /// Returns whether the set is a frame's result, which survives changes of the scene. It is one after
     /// [`Pipeline::cull`](crate::Pipeline::cull), [`finish`](Self::finish), [`ids`](Self::ids) and the
-    /// methods that sort. It is none once the set is filled, cleared, united or culled again.
+    /// methods that sort. It is no result any more once it is filled, cleared, united or culled again.
     pub fn is_finished(&self) -> bool {
         matches!(self.listing, Listing::Finished | Listing::Unlisted { .. })
     }
@@ -144,8 +144,8 @@ impl VisibleSet {
 
     /// Returns the visible objects as of the end of the last frame, each once, in the order that
     /// [`iter`](Self::iter) follows. Objects removed from the scene since are still listed. `None` if the set
-    /// is not finished, or not listed since: by [`ids`](Self::ids), by a method that sorts, by an order of
-    /// its cullers, or because it records [changes](Self::with_changes).
+    /// is not finished or has no list yet. A list is made by [`ids`](Self::ids), by a method that sorts, by a
+    /// culler that orders the set, and in a set that records [changes](Self::with_changes).
     ///
     /// Needs no scene: a render thread can read a listed set while the scene changes.
     ///

@@ -6,8 +6,8 @@ use alloc::vec::Vec;
 /// Memory of walks on several threads, kept from frame to frame.
 #[derive(Clone, Debug)]
 pub(crate) struct SplitScratch {
-    /// Subtrees in the order of the walk: the root, and the knowledge about it that the test above has
-    /// returned.
+    /// Subtrees in the order of the walk: the node number of each one's root, and the number `known` that the
+    /// tests above have passed down to it.
     pub(crate) subtrees: Vec<(u32, u32)>,
     /// Empty before the first walk, then a fixed number of elements, among which the subtrees are dealt out.
     pub(crate) parts: Vec<Part>,

@@ -103,7 +103,7 @@ mod sealed {
     pub struct OfScene;
 }
 
-/// Whether a hierarchy is the [`SceneHierarchy`].
+/// Tells at compile time whether a hierarchy is the [`SceneHierarchy`].
 pub(crate) trait IsOfScene {
     const IS_OF_SCENE: bool;
 }
@@ -311,8 +311,9 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
         self.scene
     }
 
-    /// Returns whether a second visit of a node finds what the first one kept: not in a set that was filled
-    /// for another layout of the scene, all of whose nodes begin with all candidates.
+    /// Returns whether a second visit of a node has only those candidates that the first one kept. False if
+    /// the set was filled for another layout of the scene: each visit then begins with all objects on the
+    /// set's layers.
     pub(crate) fn is_current(&self) -> bool {
         self.is_current
     }

@@ -12,26 +12,26 @@ use crate::visible_set::{NewMasks, Part, SplitScratch};
 use crate::{CullStats, Scene, VisibleSet};
 use alloc::vec::Vec;
 
-/// Number of parts. More share the work more evenly, and take an atomic exchange each.
+/// Number of parts. More parts share the work more evenly, but each takes an atomic exchange.
 const PARTS: usize = 16;
 
 /// Greatest level, counted from 0 at the leaves, of the nodes whose subtrees are distributed among the parts:
 /// 1, the parents of leaves.
 const MAX_SUBTREE_LEVEL: u8 = 1;
 
-/// Number that says of a node that no test is needed of anything below.
+/// Value of `known` for a node below which nothing needs a test: all candidates there are kept.
 const ACCEPTED: u32 = 0;
 
 /// A culler's test of 64 siblings, which threads share. What the tests of a node and of the nodes above it
-/// have shown is passed down as a number, whose meaning the culler defines; 0 if nothing below the node needs
-/// a test.
+/// have shown is passed down as a number, `known`, whose meaning the culler defines; [`ACCEPTED`], 0, if
+/// nothing below the node needs a test.
 pub(crate) trait NodeTest: Sync {
-    /// What a test tells about the children that it keeps, besides which they are.
+    /// What the test of a block shows about the children that it keeps, for [`below`](Self::below).
     type Found;
 
-    /// Tests the `candidates` among the children of a node. `known` is the knowledge about the node from the
-    /// tests above. Returns the mask of the children to keep, and data for [`below`](Self::below). Adds to
-    /// the `tests` of `stats`.
+    /// Tests the `candidates` among the children of a node. `known` is the number that the tests above have
+    /// passed down to the node. Returns the mask of the children to keep, and data for
+    /// [`below`](Self::below). Adds to the `tests` of `stats`.
     fn test(
         &self,
         block: &Block<'_>,
@@ -40,14 +40,14 @@ pub(crate) trait NodeTest: Sync {
         stats: &mut CullStats,
     ) -> (u64, Self::Found);
 
-    /// Returns the knowledge about the child in a lane that the test has kept, 0 if nothing below it needs a
-    /// test.
+    /// Returns the number `known` for the child in a lane that the test has kept: [`ACCEPTED`] if nothing
+    /// below the child needs a test.
     fn below(&self, found: &Self::Found, known: u32, lane: usize) -> u32;
 }
 
 /// Removes from `visible` the objects that `test` does not keep, on the threads of a job system. `known` is
-/// the knowledge about the root. Returns the work counters; their `visible` counts objects that are never
-/// culled, too. The answer is that of a [`Walk`](super::Walk) with the same test.
+/// the number passed to the test of the root. Returns the work counters; their `visible` counts objects that
+/// are never culled, too. The answer is that of a [`Walk`](super::Walk) with the same test.
 pub(crate) fn retain_on<T: NodeTest>(
     jobs: &dyn Jobs,
     scene: &Scene,
@@ -125,15 +125,15 @@ struct Top<'a, T> {
     scene: &'a Scene,
     is_current: bool,
     test: &'a T,
-    /// Nodes whose subtrees are distributed among the parts, and the knowledge about each: see
+    /// Nodes whose subtrees are distributed among the parts, each with its number `known`: see
     /// [`SplitScratch::subtrees`].
     subtrees: &'a mut Vec<(u32, u32)>,
     stats: CullStats,
 }
 
 impl<T: NodeTest> Top<'_, T> {
-    /// Tests the children of a node, and lists the subtrees below that are kept. `known` is the knowledge
-    /// about the node from the tests above.
+    /// Tests the children of a node, and lists the subtrees below that are kept. `known` is the number that
+    /// the tests above have passed down to the node.
     fn visit(&mut self, visible: &mut VisibleSet, node: usize, known: u32) {
         let tree = self.scene.tree();
         if tree.levels[node] <= subtree_level(self.scene) {
@@ -154,7 +154,7 @@ impl<T: NodeTest> Top<'_, T> {
         }
     }
 
-    /// Notes all subtrees with candidates in and below a node.
+    /// Adds all subtrees with candidates in and below a node to `subtrees`, as [`ACCEPTED`].
     fn keep(&mut self, visible: &mut VisibleSet, node: usize) {
         if self.scene.tree().levels[node] <= subtree_level(self.scene) {
             return self.subtrees.push((node as u32, ACCEPTED));
@@ -165,8 +165,9 @@ impl<T: NodeTest> Top<'_, T> {
     }
 }
 
-/// Clears the bits of children without objects in and below a node above the subtrees. `next` is the number
-/// of the next subtree. Returns whether any object is left below the node.
+/// In a node above the subtrees and all nodes below it down to the subtrees, clears the bits of children
+/// without objects. `next` is the number of the next subtree. Returns whether any object is left below the
+/// node.
 fn drop_empty(
     visible: &mut VisibleSet,
     scene: &Scene,
@@ -207,8 +208,8 @@ struct PartWalk<'a, T> {
 }
 
 impl<T: NodeTest> PartWalk<'_, T> {
-    /// Tests everything below a node. `known` is the knowledge about the node from the tests above. Returns
-    /// whether any object is left.
+    /// Tests everything below a node. `known` is the number that the tests above have passed down to the
+    /// node. Returns whether any object is left.
     fn visit(&mut self, node: usize, known: u32) -> bool {
         let candidates = self.set.mask_if(self.is_current, self.scene, node);
         let block = block(self.scene, node);

@@ -59,9 +59,9 @@ pub struct BackfaceCuller {
     built: SceneCursor,
     /// Ids of the objects of all scenes that are drawn two-sided.
     two_sided: BTreeSet<ObjectId>,
-    /// Whether the culler has been used with several scenes. If true, the two-sided flag of a removed object
-    /// is kept, since the object may still exist in another scene. If false, the flag is dropped with the
-    /// object.
+    /// Whether the culler has been used with several scenes. If true, the two-sided flag of an object that
+    /// was removed from its scene is kept, since the object may still exist in another scene. If false, the
+    /// flag is dropped with the object.
     in_several: bool,
     /// Cones of objects, indexed by [`ObjectId::index`].
     entries: Vec<Entry>,

@@ -44,7 +44,8 @@ impl SplitEye {
     }
 
     /// Returns the eye of a view relative to `origin`. `None` if rounding leaves open whether the eye is a
-    /// point or a direction, or if the bound on its error is infinite (for a direction: 1e-3 or more).
+    /// point or a direction, or if its error is too large: for a point, the bound in metres is infinite; for
+    /// a direction, the bound on the length of the difference of unit vectors is 1e-3 or more.
     pub(crate) fn of_view(view: &View, origin: DVec3) -> Option<Self> {
         let projection = ViewProjection::new(view, origin);
         let error = projection.eye_error();

@@ -25,8 +25,8 @@ use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 use visibility_core::view::ViewPlane;
 
-/// Greatest number of planes that casters are tested against: as many as four walks of the hierarchy can
-/// take. Further planes are dropped, which keeps more casters.
+/// Greatest number of planes that casters are tested against: as many as four walks of the hierarchy with 16
+/// planes each can take. Further planes are dropped, which keeps more casters.
 pub(super) const MAX_HULL_PLANES: usize = 64;
 
 /// Planes around the hull of volume and light, relative to the scene's origin, with normals pointing inwards.

@@ -106,7 +106,8 @@ pub struct ClusterView<'a> {
     planes: ViewPlanes,
     /// Eye relative to the scene's origin.
     eye: Eye,
-    /// Bound on the error of `eye`; infinite if it is unknown.
+    /// Bound on the error of `eye`: in metres for a point; for a direction, the length of the difference of
+    /// unit vectors. Infinite if the eye is unknown.
     eye_error: f64,
     /// Occlusion map that clusters are tested against last. `None` if they are not tested for occlusion.
     map: Option<&'a dyn OcclusionMap>,
@@ -210,8 +211,10 @@ struct InstanceWalk<'m> {
 }
 
 impl InstanceWalk<'_> {
-    /// Tests a block of a level (0: clusters) against the planes in the mask `active`, all others being known
-    /// to contain the block, against the cones, and against `map` unless it is known to hide nothing below.
+    /// Tests the boxes and cones of a block, and passes what is left on to the blocks below, or at level 0,
+    /// whose lanes are clusters, to `each`. Boxes are tested against the planes in the mask `active`; all
+    /// other planes are known to have the whole block on their inner side. `map` is `None` if there is no
+    /// map, or if it hides no part of the block's box.
     fn visit(
         &self,
         level: usize,

@@ -101,9 +101,10 @@ impl Placement {
         is_plane.then_some(ViewPlane { plane: unit, error })
     }
 
-    /// Returns the eye in mesh coordinates. `eye` is relative to the scene's origin, and `error` bounds the
-    /// distance from the exact eye; for a direction, that of the unit vectors. Unknown, so that no cone holds
-    /// it, if an error is not finite; for a direction, if an error reaches a thousandth.
+    /// Returns the eye in mesh coordinates. `eye` is relative to the scene's origin. `error` bounds its
+    /// distance from the exact eye: in metres for a point; for a direction, the length of the difference of
+    /// unit vectors. [`SplitEye::UNKNOWN`], which no cone holds, if the result's error is not finite or, for
+    /// a direction, a thousandth or more.
     pub(super) fn eye(&self, eye: &Eye, error: f64) -> SplitEye {
         match *eye {
             Eye::Point(eye) => {

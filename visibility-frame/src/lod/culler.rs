@@ -9,15 +9,17 @@ use visibility_core::scene::{DetailBounds, DetailedObject, SceneCursor, lanes};
 use visibility_core::walk::{Child, SceneHierarchy, Walk};
 use visibility_core::{Aabb, Accuracy, CullStats, Culler, Scene, View, VisibleSet, simd::Simd};
 
-/// Share of a distance by which the eye must move back past a limit before an object switches back.
+/// Width of the hysteresis at the ends of a draw range, as a fraction of the distance of the end: `begin`
+/// counts as that much nearer for an object that was beyond it, `end` as that much farther for one that was
+/// within it.
 const HYSTERESIS: f64 = 0.05;
 
 /// Removes objects that contribute too little: that are smaller than a number of pixels, out of their [draw
 /// range](Scene::set_draw_range), or stood in for by an [HLOD parent](Scene::set_hlod_parent). The
 /// [module](super) defines size and distance. Objects that are never culled stay.
 ///
-/// Approximate: what it removes may show, at most as large as the limit, which is the dial of speed against
-/// accuracy. It never removes an object as large as the limit and in its range.
+/// Approximate: objects that it removes may be visible. The greater the limit, the more is removed. It never
+/// removes an object that is as large as the limit, in its range and not stood in for.
 ///
 /// A parent is drawn from its range's `begin` on, and its children nearer than that, exactly one of the two
 /// in every frame, unless they are too small themselves, or end nearer than the parent begins. Both distances
@@ -183,7 +185,8 @@ struct Frame {
 }
 
 impl Frame {
-    /// Tests whether no object of a node can be kept. `bounds` is the box of the node.
+    /// Returns true if the culler certainly removes every object below a node. `bounds` is the box of the
+    /// node, `below` bounds the size and the draw distance of these objects.
     fn drops(&self, bounds: &Aabb, below: &DetailBounds) -> bool {
         self.size.is_some_and(|size| size.is_small(bounds, below.diagonal_squared))
             || self.eye.is_beyond(bounds, f64::from(below.end) * (1.0 + HYSTERESIS))

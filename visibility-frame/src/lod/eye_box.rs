@@ -15,7 +15,8 @@ const U: f64 = f64::EPSILON / 2.0;
 pub(super) const MARGIN: f64 = 1.0 / (1u64 << 40) as f64;
 
 /// A box that certainly contains the point that distances are measured from, relative to the scene's origin.
-/// All of space for parallel views, and where rounding leaves the eye undecided: every distance is then 0.
+/// All of space for parallel views, and where rounding leaves the eye undecided: every distance is then taken
+/// as 0.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct EyeBox {
     pub(super) low: DVec3,
@@ -35,15 +36,17 @@ impl EyeBox {
         Self::around(point - origin, 0.0)
     }
 
-    /// Returns the box of all points within `error` metres of a point whose coordinates were rounded once.
+    /// Returns the box of all points within `error` metres of a point whose coordinates were rounded once,
+    /// rounded outwards.
     fn around(point: DVec3, error: f64) -> Self {
         // The factors exceed the rounding of the point and those of the two sums.
         let error = point.abs() * (4.0 * U) + DVec3::splat(error * (1.0 + 8.0 * U));
         Self { low: point - error, high: point + error }
     }
 
-    /// Returns the squared distance in square metres to the nearest point of `bounds`, at most that of any
-    /// point of this box: 0 if the two may touch, or for NaN.
+    /// Returns the squared distance, in square metres, between this box and `bounds`, up to rounding. No
+    /// point of this box, so not the eye either, is nearer to `bounds`. 0 if the boxes touch or overlap, or
+    /// for NaN.
     pub(super) fn gap_squared(&self, bounds: &Aabb) -> f64 {
         let gap = |axis: usize| {
             let below = f64::from(bounds.min[axis]) - self.high[axis];
@@ -54,18 +57,19 @@ impl EyeBox {
         gap(0) * gap(0) + gap(1) * gap(1) + gap(2) * gap(2)
     }
 
-    /// Returns the distance in metres to the nearest point of `bounds`, rounded down.
+    /// Returns the distance in metres between this box and `bounds`, up to rounding: the eye is not nearer to
+    /// `bounds`. 0 if the boxes touch or overlap.
     pub(super) fn distance(&self, bounds: &Aabb) -> f64 {
         sqrt(self.gap_squared(bounds))
     }
 
-    /// Tests whether a box is certainly farther away than `distance` metres.
+    /// Tests whether `bounds` are certainly more than `distance` metres from the eye.
     pub(super) fn is_beyond(&self, bounds: &Aabb, distance: f64) -> bool {
         self.gap_squared(bounds) > distance * distance * (1.0 + MARGIN)
     }
 
-    /// Tests whether a box is certainly nearer than `distance` metres. Where the eye may be anywhere, every
-    /// box counts as nearer than any distance above 0.
+    /// Tests whether `bounds` are certainly less than `distance` metres from the eye. For an eye that may be
+    /// anywhere, true for any distance above 0.
     pub(super) fn is_within(&self, bounds: &Aabb, distance: f64) -> bool {
         if !(self.high - self.low).is_finite() {
             return distance > 0.0;

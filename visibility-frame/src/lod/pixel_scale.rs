@@ -26,7 +26,8 @@ const U: f64 = f64::EPSILON / 2.0;
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct PixelScale {
     eye: EyeBox,
-    /// Squared pixels per metre at a distance of one metre, in parallel views at any distance, rounded up.
+    /// Square of the number of pixels that a metre covers at a distance of one metre (in parallel views, at
+    /// any distance). Too small by no more than [`MARGIN`] covers.
     squared: f64,
     /// True for a parallel view, false for a perspective one.
     is_parallel: bool,
@@ -76,14 +77,14 @@ impl PixelScale {
         self.eye.distance(bounds)
     }
 
-    /// Returns the box that certainly contains the point that distances are measured from, relative to the
+    /// Returns the box that certainly contains the eye, from which distances are measured, relative to the
     /// scene's origin.
     pub(super) fn eye(&self) -> &EyeBox {
         &self.eye
     }
 
-    /// Returns the test for objects of less than `least` pixels, `None` if no object is as small: for a
-    /// limit or a picture height that is NaN, zero or negative.
+    /// Returns the test for objects of less than `least` pixels. `None` if `least` or the picture height is
+    /// NaN, zero or negative: no object is then too small.
     pub(super) fn smaller_than(&self, least: f64) -> Option<SizeTest> {
         let limit = self.squared / (least * least) * (1.0 + MARGIN) + f64::MIN_POSITIVE;
         let test = SizeTest { eye: self.eye, limit, is_parallel: self.is_parallel };

@@ -101,8 +101,9 @@ impl State {
         Lod { level: self.level, previous: self.previous, fade: self.fade, opacity: self.opacity }
     }
 
-    /// Advances the cross-fade by `step`, the share of it that has passed, and changes to the nearest of
-    /// `levels` unless a cross-fade is in progress. An infinite step ends every fade at once.
+    /// Advances a cross-fade by `step`, a fraction of its duration. If no cross-fade is in progress then,
+    /// changes to the level in `levels` that is nearest to the present one, and begins a cross-fade to it. An
+    /// infinite step changes without a cross-fade.
     fn advance(&mut self, levels: RangeInclusive<u8>, step: f32) {
         self.fade = (self.fade + step).min(1.0);
         if self.fade < 1.0 {
@@ -146,8 +147,8 @@ impl LodSelector {
         }
     }
 
-    /// Sets the share of a limit by which the size of an object must be beyond the limit before the level
-    /// changes, from 0 to 0.9; others are clamped, NaN counts as 0.
+    /// Sets the hysteresis: the fraction of a limit by which an object's size must be beyond the limit before
+    /// the level changes, from 0 to 0.9. Other numbers are clamped, NaN counts as 0.
     #[must_use]
     pub fn with_hysteresis(self, share: f64) -> Self {
         Self { hysteresis: share.clamp(0.0, 0.9).max(0.0), ..self }

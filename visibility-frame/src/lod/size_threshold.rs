@@ -4,28 +4,29 @@ use super::eye_box::EyeBox;
 use visibility_core::Aabb;
 use visibility_core::scene::{Boxes64, FAN_OUT};
 
-/// Tests whether objects are too small for a view.
+/// Tests whether objects have less than a least number of pixels in a view.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct SizeTest {
     pub(super) eye: EyeBox,
-    /// Greatest squared ratio of distance and diagonal at which an object is large enough, rounded up. In
-    /// parallel views, the inverse of the least squared diagonal.
+    /// Greatest squared ratio of an object's distance to its diagonal at which the object is large enough,
+    /// rounded up. In parallel views, 1 over the least squared diagonal in square metres.
     pub(super) limit: f64,
     pub(super) is_parallel: bool,
 }
 
 impl SizeTest {
-    /// Tests whether every box within `bounds` whose squared diagonal is at most `diagonal_squared` is
-    /// certainly too small. Rounding cannot reverse the order of two distances or of two diagonals, so this
-    /// is true only if [`small`](Self::small) says the same of each such box.
+    /// Tests whether every box within `bounds` whose squared diagonal is at most `diagonal_squared` certainly
+    /// has less than the least number of pixels. Rounding cannot reverse the order of two distances or of two
+    /// diagonals, so this is true only if [`small`](Self::small) returns -1 for each such box.
     pub(super) fn is_small(&self, bounds: &Aabb, diagonal_squared: f64) -> bool {
         let gap = if self.is_parallel { 1.0 } else { self.eye.gap_squared(bounds) };
         gap > diagonal_squared * self.limit
     }
 
-    /// Returns -1 for each box that is certainly too small, 0 for all others. `rows` are rows of
-    /// [`Boxes64`] in their order. Computes what [`is_small`](Self::is_small) computes
-    /// for a box and its own diagonal, in the same order; eight boxes at a time stay in registers.
+    /// For each box, returns -1 if it certainly has less than the least number of pixels, otherwise 0: a
+    /// sign, as the kernels collect. `rows` are the rows of [`Boxes64`] in their order: min x, y, z, max x,
+    /// y, z. For each box, does what [`is_small`](Self::is_small) does for the box and its own diagonal, in
+    /// the same order. Eight boxes at a time stay in registers.
     #[inline(always)]
     fn small<const WIDTH: usize>(&self, rows: [&[f32; WIDTH]; 6]) -> [f32; WIDTH] {
         let mut result = [0.0; WIDTH];
@@ -53,8 +54,9 @@ impl SizeTest {
     }
 }
 
-/// Evaluates [`SizeTest::small`] for `WIDTH` lanes at a time and returns a mask of the lanes whose box is
-/// certainly too small, bit i for lane i. `signs` returns a mask of the negative numbers of its argument.
+/// Evaluates [`SizeTest::small`] for `WIDTH` lanes at a time and returns a mask of the lanes whose box
+/// certainly has less than the least number of pixels, bit i for lane i. `signs` returns a mask of the
+/// negative numbers of its argument.
 #[inline(always)]
 pub(crate) fn small_boxes<const WIDTH: usize>(
     boxes: &Boxes64,

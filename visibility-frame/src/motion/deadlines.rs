@@ -3,8 +3,8 @@
 use alloc::collections::BinaryHeap;
 use core::cmp::Ordering;
 
-/// A heap with the earliest deadline on top. Entries of movers that lost their volume stay until their
-/// deadline, or until they are more than half of the heap.
+/// A heap with the earliest deadline on top. An entry whose mover has lost its volume stays until the
+/// deadline, or until the heap has two entries a mover.
 #[derive(Clone, Debug)]
 pub(super) struct Deadlines {
     heap: BinaryHeap<Entry>,
@@ -42,7 +42,7 @@ impl Deadlines {
         Self { heap: BinaryHeap::new() }
     }
 
-    /// Reserves what `movers` movers need at most.
+    /// Reserves memory for the most entries that `movers` movers can have: two a mover, and one.
     pub(super) fn reserve(&mut self, movers: usize) {
         self.heap.reserve((2 * movers + 1).saturating_sub(self.heap.len()));
     }
@@ -63,8 +63,9 @@ impl Deadlines {
         self.heap.push(Entry { deadline, place });
     }
 
-    /// Removes the earliest deadline of the volumes that there are now and returns the position of its mover
-    /// in the list of movers. `None` if no such deadline is before `time`.
+    /// Removes the earliest deadline at which an existing volume ends, and returns the position of its mover
+    /// in the list of movers. `None` if no such deadline is before `time`. `is_current` is as for
+    /// [`push`](Self::push).
     pub(super) fn pop_before(&mut self, time: f64, is_current: impl Fn(f64, u32) -> bool) -> Option<u32> {
         while self.heap.peek().is_some_and(|entry| entry.deadline < time) {
             if let Some(entry) = self.heap.pop().filter(|entry| is_current(entry.deadline, entry.place)) {

@@ -29,14 +29,14 @@ pub struct Motion {
     /// [`region`](Self::region) bounds the motion.
     pub max_speed: f32,
     /// Box that the bounds never leave, relative to the scene's origin in the next call of
-    /// [`begin_frame`](MotionVolumes::begin_frame); the infinite box if none is known. A region that does not
-    /// contain the bounds is ignored while it does not. A region is dropped when the scene's origin is set,
-    /// and in another scene: [insert](MotionVolumes::insert) the mover again with a new one.
+    /// [`begin_frame`](MotionVolumes::begin_frame); the infinite box if none is known. While a region does
+    /// not contain the bounds, it is ignored. A region is dropped when the scene's origin is set, and in
+    /// another scene: [insert](MotionVolumes::insert) the mover again with a new one.
     pub region: Aabb,
 }
 
 impl Motion {
-    /// Returns a motion with a greatest speed, anywhere in space.
+    /// Returns a motion of at most the speed `max_speed`, anywhere in space.
     pub const fn new(max_speed: f32) -> Self {
         Self { max_speed, region: Aabb::new(Vec3::NEG_INFINITY, Vec3::INFINITY) }
     }
@@ -83,7 +83,7 @@ impl Motion {
     }
 }
 
-/// Meaning of the bounds that the scene has for a mover.
+/// State of a mover, which tells what its bounds in the scene mean.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum State {
     /// The element of the list `movers` holds no mover.
@@ -192,7 +192,8 @@ pub struct MotionVolumes {
     /// mover.
     places: Vec<u32>,
     free: Vec<u32>,
-    /// Positions in `movers` of all movers without a volume, each once, and maybe of free elements.
+    /// Positions in `movers` of all movers without a volume, each once. Some may be of movers that were
+    /// removed.
     active: Vec<u32>,
     deadlines: Deadlines,
     /// Scratch memory: movers whose bounds in the scene `begin_frame` replaces, with their new volumes,
@@ -200,14 +201,14 @@ pub struct MotionVolumes {
     moved: Vec<(ObjectId, Aabb)>,
     cursor: SceneCursor,
     time: f64,
-    /// Time from the frame before to the present one.
+    /// Time from the frame before to the present one, in the caller's unit.
     frame_time: f64,
 }
 
-/// Mark of an object that is no mover.
+/// Value of `places` for an object that is no mover.
 const NONE: u32 = u32::MAX;
 
-/// Least, first and greatest length of a span, in frames.
+/// Least, first and greatest span, in frames: the time for which a motion volume is to hold.
 const SPANS: [f32; 3] = [2.0, 8.0, 4096.0];
 
 impl Default for MotionVolumes {
@@ -295,10 +296,10 @@ impl MotionVolumes {
         is_mover.then_some(place)
     }
 
-    /// Begins the frame at `time`: gives the movers that the last frame hid their volumes, and replaces the
-    /// content of `due` with the movers whose exact bounds the caller must set before it culls. Any unit of
-    /// time will do that [`Motion::max_speed`] is given in. Movers that the scene no longer contains are
-    /// removed.
+    /// Begins the frame at `time`: gives motion volumes to the movers that were hidden in the last frame, and
+    /// replaces the content of `due` with the movers whose exact bounds the caller must set before it culls.
+    /// `time` may be in any unit, if [`Motion::max_speed`] is in metres per that unit. Movers that the scene
+    /// no longer contains are removed.
     pub fn begin_frame(&mut self, scene: &mut Scene, time: f64, due: &mut Vec<ObjectId>) {
         due.clear();
         self.take_changes(scene);
@@ -357,8 +358,8 @@ impl MotionVolumes {
         Ok(())
     }
 
-    /// Lets a mover that the frame at time `last` hid have a volume, if one holds beyond the present frame.
-    /// Returns false if none does: the mover is due.
+    /// Gives a mover, which was hidden in the frame at time `last`, a motion volume that holds beyond the
+    /// present frame. Returns false if no such volume is known: the mover is then due.
     fn enter_volume(&mut self, scene: &Scene, place: u32, last: f64) -> bool {
         let mover = &mut self.movers[place as usize];
         let Ok(bounds) = scene.bounds(mover.id) else { return false };
@@ -411,8 +412,8 @@ impl MotionVolumes {
     /// Makes every mover due whose bounds were set, or may have been, since the scene was last read, and
     /// removes those that the scene no longer contains.
     ///
-    /// Volumes, the exact bounds of this frame and regions are numbers in scene coordinates. Once the origin
-    /// was set they are other places, though equal numbers are still in the scene.
+    /// Volumes, the exact bounds of this frame and regions are in scene coordinates. After the origin was
+    /// set, their numbers stand for other places, even where the scene still holds equal numbers.
     fn take_changes(&mut self, scene: &Scene) {
         let is_placed = self.cursor.is_at_origin_of(scene);
         match self.cursor.follow(scene) {

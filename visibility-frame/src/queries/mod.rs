@@ -148,8 +148,9 @@ impl<'a> SceneQuery<'a> {
         });
     }
 
-    /// Calls `each` for every block of objects that are never culled, which no hierarchy holds: with their
-    /// boxes and ids, the mask of those on the query's layers, and the mask of lanes with improper bounds.
+    /// Calls `each` for every block of objects that are never culled, which no hierarchy holds. The arguments
+    /// of `each` are the boxes and the ids of the block, the mask of the lanes with an object on the query's
+    /// layers, and the mask of the lanes with improper bounds; bit i stands for lane i.
     fn for_each_unculled(&self, mut each: impl FnMut(&Boxes64, &[ObjectId; FAN_OUT], u64, u64)) {
         for block in unculled_blocks(self.scene) {
             let (boxes, Some((leaf, ids))) = (block.boxes(), block.leaf()) else { continue };

@@ -101,7 +101,8 @@ impl SceneQuery<'_> {
     }
 }
 
-/// Adds a candidate to the at most `count` best, the worst of which is on top of the heap. `count` is not 0.
+/// Adds a candidate to the heap of the best candidates, the worst of which is on top. Keeps the best `count`,
+/// which is not 0.
 fn offer(heap: &mut BinaryHeap<Neighbor>, count: usize, candidate: Neighbor) {
     if heap.len() < count {
         heap.push(candidate);

@@ -39,17 +39,18 @@ pub struct Ray {
     origin: [f32; 3],
     /// Sign of the direction on each axis: 1, 0 or -1.
     sign: [f32; 3],
-    /// Lower bound of `1 / |d|` on each axis, the greatest number for `d = 0`.
+    /// Lower bound of `1 / |d|` on each axis, `f32::MAX` for `d = 0`; [`Ray`] defines `d`, the scaled
+    /// direction.
     low: [f32; 3],
-    /// Upper bound of `1 / |d|` on each axis, may be infinite.
+    /// Upper bound of `1 / |d|` on each axis, infinite for `d = 0`.
     high: [f32; 3],
-    /// Upper bound of the parameter `t` of the ray's end.
+    /// Upper bound of the parameter `t` at which the ray ends: its points are `origin + t d`.
     end: f32,
     /// Length of `d`: metres per unit of `t`, from 1 to the square root of 3.
     length: f64,
 }
 
-/// Margin of inverses and lengths, eight times the unit round-off of `f32`.
+/// Relative margin for the rounding of inverses and lengths, eight times the unit round-off of `f32`.
 const MARGIN: f64 = 4.0 * f32::EPSILON as f64;
 
 /// Absolute margin of differences of coordinates, 2^-125.
@@ -115,8 +116,8 @@ impl Ray {
         mask_of(|i| enter[i] <= exit[i])
     }
 
-    /// Returns the distance in metres that a parameter stands for. `f64` rounds far below the margin of the
-    /// parameter, which covers the conversion to `f32` too.
+    /// Returns the distance in metres from the ray's origin to the point at a parameter `t`. The rounding of
+    /// `f64` is far below the margin of the parameter, which covers the conversion to `f32` too.
     fn distance(&self, parameter: f32) -> f32 {
         (f64::from(parameter) * self.length) as f32
     }

@@ -5,15 +5,17 @@ use visibility_core::frustum::ConvexVolume;
 use visibility_core::geometry::Sphere;
 use visibility_core::scene::{Boxes64, FAN_OUT, lanes};
 
-/// A part of space. Masks have bit i for lane i; lanes without a box may have any value.
+/// A part of space that 64 boxes are tested against. In the masks that it returns, bit i stands for lane i;
+/// lanes without a box may have any value.
 pub(crate) trait Region {
-    /// Whether [`outside`](Self::outside) ever returns a lane.
+    /// False if [`outside`](Self::outside) always returns 0, as for all of space.
     const EXCLUDES: bool = true;
 
     /// Returns the lanes whose box certainly does not touch the region.
     fn outside(&self, boxes: &Boxes64) -> u64;
 
-    /// Returns the lanes whose box, with all that it contains, certainly touches the region.
+    /// Returns the lanes whose box is certainly inside the region, so that every box within it touches the
+    /// region.
     fn inside(&self, boxes: &Boxes64) -> u64;
 }
 
@@ -115,7 +117,8 @@ impl SphereRegion {
         }
     }
 
-    /// Returns the squares of `gap(c, min, max)`, summed over the axes, for coordinate `c` of the centre.
+    /// For each box, returns the squares of `gap(c, min, max)` summed over the axes, where `c` is the
+    /// centre's coordinate on the axis, `min` and `max` those of the box.
     #[inline(always)]
     fn squares(&self, boxes: &Boxes64, gap: impl Fn(f32, f32, f32) -> f32) -> [f32; FAN_OUT] {
         let mut sums = [0.0; FAN_OUT];

@@ -9,7 +9,8 @@ use crate::scene::boxes64::{fold, lanes};
 use crate::scene::draw_range::Detail;
 
 impl Tree {
-    /// Returns the data of an object that has draw range, parent or children; of any other, the default.
+    /// Returns the draw range, the HLOD parent and the children of an object, by its index; [`Detail::NONE`]
+    /// if none were set.
     #[inline]
     pub(crate) fn detail(&self, index: usize) -> Detail {
         self.details.get(index).copied().unwrap_or(Detail::NONE)
@@ -31,7 +32,8 @@ impl Tree {
         (contains && layers & !layers_above == 0).then_some(above)
     }
 
-    /// Returns a bound on the distance in metres to which the object in a slot is drawn, as it is now.
+    /// Returns an upper bound on the distance of the eye, in metres, at which the object in a slot is still
+    /// drawn; infinite for an object without a limit.
     fn draw_end(&self, slot: Slot) -> f32 {
         let end = self.detail(self.ids[slot.node()][slot.lane()].index()).range.end;
         let Some(above) = self.substitute(slot) else { return end };
@@ -44,7 +46,8 @@ impl Tree {
         (((f64::from(end.min(begin)) + diagonal) * (1.0 + 1e-6)) as f32).next_up()
     }
 
-    /// Returns the bounds of a leaf or inner node, made from what the node holds now.
+    /// Returns the bounds of a leaf or inner node on the size and the draw distance of the objects below,
+    /// computed from what the node holds now.
     pub(super) fn measured(&self, node: usize) -> DetailBounds {
         if self.levels[node] > 0 && !self.is_unculled_leaf(node) {
             let below = lanes(self.occupied[node]).map(|lane| self.detail_bounds[self.child(node, lane)]);
@@ -58,7 +61,8 @@ impl Tree {
         DetailBounds { diagonal_squared, end }
     }
 
-    /// Marks the lanes of a leaf whose objects have details, and computes the leaf's bounds on details.
+    /// Computes the mask of a leaf's objects that have a draw range, an HLOD parent or children, and the
+    /// leaf's bounds on size and draw distance.
     pub(in crate::scene) fn measure_leaf(&mut self, leaf: usize) {
         let mask = if self.details.is_empty() { 0 } else { self.occupied[leaf] };
         let detailed = lanes(mask).filter(|&lane| self.detail(self.ids[leaf][lane].index()) != Detail::NONE);
@@ -84,7 +88,8 @@ impl Tree {
         self.raise(node as u32, bounds);
     }
 
-    /// Raises the bounds of a node and of all nodes above it, stopping at the first that is high enough.
+    /// Raises the bounds of a node and of all nodes above it, stopping at the first that includes `bounds`
+    /// already.
     pub(super) fn raise(&mut self, node: u32, bounds: DetailBounds) {
         let mut node = node as usize;
         loop {

@@ -9,7 +9,8 @@ use crate::scene::FAN_OUT;
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 
-/// Token of a state of the tree. Results of that state hold clones, whose number tells whether any is left.
+/// Token of a state of the tree. Results of that state hold clones of it; the count of clones tells whether
+/// such a result is left.
 #[cfg(target_has_atomic = "ptr")]
 pub(crate) type Token = alloc::sync::Arc<u64>;
 
@@ -33,16 +34,16 @@ pub(crate) struct History {
     copies: VecDeque<Copied>,
     /// Number of copies that were dropped from the front of `copies` so far.
     dropped: u64,
-    /// For each node: one more than the number of its newest copy, where copies are numbered from the first
-    /// one ever made. 0, and past the end, for nodes without a copy. If that copy is dropped, the node has
-    /// none.
+    /// For each node: the number of its newest copy, counted from 1 for the first copy ever made. 0, and past
+    /// the end, for nodes without a copy. If that copy is dropped, the node has none.
     newest: Vec<u64>,
 }
 
 /// Content of a node at an earlier state of the scene.
 #[derive(Debug)]
 struct Copied {
-    /// Number of the state: the newest one with a token when the copy was made.
+    /// Number of the state that the content is of: that of the last of `History::earlier` when the copy was
+    /// made.
     state: u64,
     /// What `newest` was for the node before this copy was made.
     older: u64,
@@ -58,7 +59,8 @@ impl Clone for History {
 }
 
 impl History {
-    /// Returns the copy with a number of `newest`. `None` if there is none or it was dropped.
+    /// Returns the copy with the given number, counted as in `newest`. `None` for 0, or if the copy was
+    /// dropped.
     fn numbered(&self, number: u64) -> Option<&Copied> {
         self.copies.get(usize::try_from(number.checked_sub(self.dropped + 1)?).ok()?)
     }
@@ -75,13 +77,14 @@ impl History {
 
 #[cfg(target_has_atomic = "ptr")]
 impl History {
-    /// Returns a token for a result of the present state, which [`at`](Self::at) can read as long as the
-    /// token lives. `None` on processors without atomic counts.
+    /// Returns a token for a result of the present state. As long as the token lives, [`at`](Self::at)
+    /// returns the content of nodes at that state. `None` on processors without atomic counts.
     pub(super) fn token(&self) -> Option<Token> {
         Some(self.present.clone())
     }
 
-    /// Returns whether a node must be [copied](Self::copy) before it is changed: if a result may read it.
+    /// Returns whether some result may still read a node's content, so that a node must be
+    /// [copied](Self::copy) before it is changed.
     #[inline]
     pub(super) fn is_needed(&self) -> bool {
         !self.earlier.is_empty() || Token::strong_count(&self.present) > 1

@@ -323,8 +323,8 @@ impl Tree {
         self.history.token()
     }
 
-    /// Returns the level and the ids of a node, as they were at the state of `token`; without a token as they
-    /// are.
+    /// Returns the level and the ids of a node, as they were at the state of `token`; for `None`, as they are
+    /// now.
     pub(crate) fn contents_at(&self, node: usize, token: Option<&Token>) -> (u8, &[ObjectId; FAN_OUT]) {
         self.history.at(node, token).unwrap_or_else(|| (self.levels[node], &self.ids[node]))
     }

@@ -63,7 +63,8 @@ impl Tree {
     }
 
     /// Sets the bounds of all nodes above the leaves to the hulls of their contents, and their bounds on
-    /// details to what they hold, level by level. The lanes that hold leaves must be right.
+    /// details to what they hold, level by level. The boxes of the lanes that hold leaves must be right
+    /// already.
     fn tighten_all(&mut self) {
         let height = if self.root == NONE { 0 } else { self.levels[self.root as usize] };
         for level in 1..=height {
@@ -94,8 +95,9 @@ fn fetch(moved: &[(ObjectId, Aabb)], positions: &[u32; FAN_OUT]) {
     core::hint::black_box(sum);
 }
 
-/// Returns whether all boxes, except in the lanes of `free`, certainly are finite and not far from `home`.
-/// `None` stands for all of space. A box that has not moved may be far: false then.
+/// Returns whether every box, except in the lanes of the mask `free`, is finite and has its centre near
+/// `home`: [`is_far`] is false. `None` stands for all of space. A box that has not moved may be far: false
+/// then.
 fn all_stay(boxes: &Boxes64, free: u64, home: Option<&Aabb>) -> bool {
     let mut bad = [0u32; FAN_OUT];
     for axis in 0..3 {

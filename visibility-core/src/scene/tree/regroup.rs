@@ -104,9 +104,8 @@ impl Tree {
     }
 
     /// Redistributes the contents of a group's nodes if the sum of the sizes of their bounds shrinks below
-    /// [`MIN_SHRINK`] of the former sum,
-    /// or if fewer nodes suffice and that sum does not grow. With `merge`, fewer nodes are enough, whatever
-    /// the sizes. Nodes left empty are freed.
+    /// [`MIN_SHRINK`] of the former sum, or if fewer nodes suffice and that sum does not grow. With `merge`
+    /// true, it is enough that fewer nodes suffice, whatever the sizes. Nodes left empty are freed.
     ///
     /// Returns the number of objects that moved to another node; for nodes above the leaves, the number of
     /// child nodes. After `Some(0)` objects may still have changed lanes. `None` if nothing was changed.
@@ -219,7 +218,8 @@ impl Tree {
 /// Greatest average number of items per remaining node, out of 64 lanes, up to which the nodes of a group are
 /// merged.
 const MERGE_FILL: usize = 60;
-/// Regrouping is carried out if it reduces the sum of the nodes' sizes below this fraction of the former sum.
+/// Regrouping is carried out if it reduces the sum of the [sizes](size) of the nodes' bounds below this
+/// fraction of the former sum.
 const MIN_SHRINK: f32 = 0.97;
 
 /// Returns the sum of the half sides of a box, which is proportional to its mean width, and so to the

@@ -11,8 +11,8 @@ pub(in crate::scene) struct Scratch {
     /// Ids and new bounds, relative to the scene's origin, of the objects of a batch of transforms, in batch
     /// order.
     pub(in crate::scene) placed: Vec<(ObjectId, Aabb)>,
-    /// Indexed by slot: the last position in the batch of the object in the slot, `NONE` if the batch does
-    /// not have the object.
+    /// Indexed by slot: the last position in the batch at which the slot's object is listed, `NONE` if the
+    /// batch does not have the object.
     pub(super) positions: Vec<u32>,
     /// Slot of each object of the batch before the first move, in batch order.
     pub(in crate::scene) slots: Vec<Slot>,
