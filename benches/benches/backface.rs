@@ -8,7 +8,7 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use std::hint::black_box;
 use visibility_benches::workload::Random;
 use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::{Aabb, Culler, FrustumCuller, Pose, Scene, View, VisibleSet, view::Eye};
+use visibility_core::{Aabb, Culler, FrustumCuller, Object, Pose, Scene, View, VisibleSet, view::Eye};
 use visibility_frame::backface::{BackfaceCuller, Cones, NormalCone};
 
 /// Makes `count` clusters like those of meshes, as bounds and normal cone: patches about a metre wide with
@@ -56,7 +56,8 @@ fn backface(c: &mut Criterion) {
 
         let mut scene = Scene::new();
         // One object per cluster, with the cluster's bounds and cone.
-        let ids = scene.insert_batch(clusters.iter().map(|(bounds, _)| *bounds));
+        let one_sided = |bounds| Object { one_sided: true, ..Object::new(bounds) };
+        let ids = scene.insert_batch(clusters.iter().map(|(bounds, _)| one_sided(*bounds)));
         let mut culler = BackfaceCuller::new();
         for (&id, (_, cone)) in ids.iter().zip(&clusters) {
             culler.set(&scene, id, *cone).expect("an object of the scene");

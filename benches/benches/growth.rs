@@ -139,7 +139,10 @@ const STRUCTURES: &[Structure] = &[
         timed(|| DelaunayTessellation::new(&scene))
     }),
     ("backface cones", |boxes| {
-        let scene = scene(boxes);
+        let mut scene = scene(boxes);
+        for id in scene.ids().collect::<Vec<_>>() {
+            scene.set_one_sided(id, true).expect("of this scene");
+        }
         let mut culler = BackfaceCuller::new();
         timed(|| culler.sync(&scene))
     }),

@@ -2,7 +2,9 @@
 //! faces an eye.
 
 use visibility_core::glam::{DAffine3, DMat3, DVec3, Vec3};
-use visibility_core::{Aabb, Culler, Scene, View, VisibleSet, scene::Triangle, simd::Simd, view::Eye};
+use visibility_core::{
+    Aabb, Culler, Object, Scene, View, VisibleSet, scene::Triangle, simd::Simd, view::Eye,
+};
 use visibility_frame::backface::{
     BackfaceCuller, ClusterError, Cones, Facing, NormalCone, cluster_mesh, facing,
 };
@@ -518,7 +520,8 @@ fn any_camera_hides_only_what_its_matrix_sees_from_behind() {
                     0 => vec![core::array::from_fn(|_| (at + rng.vector(size)).as_vec3())],
                     _ => roof(&mut rng, at, about, size / 256.0).to_vec(),
                 };
-                let id = scene.insert(Aabb::from_points(shape.iter().flatten().copied()));
+                let bounds = Aabb::from_points(shape.iter().flatten().copied());
+                let id = scene.insert(Object { one_sided: true, ..Object::new(bounds) });
                 scene.set_triangles(id, shape.clone()).unwrap();
                 (id, shape)
             })

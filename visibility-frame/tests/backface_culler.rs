@@ -14,8 +14,12 @@ fn triangle(rng: &mut Random) -> Triangle {
     core::array::from_fn(|_| (at + rng.vector(1.0)).as_vec3())
 }
 
+fn one_sided(triangle: Triangle) -> Object {
+    Object { one_sided: true, ..Object::new(Aabb::from_points(triangle)) }
+}
+
 fn insert(scene: &mut Scene, triangle: Triangle) -> ObjectId {
-    let id = scene.insert(Aabb::from_points(triangle));
+    let id = scene.insert(one_sided(triangle));
     scene.set_triangles(id, [triangle]).unwrap();
     id
 }
@@ -111,10 +115,10 @@ fn a_moved_object_is_visible_until_it_is_set_again() {
     let cone = NormalCone::from_triangles(&[floor]);
     let below = view_from(DVec3::new(0.3, 0.2, -5.0));
     let (mut scene, mut culler) = (Scene::new(), BackfaceCuller::new());
-    let one = scene.insert(Aabb::from_points(floor));
-    let two = scene.insert(Aabb::from_points(floor));
+    let one = scene.insert(one_sided(floor));
+    let two = scene.insert(one_sided(floor));
     culler.set(&scene, one, cone).unwrap();
-    let three = scene.insert(Aabb::from_points(floor));
+    let three = scene.insert(one_sided(floor));
     culler.set(&scene, two, cone).unwrap();
     let seen = |culler: &mut BackfaceCuller, scene: &Scene| {
         let visible = cull(culler, scene, &below);
@@ -131,7 +135,7 @@ fn a_moved_object_is_visible_until_it_is_set_again() {
     assert_eq!(seen(&mut culler, &scene), [false, false, true], "the first object is culled again");
     // A new object that reuses the index of the removed one.
     scene.remove(two).unwrap();
-    let four = scene.insert(Aabb::from_points(floor));
+    let four = scene.insert(one_sided(floor));
     assert_eq!(four.index(), two.index(), "the new object takes the index of the old");
     assert!(cull(&mut culler, &scene, &below).contains(&scene, four), "the new object has no cone");
     assert!(culler.set(&scene, two, cone).is_err(), "the object was removed");
@@ -151,31 +155,34 @@ fn a_moved_object_is_visible_until_it_is_set_again() {
 }
 
 #[test]
-fn two_sided_and_never_culled_objects_are_kept() {
+fn objects_drawn_from_both_sides_and_never_culled_ones_are_kept() {
     let floor: Triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
     let (mut scene, mut culler) = (Scene::new(), BackfaceCuller::new());
-    let leaf = insert(&mut scene, floor);
+    // Objects are drawn from both sides by default.
+    let leaf = scene.insert(Aabb::from_points(floor));
+    scene.set_triangles(leaf, [floor]).unwrap();
     let wall = insert(&mut scene, floor);
-    let sign = scene.insert(Object { never_cull: true, ..Object::new(Aabb::from_points(floor)) });
+    let sign = scene.insert(Object { never_cull: true, ..one_sided(floor) });
     scene.set_triangles(sign, [floor]).unwrap();
-    culler.set_two_sided(&scene, leaf, true).unwrap();
     culler.sync(&scene);
-    culler.set(&scene, leaf, NormalCone::from_triangles(&[floor])).unwrap();
     let below = view_from(DVec3::new(0.3, 0.2, -5.0));
     let seen = |culler: &mut BackfaceCuller, scene: &Scene| {
         let visible = cull(culler, scene, &below);
         [leaf, wall, sign].map(|id| visible.contains(scene, id))
     };
-    assert_eq!(
-        seen(&mut culler, &scene),
-        [true, false, true],
-        "a two-sided leaf, a wall, and a sign that is never culled"
-    );
-    scene.set_bounds(leaf, Aabb::from_points(floor)).unwrap();
+    let (kept, backs) = ([true, false, true], [false, false, true]);
+    assert_eq!(seen(&mut culler, &scene), kept, "a leaf with both sides, a wall, and a sign never culled");
+    let cone = NormalCone::from_triangles(&[floor]);
+    culler.set(&scene, leaf, cone).unwrap();
+    assert_eq!(seen(&mut culler, &scene), kept, "a cone given for what has both sides is ignored");
+    scene.set_one_sided(leaf, true).unwrap();
+    assert_eq!(seen(&mut culler, &scene), kept, "the leaf has changed since the last sync");
     culler.sync(&scene);
-    assert_eq!(seen(&mut culler, &scene), [true, false, true], "it stays two-sided");
-    culler.set_two_sided(&scene, leaf, false).unwrap();
-    assert_eq!(seen(&mut culler, &scene), [false, false, true], "the leaf is one-sided again");
+    assert_eq!(seen(&mut culler, &scene), backs, "the leaf has a front alone");
+    scene.set_one_sided(leaf, false).unwrap();
+    assert_eq!(seen(&mut culler, &scene), kept, "the leaf has both sides, before the sync");
+    culler.sync(&scene);
+    assert_eq!(seen(&mut culler, &scene), kept, "the leaf has both sides, after the sync");
 }
 
 /// Returns a scene and its clone, whose objects have equal ids but opposite winding, the object's id, and a
@@ -226,39 +233,4 @@ fn blocks_of_a_scene_are_made_anew_after_another() {
     culler.sync(&a);
     assert!(cull(&mut culler, &a, &back).contains(&a, id), "the front after the winding is reversed");
     assert!(!cull(&mut culler, &a, &front).contains(&a, id), "the back after the winding is reversed");
-}
-
-#[test]
-fn two_sided_objects_stay_so_while_the_culler_is_with_another_scene() {
-    let up: Triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
-    let mut a = Scene::new();
-    let gone = insert(&mut a, up);
-    a.remove(gone).unwrap();
-    // In the first scene the index is reused after a removal; in the other it is still that of the first
-    // object.
-    let leaf = insert(&mut a, up);
-    let mut b = Scene::new();
-    let other = insert(&mut b, up);
-    assert!(leaf.index() == other.index() && leaf != other, "{leaf} and {other} share an index");
-    let below = view_from(DVec3::new(0.3, 0.2, -5.0));
-    let mut culler = BackfaceCuller::new();
-    culler.set_two_sided(&a, leaf, true).unwrap();
-    culler.sync(&b);
-    assert!(!cull(&mut culler, &b, &below).contains(&b, other), "the other scene's object is one-sided");
-    culler.sync(&a);
-    assert!(cull(&mut culler, &a, &below).contains(&a, leaf), "the leaf is two-sided after the other scene");
-}
-
-#[test]
-fn what_one_scene_removes_stays_two_sided_in_another() {
-    let ([mut a, b], id, [above, _]) = opposite_scenes();
-    let mut culler = BackfaceCuller::new();
-    for scene in [&a, &b] {
-        culler.set_two_sided(scene, id, true).unwrap();
-    }
-    culler.sync(&a);
-    a.remove(id).unwrap();
-    culler.sync(&a);
-    culler.sync(&b);
-    assert!(cull(&mut culler, &b, &above).contains(&b, id), "its back is drawn");
 }

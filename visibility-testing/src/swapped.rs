@@ -131,9 +131,10 @@ fn view(rng: &mut Random) -> View {
 /// occluder meshes. All such scenes have the same object ids.
 pub fn scene(rng: &mut Random) -> Scene {
     let mut scene = Scene::new();
-    for _ in 0..150 {
+    for number in 0..150 {
         let triangle = random_triangle(rng);
-        let id = scene.insert(Aabb::from_points(triangle));
+        let one_sided = number % 2 == 0;
+        let id = scene.insert(Object { one_sided, ..Object::new(Aabb::from_points(triangle)) });
         scene.set_triangles(id, [triangle]).unwrap();
     }
     for _ in 0..10 {
@@ -195,7 +196,7 @@ fn change(scene: &mut Scene, rng: &mut Random) {
         if !scene.contains(id) {
             continue;
         }
-        match rng.below(8) {
+        match rng.below(9) {
             0 => {
                 // The index of the removed object is used again.
                 scene.remove(id).unwrap();
@@ -209,6 +210,7 @@ fn change(scene: &mut Scene, rng: &mut Random) {
             2 => scene.set_layers(id, rng.pick(&[0, 1, u32::MAX])).unwrap(),
             3 => scene.set_never_cull(id, rng.one_in(2)).unwrap(),
             4 => scene.set_origin(rng.vector(1.0)).unwrap(),
+            5 => scene.set_one_sided(id, rng.one_in(2)).unwrap(),
             _ if scene.has_mesh(id) => {
                 let wall = random_wall(rng);
                 scene.set_occluder(id, !rng.one_in(4)).unwrap();

@@ -43,7 +43,7 @@ pub(crate) fn scene(rng: &mut Random) -> Scene {
             _ => rng.vector(0.4).abs() + 0.05,
         };
         let bounds = Aabb::new((middle - half).as_vec3(), (middle + half).as_vec3());
-        let id = scene.insert(Object { occluder: true, cost: 12, ..Object::new(bounds) });
+        let id = scene.insert(Object { occluder: true, one_sided: true, cost: 12, ..Object::new(bounds) });
         scene.set_triangles(id, triangles_of(id.index(), &bounds)).unwrap();
     }
     scene.prepare_occluders(&Preparation::default());

@@ -3,7 +3,6 @@
 use super::split_eye::SplitEye;
 use super::{Cones64, NormalCone};
 use crate::simd_dispatch::Kernels;
-use alloc::collections::BTreeSet;
 use alloc::vec::Vec;
 use visibility_core::scene::{FAN_OUT, lanes};
 use visibility_core::walk::{Child, SceneHierarchy, Walk};
@@ -17,15 +16,15 @@ use visibility_core::{
 /// Removes objects of which the eye sees only back faces, in a scene whose objects are clusters of triangles.
 /// Conservative.
 ///
-/// Only one-sided objects may be removed, since the backs of two-sided objects are drawn. Two-sided objects
-/// must be declared by [`set_two_sided`](Self::set_two_sided) and are always kept.
+/// Only [one-sided](visibility_core::Object::one_sided) objects may be removed, since the backs of others are
+/// drawn: these are always kept.
 ///
-/// Each object has a [`NormalCone`], built from its triangles in the scene by [`sync`](Self::sync), or given
+/// Each one-sided object has a [`NormalCone`], built from its triangles in the scene by [`sync`](Self::sync), or given
 /// by the caller to [`set`](Self::set). An object without a cone, or changed since its cone was made, counts
 /// as visible.
 ///
 /// A culler belongs to one scene. Used with another scene, a clone included, it drops all cones and hides
-/// nothing until the cones are built anew. The two-sided flags are kept by object id for all scenes.
+/// nothing until the cones are built anew.
 ///
 /// # Cost
 /// `sync`: 60 microseconds for each changed object of 100 triangles. `cull`: about 0.5 ns for a candidate.
@@ -33,9 +32,10 @@ use visibility_core::{
 ///
 /// ```
 /// use visibility_frame::backface::BackfaceCuller;
-/// use visibility_core::{glam::{DVec3, Vec3}, Aabb, Pipeline, Pose, Scene, View, VisibleSet};
+/// use visibility_core::{glam::{DVec3, Vec3}, Aabb, Object, Pipeline, Pose, Scene, View, VisibleSet};
 /// let mut scene = Scene::new();
-/// let wall = scene.insert(Aabb::from_arrays([5.0, 0.0, 0.0], [5.0, 1.0, 1.0]));
+/// let bounds = Aabb::from_arrays([5.0, 0.0, 0.0], [5.0, 1.0, 1.0]);
+/// let wall = scene.insert(Object { one_sided: true, ..Object::new(bounds) });
 /// scene.set_triangles(wall, [[Vec3::X * 5.0, Vec3::new(5.0, 1.0, 0.0), Vec3::new(5.0, 0.0, 1.0)]])?;
 /// let mut culler = BackfaceCuller::new();
 /// culler.sync(&scene);
@@ -57,12 +57,6 @@ pub struct BackfaceCuller {
     cursor: SceneCursor,
     /// The scene revision up to which [`sync`](Self::sync) has built cones.
     built: SceneCursor,
-    /// Ids of the objects of all scenes that are drawn two-sided.
-    two_sided: BTreeSet<ObjectId>,
-    /// Whether the culler has been used with several scenes. If true, the two-sided flag of an object that
-    /// was removed from its scene is kept, since the object may still exist in another scene. If false, the
-    /// flag is dropped with the object.
-    in_several: bool,
     /// Cones of objects, indexed by [`ObjectId::index`].
     entries: Vec<Entry>,
     /// Cones of the leaves of the scene's hierarchy, indexed by node. Entries of inner nodes are unused.
@@ -117,8 +111,6 @@ impl BackfaceCuller {
             simd: Simd::best(),
             cursor: SceneCursor::START,
             built: SceneCursor::START,
-            two_sided: BTreeSet::new(),
-            in_several: false,
             entries: Vec::new(),
             blocks: Vec::new(),
             clock: 1,
@@ -133,35 +125,15 @@ impl BackfaceCuller {
 
     /// Sets the cone of an object in its present state. The cone must cover everything drawn for the object,
     /// in scene-relative coordinates. The cone stays valid until the object changes in the scene, or until
-    /// the scene's change log overflows; then the object counts as visible. A cone given for a two-sided
-    /// object is ignored.
+    /// the scene's change log overflows; then the object counts as visible. A cone given for an
+    /// object that is not [one-sided](visibility_core::Object::one_sided) is ignored.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if the scene has no such object.
     pub fn set(&mut self, scene: &Scene, id: ObjectId, cone: NormalCone) -> Result<(), SceneError> {
-        scene.bounds(id)?;
+        let one_sided = scene.object(id)?.one_sided;
         self.forget_changed(scene);
-        let cone = if self.two_sided.contains(&id) { NormalCone::OPEN } else { cone };
-        self.write(scene, id, cone);
-        Ok(())
-    }
-
-    /// Sets whether an object is drawn two-sided. A two-sided object has no cone and is always kept. Objects
-    /// are one-sided by default. Setting `false` replaces any cone of the object by the cone of its triangles
-    /// in the scene. An object with the same id in another scene gets the same flag.
-    ///
-    /// # Errors
-    /// [`SceneError::UnknownObject`] if the scene has no such object.
-    pub fn set_two_sided(&mut self, scene: &Scene, id: ObjectId, two_sided: bool) -> Result<(), SceneError> {
-        scene.bounds(id)?;
-        self.forget_changed(scene);
-        if two_sided {
-            self.two_sided.insert(id);
-        } else {
-            self.two_sided.remove(&id);
-        }
-        self.write(scene, id, NormalCone::OPEN);
-        self.build(scene, id);
+        self.write(scene, id, if one_sided { cone } else { NormalCone::OPEN });
         Ok(())
     }
 
@@ -176,7 +148,8 @@ impl BackfaceCuller {
         }
     }
 
-    /// Brings the cones up to date with the scene: builds the cone of each changed object that has triangles.
+    /// Brings the cones up to date with the scene: builds the cone of each changed one-sided object that has
+    /// triangles.
     /// Time is proportional to the number of changes. An object with a triangle outside its bounds gets no
     /// cone, since its bounds were moved and its triangles were not.
     pub fn sync(&mut self, scene: &Scene) {
@@ -187,14 +160,13 @@ impl BackfaceCuller {
         }
     }
 
-    /// Builds the cone of an object from its triangles in the scene. Does nothing if the object is two-sided,
-    /// has a cone already, has no triangles, or has a triangle outside its bounds.
+    /// Builds the cone of an object from its triangles in the scene. Does nothing if the object is drawn from
+    /// both sides, has a cone already, has no triangles, or has a triangle outside its bounds.
     fn build(&mut self, scene: &Scene, id: ObjectId) {
-        let two_sided = self.two_sided.contains(&id);
         let has_cone = self.entry(id).is_some_and(|entry| !entry.cone.is_open());
-        let (Ok(triangles), Ok(bounds)) = (scene.triangles(id), scene.bounds(id)) else { return };
+        let (Ok(triangles), Ok(object)) = (scene.triangles(id), scene.object(id)) else { return };
         let within = |bounds: &Aabb| triangles.iter().flatten().all(|p| bounds.contains_point(p));
-        if two_sided || has_cone || triangles.is_empty() || !within(&bounds) {
+        if !object.one_sided || has_cone || triangles.is_empty() || !within(&object.bounds) {
             return;
         }
         self.write(scene, id, NormalCone::from_triangles(&triangles.to_vec()));
@@ -204,23 +176,16 @@ impl BackfaceCuller {
     /// these objects count as visible. Drops all cones if `scene` is another scene or its change log has
     /// overflowed. Afterwards all entries belong to `scene`.
     fn forget_changed(&mut self, scene: &Scene) {
-        self.in_several |= self.cursor != SceneCursor::START && !self.cursor.is_in(scene);
         match self.cursor.follow(scene) {
             Changes::Everything => {
                 self.entries.clear();
                 self.blocks.clear();
                 self.built = SceneCursor::START;
-                if !self.in_several {
-                    self.two_sided.retain(|&id| scene.contains(id));
-                }
             }
             Changes::Objects(ids) => {
                 for &id in ids {
                     if self.entry(id).is_some_and(|entry| !entry.cone.is_open()) {
                         self.write(scene, id, NormalCone::OPEN);
-                    }
-                    if !self.in_several && !scene.contains(id) {
-                        self.two_sided.remove(&id);
                     }
                 }
             }
