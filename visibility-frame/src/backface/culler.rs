@@ -19,9 +19,9 @@ use visibility_core::{
 /// Only [one-sided](visibility_core::Object::one_sided) objects may be removed, since the backs of others are
 /// drawn: these are always kept.
 ///
-/// Each one-sided object has a [`NormalCone`], built from its triangles in the scene by [`sync`](Self::sync), or given
-/// by the caller to [`set`](Self::set). An object without a cone, or changed since its cone was made, counts
-/// as visible.
+/// Each one-sided object has a [`NormalCone`], built from its triangles in the scene by
+/// [`sync`](Self::sync), or given by the caller to [`set`](Self::set). An object without a cone, or changed
+/// since its cone was made, counts as visible.
 ///
 /// A culler belongs to one scene. Used with another scene, a clone included, it drops all cones and hides
 /// nothing until the cones are built anew.
