@@ -159,6 +159,11 @@ impl<'a> TiledScene<'a> {
         Ok(look(&self.scene_with_triangles(&numbers)?))
     }
 
+    /// Returns the objects with their indices, ascending.
+    pub(crate) fn objects(&self) -> impl Iterator<Item = (u32, Object)> {
+        self.objects.iter().map(|facts| (facts.index, facts.object()))
+    }
+
     /// Returns the version of the level, which is that of a scene of the same objects: see
     /// [`level_version`](crate::level_version).
     pub fn version(&self) -> u64 {

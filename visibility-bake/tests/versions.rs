@@ -113,6 +113,39 @@ fn a_cache_gives_nothing_that_an_edit_has_changed() {
     }
 }
 
+/// The wall of a bake that is taken away, or not drawn, no longer hides the box behind it, however the set was
+/// given to the scene.
+#[test]
+fn a_wall_that_is_not_drawn_hides_nothing() {
+    let (scene, cells) = level();
+    let set = BakedSet::from_bytes(&baked(&scene, &cells).to_bytes()).unwrap();
+    let pose = Pose::look_at(DVec3::splat(0.5), DVec3::splat(9.25), DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.0, 0.01, 100.0).unwrap();
+    for by_index in [false, true] {
+        // Boxes alone, without the flags of the bake, with the wall on a layer of its own.
+        let mut boxes = Scene::new();
+        boxes.insert_batch(scene.ids().map(|id| scene.bounds(id).unwrap()).collect::<Vec<_>>());
+        let [wall, behind] = [0, 1].map(|index| boxes.id_at(index).unwrap());
+        boxes.set_layers(wall, 1).unwrap();
+        let sets = match by_index {
+            true => set.clone().for_level(&boxes, Some(set.version())).unwrap(),
+            false => set.for_objects(&boxes, [(behind, 1), (wall, 0)]),
+        };
+        let (mut culler, mut visible) = (PvsCuller::new(&sets), VisibleSet::new());
+        let mut sees = |scene: &Scene, layers: u32| {
+            let view = view.with_layers(layers);
+            visible.fill(scene, &view);
+            culler.cull(scene, &view, &mut visible);
+            visible.contains(scene, behind)
+        };
+        assert!(!sees(&boxes, u32::MAX), "by index {by_index}: the wall hides the box");
+        assert!(sees(&boxes, 2), "by index {by_index}: the wall is on no layer of the view");
+        assert!(!sees(&boxes, 3), "by index {by_index}: the wall is on a layer of the view");
+        boxes.remove(wall).unwrap();
+        assert!(sees(&boxes, u32::MAX), "by index {by_index}: the wall is gone");
+    }
+}
+
 #[test]
 fn what_was_not_compared_is_not_promised() {
     let (scene, cells) = level();

@@ -179,11 +179,13 @@ impl Path {
         let (mut from, mut to) = (0.0f64, 1.0f64);
         for axis in 0..3 {
             let (start, step) = (self.start[axis], self.step[axis]);
-            let magnitude = start.abs() + step.abs() + reach + min[axis].abs().max(max[axis].abs());
-            let margin = reach + ROUNDING * magnitude;
-            // Distances to the moved sides, positive inside.
-            for (height, slope) in [(start - min[axis] + margin, step), (max[axis] - start + margin, -step)] {
-                (from, to) = cut([from, to], height, slope)?;
+            // Distances to the sides, positive inside. Each side is moved by its own margin, since the other may
+            // be infinite.
+            for (side, height, slope) in
+                [(min[axis], start - min[axis], step), (max[axis], max[axis] - start, -step)]
+            {
+                let margin = reach + ROUNDING * (start.abs() + step.abs() + reach + side.abs());
+                (from, to) = cut([from, to], height + margin, slope)?;
             }
         }
         Some([from, to])

@@ -71,7 +71,7 @@ impl Viewcells {
 
 /// Tests whether the viewcells in `by` cover the convex polygon `piece`, relative to `anchor`, except for
 /// gaps up to twice `margin` (metres) wide. Each viewcell in turn takes its part of the polygon; the parts
-/// beyond its faces are left to the remaining viewcells. `pieces` counts down the number of pieces still
+/// beyond its faces are left to the remaining viewcells. A viewcell of which a face is not known takes none. `pieces` counts down the number of pieces still
 /// allowed; when it is 0, the test gives up and returns false.
 fn is_covered(
     piece: &[DVec3],
@@ -86,6 +86,9 @@ fn is_covered(
         return false;
     }
     *pieces -= 1;
+    if !all[first.index()].has_all_faces() {
+        return is_covered(piece, others, all, anchor, margin, pieces);
+    }
     let mut rest: Corners = SmallVec::from_slice(piece);
     for plane in all[first.index()].faces(anchor) {
         let beyond = |at: &DVec3| plane.signed_distance(*at) < -margin;

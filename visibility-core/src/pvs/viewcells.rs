@@ -52,6 +52,11 @@ impl Viewcell {
         in_box(p, self.min, self.max) && self.planes.iter().all(|plane| plane.signed_distance(p) >= 0.0)
     }
 
+    /// Returns whether [`faces`](Self::faces) leaves out no plane.
+    pub(crate) fn has_all_faces(&self) -> bool {
+        self.planes.iter().all(|plane| plane.normalized().is_some())
+    }
+
     /// Returns the planes of the faces, relative to `anchor`, with unit normals pointing inwards: six of the
     /// box, then those of [`planes`](Self::planes). Planes that cannot be normalized are left out, which
     /// enlarges the viewcell.
