@@ -390,6 +390,8 @@ impl Scene {
     }
 
     /// Sets the bounds of an object, relative to the scene's origin, after it has moved or changed its shape.
+    /// Equal bounds say that mesh and triangles are as before: an object that has turned within its box needs
+    /// [`set_transform`](Self::set_transform), or its triangles and mesh anew.
     ///
     /// If `bounds` differ from the present bounds, the object's [mesh](Self::set_mesh) and
     /// [triangles](Self::set_triangles) are removed, since they would hide from where the object was, and so
@@ -565,12 +567,16 @@ impl Scene {
     }
 
     /// Sets whether an object's triangles are drawn from their front alone (`one_sided` true) or from both
-    /// sides (false): see [`Object::one_sided`]. An occluder mesh that the object has stays as it is.
+    /// sides (false): see [`Object::one_sided`]. A mesh that was set stays as it is. One that was
+    /// [prepared](Self::prepare_occluders) for an object drawn from both sides is removed.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn set_one_sided(&mut self, id: ObjectId, one_sided: bool) -> Result<(), SceneError> {
         self.slot(id)?;
+        if one_sided && !self.one_sided.contains(id.index()) {
+            self.drop_prepared_mesh(id.index);
+        }
         mark(&mut self.one_sided, id, one_sided);
         self.log.push(id, self.generations.len());
         Ok(())

@@ -204,7 +204,7 @@ impl Scene {
     }
 
     /// Takes away a mesh that was made from the object's triangles.
-    fn drop_prepared_mesh(&mut self, index: u32) {
+    pub(super) fn drop_prepared_mesh(&mut self, index: u32) {
         if self.placements.mesh(index).is_some_and(|mesh| mesh.origin != MeshOrigin::Given) {
             self.replace_mesh(index, None);
         }

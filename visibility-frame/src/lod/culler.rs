@@ -18,6 +18,9 @@ const HYSTERESIS: f64 = 0.05;
 /// range](Scene::set_draw_range), or stood in for by an [HLOD parent](Scene::set_hlod_parent). The
 /// [module](super) defines size and distance. Objects that are never culled stay.
 ///
+/// In a pipeline it comes before the stages that hide objects behind others: an object that it removes is not
+/// drawn, so it must not have hidden anything.
+///
 /// Approximate: objects that it removes may be visible. The greater the limit, the more is removed. It never
 /// removes an object that is as large as the limit, in its range and not stood in for.
 ///
