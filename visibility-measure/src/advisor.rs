@@ -213,8 +213,8 @@ impl<'a> Advisor<'a> {
 
     /// Measures a candidate culler on all views. `clock` returns a time in seconds. Returns `None` as soon as
     /// the mean culling time per view certainly exceeds `limit` microseconds. `limit` is usually the best
-    /// total so far, so that slow candidates end early; infinity always completes. The candidate is reset
-    /// first.
+    /// total so far, so that trials of slow candidates end early; with an infinite `limit` the trial is
+    /// always completed. The candidate is reset first.
     pub fn trial(
         &self,
         pipeline: &mut Pipeline,
@@ -259,9 +259,9 @@ impl<'a> Advisor<'a> {
     }
 
     /// Measures all candidate cullers and returns the index and trial of the candidate with the least total
-    /// time. Only candidates that promise to hide no visible object, and hid none in the trial, qualify; the
-    /// first among equals. `None` if no candidate qualifies. `clock` returns a time in seconds. List
-    /// promising candidates first: later ones then end early.
+    /// time. Only candidates that promise to hide no visible object, and hid none in the trial, qualify. Of
+    /// equal total times the first counts. `None` if no candidate qualifies. `clock` returns a time in
+    /// seconds. List promising candidates first: the trials of worse ones then end early.
     pub fn best<'p>(
         &self,
         candidates: impl IntoIterator<Item = &'p mut Pipeline>,

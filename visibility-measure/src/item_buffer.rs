@@ -26,7 +26,8 @@ pub const MAX_SIDE: u32 = 1 << 14;
 pub struct DrawnObject<'a> {
     /// Key by which the caller identifies the object.
     pub key: u32,
-    /// Triangles in metres relative to the origin of the call, counter-clockwise as seen from their front.
+    /// Triangles in metres relative to the `origin` given to [`ItemBuffer::draw`], counter-clockwise as seen
+    /// from their front.
     pub triangles: Triangles<'a>,
     /// Whether what is behind the object shows through it: the object is seen, and covers nothing.
     pub see_through: bool,

@@ -77,7 +77,7 @@ struct Veil {
     depth_key: f64,
     /// Index of the see-through object that `shows` is about.
     object: u32,
-    /// Whether that object certainly shows, rather than ties. Meaningless for all other objects.
+    /// True if `object` certainly shows in the pixel, false if rounding alone decides whether it does.
     shows: bool,
     /// Whether several objects tie for the opaque triangle of the pixel, so that what shows before it is not
     /// certain.
@@ -97,7 +97,7 @@ pub(crate) struct VeilPixels {
     pub(crate) pixels: u32,
     /// Number of other pixels in which rounding alone decides whether the object shows.
     pub(crate) tied: u32,
-    /// Number of pixels in which the object certainly shows and nothing was shown before.
+    /// Number of pixels in which the object certainly shows and no triangle drawn earlier certainly does.
     pub(crate) newly_covered: u32,
 }
 
@@ -130,7 +130,7 @@ pub(crate) struct Image {
     /// Absolute difference of two depth keys up to which they count as equal. Zero for perspective views,
     /// where only the relative [`DEPTH_TIE`] counts.
     pub(crate) least_difference: f64,
-    /// See-through objects of each pixel. Empty while opaque triangles are drawn.
+    /// See-through state of each pixel, by pixel index. Empty while opaque triangles are drawn.
     veils: Vec<Veil>,
     /// Index of the see-through object that is being drawn.
     veil_object: u32,
@@ -172,7 +172,7 @@ impl Image {
         }
     }
 
-    /// Begins the see-through object with the index `object`, and returns the pixels of the object before it.
+    /// Begins the see-through object with the index `object`, and returns the pixels of the previous one.
     pub(crate) fn next_see_through(&mut self, object: u32) -> VeilPixels {
         self.veil_object = object;
         core::mem::take(&mut self.veil_pixels)
@@ -424,8 +424,8 @@ impl Edge {
         EDGE_TIE * (1.0 + self.slope.abs())
     }
 
-    /// Returns the least and greatest column within which the edge lies at most [`EDGE_TIE`] above or below
-    /// height `y`, rounded outwards slightly. `None` if the edge stays farther away from that height.
+    /// Returns the ends, least and greatest, of the range of columns in which the edge lies at most
+    /// [`EDGE_TIE`] above or below height `y`. `None` if no part of the edge is so near to that height.
     fn near_row(&self, y: f64) -> Option<(f64, f64)> {
         if self.upper.y > y + EDGE_TIE || self.lower.y < y - EDGE_TIE {
             return None;
