@@ -149,9 +149,8 @@ impl BackfaceCuller {
     }
 
     /// Brings the cones up to date with the scene: builds the cone of each changed one-sided object that has
-    /// triangles.
-    /// Time is proportional to the number of changes. An object with a triangle outside its bounds gets no
-    /// cone, since its bounds were moved and its triangles were not.
+    /// triangles. Time is proportional to the number of changed objects. An object with a triangle outside
+    /// its bounds gets no cone, since its bounds were moved and its triangles were not.
     pub fn sync(&mut self, scene: &Scene) {
         self.forget_changed(scene);
         match self.built.follow(scene) {

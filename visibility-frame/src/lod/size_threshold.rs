@@ -23,10 +23,10 @@ impl SizeTest {
         gap > diagonal_squared * self.limit
     }
 
-    /// For each box, returns -1 if it certainly has less than the least number of pixels, otherwise 0: a
-    /// sign, as the kernels collect. `rows` are the rows of [`Boxes64`] in their order: min x, y, z, max x,
-    /// y, z. For each box, does what [`is_small`](Self::is_small) does for the box and its own diagonal, in
-    /// the same order. Eight boxes at a time stay in registers.
+    /// For each box, returns -1 if it certainly has less than the least number of pixels, otherwise 0. The
+    /// kernels collect the signs of these numbers in a mask. `rows` are the rows of [`Boxes64`] in their
+    /// order: min x, y, z, max x, y, z. For each box, does what [`is_small`](Self::is_small) does for the box
+    /// and its own diagonal, in the same order. Eight boxes at a time stay in registers.
     #[inline(always)]
     fn small<const WIDTH: usize>(&self, rows: [&[f32; WIDTH]; 6]) -> [f32; WIDTH] {
         let mut result = [0.0; WIDTH];

@@ -14,8 +14,8 @@ pub(crate) trait Region {
     /// Returns the lanes whose box certainly does not touch the region.
     fn outside(&self, boxes: &Boxes64) -> u64;
 
-    /// Returns the lanes whose box is certainly inside the region, so that every box within it touches the
-    /// region.
+    /// Returns the lanes whose box is certainly inside the region, so that every box within the lane's box
+    /// touches the region.
     fn inside(&self, boxes: &Boxes64) -> u64;
 }
 
