@@ -105,8 +105,9 @@ pub trait Baker: Sync {
     }
 
     /// Computes the result of one item from the baker's state before the round. Called from several threads
-    /// at once with feature `rayon`. A baker of long items calls `stop` several times a second; once that has
-    /// returned true, it returns `None`, and the item stays waiting. A baker of short items ignores `stop`.
+    /// at once with feature `rayon`. For long items, `work` calls `stop` several times a second. Once `stop`
+    /// has returned true, `work` returns `None`, and the item stays waiting. For short items, `work` ignores
+    /// `stop`.
     fn work(&self, item: u32, scratch: &mut Self::Scratch, stop: &dyn Fn() -> bool) -> Option<Self::Found>;
 
     /// Merges the result of one item into the baker's state. Called at the end of a round for each item of

@@ -165,8 +165,8 @@ pub trait Culler {
     }
 
     /// Calls `each` for everything that keeps the culler from hiding objects of `scene` as it could: input
-    /// that is missing or of another scene, or an eye of the last frame that is outside of all that the
-    /// culler knows. For overlays and logs rather than for every frame; see
+    /// that is missing or of another scene, or an eye that was outside all viewcells or cells in the last
+    /// frame. For overlays and logs rather than for every frame; see
     /// [`Pipeline::for_each_lack`](crate::Pipeline::for_each_lack). The default implementation reports
     /// nothing.
     fn for_each_lack(&self, _scene: &Scene, _each: &mut dyn FnMut(Lack)) {}

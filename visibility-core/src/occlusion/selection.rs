@@ -57,7 +57,7 @@ const NEAR_RADII: f32 = 2.0;
 const ESTIMATED_PER_DRAWN: f32 = 4.0;
 
 /// Greatest number of triangles of a mesh whose solid angles are computed for an estimate. Of a larger mesh
-/// only every second, third or further triangle is, and counts for those left out.
+/// only every second, third or n-th triangle is used, and counts for those left out.
 const MOST_ESTIMATED: usize = 2048;
 
 /// A node or an occluder that waits in the queue of [`OccluderSearch`].
@@ -353,9 +353,10 @@ fn is_near(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye) -> bool {
 }
 
 /// Returns the sum of the solid angles in steradians of the triangles of a mesh that occlude, as seen from
-/// the eye of a perspective view: fronts, or fronts or backs of a two-sided mesh, whichever cover more.
-/// Triangles wholly behind the eye, where `depth_row` is negative at all corners, do not count. Triangles
-/// that cover each other are counted repeatedly. 0 for a parallel view.
+/// the eye of a perspective view: of the triangles that show their fronts or, if the mesh is two-sided, the
+/// greater of their sum and the sum of those that show their backs. Triangles wholly behind the eye, where
+/// `depth_row` is negative at all corners, do not count. Triangles that cover each other are counted
+/// repeatedly. 0 for a parallel view.
 fn solid_angle_by_triangles(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye, depth_row: DVec4) -> f32 {
     let Eye::Point(eye) = eye else { return 0.0 };
     let mirrored = transform.matrix3.determinant() < 0.0;

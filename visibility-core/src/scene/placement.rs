@@ -13,7 +13,7 @@ pub(super) struct Placement {
     /// Box of the object in its local coordinates. `None` if the object's bounds are given in scene
     /// coordinates.
     pub(super) local: Option<Aabb>,
-    /// Maps local coordinates, those of `local` and of a mesh that was given, to scene coordinates.
+    /// Maps local coordinates, those of `local` and of a mesh given by the caller, to scene coordinates.
     pub(super) transform: Affine3A,
 }
 

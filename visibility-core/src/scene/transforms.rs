@@ -367,7 +367,7 @@ impl Scene {
         self.meshes.count()
     }
 
-    /// Returns the number of objects that have a mesh, flagged as occluders or not.
+    /// Returns the number of objects that have the mesh `mesh`, flagged as occluders or not.
     ///
     /// # Errors
     /// [`SceneError::UnknownMesh`] if `mesh` is not in the scene.

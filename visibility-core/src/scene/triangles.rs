@@ -57,7 +57,7 @@ struct Instances {
 
 impl SharedTriangles {
     /// Returns triangles of the same mesh, placed by a transform from the coordinates of the mesh to those of
-    /// the scene. It takes the place of a former transform.
+    /// the scene. `transform` replaces a former transform.
     ///
     /// A transform that mirrors (with a negative determinant) turns triangles inside out. Two of their
     /// corners are then exchanged, so that the front of each stays its front.
@@ -154,7 +154,7 @@ impl SharedTriangles {
         Arc::ptr_eq(self.mesh(), other.mesh())
     }
 
-    /// Returns the number of bytes of the mesh, which all that share it have together.
+    /// Returns the number of bytes of the mesh. All objects that share the mesh need these bytes once.
     pub fn mesh_memory(&self) -> usize {
         size_of::<Mesh>() + size_of_val(&self.mesh().triangles[..])
     }

@@ -127,8 +127,9 @@ impl VisibleSet {
         }
     }
 
-    /// Also records which objects became [visible](Self::newly_visible) and [hidden](Self::newly_hidden)
-    /// since the frame before. This costs a few nanoseconds per visible object and frame.
+    /// Returns the set with a record, kept from now on, of which objects became
+    /// [visible](Self::newly_visible) and [hidden](Self::newly_hidden) since the frame before. This costs a
+    /// few nanoseconds per visible object and frame.
     #[must_use]
     pub fn with_changes(self) -> Self {
         Self { changes: Some(Changes::NONE), ..self }

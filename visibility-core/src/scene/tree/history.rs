@@ -34,8 +34,9 @@ pub(crate) struct History {
     copies: VecDeque<Copied>,
     /// Number of copies that were dropped from the front of `copies` so far.
     dropped: u64,
-    /// For each node: the number of its newest copy, counted from 1 for the first copy ever made. 0, and past
-    /// the end, for nodes without a copy. If that copy is dropped, the node has none.
+    /// For each node: the number of its newest copy, where 1 is the first copy ever made. 0 for a node that
+    /// was never copied, as for nodes beyond the end of the list. A copy with a number up to `dropped` is
+    /// gone.
     newest: Vec<u64>,
 }
 
