@@ -65,8 +65,7 @@ impl core::fmt::Display for Accuracy {
     }
 }
 
-/// Something that keeps a culler from hiding objects as it could: a number of objects with one and the same
-/// lack.
+/// A reason why a culler hides fewer objects than it could: a number of objects that all lack the same thing.
 ///
 /// ```
 /// use visibility_core::culler::Lack;

@@ -34,8 +34,8 @@ const UNPROVEN_COST: f32 = 512.0;
 /// loans not paid back yet.
 const LOAN_SAFETY: f32 = 4.0;
 
-/// Greatest share of the work of the search that an occlusion map may spend on the occluders that it draws by
-/// itself.
+/// Greatest share of the work that the search may still spend which an occlusion map may spend on occluders
+/// that the map draws by itself.
 const OWN_SHARE: f32 = 0.75;
 
 /// A search was in vain if all objects found hidden in the frame are worth at most this share of
@@ -46,12 +46,12 @@ const NEARLY_NOTHING: f32 = 0.25;
 /// found hidden are worth.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Budget {
-    /// Work in triangles that a hidden object is worth.
+    /// Price: the work in triangles that hiding one object is worth.
     price: f32,
     /// Work in triangles that the search for occluders may still spend before more objects are found hidden.
     /// The search ends when it is 0 or less.
     credit: f32,
-    /// Work in triangles that all objects found hidden so far are worth.
+    /// Earnings: the price times the number of objects found hidden so far in the frame, in triangles.
     earned: f32,
     /// Cost in triangles of the occluders drawn on loans that objects found hidden have not paid back yet.
     debt: f32,
@@ -64,8 +64,9 @@ pub(super) struct Budget {
 }
 
 impl Budget {
-    /// Creates the budget of a frame. `price` is the work in triangles that a hidden object is worth, `limit`
-    /// the most work of the frame. With a price of 0 the search for occluders may spend nothing.
+    /// Creates the budget of a frame. `price` is the work in triangles that hiding one object is worth,
+    /// `limit` the most work in triangles that the frame may spend. With a price of 0 the search for
+    /// occluders may spend nothing.
     pub(super) fn new(price: u32, limit: u32) -> Self {
         let credit = if price > 0 { INITIAL_CREDIT + price as f32 } else { 0.0 };
         let limit = limit as f32;
@@ -148,9 +149,9 @@ impl Budget {
     }
 
     /// Returns whether an occluder can be paid. `cost` is in triangles, `share` the part of the view that the
-    /// occluder covers, 0 to 1, and `behind` the worth of all objects behind it. It is paid from the credit,
-    /// or on a loan if what it is expected to hide is worth [much more](LOAN_SAFETY) than its cost and the
-    /// open loans. So no occluder is too expensive for what lies behind it.
+    /// occluder covers, 0 to 1, and `behind` the worth of all objects behind it. An occluder is paid from the
+    /// credit, or on a loan if what it is expected to hide is worth [much more](LOAN_SAFETY) than its cost
+    /// and the open loans. So no occluder is too expensive for what lies behind it.
     pub(super) fn can_pay(&self, cost: f32, share: f32, behind: f32) -> bool {
         let is_in_proportion = cost <= UNPROVEN_COST + self.earned || 2.0 * cost <= behind;
         let is_on_loan = LOAN_SAFETY * (cost + self.debt) <= behind * share;

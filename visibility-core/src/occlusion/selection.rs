@@ -26,12 +26,12 @@ use alloc::collections::BinaryHeap;
 use core::cmp::{Ordering, Reverse};
 use glam::{Affine3A, DVec3, DVec4, Vec3};
 
-/// Number of occluders added between two flushes. A larger number draws more occluders that are hidden
-/// already, a smaller one flushes too often (measured with the z-buffer).
+/// Number of occluders added between two flushes. With a larger number, more occluders are drawn that others
+/// already hide; with a smaller one, the map is flushed too often (measured with the z-buffer).
 const BATCH: u32 = 8;
 
-/// Number of occluders of a frame after which each further one takes [`LATER_WORK`]. Levels draw some
-/// hundreds.
+/// After this number of occluders in a frame, each further one takes [`LATER_WORK`] in addition. Levels draw
+/// some hundreds.
 const MANY_OCCLUDERS: u64 = 1024;
 
 /// Extra work in triangles of each occluder after the first [`MANY_OCCLUDERS`] of a frame: among thousands of
@@ -112,7 +112,7 @@ pub(super) struct OccluderSearch<'a, M> {
     depth_row: DVec4,
     clip_planes: ViewPlanes,
     queue: &'a mut Queue,
-    /// Budget of the frame's work, the rest of which the walk after the search uses.
+    /// Budget of the frame's work. What the search leaves of it is for the walk after the search.
     budget: Budget,
     /// Share of the view that one square metre covers, facing the eye at a distance of one metre; in a
     /// parallel view at any distance. May be NaN or infinite for a degenerate view.

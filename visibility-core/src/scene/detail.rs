@@ -115,11 +115,11 @@ impl Scene {
     /// far level of detail of a single thing. `None` takes the object's parent away. Parents may have
     /// parents, with a greater `begin`.
     ///
-    /// The [draw range](Self::set_draw_range) of the parent says from which distance on it is drawn: nearer
-    /// than its `begin` its children are drawn in its place, from there on the parent, never both. All of
-    /// these distances are measured to the parent's bounds, also for the `end` of a child's own range. A
-    /// child needs no range of its own. If it has one whose `end` is less than the parent's `begin`, neither
-    /// is drawn between these two distances.
+    /// The [draw range](Self::set_draw_range) of the parent says from which distance on the parent is drawn:
+    /// at distances less than its `begin` its children are drawn, from there on the parent, never both. The
+    /// distance is that to the parent's bounds, also for the `end` of a child's own range. A child needs no
+    /// range of its own. If it has one whose `end` is less than the parent's `begin`, neither is drawn
+    /// between these two distances.
     ///
     /// The parent's bounds must contain those of its children (for the levels of a single thing, give the
     /// parent a box around all of them), and the parent must be on all layers that its children are on. A
@@ -206,8 +206,8 @@ impl Scene {
         self.queue.push(slot.node());
     }
 
-    /// Raises the bounds of the nodes above the HLOD children of an object: to which distance these are drawn
-    /// depends on the object.
+    /// Raises the bounds of the nodes above the HLOD children of an object: the distance up to which the
+    /// children are drawn depends on the object.
     pub(super) fn raise_children(&mut self, id: ObjectId) {
         let mut child = linked(self.tree.detail(id.index()).first_child);
         while let Some(index) = child {

@@ -205,7 +205,7 @@ pub enum SceneError {
     /// [`Scene::set_bounds`](crate::Scene::set_bounds) was called after it.
     NoLocalBounds(ObjectId),
     /// A triangle for this object reaches out of the object's bounds by more than rounding: the triangles or
-    /// the bounds are in other coordinates than those of the scene, or of another object.
+    /// the bounds are in other coordinates than those of the scene, or belong to another object.
     Triangles(ObjectId),
     /// The origin for the scene has a NaN or infinite coordinate.
     Origin,

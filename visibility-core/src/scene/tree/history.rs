@@ -21,7 +21,7 @@ pub(crate) type Token = core::convert::Infallible;
 /// The undo log of a tree's nodes.
 #[derive(Debug, Default)]
 pub(crate) struct History {
-    /// Token of the present state; its value is the state's number.
+    /// Token of the tree's present state; the value in it is the number of the state.
     #[cfg(target_has_atomic = "ptr")]
     present: Token,
     /// Tokens of earlier states, oldest first, that results may hold.
@@ -46,7 +46,7 @@ struct Copied {
     /// Number of the state that the content is of: that of the last of `History::earlier` when the copy was
     /// made.
     state: u64,
-    /// What `newest` was for the node before this copy was made.
+    /// Number of the node's previous copy: what `newest` held for the node before this copy was made.
     older: u64,
     level: u8,
     ids: [ObjectId; FAN_OUT],
