@@ -68,8 +68,8 @@ pub struct BackfaceCuller {
 /// The normal cone of one object, with the time of its last change.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
-    /// Id of the object that the entry belongs to. Another object with the same index (another generation)
-    /// has no cone.
+    /// Id of the object that the entry belongs to. An object with the same index but another generation has
+    /// no cone.
     id: ObjectId,
     cone: NormalCone,
     /// Value of `BackfaceCuller::clock` when the entry last changed.
@@ -125,8 +125,8 @@ impl BackfaceCuller {
 
     /// Sets the cone of an object in its present state. The cone must cover everything drawn for the object,
     /// in scene-relative coordinates. The cone stays valid until the object changes in the scene, or until
-    /// the scene's change log overflows; then the object counts as visible. A cone given for an
-    /// object that is not [one-sided](visibility_core::Object::one_sided) is ignored.
+    /// the scene's change log overflows; then the object counts as visible. A cone given for an object that
+    /// is not [one-sided](visibility_core::Object::one_sided) is ignored.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if the scene has no such object.

@@ -22,11 +22,11 @@ const HYSTERESIS: f64 = 0.05;
 /// removes an object that is as large as the limit, in its range and not stood in for.
 ///
 /// A parent is drawn from its range's `begin` on, and its children nearer than that, exactly one of the two
-/// in every frame, unless they are too small themselves, or end nearer than the parent begins. Both distances
-/// are that of the parent's box. The begin and the end of a range have a hysteresis of 5 %: an object that
-/// was drawn stays until the distance exceeds `end` by that share, and a parent that was drawn stays until
-/// the distance falls below `begin` by that share. So nothing flickers while the camera trembles. The answer
-/// depends on earlier frames only for distances within such a band.
+/// in every frame, except for objects that are too small, and for children whose range ends nearer than the
+/// parent's begins. Both distances are that of the parent's box. The begin and the end of a range have a
+/// hysteresis of 5 %: an object that was drawn stays until the distance exceeds `end` by that share, and a
+/// parent that was drawn stays until the distance falls below `begin` by that share. So nothing flickers
+/// while the camera trembles. The answer depends on earlier frames only for distances within such a band.
 ///
 /// # Cost
 /// A node without an object that is large enough and in range is dropped in one test. Objects of other leaves

@@ -91,7 +91,8 @@ impl Region for BoxRegion {
 /// - A box is outside if `D` exceeds `greatest`, the squared radius times `1 + 16u` plus 2^-122: `10u` are
 ///   left for the conversion of the radius and of the sum to `f32`, which need `2u`. Too small a `D`
 ///   (underflow) finds more.
-/// - A box is inside if `D` of its farthest corner is at most `least`, with the same margins below.
+/// - A box is inside if `D` of its farthest corner is at most `least`, the squared radius times `1 - 16u`
+///   minus 2^-122.
 pub(crate) struct SphereRegion {
     center: [f32; 3],
     greatest: f32,
