@@ -2,7 +2,8 @@
 //! each candidate's time and its remaining objects.
 //!
 //! Culling time saves drawing time. Both are added, with the drawing cost of the engine at hand
-//! ([`DrawCost`]). A candidate is rejected if it hides a visible object or does not promise never to do so.
+//! ([`DrawCost`]). A candidate is rejected if it hides a visible object, or if its accuracy does not promise
+//! that it never does.
 
 use crate::compare::Comparison;
 use crate::error::MeasureError;

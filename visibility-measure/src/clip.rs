@@ -46,8 +46,8 @@ pub(crate) struct ImageProjection {
     pub(crate) half_size: DVec2,
     /// Eye of the view, relative to the origin of the triangles.
     eye: Eye,
-    /// Greatest distance in metres from the origin of the triangles to a plane on which
-    /// a clip coordinate is 0.
+    /// Greatest distance in metres from the origin of the triangles to one of the planes on which clip x, y,
+    /// z or w is 0.
     reach: f64,
     /// Clip planes of the view, in metres relative to the origin of the triangles. The side that a plane's
     /// normal points to is drawn.

@@ -25,7 +25,7 @@
 //!
 //! The *ideal* ([`Advisor::min_us`]) draws the visible triangles alone and takes no time to cull. The *cost
 //! over the ideal* of a culler is the time to cull and to draw what it reports, divided by the ideal, with
-//! one [`DrawCost`] for both. It tells culling time and objects reported in vain in one figure.
+//! one [`DrawCost`] for both. This one figure counts both the culling time and the objects reported in vain.
 //!
 //! # Ties
 //! Two objects tie for a pixel if the pixel's centre lies on the edge of one of them, or if their surfaces

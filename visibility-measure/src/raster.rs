@@ -38,8 +38,8 @@ pub(crate) struct Corner {
     pub(crate) x: f64,
     /// Rows from the top of the image; pixel centres are at half-integers.
     pub(crate) y: f64,
-    /// Depth key, greater for nearer points and linear on the screen: `1 / w` for perspective views, signed
-    /// clip depth for parallel views.
+    /// Depth key, greater for nearer points and linear on the screen: `1 / w` for perspective views; for
+    /// parallel views `z / w`, negated unless depth is reversed.
     pub(crate) depth_key: f64,
 }
 
@@ -68,7 +68,7 @@ pub(crate) struct TieClaim {
     depth_key: f64,
 }
 
-/// State of one pixel beside its opaque triangle: the see-through objects before it.
+/// State of one pixel beside its opaque triangle: the see-through objects before that triangle.
 #[derive(Clone, Copy, Debug)]
 struct Veil {
     /// Number of the nearest see-through triangle that certainly shows in the pixel, or [`NONE`].
@@ -90,7 +90,7 @@ impl Veil {
         Self { nearest: NONE, depth_key: f64::NEG_INFINITY, object: u32::MAX, shows: false, is_tied: false };
 }
 
-/// Pixels of one see-through object.
+/// Pixel counts of one see-through object.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub(crate) struct VeilPixels {
     /// Number of pixels in which the object certainly shows.
@@ -134,7 +134,7 @@ pub(crate) struct Image {
     veils: Vec<Veil>,
     /// Index of the see-through object that is being drawn.
     veil_object: u32,
-    /// Pixels so far of the see-through object that is being drawn.
+    /// Pixel counts so far of the see-through object that is being drawn.
     veil_pixels: VeilPixels,
     /// Number of pixels in which the see-through triangle that is being drawn shows.
     veil_triangle: u32,
@@ -172,7 +172,8 @@ impl Image {
         }
     }
 
-    /// Begins the see-through object with the index `object`, and returns the pixels of the previous one.
+    /// Begins the see-through object with the index `object`, and returns the pixel counts of the previous
+    /// one.
     pub(crate) fn next_see_through(&mut self, object: u32) -> VeilPixels {
         self.veil_object = object;
         core::mem::take(&mut self.veil_pixels)
@@ -255,9 +256,9 @@ impl Image {
         }
     }
 
-    /// Records that triangle `item` ties for some pixels of a row: those whose centres lie inside the
-    /// triangle or within [`EDGE_TIE`] of it, and where it is at least as near as the triangle shown. `edges`
-    /// are the triangle's edges that may meet the row.
+    /// Records that triangle `item` ties for the pixels of a row whose centres lie inside the triangle or
+    /// within [`EDGE_TIE`] of it, and at which the triangle is at least as near as the triangle shown.
+    /// `edges` are the triangle's edges that may meet the row.
     #[cold]
     #[inline(never)]
     fn claim_row(&mut self, row: usize, edges: &[&Edge], plane: &DepthKeyPlane, item: u32) {

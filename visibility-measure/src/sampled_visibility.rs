@@ -186,7 +186,7 @@ impl SampledVisibility {
         self.visible_objects = self.objects.iter().map(|object| u32::from(object.is_visible())).sum();
     }
 
-    /// Adds the pixels `found` of the see-through object with the index `object`, after
+    /// Adds the pixel counts `found` of the see-through object with the index `object`, after
     /// [`count`](Self::count) and [`add_triangle_pixels`](Self::add_triangle_pixels) of its triangles.
     pub(crate) fn add_see_through(&mut self, object: usize, found: VeilPixels) {
         let entry = &mut self.objects[object];
