@@ -10,7 +10,8 @@
 //! view, at a point at least as near as the surface that the item buffer shows there. Equally near, up to the
 //! tolerance of [ties](crate#ties), is free: an object flush with a wall may be seen. The ray is intersected
 //! with the box as with the planes of the view (Kay and Kajiya, "Ray Tracing Complex Scenes", 1986), so that
-//! near plane, far plane and clip planes bound a solid box as they bound the view, with the eye inside too.
+//! near plane, far plane and clip planes bound a solid box as they bound the view. The eye may be inside the
+//! box.
 
 use crate::ItemBuffer;
 use crate::clip::ImageProjection;

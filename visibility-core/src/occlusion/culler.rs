@@ -37,10 +37,10 @@ const DEFAULT_WORK_LIMIT: u32 = 1 << 15;
 /// objects of fewer and fewer leaves of the hierarchy and reports the others.
 /// [`with_work_limit`](Self::with_work_limit) bounds the work of a frame altogether.
 ///
-/// After eight frames in a row that did not pay, whole frames are left out, at most 64 in a row, until they
-/// have saved what was spent in vain, the camera has turned by 30 degrees, or twice as many objects are in
-/// view: their objects stay visible. Otherwise the answer depends on scene, set, view and settings alone,
-/// unless the map itself remembers earlier frames.
+/// After eight frames in a row that did not pay, whole frames are left out: their objects stay visible. No
+/// more are left out when 64 in a row were, when they have saved what was spent in vain, when the camera has
+/// turned by 30 degrees, or when twice as many objects are in view. Otherwise the answer depends on scene,
+/// set, view and settings alone, unless the map itself remembers earlier frames.
 ///
 /// ```
 /// # use visibility_core::{

@@ -46,9 +46,9 @@ const OBJECTS_PER_LEAF: u32 = 64;
 /// culled as tightly as a large one (measured).
 pub(super) const LEAST_BEHIND: f32 = 256.0;
 
-/// Greatest distance of the eye from the middle of a mesh, in radii of the mesh (halves of its bounds'
-/// diagonal), at which the share of the view that the mesh covers is estimated triangle by triangle, if the
-/// estimate from the middle is too small. At `2 r` from the middle of a wall of length `2 r`, along the wall,
+/// If the eye is within this distance of the middle of a mesh, and the estimate from the middle is too small,
+/// the share of the view that the mesh covers is estimated triangle by triangle. In radii of the mesh, which
+/// are halves of its bounds' diagonal. At `2 r` from the middle of a wall of length `2 r`, along the wall,
 /// the near end is half as far as the middle: from there on the two estimates differ by a factor of no more
 /// than about 2.
 const NEAR_RADII: f32 = 2.0;

@@ -21,8 +21,8 @@ const HYSTERESIS: f64 = 0.05;
 /// Approximate: objects that it removes may be visible. The greater the limit, the more is removed. It never
 /// removes an object that is as large as the limit, in its range and not stood in for.
 ///
-/// A parent is drawn from its range's `begin` on, and its children nearer than that, exactly one of the two
-/// in every frame, except for objects that are too small, and for children whose range ends nearer than the
+/// A parent is drawn from its range's `begin` on, and its children nearer than that: exactly one of the two
+/// in every frame. Exceptions are objects that are too small, and children whose range ends nearer than the
 /// parent's begins. Both distances are that of the parent's box. The begin and the end of a range have a
 /// hysteresis of 5 %: an object that was drawn stays until the distance exceeds `end` by that share, and a
 /// parent that was drawn stays until the distance falls below `begin` by that share. So nothing flickers
