@@ -18,8 +18,8 @@ use alloc::vec::Vec;
 pub const NONE: u32 = u32::MAX;
 
 /// Maximum distance of an edge from a pixel's centre, in columns and in rows, at which the edge counts as
-/// meeting the centre. Rounding moves an edge less, unless coordinates are 10 million times as large as the
-/// distance to the eye: in an image of 1000 columns, 1e7 * 1e3 * 2^-53 is about a millionth.
+/// meeting the centre. Rounding moves an edge by less than this, unless coordinates are 10 million times as
+/// large as the distance to the eye: in an image of 1000 columns, 1e7 * 1e3 * 2^-53 is about a millionth.
 pub(crate) const EDGE_TIE: f64 = 1e-6;
 
 /// Maximum mean number of claims per pixel. A claim records a triangle that ties with the triangle that the

@@ -74,8 +74,8 @@ pub struct VisibleSet {
     listing: Listing,
     /// Number of object indices of the scene when the set was finished.
     index_limit: usize,
-    /// Leaves outside the tree, which hold the objects that are never culled, when the set was finished, in
-    /// the order of these objects. Meaningful while the set is finished and not listed.
+    /// Numbers of the leaves outside the tree, which hold the objects that are never culled, as they were
+    /// when the set was finished. Meaningful while the set is finished and not listed.
     unculled_leaves: Vec<u32>,
     /// Scratch memory. Holds one bit per object index while objects are listed or dropped, or one mask per
     /// node in [`keep_in_order`](Self::keep_in_order).

@@ -8,8 +8,8 @@ use visibility_core::scene::{Boxes64, FAN_OUT};
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct SizeTest {
     pub(super) eye: EyeBox,
-    /// Greatest squared ratio of an object's distance to its diagonal at which the object is large enough,
-    /// rounded up. In parallel views, 1 over the least squared diagonal in square metres.
+    /// An object is too small if its squared distance is greater than `limit` times its squared diagonal,
+    /// both in square metres. In parallel views, 1 takes the place of the squared distance. Rounded up.
     pub(super) limit: f64,
     pub(super) is_parallel: bool,
 }
