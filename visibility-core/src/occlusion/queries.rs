@@ -78,9 +78,8 @@ impl LateAnswers {
 /// An occlusion map over hardware queries, in which boxes count as visible until the device has answered.
 ///
 /// Boxes are identified by their exact coordinates: a box that moves is a new query, and so is every box once
-/// the scene's origin has moved. A box that falls between
-/// the samples of the device counts as hidden. The accuracy is therefore relative to the resolution of the
-/// device.
+/// the scene's origin has moved. A box that falls between the samples of the device counts as hidden. The
+/// accuracy is therefore relative to the resolution of the device.
 ///
 /// ```
 /// use visibility_core::{occlusion::{HardwareQueries, LateAnswers}, OcclusionCuller};

@@ -213,7 +213,7 @@ fn count_below(pairs: &[(u32, ObjectId)], target: u32) -> usize {
 /// A frame takes a few nanoseconds for each block of 64 objects that has an object both in the set and seen
 /// from the viewcells, and no time for other blocks. Where the view enters other viewcells, and where the
 /// [layout](Scene::layout) of the scene has changed, the frame first makes a mask of what is seen: a few
-/// nanoseconds for each object that is seen from the viewcells, wherever it is, that is never hidden, or that
+/// nanoseconds for each object that is seen from the viewcells (in the frustum or not), is never hidden, or
 /// has changed, and as much for every thousand other objects.
 ///
 /// ```

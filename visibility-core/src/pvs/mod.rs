@@ -8,13 +8,13 @@
 //!   (`u32` each).
 //! - For each 16th viewcell from the first on, the offset of its row from the first row, in bytes (`u32`),
 //!   and once more the end of the last row.
-//! - The rows. A row begins with the number of its bytes that follow. Then comes a byte, its form: 0, or the
-//!   sum of 1 if the row differs from another, and of 2 if its list is in bits. If the row differs, a number
-//!   follows: how many viewcells before this one the other is; the list is the symmetric difference from the
-//!   row of that viewcell, which may itself differ from another, and so on up to four times. Then the list of
-//!   targets: as bits, target `t` in bit `t % 8` of byte `t / 8`; or as runs, alternating lengths: of targets
-//!   that are not in the row, of targets that are, and so on. Targets after the last run or bit are not in
-//!   the row.
+//! - The rows. A row begins with the number of its bytes that follow. Then comes a byte, its form: the sum of
+//!   1 if the row is stored as a difference from another row, and of 2 if its list is in bits. A row stored
+//!   as a difference has a number next: how many viewcells before this one the viewcell of the other row is.
+//!   Its list is the symmetric difference from that row, which may itself be stored as a difference, and so
+//!   on up to four times. Then the list of targets: as bits, target `t` in bit `t % 8` of byte `t / 8`; or as
+//!   runs, alternating lengths: of targets that are not in the row, of targets that are, and so on. Targets
+//!   after the last run or bit are not in the row.
 //! - After the last row nothing, or eight bytes: a hash of what the PVS was made from
 //!   ([`source`](Pvs::source)).
 //! - Numbers and lengths take [7 bits a byte](crate::binary_format::push_number).

@@ -9,9 +9,9 @@ use alloc::vec::Vec;
 use glam::DVec3;
 
 /// Margin for rounding by which each bound of a viewcell is moved outwards, as a fraction of the greatest
-/// absolute coordinate of path and viewcell. It covers the rounding of the moved bound, of its distance from
-/// the start of the path and of the caller's own point of the path, each by at most `EPSILON` of that
-/// coordinate, and of the quotient, by `EPSILON` of a distance of at most twice that coordinate.
+/// absolute coordinate of path and viewcell. It covers four roundings. Those of the moved bound, of its
+/// distance from the start of the path, and of the caller's own point of the path are at most `EPSILON` of
+/// that coordinate each. That of the quotient is `EPSILON` of a distance of at most twice that coordinate.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
 /// An object that becomes visible along a path.

@@ -394,9 +394,10 @@ impl Scene {
     /// [`set_transform`](Self::set_transform), or its triangles and mesh anew.
     ///
     /// If `bounds` differ from the present bounds, the object's [mesh](Self::set_mesh) and
-    /// [triangles](Self::set_triangles) are removed, since they would hide from where the object was, and so
-    /// are its [local bounds](Self::set_local_bounds). Set them again after the bounds, or move the object by
-    /// [`set_transform`](Self::set_transform), which moves bounds and mesh together.
+    /// [triangles](Self::set_triangles) are removed, since they would go on hiding other objects where the
+    /// object was before. Its [local bounds](Self::set_local_bounds) are removed too. Set them again after
+    /// the bounds, or move the object by [`set_transform`](Self::set_transform), which moves bounds and mesh
+    /// together.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
@@ -582,9 +583,9 @@ impl Scene {
         Ok(())
     }
 
-    /// Returns the number of objects whose bounds are NaN or inverted, so that they are never culled, though
-    /// they are not [flagged](Object::never_cull) so. Infinite bounds do not count: they say where the object
-    /// is. Takes time in proportion to the number of objects that are never culled.
+    /// Returns the number of objects that are never culled because their bounds are NaN or inverted, though
+    /// they are not [flagged](Object::never_cull) as never culled. Infinite bounds do not count: they say
+    /// where the object is. Takes time in proportion to the number of objects that are never culled.
     pub(crate) fn improper_bounds_count(&self) -> usize {
         self.tree
             .unculled_objects()

@@ -118,8 +118,8 @@ impl SkinnedBounds {
     ///
     /// Improper, so that the object is never culled, if `bones` has fewer than
     /// [`bone_count`](Self::bone_count) matrices, if the image of a bone's box is not finite, and for a mesh
-    /// without vertices. If the weights of a vertex sum to 0, the vertex
-    /// is at the origin, as computed.
+    /// without vertices. A vertex whose weights sum to 0 is taken to be at the origin, where skinning puts
+    /// it.
     pub fn bounds<T: ToAffine>(&self, bones: &[T]) -> Aabb {
         let improper = Aabb::new(Vec3::NAN, Vec3::NAN);
         let Some(bones) = bones.get(..self.bones.len()) else { return improper };

@@ -151,9 +151,9 @@ impl SightPlanes {
     }
 
     /// Returns a convex polygon that contains all points of the front plane `start_planes[index]` at which
-    /// view rays begin, in metres relative to the anchor and possibly empty, and the error bound of its
-    /// corners in metres. `None` unless all four edges of the view certainly meet the plane in front of the
-    /// eye.
+    /// view rays begin, and the error bound of its corners in metres. The corners are in metres relative to
+    /// the anchor; the polygon may be empty. `None` unless all four edges of the view certainly meet the
+    /// plane in front of the eye.
     fn polygon(&self, index: usize) -> Option<(Corners, f64)> {
         // A corner is in front of the eye if clip-space `w` is positive there. On the left plane `x = -w`, so
         // the right plane's `w - x` is `2w` there. The sign of `w` at a corner is therefore that of the

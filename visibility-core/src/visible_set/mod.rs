@@ -74,8 +74,8 @@ pub struct VisibleSet {
     listing: Listing,
     /// Number of object indices of the scene when the set was finished.
     index_limit: usize,
-    /// Leaves outside the tree, which hold the objects that are never culled, when the set was finished, in
-    /// the order of these objects. Meaningful while the set is finished and not listed.
+    /// Numbers of the leaves outside the tree, which hold the objects that are never culled, as they were
+    /// when the set was finished. Meaningful while the set is finished and not listed.
     unculled_leaves: Vec<u32>,
     /// Scratch memory. Holds one bit per object index while objects are listed or dropped, or one mask per
     /// node in [`keep_in_order`](Self::keep_in_order).
@@ -93,9 +93,10 @@ enum Listing {
     /// The list has the order that `iter` follows. It contains every object of the set, and maybe objects
     /// that are no longer in the set.
     Order,
-    /// The set is finished, and its list is not made. The masks are the set, including those of the leaves
-    /// outside the tree, for the layout at which the tree had this root. The token reads the tree as it was
-    /// then. It is `None` only while the set is being finished, on processors without tokens.
+    /// The set is finished, and its list is not made. The masks, including those of the leaves outside the
+    /// tree, hold the set for the layout that it was finished at, when the tree had the root `root`. By
+    /// `token` the tree is read as it was then; `None` only while the set is being finished, on processors
+    /// without tokens.
     Unlisted { token: Option<Token>, root: u32 },
     /// The set is finished, and its list is the set, each object once. Until the layout changes, the masks
     /// hold the same objects, including the masks of the leaves outside the tree.
@@ -127,8 +128,9 @@ impl VisibleSet {
         }
     }
 
-    /// Also records which objects became [visible](Self::newly_visible) and [hidden](Self::newly_hidden)
-    /// since the frame before. This costs a few nanoseconds per visible object and frame.
+    /// Returns the set with a record, kept from now on, of which objects became
+    /// [visible](Self::newly_visible) and [hidden](Self::newly_hidden) since the frame before. This costs a
+    /// few nanoseconds per visible object and frame.
     #[must_use]
     pub fn with_changes(self) -> Self {
         Self { changes: Some(Changes::NONE), ..self }
@@ -250,8 +252,8 @@ impl VisibleSet {
     /// visible any more, including objects removed from the scene. Empty unless the set was made [with
     /// changes](Self::with_changes).
     ///
-    /// In the first frame of another scene these are all objects that were visible in the scene before, with
-    /// the ids of that scene.
+    /// In the first frame of another scene these are all objects that were visible in the previous scene,
+    /// with their ids of the previous scene.
     pub fn newly_hidden(&self) -> impl Iterator<Item = ObjectId> + '_ {
         self.changes.iter().flat_map(Changes::newly_hidden)
     }

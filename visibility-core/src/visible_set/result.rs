@@ -6,8 +6,8 @@ use crate::scene::{FAN_OUT, NONE, lanes};
 use crate::{ObjectId, Scene};
 use core::fmt;
 
-/// Number of words of an index bitset per listed object above which sorting the list by comparison is faster
-/// than passing through a bitset.
+/// If an index bitset has more than this number of words for each listed object, sorting the list by
+/// comparison is faster than passing through the bitset.
 const WORDS_PER_ID: usize = 4;
 
 /// Why [`VisibleSet::write_bits`] failed. The slice is unchanged by a failed call.
@@ -31,8 +31,8 @@ impl fmt::Display for BitsError {
 impl core::error::Error for BitsError {}
 
 impl VisibleSet {
-    /// Ends a frame: from now on the set survives changes of the scene. Its order is the set's order if it
-    /// has one, and otherwise that of the hierarchy with objects that are never culled last.
+    /// Ends a frame: from now on the set survives changes of the scene. An order that the set was given
+    /// stays; a set without one is in the order of the hierarchy, with objects that are never culled last.
     /// [`Pipeline::cull`](crate::Pipeline::cull) calls this itself; code that calls cullers without a
     /// pipeline calls it before the scene changes.
     ///

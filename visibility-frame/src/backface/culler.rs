@@ -68,8 +68,8 @@ pub struct BackfaceCuller {
 /// The normal cone of one object, with the time of its last change.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
-    /// Id of the object that the entry belongs to. Another object with the same index (another generation)
-    /// has no cone.
+    /// Id of the object that the entry belongs to. An object with the same index but another generation has
+    /// no cone.
     id: ObjectId,
     cone: NormalCone,
     /// Value of `BackfaceCuller::clock` when the entry last changed.
@@ -125,8 +125,8 @@ impl BackfaceCuller {
 
     /// Sets the cone of an object in its present state. The cone must cover everything drawn for the object,
     /// in scene-relative coordinates. The cone stays valid until the object changes in the scene, or until
-    /// the scene's change log overflows; then the object counts as visible. A cone given for an
-    /// object that is not [one-sided](visibility_core::Object::one_sided) is ignored.
+    /// the scene's change log overflows; then the object counts as visible. A cone given for an object that
+    /// is not [one-sided](visibility_core::Object::one_sided) is ignored.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if the scene has no such object.
@@ -149,9 +149,8 @@ impl BackfaceCuller {
     }
 
     /// Brings the cones up to date with the scene: builds the cone of each changed one-sided object that has
-    /// triangles.
-    /// Time is proportional to the number of changes. An object with a triangle outside its bounds gets no
-    /// cone, since its bounds were moved and its triangles were not.
+    /// triangles. Time is proportional to the number of changed objects. An object with a triangle outside
+    /// its bounds gets no cone, since its bounds were moved and its triangles were not.
     pub fn sync(&mut self, scene: &Scene) {
         self.forget_changed(scene);
         match self.built.follow(scene) {

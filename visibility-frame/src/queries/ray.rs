@@ -46,7 +46,7 @@ pub struct Ray {
     high: [f32; 3],
     /// Upper bound of the parameter `t` at which the ray ends: its points are `origin + t d`.
     end: f32,
-    /// Length of `d`: metres per unit of `t`, from 1 to the square root of 3.
+    /// Length of `d`: metres per unit of `t`, between 1 and the square root of 3.
     length: f64,
 }
 
