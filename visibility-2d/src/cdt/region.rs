@@ -289,8 +289,9 @@ impl Plan {
         Ok(())
     }
 
-    /// Returns whether a line of a beam meets the hull. All lines pass the hull on one side if the lines of
-    /// all corners do; and if some pass it on either side, one between them meets it.
+    /// Returns whether a line of a beam meets the hull. If the lines at all corners of the beam pass the hull
+    /// on the same side, all its lines do. If some pass it on the left and some on the right, a line between
+    /// these meets it.
     fn meets_hull(&self, beam: Beam, answer: &RegionVisibility) -> bool {
         let mut common = 0;
         for side in &answer.sides[beam.sides.0 as usize..beam.sides.1 as usize] {

@@ -78,9 +78,9 @@ pub(crate) struct Frame {
     /// Bound on the distance in metres of the exact eye from `eye`. Infinite if nothing can be hidden:
     /// before the first frame, in parallel views, and where rounding leaves the eye undecided.
     pub(crate) error: f64,
-    /// Row of the near plane: positive beyond it, for points relative to `anchor`.
+    /// Linear function of points relative to `anchor`, positive beyond the near plane.
     near: ClipRow,
-    /// Point in metres relative to the scene's origin: the eye up to rounding.
+    /// The rounded eye, in metres relative to the scene's origin.
     anchor: DVec3,
     /// Range of each face that the view can see, from 0 to 1 across the face. Empty if none.
     pub(crate) seen: [Range<f64>; FACES],

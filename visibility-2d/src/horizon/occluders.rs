@@ -9,11 +9,11 @@ use visibility_core::glam::Affine3A;
 use visibility_core::scene::{Changes, SceneCursor};
 use visibility_core::{ObjectId, OccluderMesh, Scene};
 
-/// Quantile of the upright faces of all solids, by area. The face there is the one that [`LEAST_FACE`] is a
-/// fraction of.
+/// Quantile of the areas of the upright faces of all solids. [`LEAST_FACE`] is a fraction of the area at this
+/// quantile.
 const USUAL: f64 = 0.95;
 
-/// Least size of a solid's upright face as a fraction of the face at the quantile [`USUAL`]. Smaller solids
+/// Least area of a solid's upright face, as a fraction of the area at the quantile [`USUAL`]. Smaller solids
 /// are left out: furniture hides next to nothing beside walls.
 const LEAST_FACE: f64 = 1.0 / 8.0;
 

@@ -164,8 +164,8 @@ impl Terrain {
 }
 
 impl Sheet {
-    /// Returns the owners (the objects with triangles over a square) in the list with the number `list`, as
-    /// positions in [`Terrain::objects`].
+    /// Returns the list of owners with the number `list`, as positions in [`Terrain::objects`]. The owners of
+    /// a square are the objects whose triangles are over it.
     pub(crate) fn owners(&self, list: u32) -> &[u32] {
         let list = list as usize;
         let begin = if list == 0 { 0 } else { self.owner_ends[list - 1] as usize };

@@ -59,11 +59,11 @@ pub(crate) struct Shapes {
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum State {
-    /// Hides nothing, or is in an earlier shape.
+    /// The triangle hides nothing, or is in an earlier shape.
     Unused,
-    /// Faces the eye and is in no shape yet.
+    /// The triangle faces the eye and is in no shape yet.
     Free,
-    /// Is in the shape that is being made.
+    /// The triangle is in the shape that is being made.
     Joined,
 }
 
