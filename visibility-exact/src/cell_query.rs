@@ -46,7 +46,7 @@ const ALL_PARTS: u32 = 4000;
 /// Greatest number of nodes for boxes around parts of an object before the first part is hidden. Of the
 /// objects that no ray finds, most are seen through a gap, and no part of them is hidden.
 const FIRST_PARTS: u32 = 400;
-/// Number of nodes by which each triangle in a part that is proven hidden raises the limit for further parts.
+/// Number of nodes by which the limit for further parts rises for each triangle of a part proven hidden.
 const PART_TRIANGLE: u32 = 16;
 /// Least number of triangles in a part.
 const PART_TRIANGLES: usize = 16;

@@ -45,7 +45,7 @@ pub(crate) struct Budget {
     pub(crate) nodes: u32,
     /// Greatest number of nodes of each attempt to divide a node by occluder edges.
     pub(crate) divided: u32,
-    /// Greatest number of halvings in such an attempt, on the way to one of its nodes.
+    /// Greatest number of halvings, within such an attempt, on the way to any of its nodes.
     pub(crate) halvings: u32,
 }
 

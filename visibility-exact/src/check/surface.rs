@@ -91,9 +91,10 @@ impl Check<'_> {
 
     /// Returns whether a triangle occludes for all points of P: it is two-sided, or P is before its front.
     ///
-    /// The corners of a front run counter-clockwise as seen from before it. With a clearance positions are
-    /// what they are. Then a corner of P may also be on the plane of a triangle that is perpendicular to an
-    /// axis, where heights are differences of one coordinate: segments from there do not cross the plane.
+    /// The corners of a triangle run counter-clockwise as seen from before its front. With a clearance,
+    /// positions count as exact. Then a corner of P may also be on the plane of a triangle that is
+    /// perpendicular to an axis, where heights are differences of one coordinate: segments from there do not
+    /// cross the plane.
     pub(super) fn faces(&self, sight: &Sight, t: u32) -> bool {
         if self.triangles.front(t).is_none() {
             return true;
