@@ -18,8 +18,8 @@ pub struct PortalPairs {
 }
 
 impl PortalPairs {
-    /// Makes the pairs of the directed portals `portals`. `rows` are by directed portal: those that a line
-    /// through it may later pass.
+    /// Makes the pairs of the directed portals `portals`. `rows` holds, by directed portal, the directed
+    /// portals that a line through it may later pass.
     pub(crate) fn new(portals: &DirectedPortals, rows: Vec<Bits>) -> Self {
         Self { rows, portals: fingerprint(portals) }
     }

@@ -25,9 +25,9 @@ pub(crate) const HIDDEN: Child = 1 << 31;
 /// offset: 9,000 times the round-off of `f64`. It only saves the cut of a sliver.
 const ON_PLANE: f64 = 1e-12;
 
-/// Amount by which the part of an edge inside a leaf, as fractions of the edge from 0 to 1, is enlarged at
-/// each end where a plane cuts the edge. The division rounds by less than a millionth of this; the errors of
-/// the plane's values are covered by their own slack.
+/// Fraction of an edge by which its part inside a leaf is enlarged at each end where a plane cuts the edge.
+/// The ends of the part are fractions of the edge from 0 to 1. The division that computes them rounds by less
+/// than a millionth of this; errors of the plane's values have a slack of their own.
 const SHARE_ROUNDING: f64 = 1e-9;
 
 /// Maximum number of nodes, which bounds time and memory for adversarial occluders. Polygons that would
