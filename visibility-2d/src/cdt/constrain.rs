@@ -7,9 +7,9 @@
 //! (in one pass over the corners, since all of them see the wall).
 //!
 //! Two walls that cross are split at the `f64` point nearest to their crossing, and from there on both are
-//! chains through that point. If a vertex is within rounding of the crossing, both walls pass through that
-//! vertex instead: pieces would cross again beside it, on and on. No gap opens: a chain has the ends of its
-//! wall and no holes.
+//! chains through that point. If a vertex is within [`rounding`] of the crossing, both walls pass through
+//! that vertex instead. Otherwise their pieces might cross again beside it, on and on. No gap opens: a chain
+//! has the ends of its wall and no holes.
 
 use super::error::PlanError;
 use super::predicates::{LEAST, Point, area, is_same_way, orient};
@@ -64,7 +64,7 @@ pub(crate) struct Constrainer {
     /// wall from its first end, then those on the right side back to it.
     steps: Vec<Step>,
     right: Vec<Step>,
-    /// Triangles that the wall crosses, as indices. `fill_side` uses them for the new triangles.
+    /// Indices of the triangles that the wall crosses. `fill_side` gives them to the new triangles.
     removed: Vec<u32>,
     /// Scratch of `fill_side`: vertices that are not cut off yet, each with the half-edge, or [`STEP`] and
     /// the step, that joins it to the vertex before it. [`NONE`] for the first.
@@ -319,7 +319,7 @@ fn mark(of: &mut Triangulation, h: u32, walls: u32) {
     mark_as(of, h, head);
 }
 
-/// Returns whether a wall is among the first 64 items of a list from `item` on, which were added last.
+/// Returns whether a wall is among the 64 items added last to a list, which are the first from `item` on.
 /// Without this test, walls that bend onto each other again and again would double their lists each time.
 fn lists_lately(of: &Triangulation, mut item: u32, wall: u32) -> bool {
     for _ in 0..64 {

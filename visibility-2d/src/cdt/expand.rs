@@ -55,8 +55,7 @@ pub(crate) enum Met {
     Far,
 }
 
-/// The eye of a look and the plan that it looks at: what all cones of one look from triangle to triangle
-/// share.
+/// The eye of a query and the plan on which it looks around: what all cones of the query share.
 #[derive(Clone, Copy)]
 pub(crate) struct Expansion<'a> {
     pub(crate) plan: &'a Plan,
@@ -156,8 +155,8 @@ impl Expansion<'_> {
         cones.drain(..count);
     }
 
-    /// Returns whether `ray` is in the cone from `right` to `left`, narrower than half a turn: on its right
-    /// bound or strictly inside.
+    /// Returns whether `ray` is on the right bound or strictly inside of the cone from `right` to `left`. The
+    /// cone must be narrower than half a turn.
     fn holds(&self, right: Ray, left: Ray, ray: Ray) -> bool {
         !self.is_left(ray, right)
             && self.is_left(ray, left)

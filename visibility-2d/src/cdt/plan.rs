@@ -122,8 +122,8 @@ impl Plan {
         Self::from_walls_within(walls, |_| margin)
     }
 
-    /// Makes a plan like [`from_walls`](Self::from_walls). `margin` returns the margin from the least and
-    /// greatest coordinates of all walls.
+    /// Makes a plan like [`from_walls`](Self::from_walls). `margin` is called with the least and greatest
+    /// coordinates of all walls and returns the margin in world units.
     fn from_walls_within(walls: &[Wall], margin: impl Fn([Point; 2]) -> f64) -> Result<Self, PlanError> {
         if walls.len() > Self::LIMIT {
             return Err(PlanError::TooMany { count: walls.len() });
@@ -315,7 +315,7 @@ impl Plan {
         self.stamp
     }
 
-    /// Returns the walls as given, with their opacities of now.
+    /// Returns the walls as given, with their present opacities.
     pub fn walls(&self) -> &[Wall] {
         &self.walls
     }
@@ -393,7 +393,8 @@ impl Plan {
         self.edges[previous(h) as usize].twin()
     }
 
-    /// Returns a half-edge near a point: one that begins at a neighbour of the point on the curve.
+    /// Returns a half-edge near a point. It begins at the vertex just before or just after the point along
+    /// the curve, whichever is nearer.
     pub(crate) fn near(&self, point: Point) -> u32 {
         let place = (self.curve.place::<16>(point) >> 32) as u32;
         let after = self.places.partition_point(|&p| p < place).min(self.points.len() - 1);

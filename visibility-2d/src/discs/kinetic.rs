@@ -142,7 +142,7 @@ pub struct KineticZone<'a> {
     work: ZoneWork,
 }
 
-/// Assigns directions to discs that come front to back.
+/// Assigns directions to discs that are given front to back.
 #[derive(Clone, Debug, Default)]
 struct Painter {
     /// Ranges of directions that no disc drawn so far covers, ascending, as direction numbers.
@@ -202,9 +202,9 @@ fn left_of([x, y]: [f64; 2]) -> [f64; 2] {
 
 impl<'a> KineticZone<'a> {
     /// Makes a zone without an eye. The class of a tangent segment is derived for eyes up to `reach` metres
-    /// from the present one, best some tens of the distance that the eye moves in a frame. A greater reach
-    /// makes the derivation slower. NaN and negative numbers count as 0, which makes each move a look from
-    /// scratch.
+    /// from the present one. Best is some tens of times the distance that the eye moves in a frame; a greater
+    /// reach makes the derivation slower. NaN and negative numbers count as 0, which makes each move a look
+    /// from scratch.
     pub fn new(discs: &'a Discs, reach: f64) -> Self {
         let mut places = alloc::vec![0; discs.len()];
         for (place, &index) in (0..).zip(&discs.indices) {
@@ -354,8 +354,8 @@ impl<'a> KineticZone<'a> {
         Some(if arc.is_first { first } else { last })
     }
 
-    /// Makes the arc of directions in which `disc` is seen, next to the arc of `before`. Either may be
-    /// [`NONE`], not both.
+    /// Makes the arc of directions in which `disc` is seen. `before` is the disc of the arc that ends where
+    /// this one begins, counter-clockwise. Either may be [`NONE`], not both.
     fn arc(&self, eye: [f64; 2], before: u32, disc: u32) -> Arc {
         let power = |index: u32| {
             let Some(disc) = self.discs.discs.get(index as usize) else { return f64::INFINITY };

@@ -219,8 +219,8 @@ impl Task<'_> {
         first(first(a, b), first(c, d))
     }
 
-    /// Returns the link of a solid that begins inside the link before, or before the viewcell if there is
-    /// none, and reaches farther. `None` if that is not certain.
+    /// Returns a link of a solid whose chord begins within the chord of `last`, or clockwise of the viewcell
+    /// if there is no link yet, and reaches farther counter-clockwise. `None` if that is not certain.
     fn link(&self, at: Point, last: Option<&Link>, solid: u32) -> Option<Link> {
         if last.is_some_and(|last| last.solid == solid) {
             return None;
