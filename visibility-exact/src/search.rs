@@ -253,8 +253,8 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Decides the halves of a node. `obstacle` is an edge that kept the node from being blocked, and a line
-    /// of the node by that edge, if they are known.
+    /// Decides the halves of a node. `obstacle` is an edge that kept a surface from blocking the node, and
+    /// the line from which the surface was grown. `None` if no surface was.
     fn halve(
         &mut self,
         sight: &Sight,

@@ -35,7 +35,7 @@ pub enum Effort {
 pub struct ExactSettings {
     pub(crate) rays: u32,
     pub(crate) aimed_rays: u32,
-    /// Whether objects that no ray found need proof to be removed.
+    /// Whether objects that no ray found need proof to be removed. If false, all of them are removed.
     pub(crate) proves: bool,
     /// Share for [`Effort::Share`], 0 for other efforts.
     pub(crate) share: f64,
