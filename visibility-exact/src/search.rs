@@ -291,8 +291,8 @@ impl<'a> Search<'a> {
         all
     }
 
-    /// Returns whether a triangle occludes for all points of P. Remembers it in [`across`](Self::across) if
-    /// it does for some.
+    /// Returns whether a triangle occludes for all points of P. Stores the triangle in
+    /// [`across`](Self::across) if it is one-sided and P is on both sides of its plane.
     pub(crate) fn blocks(&mut self, sight: &Sight, t: u32) -> bool {
         let Some(front) = self.triangles.front(t) else { return true };
         let facing = sight.facing(front, self.clearance, self.pad());

@@ -34,8 +34,8 @@ pub enum Verdict {
     Open,
 }
 
-/// The proofs for objects that were proven hidden together: one of a box around all of them, or one for each
-/// triangle of a single object.
+/// The proofs for objects that were proven hidden together: one for a box around all of them or, for a single
+/// object, those for boxes around its parts and for its other triangles.
 #[derive(Clone, PartialEq, Debug)]
 pub struct ProvenHidden {
     /// The objects, by their positions in the list of objects of the [`SceneTriangles`].

@@ -30,7 +30,7 @@ struct Task {
     from: u32,
     to: u32,
     walls: u32,
-    /// True if the piece is a part of one that was split at a crossing, false if it is as given.
+    /// True if the piece comes from a split at a crossing, false if it is on the line of a wall as given.
     is_part: bool,
 }
 

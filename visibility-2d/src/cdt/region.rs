@@ -175,8 +175,8 @@ impl Plan {
         Ok(())
     }
 
-    /// Adds to `answer` the triangles whose overlap with its hull has an area. For a hull without area, a
-    /// point or a segment, all triangles that it touches.
+    /// Adds to `answer` the triangles whose overlap with `answer.hull` has an area. For a hull without area,
+    /// a point or a segment, adds all triangles that the hull touches.
     ///
     /// # Errors
     /// [`PlanError::Region`] if the hull is empty or reaches out of the rectangle around the plan.
@@ -241,7 +241,7 @@ impl Plan {
     }
 
     /// Follows all lines of sight that meet the region and leave one of its triangles across half-edge
-    /// `edge`, until walls stop them. Adds the walls and triangles that they reach to `answer`.
+    /// `edge`, until walls stop them. Adds to `answer` the walls and triangles that the lines reach.
     ///
     /// # Errors
     /// [`PlanError::TooMany`] beyond [`MOST_STEPS`] triangles entered for the region.

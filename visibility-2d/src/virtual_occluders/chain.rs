@@ -77,7 +77,7 @@ struct Link {
 }
 
 /// Task of a chain: to hide the points beyond a line from a viewcell. The viewcell is given by its corners
-/// and by `solids`, whose posts have slopes as seen from it.
+/// and by `solids`, whose posts have slopes as seen from the viewcell.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Task<'a> {
     pub(crate) solids: &'a CellSolids,

@@ -16,9 +16,9 @@ pub(crate) type Child = u32;
 pub(crate) const VISIBLE: Child = u32::MAX;
 /// Leaf of view directions outside the image; boxes there count as hidden.
 pub(crate) const OUTSIDE: Child = u32::MAX - 1;
-/// Flag of a shadow leaf: view directions inside the shadow of at least one polygon. The other bits are an
-/// index into `Nodes::hiders`, a list of back planes; points in these directions behind one of them are
-/// hidden.
+/// Flag of a shadow leaf: view directions inside the shadow of at least one polygon. The other bits are the
+/// index in `Nodes::hiders` of the first of the leaf's back planes. A point in these directions is hidden if
+/// it is behind any of the leaf's back planes.
 pub(crate) const HIDDEN: Child = 1 << 31;
 
 /// Distance from a back plane within which a corner counts as on the plane, as a fraction of the plane's

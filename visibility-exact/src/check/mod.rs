@@ -31,7 +31,7 @@ pub enum ProofError {
     /// A surface touches an end of segments, has a boundary that segments meet, or is not crossed an odd
     /// number of times.
     Surface,
-    /// A loop is not near its occluder, or segments may pass it outside.
+    /// A loop is not near its occluder, or segments may pass outside the loop.
     Loop,
     /// Weights of dividing edges do not exclude all segments.
     Weights,

@@ -110,10 +110,10 @@ impl Check<'_> {
         sight.p.corners().iter().all(|&x| is_before(x, [a, b, c], slack) || is_on_plane(x))
     }
 
-    /// Returns whether a triangle touches Q at most at its boundary: its corners that are not the target's
-    /// are on one side of Q's plane, there are such corners, and it is apart from P. `end` is the end of the
-    /// line that is tested, at most 3 delta from Q. If the triangle is before Q, its plane is farther from
-    /// this end, so that lines to the points of Q next to the end cross the triangle as often.
+    /// Returns whether a triangle touches Q at most at Q's boundary: it has corners that are not the
+    /// target's, all of these are on one side of Q's plane, and the triangle is apart from P. `end` is the
+    /// end of the line that is tested, at most 3 delta from Q. If the triangle is before Q, its plane is
+    /// farther from this end, so that lines to the points of Q next to the end cross the triangle as often.
     pub(super) fn touches_beside(
         &self,
         sight: &Sight,
