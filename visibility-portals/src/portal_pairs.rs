@@ -35,7 +35,7 @@ impl PortalPairs {
         &self.rows[portal as usize]
     }
 
-    /// Returns a number that tells apart the portals and the bits, for the bake's fingerprint.
+    /// Returns a hash of the portals and the bits, for the bake's fingerprint.
     pub(crate) fn fingerprint(&self) -> u64 {
         let words = self.rows.iter().flat_map(Bits::words).copied();
         words.chain([self.portals]).fold(Fingerprint::new(), Fingerprint::with_u64).value()

@@ -136,7 +136,7 @@ pub struct KineticZone<'a> {
     painter: Painter,
     looked: Vec<u32>,
     seen: Vec<u32>,
-    /// Number of the last move that reported each disc.
+    /// By place in `discs.discs`: number of the last move that reported the disc.
     marks: Vec<u32>,
     mark: u32,
     work: ZoneWork,
