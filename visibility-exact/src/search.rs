@@ -53,8 +53,8 @@ pub(crate) struct Budget {
 const DEPTH: u32 = 28;
 /// Depth from which nodes are divided by occluder edges, on every third level.
 const DIVIDE_FROM: u32 = 3;
-/// Greatest number of cuts of P by planes of one-sided triangles on the way to a node. Each rounds a corner
-/// four times more: [`SceneTriangles::position_error`] has room for these.
+/// Greatest number of cuts of P by planes of one-sided triangles on the way to a node. Each cut rounds a
+/// corner four more times: [`SceneTriangles::position_error`] has room for these.
 pub(crate) const SPLITS: u32 = 8;
 /// Greatest number of triangles from which surfaces are grown, of those that a node's sample line crosses.
 const STARTS: usize = 4;

@@ -12,8 +12,8 @@ use visibility_core::glam::DVec3;
 pub struct Witness {
     /// Viewpoint in the viewcell, where the line of sight begins, in scene coordinates.
     pub from: DVec3,
-    /// End of the segment: on the triangle up to rounding, or, for an answer with a clearance, up to the
-    /// clearance before it. Equal to `from` if the object reaches into the viewcell there.
+    /// End of the segment: on the triangle up to rounding, or, for an answer with a clearance, at most the
+    /// clearance in front of it. Equal to `from` if the object reaches into the viewcell there.
     pub to: DVec3,
     /// Number of the triangle that is seen, among all triangles of the scene.
     pub triangle: u32,

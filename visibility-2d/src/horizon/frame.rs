@@ -116,8 +116,8 @@ impl Frame {
         value > error + self.near.linear.length() * 2.0 * radius
     }
 
-    /// Returns whether a box relative to the scene's origin, given by its two least and greatest coordinates
-    /// on the plan and heights, is certainly beyond the near plane. False for NaN.
+    /// Returns whether a box relative to the scene's origin is certainly beyond the near plane. `min` and
+    /// `max` are its least and greatest coordinates: two on the plan, then the height. False for NaN.
     pub(crate) fn is_box_beyond_near(&self, min: [f64; 3], max: [f64; 3]) -> bool {
         let growth = self.up.split(self.near.linear);
         let nearest = core::array::from_fn(|i| if growth[i] > 0.0 { min[i] } else { max[i] });

@@ -321,8 +321,8 @@ impl Lists {
         number
     }
 
-    /// Returns the number of the list that unites four lists, given by their numbers. It is stored if it is
-    /// new.
+    /// Returns the number of the list that unites four lists, given by their numbers. The united list is
+    /// stored if it is new.
     fn union(&mut self, four: [u32; 4]) -> u32 {
         let mut all = Vec::new();
         for list in four {

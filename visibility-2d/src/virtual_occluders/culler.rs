@@ -15,7 +15,7 @@ use visibility_core::pvs::Viewcell;
 use visibility_core::walk::{Child, SceneHierarchy, Walk};
 use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
 
-/// Number of equal sectors of directions around the viewcell. The solid that looks largest in each is a seed.
+/// Number of sectors of directions around the viewcell. In each, the solid that looks largest is a seed.
 const SEEDS: usize = 16;
 
 /// Ratio of the distances of two successive lines behind a seed.

@@ -51,7 +51,8 @@ pub struct SceneTriangles {
     occludes: Vec<bool>,
     /// Side of its plane from which each triangle is seen and occludes. `None` for both sides.
     fronts: Vec<Option<Half>>,
-    /// Area of each triangle in square metres, rounded. It decides only what is tried first.
+    /// Area of each triangle in square metres, rounded. It decides what is tried first. A triangle of area 0
+    /// is not proven hidden by itself.
     areas: Vec<f32>,
     /// Edges of each triangle: edge k joins corners k and k + 1.
     edges: Vec<[u32; 3]>,
