@@ -56,7 +56,8 @@ impl HorizonOccluders {
     /// Makes the solids of all objects of `scene` that are flagged as occluders and have a mesh. Solids that
     /// are small beside the large ones of the scene are left out: furniture, where there are walls. Takes
     /// time proportional to the triangles of all occluders: about a microsecond for a house, and as much for
-    /// each triangle that faces up and may be ground.
+    /// each triangle that faces up and may be ground. Long triangles of ground take more: time for each
+    /// square of the ground's grid in the triangle's bounds, and memory for each square that it meets.
     pub fn new(scene: &Scene, up: UpAxis) -> Self {
         let mut occluders = Self {
             up,
