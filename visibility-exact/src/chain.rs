@@ -382,8 +382,8 @@ fn touches_from_one_side(corners: &[DVec3; 3], tags: [u8; 3], plane: &Half, pad:
 }
 
 /// Returns whether the convex hull of some points certainly does not touch a polygon: whether a plane
-/// separates them, one of: the polygon's own, one along a side of it, the points' own, one along a side of
-/// either.
+/// separates them. Tried are the polygon's plane, the planes across it along its sides, the plane of the
+/// first three points, and the planes parallel to a side of each.
 pub(crate) fn apart(points: &[DVec3], polygon: &Polygon, plane: &Half, pad: f64) -> bool {
     let separates = |normal: DVec3| {
         let range = |points: &[DVec3]| {

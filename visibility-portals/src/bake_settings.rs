@@ -112,7 +112,7 @@ impl fmt::Display for BakeError {
 
 impl core::error::Error for BakeError {}
 
-/// Clearance by default, in world units, where coordinates allow it: a micrometre in metres.
+/// Default clearance in world units, if coordinates allow it: a micrometre if the unit is the metre.
 const DEFAULT_CLEARANCE: f64 = 1e-6;
 
 /// Maximum number of cells, and of portals, of a bake. With 2^16 portals the matrix of ordered pairs of

@@ -7,9 +7,9 @@
 //! (in one pass over the corners, since all of them see the wall).
 //!
 //! Two walls that cross are split at the `f64` point nearest to their crossing, and from there on both are
-//! chains through that point. If a vertex is within rounding of the crossing, both walls pass through that
-//! vertex instead: pieces would cross again beside it, on and on. No gap opens: a chain has the ends of its
-//! wall and no holes.
+//! chains through that point. If a vertex is within [`rounding`] of the crossing, both walls pass through
+//! that vertex instead. Otherwise their pieces might cross again beside it, on and on. No gap opens: a chain
+//! has the ends of its wall and no holes.
 
 use super::error::PlanError;
 use super::predicates::{LEAST, Point, area, is_same_way, orient};
@@ -20,8 +20,8 @@ use alloc::vec::Vec;
 /// number of items in its lists of walls.
 pub(crate) const MOST_VERTICES: usize = 1 << 24;
 
-/// Flag of a number that is a half-edge without it. With it, the other bits are an index into
-/// `Constrainer::steps`.
+/// Flag of a number that stands for a half-edge or a step. If set, the other bits are an index into
+/// `Constrainer::steps`. If not, the number is the index of a half-edge.
 const STEP: u32 = 1 << 31;
 
 /// A piece of a wall that is to become an edge or a chain of edges.
@@ -30,7 +30,7 @@ struct Task {
     from: u32,
     to: u32,
     walls: u32,
-    /// True if the piece is a part of one that was split at a crossing, false if it is as given.
+    /// True if the piece comes from a split at a crossing, false if it is on the line of a wall as given.
     is_part: bool,
 }
 
@@ -40,10 +40,10 @@ struct Step {
     /// Vertex at which the step ends on the way clockwise around the removed triangles: the origin of
     /// `inner`.
     vertex: u32,
-    /// Half-edge on the inner side: of the removed triangle, and of the new one once `fill_side` has made it.
+    /// Half-edge on the inner side of the step: of the removed triangle, later of the new one (`fill_side`).
     inner: u32,
-    /// Half-edge on the outer side. If both triangles at the edge are removed: [`STEP`] plus the index of the
-    /// step on its other side. [`NONE`] on the outer rectangle.
+    /// Half-edge on the outer side. If the triangles on both sides of the edge are removed: [`STEP`] plus the
+    /// index of the step along the edge's other side. [`NONE`] on the outer rectangle.
     outer: u32,
     walls: u32,
 }
@@ -64,14 +64,14 @@ pub(crate) struct Constrainer {
     /// wall from its first end, then those on the right side back to it.
     steps: Vec<Step>,
     right: Vec<Step>,
-    /// Triangles that the wall crosses, as indices. `fill_side` uses them for the new triangles.
+    /// Indices of the triangles that the wall crosses. `fill_side` gives them to the new triangles.
     removed: Vec<u32>,
     /// Scratch of `fill_side`: vertices that are not cut off yet, each with the half-edge, or [`STEP`] and
     /// the step, that joins it to the vertex before it. [`NONE`] for the first.
     chain: Vec<(u32, u32)>,
     /// Number of times that the wall being inserted was split at a crossing.
     splits: usize,
-    /// Number of crossings of one wall above which its pieces count as endless, and the wall is refused.
+    /// Greatest value of `splits`. Beyond it the splitting of the wall counts as endless, and is an error.
     usual: usize,
 }
 
@@ -319,7 +319,7 @@ fn mark(of: &mut Triangulation, h: u32, walls: u32) {
     mark_as(of, h, head);
 }
 
-/// Returns whether a wall is among the first 64 items of a list from `item` on, which were added last.
+/// Returns whether a wall is among the 64 items added last to a list, which are the first from `item` on.
 /// Without this test, walls that bend onto each other again and again would double their lists each time.
 fn lists_lately(of: &Triangulation, mut item: u32, wall: u32) -> bool {
     for _ in 0..64 {
@@ -406,10 +406,10 @@ fn may_bend([a, b]: [Point; 2], through: Point) -> bool {
 
 /// Returns the distance within which points that were rounded several times count as one.
 ///
-/// A crossing is wrong by some units of rounding of the greatest coordinate. Pieces of walls that cross there
-/// may cross again a little beside: on and on, each time by a unit, where a coordinate rounds back to the
-/// same number; and walls on top of each other cross at every vertex of either. So near a vertex they pass
-/// through the vertex.
+/// A crossing is wrong by some units of rounding of the greatest coordinate. Pieces of walls that were split
+/// at it may cross again a little beside it, and so on without end, where a coordinate rounds back to the
+/// same number. Walls on top of each other cross at every vertex of either. So walls that cross within this
+/// distance of a vertex are led through the vertex.
 fn rounding(points: &[Point]) -> f64 {
     8.0 * f64::EPSILON * points.as_flattened().iter().fold(0.0, |size: f64, x| size.max(x.abs()))
 }

@@ -9,8 +9,8 @@ use super::wall::{Opacity, Wall};
 use alloc::vec::Vec;
 use visibility_core::stamp::Stamp;
 
-/// Greatest length of `Plan::walls_of_pieces`: one wall for each edge of a triangulation, and some that
-/// overlap.
+/// Greatest length of `Plan::walls_of_pieces`: enough for one wall along each edge of a triangulation, and
+/// for some walls that overlap.
 const MOST_WALLS: usize = 4 * MOST_VERTICES;
 
 /// A half-edge of a plan. 8 bytes, since queries read these in random order.
@@ -48,8 +48,8 @@ impl HalfEdge {
 ///
 /// Building takes expected time `n log n` in the number of walls, crossings and overlaps (pairs of a wall and
 /// a piece of another along which the wall lies). A query takes time in proportion to what it sees, and a
-/// binary search to find its eye. If one wall is some 65,536 times as far away as the others extend, the
-/// search is a walk past up to the square root of their number, more if they are in one line.
+/// binary search to find its eye. If one wall is farther away than some 65,536 times the extent of the `n`
+/// others, the search is a walk past up to `sqrt(n)` triangles, or more if these walls are in one line.
 ///
 /// ```
 /// use visibility_2d::cdt::{Plan, PlanView, Visibility, Wall};
@@ -94,8 +94,8 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Greatest number of walls. With two ends each and the corners of the rectangle they are 2^24 vertices.
-    /// Crossings are vertices as well, so that fewer walls may be too many.
+    /// Greatest number of walls: their ends, two each, and the corners of the rectangle are then 2^24
+    /// vertices. Crossings are vertices as well, so that fewer walls may be too many.
     pub const LIMIT: usize = MOST_VERTICES / 2 - 2;
 
     /// Makes a plan of walls, numbered from 0 in the order given. The rectangle around the plan leaves a
@@ -104,7 +104,8 @@ impl Plan {
     /// # Errors
     /// - [`PlanError::Coordinate`] for a coordinate that is NaN, infinite or above 1e60 in absolute value.
     /// - [`PlanError::TooMany`] for more than [`LIMIT`](Self::LIMIT) walls, 2^24 vertices or 2^24 overlaps,
-    ///   or if the walls of all pieces are together more than 2^26.
+    ///   if the walls of all pieces are together more than 2^26, or if rounding makes the pieces of a wall
+    ///   cross other walls without end.
     pub fn new(walls: &[Wall]) -> Result<Self, PlanError> {
         Self::from_walls_within(walls, |[low, high]| {
             (0.25 * (high[0] - low[0]).max(high[1] - low[1])).max(1.0)
@@ -121,8 +122,8 @@ impl Plan {
         Self::from_walls_within(walls, |_| margin)
     }
 
-    /// Makes a plan like [`from_walls`](Self::from_walls). `margin` returns the margin from the least and
-    /// greatest coordinates of all walls.
+    /// Makes a plan like [`from_walls`](Self::from_walls). `margin` is called with the least and greatest
+    /// coordinates of all walls and returns the margin in world units.
     fn from_walls_within(walls: &[Wall], margin: impl Fn([Point; 2]) -> f64) -> Result<Self, PlanError> {
         if walls.len() > Self::LIMIT {
             return Err(PlanError::TooMany { count: walls.len() });
@@ -150,7 +151,8 @@ impl Plan {
         Self::packed(triangulation, walls, curve, [low, high])
     }
 
-    /// Renumbers vertices and triangles along the curve and sorts walls into pieces.
+    /// Makes the plan of a triangulation: renumbers vertices and triangles along the curve, and lists the
+    /// walls of each piece.
     fn packed(
         from: Triangulation,
         walls: &[Wall],
@@ -313,7 +315,7 @@ impl Plan {
         self.stamp
     }
 
-    /// Returns the walls as given, with their opacities of now.
+    /// Returns the walls as given, with their present opacities.
     pub fn walls(&self) -> &[Wall] {
         &self.walls
     }
@@ -391,7 +393,8 @@ impl Plan {
         self.edges[previous(h) as usize].twin()
     }
 
-    /// Returns a half-edge near a point: one that begins at a neighbour of the point on the curve.
+    /// Returns a half-edge near a point. It begins at the vertex just before or just after the point along
+    /// the curve, whichever is nearer.
     pub(crate) fn near(&self, point: Point) -> u32 {
         let place = (self.curve.place::<16>(point) >> 32) as u32;
         let after = self.places.partition_point(|&p| p < place).min(self.points.len() - 1);

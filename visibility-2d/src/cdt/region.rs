@@ -175,8 +175,8 @@ impl Plan {
         Ok(())
     }
 
-    /// Adds to `answer` the triangles whose overlap with its hull has an area. For a hull without area, a
-    /// point or a segment, all triangles that it touches.
+    /// Adds to `answer` the triangles whose overlap with `answer.hull` has an area. For a hull without area,
+    /// a point or a segment, adds all triangles that the hull touches.
     ///
     /// # Errors
     /// [`PlanError::Region`] if the hull is empty or reaches out of the rectangle around the plan.
@@ -241,7 +241,7 @@ impl Plan {
     }
 
     /// Follows all lines of sight that meet the region and leave one of its triangles across half-edge
-    /// `edge`, until walls stop them. Adds the walls and triangles that they reach to `answer`.
+    /// `edge`, until walls stop them. Adds to `answer` the walls and triangles that the lines reach.
     ///
     /// # Errors
     /// [`PlanError::TooMany`] beyond [`MOST_STEPS`] triangles entered for the region.
@@ -289,8 +289,9 @@ impl Plan {
         Ok(())
     }
 
-    /// Returns whether a line of a beam meets the hull. All lines pass the hull on one side if the lines of
-    /// all corners do; and if some pass it on either side, one between them meets it.
+    /// Returns whether a line of a beam meets the hull. If the lines at all corners of the beam pass the hull
+    /// on the same side, all its lines do. If some pass it on the left and some on the right, a line between
+    /// these meets it.
     fn meets_hull(&self, beam: Beam, answer: &RegionVisibility) -> bool {
         let mut common = 0;
         for side in &answer.sides[beam.sides.0 as usize..beam.sides.1 as usize] {

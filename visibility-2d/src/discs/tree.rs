@@ -143,7 +143,7 @@ fn up(x: f64) -> f32 {
 pub struct Discs {
     /// All discs, in the order of a space-filling curve.
     pub(crate) discs: Vec<Disc>,
-    /// Index that the caller gave each of `discs`.
+    /// For each of `discs`, its index in the list that the caller gave.
     pub(crate) indices: Vec<u32>,
     /// Radius in metres within which each of `discs` is disjoint from all others. Only this part of the disc
     /// hides.

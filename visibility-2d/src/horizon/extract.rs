@@ -252,7 +252,8 @@ fn face(posts: &[Post]) -> f64 {
     (max[0] - min[0]).max(max[1] - min[1]) * (max[2] - min[2])
 }
 
-/// Returns a point under a transform, with the sum of the magnitudes of its largest coordinate's terms.
+/// Returns a point under a transform, and a sum of magnitudes: that of the terms of a coordinate, for the
+/// coordinate for which it is greatest.
 pub(crate) fn placed(p: DVec3, transform: &Affine3A) -> (DVec3, f64) {
     if *transform == Affine3A::IDENTITY {
         return (p, p.abs().max_element());

@@ -35,11 +35,11 @@ const LEAST_AREA: f64 = 1.0 / 64.0;
 /// its bounds on the plan. A floor hides next to nothing.
 const LEAST_HEIGHT: f64 = 1.0 / 128.0;
 
-/// Number of squares of a grid for each triangle of its sheet, within a factor of four. Borders break whole
-/// squares.
+/// Number of squares of a grid for each triangle of its sheet. Sides of squares are powers of two, so that a
+/// grid may have down to a quarter of that. Borders break whole squares.
 const SQUARES_PER_TRIANGLE: usize = 64;
 
-/// Least and greatest number of squares of a grid, within a factor of four.
+/// Least and greatest number of squares to ask for in a grid, which may have down to a quarter of that.
 const SQUARES: [usize; 2] = [1 << 10, 1 << 22];
 
 /// Greatest number of levels of squares. Each level joins the squares of the one below by fours.
@@ -164,8 +164,8 @@ impl Terrain {
 }
 
 impl Sheet {
-    /// Returns the owners (the objects with triangles over a square) in the list with the number `list`, as
-    /// positions in [`Terrain::objects`].
+    /// Returns the list of owners with the number `list`, as positions in [`Terrain::objects`]. The owners of
+    /// a square are the objects whose triangles are over it.
     pub(crate) fn owners(&self, list: u32) -> &[u32] {
         let list = list as usize;
         let begin = if list == 0 { 0 } else { self.owner_ends[list - 1] as usize };
@@ -321,8 +321,8 @@ impl Lists {
         number
     }
 
-    /// Returns the number of the list that unites four lists, given by their numbers. It is stored if it is
-    /// new.
+    /// Returns the number of the list that unites four lists, given by their numbers. The united list is
+    /// stored if it is new.
     fn union(&mut self, four: [u32; 4]) -> u32 {
         let mut all = Vec::new();
         for list in four {
@@ -344,9 +344,9 @@ struct Grid {
 }
 
 impl Grid {
-    /// Calls `each` with the squares that a triangle meets on the plan, enlarged by `pad` squares: index,
-    /// least and greatest coordinates, enlarged as well. May call it with squares that are a little farther
-    /// away.
+    /// Calls `each` with the squares that a triangle meets on the plan, after each square has been enlarged
+    /// by `pad` sides in all directions: the index, and the enlarged square's least and greatest coordinates.
+    /// May call `each` with squares that are a little farther away.
     fn for_each_met(
         &self,
         corners: &[[f64; 3]; 3],

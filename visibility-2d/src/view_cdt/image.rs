@@ -248,7 +248,7 @@ impl Image {
         })
     }
 
-    /// Calls `each` for the triangles that meet a region, until it returns false. These triangles are
+    /// Calls `each` for the triangles that meet a region, until `each` returns false. These triangles are
     /// connected, so that all are found from the one in the region's middle. Returns whether all were
     /// visited.
     fn visit(&self, region: Region<'_>, mut each: impl FnMut(u32, &[[f64; 2]; 3]) -> bool) -> bool {

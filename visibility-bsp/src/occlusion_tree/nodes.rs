@@ -16,18 +16,18 @@ pub(crate) type Child = u32;
 pub(crate) const VISIBLE: Child = u32::MAX;
 /// Leaf of view directions outside the image; boxes there count as hidden.
 pub(crate) const OUTSIDE: Child = u32::MAX - 1;
-/// Flag of a shadow leaf: view directions inside the shadow of at least one polygon. The other bits are an
-/// index into `Nodes::hiders`, a list of back planes; points in these directions behind one of them are
-/// hidden.
+/// Flag of a shadow leaf: view directions inside the shadow of at least one polygon. The other bits are the
+/// index in `Nodes::hiders` of the first of the leaf's back planes. A point in these directions is hidden if
+/// it is behind any of the leaf's back planes.
 pub(crate) const HIDDEN: Child = 1 << 31;
 
 /// Distance from a back plane within which a corner counts as on the plane, as a fraction of the plane's
 /// offset: 9,000 times the round-off of `f64`. It only saves the cut of a sliver.
 const ON_PLANE: f64 = 1e-12;
 
-/// Amount by which the part of an edge inside a leaf, as fractions of the edge from 0 to 1, is enlarged at
-/// each end where a plane cuts the edge. The division rounds by less than a millionth of this; the errors of
-/// the plane's values are covered by their own slack.
+/// Fraction of an edge by which its part inside a leaf is enlarged at each end where a plane cuts the edge.
+/// The ends of the part are fractions of the edge from 0 to 1. The division that computes them rounds by less
+/// than a millionth of this; errors of the plane's values have a slack of their own.
 const SHARE_ROUNDING: f64 = 1e-9;
 
 /// Maximum number of nodes, which bounds time and memory for adversarial occluders. Polygons that would

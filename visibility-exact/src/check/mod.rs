@@ -25,13 +25,13 @@ use core::fmt;
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum ProofError {
-    /// The proof has too few or too many nodes, numbers that are out of range, or a target that is seen from
-    /// less than the clearance over its plane.
+    /// The proof has too few or too many nodes, numbers that are out of range, or a target with a face over
+    /// whose plane no viewpoint is higher than the clearance, but some are over it.
     Malformed,
     /// A surface touches an end of segments, has a boundary that segments meet, or is not crossed an odd
     /// number of times.
     Surface,
-    /// A loop is not near its occluder, or segments may pass it outside.
+    /// A loop is not near its occluder, or segments may pass outside the loop.
     Loop,
     /// Weights of dividing edges do not exclude all segments.
     Weights,

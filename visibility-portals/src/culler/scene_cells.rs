@@ -80,7 +80,8 @@ impl SceneCells {
     /// before the first [`sync`](Self::sync).
     ///
     /// Objects that the graph [lists](CellGraph::set_objects) belong to the listed cells alone, until they
-    /// change. The first `sync` reads these lists; they must be correct for the scene as it is then.
+    /// change or a later `sync` inspects every object. The first `sync` reads these lists; they must be
+    /// correct for the scene as it is then.
     ///
     /// `tolerance` is the distance, in world units, by which portals and volumes may be misplaced: 1e-6 for
     /// coordinates in metres that were computed in `f64`, the last decimal for coordinates read from text. An

@@ -249,9 +249,9 @@ fn error_of_cross(a: &DoubleDoubleVector, b: &DoubleDoubleVector) -> f64 {
     8.0 * DoubleDouble::ERROR * size(a) * size(b)
 }
 
-/// Returns the half-space `h . (d, m) >= 0` of the lines that pass an edge, moved by its shift, on its left
-/// side. `d` is the direction of a line and `m` its moment about `origin` (world space), in units of `unit`
-/// world units.
+/// Returns the half-space `h . (d, m) >= 0` of the lines that pass on the left of an edge after the edge has
+/// been moved by its shift. `d` is the direction of a line and `m` its moment about `origin` (world space),
+/// in units of `unit` world units.
 fn edge_row(edge: &Edge, origin: DVec3, unit: f64) -> Row<6> {
     // a x b = a x (b - a).
     let (a, e) = (difference(edge.a, origin), difference(edge.b, edge.a));
