@@ -259,19 +259,7 @@ impl SceneCells {
     /// Tests whether the cells of each object are those of `scene` as it is now, so that
     /// [`sync`](Self::sync) has nothing to do. Constant time. Views on several threads that share cells
     /// behind a lock then lock the cells for writing only where they must.
-    ///
-    /// ```
-    /// use visibility_core::{cells::CellGraph, pvs::Viewcells, Aabb, Scene};
-    /// use visibility_portals::SceneCells;
-    /// let mut scene = Scene::new();
-    /// let mut cells = SceneCells::new(CellGraph::default(), Viewcells::default(), 1e-6)?;
-    /// cells.sync(&scene);
-    /// assert!(cells.is_synced(&scene) && !cells.is_synced(&scene.clone()));
-    /// scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
-    /// assert!(!cells.is_synced(&scene));
-    /// # Ok::<(), visibility_portals::SceneCellsError>(())
-    /// ```
-    pub fn is_synced(&self, scene: &Scene) -> bool {
+    pub(crate) fn is_synced(&self, scene: &Scene) -> bool {
         self.cursor.is_current(scene)
     }
 
