@@ -16,6 +16,7 @@ const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
 /// An object that becomes visible along a path.
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[non_exhaustive]
 pub struct Arrival {
     /// Seconds from now until the eye reaches the first viewcell from which the object is seen. Greater than
     /// 0.

@@ -84,7 +84,7 @@ impl SightPlanes {
         let planes = view.planes(anchor);
         let mut sides = [None; 4];
         let mut start_planes = SmallVec::new();
-        for (slot, plane) in planes.with_slots() {
+        for (slot, plane) in planes.by_slot() {
             match slot {
                 0..=3 => sides[usize::from(slot)] = Some(*plane),
                 5 => {}

@@ -12,9 +12,10 @@ const WORDS_PER_ID: usize = 4;
 
 /// Why [`VisibleSet::write_bits`] failed. The slice is unchanged by a failed call.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum BitsError {
     /// The slice is too short.
-    TooShort {
+    Length {
         /// Number of `u32` words that the slice must have at least: one per 32 object indices of the scene.
         needed: usize,
     },
@@ -23,7 +24,7 @@ pub enum BitsError {
 impl fmt::Display for BitsError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::TooShort { needed } => write!(f, "bits of visible objects need {needed} words"),
+            Self::Length { needed } => write!(f, "bits of visible objects need {needed} words"),
         }
     }
 }
@@ -255,14 +256,14 @@ impl VisibleSet {
     /// ```
     ///
     /// # Errors
-    /// [`BitsError::TooShort`] if the slice has less than one word per 32 object indices, rounded up, that
+    /// [`BitsError::Length`] if the slice has less than one word per 32 object indices, rounded up, that
     /// the scene has [in use](Scene::index_limit), or, for a [finished](Self::is_finished) set, had at the
     /// end of the frame. The slice is then unchanged.
     pub fn write_bits(&self, scene: &Scene, bits: &mut [u32]) -> Result<(), BitsError> {
         let limit = if self.is_result_of(scene) { self.index_limit } else { scene.index_limit() };
         let needed = limit.div_ceil(32);
         if bits.len() < needed {
-            return Err(BitsError::TooShort { needed });
+            return Err(BitsError::Length { needed });
         }
         bits.fill(0);
         self.iter(scene).for_each(|id| bits[id.index() / 32] |= 1 << (id.index() % 32));

@@ -137,7 +137,7 @@ impl SceneCells {
     /// A PVS without a source may be of another graph: a culler of the cells is then approximate.
     ///
     /// # Errors
-    /// [`SceneCellsError::TurnedPortals`] if portals were turned when the cells were made, unless the source
+    /// [`SceneCellsError::Winding`] if portals were turned when the cells were made, unless the source
     /// says that the PVS is of the turned graph: one of the graph as it was given would hide visible cells.
     /// Call [`CellGraph::turn_portals`] before the bake. [`SceneCellsError::Pvs`] if the targets of `pvs` are
     /// not cells, or if its counts of viewcells or targets differ from the number of cells;
@@ -151,7 +151,7 @@ impl SceneCells {
         match (is_of_graph, self.turned.first()) {
             (Some(true), _) | (None, None) => {}
             (_, Some(&first)) => {
-                return Err(SceneCellsError::TurnedPortals { first, count: self.turned.len() });
+                return Err(SceneCellsError::Winding { first, count: self.turned.len() });
             }
             (Some(false), None) => return Err(SceneCellsError::OtherGraph),
         }

@@ -54,6 +54,7 @@ const DETOURS: usize = 4;
 /// assert!(line.id == id && cell.contains(line.eye) && line.point.x >= 4.99);
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[non_exhaustive]
 pub struct SightLine {
     /// Object that the line reaches.
     pub id: ObjectId,
