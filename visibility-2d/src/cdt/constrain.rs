@@ -11,13 +11,13 @@
 //! opens: a chain has the ends of its wall and no holes.
 
 use super::error::PlanError;
-use super::predicates::{LEAST, Point, area, is_same_way, orient};
+use super::predicates::{MIN_MAGNITUDE, Point, area, is_same_way, orient};
 use super::triangulation::{NONE, Place, Triangulation, next, previous};
 use alloc::vec::Vec;
 
 /// Greatest number of vertices of a triangulation, ends of walls and crossings together. Also the greatest
 /// number of items in its lists of walls.
-pub(crate) const MOST_VERTICES: usize = 1 << 24;
+pub(crate) const MAX_VERTICES: usize = 1 << 24;
 
 /// Flag in a link or a twin: the other bits are the index of a step of the hole's boundary, not of a
 /// half-edge.
@@ -76,7 +76,7 @@ impl Constrainer {
     /// Makes the wall between two vertices a chain of edges. Nothing happens for equal vertices.
     ///
     /// # Errors
-    /// [`PlanError::TooMany`] when crossings make more than [`MOST_VERTICES`] vertices, or overlaps more than
+    /// [`PlanError::TooMany`] when crossings make more than [`MAX_VERTICES`] vertices, or overlaps more than
     /// so many items. One step can double the items, which their `u32` numbers allow.
     pub(crate) fn insert(
         &mut self,
@@ -103,9 +103,9 @@ impl Constrainer {
         (self.splits, self.usual) = (0, 16 * of.points.len() + 1024);
         while let Some(task) = self.tasks.pop() {
             // Pieces as short as rounding may bend to and fro without end, in very few piles of walls.
-            let endless = if self.splits > self.usual { MOST_VERTICES + self.splits } else { 0 };
+            let endless = if self.splits > self.usual { MAX_VERTICES + self.splits } else { 0 };
             let count = of.points.len().max(of.lists.len()).max(endless);
-            if count > MOST_VERTICES {
+            if count > MAX_VERTICES {
                 self.tasks.clear();
                 return Err(PlanError::TooMany { count });
             }
@@ -410,7 +410,8 @@ fn rounding(points: &[Point]) -> f64 {
 /// Returns the `f64` point nearest to the crossing of `ab` and `cd`, up to a few units of rounding, in the
 /// bounding boxes of both. Lines that 106 bits cannot tell from parallel ones are cut in the middle of `ab`.
 ///
-/// A number below [`LEAST`] becomes 0, which the boxes then hold: their corners are 0 or beyond `LEAST`.
+/// A number below [`MIN_MAGNITUDE`] becomes 0, which the boxes then hold: their corners are 0 or beyond
+/// `MIN_MAGNITUDE`.
 fn crossing(a: Point, b: Point, c: Point, d: Point) -> Point {
     let (of_a, of_b) = (area(c, d, a), area(c, d, b));
     let share = of_a / (of_a - of_b);
@@ -419,6 +420,6 @@ fn crossing(a: Point, b: Point, c: Point, d: Point) -> Point {
         let x = a[axis] + share * (b[axis] - a[axis]);
         let x = x.max(a[axis].min(b[axis])).min(a[axis].max(b[axis]));
         let x = x.max(c[axis].min(d[axis])).min(c[axis].max(d[axis]));
-        if x.abs() < LEAST { 0.0 } else { x }
+        if x.abs() < MIN_MAGNITUDE { 0.0 } else { x }
     })
 }

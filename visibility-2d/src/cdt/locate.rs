@@ -6,7 +6,7 @@ use super::triangulation::{NONE, Place, next, place_in};
 
 /// Greatest number of steps of a walk from the triangle of the last eye. More steps take as long as a binary
 /// search.
-const MOST_STEPS: u32 = 16;
+const MAX_STEPS: u32 = 16;
 
 impl Plan {
     /// Returns the [`Place`] of a point: the triangle, half-edge or vertex that it is on. The search walks
@@ -22,7 +22,7 @@ impl Plan {
     }
 
     fn walk_to(&self, point: Point, from: u32) -> Place {
-        let near = if from == NONE { None } else { self.walk(point, from, MOST_STEPS) };
+        let near = if from == NONE { None } else { self.walk(point, from, MAX_STEPS) };
         near.unwrap_or_else(|| self.locate(point, self.near(point)))
     }
 

@@ -19,7 +19,7 @@ use alloc::vec::Vec;
 
 /// Greatest number of triangles that all beams of a region enter together. A beam enters a triangle in some
 /// 40 ns.
-const MOST_STEPS: usize = 1 << 24;
+const MAX_STEPS: usize = 1 << 24;
 
 /// A side of a beam's dual polygon, with the corner that follows it.
 #[derive(Clone, Copy, Debug)]
@@ -262,7 +262,7 @@ impl Plan {
                 continue;
             }
             answer.steps += 1;
-            if answer.steps > MOST_STEPS {
+            if answer.steps > MAX_STEPS {
                 return Err(PlanError::TooMany { count: answer.steps });
             }
             let twin = twin & TWIN;

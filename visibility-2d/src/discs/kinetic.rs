@@ -22,7 +22,7 @@
 use super::gaps::cut_list;
 use super::tree::{Disc, Discs, FAN};
 use super::zone::{DiscView, DiscZone, WIDEST_ERROR};
-use crate::cdt::predicates::GREATEST;
+use crate::cdt::predicates::MAX_MAGNITUDE;
 use crate::directions::disc_span;
 use crate::median_order::LEAF;
 use alloc::vec::Vec;
@@ -33,11 +33,11 @@ use visibility_core::geometry::sqrt;
 const NONE: u32 = u32::MAX;
 
 /// Relative distance of the eye to a bitangent within which the class counts as ended. Greater than the
-/// rounding of bitangents, which is some `1e-12` for discs that are apart by more than [`LEAST_SINE`] tells.
+/// rounding of bitangents, which is some `1e-12` for discs that are apart by more than [`MIN_SINE`] tells.
 const MARGIN: f64 = 1e-9;
 
 /// Sine of the angle between a bitangent and the line of centres below which rounding of it is too great.
-const LEAST_SINE: f64 = 1e-4;
+const MIN_SINE: f64 = 1e-4;
 
 /// Counts of the work of a [`KineticZone`]'s last move.
 ///
@@ -271,7 +271,7 @@ impl<'a> KineticZone<'a> {
         self.zone.look(self.discs, &DiscView::new(eye), &mut self.looked);
         self.seen.clear();
         self.seen.extend_from_slice(&self.looked);
-        if !self.discs.are_disjoint || self.reach == 0.0 || !eye.iter().all(|x| x.abs() <= GREATEST) {
+        if !self.discs.are_disjoint || self.reach == 0.0 || !eye.iter().all(|x| x.abs() <= MAX_MAGNITUDE) {
             return;
         }
         if self.paint(eye, (0.0, 4.0), &[]).is_none() {
@@ -501,7 +501,7 @@ impl<'a> Search<'a> {
         for height in [disc.radius - self.aside, -disc.radius - self.aside] {
             let root = sqrt(squared - height * height);
             // Not less, so that NaN, of discs that overlap by rounding, is refused.
-            let is_known = root > LEAST_SINE * sqrt(squared);
+            let is_known = root > MIN_SINE * sqrt(squared);
             if !is_known {
                 return None;
             }

@@ -17,7 +17,7 @@
 
 use super::extract::placed;
 use super::frame::UpAxis;
-use crate::cdt::predicates::{GREATEST, LEAST, orient};
+use crate::cdt::predicates::{MAX_MAGNITUDE, MIN_MAGNITUDE, orient};
 use alloc::collections::BTreeMap;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -29,10 +29,10 @@ const MAX_SHEETS: usize = 4;
 
 /// Least area of a sheet on the plan, as a fraction of the scene's. Smaller ones are left out: roofs and
 /// rocks.
-const LEAST_AREA: f64 = 1.0 / 64.0;
+const MIN_AREA: f64 = 1.0 / 64.0;
 
 /// Least height of a sheet as a fraction of its lesser width. A floor hides next to nothing.
-const LEAST_HEIGHT: f64 = 1.0 / 128.0;
+const MIN_HEIGHT: f64 = 1.0 / 128.0;
 
 /// Number of squares of a grid for each triangle of its sheet, within a factor of four. Borders break whole
 /// squares.
@@ -249,7 +249,7 @@ impl Sheet {
         let bottom = unbroken().map(|square| square.low).fold(f32::INFINITY, f32::min);
         let top = unbroken().map(|square| square.high).fold(f32::NEG_INFINITY, f32::max);
         // A flat sheet hides nothing from above it. False where no square is unbroken, too.
-        let is_hilly = f64::from(top) - f64::from(bottom) > LEAST_HEIGHT * width.min(depth);
+        let is_hilly = f64::from(top) - f64::from(bottom) > MIN_HEIGHT * width.min(depth);
         if !is_hilly {
             return None;
         }
@@ -510,7 +510,7 @@ fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, Vec<
             .collect();
         for t in mesh.triangles() {
             let mut t = t.map(|vertex| points[vertex as usize]);
-            let is_fit = |x: &f64| *x == 0.0 || (LEAST..GREATEST).contains(&x.abs());
+            let is_fit = |x: &f64| *x == 0.0 || (MIN_MAGNITUDE..MAX_MAGNITUDE).contains(&x.abs());
             if !t.iter().all(|(p, ..)| p.iter().all(is_fit)) {
                 continue;
             }
@@ -616,7 +616,7 @@ fn largest(triangles: &[Triangle], borders: &Borders) -> Vec<Vec<u32>> {
         }
     }
     // Sheets below this share of the scene's extent cost more than they hide.
-    let least = LEAST_AREA * (max[0] - min[0]) * (max[1] - min[1]);
+    let least = MIN_AREA * (max[0] - min[0]) * (max[1] - min[1]);
     let is_large = |sheet: &&(f64, &[(u32, u32)])| sheet.0 >= least;
     sheets
         .iter()

@@ -12,7 +12,7 @@ use crate::cdt::triangulation::{NONE, NOWHERE, Place, Triangulation};
 use alloc::vec::Vec;
 
 /// Greatest number of triangles that may be filled. Further triangles stay open.
-pub(crate) const MOST_TRIANGLES: usize = 1 << 13;
+pub(crate) const MAX_TRIANGLES: usize = 1 << 13;
 
 /// Number of the list of walls that marks every edge of an outline. Its content is not used.
 const OUTLINE: u32 = 0;
@@ -22,15 +22,15 @@ const EVERYWHERE: [[f64; 2]; 2] = [[f64::NEG_INFINITY; 2], [f64::INFINITY; 2]];
 
 /// Triangles of a search, in memory of fixed size, so that a test of a borrowed image needs no other.
 struct Search {
-    seen: [u64; MOST_TRIANGLES / 64],
-    waiting: [u64; MOST_TRIANGLES / 64],
+    seen: [u64; MAX_TRIANGLES / 64],
+    waiting: [u64; MAX_TRIANGLES / 64],
     /// Words of `waiting` below this one are 0.
     first: usize,
 }
 
 impl Search {
     fn new() -> Self {
-        Self { seen: [0; MOST_TRIANGLES / 64], waiting: [0; MOST_TRIANGLES / 64], first: 0 }
+        Self { seen: [0; MAX_TRIANGLES / 64], waiting: [0; MAX_TRIANGLES / 64], first: 0 }
     }
 
     /// Adds a triangle unless it was added before. Returns false if its number is too large.

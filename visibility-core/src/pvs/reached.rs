@@ -12,7 +12,7 @@ use glam::DVec3;
 use smallvec::SmallVec;
 
 /// Greatest number of pieces into which a polygon may be cut by viewcells before the coverage test gives up.
-const MOST_PIECES: u32 = 2000;
+const MAX_PIECES: u32 = 2000;
 
 /// Margin for rounding, in units of the sum of the greatest absolute coordinates of the anchor (`a`) and of
 /// the polygon (`r`).
@@ -65,7 +65,7 @@ impl Viewcells {
             }
             !left.is_empty()
         });
-        is_covered(corners, reached, all, anchor, margin, &mut { MOST_PIECES })
+        is_covered(corners, reached, all, anchor, margin, &mut { MAX_PIECES })
     }
 }
 

@@ -130,7 +130,7 @@ pub(crate) struct Pluecker {
 
 /// Least cosine between a line and a portal's normal at which the line's crossing of the portal is a start
 /// for the program: the crossing is at most a billion times as far as the line is off.
-const LEAST_COSINE: f64 = 1e-9;
+const MIN_COSINE: f64 = 1e-9;
 
 impl Pluecker {
     /// Tests whether it is certain that no line passes all `count` openings at least `clearance` (world
@@ -153,7 +153,7 @@ impl Pluecker {
         };
         let normal = opening(square).normal;
         let along = normal.dot(direction);
-        let is_square = along > LEAST_COSINE;
+        let is_square = along > MIN_COSINE;
         if !is_square {
             return false;
         }
