@@ -294,18 +294,16 @@ impl VisibleSet {
     /// ```
     pub fn sort_by_index(&mut self, scene: &Scene) {
         self.list(scene);
-        let words = scene.index_limit().div_ceil(64);
-        if self.ids.len() < words / WORDS_PER_ID {
+        if self.ids.len() < scene.index_limit().div_ceil(64) / WORDS_PER_ID {
             self.ids.sort_unstable();
             return;
         }
-        self.scratch_masks.clear();
-        self.scratch_masks.resize(words, 0);
+        self.marked.reset(scene.index_limit());
         for id in &self.ids {
-            self.scratch_masks[id.index() / 64] |= 1 << (id.index() % 64);
+            self.marked.insert(id.index());
         }
         self.ids.clear();
-        for (&word, first) in self.scratch_masks.iter().zip((0..).step_by(64)) {
+        for (&word, first) in self.marked.words().iter().zip((0..).step_by(64)) {
             self.ids.extend(lanes(word).filter_map(|bit| scene.id_at(first + bit)));
         }
     }
