@@ -80,8 +80,8 @@ impl Scene {
 
     /// Returns the object in a lane of a leaf. `None` beyond the last leaf or lane. For cullers that walk the
     /// hierarchy, which know the leaf and the lane of an object.
-    // Always: a call passes the object through memory, and a test of a million draw ranges takes 1.3 to 1.8 of
-    // the time.
+    // Always: a call passes the object through memory, and a test of a million draw ranges takes 1.3 to 1.8
+    // of the time.
     #[inline(always)]
     pub fn detail_at(&self, leaf: usize, lane: usize) -> Option<DetailedObject> {
         let id = *self.tree.ids.get(leaf)?.get(lane)?;
