@@ -210,7 +210,7 @@ impl BakedSet {
         }
         check_rows(rows, index_limit)?;
         if index_limit > INDEX_LIMIT {
-            return Err(PvsError::TooLarge.into());
+            return Err(PvsError::Size.into());
         }
         let (classes, rows) = classes(rows, index_limit);
         // The last target is for objects of no class: no viewcell sees it.

@@ -3,8 +3,7 @@
 
 use std::sync::Arc;
 use visibility_bake::{
-    BakeCache, BakedSet, BakedSetError, SandwichBaker, SandwichSettings, Shard, TiledScene, bake_fingerprint,
-    level_version,
+    BakeCache, BakedSet, BakedSetError, SandwichBaker, SandwichSettings, Shard, TiledScene, level_version,
 };
 use visibility_core::bake::Bake;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
@@ -83,7 +82,6 @@ fn a_set_is_refused_after_an_edit_that_leaves_all_boxes() {
         sets.is_checked() && PvsCuller::new(&sets).accuracy() == Accuracy::Conservative,
         "a set that was compared keeps its promise"
     );
-    let whole = |scene: &Scene| bake_fingerprint(scene, &cells, &SandwichSettings::default());
     for (name, edit) in edits() {
         let mut edited = scene.clone();
         edit(&mut edited);
@@ -91,9 +89,10 @@ fn a_set_is_refused_after_an_edit_that_leaves_all_boxes() {
         assert!(matches!(set.clone().for_scene(&edited), Err(BakedSetError::OtherScene)), "{name}");
         let refused = set.clone().for_level(&edited, Some(level));
         assert_eq!(refused.err(), Some(BakedSetError::OtherVersion { baked: version, level }), "{name}");
+        let baker = |scene| SandwichBaker::new(scene, &cells, SandwichSettings::default());
+        let whole = |scene| baker(scene).whole_fingerprint();
         assert_ne!(whole(&edited), whole(&scene), "{name}: shards are of another bake");
         // The state of a bake is of the scene before the edit.
-        let baker = |scene| SandwichBaker::new(scene, &cells, SandwichSettings::default());
         assert!(Bake::resume(baker(&edited), &Bake::new(baker(&scene)).save()).is_err(), "{name}");
     }
 }
@@ -113,8 +112,8 @@ fn a_cache_gives_nothing_that_an_edit_has_changed() {
     }
 }
 
-/// The wall of a bake that is taken away, or not drawn, no longer hides the box behind it, however the set was
-/// given to the scene.
+/// The wall of a bake that is taken away, or not drawn, no longer hides the box behind it, however the set
+/// was given to the scene.
 #[test]
 fn a_wall_that_is_not_drawn_hides_nothing() {
     let (scene, cells) = level();

@@ -31,7 +31,7 @@ impl Accuracy {
 
     /// Returns whether no object outside V (hidden object) is ever left in the set: true for exact and
     /// aggressive.
-    pub const fn never_shows(self) -> bool {
+    const fn never_shows(self) -> bool {
         matches!(self, Self::Exact | Self::Aggressive)
     }
 

@@ -25,7 +25,7 @@ use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
 /// Greatest number of triangles of a chain.
-const MOST: usize = 3000;
+const MAX_CHAIN: usize = 3000;
 /// Greatest number of triangles at an edge that are tried as the next of a chain.
 const AT_EDGE: usize = 64;
 
@@ -91,7 +91,7 @@ impl Search<'_> {
                 // clearance below.
                 if let Some(next) = self.next_across(scratch, sight, t, k, line) {
                     scratch.push(next, all.edges(next));
-                    if scratch.chain.len() > MOST {
+                    if scratch.chain.len() > MAX_CHAIN {
                         return Err([a, b]);
                     }
                 } else if self.is_hopeless(&corners, k, sight) {

@@ -9,6 +9,7 @@ use visibility_core::glam::DVec3;
 /// A line of sight from a viewcell to an object, in scene coordinates: a segment that certainly misses all
 /// occluding triangles but the one it ends at.
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[non_exhaustive]
 pub struct Witness {
     /// Viewpoint in the viewcell, where the line of sight begins, in scene coordinates.
     pub from: DVec3,

@@ -12,13 +12,13 @@
 //! has the ends of its wall and no holes.
 
 use super::error::PlanError;
-use super::predicates::{LEAST, Point, area, is_same_way, orient};
+use super::predicates::{MIN_MAGNITUDE, Point, area, is_same_way, orient};
 use super::triangulation::{NONE, Place, Triangulation, next, previous};
 use alloc::vec::Vec;
 
 /// Greatest number of vertices of a triangulation, ends of walls and crossings together. Also the greatest
 /// number of items in its lists of walls.
-pub(crate) const MOST_VERTICES: usize = 1 << 24;
+pub(crate) const MAX_VERTICES: usize = 1 << 24;
 
 /// Flag of a number that stands for a half-edge or a step. If set, the other bits are an index into
 /// `Constrainer::steps`. If not, the number is the index of a half-edge.
@@ -79,8 +79,8 @@ impl Constrainer {
     /// Makes the wall between two vertices a chain of edges. Nothing happens for equal vertices.
     ///
     /// # Errors
-    /// [`PlanError::TooMany`] when crossings make more than [`MOST_VERTICES`] vertices, or overlaps more than
-    /// [`MOST_VERTICES`] items in `Triangulation::lists`. The check comes before each step, which can double
+    /// [`PlanError::TooMany`] when crossings make more than [`MAX_VERTICES`] vertices, or overlaps more than
+    /// [`MAX_VERTICES`] items in `Triangulation::lists`. The check comes before each step, which can double
     /// the items: even then their numbers fit into `u32`.
     pub(crate) fn insert(
         &mut self,
@@ -107,9 +107,9 @@ impl Constrainer {
         (self.splits, self.usual) = (0, 16 * of.points.len() + 1024);
         while let Some(task) = self.tasks.pop() {
             // Pieces as short as rounding may bend to and fro without end, in very few piles of walls.
-            let endless = if self.splits > self.usual { MOST_VERTICES + self.splits } else { 0 };
+            let endless = if self.splits > self.usual { MAX_VERTICES + self.splits } else { 0 };
             let count = of.points.len().max(of.lists.len()).max(endless);
-            if count > MOST_VERTICES {
+            if count > MAX_VERTICES {
                 self.tasks.clear();
                 return Err(PlanError::TooMany { count });
             }
@@ -418,8 +418,8 @@ fn rounding(points: &[Point]) -> f64 {
 /// lies in the bounding boxes of both segments. Lines that 106 bits cannot tell from parallel ones are cut in
 /// the middle of `ab`.
 ///
-/// A coordinate of a magnitude below [`LEAST`] becomes 0, which is in both boxes: their corners are 0 or
-/// beyond `LEAST`.
+/// A coordinate of a magnitude below [`MIN_MAGNITUDE`] becomes 0, which is in both boxes: their corners are 0
+/// or beyond `MIN_MAGNITUDE`.
 fn crossing(a: Point, b: Point, c: Point, d: Point) -> Point {
     let (of_a, of_b) = (area(c, d, a), area(c, d, b));
     let share = of_a / (of_a - of_b);
@@ -428,6 +428,6 @@ fn crossing(a: Point, b: Point, c: Point, d: Point) -> Point {
         let x = a[axis] + share * (b[axis] - a[axis]);
         let x = x.max(a[axis].min(b[axis])).min(a[axis].max(b[axis]));
         let x = x.max(c[axis].min(d[axis])).min(c[axis].max(d[axis]));
-        if x.abs() < LEAST { 0.0 } else { x }
+        if x.abs() < MIN_MAGNITUDE { 0.0 } else { x }
     })
 }

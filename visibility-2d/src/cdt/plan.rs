@@ -1,9 +1,9 @@
 //! The plan: a constrained Delaunay triangulation of walls, ready for queries.
 
-use super::constrain::{Constrainer, MOST_VERTICES};
+use super::constrain::{Constrainer, MAX_VERTICES};
 use super::error::PlanError;
 use super::hilbert::Curve;
-use super::predicates::{GREATEST, LEAST, Point, checked};
+use super::predicates::{MAX_MAGNITUDE, MIN_MAGNITUDE, Point, checked};
 use super::triangulation::{NONE, Triangulation, next, previous};
 use super::wall::{Opacity, Wall};
 use alloc::vec::Vec;
@@ -11,7 +11,7 @@ use visibility_core::stamp::Stamp;
 
 /// Greatest length of `Plan::walls_of_pieces`: enough for one wall along each edge of a triangulation, and
 /// for some walls that overlap.
-const MOST_WALLS: usize = 4 * MOST_VERTICES;
+const MAX_WALLS: usize = 4 * MAX_VERTICES;
 
 /// A half-edge of a plan. 8 bytes, since queries read these in random order.
 #[derive(Clone, Copy, Debug)]
@@ -96,7 +96,7 @@ pub struct Plan {
 impl Plan {
     /// Greatest number of walls: their ends, two each, and the corners of the rectangle are then 2^24
     /// vertices. Crossings are vertices as well, so that fewer walls may be too many.
-    pub const LIMIT: usize = MOST_VERTICES / 2 - 2;
+    pub const LIMIT: usize = MAX_VERTICES / 2 - 2;
 
     /// Makes a plan of walls, numbered from 0 in the order given. The rectangle around the plan leaves a
     /// margin of a quarter of the larger extent of all walls, at least 1.
@@ -137,8 +137,8 @@ impl Plan {
         let [low, high] = bounds_of(&ends);
         // 4 units in the last place of the greatest coordinate, so that rectangle and walls differ; at least
         // the least coordinate, and at most the greatest.
-        let size = low.iter().chain(&high).fold(LEAST, |size, x| size.max(x.abs()));
-        let margin = margin([low, high]).max(4.0 * f64::EPSILON * size).clamp(LEAST, GREATEST);
+        let size = low.iter().chain(&high).fold(MIN_MAGNITUDE, |size, x| size.max(x.abs()));
+        let margin = margin([low, high]).max(4.0 * f64::EPSILON * size).clamp(MIN_MAGNITUDE, MAX_MAGNITUDE);
         // Without the margin, beside which all walls could be at one place of the curve.
         let curve = Curve::new(low, high);
         let (low, high) = (low.map(|x| x - margin), high.map(|x| x + margin));
@@ -249,7 +249,7 @@ impl Plan {
         self.first_wall.push(kept as u32);
         self.piece_edge.push(h);
         // Pieces share a list, so that all together may have many more walls than the lists.
-        if kept > MOST_WALLS { Err(PlanError::TooMany { count: kept }) } else { Ok(()) }
+        if kept > MAX_WALLS { Err(PlanError::TooMany { count: kept }) } else { Ok(()) }
     }
 
     fn list_pieces_of_walls(&mut self) {

@@ -19,7 +19,7 @@ use alloc::vec::Vec;
 
 /// Greatest number of triangles that all beams of a region enter together. A beam enters a triangle in some
 /// 40 ns.
-const MOST_STEPS: usize = 1 << 24;
+const MAX_STEPS: usize = 1 << 24;
 
 /// A side of a beam's polygon in the dual plane, where each point is a line of sight, with the corner that
 /// follows it.
@@ -244,7 +244,7 @@ impl Plan {
     /// `edge`, until walls stop them. Adds to `answer` the walls and triangles that the lines reach.
     ///
     /// # Errors
-    /// [`PlanError::TooMany`] beyond [`MOST_STEPS`] triangles entered for the region.
+    /// [`PlanError::TooMany`] beyond [`MAX_STEPS`] triangles entered for the region.
     fn follow_from(&self, edge: u32, answer: &mut RegionVisibility) -> Result<(), PlanError> {
         answer.sides.clear();
         let (a, b) = (self.edges[edge as usize].origin, self.edges[next(edge) as usize].origin);
@@ -269,7 +269,7 @@ impl Plan {
                 continue;
             }
             answer.steps += 1;
-            if answer.steps > MOST_STEPS {
+            if answer.steps > MAX_STEPS {
                 return Err(PlanError::TooMany { count: answer.steps });
             }
             let twin = twin & TWIN;

@@ -7,7 +7,7 @@
 
 use super::error::PlanError;
 use super::plan::{BLOCKS, Plan};
-use super::predicates::{GREATEST, Point, area, checked, is_same_way, orient};
+use super::predicates::{MAX_MAGNITUDE, Point, area, checked, is_same_way, orient};
 use super::triangulation::{NONE, Place, next, previous};
 
 /// End of a ray: the first point at which it is stopped.
@@ -96,7 +96,7 @@ impl Plan {
         (b, of_b): (impl Into<[f64; 2]>, f64),
     ) -> Result<bool, PlanError> {
         let (a, b) = (checked(a.into(), 0)?, checked(b.into(), 1)?);
-        if !(of_a.abs().max(of_b.abs()) <= GREATEST && !of_a.is_nan() && !of_b.is_nan()) {
+        if !(of_a.abs().max(of_b.abs()) <= MAX_MAGNITUDE && !of_a.is_nan() && !of_b.is_nan()) {
             return Err(PlanError::Heights);
         }
         let walk = Walk { plan: self, a, b, is_ray: false, heights: Some([of_a, of_b]) };

@@ -22,7 +22,7 @@
 use super::gaps::cut_list;
 use super::tree::{Disc, Discs, FAN};
 use super::zone::{DiscView, DiscZone, WIDEST_ERROR};
-use crate::cdt::predicates::GREATEST;
+use crate::cdt::predicates::MAX_MAGNITUDE;
 use crate::directions::disc_span;
 use crate::median_order::LEAF;
 use alloc::vec::Vec;
@@ -33,13 +33,13 @@ use visibility_core::geometry::sqrt;
 const NONE: u32 = u32::MAX;
 
 /// Distance of the eye to a bitangent up to which the class counts as ended, as a fraction of the lengths
-/// from which the distance is computed. Bitangents of two discs that pass the test of [`LEAST_SINE`] are
+/// from which the distance is computed. Bitangents of two discs that pass the test of [`MIN_SINE`] are
 /// rounded by some `1e-12` of these lengths.
 const MARGIN: f64 = 1e-9;
 
 /// Least sine of the angle between a bitangent and the perpendicular to the line through both centres. Below
 /// it the rounding of the bitangent is too great.
-const LEAST_SINE: f64 = 1e-4;
+const MIN_SINE: f64 = 1e-4;
 
 /// Counts of the work of a [`KineticZone`]'s last move.
 ///
@@ -275,7 +275,7 @@ impl<'a> KineticZone<'a> {
         self.zone.look(self.discs, &DiscView::new(eye), &mut self.looked);
         self.seen.clear();
         self.seen.extend_from_slice(&self.looked);
-        if !self.discs.are_disjoint || self.reach == 0.0 || !eye.iter().all(|x| x.abs() <= GREATEST) {
+        if !self.discs.are_disjoint || self.reach == 0.0 || !eye.iter().all(|x| x.abs() <= MAX_MAGNITUDE) {
             return;
         }
         if self.paint(eye, (0.0, 4.0), &[]).is_none() {
@@ -507,7 +507,7 @@ impl<'a> Search<'a> {
         for height in [disc.radius - self.aside, -disc.radius - self.aside] {
             let root = sqrt(squared - height * height);
             // Not less, so that NaN, of discs that overlap by rounding, is refused.
-            let is_known = root > LEAST_SINE * sqrt(squared);
+            let is_known = root > MIN_SINE * sqrt(squared);
             if !is_known {
                 return None;
             }

@@ -11,7 +11,7 @@ pub(crate) const FAN: usize = 8;
 
 /// Greatest number of nodes that are searched for discs that overlap a disc. Beyond it the disc hides
 /// nothing.
-const MOST_NODES: usize = 512;
+const MAX_NODES: usize = 512;
 
 /// A disc on the plan: a trunk, a pillar, a silo.
 ///
@@ -216,7 +216,7 @@ impl Discs {
         let mut nodes = 0;
         while let Some((level, node)) = stack.pop() {
             nodes += 1;
-            if solid == 0.0 || nodes > MOST_NODES {
+            if solid == 0.0 || nodes > MAX_NODES {
                 return 0.0;
             }
             if level > 0 {

@@ -9,13 +9,13 @@ use visibility_core::glam::Affine3A;
 use visibility_core::scene::{Changes, SceneCursor};
 use visibility_core::{ObjectId, OccluderMesh, Scene};
 
-/// Quantile of the areas of the upright faces of all solids. [`LEAST_FACE`] is a fraction of the area at this
+/// Quantile of the areas of the upright faces of all solids. [`MIN_FACE`] is a fraction of the area at this
 /// quantile.
 const USUAL: f64 = 0.95;
 
 /// Least area of a solid's upright face, as a fraction of the area at the quantile [`USUAL`]. Smaller solids
 /// are left out: furniture hides next to nothing beside walls.
-const LEAST_FACE: f64 = 1.0 / 8.0;
+const MIN_FACE: f64 = 1.0 / 8.0;
 
 /// The convex solids of a scene's occluders that a [`HorizonCuller`](super::HorizonCuller) draws, made from
 /// the occluder meshes in advance. Shared by the cullers of all views.
@@ -101,7 +101,7 @@ impl HorizonOccluders {
         if !faces.is_empty() {
             let place = (faces.len() as f64 * USUAL) as usize;
             let (_, usual, _) = faces.select_nth_unstable_by(place, f64::total_cmp);
-            self.solids.least_face = LEAST_FACE * *usual;
+            self.solids.least_face = MIN_FACE * *usual;
             self.drop_former();
         }
         self.terrain = Terrain::new(scene, self.up);

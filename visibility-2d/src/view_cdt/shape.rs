@@ -20,7 +20,7 @@ use visibility_core::OccluderMesh;
 const INSET: f64 = 1.0;
 
 /// Greatest number of triangles of a shape that is no convex solid.
-const MOST_JOINED: usize = 16;
+const MAX_JOINED: usize = 16;
 
 /// A linear function `a x + b y + c` of grid coordinates.
 pub(crate) type Line = [f64; 3];
@@ -210,7 +210,7 @@ impl Shapes {
                 let edge = of.mesh.edges()[edge as usize];
                 let Some(right) = edge.right else { continue };
                 let other = if edge.left == self.joined[index] { right } else { edge.left };
-                if self.states[other as usize] == State::Free && self.joined.len() < MOST_JOINED {
+                if self.states[other as usize] == State::Free && self.joined.len() < MAX_JOINED {
                     self.states[other as usize] = State::Joined;
                     self.joined.push(other);
                     if !self.looks_convex(of) {

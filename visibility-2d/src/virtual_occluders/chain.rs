@@ -11,7 +11,7 @@ use super::lines::{Point, U, all_left_of, left_of};
 use alloc::vec::Vec;
 
 /// Greatest number of solids of a chain.
-const MOST: usize = 64;
+const MAX_LINKS: usize = 64;
 
 /// Number of solids of the former chain that are tried for the next link.
 const AHEAD: usize = 3;
@@ -126,7 +126,7 @@ impl Chain {
         links.clear();
         // Former solids follow one another: only the next few have to be tried.
         let mut next = 0;
-        while links.len() < MOST {
+        while links.len() < MAX_LINKS {
             let last = links.last().copied();
             let mut best: Option<Link> = None;
             let offer = |best: &mut Option<Link>, solid: u32| {

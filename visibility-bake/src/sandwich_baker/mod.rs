@@ -189,8 +189,8 @@ impl<'a> SandwichBaker<'a> {
         self.done.iter().map(|done| done.as_ref().map(|found| &found.sandwich))
     }
 
-    /// Returns the [`bake_fingerprint`](crate::bake_fingerprint) of all viewcells, whatever the range of this
-    /// baker.
+    /// Returns a hash of the level, the settings and all viewcells, whatever the range of this baker. Shards
+    /// with the same hash belong together.
     pub fn whole_fingerprint(&self) -> u64 {
         self.fingerprint
     }

@@ -32,13 +32,13 @@ const SHARE_ROUNDING: f64 = 1e-9;
 
 /// Maximum number of nodes, which bounds time and memory for adversarial occluders. Polygons that would
 /// exceed it are not inserted.
-const MOST_NODES: usize = 1 << 16;
+const MAX_NODES: usize = 1 << 16;
 /// Maximum depth of a node. Bounds the recursion of box tests; polygons that would exceed it are not
 /// inserted.
 const DEEPEST: u16 = 480;
 
 /// Maximum number of a leaf's polygons that are tested, the one inserted last first.
-pub(crate) const MOST_PLANES: usize = 16;
+pub(crate) const MAX_LEAF_TESTS: usize = 16;
 
 /// A node: the plane through the eye and an edge of an occluder, or a side of the image.
 #[derive(Clone, Copy, Debug)]
@@ -257,7 +257,7 @@ impl Nodes {
     /// appended to `corners`.
     fn before(&mut self, task: &Task, leaf: Child) -> Option<Task> {
         let (mut task, mut leaf) = (*task, leaf);
-        for _ in 0..MOST_PLANES {
+        for _ in 0..MAX_LEAF_TESTS {
             let Some(hide) = self.hider(leaf) else { break };
             task = self.before_plane(&task, hide.plane)?;
             leaf = hide.under;
@@ -381,7 +381,7 @@ impl Nodes {
         let depth = if parent == NO_PARENT { 0 } else { self.nodes[(parent >> 1) as usize].depth };
         let edges = shadows.edges_of(shadow);
         if corners.len() < 3
-            || self.nodes.len() + edges.len() > MOST_NODES
+            || self.nodes.len() + edges.len() > MAX_NODES
             || usize::from(depth) + edges.len() > usize::from(DEEPEST)
         {
             return;
@@ -426,7 +426,7 @@ impl Nodes {
         if edges.iter().any(|edge| !(edge.line.at(middle) > edge.line.slack + sure)) {
             return 0;
         }
-        let mut spans = [[0.0f64, 1.0]; crate::shadow::MOST_EDGES + 1];
+        let mut spans = [[0.0f64, 1.0]; crate::shadow::MAX_EDGES + 1];
         let mut needless = 0u32;
         let mut up = parent;
         while up != NO_PARENT {

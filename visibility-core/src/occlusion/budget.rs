@@ -170,14 +170,14 @@ impl Budget {
 }
 
 /// After this number of frames in a row that did not pay, frames are left out: see [`Experience`].
-const MOST_LOSSES: u32 = 8;
+const MAX_LOSSES: u32 = 8;
 
 /// Work, in triangles, that a frame saves for each object in view if it does not search for hidden objects:
 /// some three times what frustum culling takes (measured).
 const PAID_BACK: f32 = 0.02;
 
 /// Greatest number of frames in a row that do not search for hidden objects.
-const MOST_FRAMES_LEFT_OUT: u32 = 64;
+const MAX_FRAMES_LEFT_OUT: u32 = 64;
 
 /// A frame searches again if at least this many times as many objects are in view as in the last frame that
 /// searched.
@@ -191,7 +191,7 @@ const OTHER_DIRECTION: f64 = 0.866;
 /// objects that it found hidden are worth at least the work spent on it. A frame *left out* searches nothing:
 /// all of its objects stay visible.
 ///
-/// Where [`MOST_LOSSES`] frames in a row did not pay, as in the view of a bird, frames are left out until
+/// Where [`MAX_LOSSES`] frames in a row did not pay, as in the view of a bird, frames are left out until
 /// they have saved what the last one spent in vain, or the camera sees something else: it has turned, or many
 /// more objects are in view, as where one steps back from a wall. Then a frame tries again.
 #[derive(Clone, Copy, Debug, Default)]
@@ -219,7 +219,7 @@ impl Experience {
         let is_alike = objects < MORE_IN_VIEW * self.objects
             && (forward == DVec3::ZERO || forward.dot(self.forward) > OTHER_DIRECTION);
         let is_left_out =
-            self.losses >= MOST_LOSSES && self.debt > 0.0 && self.left_out < MOST_FRAMES_LEFT_OUT && is_alike;
+            self.losses >= MAX_LOSSES && self.debt > 0.0 && self.left_out < MAX_FRAMES_LEFT_OUT && is_alike;
         if is_left_out {
             self.debt -= PAID_BACK * objects as f32;
             self.left_out += 1;
@@ -239,14 +239,14 @@ impl Experience {
 
 /// After this number of tested leaves in a row without a hidden object, only some of the following leaves are
 /// tested: see [`LeafSampling`].
-const MOST_MISSES: u32 = 8;
+const MAX_MISSES: u32 = 8;
 
 /// Greatest number of leaves in a row that are not tested. The next leaf is tested.
-const MOST_LEFT_OUT: u32 = 32;
+const MAX_LEFT_OUT: u32 = 32;
 
 /// Choice of the leaves whose objects are tested after a search that was [in vain](Budget::is_spent_in_vain).
 ///
-/// [`MOST_MISSES`] leaves in a row without a hidden object are tested, and then fewer and fewer: one of two,
+/// [`MAX_MISSES`] leaves in a row without a hidden object are tested, and then fewer and fewer: one of two,
 /// one of three, down to one of 33. A hidden object in a tested leaf makes the choice begin anew. Objects in
 /// leaves left out stay visible.
 #[derive(Clone, Copy, Debug, Default)]
@@ -261,7 +261,7 @@ impl LeafSampling {
     /// Returns whether the next leaf is to be tested. If so, the caller must [`record`](Self::record) its
     /// result.
     pub(super) fn tests_next(&mut self) -> bool {
-        let tests = self.left_out >= self.misses.saturating_sub(MOST_MISSES).min(MOST_LEFT_OUT);
+        let tests = self.left_out >= self.misses.saturating_sub(MAX_MISSES).min(MAX_LEFT_OUT);
         self.left_out = if tests { 0 } else { self.left_out + 1 };
         tests
     }

@@ -6,7 +6,7 @@
 //! hierarchy on the scene").
 
 use super::budget::{Budget, Experience, LeafSampling};
-use super::selection::{LEAST_BEHIND, OccluderSearch, Queue, objects_of};
+use super::selection::{MIN_BEHIND, OccluderSearch, Queue, objects_of};
 use super::{Occlusion64, OcclusionMap};
 use crate::culler::Lack;
 use crate::jobs::Jobs;
@@ -157,7 +157,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
             self.map.begin_within(view, origin, 0.0, jobs);
             return self.sweep(None, scene, visible, &mut budget, SweepKind::Count);
         }
-        let most = budget.for_own_occluders(LEAST_BEHIND.max(objects as f32));
+        let most = budget.for_own_occluders(MIN_BEHIND.max(objects as f32));
         let own = self.map.begin_within(view, origin, most, jobs);
         budget.spend_outside_search(own);
         let mut stats = CullStats::default();

@@ -170,8 +170,8 @@ impl<D: QueryDevice> HardwareQueries<D> {
         if !bounds.is_finite() {
             return Some(Occlusion::Visible);
         }
-        // A box that reaches such a plane is clipped when it is drawn. The remaining part may lie behind walls
-        // that the box as a whole is not behind.
+        // A box that reaches such a plane is clipped when it is drawn. The remaining part may lie behind
+        // walls that the box as a whole is not behind.
         let is_whole = |plane: &ViewPlane| plane.plane.classify_aabb(bounds) == Containment::Inside;
         let unclipped = self.near.is_some_and(|near| is_whole(&near))
             && self.clip_planes.is_some_and(|planes| planes.as_slice().iter().all(is_whole));

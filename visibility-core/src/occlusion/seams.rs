@@ -8,7 +8,7 @@ use crate::{Aabb, ObjectId};
 
 /// Greatest number of occluders that are inspected. If a scene has more, only every second, third or n-th one
 /// is inspected.
-const MOST: usize = 256;
+const MAX_INSPECTED: usize = 256;
 
 /// Returns how many occluders of `scene` continue in another occluder beside them, as the panels of a wall or
 /// the tiles of a floor do: their boxes have the same thinnest axis and the same extent along it, and meet
@@ -30,8 +30,8 @@ const MOST: usize = 256;
 /// ```
 pub fn occluders_with_seams(scene: &Scene) -> usize {
     let is_occluder = |id: ObjectId| scene.occluder(id).is_some();
-    let step = scene.occluder_count().div_ceil(MOST).max(1);
-    let inspected = scene.ids().filter(|&id| is_occluder(id)).step_by(step).take(MOST);
+    let step = scene.occluder_count().div_ceil(MAX_INSPECTED).max(1);
+    let inspected = scene.ids().filter(|&id| is_occluder(id)).step_by(step).take(MAX_INSPECTED);
     let has_seam = inspected.filter(|&id| {
         let Ok(bounds) = scene.bounds(id) else { return false };
         let continues = |other: ObjectId| {

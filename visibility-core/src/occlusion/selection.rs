@@ -44,7 +44,7 @@ const OBJECTS_PER_LEAF: u32 = 64;
 
 /// Least number of objects that an occluder is taken to have behind it, so that a scene of few objects is
 /// culled as tightly as a large one (measured).
-pub(super) const LEAST_BEHIND: f32 = 256.0;
+pub(super) const MIN_BEHIND: f32 = 256.0;
 
 /// If the eye is within this distance of the middle of a mesh, and the estimate from the middle is too small,
 /// the share of the view that the mesh covers is estimated triangle by triangle. In radii of the mesh, which
@@ -58,7 +58,7 @@ const ESTIMATED_PER_DRAWN: f32 = 4.0;
 
 /// Greatest number of triangles of a mesh whose solid angles are computed for an estimate. Of a larger mesh
 /// only every second, third or n-th triangle is used, and counts for those left out.
-const MOST_ESTIMATED: usize = 2048;
+const MAX_ESTIMATED: usize = 2048;
 
 /// A node or an occluder that waits in the queue of [`OccluderSearch`].
 #[derive(Clone, Copy, Debug)]
@@ -256,14 +256,14 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
             if H::IS_OF_SCENE { walk.scene().flagged_occluder(id) } else { walk.scene().occluder(id) };
         let Some((mesh, ref transform)) = occluder else { return };
         let cost = self.map.cost(mesh) as f32;
-        let worth = self.budget.worth(self.undecided.max(LEAST_BEHIND));
+        let worth = self.budget.worth(self.undecided.max(MIN_BEHIND));
         let behind = self.budget.worth(self.undecided);
         // In a degenerate view a share may be NaN, which counts as the whole view.
         let share = |angle: f32| (angle * self.share_per_area).min(1.0);
         let pays = |budget: &Budget, share: f32| cost <= worth * share && budget.can_pay(cost, share, behind);
         let is_worth_it = pays(&self.budget, share(solid_angle(mesh, transform, &self.eye)))
             || pays(&self.budget, 1.0) && is_near(mesh, transform, &self.eye) && {
-                let estimated = mesh.triangles().len().min(MOST_ESTIMATED);
+                let estimated = mesh.triangles().len().min(MAX_ESTIMATED);
                 self.budget.spend(estimated as f32 / ESTIMATED_PER_DRAWN);
                 let angle = solid_angle_by_triangles(mesh, transform, &self.eye, self.depth_row);
                 pays(&self.budget, share(angle))
@@ -361,7 +361,7 @@ fn solid_angle_by_triangles(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye
     let Eye::Point(eye) = eye else { return 0.0 };
     let mirrored = transform.matrix3.determinant() < 0.0;
     let (mut fronts, mut backs) = (0.0, 0.0);
-    let stride = mesh.triangles().len().div_ceil(MOST_ESTIMATED).max(1);
+    let stride = mesh.triangles().len().div_ceil(MAX_ESTIMATED).max(1);
     for t in mesh.triangles().iter().step_by(stride) {
         let corners = t.map(|i| transform.transform_point3(mesh.positions()[i as usize]).as_dvec3());
         if corners.iter().all(|p| depth_row.dot(p.extend(1.0)) < 0.0) {

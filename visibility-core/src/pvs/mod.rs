@@ -119,7 +119,7 @@ impl Pvs {
     /// # Errors
     /// - [`PvsError::Target`] if a row is not strictly ascending, or has a target that is not below
     ///   `target_count`.
-    /// - [`PvsError::TooLarge`] if the number of viewcells or targets, or the size of the rows in bytes,
+    /// - [`PvsError::Size`] if the number of viewcells or targets, or the size of the rows in bytes,
     ///   exceeds `u32`.
     pub fn new<R: AsRef<[u32]>, N: IntoIterator<Item = ViewcellId>>(
         targets: PvsTargets,
@@ -128,7 +128,7 @@ impl Pvs {
         neighbours: impl Fn(ViewcellId) -> N,
     ) -> Result<Self, PvsError> {
         if rows.len() >= u32::MAX as usize || target_count > u32::MAX as usize {
-            return Err(PvsError::TooLarge);
+            return Err(PvsError::Size);
         }
         check_rows(rows, target_count)?;
         // Offset of each block of rows in `bytes`, and the end of the last row.
@@ -136,7 +136,7 @@ impl Pvs {
         // By row, the number of other rows that it takes to read it.
         let mut depths = alloc::vec![0u8; rows.len()];
         let (mut best, mut trial) = (Vec::new(), Vec::new());
-        let offset = |bytes: &[u8]| u32::try_from(bytes.len()).map_err(|_| PvsError::TooLarge);
+        let offset = |bytes: &[u8]| u32::try_from(bytes.len()).map_err(|_| PvsError::Size);
         for (viewcell, row) in rows.iter().enumerate() {
             let row = row.as_ref();
             // The row by itself, in runs or in bits, whichever is shorter.

@@ -16,6 +16,7 @@ const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
 /// An object that becomes visible along a path.
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[non_exhaustive]
 pub struct Arrival {
     /// Seconds from now until the eye reaches the first viewcell from which the object is seen. Greater than
     /// 0.
@@ -179,8 +180,8 @@ impl Path {
         let (mut from, mut to) = (0.0f64, 1.0f64);
         for axis in 0..3 {
             let (start, step) = (self.start[axis], self.step[axis]);
-            // Distances to the sides, positive inside. Each side is moved by its own margin, since the other may
-            // be infinite.
+            // Distances to the sides, positive inside. Each side is moved by its own margin, since the other
+            // may be infinite.
             for (side, height, slope) in
                 [(min[axis], start - min[axis], step), (max[axis], max[axis] - start, -step)]
             {

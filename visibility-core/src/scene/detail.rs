@@ -80,7 +80,9 @@ impl Scene {
 
     /// Returns the object in a lane of a leaf. `None` beyond the last leaf or lane. For cullers that walk the
     /// hierarchy, which know the leaf and the lane of an object.
-    #[inline]
+    // Always: a call passes the object through memory, and a test of a million draw ranges takes 1.3 to 1.8
+    // of the time.
+    #[inline(always)]
     pub fn detail_at(&self, leaf: usize, lane: usize) -> Option<DetailedObject> {
         let id = *self.tree.ids.get(leaf)?.get(lane)?;
         let (bounds, range) = (self.tree.bounds.get(leaf)?.get(lane), self.tree.detail(id.index()).range);
@@ -91,6 +93,7 @@ impl Scene {
     /// Returns a mask of the lanes of a leaf whose objects have a draw range, an HLOD parent or children; bit
     /// i stands for lane i. `leaf` is the number of a [leaf](crate::walk::Block::leaf); the mask is 0 if it
     /// is not less than [`leaf_limit`](Self::leaf_limit).
+    #[inline]
     pub fn detailed_lanes(&self, leaf: usize) -> u64 {
         self.tree.detailed.get(leaf).copied().unwrap_or(0)
     }
@@ -98,6 +101,7 @@ impl Scene {
     /// Returns bounds on the size and the draw ranges of all objects below a node of the [scene's
     /// hierarchy](crate::walk::SceneHierarchy), by which whole nodes are dropped. For an unknown node, the
     /// bounds of an empty set of objects.
+    #[inline]
     pub fn detail_bounds(&self, node: usize) -> DetailBounds {
         self.tree.detail_bounds.get(node).copied().unwrap_or(DetailBounds::NONE)
     }

@@ -28,7 +28,7 @@ const U: f64 = f64::EPSILON / 2.0;
 /// With `u` the unit round-off of `f64`: the normals are within `16u` of the exact ones, each of which counts
 /// once: `48u`. The products and sums of the determinant round by less than `16u`. So if the computed
 /// determinant is above this constant, the exact one is at least half of the computed one.
-const LEAST_DETERMINANT: f64 = 128.0 * U;
+const MIN_DETERMINANT: f64 = 128.0 * U;
 
 impl View {
     /// Calls `each` with convex polygons that together contain the first point of every view ray of this
@@ -84,7 +84,7 @@ impl SightPlanes {
         let planes = view.planes(anchor);
         let mut sides = [None; 4];
         let mut start_planes = SmallVec::new();
-        for (slot, plane) in planes.with_slots() {
+        for (slot, plane) in planes.by_slot() {
             match slot {
                 0..=3 => sides[usize::from(slot)] = Some(*plane),
                 5 => {}
@@ -229,6 +229,6 @@ fn intersection(planes: [&ViewPlane; 3]) -> Option<Intersection> {
     });
     let error = 6.0 * residual / determinant.abs();
     // Written so that NaN gives `None`.
-    let sure = determinant.abs() > LEAST_DETERMINANT && error < f64::INFINITY;
+    let sure = determinant.abs() > MIN_DETERMINANT && error < f64::INFINITY;
     sure.then_some(Intersection { at, error, determinant })
 }

@@ -9,6 +9,7 @@ mod split_scratch;
 pub use result::BitsError;
 pub(crate) use split_scratch::{NewMasks, Part, SplitScratch};
 
+use crate::bits::Bits;
 use crate::scene::{NONE, Token, Tree, lanes};
 use crate::{Aabb, CullStats, ObjectId, Scene, View, stamp::Stamp};
 use alloc::vec::Vec;
@@ -77,9 +78,10 @@ pub struct VisibleSet {
     /// Numbers of the leaves outside the tree, which hold the objects that are never culled, as they were
     /// when the set was finished. Meaningful while the set is finished and not listed.
     unculled_leaves: Vec<u32>,
-    /// Scratch memory. Holds one bit per object index while objects are listed or dropped, or one mask per
-    /// node in [`keep_in_order`](Self::keep_in_order).
+    /// Scratch memory of one mask per node.
     scratch_masks: Vec<u64>,
+    /// Scratch memory: indices of objects that are to be dropped, or that are listed already.
+    marked: Bits,
     /// Scratch memory of walks on several threads.
     pub(crate) split_scratch: SplitScratch,
     changes: Option<Changes>,
@@ -123,6 +125,7 @@ impl VisibleSet {
             index_limit: 0,
             unculled_leaves: Vec::new(),
             scratch_masks: Vec::new(),
+            marked: Bits::EMPTY,
             split_scratch: SplitScratch::EMPTY,
             changes: None,
         }
@@ -369,24 +372,23 @@ impl VisibleSet {
     /// Marks an object for removal by [`drop_now`](Self::drop_now). `id` must be in the scene that
     /// [`begin_drops`](Self::begin_drops) was called with.
     pub(crate) fn drop_later(&mut self, id: ObjectId) {
-        self.scratch_masks[id.index() / 64] |= 1 << (id.index() % 64);
+        self.marked.insert(id.index());
     }
 
     /// Removes the objects marked by [`drop_later`](Self::drop_later) since
     /// [`begin_drops`](Self::begin_drops). Objects that are never culled stay. Returns the number of objects
     /// left in the set.
     pub(crate) fn drop_now(&mut self, scene: &Scene) -> u64 {
-        let dropped = core::mem::take(&mut self.scratch_masks);
-        let kept = self.retain(scene, |id, _| dropped[id.index() / 64] >> (id.index() % 64) & 1 == 0);
-        self.scratch_masks = dropped;
+        let dropped = core::mem::take(&mut self.marked);
+        let kept = self.retain(scene, |id, _| !dropped.contains(id.index()));
+        self.marked = dropped;
         kept.visible
     }
 
     /// Clears the marks that [`drop_later`](Self::drop_later) sets, and makes space for one mark per object
     /// of the scene.
     pub(crate) fn begin_drops(&mut self, scene: &Scene) {
-        self.scratch_masks.clear();
-        self.scratch_masks.resize(scene.index_limit().div_ceil(64), 0);
+        self.marked.reset(scene.index_limit());
     }
 
     /// Keeps the objects in the set for which `keep` returns true, and removes all others: the simplest way
@@ -530,22 +532,16 @@ impl VisibleSet {
     pub fn order_first(&mut self, scene: &Scene, ids: &[ObjectId]) {
         self.refresh(scene);
         self.listing = Listing::Masks;
-        let mut taken = core::mem::take(&mut self.scratch_masks);
-        taken.clear();
-        taken.resize(scene.index_limit().div_ceil(64), 0);
-        let mut take = |id: &ObjectId| {
-            let (word, bit) = (&mut taken[id.index() / 64], 1 << (id.index() % 64));
-            let new = *word & bit == 0;
-            *word |= bit;
-            new
-        };
+        let mut taken = core::mem::take(&mut self.marked);
+        taken.reset(scene.index_limit());
+        let mut take = |id: &ObjectId| taken.insert(id.index());
         let mut order = core::mem::take(&mut self.ids);
         order.clear();
         order.reserve(scene.len());
         order.extend(self.unculled(scene).filter(&mut take));
         order.extend(ids.iter().copied().filter(|&id| self.contains(scene, id)).filter(&mut take));
         order.extend(self.iter(scene).filter(&mut take));
-        self.scratch_masks = taken;
+        self.marked = taken;
         self.ids = order;
         self.listing = Listing::Order;
     }

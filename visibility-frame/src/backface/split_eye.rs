@@ -103,7 +103,7 @@ pub(super) fn inside<const WIDTH: usize>(cones: [&[f32; WIDTH]; NUMBERS], eye: &
         let square = (wx * wx + wy * wy) * (1.0 + 8.0 * f32::EPSILON);
         // False for NaN, and then the result is 0: not held.
         let outside = square < depth * depth;
-        found[i] = if outside { depth + LEAST } else { 0.0 };
+        found[i] = if outside { depth + MIN_DEPTH } else { 0.0 };
     }
     found
 }
@@ -111,4 +111,4 @@ pub(super) fn inside<const WIDTH: usize>(cones: [&[f32; WIDTH]; NUMBERS], eye: &
 /// [`inside`] counts an eye as inside a cone only if the eye's `depth`, which is `w.z` plus the margin and
 /// negative inside, is below minus this number, `2^-50`. Squares of smaller depths come near the denormals,
 /// so such eyes count as outside.
-const LEAST: f32 = 1.0 / 1_125_899_906_842_624.0;
+const MIN_DEPTH: f32 = 1.0 / 1_125_899_906_842_624.0;

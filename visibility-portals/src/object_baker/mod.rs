@@ -59,7 +59,7 @@ impl ObjectOutcome {
     /// from each other.
     ///
     /// # Errors
-    /// [`PvsError::Target`] if an object index is not below `objects`; [`PvsError::TooLarge`] if the PVS
+    /// [`PvsError::Target`] if an object index is not below `objects`; [`PvsError::Size`] if the PVS
     /// exceeds its storage limits.
     pub fn to_pvs(&self, graph: &CellGraph, objects: usize) -> Result<Pvs, PvsError> {
         Pvs::new(PvsTargets::Objects, objects, &self.rows, |viewcell| neighbours(graph, viewcell))

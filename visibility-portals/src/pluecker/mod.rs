@@ -131,7 +131,7 @@ pub(crate) struct Pluecker {
 /// Least cosine between the approximate line and the normal of the portal that it meets most squarely. Below
 /// it, [`Pluecker::excludes`] decides nothing: rounding could move the crossing by a billion times the error
 /// of the line.
-const LEAST_COSINE: f64 = 1e-9;
+const MIN_COSINE: f64 = 1e-9;
 
 impl Pluecker {
     /// Tests whether it is certain that no line passes all `count` openings at least `clearance` (world
@@ -154,7 +154,7 @@ impl Pluecker {
         };
         let normal = opening(square).normal;
         let along = normal.dot(direction);
-        let is_square = along > LEAST_COSINE;
+        let is_square = along > MIN_COSINE;
         if !is_square {
             return false;
         }

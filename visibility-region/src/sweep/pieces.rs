@@ -25,12 +25,12 @@ use visibility_core::glam::DVec3;
 /// Greatest number of triangles of a piece. Whole floors and streets could be one piece: such a piece begins
 /// near the cell and ends far away, so it would be drawn on every plane, and its own contours would cut much
 /// of what it covers. Several smaller pieces are drawn faster and cover no less.
-const MOST_TRIANGLES: u32 = 256;
+const MAX_TRIANGLES: u32 = 256;
 
 /// Greatest number of drawn triangles that run along one segment the same way, for pairs to be sought there.
 /// Finding the flattest partner takes the square of their number. Where more meet, the segment bounds all of
 /// them.
-const MOST_ON_SEGMENT: usize = 32;
+const MAX_ON_SEGMENT: usize = 32;
 
 /// The pieces of one viewcell.
 #[derive(Clone, Debug, Default)]
@@ -161,7 +161,7 @@ impl Pieces {
                 }
             }
             // Too many triangles on one segment to pair: each of them ends there.
-            if self.plus.len().max(self.minus.len()) > MOST_ON_SEGMENT {
+            if self.plus.len().max(self.minus.len()) > MAX_ON_SEGMENT {
                 let all = self.plus.iter().chain(&self.minus);
                 self.bounding.extend(all.map(|&triangle| (triangle, segment)));
                 continue;
@@ -276,7 +276,7 @@ impl Pieces {
 }
 
 /// Joins the pieces of two triangles. Returns false, and leaves them apart, if they are different pieces that
-/// have more than [`MOST_TRIANGLES`] together.
+/// have more than [`MAX_TRIANGLES`] together.
 fn unite(parent: &mut [u32], count: &mut [u32], a: u32, b: u32) -> bool {
     let (a, b) = (find(parent, a), find(parent, b));
     if a == b {
@@ -285,7 +285,7 @@ fn unite(parent: &mut [u32], count: &mut [u32], a: u32, b: u32) -> bool {
     // The first triangle of a piece represents it.
     let (root, other) = (a.min(b), a.max(b));
     let sum = count[a as usize] + count[b as usize];
-    if sum > MOST_TRIANGLES {
+    if sum > MAX_TRIANGLES {
         return false;
     }
     count[root as usize] = sum;
@@ -346,11 +346,11 @@ mod tests {
     fn a_segment_that_many_triangles_share_bounds_all_of_them() {
         assert_eq!(book(2), [[2, 4]], "two triangles that share a segment");
         assert_eq!(
-            book(2 * MOST_ON_SEGMENT),
-            [[2, 4]; MOST_ON_SEGMENT],
+            book(2 * MAX_ON_SEGMENT),
+            [[2, 4]; MAX_ON_SEGMENT],
             "as many triangles as a segment may bound"
         );
-        let more = 2 * (MOST_ON_SEGMENT + 1);
+        let more = 2 * (MAX_ON_SEGMENT + 1);
         assert_eq!(book(more), vec![[1, 3]; more], "more triangles than a segment may bound: {more}");
     }
 }

@@ -113,7 +113,7 @@ struct LineSide {
 /// Greatest ratio of the number of segments on a line to the number of its sides. A line with more is not
 /// divided: its sides join where they have equal ends. This bounds memory where many long sides and many
 /// short ones lie on one line.
-const MOST_SEGMENTS: usize = 16;
+const MAX_SEGMENTS: usize = 16;
 
 /// Returns the representative of the set that `at` is in, and shortens the way to it. `parent` is a
 /// union-find forest: representatives are their own parents.
@@ -249,7 +249,7 @@ impl Surfaces {
                 let [low, high] = side.ends.map(|x| at(x) as u32);
                 // Too many cuts for too few sides: each side stays one segment. Then fewer triangles join,
                 // which loses nothing but occlusion.
-                if count > MOST_SEGMENTS * line.len() {
+                if count > MAX_SEGMENTS * line.len() {
                     pieces.push(([low, high], side.side));
                 } else {
                     pieces.extend((low..high).map(|i| ([i, i + 1], side.side)));
