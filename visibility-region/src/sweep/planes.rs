@@ -9,34 +9,13 @@
 //! planes behind the nearest occluders, where a plane hides little that the next one does not hide as well.
 
 use super::direction::{Direction, LocalBox};
+use super::effort::Effort;
 use super::occludees::Item;
 use super::occluder::{Occluder, Source};
 use super::ray_map::SIDE;
 use crate::extent::quantile;
 use alloc::vec::Vec;
 use core::ops::Range;
-
-/// Numbers of planes of a sweep, and of times that occluders are drawn. More hide more and take longer.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Effort {
-    /// Greatest number of planes right behind occluders.
-    pub(crate) behind: usize,
-    /// Least ratio of the distances of successive planes that are not behind occluders. Where objects are at
-    /// very different distances, the planes are farther apart.
-    growth: f64,
-    /// Greatest number of planes that are not behind occluders.
-    growing: usize,
-    /// Number of planes behind an occluder on which it is drawn, besides the planes that cut it. Each
-    /// reprojection loses up to a pixel around a covered area, so that drawing again keeps more.
-    pub(crate) again: usize,
-}
-
-impl Effort {
-    /// The effort of bakes.
-    pub(crate) const FULL: Self = Self { behind: 24, growth: 1.3, growing: 27, again: 6 };
-    /// The effort for a viewcell of an eye on the move: half the time, for 2 to 15 % more objects (measured).
-    pub(crate) const QUICK: Self = Self { behind: 12, growth: 1.5, growing: 18, again: 3 };
-}
 
 /// Least ratio of the distances of two planes behind occluders.
 const APART: f64 = 1.004;
