@@ -117,6 +117,8 @@ pub struct OnlinePvs {
     last_hidden: Bits,
     came: Vec<ObjectId>,
     went: Vec<ObjectId>,
+    /// Scratch memory: the objects of a list with their importance.
+    ranked: Vec<(f64, ObjectId)>,
 }
 
 /// Number of times that the sweep of a direction of a wide box begins anew because the hierarchy of the scene
@@ -208,6 +210,7 @@ impl OnlinePvs {
             last_hidden: Bits::EMPTY,
             came: Vec::new(),
             went: Vec::new(),
+            ranked: Vec::new(),
         }
     }
 
@@ -295,12 +298,17 @@ impl OnlinePvs {
     /// wherever the view looks; all that were hidden come if no box answers. An inserted object is among them
     /// only if it has the index of a removed one that was hidden. In another scene both lists begin anew, as
     /// if nothing had been hidden.
+    ///
+    /// The most important object comes first: that of the largest diagonal over distance from the box that
+    /// answered. Of equal ones the first has the least [index](ObjectId::index). So a stream that has room
+    /// for some bytes a frame sends the first objects, as many as fit.
     pub fn came(&self) -> &[ObjectId] {
         &self.came
     }
 
     /// Returns the objects that the box of the frame before saw and the box of the last frame does not see.
-    /// Removed objects are not among them.
+    /// Removed objects are not among them. In the order of [`came`](Self::came): what is unloaded first is
+    /// last.
     pub fn went(&self) -> &[ObjectId] {
         &self.went
     }
@@ -510,7 +518,8 @@ impl OnlinePvs {
     }
 
     /// Notes what the box of this frame sees and that of the frame before did not, and the other way round.
-    fn note_differences(&mut self, scene: &Scene, at: Option<(usize, usize)>) {
+    /// Both lists are put in order of importance for a viewer in the box `around`, minimum and maximum.
+    fn note_differences(&mut self, scene: &Scene, at: Option<(usize, usize)>, around: (DVec3, DVec3)) {
         self.came.clear();
         self.went.clear();
         let nothing = Bits::EMPTY;
@@ -529,7 +538,24 @@ impl OnlinePvs {
         }
         self.last_hidden.reset(new.len() * 64);
         self.last_hidden.unite(hidden);
+        for list in [&mut self.came, &mut self.went] {
+            self.ranked.clear();
+            self.ranked.extend(list.iter().map(|&id| (importance(scene, id, around), id)));
+            self.ranked.sort_unstable_by(|(a, i), (b, j)| b.total_cmp(a).then(i.index().cmp(&j.index())));
+            list.clear();
+            list.extend(self.ranked.iter().map(|&(_, id)| id));
+        }
     }
+}
+
+/// Returns the diagonal of an object's bounds over their distance from a box in world space: about the
+/// greatest angle at which the object is seen from the box, for small angles. Infinite for an object that
+/// reaches into the box, and 0 for an unknown one.
+fn importance(scene: &Scene, id: ObjectId, (low, high): (DVec3, DVec3)) -> f64 {
+    let Ok(bounds) = scene.bounds(id) else { return 0.0 };
+    let [min, max] = [bounds.min, bounds.max].map(|corner| corner.as_dvec3() + scene.origin());
+    let distance = (min - high).max(low - max).max(DVec3::ZERO).length();
+    if distance > 0.0 { (max - min).length() / distance } else { f64::INFINITY }
 }
 
 /// Returns whether a viewcell's box holds the box from `low` to `high`.
@@ -556,7 +582,8 @@ impl Culler for OnlinePvs {
         let start = sight_start(view, anchor).filter(|_| draws_all);
         let found = start.and_then(|(low, high)| self.best(low, high));
         self.answer = found.map(|(level, at)| (level, self.made[level][at].cell.clone()));
-        self.note_differences(scene, found);
+        let cell = self.answer.as_ref().map(|(_, cell)| (cell.min, cell.max));
+        self.note_differences(scene, found, cell.or(start).unwrap_or((anchor, anchor)));
         let hidden = found.map(|(level, at)| &self.made[level][at].hidden);
         visible.retain(scene, |id, _| !hidden.is_some_and(|hidden| hidden.contains(id.index())))
     }

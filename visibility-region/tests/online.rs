@@ -274,6 +274,26 @@ fn what_moves_is_seen_at_once_and_hidden_again_at_rest() {
 }
 
 #[test]
+fn what_comes_and_goes_is_in_order_of_size_over_distance() {
+    let mut street = Street::new();
+    let mut post = |x: f32, size: f32| {
+        let min = [x, 0.0, 0.0];
+        street.world.add_target(Aabb::from_arrays(min, min.map(|at| at + size)))
+    };
+    // Diagonals over distances from the viewcell, which ends at x = .3: .026, .087, .052 and .087.
+    let far = post(200.3, 3.0);
+    let [near, middle, same] = [post(10.3, 0.5), post(20.3, 0.6), post(10.3, 0.5)];
+    street.make(0.0);
+    street.frame(0.0, 1);
+    let expected = [near, same, street.back, middle, far];
+    assert_eq!(street.online.went(), expected, "out of sight, the most important first");
+    street.world.scene.set_origin(DVec3::splat(4.0)).unwrap();
+    street.frame(0.0, 1);
+    assert_eq!(street.online.came(), expected, "all come again, in coordinates of another origin");
+    assert_eq!(street.online.went(), [], "none is out of sight");
+}
+
+#[test]
 fn what_moves_while_a_box_is_made_is_seen() {
     for budget in [WHOLE, 1] {
         let mut steps = 1;
