@@ -28,7 +28,7 @@ pub(crate) struct Surfaces {
     /// through others, are one cluster; each object is one if it was listed [by itself](Self::list).
     /// `u32::MAX` for objects that are not in `objects`.
     cluster_of: Vec<u32>,
-    /// Number of triangles of clusters that no object belongs to any more.
+    /// Number of triangles of objects that have been listed anew since, in another cluster.
     unused: usize,
     /// Triangles and segments of each cluster.
     cluster_triangles: Groups,
@@ -177,7 +177,8 @@ impl Surfaces {
     pub(crate) fn list(&mut self, scene: &Scene, index: usize) -> usize {
         self.cluster_of.resize(self.cluster_of.len().max(index + 1), u32::MAX);
         if let Some(cluster) = self.cluster_of(index) {
-            self.unused += self.triangles_of(cluster).len();
+            let owner = |triangle: u32| self.part(&self.triangles[triangle as usize]).owner as usize;
+            self.unused += self.triangles_of(cluster).iter().filter(|&&t| owner(t) == index).count();
         }
         self.cluster_of[index] = u32::MAX;
         self.objects.grow(index + 1);
