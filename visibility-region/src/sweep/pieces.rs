@@ -15,17 +15,13 @@
 //! faces that are drawn, and the back faces begin farther away. So both are drawn.
 
 use super::direction::CellBox;
+use super::effort::Effort;
 use super::facing::facing;
 use super::surfaces::{Back, Surfaces, find};
 use alloc::vec::Vec;
 use visibility_core::Aabb;
 use visibility_core::bits::Bits;
 use visibility_core::glam::DVec3;
-
-/// Greatest number of triangles of a piece. Whole floors and streets could be one piece: such a piece begins
-/// near the cell and ends far away, so it would be drawn on every plane, and its own contours would cut much
-/// of what it covers. Several smaller pieces are drawn faster and cover no less.
-const MAX_TRIANGLES: u32 = 256;
 
 /// Greatest number of drawn triangles that run along one segment the same way, for pairs to be sought there.
 /// Finding the flattest partner takes the square of their number. Where more meet, the segment bounds all of
@@ -54,6 +50,9 @@ pub(crate) struct Pieces {
     pieces: Vec<Piece>,
     plus: Vec<u32>,
     minus: Vec<u32>,
+    /// Greatest number of triangles of a piece, and whether pieces join parts of one mesh.
+    max_triangles: u32,
+    joins: bool,
 }
 
 /// A piece: its bounds, and the ranges of its triangles and of its contour segments in the lists of
@@ -68,8 +67,9 @@ pub(crate) struct Piece {
 }
 
 impl Pieces {
-    /// Removes the pieces of the last viewcell.
-    pub(crate) fn begin(&mut self, surfaces: &Surfaces) {
+    /// Removes the pieces of the last viewcell, and takes the rules for those of the next from `effort`.
+    pub(crate) fn begin(&mut self, surfaces: &Surfaces, effort: &Effort) {
+        (self.max_triangles, self.joins) = (effort.max_triangles, effort.joins);
         self.triangles.clear();
         self.contours.clear();
         self.pieces.clear();
@@ -82,7 +82,7 @@ impl Pieces {
     }
 
     /// Finds the pieces of a cluster's occluding objects, unless they are found already. Pieces of single
-    /// parts of meshes come first, then those that join several parts. Returns their indices.
+    /// parts of meshes come first, then those that join several parts, if they are to. Returns their indices.
     pub(crate) fn find(
         &mut self,
         surfaces: &Surfaces,
@@ -96,7 +96,10 @@ impl Pieces {
             for &triangle in surfaces.triangles_of(cluster) {
                 let surface = &surfaces.triangles[triangle as usize];
                 let part = surfaces.part(surface);
-                let facing = match occluding.contains(part.owner as usize) {
+                // An object may have been listed anew, in another cluster.
+                let owner = part.owner as usize;
+                let is_present = occluding.contains(owner) && surfaces.cluster_of(owner) == Some(cluster);
+                let facing = match is_present {
                     true => cell.facing(surface.corners.map(|p| p.as_dvec3())),
                     false => 0,
                 };
@@ -109,7 +112,8 @@ impl Pieces {
                     _ => facing,
                 };
             }
-            for joins in [false, true] {
+            let joins = self.joins || surfaces.joins_objects(cluster);
+            for joins in [false, true].into_iter().take(1 + usize::from(joins)) {
                 self.pair(surfaces, cluster, joins);
                 self.collect(surfaces, cluster, joins);
             }
@@ -179,7 +183,7 @@ impl Pieces {
                 match partner {
                     Some(at) => {
                         let other = self.minus.swap_remove(at);
-                        if !unite(&mut self.parent, &mut self.count, first, other) {
+                        if !unite(&mut self.parent, &mut self.count, [first, other], self.max_triangles) {
                             self.bounding.extend([(first, segment), (other, segment)]);
                         }
                     }
@@ -276,9 +280,9 @@ impl Pieces {
 }
 
 /// Joins the pieces of two triangles. Returns false, and leaves them apart, if they are different pieces that
-/// have more than [`MAX_TRIANGLES`] together.
-fn unite(parent: &mut [u32], count: &mut [u32], a: u32, b: u32) -> bool {
-    let (a, b) = (find(parent, a), find(parent, b));
+/// have more than `most` triangles together.
+fn unite(parent: &mut [u32], count: &mut [u32], triangles: [u32; 2], most: u32) -> bool {
+    let [a, b] = triangles.map(|triangle| find(parent, triangle));
     if a == b {
         return true;
     }
@@ -333,7 +337,7 @@ mod tests {
         let bounds = scene.culled_bounds().unwrap();
         let cell = CellBox::new(&CellExtent::new(&cell, DVec3::ZERO).unwrap(), &bounds, DVec3::AXES).unwrap();
         let (surfaces, mut pieces) = (Surfaces::new(&scene), Pieces::default());
-        pieces.begin(&surfaces);
+        pieces.begin(&surfaces, &Effort::FULL);
         pieces.find(&surfaces, 0, &crate::solids::occluding(&scene, &VisibleSet::new()), &cell);
         pieces
             .pieces
