@@ -19,8 +19,9 @@ const ROOF: f32 = 2.0;
 /// roof that covers more.
 const ROOF_SHARE: f64 = 0.25;
 const ROOF_AREA: f64 = 900.0;
-/// Least number of borders of a room for each way from it to the open sky. A strip along a wall under its eaves
-/// has about one.
+/// Number of places in a row, from the open on, that are no room, though under a ceiling: eaves, a metre deep.
+const EAVES: usize = 4;
+/// Least number of borders of a room for each way out of it. A strip along a wall has about one.
 const LEAST_BORDERS: usize = 2;
 /// Number of a place that is none.
 pub(super) const NO_PLACE: u32 = u32::MAX;
@@ -173,21 +174,30 @@ impl Places {
         regions
     }
 
-    /// Returns the rooms that are connected with a region under the open sky: places with a ceiling that
-    /// borders enclose, with few ways to places without.
+    /// Returns the rooms that are connected with a region under the open sky: places with a ceiling, farther
+    /// than [`EAVES`] from those without, that borders enclose but for few ways out.
     pub(super) fn rooms(&self, map: &FloorMap, region: &Region) -> Vec<Region> {
-        let is_covered = |place: u32| self.heights(place)[1].is_finite();
+        let is_open = |place: &u32| self.heights(*place)[1].is_infinite();
+        let mut is_outside = vec![false; self.count()];
+        let mut edge: Vec<u32> = region.places.iter().copied().filter(is_open).collect();
+        for _ in 0..=EAVES {
+            edge.iter().for_each(|&place| is_outside[place as usize] = true);
+            let beside = |&place: &u32| [0, 1, 2, 3].map(|direction| self.next(map, place, direction));
+            edge =
+                edge.iter().flat_map(beside).flatten().filter(|&next| !is_outside[next as usize]).collect();
+        }
+        let is_inside = |place: u32| !is_outside[place as usize];
         let mut is_taken = vec![false; self.count()];
         let mut rooms = Vec::new();
         for &start in &region.places {
-            if !is_covered(start) || is_taken[start as usize] {
+            if !is_inside(start) || is_taken[start as usize] {
                 continue;
             }
             let (mut borders, mut openings) = (0, 0);
             let places = self.connected(map, start, &mut is_taken, |_, _, next| {
                 borders += usize::from(next.is_none());
-                openings += usize::from(next.is_some_and(|next| !is_covered(next)));
-                next.is_some_and(is_covered)
+                openings += usize::from(next.is_some_and(|next| !is_inside(next)));
+                next.is_some_and(is_inside)
             });
             if borders > LEAST_BORDERS * openings {
                 rooms.push(Region { places, is_covered: true, is_roof: false });
