@@ -366,7 +366,7 @@ fn an_instance_takes_few_bytes() {
         assert!(loaded <= 96.0, "{loaded} bytes an instance in the loaded file");
         // With it, the scene's 16 for triangles, 8 for the occluder mesh and 50 for box, layers and ids.
         assert!(kept <= 171.0 && most <= 1.2 * kept, "{kept} bytes an instance, at most {most}");
-        // A node has some 600 bytes of its own while it is read, and 3,000 if all were values of JSON at once.
+        // A node takes some 800 bytes while it is read, and 1,400 if all are values of JSON at once.
         let most = if by_one_node { 1.5 * kept } else { 5.0 * kept };
         assert!(loading <= most, "{loading} bytes an instance while loading");
     }
