@@ -19,7 +19,7 @@ const ROOF: f32 = 2.0;
 /// roof that covers more.
 const ROOF_SHARE: f64 = 0.25;
 const ROOF_AREA: f64 = 900.0;
-/// Number of places in a row, from the open on, that are no room, though under a ceiling: eaves, a metre deep.
+/// Number of places in a row, from the open on, that are no room although they have a ceiling: eaves of 1 m.
 const EAVES: usize = 4;
 /// Least number of borders of a room for each way out of it. A strip along a wall has about one.
 const LEAST_BORDERS: usize = 2;
