@@ -360,6 +360,7 @@ impl Baker for SandwichBaker<'_> {
             }
         };
         let too_large = self.done.iter().flatten().filter(|found| too_large(found)).count();
+        let cut = self.done.iter().flatten().filter(|found| found.is_done() && !found.is_whole()).count();
         let complete = waiting.is_empty() && self.done.iter().all(is_done);
         let reused = self.done.iter().flatten().filter(|found| found.is_reused).count();
         let unknown = || CellSandwich { open: all.clone(), ..CellSandwich::default() };
@@ -369,7 +370,7 @@ impl Baker for SandwichBaker<'_> {
         let (cells, times) = done.unzip();
         let first = self.range.start;
         let error = self.error.into_inner().unwrap_or_else(PoisonError::into_inner);
-        SandwichOutcome { first, cells, times, complete, stages, reused, cache, too_large, error }
+        SandwichOutcome { first, cells, times, complete, stages, reused, cache, too_large, cut, error }
     }
 
     fn fingerprint(&self) -> u64 {
