@@ -289,7 +289,7 @@ fn unite(parent: &mut [u32], count: &mut [u32], triangles: [u32; 2], most: u32) 
     // The first triangle of a piece represents it.
     let (root, other) = (a.min(b), a.max(b));
     let sum = count[a as usize] + count[b as usize];
-    if sum > MAX_TRIANGLES {
+    if sum > most {
         return false;
     }
     count[root as usize] = sum;
