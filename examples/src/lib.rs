@@ -29,6 +29,7 @@ pub mod pvs;
 pub mod reading;
 pub mod recipes;
 pub mod region;
+pub mod server;
 pub mod source;
 pub mod streaming;
 pub mod tradeoff;

@@ -48,6 +48,7 @@ mod blocker;
 mod convex_blockers;
 mod extent;
 mod online;
+mod online_cells;
 mod remove;
 mod sampling;
 mod shrunk;
@@ -59,6 +60,7 @@ mod volumetric;
 
 pub use convex_blockers::ConvexBlockersCuller;
 pub use online::{OnlinePvs, OnlineStep};
+pub use online_cells::OnlineCells;
 pub use sampling::{SamplingCuller, SightLine};
 pub use shrunk::ShrunkCuller;
 pub use sweep::{ExtendedProjectionCuller, ProjectionPlane};
