@@ -40,7 +40,7 @@ pub struct Level {
 }
 
 enum Walls {
-    Plan(Plan),
+    Plan(Box<Plan>),
     Triangles(RayTree),
 }
 
@@ -67,7 +67,7 @@ impl Level {
         let &[x, y] = file.eyes.first().ok_or("the plan has no point, at which players could start")?;
         let cells = Box::new(PlanCells::new(Plan::new(&walls)?, [0, 1]));
         let (places, ways) = (vec![DVec3::new(x, y, EYE[0])], vec![Vec::new()]);
-        let mut level = Self { cells, places, ways, up: 2, walls: Walls::Plan(plan) };
+        let mut level = Self { cells, places, ways, up: 2, walls: Walls::Plan(Box::new(plan)) };
         level.grow();
         Ok(level)
     }
