@@ -51,6 +51,7 @@ mod blocker;
 mod convex_blockers;
 mod extent;
 mod online;
+mod online_cells;
 mod remove;
 mod sampling;
 #[cfg(feature = "papers")]
@@ -64,6 +65,7 @@ mod volumetric;
 
 pub use convex_blockers::ConvexBlockersCuller;
 pub use online::{OnlinePvs, OnlineStep};
+pub use online_cells::OnlineCells;
 pub use sampling::{SamplingCuller, SightLine};
 #[cfg(feature = "papers")]
 pub use shrunk::ShrunkCuller;

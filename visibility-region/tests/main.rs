@@ -16,6 +16,7 @@ mod slots;
 mod soundness;
 mod swapped_sources;
 mod traps;
+mod who_sees;
 
 #[global_allocator]
 static ALLOCATOR: visibility_testing::allocations::CountingAllocator =
