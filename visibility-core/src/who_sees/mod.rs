@@ -64,7 +64,7 @@ pub trait SightCells {
 /// use visibility_core::pvs::{Viewcell, Viewcells};
 /// use visibility_core::who_sees::{Reach, ViewcellMatrix, WhoSees};
 /// // Three rooms in a row; nobody sees from the first into the third.
-/// let room = |x: f64| Viewcell::from_box(DVec3::new(x, 0.0, 0.0), DVec3::new(x + 4.0, 4.0, 3.0));
+/// let room = |x: f64| Viewcell::from_box(DVec3::new(x, 0.0, -1.0), DVec3::new(x + 4.0, 4.0, 3.0));
 /// let rooms = Viewcells::new([room(0.0), room(4.0), room(8.0)]);
 /// let mut level = ViewcellMatrix::new(rooms, &[[0, 1].as_slice(), &[0, 1, 2], &[1, 2]]);
 /// let mut who = WhoSees::new();
