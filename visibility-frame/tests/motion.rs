@@ -571,8 +571,8 @@ fn movers_are_within_their_bounds_wherever_the_origin_moves_in_long_runs() {
     }
 }
 
-/// A mover behind the camera that may come near, but stays where it is, beyond the begin of its draw range: it
-/// is visible as soon as the camera turns to it.
+/// A mover behind the camera that may come near, but stays beyond the begin of its draw range: it is visible
+/// as soon as the camera turns to it.
 #[test]
 fn no_volume_is_nearer_than_the_begin_of_a_draw_range() {
     let mut scene = Scene::new();

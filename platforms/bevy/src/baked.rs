@@ -79,9 +79,9 @@ impl BakedLevel {
     /// Reads the bytes of a file that `bake` has written for a level of this version, with objects of these
     /// boxes: the least and the greatest corner of each, in world space, by index. An entity counts as its
     /// [`BakedObject`] only if the object's box contains the entity's, up to rounding. An entity that is
-    /// turned by other than right angles mostly stays visible: the box around its turned `Aabb` is larger than
-    /// that around its mesh. Where the entity is in the box is the game's word. Without a version an edit
-    /// inside of a box, such as a new door, is not noticed, and the culler is approximate.
+    /// turned by other than right angles mostly stays visible: the box around its turned `Aabb` is larger
+    /// than that around its mesh. Where the entity is in the box is the game's word. Without a version an
+    /// edit inside of a box, such as a new door, is not noticed, and the culler is approximate.
     ///
     /// # Errors
     /// [`BakedSetError::OtherScene`] if the boxes are not, to the bit, those that the set was baked from;

@@ -191,8 +191,9 @@ impl<'a> ClusterView<'a> {
     }
 
     /// Calls `each` with the number of every cluster of one instance that the view may see, in no particular
-    /// order. For engines with lists of instances of their own, and for several threads. Whether back faces are
-    /// drawn is [`two_sided`](ClusterInstance::two_sided) alone. Returns the counters of this instance.
+    /// order. For engines with lists of instances of their own, and for several threads. The instance's
+    /// [`two_sided`](ClusterInstance::two_sided) alone says whether back faces are drawn. Returns the
+    /// counters of this instance.
     pub fn cull_instance(&self, instance: &ClusterInstance<'_>, mut each: impl FnMut(u32)) -> CullStats {
         let ClusterInstance { mesh, transform, two_sided } = *instance;
         let mut stats = CullStats::default();
