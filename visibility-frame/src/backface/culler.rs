@@ -175,8 +175,8 @@ impl BackfaceCuller {
     }
 
     /// Drops the cones of the objects that changed in the scene since the last call, so that these objects
-    /// count as visible. Drops all cones if `scene` is another scene or its change log has
-    /// overflowed. Afterwards all entries belong to `scene`.
+    /// count as visible. Drops all cones if `scene` is another scene or its change log has overflowed.
+    /// Afterwards all entries belong to `scene`.
     fn forget_changed(&mut self, scene: &Scene) {
         match self.cursor.follow(scene) {
             Changes::Everything => {
