@@ -14,19 +14,18 @@ pub const REACH: f32 = 500.0;
 /// Number of frames in one swing of the camera, after which the views repeat.
 pub const FRAMES: usize = 16;
 
-/// Random number generator SplitMix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number
-/// Generators", 2014), which makes equal boxes on every machine. The field is the state; every seed is
-/// permitted.
+/// The generator of [`visibility_core::random`], which makes equal boxes on every machine. The field is the
+/// state; every seed is permitted.
 #[derive(Clone, Debug)]
 pub struct Random(pub u64);
 
 impl Random {
     /// Draws 64 random bits.
     pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
+        let mut random = visibility_core::random::Random(self.0);
+        let bits = random.bits();
+        self.0 = random.0;
+        bits
     }
 
     /// Draws a number in [low, high), up to rounding.

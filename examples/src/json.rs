@@ -12,10 +12,17 @@ use std::fmt;
 /// Returns an error with line and column when the text is not JSON, is nested too deeply, or an object has
 /// two equal keys.
 pub(crate) fn parse(bytes: &[u8]) -> serde_json::Result<Value> {
-    let mut deserializer = serde_json::Deserializer::from_slice(bytes);
-    let value = Strict.deserialize(&mut deserializer)?;
-    deserializer.end()?;
-    Ok(value)
+    Strict::Whole.parse(bytes)
+}
+
+/// Reads a JSON value as [`parse`] does, but gives the items of the list under `key` of the outermost object
+/// to `take` one by one, and leaves that list empty: a value takes some ten times the memory of its text.
+///
+/// # Errors
+///
+/// Returns the errors of [`parse`], after some items may have been given.
+pub(crate) fn parse_items(bytes: &[u8], key: &str, take: &mut dyn FnMut(Value)) -> serde_json::Result<Value> {
+    Strict::Outermost(key, take).parse(bytes)
 }
 
 /// Returns the list of an object under a key, empty if there is none.
@@ -23,10 +30,26 @@ pub(crate) fn list<'a>(object: &'a Value, key: &str) -> &'a [Value] {
     object.get(key).and_then(Value::as_array).map_or(&[], Vec::as_slice)
 }
 
-/// Visitor that makes values, and refuses the second of two equal keys.
-struct Strict;
+/// Visitor that makes a value, and refuses the second of two equal keys.
+enum Strict<'a> {
+    /// The whole value is made.
+    Whole,
+    /// The items of the list under a key of the object are given away.
+    Outermost(&'a str, &'a mut dyn FnMut(Value)),
+    /// The items of the list are given away.
+    Items(&'a mut dyn FnMut(Value)),
+}
 
-impl<'de> DeserializeSeed<'de> for Strict {
+impl Strict<'_> {
+    fn parse(self, bytes: &[u8]) -> serde_json::Result<Value> {
+        let mut deserializer = serde_json::Deserializer::from_slice(bytes);
+        let value = self.deserialize(&mut deserializer)?;
+        deserializer.end()?;
+        Ok(value)
+    }
+}
+
+impl<'de> DeserializeSeed<'de> for Strict<'_> {
     type Value = Value;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Value, D::Error> {
@@ -34,7 +57,7 @@ impl<'de> DeserializeSeed<'de> for Strict {
     }
 }
 
-impl<'de> Visitor<'de> for Strict {
+impl<'de> Visitor<'de> for Strict<'_> {
     type Value = Value;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -67,19 +90,30 @@ impl<'de> Visitor<'de> for Strict {
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Value, A::Error> {
         let mut list = Vec::new();
-        while let Some(item) = items.next_element_seed(Strict)? {
-            list.push(item);
+        let mut push = |item| list.push(item);
+        let take: &mut dyn FnMut(Value) = match self {
+            Self::Items(take) => take,
+            Self::Whole | Self::Outermost(..) => &mut push,
+        };
+        while let Some(item) = items.next_element_seed(Strict::Whole)? {
+            take(item);
         }
         Ok(Value::Array(list))
     }
 
     fn visit_map<A: MapAccess<'de>>(self, mut members: A) -> Result<Value, A::Error> {
         let mut object = Map::new();
+        let mut given = match self {
+            Self::Outermost(key, take) => Some((key, take)),
+            Self::Whole | Self::Items(_) => None,
+        };
         while let Some(key) = members.next_key::<String>()? {
             if object.contains_key(&key) {
                 return Err(A::Error::custom(format!("the key `{key}` is given twice")));
             }
-            object.insert(key, members.next_value_seed(Strict)?);
+            let given = given.take_if(|(given, _)| *given == key);
+            let value = given.map_or(Strict::Whole, |(_, take)| Strict::Items(take));
+            object.insert(key, members.next_value_seed(value)?);
         }
         Ok(Value::Object(object))
     }
@@ -88,6 +122,7 @@ impl<'de> Visitor<'de> for Strict {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::json;
 
     #[test]
     fn values_are_those_of_serde_json_and_equal_keys_are_refused() {
@@ -96,6 +131,15 @@ mod tests {
             parse(good.as_bytes()).unwrap(),
             serde_json::from_str::<Value>(good).unwrap(),
             "values of this reader and of serde_json"
+        );
+        let mut items = Vec::new();
+        let rest = parse_items(br#"{"a": {"x": [1]}, "x": [2, [3]], "b": [{"x": [4]}]}"#, "x", &mut |item| {
+            items.push(item);
+        });
+        assert_eq!(
+            (rest.unwrap(), Value::Array(items)),
+            (json!({"a": {"x": [1]}, "x": [], "b": [{"x": [4]}]}), json!([2, [3]])),
+            "what is left, and the items of the outermost object's list"
         );
         for (wrong, why) in [
             (r#"{"a": 1, "b": 2, "a": 1}"#, "`a` is given twice"),

@@ -28,6 +28,7 @@ pub mod pvs;
 pub mod reading;
 pub mod recipes;
 pub mod region;
+pub mod server;
 pub mod source;
 pub mod streaming_cache;
 pub mod tradeoff;

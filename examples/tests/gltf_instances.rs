@@ -366,7 +366,8 @@ fn an_instance_takes_few_bytes() {
         assert!(loaded <= 96.0, "{loaded} bytes an instance in the loaded file");
         // With it, the scene's 16 for triangles, 8 for the occluder mesh and 50 for box, layers and ids.
         assert!(kept <= 171.0 && most <= 1.2 * kept, "{kept} bytes an instance, at most {most}");
-        let most = if by_one_node { 1.5 * kept } else { 9.0 * kept };
+        // A node takes some 800 bytes while it is read, and 1,400 if all are values of JSON at once.
+        let most = if by_one_node { 1.5 * kept } else { 5.0 * kept };
         assert!(loading <= most, "{loading} bytes an instance while loading");
     }
 }

@@ -101,6 +101,22 @@ fn what_is_no_door_closes_a_room() {
     assert_eq!(made(moving).1, ["indoors"], "a wall that moves closes no room");
 }
 
+#[test]
+fn a_house_with_an_open_door_is_walked_inside_and_outside() {
+    let mut house = house("Door");
+    house.objects.push(SourceObject::new("ground", cuboid([-40.0, -40.0, -0.5], [40.0, 40.0, -0.1])));
+    // The way out is a gap of 1.2 m in the east wall, below eaves all around.
+    house.objects[1].triangles = cuboid([-6.2, -1.2, 2.5], [6.2, 6.2, 2.8]).into();
+    house.objects[5].triangles = cuboid([5.0, 1.2, 0.0], [5.3, 5.0, 2.5]).into();
+    let (walked, names) = made(house.clone());
+    assert_eq!(names, ["indoors", "outdoors"], "names of walks");
+    let is_inside = |eye: &DVec3| eye.x.abs() < 5.0 && (0.0..5.0).contains(&eye.y);
+    assert!(eyes(&walked.walks[0]).iter().all(is_inside), "{:?}", eyes(&walked.walks[0]));
+    // A roof on two walls is no room.
+    house.objects.drain(2..6);
+    assert_eq!(made(house).1, ["outdoors"], "names of walks of a house without outer walls");
+}
+
 /// Blocks of 10 by 10 by 8 m, closed, 6 m apart.
 fn town() -> Vec<(&'static str, Vec<[Vec3; 3]>)> {
     let at = |i: i32| (i as f32) * 16.0;

@@ -10,6 +10,7 @@ mod horizon_rays;
 mod horizon_state;
 mod horizon_terrain;
 mod horizon_walls;
+mod plan_cells;
 mod plan_limits;
 mod plan_objects;
 mod plan_rays;

@@ -18,9 +18,9 @@ use visibility_core::glam::DVec3;
 use visibility_core::pvs::{
     Pvs, PvsError, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells, check_rows,
 };
-use visibility_core::{Aabb, ObjectId, Scene, level_version};
+use visibility_core::{Aabb, Object, ObjectId, Scene, level_version};
 
-const FORMAT: Format = Format { magic: *b"VISI-SET", version: 5 };
+const FORMAT: Format = Format { magic: *b"VISI-SET", version: 6 };
 
 /// Greatest number of columns before a column in the list, and after it, that [`tour`] compares with the
 /// column to find the most similar.
@@ -68,6 +68,8 @@ pub struct BakedSet {
     is_checked: bool,
     /// Greatest index of an object plus 1.
     index_limit: usize,
+    /// Indices of the objects that occluded in the bake.
+    occluders: Bits,
     viewcells: Viewcells,
     /// Indices of the objects of each class, ascending, as [`class_bytes`] has written them: a class of one
     /// object takes a byte or two. Objects that no viewcell sees are in no class.
@@ -151,6 +153,17 @@ fn boxes(scene: &Scene) -> impl Iterator<Item = (u32, Aabb)> {
     scene.ids().filter_map(|id| Some((id.index() as u32, scene.bounds(id).ok()?)))
 }
 
+/// Returns the indices of the objects that occlude in a bake.
+fn occluders(index_limit: usize, objects: impl Iterator<Item = (u32, Object)>) -> Bits {
+    let mut bits = Bits::new(index_limit);
+    for (index, object) in objects {
+        if object.occluder && object.layers != 0 {
+            bits.insert(index as usize);
+        }
+    }
+    bits
+}
+
 impl BakedSet {
     /// Compresses the rows of viewcells: the indices of the objects that count as visible, ascending. A row
     /// may be stored as the difference from the row of a viewcell that touches its own.
@@ -164,7 +177,9 @@ impl BakedSet {
         rows: &[R],
     ) -> Result<Self, BakedSetError> {
         let hashes = [level_version(scene), bounds_fingerprint(scene.origin(), boxes(scene))];
-        Self::compress(scene.index_limit(), hashes, viewcells, rows)
+        let objects = scene.ids().filter_map(|id| Some((id.index() as u32, scene.object(id).ok()?)));
+        let occluders = occluders(scene.index_limit(), objects);
+        Self::compress(scene.index_limit(), hashes, occluders, viewcells, rows)
     }
 
     /// Compresses the rows of viewcells, as [`new`](Self::new) does, for a level whose scene is not in
@@ -178,12 +193,14 @@ impl BakedSet {
         rows: &[R],
     ) -> Result<Self, BakedSetError> {
         let hashes = [level.version(), level.bounds_fingerprint()];
-        Self::compress(level.index_limit(), hashes, viewcells, rows)
+        let occluders = occluders(level.index_limit(), level.objects());
+        Self::compress(level.index_limit(), hashes, occluders, viewcells, rows)
     }
 
     fn compress<R: AsRef<[u32]>>(
         index_limit: usize,
         [version, bounds]: [u64; 2],
+        occluders: Bits,
         viewcells: Viewcells,
         rows: &[R],
     ) -> Result<Self, BakedSetError> {
@@ -193,7 +210,7 @@ impl BakedSet {
         }
         check_rows(rows, index_limit)?;
         if index_limit > INDEX_LIMIT {
-            return Err(PvsError::TooLarge.into());
+            return Err(PvsError::Size.into());
         }
         let (classes, rows) = classes(rows, index_limit);
         // The last target is for objects of no class: no viewcell sees it.
@@ -208,7 +225,8 @@ impl BakedSet {
             bases
         })?;
         let (class_count, classes) = (classes.len(), class_bytes(&classes));
-        Ok(Self { version, bounds, is_checked: false, index_limit, viewcells, classes, class_count, pvs })
+        let is_checked = false;
+        Ok(Self { version, bounds, is_checked, index_limit, occluders, viewcells, classes, class_count, pvs })
     }
 
     /// Returns the version of the level from which the set was baked: its
@@ -255,7 +273,8 @@ impl BakedSet {
     }
 
     /// Returns the sets for a [`PvsCuller`](visibility_core::pvs::PvsCuller). Objects that are inserted or
-    /// changed from now on count as visible. Time is linear in the number of triangles.
+    /// changed from now on count as visible, and once an occluder of the bake has changed, all do. Time is
+    /// linear in the number of triangles.
     ///
     /// # Errors
     /// [`BakedSetError::OtherScene`] unless the scene has the [version](crate::level_version) from which the
@@ -317,7 +336,9 @@ impl BakedSet {
         });
         let target = |index| place(&targets, index).map_or(u32::MAX, |at| targets[at].1);
         let pairs = objects.iter().map(|&(id, index)| (id, target(index)));
-        let sets = ScenePvs::new(scene, self.pvs.clone(), self.viewcells.clone(), pairs);
+        let occluders = objects.iter().filter(|(_, index)| self.occluders.contains(*index as usize));
+        let sets = ScenePvs::new(scene, self.pvs.clone(), self.viewcells.clone(), pairs)
+            .with_occluders(scene, occluders.map(|&(id, _)| id));
         if self.is_checked { sets } else { sets.unchecked() }
     }
 
@@ -350,6 +371,7 @@ impl BakedSet {
         let mut to = Writer::new(FORMAT, 0, self.version);
         to.u64(self.bounds);
         to.u32(self.index_limit as u32);
+        to.u64s(self.occluders.words().iter().copied());
         to.u32(self.viewcells.cells().len() as u32);
         // One coordinate of all viewcells after another: equal numbers are near each other.
         for axis in 0..3 {
@@ -379,15 +401,17 @@ impl BakedSet {
         let mut from = Reader::new(&plain, FORMAT)?;
         let version = from.fingerprint();
         from.expect(0, version)?;
-        let (bounds, index_limit, count) = (from.u64()?, from.u32()? as usize, from.u32()? as usize);
+        let (bounds, index_limit) = (from.u64()?, from.u32()? as usize);
         if index_limit > INDEX_LIMIT {
             return Err(from
                 .content_error("the greatest index of an object is beyond those of any set")
                 .into());
         }
+        let occluders = Bits::from(from.u64s(index_limit.div_ceil(64))?);
         let floats = |from: &mut Reader<'_>, count| -> Result<Vec<f64>, FormatError> {
             Ok(from.u64s(count)?.into_iter().map(f64::from_bits).collect())
         };
+        let count = from.u32()? as usize;
         // Coordinates are stored by axis and corner, which compresses better than viewcell by viewcell.
         let corners = floats(&mut from, count.saturating_mul(6))?;
         let mut cells = Vec::new();
@@ -415,8 +439,8 @@ impl BakedSet {
         if pvs.target_count() != class_count + 1 {
             return Err(from.content_error("the numbers of classes and of targets differ").into());
         }
-        let viewcells = Viewcells::new(cells);
-        Ok(Self { version, bounds, is_checked: false, index_limit, viewcells, classes, class_count, pvs })
+        let (viewcells, is_checked) = (Viewcells::new(cells), false);
+        Ok(Self { version, bounds, is_checked, index_limit, occluders, viewcells, classes, class_count, pvs })
     }
 }
 

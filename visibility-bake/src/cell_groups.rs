@@ -5,7 +5,7 @@ use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Viewcell, Viewcells};
 
 /// Greatest number of viewcells in a group.
-const MOST_CELLS: usize = 16;
+const MAX_CELLS: usize = 16;
 
 /// Number of viewcells in the first portion of a bake. The second has as many, and each further portion as
 /// many as all before it.
@@ -15,7 +15,7 @@ const FIRST_CELLS: usize = 64;
 /// of one viewcell may exceed it.
 const SPREAD: f64 = 2.5;
 
-/// Groups of at most [`MOST_CELLS`] viewcells that lie close together. Each viewcell is in exactly one group.
+/// Groups of at most [`MAX_CELLS`] viewcells that lie close together. Each viewcell is in exactly one group.
 ///
 /// The viewcells of each portion of the bake are halved along the longest axis of the box around them until
 /// they are few enough, and the volume of the box around them is at most [`SPREAD`] times theirs. The
@@ -46,7 +46,7 @@ impl CellGroups {
             let bounds = bounds(all, &part);
             let volume = |cell: &Viewcell| (cell.max - cell.min).max(DVec3::ZERO).element_product();
             let sum: f64 = part.iter().map(|&cell| volume(&all[cell as usize])).sum();
-            if part.len() == 1 || part.len() <= MOST_CELLS && volume(&bounds) <= SPREAD * sum {
+            if part.len() == 1 || part.len() <= MAX_CELLS && volume(&bounds) <= SPREAD * sum {
                 part.sort_unstable();
                 cells.push(part);
                 continue;
@@ -108,7 +108,7 @@ mod tests {
         all.sort_unstable();
         assert!(all.into_iter().eq(0..802), "each viewcell is in one group");
         for (number, members) in (0..).zip(&groups.cells) {
-            assert!(members.is_sorted() && members.len() <= MOST_CELLS, "group {number}: {members:?}");
+            assert!(members.is_sorted() && members.len() <= MAX_CELLS, "group {number}: {members:?}");
             assert!(
                 members.iter().all(|&cell| groups.of[cell as usize] == number),
                 "group {number}: each of {members:?} knows its group"

@@ -2,7 +2,6 @@
 
 use crate::settings::SandwichSettings;
 use crate::tiled_scene::TiledScene;
-use visibility_core::Scene;
 use visibility_core::binary_format::Fingerprint;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Viewcell, Viewcells};
@@ -11,13 +10,8 @@ use visibility_core::pvs::{Viewcell, Viewcells};
 /// methods, so that results of former methods are not taken from a cache.
 pub(crate) const METHODS: u32 = 12;
 
-/// Returns a hash of the input of a bake: the scene, all viewcells and the settings. Shards with the same
-/// hash belong together. Time is linear in the numbers of triangles and viewcells.
-pub fn bake_fingerprint(scene: &Scene, viewcells: &Viewcells, settings: &SandwichSettings) -> u64 {
-    level_fingerprint(&TiledScene::new(scene), viewcells, settings)
-}
-
-/// Returns the [`bake_fingerprint`] of a level that may be in a file.
+/// Returns a hash of the input of a bake: the level, all viewcells and the settings. Time is linear in the
+/// numbers of triangles and viewcells.
 pub(crate) fn level_fingerprint(
     level: &TiledScene<'_>,
     viewcells: &Viewcells,

@@ -16,7 +16,7 @@ pub enum LevelError {
         kind: ErrorKind,
     },
     /// The content of an object in the file differs from the content that was written.
-    Damaged {
+    Content {
         /// Path of the scratch file.
         path: PathBuf,
         /// Index of the object whose content is damaged.
@@ -41,7 +41,7 @@ impl fmt::Display for LevelError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::File { path, kind } => write!(f, "{}: {kind}", path.display()),
-            Self::Damaged { path, object, offset } => {
+            Self::Content { path, object, offset } => {
                 write!(f, "{}: object {object}, at byte {offset}, is damaged", path.display())
             }
             Self::Memory { limit, needed } => {

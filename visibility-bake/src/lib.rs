@@ -45,7 +45,6 @@ mod time_plan;
 pub use bake_cache::BakeCache;
 pub use baked_set::{BakedSet, BakedSetError};
 pub use cell_sandwich::CellSandwich;
-pub use fingerprints::bake_fingerprint;
 pub use found_cell::FoundCell;
 pub use free_space::CameraRange;
 pub use grid::{Grid, GridError};

@@ -32,6 +32,9 @@ pub struct SandwichOutcome {
     /// more triangles than a search may copy: 2^21, or as many as the level has with each shared mesh counted
     /// once.
     pub too_large: usize,
+    /// Number of viewcells with a sweep or a search that the [limit of time](crate::SandwichBaker::with_time)
+    /// left out or cut short, of those that are through with all stages.
+    pub cut: usize,
     /// First reason why a viewcell could not be worked on, for a level in a file: its objects not proven
     /// hidden before count as visible. `None` if there was no such error.
     pub error: Option<LevelError>,

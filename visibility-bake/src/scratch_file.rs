@@ -353,7 +353,7 @@ impl LevelFile {
         };
         let damaged = || {
             let path = lock(&self.scratch).path.clone();
-            LevelError::Damaged { path, object: facts.index, offset }
+            LevelError::Content { path, object: facts.index, offset }
         };
         match read {
             Err(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => return Err(damaged()),

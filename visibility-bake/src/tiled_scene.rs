@@ -19,7 +19,7 @@ use visibility_region::ExtendedProjectionCuller;
 const FIRST_WEIGHT: u64 = 8192;
 
 /// Greatest weight of the occluders in a sweep of several viewcells.
-const MOST_WEIGHT: u64 = 1 << 19;
+const MAX_WEIGHT: u64 = 1 << 19;
 
 /// Approximate bytes of memory per unit of weight of a scene that is swept.
 const SWEEP_BYTES: u64 = 600;
@@ -36,7 +36,7 @@ const SEARCH_BYTES: u64 = 600;
 /// Number of triangles that the search for one viewcell may always copy, if the level is held in memory. The
 /// search copies the triangles of all objects that the sweep before it has not hidden. A copy of this number
 /// of triangles takes about 2 GB.
-const MOST_COPIED: u64 = 1 << 21;
+const MAX_COPIED: u64 = 1 << 21;
 
 /// A level whose objects are sorted into tiles, by position in space. A bake loads a tile only where it is
 /// seen.
@@ -56,7 +56,7 @@ pub struct TiledScene<'a> {
     /// Greatest weight of the occluders in a sweep of several viewcells, without a limit of time.
     pub(crate) most_weight: u64,
     /// Greatest number of triangles that the search for one viewcell may copy. For a level in memory it is
-    /// the greater of [`MOST_COPIED`] and the number of triangles of the level, each shared mesh counted
+    /// the greater of [`MAX_COPIED`] and the number of triangles of the level, each shared mesh counted
     /// once. For a level in a file there is no such limit (`u64::MAX`): its memory is limited in bytes.
     pub(crate) most_copied: u64,
     store: Store<'a>,
@@ -92,7 +92,7 @@ impl<'a> TiledScene<'a> {
         let meshes =
             scene.ids().filter_map(|id| scene.triangles(id).ok()).map(|triangles| triangles.mesh().0);
         let meshes: HashMap<_, _> = meshes.map(|mesh| (mesh.as_ptr(), mesh.len() as u64)).collect();
-        let most_copied = MOST_COPIED.max(meshes.values().sum());
+        let most_copied = MAX_COPIED.max(meshes.values().sum());
         let level = Self::with_store(origin, objects, tree, index_limit, Store::Scene(scene));
         Self { most_copied, ..level }
     }
@@ -104,7 +104,7 @@ impl<'a> TiledScene<'a> {
         index_limit: usize,
         store: Store<'a>,
     ) -> Self {
-        let (first_weight, most_weight) = (FIRST_WEIGHT, MOST_WEIGHT);
+        let (first_weight, most_weight) = (FIRST_WEIGHT, MAX_WEIGHT);
         let (most_copied, whole) = (u64::MAX, Mutex::default());
         Self { origin, objects, tree, index_limit, first_weight, most_weight, most_copied, store, whole }
     }
@@ -157,6 +157,11 @@ impl<'a> TiledScene<'a> {
         let numbers: Vec<u32> = order.filter(|&at| touches(&self.objects[at as usize].bounds)).collect();
         let _memory = self.reserve(&numbers, TRIANGLE_BYTES)?;
         Ok(look(&self.scene_with_triangles(&numbers)?))
+    }
+
+    /// Returns the objects with their indices, ascending.
+    pub(crate) fn objects(&self) -> impl Iterator<Item = (u32, Object)> {
+        self.objects.iter().map(|facts| (facts.index, facts.object()))
     }
 
     /// Returns the version of the level, which is that of a scene of the same objects: see

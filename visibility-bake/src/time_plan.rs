@@ -29,17 +29,17 @@ const ENDS: [(u32, f64); 2] = [(GROUP, 0.7), (SWEEP, SWEEP_TIME)];
 
 /// Least share of the time left for its stage that a sweep may take. A sweep finds most at its end, so that
 /// equal shares for all would often find less than whole sweeps for a few.
-const LEAST_PART: f64 = 0.25;
+const MIN_PART: f64 = 0.25;
 
 /// Number of groups that are swept before the others may be left out.
 const TRIED: u64 = 4;
 
 /// Least share of the objects that the first sweeps of groups must find hidden, or else the other groups are
 /// left out. In open country next to nothing is hidden from a group, and more from each of its viewcells.
-const LEAST_HIDDEN: f64 = 0.125;
+const MIN_HIDDEN: f64 = 0.125;
 
 /// Least time of a search: with less, nothing would be left after the rays.
-const LEAST_SEARCH: Duration = Duration::from_millis(500);
+const MIN_SEARCH: Duration = Duration::from_millis(500);
 
 /// Longest limit of time: numbers of seconds far above it are beyond what a [`Duration`] holds once rounded.
 const LONGEST: Duration = Duration::from_secs(1 << 32);
@@ -149,32 +149,32 @@ impl TimePlan {
     }
 
     /// Returns whether sweeps of groups are left out: the time is limited, and the first sweeps have found
-    /// less than [`LEAST_HIDDEN`] of the objects hidden.
+    /// less than [`MIN_HIDDEN`] of the objects hidden.
     pub(crate) fn leaves_groups_out(&self) -> bool {
         let [swept, asked, hidden] = self.groups.each_ref().map(|sum| sum.load(Relaxed));
-        self.is_limited() && swept >= TRIED && (hidden as f64) < LEAST_HIDDEN * asked as f64
+        self.is_limited() && swept >= TRIED && (hidden as f64) < MIN_HIDDEN * asked as f64
     }
 
     /// Returns the time on the clock at which a sweep for `viewcells` viewcells must end if it begins now:
-    /// after [`LEAST_PART`] of the time left for its stage, or after their share of it, whichever is later.
+    /// after [`MIN_PART`] of the time left for its stage, or after their share of it, whichever is later.
     /// `waiting` counts the viewcells that are not swept. `None` without a limit.
     pub(crate) fn end_of_sweep(&self, stage: u32, viewcells: usize, waiting: usize) -> Option<Duration> {
         self.is_limited().then(|| {
             let (now, end) = (self.now(), self.ends[stage as usize]);
             let share = viewcells as f64 / waiting.max(viewcells).max(1) as f64;
-            now + end.saturating_sub(now).mul_f64(share.max(LEAST_PART))
+            now + end.saturating_sub(now).mul_f64(share.max(MIN_PART))
         })
     }
 
     /// Returns how long a search may take that begins now: its share of the time left, and at least
-    /// [`LEAST_SEARCH`]. `waiting` counts the viewcells that are not searched before this round. `None`
+    /// [`MIN_SEARCH`]. `waiting` counts the viewcells that are not searched before this round. `None`
     /// without a limit.
     pub(crate) fn share_of_search(&self, waiting: usize) -> Option<Duration> {
         self.is_limited().then(|| {
             let waiting = waiting.saturating_sub(self.begun.fetch_add(1, Relaxed));
             let left = self.ends[LOOK as usize].saturating_sub(self.now());
             let share = self.working.load(Relaxed) as f64 / waiting.max(1) as f64;
-            left.mul_f64(share.min(1.0)).max(LEAST_SEARCH)
+            left.mul_f64(share.min(1.0)).max(MIN_SEARCH)
         })
     }
 

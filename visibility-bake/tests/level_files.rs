@@ -192,7 +192,7 @@ fn damage_is_an_error_with_what_and_where() {
         fs::write(path(&name), &content).unwrap();
         let outcome = Bake::new(SandwichBaker::of_level(level.into(), &cells, settings())).run();
         match outcome.error {
-            Some(LevelError::Damaged { path: named, object, offset }) => {
+            Some(LevelError::Content { path: named, object, offset }) => {
                 assert!(
                     named == path(&name) && (object as usize) < scene.len() && offset < length as u64,
                     "damage {damage}: object {object} at byte {offset} of {named:?}"

@@ -313,7 +313,7 @@ fn little_time_is_divided_among_the_stages() {
     let (scene, cells) = street();
     let baker = || SandwichBaker::new(&scene, &cells, SandwichSettings::default());
     let whole = Bake::new(baker()).run();
-    assert_eq!(whole.stages, [10; 5], "viewcells by stage, of a whole bake");
+    assert_eq!((whole.stages, whole.cut), ([10; 5], 0), "viewcells by stage of a whole bake, and those cut");
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let timed = |time: u64, until: u64| {
         ASKED.store(0, Ordering::Relaxed);
@@ -439,6 +439,7 @@ fn what_a_search_has_not_the_time_for_is_swept_in_parts() {
     let swept = swept.finish();
     let limited = Bake::new(baker().with_time(Duration::from_millis(1))).run();
     assert!(limited.complete && limited.cache == BakeCache::default(), "the bake ends without a cache");
+    assert_eq!((limited.cut, swept.cut), (2, 0), "viewcells in which the time cut a search short");
     let mut more = 0;
     for (limited, swept) in limited.cells.iter().zip(&swept.cells) {
         assert_eq!((limited.seen.len(), limited.proven, limited.steps), (0, 0, 0), "searched");

@@ -3,8 +3,7 @@
 
 use std::sync::Arc;
 use visibility_bake::{
-    BakeCache, BakedSet, BakedSetError, SandwichBaker, SandwichSettings, Shard, TiledScene, bake_fingerprint,
-    level_version,
+    BakeCache, BakedSet, BakedSetError, SandwichBaker, SandwichSettings, Shard, TiledScene, level_version,
 };
 use visibility_core::bake::Bake;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
@@ -83,7 +82,6 @@ fn a_set_is_refused_after_an_edit_that_leaves_all_boxes() {
         sets.is_checked() && PvsCuller::new(&sets).accuracy() == Accuracy::Conservative,
         "a set that was compared keeps its promise"
     );
-    let whole = |scene: &Scene| bake_fingerprint(scene, &cells, &SandwichSettings::default());
     for (name, edit) in edits() {
         let mut edited = scene.clone();
         edit(&mut edited);
@@ -91,9 +89,10 @@ fn a_set_is_refused_after_an_edit_that_leaves_all_boxes() {
         assert!(matches!(set.clone().for_scene(&edited), Err(BakedSetError::OtherScene)), "{name}");
         let refused = set.clone().for_level(&edited, Some(level));
         assert_eq!(refused.err(), Some(BakedSetError::OtherVersion { baked: version, level }), "{name}");
+        let baker = |scene| SandwichBaker::new(scene, &cells, SandwichSettings::default());
+        let whole = |scene| baker(scene).whole_fingerprint();
         assert_ne!(whole(&edited), whole(&scene), "{name}: shards are of another bake");
         // The state of a bake is of the scene before the edit.
-        let baker = |scene| SandwichBaker::new(scene, &cells, SandwichSettings::default());
         assert!(Bake::resume(baker(&edited), &Bake::new(baker(&scene)).save()).is_err(), "{name}");
     }
 }
@@ -110,6 +109,39 @@ fn a_cache_gives_nothing_that_an_edit_has_changed() {
         let baker = || SandwichBaker::new(&edited, &cells, SandwichSettings::default());
         let cached = Bake::new(baker().with_cache(cache.clone())).run();
         assert_eq!(cached.cells, Bake::new(baker()).run().cells, "{name}");
+    }
+}
+
+/// The wall of a bake that is taken away, or not drawn, no longer hides the box behind it, however the set
+/// was given to the scene.
+#[test]
+fn a_wall_that_is_not_drawn_hides_nothing() {
+    let (scene, cells) = level();
+    let set = BakedSet::from_bytes(&baked(&scene, &cells).to_bytes()).unwrap();
+    let pose = Pose::look_at(DVec3::splat(0.5), DVec3::splat(9.25), DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.0, 0.01, 100.0).unwrap();
+    for by_index in [false, true] {
+        // Boxes alone, without the flags of the bake, with the wall on a layer of its own.
+        let mut boxes = Scene::new();
+        boxes.insert_batch(scene.ids().map(|id| scene.bounds(id).unwrap()).collect::<Vec<_>>());
+        let [wall, behind] = [0, 1].map(|index| boxes.id_at(index).unwrap());
+        boxes.set_layers(wall, 1).unwrap();
+        let sets = match by_index {
+            true => set.clone().for_level(&boxes, Some(set.version())).unwrap(),
+            false => set.for_objects(&boxes, [(behind, 1), (wall, 0)]),
+        };
+        let (mut culler, mut visible) = (PvsCuller::new(&sets), VisibleSet::new());
+        let mut sees = |scene: &Scene, layers: u32| {
+            let view = view.with_layers(layers);
+            visible.fill(scene, &view);
+            culler.cull(scene, &view, &mut visible);
+            visible.contains(scene, behind)
+        };
+        assert!(!sees(&boxes, u32::MAX), "by index {by_index}: the wall hides the box");
+        assert!(sees(&boxes, 2), "by index {by_index}: the wall is on no layer of the view");
+        assert!(!sees(&boxes, 3), "by index {by_index}: the wall is on a layer of the view");
+        boxes.remove(wall).unwrap();
+        assert!(sees(&boxes, u32::MAX), "by index {by_index}: the wall is gone");
     }
 }
 

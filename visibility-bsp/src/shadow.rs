@@ -19,7 +19,7 @@ use core::ops::Range;
 use visibility_core::glam::DVec3;
 
 /// Maximum number of edges of an occluder polygon; polygons with more cast no shadow.
-pub(crate) const MOST_EDGES: usize = 16;
+pub(crate) const MAX_EDGES: usize = 16;
 
 /// A shadow edge: an edge of an occluder polygon and the plane through this edge and the eye.
 #[derive(Clone, Copy, Debug)]
@@ -98,7 +98,7 @@ impl BackPlane {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct OccluderPolygon<'a> {
     /// Vertices in metres relative to `Scene::origin`, in boundary order; a polygon with more than
-    /// [`MOST_EDGES`] casts no shadow.
+    /// [`MAX_EDGES`] casts no shadow.
     pub(crate) vertices: &'a [DVec3],
     /// Unit normal of the front, the side from which the vertices run counter-clockwise.
     pub(crate) normal: DVec3,
@@ -190,7 +190,7 @@ impl Shadows {
     /// Returns false and appends nothing if the polygon casts no shadow, for one of these reasons: the eye is
     /// not surely in front of the polygon (for a two-sided polygon, neither surely in front nor surely
     /// behind); all of the polygon is on the eye's side of the near plane; the polygon has fewer than three
-    /// or more than [`MOST_EDGES`] edges; rounding leaves the plane of an edge uncertain.
+    /// or more than [`MAX_EDGES`] edges; rounding leaves the plane of an edge uncertain.
     pub(crate) fn cast(
         &mut self,
         projection: &ClipProjection,
@@ -220,7 +220,7 @@ impl Shadows {
         occluder_polygon: &OccluderPolygon<'_>,
     ) -> Option<BackPlane> {
         let count = occluder_polygon.vertices.len();
-        if !(3..=MOST_EDGES).contains(&count) {
+        if !(3..=MAX_EDGES).contains(&count) {
             return None;
         }
         let front = projection.is_before(occluder_polygon.normal, -occluder_polygon.extent_along_normal[1]);

@@ -50,7 +50,7 @@ use crate::binary_format::{Format, FormatError, Reader, Writer};
 use alloc::vec::Vec;
 
 /// Format of saved bakes. Earlier versions are refused: 1 and 2 held cell-to-cell bakes only, and 3 may hold
-/// answers of a sweep that hid visible objects.
+/// results of a faulty version of `visibility-bake`, which hid visible objects.
 const FORMAT: Format = Format { magic: *b"VISIBAKE", version: 4 };
 
 /// Progress of a bake: the number of items done and the cost so far.
@@ -105,8 +105,9 @@ pub trait Baker: Sync {
     }
 
     /// Computes the result of one item from the baker's state before the round. Called from several threads
-    /// at once with feature `rayon`. A baker of long items calls `stop` several times a second; once that has
-    /// returned true, it returns `None`, and the item stays waiting. A baker of short items ignores `stop`.
+    /// at once with feature `rayon`. For long items, `work` calls `stop` several times a second. Once `stop`
+    /// has returned true, `work` returns `None`, and the item stays waiting. For short items, `work` ignores
+    /// `stop`.
     fn work(&self, item: u32, scratch: &mut Self::Scratch, stop: &dyn Fn() -> bool) -> Option<Self::Found>;
 
     /// Merges the result of one item into the baker's state. Called at the end of a round for each item of
@@ -170,9 +171,9 @@ impl<B: Baker> Bake<B> {
 
     /// Works on the next round of items as [`advance`](Self::advance) does, until `pause` or `stop` returns
     /// true: items of the round that no thread has begun by then stay waiting. After `pause`, items that were
-    /// begun are finished. After `stop`, those for which [`Baker::work`] returns `None` stay waiting too. The
-    /// outcome of the whole bake stays the same if the baker's items do not use one another's results;
-    /// otherwise it may change.
+    /// begun are finished. After `stop`, items that were begun and for which [`Baker::work`] returns `None`
+    /// stay waiting too. The outcome of the whole bake stays the same if the baker's items do not use one
+    /// another's results; otherwise it may change.
     pub fn advance_unless(
         &mut self,
         pause: impl Fn() -> bool + Sync,
@@ -259,8 +260,8 @@ impl<B: Baker> Bake<B> {
 }
 
 /// Returns the results of the items of a round, in the order of `round`, computed on this thread. `None` for
-/// an item that was not begun because `pause` or `stop` had returned true, and for one that the baker gave
-/// up.
+/// an item that was not begun because `pause` or `stop` had returned true, and for one for which
+/// [`Baker::work`] returned `None`.
 #[cfg(not(feature = "rayon"))]
 fn work_on_all<B: Baker>(
     baker: &B,
@@ -275,9 +276,9 @@ fn work_on_all<B: Baker>(
 
 /// Returns the results of the items of a round, in the order of `round`, computed on all threads of the
 /// current pool. `None` for an item that was not begun because `pause` or `stop` had returned true, and for
-/// one that the baker gave up. Each thread takes the next item when its last is done. Items are taken from
-/// the end of the round, where the rank and thus the expected cost is greatest, so that no thread is left
-/// with a long item at the end.
+/// one for which [`Baker::work`] returned `None`. Each thread takes the next item when its last is done.
+/// Items are taken from the end of the round, where the rank and thus the expected cost is greatest, so that
+/// no thread is left with a long item at the end.
 #[cfg(feature = "rayon")]
 fn work_on_all<B: Baker>(
     baker: &B,

@@ -31,7 +31,7 @@ impl Accuracy {
 
     /// Returns whether no object outside V (hidden object) is ever left in the set: true for exact and
     /// aggressive.
-    pub const fn never_shows(self) -> bool {
+    const fn never_shows(self) -> bool {
         matches!(self, Self::Exact | Self::Aggressive)
     }
 
@@ -65,8 +65,7 @@ impl core::fmt::Display for Accuracy {
     }
 }
 
-/// Something that keeps a culler from hiding objects as it could: a number of objects with one and the same
-/// lack.
+/// A reason why a culler hides fewer objects than it could: a number of objects that all lack the same thing.
 ///
 /// ```
 /// use visibility_core::culler::Lack;
@@ -83,9 +82,9 @@ pub struct Lack {
 
 impl Lack {
     /// Reports what keeps cullers that use meshes from using the occluders of `scene`. Calls `each` with the
-    /// number of occluders without a mesh, of occluders whose mesh reaches out of their bounds, and of
-    /// objects that have an occluder mesh and are not flagged as occluders, unless the number is 0. Takes
-    /// constant time.
+    /// number of occluders without a mesh, with that of occluders whose mesh reaches out of their bounds, and
+    /// with that of objects that have an occluder mesh and are not flagged as occluders. There is no call for
+    /// a number that is 0. Takes constant time.
     pub fn of_occluders(scene: &Scene, each: &mut dyn FnMut(Self)) {
         for (what, count) in [
             ("occluders without a mesh", scene.occluders_without_mesh()),
@@ -165,8 +164,8 @@ pub trait Culler {
     }
 
     /// Calls `each` for everything that keeps the culler from hiding objects of `scene` as it could: input
-    /// that is missing or of another scene, or an eye of the last frame that is outside of all that the
-    /// culler knows. For overlays and logs rather than for every frame; see
+    /// that is missing or of another scene, or an eye that was outside all viewcells or cells in the last
+    /// frame. For overlays and logs rather than for every frame; see
     /// [`Pipeline::for_each_lack`](crate::Pipeline::for_each_lack). The default implementation reports
     /// nothing.
     fn for_each_lack(&self, _scene: &Scene, _each: &mut dyn FnMut(Lack)) {}

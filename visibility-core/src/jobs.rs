@@ -15,8 +15,9 @@ use atomic_refcell::AtomicRefCell;
 /// [`run`](Self::run) once or twice for each culler, with up to 16 jobs of some microseconds each.
 pub trait Jobs {
     /// Calls `job` once with each number below `count`, in any order and on any threads, and returns when all
-    /// calls have ended. Jobs never wait for each other. A job that is left out is done by the caller
-    /// afterwards, and one that is called twice does nothing the second time.
+    /// calls have ended. Jobs never wait for each other. If an implementation leaves a number out, the culler
+    /// that called `run` does that job itself afterwards. If it calls `job` twice with a number, the second
+    /// call does nothing.
     fn run(&self, count: usize, job: &(dyn Fn(usize) + Sync));
 }
 

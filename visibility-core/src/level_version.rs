@@ -6,9 +6,9 @@ use crate::scene::Triangles;
 use crate::{Object, ObjectId, OccluderMesh, Scene};
 use glam::{Affine3A, DVec3};
 
-/// Returns the version of a scene as a level: a hash of its origin, and of all objects with their indices,
-/// bounds, layers, costs, flags, triangles, occluder meshes and transforms. Draw ranges and HLOD parents are
-/// not part of it. Time is linear in the number of triangles.
+/// Returns the version of a scene as a level: a hash of its origin, and of the index and the
+/// [hash](object_hash) of each object. The flag `see_through`, draw ranges and HLOD parents are not part of
+/// it. Time is linear in the number of triangles.
 ///
 /// ```
 /// use visibility_core::{Aabb, Object, Scene, level_version};
@@ -37,7 +37,7 @@ pub fn version_of(origin: DVec3, objects: impl IntoIterator<Item = (u32, u64)>) 
 }
 
 /// Returns a hash of an object: bounds, layers, cost, the flags `never_cull`, `occluder` and `one_sided`,
-/// triangles, occluder mesh and its transform. The index and the flag `see_through` do not count.
+/// triangles, and occluder mesh with its transform. The index and the flag `see_through` do not count.
 pub fn object_hash<'a>(
     object: &Object,
     triangles: impl Into<Triangles<'a>>,

@@ -68,6 +68,7 @@ mod test_plane;
 pub mod view;
 pub mod visible_set;
 pub mod walk;
+pub mod who_sees;
 
 pub use cull_stats::CullStats;
 pub use culler::{Accuracy, Culler};

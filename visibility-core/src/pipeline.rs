@@ -210,8 +210,8 @@ impl Pipeline {
     /// Calls `each` with the name of a stage and what the stage [lacks](Culler::for_each_lack) to cull
     /// `scene`, such as "occluders without a mesh: 12". Calls `each` with the name "pipeline" for what no
     /// stage can mend: objects that are never culled because their bounds are NaN or inverted, though they
-    /// are not flagged so, and objects with draw ranges if no stage follows these. Does not call `each` if
-    /// nothing is lacking.
+    /// are not flagged as never culled, and objects with draw ranges if no stage follows draw ranges. Does
+    /// not call `each` if nothing is lacking.
     ///
     /// Takes up to a millisecond, and time in proportion to the number of objects that are never culled. For
     /// overlays and logs, once in a while rather than every frame.

@@ -149,7 +149,7 @@ fn stages_report_what_they_lack() {
     let copy = scene.clone();
     assert_eq!(
         lacks(&copy)[1..],
-        ["pvs: objects of a scene that the PVS does not know: 20"],
+        ["pvs: objects not culled, since the PVS does not know the scene or an occluder has changed: 20"],
         "a PVS knows no object of a copied scene"
     );
     walls[12..].iter().for_each(|&wall| scene.remove(wall).unwrap());

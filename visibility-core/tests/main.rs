@@ -27,6 +27,7 @@ mod swapped_sources;
 mod transforms;
 mod visible_set;
 mod walk;
+mod who_sees;
 
 #[global_allocator]
 static ALLOCATOR: visibility_testing::allocations::CountingAllocator =

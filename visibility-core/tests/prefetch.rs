@@ -181,3 +181,18 @@ fn a_path_along_a_slanted_face_reaches_the_viewcell_wherever_rounding_may_say_so
     }
     assert!(reached > 300, "{reached}");
 }
+
+#[test]
+fn a_viewcell_without_end_begins_where_it_begins() {
+    let mut scene = Scene::new();
+    let ids = [5.0, 15.0].map(|x| scene.insert(Aabb::from_arrays([x, 0.0, 0.0], [x + 1.0, 1.0, 1.0])));
+    let pvs = Pvs::new(PvsTargets::Objects, 2, &[vec![0], vec![0, 1]], |_| []).unwrap();
+    let cells = [[-f64::INFINITY, 10.0], [10.0, f64::INFINITY]]
+        .map(|[from, to]| Viewcell::from_box(DVec3::new(from, -5.0, -5.0), DVec3::new(to, 5.0, 5.0)));
+    let sets = ScenePvs::new(&scene, pvs, Viewcells::new(cells), ids.into_iter().zip(0..));
+    let mut prefetch = Prefetch::new();
+    let ahead = prefetch.search(&sets, DVec3::new(6.0, 0.0, 0.0), DVec3::X * 2.0, 0.0, 10.0);
+    assert_eq!((ahead.len(), ahead.first().map(|arrival| arrival.object)), (1, Some(ids[1])), "{ahead:?}");
+    assert!((ahead[0].seconds - 2.0).abs() < 1e-9, "{ahead:?}: 4 m at 2 m/s");
+    assert_eq!(prefetch.covered_seconds(), 10.0, "the second viewcell has no end");
+}

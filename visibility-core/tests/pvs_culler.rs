@@ -294,3 +294,75 @@ fn a_culler_that_was_in_another_scene_hides_in_its_own_as_before() {
         "object 3 has moved, after a frame of the clone"
     );
 }
+
+#[test]
+fn nothing_is_hidden_once_an_occluder_of_the_pvs_has_changed() {
+    use visibility_core::Culler;
+    for targets in [PvsTargets::Objects, PvsTargets::Cells] {
+        let (mut scene, ids, _, viewcells) = world();
+        let rows = [vec![0, 2, 4, 6, 8], (0..9).collect()];
+        let pvs = Pvs::new(targets, 10, &rows, |_| []).unwrap();
+        scene.set_occluder(ids[0], true).unwrap();
+        let pairs = || ids.iter().copied().zip(0..);
+        let flagged = ScenePvs::new(&scene, pvs.clone(), viewcells.clone(), pairs());
+        let named = flagged.clone().with_occluders(&scene, [ids[2]]);
+        let (mut of_flagged, mut of_named) = (PvsCuller::new(&flagged), PvsCuller::new(&named));
+        scene.set_bounds(ids[4], Aabb::from_arrays([22.0, 0.0, 0.0], [23.0, 1.0, 1.0])).unwrap();
+        for culler in [&mut of_flagged, &mut of_named] {
+            assert_eq!(seen(culler, &scene, &ids, 2.0).len(), 5, "{targets:?}: no occluder has changed");
+        }
+        scene.remove(ids[0]).unwrap();
+        let left = if targets == PvsTargets::Objects { 9 } else { 4 };
+        for frame in 0..2 {
+            let found = seen(&mut of_flagged, &scene, &ids, 2.0).len();
+            assert_eq!(found, left, "{targets:?}: {frame} frames after the flagged occluder went");
+            let found = seen(&mut of_named, &scene, &ids, 2.0).len();
+            assert_eq!(found, 4, "{targets:?}: the flagged object is none of the named occluders");
+        }
+        scene.set_occluder(ids[2], false).unwrap();
+        assert_eq!(seen(&mut of_named, &scene, &ids, 2.0).len(), 9, "{targets:?}: the named one has changed");
+        let mut lacks = 0;
+        of_named.for_each_lack(&scene, &mut |lack| lacks += lack.count);
+        assert_eq!(lacks, 9, "{targets:?}: all objects are named as not culled");
+    }
+}
+
+#[test]
+fn nothing_is_hidden_in_a_view_that_does_not_show_an_occluder_of_the_pvs() {
+    use visibility_core::Culler;
+    let (mut scene, ids, pvs, viewcells) = world();
+    scene.set_occluder(ids[0], true).unwrap();
+    scene.set_layers(ids[0], 0b01).unwrap();
+    // An object on no layer is drawn in no view, so that it hid nothing in any bake.
+    scene.set_occluder(ids[2], true).unwrap();
+    scene.set_layers(ids[2], 0).unwrap();
+    let shared = ScenePvs::new(&scene, pvs, viewcells, ids.iter().copied().zip(0..));
+    let mut culler = PvsCuller::new(&shared);
+    let eye = DVec3::new(1e6 + 2.0, 5.0, 0.5);
+    let view = View::perspective(Pose::look_at(eye, eye + DVec3::X, DVec3::Z), 2.0, 2.0, 0.1, 1e3).unwrap();
+    for (layers, hides, lacking) in [(0b11, true, 0), (0b10, false, 1), (0b11, true, 0)] {
+        let view = view.with_layers(layers);
+        let mut visible = VisibleSet::new();
+        visible.fill(&scene, &view);
+        culler.cull(&scene, &view, &mut visible);
+        assert_eq!(!visible.contains(&scene, ids[1]), hides, "object 1 in a view of layers {layers:#b}");
+        let mut lacks = 0;
+        culler.for_each_lack(&scene, &mut |_| lacks += 1);
+        assert_eq!(lacks, lacking, "lacks in a view of layers {layers:#b}");
+    }
+}
+
+/// A viewcell with a plane that is none contains no point, so its PVS says nothing of any eye.
+#[test]
+fn nothing_is_hidden_from_a_viewcell_with_a_plane_that_is_nan() {
+    let (scene, ids, pvs, viewcells) = world();
+    for (normal, offset) in [(DVec3::NAN, 1.0), (DVec3::X, f64::NAN), (DVec3::splat(f64::INFINITY), 1.0)] {
+        let mut cells = viewcells.cells().to_vec();
+        cells[0].planes.push(Plane::new(normal, offset));
+        let pairs = ids.iter().copied().zip(0..);
+        let shared = ScenePvs::new(&scene, pvs.clone(), Viewcells::new(cells), pairs);
+        let mut culler = PvsCuller::new(&shared);
+        assert_eq!(seen(&mut culler, &scene, &ids, 2.0).len(), 10, "a plane {normal}, {offset}");
+        assert_eq!(seen(&mut culler, &scene, &ids, 8.0).len(), 9, "from the whole viewcell");
+    }
+}

@@ -431,7 +431,7 @@ fn bits_are_those_of_the_listed_indices() {
             let mut bits = vec![7; len];
             assert_eq!(
                 visible.write_bits(&scene, &mut bits),
-                Err(BitsError::TooShort { needed }),
+                Err(BitsError::Length { needed }),
                 "{len} words for {count} objects"
             );
             assert!(bits.iter().all(|&word| word == 7), "unchanged");

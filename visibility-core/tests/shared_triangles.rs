@@ -153,6 +153,15 @@ fn objects_with_the_same_triangles_share_one_prepared_mesh() {
         );
     }
     let ids: Vec<_> = scene.ids().collect();
+    // A mesh with backs hides what is seen through the backs of what is drawn from its front alone.
+    for (&id, one_sided) in ids.iter().zip([true, false].into_iter().cycle()) {
+        scene.set_one_sided(id, true).unwrap();
+        assert_eq!(
+            scene.has_mesh(id),
+            one_sided,
+            "{id}: a mesh without backs stays, and one with backs goes"
+        );
+    }
     scene.remove_batch(&ids).unwrap();
     assert_eq!(scene.mesh_count(), 0, "the meshes go with the last object");
 }

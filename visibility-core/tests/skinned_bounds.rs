@@ -143,7 +143,6 @@ fn skins_that_cannot_be_are_errors_or_never_culled() {
         "more joints than positions"
     );
     let skin = new(1.0, [0.5, 0.5]).unwrap();
-    assert_eq!(skin.bone_count(), 2, "bones that are named");
     let mut pose = [Affine3A::IDENTITY; 2];
     assert!(skin.bounds(&pose).is_finite(), "a pose of the identity");
     assert!(!skin.bounds(&pose[..1]).is_proper(), "a bone is missing");

@@ -46,7 +46,7 @@ const ALL_PARTS: u32 = 4000;
 /// Greatest number of nodes for boxes around parts of an object before the first part is hidden. Of the
 /// objects that no ray finds, most are seen through a gap, and no part of them is hidden.
 const FIRST_PARTS: u32 = 400;
-/// Number of nodes by which each triangle in a part that is proven hidden raises the limit for further parts.
+/// Number of nodes by which the limit for further parts rises for each triangle of a part proven hidden.
 const PART_TRIANGLE: u32 = 16;
 /// Least number of triangles in a part.
 const PART_TRIANGLES: usize = 16;
@@ -385,7 +385,8 @@ impl<'a> CellQuery<'a> {
         }
     }
 
-    /// Bounds the visible share of objects, and marks those below the settings' share as hardly visible.
+    /// Bounds the visible share of objects, and marks those as hardly visible whose bound is at most the
+    /// share of the settings. Objects that aimed rays see too often for that are not tried.
     fn hardly_visible(&mut self, objects: &[u32]) {
         for &object in objects {
             if self.search.must_stop() {
@@ -509,8 +510,7 @@ impl<'a> CellQuery<'a> {
         (answer, used)
     }
 
-    /// Marks objects as hidden, with the proofs of `targets`. The proof of the last target is that of the
-    /// last search.
+    /// Marks objects as hidden. `targets` must be the one target of the last search, which has the proof.
     fn hide(&mut self, group: &[u32], targets: &[Target]) {
         if self.settings.keep_proofs {
             let proofs = targets.iter().map(|&target| self.proof(target)).collect();

@@ -25,7 +25,7 @@ use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
 /// Greatest number of triangles of a chain.
-const MOST: usize = 3000;
+const MAX_CHAIN: usize = 3000;
 /// Greatest number of triangles at an edge that are tried as the next of a chain.
 const AT_EDGE: usize = 64;
 
@@ -91,7 +91,7 @@ impl Search<'_> {
                 // clearance below.
                 if let Some(next) = self.next_across(scratch, sight, t, k, line) {
                     scratch.push(next, all.edges(next));
-                    if scratch.chain.len() > MOST {
+                    if scratch.chain.len() > MAX_CHAIN {
                         return Err([a, b]);
                     }
                 } else if self.is_hopeless(&corners, k, sight) {
@@ -382,8 +382,8 @@ fn touches_from_one_side(corners: &[DVec3; 3], tags: [u8; 3], plane: &Half, pad:
 }
 
 /// Returns whether the convex hull of some points certainly does not touch a polygon: whether a plane
-/// separates them, one of: the polygon's own, one along a side of it, the points' own, one along a side of
-/// either.
+/// separates them. Tried are the polygon's plane, the planes across it along its sides, the plane of the
+/// first three points, and the planes parallel to a side of each.
 pub(crate) fn apart(points: &[DVec3], polygon: &Polygon, plane: &Half, pad: f64) -> bool {
     let separates = |normal: DVec3| {
         let range = |points: &[DVec3]| {

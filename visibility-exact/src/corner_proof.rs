@@ -11,12 +11,12 @@ use crate::sight::Sight;
 use visibility_core::glam::DVec3;
 
 /// Greatest number of rows of which triples are tried. With more rows, none is.
-const MOST: usize = 14;
+const MAX_ROWS: usize = 14;
 
 /// Searches three rows that no line of a node satisfies together, and returns their indices. `None` if no
 /// triple is proven.
 pub(crate) fn find(sight: &Sight, rows: &[Row], delta: f64) -> Option<[u32; 3]> {
-    if rows.len() > MOST {
+    if rows.len() > MAX_ROWS {
         return None;
     }
     for a in 0..rows.len() {

@@ -10,7 +10,7 @@ use visibility_core::glam::DVec3;
 /// Unit round-off of `f64`, 2^-53.
 pub(crate) const U: f64 = f64::EPSILON / 2.0;
 
-/// Tag of an end of an edge that is no corner of the target triangle.
+/// Tag of an edge's end that is no corner of the target triangle.
 pub(crate) const NO_CORNER: u8 = 3;
 
 /// An edge in scene coordinates. `tags` tell for each end which corner of the target triangle it is: 0, 1 or

@@ -5,23 +5,23 @@ use crate::half::Half;
 use visibility_core::glam::DVec3;
 
 /// Greatest number of corners of a polygon.
-pub(crate) const MOST: usize = 8;
+pub(crate) const MAX_CORNERS: usize = 8;
 
-/// A convex polygon with at most [`MOST`] corners, in scene coordinates: a face of the viewcell or of a
-/// target, or a part of one.
+/// A convex polygon with at most [`MAX_CORNERS`] corners, in scene coordinates: a face of the viewcell or of
+/// a target, or a part of one.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Polygon {
-    v: [DVec3; MOST],
+    v: [DVec3; MAX_CORNERS],
     /// Barycentric coordinates in the target triangle that are exactly 0, for each corner: bit i for
     /// coordinate i. 0 for polygons that are not a part of a target triangle, or of one that was moved.
-    pub(crate) zero: [u8; MOST],
+    pub(crate) zero: [u8; MAX_CORNERS],
     n: usize,
 }
 
 impl Polygon {
-    /// Makes a polygon of at most [`MOST`] corners; further corners are ignored.
+    /// Makes a polygon of at most [`MAX_CORNERS`] corners; further corners are ignored.
     pub(crate) fn new(corners: &[DVec3]) -> Self {
-        let mut polygon = Self { v: [DVec3::ZERO; MOST], zero: [0; MOST], n: 0 };
+        let mut polygon = Self { v: [DVec3::ZERO; MAX_CORNERS], zero: [0; MAX_CORNERS], n: 0 };
         for &corner in corners {
             polygon.push(corner, 0);
         }
@@ -73,7 +73,7 @@ impl Polygon {
     }
 
     fn push(&mut self, corner: DVec3, zero: u8) -> bool {
-        let fits = self.n < MOST;
+        let fits = self.n < MAX_CORNERS;
         if fits {
             (self.v[self.n], self.zero[self.n]) = (corner, zero);
             self.n += 1;
@@ -138,8 +138,8 @@ impl Polygon {
             // Any other polygon is cut along a diagonal.
             n => {
                 let half = n / 2;
-                let first: [_; MOST] = core::array::from_fn(|i| corner(i.min(half)));
-                let second: [_; MOST] = core::array::from_fn(|i| corner((half + i).min(n)));
+                let first: [_; MAX_CORNERS] = core::array::from_fn(|i| corner(i.min(half)));
+                let second: [_; MAX_CORNERS] = core::array::from_fn(|i| corner((half + i).min(n)));
                 [make(&first[..=half]), make(&second[..=n - half])]
             }
         }
@@ -158,7 +158,7 @@ mod tests {
     #[test]
     fn halves_cover_the_polygon() {
         let angle = |k: usize, n: usize| core::f64::consts::TAU * k as f64 / n as f64;
-        for n in 3..=MOST {
+        for n in 3..=MAX_CORNERS {
             let corners: std::vec::Vec<DVec3> =
                 (0..n).map(|k| DVec3::new(angle(k, n).cos() * 2.0, angle(k, n).sin(), 1.0)).collect();
             let polygon = Polygon::new(&corners);

@@ -4,9 +4,10 @@ use crate::sight::{CellBox, Target};
 use alloc::{boxed::Box, vec::Vec};
 use visibility_core::glam::DVec3;
 
-/// A proof that no segment from a viewcell to a target is unblocked, or none with a clearance beyond the
-/// tolerance, made by [`ExactCuller`](crate::ExactCuller). Checked by [`check`](Self::check) with code and
-/// arithmetic that the search does not use.
+/// A proof that no segment from a viewcell to a target is unblocked or, if made with a clearance, that none
+/// stays as far from all occluders as [`Effort::Exact`](crate::Effort::Exact) says. Made by
+/// [`ExactCuller`](crate::ExactCuller). Checked by [`check`](Self::check) with code and arithmetic that the
+/// search does not use.
 ///
 /// The segments from P, a face of the viewcell, to Q, a face of the target, are divided into nodes: P or Q is
 /// halved, P is cut by the plane of a one-sided occluder, or the node is divided by the sides on which lines

@@ -45,7 +45,7 @@ pub(crate) struct Budget {
     pub(crate) nodes: u32,
     /// Greatest number of nodes of each attempt to divide a node by occluder edges.
     pub(crate) divided: u32,
-    /// Greatest number of halvings in such an attempt, on the way to one of its nodes.
+    /// Greatest number of halvings, within such an attempt, on the way to any of its nodes.
     pub(crate) halvings: u32,
 }
 
@@ -53,8 +53,8 @@ pub(crate) struct Budget {
 const DEPTH: u32 = 28;
 /// Depth from which nodes are divided by occluder edges, on every third level.
 const DIVIDE_FROM: u32 = 3;
-/// Greatest number of cuts of P by planes of one-sided triangles on the way to a node. Each rounds a corner
-/// four times more: [`SceneTriangles::position_error`] has room for these.
+/// Greatest number of cuts of P by planes of one-sided triangles on the way to a node. Each cut rounds a
+/// corner four more times: [`SceneTriangles::position_error`] has room for these.
 pub(crate) const SPLITS: u32 = 8;
 /// Greatest number of triangles from which surfaces are grown, of those that a node's sample line crosses.
 const STARTS: usize = 4;
@@ -253,8 +253,8 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Decides the halves of a node. `obstacle` is an edge that kept the node from being blocked, and a line
-    /// of the node by that edge, if they are known.
+    /// Decides the halves of a node. `obstacle` is an edge that kept a surface from blocking the node, and
+    /// the line from which the surface was grown. `None` if no surface was.
     fn halve(
         &mut self,
         sight: &Sight,
@@ -291,8 +291,8 @@ impl<'a> Search<'a> {
         all
     }
 
-    /// Returns whether a triangle occludes for all points of P. Remembers it in [`across`](Self::across) if
-    /// it does for some.
+    /// Returns whether a triangle occludes for all points of P. Stores the triangle in
+    /// [`across`](Self::across) if it is one-sided and P is on both sides of its plane.
     pub(crate) fn blocks(&mut self, sight: &Sight, t: u32) -> bool {
         let Some(front) = self.triangles.front(t) else { return true };
         let facing = sight.facing(front, self.clearance, self.pad());

@@ -18,14 +18,14 @@ pub enum Effort {
     Rays(u32),
     /// Rays and proofs for boxes, then for each object left a certified bound on its visible share: the share
     /// of segments from faces of the viewcell to faces of the object's box, measured by area, that is not
-    /// proven blocked. An object is removed if it is hidden, or if the bound is at most this share, seen by a
-    /// ray or not: it is hardly visible. Approximate. The clearance is 1e-4 metres unless the
+    /// proven blocked. An object is removed if it is hidden, or if the bound is at most the given share, seen
+    /// by a ray or not: it is hardly visible. Approximate. The clearance is 1e-4 metres unless the
     /// [`ExactSettings`] change it. A share that is negative or NaN counts as 0.
     Share(f64),
     /// Rays, then proofs. What is neither seen nor proven hidden stays. The number is the clearance in
     /// metres: an object is removed if no segment to it keeps a distance of six times the clearance from all
     /// occluders. Exact up to this distance. With a clearance of 0, conservative: an object is removed if
-    /// every segment to the inside of one of its triangles touches an occluder on the way.
+    /// every segment to the inside of any of its triangles touches an occluder on the way.
     Exact(f64),
 }
 
@@ -35,7 +35,7 @@ pub enum Effort {
 pub struct ExactSettings {
     pub(crate) rays: u32,
     pub(crate) aimed_rays: u32,
-    /// Whether objects that no ray found need proof to be removed.
+    /// Whether objects that no ray found need proof to be removed. If false, all of them are removed.
     pub(crate) proves: bool,
     /// Share for [`Effort::Share`], 0 for other efforts.
     pub(crate) share: f64,

@@ -1,12 +1,12 @@
 //! The shaft of two polygons: planes that bound the convex hull of all segments between them. A quick way to
 //! tell that an edge or a box is met by none of the segments.
 
-use crate::polygon::{MOST, Polygon};
+use crate::polygon::{MAX_CORNERS, Polygon};
 use visibility_core::glam::DVec3;
 
 /// Greatest number of planes of a [`Shaft`]: one for each side of either polygon, and the planes of both
 /// polygons.
-const PLANES: usize = 2 * MOST + 2;
+const PLANES: usize = 2 * MAX_CORNERS + 2;
 
 /// Planes around two polygons. A point whose height over one of them is below `-pad` is outside.
 ///

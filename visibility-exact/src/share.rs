@@ -18,8 +18,8 @@ struct Node {
     /// Number of the node in the order of making. It decides between nodes of equal shares.
     number: u32,
     sight: Sight,
-    /// Edge that kept a surface from blocking the parent node, and a line of the parent by that edge. `None`
-    /// if neither is known.
+    /// Edge that kept a surface from blocking the parent node or the nearest ancestor for which a surface was
+    /// grown, and the line from which it was grown. `None` if none was.
     obstacle: Option<(Obstacle, Segment)>,
 }
 
@@ -89,8 +89,8 @@ impl Search<'_> {
         if open.is_empty() { 0.0 } else { (left + 1e-9).clamp(0.0, 1.0) }
     }
 
-    /// Returns whether a surface certainly blocks all segments of a node. If not, also the occluder edge that
-    /// is in the way, and a line of the node by that edge, if known.
+    /// Returns whether a surface certainly blocks all segments of a node. If none does, also the edge that
+    /// kept the first surface from it, and the line from which that surface was grown, if one was.
     fn is_blocked(&mut self, sight: &Sight) -> (bool, Option<(Obstacle, Segment)>) {
         let mut hits = core::mem::take(&mut self.hits);
         let (mut blocked, mut obstacle) = (false, None);

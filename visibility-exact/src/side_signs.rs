@@ -12,8 +12,8 @@ pub(crate) const NEGATIVE: u8 = 2;
 pub(crate) const UNSURE: u8 = 4;
 
 /// Cases in which the side of an edge is exactly 0. One is a line to a corner of Q that is a mixture of ends
-/// of the edge. The other is a line between points of a plane that also holds the edge: P's plane, where Q or
-/// an occluder is cut by it, or Q's, where P or an occluder is.
+/// of the edge. The other is a line between two points of a plane that also holds the edge: P's plane, by
+/// which Q or an occluder may have been cut, or Q's plane, by which P or an occluder may have been cut.
 pub(crate) struct Zeros {
     /// For each end of the edge, the corner of the target triangle that it is (0, 1 or 2), or 3 for none.
     tags: [u8; 2],

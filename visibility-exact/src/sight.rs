@@ -104,19 +104,19 @@ pub(crate) struct Sight {
     pub(crate) before_p: Half,
     /// Half-space in front of Q's plane, from which Q is seen.
     pub(crate) before_q: Half,
-    /// Height over Q's plane up to which points count as in it, with a clearance. 0 if the plane is
-    /// perpendicular to an axis, where heights are exact, or does not meet P. `None` without clearance.
+    /// With a clearance: the height over Q's plane up to which points count as in the plane. 0 if the plane
+    /// is perpendicular to an axis, where heights are exact, or does not meet P. `None` without clearance.
     pub(crate) near: Option<f64>,
 }
 
 impl Sight {
-    /// Returns the bound on the errors of positions that counts for the sides of edges. `delta` bounds all
+    /// Returns the bound on errors of positions with which sides of edges are computed. `delta` bounds all
     /// errors.
     ///
-    /// Without clearance an answer holds for all segments, so that positions stand for all that their errors
-    /// allow. With a clearance, which is at least 64 errors, positions are what they are, but that those near
-    /// Q's plane are moved into it: rounded halves, and positions moved, leave out only segments that have a
-    /// neighbour within one error.
+    /// Without clearance an answer holds for all segments, so that each position stands for all positions
+    /// within its error. With a clearance, which is at least 64 errors, positions count as exact, and those
+    /// near Q's plane are moved into it. Rounded halves and moved positions then leave out only segments that
+    /// have a neighbour within one error.
     #[inline]
     pub(crate) fn side_error(&self, delta: f64) -> f64 {
         // Heights are computed with an error of half of `near`.
@@ -133,8 +133,8 @@ impl Sight {
     /// front, `c` the clearance. Heights have errors up to `pad`.
     ///
     /// Without clearance an answer holds for all segments, so that P must be before the triangle for certain.
-    /// With a clearance positions are what they are, and over a plane that is perpendicular to an axis their
-    /// heights are exact: a segment that starts on such a plane does not cross it.
+    /// With a clearance, positions count as exact, and so do their heights over a plane that is perpendicular
+    /// to an axis: a segment that starts on such a plane does not cross it.
     pub(crate) fn facing(&self, front: &Half, c: f64, pad: f64) -> Facing {
         let heights = || self.p.corners().iter().map(|x| front.height(*x));
         let is_exact = c > 0.0 && front.axis().is_some();
@@ -191,7 +191,7 @@ fn faces(min: DVec3, max: DVec3) -> impl Iterator<Item = (Polygon, Half)> {
 
 /// Returns the pairs of polygons that hold all segments from the viewcell to the target that are asked about.
 /// Cuts leave a margin of `pad` metres. Empty if the target cannot be seen because it has no area. `None` if
-/// one of its faces is seen from less than the clearance over its plane alone.
+/// some viewpoints are over the plane of one of the target's faces, but none higher than the clearance.
 pub(crate) fn sights(
     triangles: &SceneTriangles,
     cell: &CellBox,

@@ -9,11 +9,12 @@ use visibility_core::glam::DVec3;
 /// A line of sight from a viewcell to an object, in scene coordinates: a segment that certainly misses all
 /// occluding triangles but the one it ends at.
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[non_exhaustive]
 pub struct Witness {
     /// Viewpoint in the viewcell, where the line of sight begins, in scene coordinates.
     pub from: DVec3,
-    /// End of the segment: on the triangle up to rounding, or, for an answer with a clearance, up to the
-    /// clearance before it. Equal to `from` if the object reaches into the viewcell there.
+    /// End of the segment: on the triangle up to rounding, or, for an answer with a clearance, at most the
+    /// clearance in front of it. Equal to `from` if the object reaches into the viewcell there.
     pub to: DVec3,
     /// Number of the triangle that is seen, among all triangles of the scene.
     pub triangle: u32,
@@ -34,8 +35,8 @@ pub enum Verdict {
     Open,
 }
 
-/// The proofs for objects that were proven hidden together: one of a box around all of them, or one for each
-/// triangle of a single object.
+/// The proofs for objects that were proven hidden together: one for a box around all of them or, for a single
+/// object, those for boxes around its parts and for its other triangles.
 #[derive(Clone, PartialEq, Debug)]
 pub struct ProvenHidden {
     /// The objects, by their positions in the list of objects of the [`SceneTriangles`].

@@ -1,7 +1,7 @@
 //! Worlds on an integer grid, where everything touches, lies in one plane or meets in a corner. Hidden
 //! targets are shot at past edges; proofs and lines of sight are checked.
 
-use crate::common::grid::{FINE, misses_triangle, on_grid, rounded, triangle_on_grid};
+use crate::common::grid::{FINE, misses_triangle, on_grid, start_of_segment, triangle_on_grid};
 use crate::common::{Triangle, check, clearance, cuboid, faces, few_rays, prepared};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
@@ -76,22 +76,8 @@ fn shoot(cell: &Viewcell, objects: &[Vec<Triangle>], shots: usize, random: &mut 
         let parts = [parts[0], parts[1], 4096 - parts[0] - parts[1]];
         let turn = random.below(3);
         let q = (0..3).map(|k| target[k] * f64::from(parts[(k + turn) % 3])).sum::<DVec3>() / FINE;
-        let at = |random: &mut Random, from: f64, to: f64| match random.below(4) {
-            0 => from,
-            1 => to,
-            _ => random.fine_range(from, to),
-        };
-        let p = if k % 2 == 0 {
-            let t = random.pick(&occluders).map(Vec3::as_dvec3);
-            let side = random.below(3);
-            let beside = random.direction() * 10f64.powf(random.fine_range(-5.5, -0.5));
-            let edge = t[side] + (t[(side + 1) % 3] - t[side]) * random.fine_unit() + beside;
-            let x = at(random, cell.min.x, cell.max.x);
-            q + (edge - q) * ((x - q.x) / (edge.x - q.x))
-        } else {
-            DVec3::from_array(core::array::from_fn(|k| at(random, cell.min[k], cell.max[k])))
-        };
-        let p = rounded(p);
+        let edge_of = (k % 2 == 0).then(|| random.pick(&occluders));
+        let p = start_of_segment(random, cell, q, edge_of);
         if !(p.cmpge(cell.min).all() && p.cmple(cell.max).all()) {
             continue;
         }

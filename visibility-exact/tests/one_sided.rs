@@ -2,7 +2,7 @@
 //! solids and plates of either kind, around a viewcell that the planes of many pass through. Hidden targets
 //! are shot at from all of it, in exact arithmetic.
 
-use crate::common::grid::{FINE, Point, misses_triangle, on_grid, rounded, triangle_on_grid};
+use crate::common::grid::{FINE, Point, misses_triangle, on_grid, start_of_segment, triangle_on_grid};
 use crate::common::{Triangle, faces, few_rays};
 use std::sync::Arc;
 use visibility_core::glam::{DVec3, Vec3};
@@ -79,22 +79,8 @@ fn shoot(cell: &Viewcell, objects: &[Made], shots: usize, random: &mut Random) -
         let turn = random.below(3);
         let corner = |k: usize| target[k].as_dvec3() * f64::from(parts[(k + turn) % 3]);
         let q = (0..3).map(corner).sum::<DVec3>() / FINE;
-        let at = |random: &mut Random, from: f64, to: f64| match random.below(4) {
-            0 => from,
-            1 => to,
-            _ => random.fine_range(from, to),
-        };
-        let p = if k % 2 == 0 {
-            let t = random.pick(&occluders).0.map(Vec3::as_dvec3);
-            let side = random.below(3);
-            let beside = random.direction() * 10f64.powf(random.fine_range(-5.5, -0.5));
-            let edge = t[side] + (t[(side + 1) % 3] - t[side]) * random.fine_unit() + beside;
-            let x = at(random, cell.min.x, cell.max.x);
-            q + (edge - q) * ((x - q.x) / (edge.x - q.x))
-        } else {
-            DVec3::from_array(core::array::from_fn(|k| at(random, cell.min[k], cell.max[k])))
-        };
-        let p = rounded(p);
+        let edge_of = (k % 2 == 0).then(|| random.pick(&occluders).0);
+        let p = start_of_segment(random, cell, q, edge_of);
         let (from, to) = (on_grid(p.clamp(DVec3::splat(-64.0), DVec3::splat(64.0))), on_grid(q));
         let is_inside = p.cmpge(cell.min).all() && p.cmple(cell.max).all();
         if !is_inside || is_one_sided && behind(&triangle_on_grid(&target), from) >= 0 {

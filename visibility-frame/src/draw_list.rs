@@ -173,8 +173,9 @@ impl DrawList {
         &self.instances
     }
 
-    /// Iterates over the commands that draw the groups, in their order. `mesh` returns the mesh of a key;
-    /// its `instance_count` and `first_instance` are replaced by those of the group.
+    /// Iterates over the commands that draw the groups, in their order. `mesh` returns, for a key, the
+    /// command that draws the mesh; `instance_count` and `first_instance` in what it returns are replaced by
+    /// those of the group.
     pub fn commands(
         &self,
         mut mesh: impl FnMut(u32) -> DrawIndexedIndirect,

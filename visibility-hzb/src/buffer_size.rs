@@ -10,10 +10,11 @@ pub const MAX_SIDE: usize = 4096;
 /// Error of a buffer size whose width or height is not in [`MIN_SIDE`]`..=`[`MAX_SIDE`].
 ///
 /// ```
-/// use visibility_hzb::{Hzb, SizeError};
-/// assert_eq!(Hzb::new(8, 600).err(), Some(SizeError { width: 8, height: 600 }));
+/// let error = visibility_hzb::Hzb::new(8, 600).unwrap_err();
+/// assert_eq!([error.width, error.height], [8, 600]);
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub struct SizeError {
     /// Requested width in pixels.
     pub width: usize,

@@ -259,7 +259,7 @@ impl Hzb {
     /// hzb.add_level(prepared.clone());
     /// // Frames later the player has left the sector.
     /// assert!(hzb.remove_level(&prepared));
-    /// # Ok::<(), visibility_occluders::LevelError>(())
+    /// # Ok::<(), visibility_occluders::LevelOccludersError>(())
     /// ```
     pub fn add_level(&mut self, level: Arc<PreparedLevel>) {
         if !self.levels.iter().any(|own| Arc::ptr_eq(own, &level)) {

@@ -2,7 +2,8 @@
 //! each candidate's time and its remaining objects.
 //!
 //! Culling time saves drawing time. Both are added, with the drawing cost of the engine at hand
-//! ([`DrawCost`]). A candidate is rejected if it hides a visible object or does not promise never to do so.
+//! ([`DrawCost`]). A candidate is rejected if it hides a visible object, or if its accuracy does not promise
+//! that it never does.
 
 use crate::compare::Comparison;
 use crate::error::MeasureError;
@@ -213,8 +214,8 @@ impl<'a> Advisor<'a> {
 
     /// Measures a candidate culler on all views. `clock` returns a time in seconds. Returns `None` as soon as
     /// the mean culling time per view certainly exceeds `limit` microseconds. `limit` is usually the best
-    /// total so far, so that slow candidates end early; infinity always completes. The candidate is reset
-    /// first.
+    /// total so far, so that trials of slow candidates end early; with an infinite `limit` the trial is
+    /// always completed. The candidate is reset first.
     pub fn trial(
         &self,
         pipeline: &mut Pipeline,
@@ -259,9 +260,9 @@ impl<'a> Advisor<'a> {
     }
 
     /// Measures all candidate cullers and returns the index and trial of the candidate with the least total
-    /// time. Only candidates that promise to hide no visible object, and hid none in the trial, qualify; the
-    /// first among equals. `None` if no candidate qualifies. `clock` returns a time in seconds. List
-    /// promising candidates first: later ones then end early.
+    /// time. Only candidates that promise to hide no visible object, and hid none in the trial, qualify. Of
+    /// equal total times the first counts. `None` if no candidate qualifies. `clock` returns a time in
+    /// seconds. List promising candidates first: the trials of worse ones then end early.
     pub fn best<'p>(
         &self,
         candidates: impl IntoIterator<Item = &'p mut Pipeline>,

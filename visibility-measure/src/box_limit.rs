@@ -1,5 +1,5 @@
-//! The box limit of a view: the objects that a culler must report if it knows all surfaces, but of the
-//! objects it tests only their boxes.
+//! The box limit of a view: the objects that a culler must report if it knows all surfaces, but tests each
+//! object only by its box.
 //!
 //! A culler that tests boxes and never hides what can be seen must report an object as soon as a pixel could
 //! show a point of its box. The box is solid here: the object may be anywhere in it. The *box limit* is the
@@ -10,7 +10,8 @@
 //! view, at a point at least as near as the surface that the item buffer shows there. Equally near, up to the
 //! tolerance of [ties](crate#ties), is free: an object flush with a wall may be seen. The ray is intersected
 //! with the box as with the planes of the view (Kay and Kajiya, "Ray Tracing Complex Scenes", 1986), so that
-//! near plane, far plane and clip planes bound a solid box as they bound the view, with the eye inside too.
+//! near plane, far plane and clip planes bound a solid box as they bound the view. The eye may be inside the
+//! box.
 
 use crate::ItemBuffer;
 use crate::clip::ImageProjection;
@@ -19,17 +20,17 @@ use visibility_core::glam::{DMat3, DVec2, DVec3};
 use visibility_core::{Aabb, ObjectId, Scene, View};
 
 impl ItemBuffer {
-    /// Returns the objects of the *box limit* in the view and behind the surfaces of the last
-    /// [`draw`](Self::draw): the objects that a culler must report if it knows those surfaces, but of other
-    /// objects only their boxes. Draw opaque objects alone, since others hide nothing.
+    /// Returns the objects of the *box limit* for the view and the surfaces of the last [`draw`](Self::draw):
+    /// the objects that a culler must report if it knows these surfaces, but tests each object only by its
+    /// box. Before the call, draw opaque objects alone, since others hide nothing.
     ///
     /// An object belongs to the limit if it shares a layer with the view and one of three conditions holds:
-    /// `is_seen` returns true; or no culler may hide it, since it is flagged so or its box is inverted, NaN
-    /// or infinite; or a pixel is free for its box, that is, the ray through the pixel's centre meets the box
-    /// within the view, not behind the surface drawn there. A point of the box that is exactly as near as the
-    /// surface is not behind it. A box that meets no ray through a centre has no free pixel: one out of view,
-    /// and one too small for the image. A box that a centre only touches at its outline, within a millionth
-    /// of a column and row, is not met there.
+    /// `is_seen` returns true; or no culler may hide it, since it is flagged as never culled or its box is
+    /// inverted, NaN or infinite; or a pixel is free for its box, that is, the ray through the pixel's centre
+    /// meets the box within the view, not behind the surface drawn there. A point of the box that is exactly
+    /// as near as the surface is not behind it. A box that meets no ray through a centre has no free pixel:
+    /// one out of view, and one too small for the image. A box that a centre only touches at its outline,
+    /// within a millionth of a column and row, is not met there.
     ///
     /// `is_seen` returns whether an object is known to be visible; such an object costs no test. A test
     /// visits the pixels within the bounds of the box on the screen until one is free, and casts a ray only
@@ -92,8 +93,9 @@ impl<'a> FreePixels<'a> {
         Self { image, projection, inverse, start }
     }
 
-    /// Returns the ray through a point of the image, given in columns and rows: the start, and the change for
-    /// each unit of the ray's parameter. The parameter is clip w (perspective) or clip z (parallel).
+    /// Returns the ray through a point of the image, given in columns and rows: the start point of the ray,
+    /// and the vector by which a point of the ray moves for each unit of the ray's parameter. The parameter
+    /// is clip w (perspective) or clip z (parallel).
     fn ray(&self, column: f64, row: f64) -> (DVec3, DVec3) {
         let half_size = self.projection.half_size;
         let ndc = DVec2::new(column / half_size.x - 1.0, 1.0 - row / half_size.y);
@@ -173,8 +175,8 @@ impl<'a> FreePixels<'a> {
         })
     }
 
-    /// Tests whether a box comes at least as near as the depth key `least` at a pixel's centre, given in
-    /// columns and rows, and contains the centre by more than [`EDGE_TIE`].
+    /// Tests whether the ray through the pixel centre (`x`, `y`), in columns and rows, meets a box at a depth
+    /// key of at least `least`, more than [`EDGE_TIE`] inside the box's outline.
     fn is_free(&self, bounds: &Aabb, x: f64, y: f64, least: f64) -> bool {
         let meets = |dx: f64, dy: f64| self.nearest_key(bounds, x + dx, y + dy).is_some();
         // The outline of a box is convex: between these four points it does not pass.
@@ -188,8 +190,8 @@ impl<'a> FreePixels<'a> {
 }
 
 /// Shortens a range of ray parameters `t`, from least to greatest, to the part where `constant + slope * t`
-/// is not negative. The range is empty, with its first end above the second, where there is none, and for
-/// NaN.
+/// is not negative. If there is no such part, and for NaN, the range becomes empty: its first end is then
+/// greater than its second.
 fn cut(range: &mut (f64, f64), constant: f64, slope: f64) {
     let end = -constant / slope;
     if slope == 0.0 || end.is_nan() {

@@ -30,14 +30,15 @@ type Polygon = SmallVec<[DVec4; 9]>;
 pub(crate) struct ImageProjection {
     /// Clip matrix for points in metres relative to the origin of the triangles.
     pub(crate) clip_from_local: DMat4,
-    /// Near plane in clip space: the signed distance is `x` times the clip z plus `y` times the clip w, and
-    /// is not negative in view.
+    /// Near plane in clip space: a point with clip coordinates `z` and `w` has the signed distance
+    /// `near.x * z + near.y * w`, which is not negative in view.
     pub(crate) near: DVec2,
-    /// Far plane in clip space: the signed distance is `x` times the clip z plus `y` times the clip w, and
-    /// is not negative in view. The plane w = 0 for an infinite far plane.
+    /// Far plane in clip space: a point with clip coordinates `z` and `w` has the signed distance
+    /// `far.x * z + far.y * w`, which is not negative in view. An infinite far plane is replaced by the plane
+    /// `w = 0`.
     pub(crate) far: DVec2,
-    /// Coefficients of the depth key of a clip-space point: (`x` times the clip z plus the constant `y`)
-    /// over the clip w.
+    /// Coefficients of the depth key: a point with clip coordinates `z` and `w` has the key
+    /// `(depth_key.x * z + depth_key.y) / w`.
     pub(crate) depth_key: DVec2,
     /// True if the view is parallel (the clip w is the same for all points), false if it is perspective.
     pub(crate) parallel: bool,
@@ -45,8 +46,8 @@ pub(crate) struct ImageProjection {
     pub(crate) half_size: DVec2,
     /// Eye of the view, relative to the origin of the triangles.
     eye: Eye,
-    /// Greatest distance in metres from the origin of the triangles to a plane on which
-    /// a clip coordinate is 0.
+    /// Greatest distance in metres from the origin of the triangles to one of the planes on which clip x, y,
+    /// z or w is 0.
     reach: f64,
     /// Clip planes of the view, in metres relative to the origin of the triangles. The side that a plane's
     /// normal points to is drawn.
@@ -88,8 +89,8 @@ impl ImageProjection {
     }
 
     /// Returns the absolute difference of two depth keys up to which they count as equal. 1e-10 for parallel
-    /// views, whose depth range is evenly spread over -1 to 1 or 0 to 1, so that differences near 0 are not
-    /// smaller. 0 for perspective views, whose key `1 / w` is zero only at infinity.
+    /// views: their keys are spread evenly over -1 to 1 or 0 to 1, so that a tolerance relative to the key
+    /// alone would vanish near 0. 0 for perspective views, whose key `1 / w` is zero only at infinity.
     pub(crate) fn least_difference(&self) -> f64 {
         if self.parallel { DEPTH_TIE } else { 0.0 }
     }
@@ -108,9 +109,10 @@ impl ImageProjection {
     /// Returns whether triangles may cover a pixel's centre or come within [`EDGE_TIE`] of one. False only
     /// where the box around them is known and outside of a plane of the view, or clear of all centres.
     ///
-    /// Each clip coordinate of a point is a sum of four products, off by less than 2^-50 of their magnitudes.
-    /// Divided by the length of the row of the matrix, these are at most three times the point's greatest
-    /// coordinate and [`reach`](Self::reach). The box is enlarged by 2^-40 of that.
+    /// Each clip coordinate of a point is a sum of four products, off by less than 2^-50 of the sum of their
+    /// magnitudes. Divided by the length of the row of the matrix, that sum is at most three times the sum of
+    /// the point's greatest coordinate and [`reach`](Self::reach). The box is enlarged by 2^-40 of the latter
+    /// sum.
     pub(crate) fn may_show(&self, triangles: Triangles<'_>, image: &Image) -> bool {
         let Some(bounds) = triangles.known_bounds().filter(|bounds| bounds.is_finite()) else { return true };
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
@@ -243,16 +245,16 @@ impl ImageProjection {
     }
 }
 
-/// Returns the signed distance of a clip-space point `v` from a near or far plane, in clip units: `plane.x`
-/// times the clip z plus `plane.y` times the clip w. Not negative in view.
+/// Returns the signed distance of a clip-space point `v` from a near or far plane, in clip units:
+/// `plane.x * v.z + plane.y * v.w`. It is not negative in view.
 #[inline]
 fn distance(plane: DVec2, v: DVec4) -> f64 {
     plane.x * v.z + plane.y * v.w
 }
 
 /// Replaces `out` by the part of a polygon where `plane`, a linear function of the vertex, is not negative.
-/// `place` corrects each new vertex on the plane. `out` is empty if no vertex is inside; a vertex with a NaN
-/// distance is outside.
+/// `place` moves each new vertex, which rounding may have left beside the plane, onto it. `out` is empty if
+/// no vertex is inside; a vertex with a NaN distance is outside.
 fn clip_polygon(
     polygon: &[DVec4],
     plane: impl Fn(DVec4) -> f64,

@@ -26,11 +26,12 @@ pub const MAX_SIDE: u32 = 1 << 14;
 pub struct DrawnObject<'a> {
     /// Key by which the caller identifies the object.
     pub key: u32,
-    /// Triangles in metres relative to the origin of the call, counter-clockwise as seen from their front.
+    /// Triangles in metres relative to the `origin` given to [`ItemBuffer::draw`], counter-clockwise as seen
+    /// from their front.
     pub triangles: Triangles<'a>,
-    /// Whether what is behind the object shows through it: the object is seen, and covers nothing.
+    /// If true, what is behind the object shows through it: the object is seen, and hides nothing.
     pub see_through: bool,
-    /// Whether triangles are drawn from their front alone. From behind they are not seen, and cover nothing.
+    /// If true, triangles are drawn from their front alone: from behind they are not seen, and hide nothing.
     pub one_sided: bool,
 }
 
@@ -112,7 +113,8 @@ impl ItemBuffer {
     /// objects. The caller chooses which objects to draw: [`View::layers`] is ignored. A triangle with a NaN
     /// or infinite coordinate, or without area on the screen, covers no pixel.
     ///
-    /// See-through objects are drawn after all others. The list of these is allocated anew in each call.
+    /// See-through objects are drawn after all others. The list of see-through objects is allocated anew in
+    /// each call.
     ///
     /// # Errors
     /// [`MeasureError::TooMany`] if the number of triangles or objects exceeds 32 bits; the image is then

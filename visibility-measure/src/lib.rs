@@ -18,14 +18,14 @@
 //!
 //! # How far a culler can get
 //! The *box limit* ([`ItemBuffer::box_limit`]) counts the objects that a culler must report if it knows all
-//! opaque surfaces, but of the objects that it tests only their boxes: those with a pixel where their box is
-//! not behind a surface. Reported objects for each one of the limit say how far such a culler is from the
-//! best of its kind: 1 is the best. Cullers that test triangles, and sets baked by proofs, may report fewer.
-//! The limit is sampled at the same pixel centres as V, and V is part of it.
+//! opaque surfaces, but tests each object only by its box: the objects whose box is not behind a surface in
+//! at least one pixel. The number of reported objects divided by the box limit says how far such a culler is
+//! from the best of its kind: 1 is the best. Cullers that test triangles, and sets baked by proofs, may
+//! report fewer. The limit is sampled at the same pixel centres as V, and V is part of it.
 //!
 //! The *ideal* ([`Advisor::min_us`]) draws the visible triangles alone and takes no time to cull. The *cost
 //! over the ideal* of a culler is the time to cull and to draw what it reports, divided by the ideal, with
-//! one [`DrawCost`] for both. It tells culling time and objects reported in vain in one figure.
+//! one [`DrawCost`] for both. This one figure counts both the culling time and the objects reported in vain.
 //!
 //! # Ties
 //! Two objects tie for a pixel if the pixel's centre lies on the edge of one of them, or if their surfaces
@@ -48,11 +48,11 @@
 //!   share an edge compute it identically to the last bit, so no pixel falls between them.
 //! - The nearest triangle wins; among equally near triangles, the first drawn. The depth key is `1/w` for
 //!   perspective views. For orthographic views, where `w` is constant, it is clip-space `z/w`. Both are
-//!   linear on the screen. In a perspective view both order the points of a view ray alike. But there `z/w`
-//!   is a constant of the depth convention (zero, if reversed) plus a multiple of `1/w`. That multiple
-//!   shrinks with the distance: at far/near = 1e9 rounding leaves it seven digits. `1/w` keeps the full
-//!   relative precision of `f64` at any distance, in all six depth conventions, and is independent of the
-//!   near plane.
+//!   linear on the screen. In a perspective view `1/w` and `z/w` order the points of a view ray alike. But
+//!   there `z/w` is a constant of the depth convention (zero, if reversed) plus a multiple of `1/w`. That
+//!   multiple shrinks with the distance: at far/near = 1e9 rounding leaves it seven digits. `1/w` keeps the
+//!   full relative precision of `f64` at any distance, in all six depth conventions, and is independent of
+//!   the near plane.
 //!
 //! No projection, clipping or raster code is shared with the cullers: cullers test boxes against planes or
 //! conservative depth, this crate draws triangles. Values are plain data and `Send`. To measure several views

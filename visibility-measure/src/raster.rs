@@ -18,8 +18,8 @@ use alloc::vec::Vec;
 pub const NONE: u32 = u32::MAX;
 
 /// Maximum distance of an edge from a pixel's centre, in columns and in rows, at which the edge counts as
-/// meeting the centre. Rounding moves an edge less, unless coordinates are 10 million times as large as the
-/// distance to the eye: in an image of 1000 columns, 1e7 * 1e3 * 2^-53 is about a millionth.
+/// meeting the centre. Rounding moves an edge by less than this, unless coordinates are 10 million times as
+/// large as the distance to the eye: in an image of 1000 columns, 1e7 * 1e3 * 2^-53 is about a millionth.
 pub(crate) const EDGE_TIE: f64 = 1e-6;
 
 /// Maximum mean number of claims per pixel. A claim records a triangle that ties with the triangle that the
@@ -38,8 +38,8 @@ pub(crate) struct Corner {
     pub(crate) x: f64,
     /// Rows from the top of the image; pixel centres are at half-integers.
     pub(crate) y: f64,
-    /// Depth key, greater for nearer points and linear on the screen: `1 / w` for perspective views, signed
-    /// clip depth for parallel views.
+    /// Depth key, greater for nearer points and linear on the screen: `1 / w` for perspective views; for
+    /// parallel views `z / w`, negated unless depth is reversed.
     pub(crate) depth_key: f64,
 }
 
@@ -68,7 +68,7 @@ pub(crate) struct TieClaim {
     depth_key: f64,
 }
 
-/// State of one pixel beside its opaque triangle: the see-through objects before it.
+/// State of one pixel beside its opaque triangle: the see-through objects before that triangle.
 #[derive(Clone, Copy, Debug)]
 struct Veil {
     /// Number of the nearest see-through triangle that certainly shows in the pixel, or [`NONE`].
@@ -77,7 +77,7 @@ struct Veil {
     depth_key: f64,
     /// Index of the see-through object that `shows` is about.
     object: u32,
-    /// Whether that object certainly shows, rather than ties. Meaningless for all other objects.
+    /// True if `object` certainly shows in the pixel, false if rounding alone decides whether it does.
     shows: bool,
     /// Whether several objects tie for the opaque triangle of the pixel, so that what shows before it is not
     /// certain.
@@ -90,14 +90,14 @@ impl Veil {
         Self { nearest: NONE, depth_key: f64::NEG_INFINITY, object: u32::MAX, shows: false, is_tied: false };
 }
 
-/// Pixels of one see-through object.
+/// Pixel counts of one see-through object.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub(crate) struct VeilPixels {
     /// Number of pixels in which the object certainly shows.
     pub(crate) pixels: u32,
     /// Number of other pixels in which rounding alone decides whether the object shows.
     pub(crate) tied: u32,
-    /// Number of pixels in which the object certainly shows and nothing was shown before.
+    /// Number of pixels in which the object certainly shows and no triangle drawn earlier certainly does.
     pub(crate) newly_covered: u32,
 }
 
@@ -130,11 +130,11 @@ pub(crate) struct Image {
     /// Absolute difference of two depth keys up to which they count as equal. Zero for perspective views,
     /// where only the relative [`DEPTH_TIE`] counts.
     pub(crate) least_difference: f64,
-    /// See-through objects of each pixel. Empty while opaque triangles are drawn.
+    /// See-through state of each pixel, by pixel index. Empty while opaque triangles are drawn.
     veils: Vec<Veil>,
     /// Index of the see-through object that is being drawn.
     veil_object: u32,
-    /// Pixels so far of the see-through object that is being drawn.
+    /// Pixel counts so far of the see-through object that is being drawn.
     veil_pixels: VeilPixels,
     /// Number of pixels in which the see-through triangle that is being drawn shows.
     veil_triangle: u32,
@@ -172,7 +172,8 @@ impl Image {
         }
     }
 
-    /// Begins the see-through object with the index `object`, and returns the pixels of the object before it.
+    /// Begins the see-through object with the index `object`, and returns the pixel counts of the previous
+    /// one.
     pub(crate) fn next_see_through(&mut self, object: u32) -> VeilPixels {
         self.veil_object = object;
         core::mem::take(&mut self.veil_pixels)
@@ -255,9 +256,9 @@ impl Image {
         }
     }
 
-    /// Records that triangle `item` ties for some pixels of a row: those whose centres lie inside the
-    /// triangle or within [`EDGE_TIE`] of it, and where it is at least as near as the triangle shown. `edges`
-    /// are the triangle's edges that may meet the row.
+    /// Records that triangle `item` ties for the pixels of a row whose centres lie inside the triangle or
+    /// within [`EDGE_TIE`] of it, and at which the triangle is at least as near as the triangle shown.
+    /// `edges` are the triangle's edges that may meet the row.
     #[cold]
     #[inline(never)]
     fn claim_row(&mut self, row: usize, edges: &[&Edge], plane: &DepthKeyPlane, item: u32) {
@@ -424,8 +425,8 @@ impl Edge {
         EDGE_TIE * (1.0 + self.slope.abs())
     }
 
-    /// Returns the least and greatest column within which the edge lies at most [`EDGE_TIE`] above or below
-    /// height `y`, rounded outwards slightly. `None` if the edge stays farther away from that height.
+    /// Returns the ends, least and greatest, of the range of columns in which the edge lies at most
+    /// [`EDGE_TIE`] above or below height `y`. `None` if no part of the edge is so near to that height.
     fn near_row(&self, y: f64) -> Option<(f64, f64)> {
         if self.upper.y > y + EDGE_TIE || self.lower.y < y - EDGE_TIE {
             return None;

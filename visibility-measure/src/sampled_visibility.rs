@@ -186,8 +186,8 @@ impl SampledVisibility {
         self.visible_objects = self.objects.iter().map(|object| u32::from(object.is_visible())).sum();
     }
 
-    /// Adds what the see-through object with an index shows, after [`count`](Self::count) and
-    /// [`add_triangle_pixels`](Self::add_triangle_pixels) of its triangles.
+    /// Adds the pixel counts `found` of the see-through object with the index `object`, after
+    /// [`count`](Self::count) and [`add_triangle_pixels`](Self::add_triangle_pixels) of its triangles.
     pub(crate) fn add_see_through(&mut self, object: usize, found: VeilPixels) {
         let entry = &mut self.objects[object];
         (entry.pixels, entry.tied_pixels) = (found.pixels, found.tied);
@@ -203,7 +203,7 @@ impl SampledVisibility {
         self.triangle_pixels.sort_unstable();
     }
 
-    /// Adds a triangle of the see-through object with an index, and the number of pixels that show it.
+    /// Adds the number of pixels that show a triangle of the see-through object with the index `object`.
     pub(crate) fn add_triangle_pixels(&mut self, object: usize, triangle: u32, pixels: u32) {
         if pixels > 0 {
             self.objects[object].visible_triangles += 1;

@@ -119,7 +119,7 @@ pub struct LevelReport {
 /// Reason why the occluders of a level cannot be made.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
-pub enum LevelError {
+pub enum LevelOccludersError {
     /// More triangles were given than 32-bit indices of corners allow.
     TooManyTriangles {
         /// Number of triangles given.
@@ -127,7 +127,7 @@ pub enum LevelError {
     },
 }
 
-impl fmt::Display for LevelError {
+impl fmt::Display for LevelOccludersError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::TooManyTriangles { triangles } => {
@@ -140,7 +140,7 @@ impl fmt::Display for LevelError {
     }
 }
 
-impl core::error::Error for LevelError {}
+impl core::error::Error for LevelOccludersError {}
 
 /// Maximum number of triangles. T-junctions add corners, so a quarter of the range of indices is left for
 /// them.
@@ -167,7 +167,7 @@ const MAX_TRIANGLES: usize = (u32::MAX / 4) as usize;
 /// let low = [quad([2.0, 4.0], [0.0, 1.0]), quad([2.0, 4.0], [1.0, 3.0])].concat();
 /// let level = LevelOccluders::new(&[&high[..], &low].concat(), LevelSettings::default())?;
 /// assert_eq!((level.polygons().len(), level.edges().len()), (1, 4));
-/// # Ok::<(), visibility_occluders::LevelError>(())
+/// # Ok::<(), visibility_occluders::LevelOccludersError>(())
 /// ```
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct LevelOccluders {
@@ -186,10 +186,10 @@ impl LevelOccluders {
     /// only. Takes some microseconds a triangle, and 200 bytes a triangle while it works.
     ///
     /// # Errors
-    /// [`LevelError::TooManyTriangles`] for more than 1,073,741,823 triangles.
-    pub fn new(triangles: &[LevelTriangle], settings: LevelSettings) -> Result<Self, LevelError> {
+    /// [`LevelOccludersError::TooManyTriangles`] for more than 1,073,741,823 triangles.
+    pub fn new(triangles: &[LevelTriangle], settings: LevelSettings) -> Result<Self, LevelOccludersError> {
         if triangles.len() > MAX_TRIANGLES {
-            return Err(LevelError::TooManyTriangles { triangles: triangles.len() });
+            return Err(LevelOccludersError::TooManyTriangles { triangles: triangles.len() });
         }
         // Vertices are welded and T-junctions closed, so that faces beside each other share edges.
         let mut faces = Faces::weld(triangles);
@@ -246,7 +246,7 @@ impl LevelOccluders {
         scene: &Scene,
         stands_still: impl FnMut(ObjectId) -> bool,
         settings: LevelSettings,
-    ) -> Result<Self, LevelError> {
+    ) -> Result<Self, LevelOccludersError> {
         let mut triangles = Vec::new();
         let mut objects = Vec::new();
         for (id, two_sided) in objects_of(scene, stands_still) {

@@ -24,4 +24,6 @@ mod t_junctions;
 
 pub use faces::LevelTriangle;
 pub use file::LevelFileError;
-pub use level::{LevelError, LevelOccluders, LevelReport, LevelSettings, OccluderCluster, OccluderPolygon};
+pub use level::{
+    LevelOccluders, LevelOccludersError, LevelReport, LevelSettings, OccluderCluster, OccluderPolygon,
+};

@@ -8,7 +8,7 @@ use visibility_core::glam::DVec3;
 /// Least cosine of the angle between the normals of a region's first face and of any other face in it. The
 /// angle is less than half a right angle, so that all faces are on the front side of a mean of their normals.
 /// Wider angles join few faces more.
-const LEAST_COSINE: f64 = 0.85;
+const MIN_COSINE: f64 = 0.85;
 
 /// Faces that are connected through edges, face alike, and lie within a slab.
 #[derive(Clone, Debug)]
@@ -88,7 +88,7 @@ impl Member {
 impl Regions {
     /// Grows regions from the largest faces on. A face joins a region if it shares an edge with it, is close
     /// to the plane of the region's first face, hides from the same sides, and faces the same way up to
-    /// [`LEAST_COSINE`]. Close is within `flatness` metres, or within `bulge` times the square root of the
+    /// [`MIN_COSINE`]. Close is within `flatness` metres, or within `bulge` times the square root of the
     /// region's area. `sides` are all sides of the faces, sorted by edge.
     pub(crate) fn find(faces: &Faces, sides: &[Side], flatness: f64, bulge: f64) -> Self {
         // For each corner, the first of the sides at the edge that begins at the corner.
@@ -168,7 +168,7 @@ fn turn(faces: &Faces, region: &Region, member: Member, own: &Side, side: &Side)
     let turned = cosine < 0.0;
     // Neighbours run through their edge in opposite directions, once turned.
     let is_opposite = (own.forward != member.turned) != (side.forward != turned);
-    (cosine.abs() >= LEAST_COSINE
+    (cosine.abs() >= MIN_COSINE
         && is_opposite
         && face.two_sided == region.two_sided
         && (!turned || face.two_sided))

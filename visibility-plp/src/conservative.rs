@@ -163,9 +163,9 @@ const GROUP: usize = 16;
 /// are not reached through them. Adds to `stats`; `sorted` is scratch memory.
 ///
 /// Cells with close numbers often lie close together. A group of them is tested first by the box around the
-/// group, so that most cells behind a wall share one test per dozen. In a group that is partly visible, cells
-/// with objects are tested one by one. Empty cells of such a group count as visible, since passing through
-/// them costs little.
+/// group, so that behind a wall one test serves about a dozen cells. In a group that is partly visible, cells
+/// with objects are tested one by one. Empty cells of a partly visible group count as visible, since passing
+/// through them costs little.
 fn drop_hidden<T: Tessellation + ?Sized, M: OcclusionMap>(
     frame: &FrameContext<'_, T>,
     map: &mut M,

@@ -74,8 +74,8 @@ impl Content {
     /// order, each at most once. Pairs with an unknown cell or object are ignored. `cover` has for each cell
     /// the share of rays along x, y and z that its objects stop, 0 to 255; the fourth byte is ignored.
     ///
-    /// Each object must meet the bounds of the cells that list it. Otherwise a culler may drop a triangle
-    /// that faces the eye as facing away.
+    /// Each object must meet the bounds of the cells that list it. Otherwise a culler may take a triangle
+    /// that faces the eye for one that faces away, and drop it.
     ///
     /// Cost: O(n log n) in the number of pairs and of the scene's triangles.
     pub fn new(scene: &Scene, pairs: &[(u32, u32)], mut cover: Vec<[u8; 4]>) -> Self {

@@ -37,8 +37,8 @@ pub struct Fineness {
 impl Default for Fineness {
     /// At most 768 triangle corners per leaf, and leaves of at least 1/256 of the scene's side. With a sixth
     /// of the corners, [`PlpCuller`](crate::PlpCuller) finds no more visible objects and takes half as long
-    /// again. `ConservativePlpCuller` benefits from smaller leaves, since
-    /// only cells that lie wholly behind occluders are hidden.
+    /// again. `ConservativePlpCuller` benefits from smaller leaves, since only cells that lie wholly behind
+    /// occluders are hidden.
     fn default() -> Self {
         Self { vertices: 768, halvings: 8 }
     }

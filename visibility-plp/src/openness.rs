@@ -19,12 +19,12 @@ const DIRECTIONS: usize = 16;
 /// Maximum number of parallel lines along each side of the square grid of lines of one direction.
 const MAX_LINES_PER_SIDE: u32 = 2048;
 
-/// Number of parallel lines along each side of that grid up to which [`MAX_LINES_PER_TRIANGLE`] sets no
-/// limit.
+/// Number of parallel lines along each side of the square grid of lines of one direction up to which
+/// [`MAX_LINES_PER_TRIANGLE`] sets no limit.
 const FREE_LINES_PER_SIDE: u32 = 256;
 
-/// Maximum number of lines of one direction per triangle of the scene, so that the time is in proportion to
-/// the triangles, however small they are in an empty scene.
+/// Maximum number of lines of one direction per triangle of the scene. It keeps the time in proportion to the
+/// number of triangles, however small these are beside the scene.
 const MAX_LINES_PER_TRIANGLE: f64 = 64.0;
 
 /// Target number of lines of one direction that intersect a triangle, on average over all triangles.

@@ -41,7 +41,7 @@ impl Cover {
 const BEYOND: f64 = 1.0 + 1e-6;
 /// Twice the least area of a projected triangle that stops rays, where the box has a side of 2. Smaller
 /// triangles meet no ray but by rounding.
-const LEAST_AREA: f64 = 1e-9;
+const MIN_AREA: f64 = 1e-9;
 
 /// Returns the rays through a box that meet a triangle inside the box, at a point for which `inside` returns
 /// true. One word each for rays along x, y and z; bit `8 * row + column` stands for one of eight by eight
@@ -68,7 +68,7 @@ fn stopped_along(corners: &[DVec3; 3], axis: usize, inside: impl Fn(DVec3) -> bo
         return 0;
     }
     let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-    if area.is_nan() || area.abs() <= LEAST_AREA {
+    if area.is_nan() || area.abs() <= MIN_AREA {
         return 0;
     }
     // Ray i runs at (2i + 1) / 8 - 1.

@@ -79,7 +79,7 @@ pub enum BakeError {
     /// The graph has more than 65,536 cells or more than 65,536 portals. With more portals, the baker's bit
     /// matrix of ordered pairs of directed portals that a line may pass one after the other would take more
     /// than 2 GiB.
-    TooLarge {
+    TooMany {
         /// Number of cells of the graph.
         cells: usize,
         /// Number of portals of the graph.
@@ -99,7 +99,7 @@ impl fmt::Display for BakeError {
                     "a clearance of {clearance} is less than {least}, the least for coordinates of this size"
                 )
             }
-            Self::TooLarge { cells, portals } => {
+            Self::TooMany { cells, portals } => {
                 write!(
                     f,
                     "{cells} cells and {portals} portals are more than {MAX_CELLS_OR_PORTALS} of either"
@@ -112,7 +112,7 @@ impl fmt::Display for BakeError {
 
 impl core::error::Error for BakeError {}
 
-/// Clearance by default, in world units, where coordinates allow it: a micrometre in metres.
+/// Default clearance in world units, if coordinates allow it: a micrometre if the unit is the metre.
 const DEFAULT_CLEARANCE: f64 = 1e-6;
 
 /// Maximum number of cells, and of portals, of a bake. With 2^16 portals the matrix of ordered pairs of
@@ -123,12 +123,12 @@ const MAX_CELLS_OR_PORTALS: usize = 1 << 16;
 /// clearance (see [`Margins::inset`](crate::directed_portals::Margins::inset)).
 ///
 /// # Errors
-/// [`BakeError::TooLarge`] if cells or portals exceed [`MAX_CELLS_OR_PORTALS`], [`BakeError::Clearance`] if
+/// [`BakeError::TooMany`] if cells or portals exceed [`MAX_CELLS_OR_PORTALS`], [`BakeError::Clearance`] if
 /// the clearance is not finite or less than 65,536 times the rounding bound of the coordinates.
 pub(crate) fn prepare(graph: &CellGraph, settings: &BakerSettings) -> Result<DirectedPortals, BakeError> {
     let (cells, count) = (graph.cell_count(), graph.portals().len());
     if cells > MAX_CELLS_OR_PORTALS || count > MAX_CELLS_OR_PORTALS {
-        return Err(BakeError::TooLarge { cells, portals: count });
+        return Err(BakeError::TooMany { cells, portals: count });
     }
     let extent = DirectedPortals::extent(graph);
     let least = Margins::noise_of(extent) * 65_536.0;

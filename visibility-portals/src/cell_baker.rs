@@ -19,6 +19,7 @@ use visibility_core::cells::{CellGraph, CellId};
 /// A cell whose row of the matrix contains too many cells, because the bake reached
 /// [`BakerSettings::with_steps_per_cell`](crate::BakerSettings::with_steps_per_cell) there.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub struct Fallback {
     /// The viewcell: the cell from which the search stopped early.
     pub cell: CellId,
@@ -101,7 +102,7 @@ impl CellBaker {
     /// result.
     ///
     /// # Errors
-    /// [`BakeError::TooLarge`] for more than 65,536 cells or portals. [`BakeError::Clearance`] for a
+    /// [`BakeError::TooMany`] for more than 65,536 cells or portals. [`BakeError::Clearance`] for a
     /// clearance that is not positive, not finite, or too small for the coordinates.
     pub fn new(graph: &CellGraph, settings: BakerSettings) -> Result<Self, BakeError> {
         let cells = graph.cell_count();

@@ -133,7 +133,7 @@ impl CellMatrix {
     /// matrix of [bytes](Self::from_bytes) does not tell what it was baked from, and its PVS has no source.
     ///
     /// # Errors
-    /// [`PvsError::TooLarge`] if the PVS exceeds its storage limits.
+    /// [`PvsError::Size`] if the PVS exceeds its storage limits.
     pub fn to_pvs(&self, graph: &CellGraph) -> Result<Pvs, PvsError> {
         let rows: Vec<Vec<u32>> =
             self.rows.iter().map(|row| row.iter().map(|seen| seen as u32).collect()).collect();

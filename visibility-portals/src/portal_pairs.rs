@@ -18,8 +18,8 @@ pub struct PortalPairs {
 }
 
 impl PortalPairs {
-    /// Makes the pairs of the directed portals `portals`. `rows` are by directed portal: those that a line
-    /// through it may later pass.
+    /// Makes the pairs of the directed portals `portals`. `rows` holds, by directed portal, the directed
+    /// portals that a line through it may later pass.
     pub(crate) fn new(portals: &DirectedPortals, rows: Vec<Bits>) -> Self {
         Self { rows, portals: fingerprint(portals) }
     }
@@ -35,7 +35,7 @@ impl PortalPairs {
         &self.rows[portal as usize]
     }
 
-    /// Returns a number that tells apart the portals and the bits, for the bake's fingerprint.
+    /// Returns a hash of the portals and the bits, for the bake's fingerprint.
     pub(crate) fn fingerprint(&self) -> u64 {
         let words = self.rows.iter().flat_map(Bits::words).copied();
         words.chain([self.portals]).fold(Fingerprint::new(), Fingerprint::with_u64).value()

@@ -387,13 +387,13 @@ fn odd_input_gives_an_error_or_an_answer() {
     );
     assert_eq!(
         from_walls(&[[DVec3::ONE, DVec3::ZERO]], &walls),
-        Err(GeometryError::NotAWall { index: 0 }),
+        Err(GeometryError::NotAxial { index: 0 }),
         "the index of the wall that is inverted"
     );
     let slanted = [[DVec2::ZERO, DVec2::ONE]];
     assert_eq!(
         floor_plan(&slanted, 0.0, 3.0),
-        Err(GeometryError::NotAWall { index: 0 }),
+        Err(GeometryError::NotAxial { index: 0 }),
         "a wall that runs along no axis"
     );
     let bad = walls.with_margin(f64::NAN);

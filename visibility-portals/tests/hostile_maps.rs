@@ -66,7 +66,7 @@ fn coordinates_too_large_for_the_clearance_are_refused() {
     assert!(
         matches!(
             CellBaker::new(&CellGraph::new(70_000, []).unwrap(), BakerSettings::default()),
-            Err(BakeError::TooLarge { .. })
+            Err(BakeError::TooMany { .. })
         ),
         "more cells than a matrix can hold"
     );

@@ -14,6 +14,7 @@ mod portal_winding;
 mod resumed_bakes;
 mod room_row;
 mod swapped_sources;
+mod who_sees;
 
 #[global_allocator]
 static ALLOCATOR: visibility_testing::allocations::CountingAllocator =

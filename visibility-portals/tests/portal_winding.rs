@@ -110,7 +110,7 @@ fn portals_that_are_not_between_their_cells_are_refused() {
     let error = turned.with_pvs(pvs()).unwrap_err();
     assert_eq!(
         error,
-        SceneCellsError::TurnedPortals { first: PortalId(0), count: 1 },
+        SceneCellsError::Winding { first: PortalId(0), count: 1 },
         "a turned graph takes no PVS, which may be of before"
     );
     assert!(

@@ -75,6 +75,7 @@ impl Blocker {
     }
 
     /// Makes the blocker of a box, given by its least and greatest corner in scene coordinates.
+    #[cfg(any(feature = "papers", test))]
     pub(crate) fn cuboid(min: DVec3, max: DVec3) -> Self {
         let at = |corner: usize, bit: usize, axis: usize| {
             if corner >> bit & 1 != 0 { max[axis] } else { min[axis] }

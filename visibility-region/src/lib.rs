@@ -8,8 +8,10 @@
 //! - [`OnlinePvs`] keeps the answers for an eye on the move, and makes the next ones ahead of it, in a scene
 //!   that changes.
 //! - [`SamplingCuller`] is aggressive: a lower bound to judge the others by.
-//! - [`VolumetricCuller`], [`ShrunkCuller`] and [`ConvexBlockersCuller`] are the methods of other papers, all
-//!   conservative: octrees of opaque cells, shrunk occluders from sample points, single convex blockers.
+//! - [`ConvexBlockersCuller`] is conservative, and hides what one convex occluder hides alone: in rooms the
+//!   quickest, and often enough.
+//! - `VolumetricCuller` and `ShrunkCuller` (feature `papers`, see `docs/papers.md` in the repository) are the
+//!   methods of other papers, conservative: octrees of opaque cells, shrunk occluders from sample points.
 //!
 //! # Which objects occlude
 //! The occluders of a conservative method are, as those of the culler of occlusion maps in `visibility-core`,
@@ -49,20 +51,26 @@ mod blocker;
 mod convex_blockers;
 mod extent;
 mod online;
+mod online_cells;
 mod remove;
 mod sampling;
+#[cfg(feature = "papers")]
 mod shrunk;
 mod sight_start;
 mod solids;
 mod sweep;
 mod umbra;
+#[cfg(feature = "papers")]
 mod volumetric;
 
 pub use convex_blockers::ConvexBlockersCuller;
 pub use online::{OnlinePvs, OnlineStep};
+pub use online_cells::OnlineCells;
 pub use sampling::{SamplingCuller, SightLine};
+#[cfg(feature = "papers")]
 pub use shrunk::ShrunkCuller;
 pub use sweep::{ExtendedProjectionCuller, ProjectionPlane};
+#[cfg(feature = "papers")]
 pub use volumetric::VolumetricCuller;
 
 #[cfg(doctest)]

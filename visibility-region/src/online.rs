@@ -9,7 +9,7 @@
 
 use crate::sight_start::sight_start;
 use crate::solids::occluding;
-use crate::sweep::{Ask, Asked, Effort, ExtendedProjectionCuller, Surfaces};
+use crate::sweep::{Ask, Asked, Effort, ExtendedProjectionCuller, Surfaces, Work};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use visibility_core::bits::Bits;
@@ -17,6 +17,7 @@ use visibility_core::culler::Lack;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_core::scene::{Changes, SceneCursor};
+use visibility_core::stamp::Stamp;
 use visibility_core::view::Eye;
 use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet};
 
@@ -26,10 +27,11 @@ const KEPT: usize = 32;
 /// The objects that can be seen from around an eye on the move, made a little ahead of it, in a scene that
 /// changes: conservative.
 ///
-/// [`step`](Self::step) works ahead: each call sweeps one of the six directions of one box. The caller holds
-/// the clock, and names the places where the eye is and may be next. [`cull`](Culler::cull) answers at once:
-/// by the viewcell that holds the eye, otherwise by the wide box around it, otherwise by nothing, so that all
-/// candidates stay. Lines of sight begin on the near plane, so the viewcell must hold that as well.
+/// [`step`](Self::step) works ahead: each call sweeps one of the six directions of one box, or a part of it.
+/// The caller says how much work a call may do, and names the places where the eye is and may be next.
+/// [`cull`](Culler::cull) answers at once: by the viewcell that holds the eye, otherwise by the wide box
+/// around it, otherwise by nothing, so that all candidates stay. Lines of sight begin on the near plane, so
+/// the viewcell must hold that as well.
 ///
 /// An object that was inserted, moved, or changed otherwise counts as visible until the next wide box is
 /// made, and it is not among the occluders of the next boxes, so that a mover does not cost the boxes each
@@ -41,12 +43,13 @@ const KEPT: usize = 32;
 /// a pipeline drop occlude all the same, as in a baked set.
 ///
 /// # Cost
-/// A step takes a sixth of the time of a box on average, at most half. A viewcell of .6 m takes 3 to 25
-/// milliseconds, in a furnished building of 200,000 triangles 60; a wide box takes a little more than a sweep
-/// by [`ExtendedProjectionCuller`]. The first step in a scene, and the first after a change of an occluder
-/// whose mesh is in scene coordinates, sorts all edges. Steps allocate. A frame takes a few nanoseconds for
-/// each candidate, and looks at a bit for each object of the scene. A kept box takes a bit for each object of
-/// the scene, and 8 bytes for each object that can be seen; a wide box the edges of its occluders as well.
+/// A viewcell of .6 m takes 2 to 20 milliseconds in scenes of some thousand objects, and a wide box 15 to 80.
+/// A step takes as much of a sixth of that as its budget allows. Three things are not divided: the first step
+/// in a scene of walls, of at most 32 triangles an occluder, sorts all their edges; beginning and finishing a
+/// box take some nanoseconds for each object of the scene; and once the hierarchy of the scene has changed at
+/// more than two steps of a wide box, each of the directions left is one step. Steps allocate. A frame takes
+/// a few nanoseconds for each candidate, and looks at a bit for each object of the scene. A kept box takes a
+/// bit for each object of the scene, and 8 bytes for each object that can be seen.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Culler, Object, OccluderMesh, Pose, Scene, View,
@@ -62,7 +65,7 @@ const KEPT: usize = 32;
 /// // Each frame: places where the eye is, and where it will be; then as many steps as there is time.
 /// let (eye, velocity) = (DVec3::splat(0.5), DVec3::X);
 /// let places = [0.0, 0.1, 0.2, 0.4].map(|seconds| eye + velocity * seconds);
-/// while online.step(&scene, &places).is_some() {}
+/// while online.step(&scene, &places, 1000).is_some() {}
 /// let view = View::perspective(Pose::look_at(eye, eye + DVec3::X, DVec3::Z), 1.0, 1.5, 0.1, 100.0)?;
 /// let mut visible = VisibleSet::new();
 /// online.cull(&scene, &view, &mut visible);
@@ -80,6 +83,11 @@ pub struct OnlinePvs {
     sizes: [DVec3; 2],
     margin: f64,
     culler: ExtendedProjectionCuller,
+    /// Surfaces of the occluders: of a level of walls together, otherwise of each by itself. `None` if they
+    /// are to be collected anew.
+    surfaces: Option<Arc<Surfaces>>,
+    /// Indices of the objects that are to be listed in `surfaces`, or to be listed anew.
+    unlisted: Bits,
     /// State of the scene that all fields below are of.
     cursor: SceneCursor,
     /// Finished boxes by size, each with what is hidden from it: `made[WIDE]` holds the wide boxes,
@@ -109,7 +117,16 @@ pub struct OnlinePvs {
     last_hidden: Bits,
     came: Vec<ObjectId>,
     went: Vec<ObjectId>,
+    /// Scratch memory: the objects of a list with their importance.
+    ranked: Vec<(f64, ObjectId)>,
 }
+
+/// Number of times that the sweep of a direction of a wide box begins anew because the hierarchy of the scene
+/// has changed. After that, each direction of the box is one step.
+const RESTARTS: u32 = 2;
+
+/// Work for a triangle whose surfaces are listed.
+const LISTED_TRIANGLE: u64 = 500;
 
 /// Index of the larger of the two sizes of boxes, the wide boxes, in arrays by size.
 const WIDE: usize = 0;
@@ -137,8 +154,6 @@ struct Made {
     /// Objects that were not hidden when the box was finished: of the scene for a wide box, of those that the
     /// wide box sees for a viewcell.
     seen: Vec<ObjectId>,
-    /// For a wide box: the surfaces of the occluders that it sees.
-    surfaces: Arc<Surfaces>,
     /// [`OnlinePvs::clock`] when the box was used last, or was finished.
     used: u64,
 }
@@ -154,6 +169,12 @@ struct Job {
     occluding: Bits,
     /// For a viewcell: what is hidden from the wide box, without the objects that have changed since.
     hidden: Bits,
+    /// Indices of the objects that have changed since the box was begun.
+    stale: Bits,
+    /// Layout of the scene when the sweep of the present direction was begun, and number of times that such a
+    /// sweep was begun anew because the layout had changed.
+    layout: Stamp,
+    restarts: u32,
     /// For a viewcell: the objects that the wide box sees.
     seen: Vec<ObjectId>,
     /// The objects of `seen` that are not in [`OnlinePvs::known`]: the last viewcell did not see them.
@@ -174,6 +195,8 @@ impl OnlinePvs {
             sizes: [wide, viewcell],
             margin: viewcell.min_element() / 8.0,
             culler: ExtendedProjectionCuller::new(),
+            surfaces: None,
+            unlisted: Bits::EMPTY,
             cursor: SceneCursor::START,
             made: [Vec::new(), Vec::new()],
             job: None,
@@ -187,6 +210,7 @@ impl OnlinePvs {
             last_hidden: Bits::EMPTY,
             came: Vec::new(),
             went: Vec::new(),
+            ranked: Vec::new(),
         }
     }
 
@@ -199,11 +223,17 @@ impl OnlinePvs {
     }
 
     /// Works on the most urgent box that is missing: that of the first of `places` without a viewcell. Sweeps
-    /// one direction. Returns the work done, or `None` if all places have viewcells. `places` are in world
-    /// space: the eye, then places where it may be next, such as points of its path at equal times. The six
-    /// directions of a box take six calls. A viewcell is put around as many places in a row as it holds.
-    /// Places that are not finite are left out.
-    pub fn step(&mut self, scene: &Scene, places: &[DVec3]) -> Option<OnlineStep> {
+    /// one direction, or goes on with the one that the last step left. Returns the work done, or `None` if
+    /// all places have viewcells. `places` are in world space: the eye, then places where it may be next,
+    /// such as points of its path at equal times. A viewcell is put around as many places in a row as it
+    /// holds. Places that are not finite are left out.
+    ///
+    /// The step ends with the direction, or once `budget` is used up: work of about so many microseconds of a
+    /// core of 3 GHz, counted and not timed, so that the steps are the same on every machine. A step does a
+    /// little work even with a budget of 0, and exceeds its budget by at most one lump: an object of which
+    /// the surfaces are listed, a cluster of which pieces are found, an occluder drawn, a plane begun. The
+    /// answers do not depend on budgets.
+    pub fn step(&mut self, scene: &Scene, places: &[DVec3], budget: u32) -> Option<OnlineStep> {
         self.sync(scene);
         let finite = || places.iter().copied().filter(|place| place.is_finite());
         let number = finite().position(|place| self.find(NEAR, self.around(place)).is_none())?;
@@ -215,8 +245,13 @@ impl OnlinePvs {
                 holds(&job.cell, low, high)
             })
         });
+        let (mut work, mut stats) = (Work::microseconds(budget), CullStats::default());
         if !goes_on {
             self.job = None;
+            self.culler.end();
+            if !self.list(scene, &mut work) {
+                return Some(OnlineStep { is_wide: true, is_last: false, stats });
+            }
             // The place before is held as well, so that no gap is left between two viewcells.
             let rest: Vec<DVec3> = finite().skip(number.saturating_sub(1)).collect();
             let ends = finite().next().zip(finite().next_back());
@@ -230,9 +265,18 @@ impl OnlinePvs {
             _ if job.next == self.full_direction => Asked::Objects(&job.seen),
             _ => Asked::Objects(&job.new),
         };
-        let ask = Ask { occluding: &job.occluding, asked, effort: Effort::QUICK, stop: &|| false };
-        let stats = self.culler.sweep_directions(scene, &ask, job.next..job.next + 1);
-        job.next += 1;
+        let ask = Ask { occluding: &job.occluding, asked, stop: &|| false };
+        // Nodes of the hierarchy are not what they were when the sweep of the direction was begun.
+        if job.level == WIDE && job.layout != scene.layout() {
+            job.layout = scene.layout();
+            job.restarts += u32::from(self.culler.restart());
+        }
+        if job.restarts > RESTARTS {
+            work = Work::UNLIMITED;
+        }
+        if self.culler.sweep_direction(scene, &ask, job.next, &mut work, &mut stats) {
+            job.next += 1;
+        }
         let step = OnlineStep { is_wide: job.level == WIDE, is_last: job.next == 6, stats };
         if step.is_last {
             self.finish(scene, places);
@@ -254,12 +298,17 @@ impl OnlinePvs {
     /// wherever the view looks; all that were hidden come if no box answers. An inserted object is among them
     /// only if it has the index of a removed one that was hidden. In another scene both lists begin anew, as
     /// if nothing had been hidden.
+    ///
+    /// The most important object comes first: that of the largest diagonal over distance from the box that
+    /// answered. Of equal ones the first has the least [index](ObjectId::index). So a stream that has room
+    /// for some bytes a frame sends the first objects, as many as fit.
     pub fn came(&self) -> &[ObjectId] {
         &self.came
     }
 
     /// Returns the objects that the box of the frame before saw and the box of the last frame does not see.
-    /// Removed objects are not among them.
+    /// Removed objects are not among them. In the order of [`came`](Self::came): what is unloaded first is
+    /// last.
     pub fn went(&self) -> &[ObjectId] {
         &self.went
     }
@@ -279,6 +328,7 @@ impl OnlinePvs {
         let Changes::Objects(ids) = self.cursor.follow(scene) else {
             self.forget();
             self.changed = [Bits::EMPTY, Bits::EMPTY];
+            self.surfaces = None;
             if !is_same {
                 self.last_hidden = Bits::EMPTY;
             }
@@ -290,12 +340,44 @@ impl OnlinePvs {
         for id in ids {
             self.changed[0].grow(id.index() + 1);
             self.changed[0].insert(id.index());
+            let is_listed = self.surfaces.as_ref().is_some_and(|all| all.objects.contains(id.index()));
+            if is_listed || Surfaces::has(scene, *id) {
+                self.unlisted.grow(id.index() + 1);
+                self.unlisted.insert(id.index());
+            }
             self.made.iter_mut().flatten().for_each(|made| _ = made.hidden.remove(id.index()));
             if let Some(job) = &mut self.job {
-                job.hidden.remove(id.index());
-                self.culler.hidden().remove(id.index());
+                job.stale.grow(id.index() + 1);
+                job.stale.insert(id.index());
             }
         }
+    }
+
+    /// Lists the surfaces that the next box needs, until `work` is used up. Returns whether all are listed.
+    fn list(&mut self, scene: &Scene, work: &mut Work) -> bool {
+        let surfaces = self.surfaces.take().filter(|surfaces| !surfaces.is_mostly_unused());
+        let surfaces = self.surfaces.insert(surfaces.unwrap_or_else(|| {
+            let surfaces = Surfaces::of_walls(scene);
+            self.unlisted.reset(scene.index_limit());
+            for id in scene.ids().filter(|&id| Surfaces::has(scene, id)) {
+                self.unlisted.set(id.index(), !surfaces.objects.contains(id.index()));
+            }
+            Arc::new(surfaces)
+        }));
+        let surfaces = Arc::make_mut(surfaces);
+        let mut at = 0;
+        while let Some(index) = self.unlisted.next(at) {
+            at = index + 1;
+            if self.changed[0].contains(index) {
+                continue;
+            }
+            if work.is_used_up() {
+                return false;
+            }
+            work.use_up(1 + surfaces.list(scene, index), LISTED_TRIANGLE);
+            self.unlisted.remove(index);
+        }
+        true
     }
 
     /// Forgets all boxes.
@@ -367,26 +449,28 @@ impl OnlinePvs {
         let wide = self.made[WIDE].iter().filter(|wide| holds(&wide.cell, around[0], around[1]));
         let wide = wide.map(|wide| (wide, clipped(&wide.cell))).filter(|(_, cell)| is_enough(cell));
         let mut occluding = occluding(scene, &VisibleSet::new());
-        let (job, surfaces) = if let Some((wide, cell)) = wide.max_by_key(|(wide, _)| wide.used) {
-            let bits = |ids: &[ObjectId]| {
-                let mut bits = Bits::new(scene.index_limit());
-                ids.iter().for_each(|id| _ = bits.insert(id.index()));
-                bits
+        let (layout, stale) = (scene.layout(), Bits::new(scene.index_limit()));
+        let (level, cell, hidden, seen, new) =
+            if let Some((wide, cell)) = wide.max_by_key(|(wide, _)| wide.used) {
+                let bits = |ids: &[ObjectId]| {
+                    let mut bits = Bits::new(scene.index_limit());
+                    ids.iter().for_each(|id| _ = bits.insert(id.index()));
+                    bits
+                };
+                occluding.intersect(&bits(&wide.seen));
+                let known = bits(&self.known);
+                let new = wide.seen.iter().copied().filter(|id| !known.contains(id.index())).collect();
+                let (hidden, seen) = (wide.hidden.clone(), wide.seen.clone());
+                (NEAR, cell, hidden, seen, new)
+            } else {
+                let cell = self.fit(WIDE, [cell.min, cell.max], places, heading);
+                let last = core::mem::replace(&mut self.changed[0], Bits::new(scene.index_limit()));
+                self.changed[1] = last;
+                (WIDE, cell, Bits::EMPTY, Vec::new(), Vec::new())
             };
-            occluding.intersect(&bits(&wide.seen));
-            let known = bits(&self.known);
-            let new = wide.seen.iter().copied().filter(|id| !known.contains(id.index())).collect();
-            let (hidden, seen) = (wide.hidden.clone(), wide.seen.clone());
-            (Job { level: NEAR, cell, next: 0, occluding, hidden, seen, new }, wide.surfaces.clone())
-        } else {
-            let cell = self.fit(WIDE, [cell.min, cell.max], places, heading);
-            let last = core::mem::replace(&mut self.changed[0], Bits::new(scene.index_limit()));
-            self.changed[1] = last;
-            self.culler.sync(scene);
-            let (hidden, seen, new) = (Bits::EMPTY, Vec::new(), Vec::new());
-            (Job { level: WIDE, cell, next: 0, occluding, hidden, seen, new }, self.culler.surfaces())
-        };
-        self.culler.begin(scene, &job.cell, surfaces);
+        let job = Job { level, cell, next: 0, occluding, hidden, stale, layout, restarts: 0, seen, new };
+        let surfaces = self.surfaces.clone().unwrap_or_default();
+        self.culler.begin(scene, &job.cell, surfaces, Effort::QUICK);
         self.job = Some(self.without_movers(scene, job));
     }
 
@@ -411,6 +495,7 @@ impl OnlinePvs {
         let mut hidden = job.hidden;
         hidden.grow(scene.index_limit());
         hidden.unite(self.culler.hidden());
+        job.stale.iter().for_each(|index| _ = hidden.remove(index));
         let is_seen = |id: &ObjectId| !hidden.contains(id.index());
         let seen: Vec<ObjectId> = match job.level {
             WIDE => scene.ids().filter(is_seen).collect(),
@@ -420,16 +505,9 @@ impl OnlinePvs {
             self.known.clone_from(&seen);
             self.full_direction = (self.full_direction + 1) % 6;
         }
-        let surfaces = match job.level {
-            WIDE => {
-                let occluders = seen.iter().copied().filter(|id| job.occluding.contains(id.index()));
-                Arc::new(Surfaces::of(scene, occluders))
-            }
-            _ => Arc::default(),
-        };
         self.clock += 1;
         let made = &mut self.made[job.level];
-        made.push(Made { cell: job.cell, hidden, seen, surfaces, used: self.clock });
+        made.push(Made { cell: job.cell, hidden, seen, used: self.clock });
         if made.len() > KEPT {
             let margin = self.margin;
             let is_free = |made: &&Made| !places.iter().any(|&p| holds(&made.cell, p - margin, p + margin));
@@ -440,7 +518,8 @@ impl OnlinePvs {
     }
 
     /// Notes what the box of this frame sees and that of the frame before did not, and the other way round.
-    fn note_differences(&mut self, scene: &Scene, at: Option<(usize, usize)>) {
+    /// Both lists are put in order of importance for a viewer in the box `around`, minimum and maximum.
+    fn note_differences(&mut self, scene: &Scene, at: Option<(usize, usize)>, around: (DVec3, DVec3)) {
         self.came.clear();
         self.went.clear();
         let nothing = Bits::EMPTY;
@@ -459,7 +538,24 @@ impl OnlinePvs {
         }
         self.last_hidden.reset(new.len() * 64);
         self.last_hidden.unite(hidden);
+        for list in [&mut self.came, &mut self.went] {
+            self.ranked.clear();
+            self.ranked.extend(list.iter().map(|&id| (importance(scene, id, around), id)));
+            self.ranked.sort_unstable_by(|(a, i), (b, j)| b.total_cmp(a).then(i.index().cmp(&j.index())));
+            list.clear();
+            list.extend(self.ranked.iter().map(|&(_, id)| id));
+        }
     }
+}
+
+/// Returns the diagonal of an object's bounds over their distance from a box in world space: about the
+/// greatest angle at which the object is seen from the box, for small angles. Infinite for an object that
+/// reaches into the box, and 0 for an unknown one.
+fn importance(scene: &Scene, id: ObjectId, (low, high): (DVec3, DVec3)) -> f64 {
+    let Ok(bounds) = scene.bounds(id) else { return 0.0 };
+    let [min, max] = [bounds.min, bounds.max].map(|corner| corner.as_dvec3() + scene.origin());
+    let distance = (min - high).max(low - max).max(DVec3::ZERO).length();
+    if distance > 0.0 { (max - min).length() / distance } else { f64::INFINITY }
 }
 
 /// Returns whether a viewcell's box holds the box from `low` to `high`.
@@ -486,7 +582,8 @@ impl Culler for OnlinePvs {
         let start = sight_start(view, anchor).filter(|_| draws_all);
         let found = start.and_then(|(low, high)| self.best(low, high));
         self.answer = found.map(|(level, at)| (level, self.made[level][at].cell.clone()));
-        self.note_differences(scene, found);
+        let cell = self.answer.as_ref().map(|(_, cell)| (cell.min, cell.max));
+        self.note_differences(scene, found, cell.or(start).unwrap_or((anchor, anchor)));
         let hidden = found.map(|(level, at)| &self.made[level][at].hidden);
         visible.retain(scene, |id, _| !hidden.is_some_and(|hidden| hidden.contains(id.index())))
     }

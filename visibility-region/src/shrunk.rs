@@ -28,7 +28,7 @@ use visibility_core::{
 const NEAR: f64 = 1e-6;
 
 /// Least distance of the near plane in metres, used for a viewcell that is a point.
-const LEAST_NEAR: f64 = 1e-30;
+const MIN_NEAR: f64 = 1e-30;
 
 /// Bound on the rounding of sample points and of the distance between them, as a part of the greatest
 /// coordinate M. With U the round-off of `f64`: an extent is at most 2 M and wrong by 2 U M, a patch and its
@@ -45,7 +45,7 @@ const POINT_ROUNDING: f64 = 16.0 * f64::EPSILON;
 const ROUNDING: f64 = 8.0 * f32::EPSILON as f64;
 
 /// Greatest number of points along a side of the viewcell.
-const MOST_POINTS_PER_SIDE: usize = 64;
+const MAX_POINTS_PER_SIDE: usize = 64;
 
 /// Removes objects that a culler from points finds hidden from each sample point of a viewcell's boundary.
 /// The scene's occluders are shrunk in proportion to the distance between the points. Conservative if the
@@ -98,10 +98,10 @@ impl<C: Culler> RegionCuller for ShrunkCuller<C> {
             return visible.retain(scene, |_, _| true);
         };
         let distance =
-            sample_points(min, max, self.points_per_side.clamp(1, MOST_POINTS_PER_SIDE), &mut self.points);
+            sample_points(min, max, self.points_per_side.clamp(1, MAX_POINTS_PER_SIDE), &mut self.points);
         // The near plane of each point's views. Objects so close to the viewcell that it may cut them are
         // kept below.
-        let near = ((max - min).max_element() * NEAR).max(LEAST_NEAR);
+        let near = ((max - min).max_element() * NEAR).max(MIN_NEAR);
         self.solids.sync(scene);
         // A solid that the viewcell meets, or that is open towards it, hides nothing from some of its points.
         let usable = |solid: &&Solid| !solid.meets(min, max) && is_closed_from(&solid.blocker, min, max);
@@ -328,7 +328,7 @@ mod tests {
     #[test]
     fn views_begin_at_a_millionth_of_the_viewcell_and_hide_at_every_scale() {
         for scale in [1e-15, 1.0, 1e15] {
-            for (size, expected) in [(2.0 * scale, 2e-6 * scale), (0.0, LEAST_NEAR)] {
+            for (size, expected) in [(2.0 * scale, 2e-6 * scale), (0.0, MIN_NEAR)] {
                 let mut scene = Scene::new();
                 let far = DVec3::splat(9.0 * scale).as_vec3();
                 let id = scene.insert(Aabb::new(far, far * 2.0));

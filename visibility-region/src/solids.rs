@@ -19,6 +19,7 @@ const OPEN: usize = 64;
 pub(crate) struct Solid {
     pub(crate) id: ObjectId,
     /// The solid in coordinates of the occluder's mesh: closed and convex.
+    #[cfg(feature = "papers")]
     pub(crate) mesh: OccluderMesh,
     /// The solid in scene coordinates. Its `caps` are the triangles that close the hole of an open mesh.
     pub(crate) blocker: Blocker,
@@ -28,6 +29,7 @@ pub(crate) struct Solid {
     pub(crate) max: DVec3,
 }
 
+#[cfg(feature = "papers")]
 impl Solid {
     /// Returns whether the closed box between two corners touches the bounds of the solid.
     pub(crate) fn meets(&self, min: DVec3, max: DVec3) -> bool {
@@ -74,7 +76,14 @@ impl Solids {
                     blocker.vertices.iter().fold(around, |[min, max], &p| [min.min(p), max.max(p)]);
                 if min.is_finite() && max.is_finite() {
                     let (min, max) = (min - blocker.slack, max + blocker.slack);
-                    self.list.push(Solid { id, mesh: solid.clone(), blocker, min, max });
+                    self.list.push(Solid {
+                        id,
+                        #[cfg(feature = "papers")]
+                        mesh: solid.clone(),
+                        blocker,
+                        min,
+                        max,
+                    });
                 }
             }
         }

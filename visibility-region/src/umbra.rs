@@ -141,6 +141,7 @@ impl Umbra {
 
     /// Returns the interior of a convex polyhedron: the intersection of the open half-spaces behind its
     /// faces.
+    #[cfg(feature = "papers")]
     pub(crate) fn interior(blocker: &Blocker) -> Self {
         Self { sides: behind(blocker).collect(), slack: blocker.slack }
     }

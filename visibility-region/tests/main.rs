@@ -1,10 +1,13 @@
 //! One program for the tests of all files here: it compiles and runs in less time than many.
 #![allow(missing_docs)]
 
+#[cfg(feature = "papers")]
 mod blockers;
+#[cfg(feature = "papers")]
 mod candidates;
 mod common;
 mod ground;
+#[cfg(feature = "papers")]
 mod huge_bounds;
 mod online;
 mod oriented;
@@ -13,6 +16,7 @@ mod slots;
 mod soundness;
 mod swapped_sources;
 mod traps;
+mod who_sees;
 
 #[global_allocator]
 static ALLOCATOR: visibility_testing::allocations::CountingAllocator =

@@ -14,6 +14,9 @@ use visibility_testing::Random;
 use visibility_testing::allocations::ALLOCATIONS;
 use visibility_testing::swapped::{Swapped, hold_against_fresh};
 
+/// Budget of a step that is enough for any direction.
+const WHOLE: u32 = u32::MAX;
+
 /// Removes an occluder, or lets it be see-through, or moves a target, or adds an object.
 fn change(world: &mut World, rng: &mut Random, scale: f64) {
     let number = rng.below(world.bounds.len());
@@ -57,9 +60,11 @@ fn search(seed: u64, worlds: usize, rays: usize) -> [usize; 2] {
         for frame in 0..12 {
             eye += way;
             let places: Vec<DVec3> = (0..rng.below(6)).map(|i| eye + way * i as f64).collect();
-            for _ in 0..rng.below(16) {
-                online.step(&world.scene, &places);
-                if rng.one_in(30) {
+            // Steps of a direction, or of parts of it.
+            let (steps, budget) = rng.pick(&[(16, WHOLE), (100, 20), (1000, 1)]);
+            for _ in 0..rng.below(steps) {
+                online.step(&world.scene, &places, budget);
+                if rng.one_in(2 * steps) {
                     change(&mut world, &mut rng, scale);
                 }
             }
@@ -114,7 +119,7 @@ impl Culler for Subject {
         let Eye::Point(eye) = view.eye(DVec3::ZERO) else { panic!("the views of this harness have an eye") };
         match self {
             Self::Online(online) => {
-                while online.step(scene, &[eye]).is_some() {}
+                while online.step(scene, &[eye], WHOLE).is_some() {}
                 online.cull(scene, view, visible)
             }
             Self::Rays(rays) => rays.cull(scene, &Viewcell::from_box(eye - 0.01, eye + 0.01), visible),
@@ -175,7 +180,7 @@ impl Street {
     /// Makes all that an eye at height `z` needs. Returns the number of steps.
     fn make(&mut self, z: f64) -> usize {
         let mut steps = 0;
-        while self.online.step(&self.world.scene, &[DVec3::new(0.0, 0.0, z)]).is_some() {
+        while self.online.step(&self.world.scene, &[DVec3::new(0.0, 0.0, z)], WHOLE).is_some() {
             steps += 1;
             assert!(steps <= 12, "two boxes have twelve directions");
         }
@@ -204,7 +209,7 @@ fn answers_come_from_the_best_box_that_is_made() {
     assert_eq!((street.frame(0.0, 1), street.online.answer()), (ALL, None), "nothing is made");
     let eye = [DVec3::ZERO];
     for step in 1..=12 {
-        let done = street.online.step(&street.world.scene, &eye).expect("a box is missing");
+        let done = street.online.step(&street.world.scene, &eye, WHOLE).expect("a box is missing");
         assert_eq!((done.is_wide, done.is_last), (step <= 6, step % 6 == 0), "step {step}");
         let expected = if step < 6 { ALL } else { HIDDEN };
         assert_eq!(street.frame(0.0, 1), expected, "after step {step}");
@@ -212,10 +217,10 @@ fn answers_come_from_the_best_box_that_is_made() {
         let width = street.online.answer().map(|cell| cell.max.x - cell.min.x);
         assert_eq!(width.map(|width| width.round()), [None, Some(4.0), Some(1.0)][step / 6], "step {step}");
     }
-    assert!(street.online.step(&street.world.scene, &eye).is_none(), "all is made");
+    assert!(street.online.step(&street.world.scene, &eye, WHOLE).is_none(), "all is made");
     let odd = [DVec3::NAN, DVec3::new(0.0, f64::INFINITY, 0.0)];
     assert!(
-        street.online.step(&street.world.scene, &odd).is_none(),
+        street.online.step(&street.world.scene, &odd, WHOLE).is_none(),
         "places that are not finite are left out"
     );
     assert_eq!(street.frame(9.0, 1), ALL, "an eye elsewhere");
@@ -226,7 +231,7 @@ fn a_path_needs_few_boxes() {
     let (mut street, mut boxes) = (Street::new(), [0; 2]);
     for i in 0..200 {
         let places: Vec<DVec3> = (0..10).map(|ahead| DVec3::Y * (0.02 * f64::from(i + 5 * ahead))).collect();
-        while let Some(step) = street.online.step(&street.world.scene, &places) {
+        while let Some(step) = street.online.step(&street.world.scene, &places, WHOLE) {
             boxes[usize::from(step.is_wide)] += usize::from(step.is_last);
         }
     }
@@ -239,7 +244,7 @@ fn a_viewcell_ends_at_the_side_of_its_wide_box() {
     let mut street = Street::new();
     street.make(0.0);
     let mut viewcell = |places: &[DVec3]| {
-        let steps = core::iter::from_fn(|| street.online.step(&street.world.scene, places)).count();
+        let steps = core::iter::from_fn(|| street.online.step(&street.world.scene, places, WHOLE)).count();
         let pose = Pose::look_at(places[0], places[0] + DVec3::X, DVec3::Z);
         let view = View::perspective(pose, 1.0, 1.0, 0.05, 100.0).unwrap();
         street.online.cull(&street.world.scene, &view, &mut VisibleSet::new());
@@ -269,16 +274,111 @@ fn what_moves_is_seen_at_once_and_hidden_again_at_rest() {
 }
 
 #[test]
+fn what_comes_and_goes_is_in_order_of_size_over_distance() {
+    let mut street = Street::new();
+    let mut post = |x: f32, size: f32| {
+        let min = [x, 0.0, 0.0];
+        street.world.add_target(Aabb::from_arrays(min, min.map(|at| at + size)))
+    };
+    // Diagonals over distances from the viewcell, which ends at x = .3: .026, .087, .052 and .087.
+    let far = post(200.3, 3.0);
+    let [near, middle, same] = [post(10.3, 0.5), post(20.3, 0.6), post(10.3, 0.5)];
+    street.make(0.0);
+    street.frame(0.0, 1);
+    let expected = [near, same, street.back, middle, far];
+    assert_eq!(street.online.went(), expected, "out of sight, the most important first");
+    street.world.scene.set_origin(DVec3::splat(4.0)).unwrap();
+    street.frame(0.0, 1);
+    assert_eq!(street.online.came(), expected, "all come again, in coordinates of another origin");
+    assert_eq!(street.online.went(), [], "none is out of sight");
+}
+
+#[test]
 fn what_moves_while_a_box_is_made_is_seen() {
-    for steps in 1..=12 {
-        let mut street = Street::new();
-        for _ in 0..steps {
-            street.online.step(&street.world.scene, &[DVec3::ZERO]).expect("a box is missing");
+    for budget in [WHOLE, 1] {
+        let mut steps = 1;
+        loop {
+            let mut street = Street::new();
+            let mut step = || street.online.step(&street.world.scene, &[DVec3::ZERO], budget).is_some();
+            if !(0..steps).all(|_| step()) {
+                break;
+            }
+            let near = Aabb::from_arrays([3.0, 2.0, 0.0], [3.5, 2.5, 1.0]);
+            street.world.scene.set_bounds(street.back, near).unwrap();
+            street.make(0.0);
+            assert_eq!(street.frame(0.0, 1), ALL, "the post came before the wall after {steps} steps");
+            steps += 1;
         }
-        let near = Aabb::from_arrays([3.0, 2.0, 0.0], [3.5, 2.5, 1.0]);
-        street.world.scene.set_bounds(street.back, near).unwrap();
+        assert!(steps > if budget == 1 { 30 } else { 12 }, "{steps} steps of {budget} us");
+    }
+}
+
+#[test]
+fn small_steps_find_what_whole_directions_find() {
+    let (mut rng, mut hidden, mut steps) = (Random(5), 0, [0; 2]);
+    for number in 0..10 {
+        let (mut world, _) = random_world(&mut rng, 1.0);
+        (0..100).for_each(|_| change(&mut world, &mut rng, 1.0));
+        let mut answer = |budget: u32| {
+            let mut online = OnlinePvs::new(DVec3::splat(0.6), DVec3::new(4.0, 4.0, 1.0));
+            let places = [DVec3::ZERO, DVec3::X];
+            steps[usize::from(budget == 1)] +=
+                core::iter::from_fn(|| online.step(&world.scene, &places, budget)).count();
+            places.map(|place| online.hidden_from(&world.scene, place, place).unwrap().clone())
+        };
+        let [whole, small] = [WHOLE, 1].map(&mut answer);
+        hidden += whole[1].count();
+        assert_eq!(whole, small, "objects hidden in world {number}");
+    }
+    assert!(hidden > 100 && steps[1] > 20 * steps[0], "{hidden} hidden objects, {steps:?} steps");
+}
+
+#[test]
+fn boxes_are_made_while_the_hierarchy_changes_at_each_step() {
+    let Street { mut world, front, mut online, .. } = Street::new();
+    let mut rng = Random(3);
+    // Posts before the wall and behind it, which change their places in the hierarchy.
+    let posts: Vec<_> = (0..600)
+        .map(|number| {
+            let x = if number % 2 == 0 { 4.0 } else { rng.range(10.0, 30.0) as f32 };
+            let [y, z] = [0, 1].map(|_| rng.range(-3.0, 3.0) as f32);
+            (world.add_target(Aabb::from_arrays([x, y, z], [x + 0.1, y + 0.1, z + 0.1])), x < 5.0)
+        })
+        .collect();
+    for (z, budget) in [(0.0, 1), (9.0, 1), (18.0, WHOLE)] {
+        let mut steps = 0;
+        while online.step(&world.scene, &[DVec3::Z * z], budget).is_some() {
+            let away = 100.0 + (steps % 7) as f32;
+            world.scene.set_bounds(front, Aabb::from_arrays([away; 3], [away + 1.0; 3])).unwrap();
+            world.scene.rebuild();
+            steps += 1;
+            assert!(steps < 10_000, "a box at height {z} is made in {steps} steps of {budget} us");
+        }
+        let hidden = online.hidden_from(&world.scene, DVec3::Z * z, DVec3::Z * z).expect("a viewcell");
+        for &(post, is_before) in &posts {
+            assert_eq!(hidden.contains(post.index()), !is_before, "a post, seen from a height of {z} m");
+        }
+    }
+}
+
+#[test]
+fn a_hierarchy_that_shrinks_while_a_viewcell_is_made_is_not_read() {
+    for steps in 1..8 {
+        let mut street = Street::new();
+        let posts: Vec<_> = (0..6000)
+            .map(|number| {
+                let (y, z) = ((number % 77) as f32 * 0.1, (number / 77) as f32 * 0.1);
+                street.world.add_target(Aabb::from_arrays([4.0, y, z], [4.1, y + 0.05, z + 0.05]))
+            })
+            .collect();
+        while !street.online.step(&street.world.scene, &[DVec3::ZERO], WHOLE).unwrap().is_last {}
+        for _ in 0..steps {
+            street.online.step(&street.world.scene, &[DVec3::ZERO], 1).expect("a viewcell is missing");
+        }
+        street.world.scene.remove_batch(&posts).unwrap();
+        street.world.scene.rebuild();
         street.make(0.0);
-        assert_eq!(street.frame(0.0, 1), ALL, "the post came before the wall after {steps} steps");
+        assert_eq!(street.frame(0.0, 1), HIDDEN, "the hierarchy changed after {steps} steps");
     }
 }
 
@@ -349,7 +449,10 @@ fn an_occluder_that_moved_after_a_wide_box_saw_it_hides_from_its_new_place() {
     let scene = &mut world.scene;
     let make_wide = |online: &mut OnlinePvs, scene: &Scene, z: f64| {
         for _ in 0..6 {
-            assert!(online.step(scene, &[DVec3::Z * z]).is_some_and(|step| step.is_wide), "height {z}");
+            assert!(
+                online.step(scene, &[DVec3::Z * z], WHOLE).is_some_and(|step| step.is_wide),
+                "height {z}"
+            );
         }
     };
     assert!(online.hidden_from(scene, DVec3::ZERO, DVec3::ZERO).is_none(), "takes in the scene");
@@ -362,11 +465,35 @@ fn an_occluder_that_moved_after_a_wide_box_saw_it_hides_from_its_new_place() {
     scene.set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
     // It rests for two more wide boxes, and is an occluder again.
     [9.0, 18.0].into_iter().for_each(|z| make_wide(&mut online, scene, z));
-    let steps = core::iter::from_fn(|| online.step(scene, &[DVec3::ZERO])).count();
+    let steps = core::iter::from_fn(|| online.step(scene, &[DVec3::ZERO], WHOLE)).count();
     assert_eq!(steps, 6, "the first wide box is kept, so a viewcell alone is made");
     let hidden = online.hidden_from(scene, DVec3::splat(-0.01), DVec3::splat(0.01)).expect("a viewcell");
     let hidden = [between, back].map(|id| hidden.contains(id.index()));
     assert_eq!(hidden, [false, true], "the wall is between the posts now");
+}
+
+#[test]
+fn a_wall_of_a_level_that_has_moved_leaves_no_surface_behind() {
+    let mut world = World::new();
+    // Two walls that touch, and a post behind each.
+    let [moving, _] =
+        [[0.0, 30.0], [-30.0, 0.0]].map(|[y0, y1]| world.add_box([5.0, y0, -30.0], [5.2, y1, 30.0]));
+    let posts = [2.0, -2.0].map(|y| world.add_target(Aabb::from_arrays([9.0, y, 0.0], [9.1, y + 0.1, 0.1])));
+    let mut online = OnlinePvs::new(DVec3::splat(0.6), DVec3::new(4.0, 4.0, 1.0));
+    let mut hidden = |scene: &Scene, z: f64| {
+        while online.step(scene, &[DVec3::Z * z], WHOLE).is_some() {}
+        let hidden = online.hidden_from(scene, DVec3::Z * z, DVec3::Z * z).expect("a viewcell");
+        posts.map(|post| hidden.contains(post.index()))
+    };
+    assert_eq!(hidden(&world.scene, 0.0), [true, true], "behind both walls");
+    let moved = Aabb::from_arrays([15.0, 0.0, -30.0], [15.2, 30.0, 30.0]);
+    world.scene.set_bounds(moving, moved).unwrap();
+    let mesh = world.scene.add_mesh(OccluderMesh::cuboid(&moved).unwrap());
+    world.scene.set_mesh(moving, mesh, Affine3A::IDENTITY).unwrap();
+    // The wall that moved is an occluder again at the third wide box.
+    for z in [0.0, 2.0, 4.0] {
+        assert_eq!(hidden(&world.scene, z), [false, true], "one wall is away, at a height of {z} m");
+    }
 }
 
 #[test]
@@ -384,7 +511,7 @@ fn boxes_of_any_places_are_made_at_last() {
     for place in [1e15, 1e16, 1e300, f64::MAX, f64::NAN] {
         let places = [DVec3::splat(place), DVec3::splat(-place)];
         let steps =
-            core::iter::from_fn(|| street.online.step(&street.world.scene, &places)).take(100).count();
+            core::iter::from_fn(|| street.online.step(&street.world.scene, &places, WHOLE)).take(100).count();
         assert!(steps < 100, "boxes around places at {place} m are made in {steps} steps");
     }
 }

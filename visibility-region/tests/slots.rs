@@ -3,7 +3,9 @@
 //! `cargo test -p visibility-region slots -- --ignored --nocapture` makes a million trials of the sweep.
 
 use visibility_core::{Accuracy, RegionCuller};
-use visibility_region::{ConvexBlockersCuller, ExtendedProjectionCuller, VolumetricCuller};
+#[cfg(feature = "papers")]
+use visibility_region::VolumetricCuller;
+use visibility_region::{ConvexBlockersCuller, ExtendedProjectionCuller};
 use visibility_testing::{SlotScene, SlotSearch};
 
 /// Makes trials, and fails for one whose target is hidden though it is seen.
@@ -24,6 +26,11 @@ fn sweeps_hide_nothing_that_is_seen_through_a_slot() {
 fn solids_hide_nothing_that_is_seen_through_a_slot() {
     let found = search(&mut ConvexBlockersCuller::new(), 0, 300);
     assert!(found.seen > 200 && found.hidden > 0, "{found:?}");
+}
+
+#[test]
+#[cfg(feature = "papers")]
+fn octrees_hide_nothing_that_is_seen_through_a_slot() {
     let found = search(&mut VolumetricCuller::new(), 0, 30);
     assert!(found.seen > 20, "{found:?}");
 }
@@ -56,5 +63,6 @@ fn sweeps_hide_nothing_in_a_million_scenes_of_slots() {
 #[ignore = "an hour"]
 fn solids_hide_nothing_in_many_scenes_of_slots() {
     search_long(&mut ConvexBlockersCuller::new(), 20_000);
+    #[cfg(feature = "papers")]
     search_long(&mut VolumetricCuller::new(), 10_000);
 }

@@ -7,7 +7,9 @@
 use crate::common::random_world;
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
-use visibility_region::{ConvexBlockersCuller, ExtendedProjectionCuller, SamplingCuller, VolumetricCuller};
+#[cfg(feature = "papers")]
+use visibility_region::VolumetricCuller;
+use visibility_region::{ConvexBlockersCuller, ExtendedProjectionCuller, SamplingCuller};
 use visibility_testing::Random;
 
 /// Searches random worlds until `trials` objects were hidden. Returns the number of worlds, and that of
@@ -89,6 +91,7 @@ fn no_ray_from_the_cell_reaches_a_hidden_object_in_many_worlds() {
     println!("sweep: {:?} worlds and objects seen", search(&mut sweep(), 2, 90_000, 3000));
     let mut others = sweep();
     others.push(Box::new(ConvexBlockersCuller::new()));
+    #[cfg(feature = "papers")]
     others.push(Box::new(VolumetricCuller::new()));
     println!("all methods: {:?}", search(&mut others, 3, 10_000, 3000));
 }

@@ -1,11 +1,12 @@
 //! Contract 4 for cullers from viewcells: scenes are swapped, mixed, cloned, changed, reverted and dropped
 //! under a live culler, whose answers are those of a culler that has seen no other scene.
 
+#[cfg(feature = "papers")]
 use crate::common::PointShadows;
 use visibility_core::{RegionCuller, Scene};
-use visibility_region::{
-    ConvexBlockersCuller, ExtendedProjectionCuller, SamplingCuller, ShrunkCuller, VolumetricCuller,
-};
+use visibility_region::{ConvexBlockersCuller, ExtendedProjectionCuller, SamplingCuller};
+#[cfg(feature = "papers")]
+use visibility_region::{ShrunkCuller, VolumetricCuller};
 use visibility_testing::Random;
 use visibility_testing::swapped::{AroundEye, Swapped, hold_against_fresh};
 
@@ -42,12 +43,14 @@ fn convex_blockers() {
 }
 
 #[test]
+#[cfg(feature = "papers")]
 fn volumetric() {
     // Half a second for each octree.
     hold(VolumetricCuller::new, 2);
 }
 
 #[test]
+#[cfg(feature = "papers")]
 fn shrunk() {
     hold(|| ShrunkCuller::new(PointShadows, 1), 100);
 }

@@ -17,6 +17,9 @@ pub struct Report {
     /// Number of viewcells that are not searched, since too many triangles of instances would have to be
     /// copied. 0 if shards were assembled.
     pub too_large: usize,
+    /// Number of viewcells through with all stages of which the time cut one short. 0 if shards were
+    /// assembled.
+    pub cut: usize,
     /// Number of cameras of the walks.
     pub cameras: usize,
     /// Number of cameras inside a viewcell. From outside, everything counts as visible.
@@ -123,6 +126,7 @@ impl Report {
             objects: level.object_count(),
             stages: [0; 5],
             too_large: 0,
+            cut: 0,
             cameras,
             cameras_inside,
             seconds,
@@ -192,9 +196,10 @@ impl Report {
             text += &format!("worst: {:.1} % from {a},{b},{c} to {d},{e},{f}\n", worst.gap * 100.0);
         }
         if self.viewcells_over_gap > 0 {
-            let then = if self.complete {
-                "their proofs were given up: more --rays, smaller viewcells (--size) or a larger --clearance \
-                 close more"
+            let then = if self.complete && self.cut > 0 {
+                "the time cut searches short: more --time closes more"
+            } else if self.complete {
+                "all methods are through: smaller viewcells (--size) close more, and more --time nothing"
             } else if self.stages[4] + self.too_large < self.viewcells.len() {
                 "the time was over: the same command goes on"
             } else {

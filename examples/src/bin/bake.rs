@@ -225,7 +225,7 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
         let set = level.set(&outcome.cells)?;
         write(&arguments.out, &set.to_bytes())?;
         let mut report = Report::new(&level, &outcome.cells, &outcome.times, &set, seconds, outcome.complete);
-        (report.stages, report.too_large) = (outcome.stages, outcome.too_large);
+        (report.stages, report.too_large, report.cut) = (outcome.stages, outcome.too_large, outcome.cut);
         write_report(&level, &outcome.cells, &report, &arguments.json, &arguments.pictures)?;
         report.text() + &next_command(&arguments.job, &arguments.out)
     };

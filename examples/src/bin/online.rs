@@ -29,7 +29,7 @@ struct Arguments {
     #[arg(long, value_name = "SPEED", default_value_t = 1.4)]
     speed: f64,
 
-    /// Milliseconds of each frame for work ahead. The last step of a frame ends later.
+    /// Milliseconds of each frame for work ahead. The last step of a frame may end a little later.
     #[arg(long, value_name = "MS", default_value_t = 2.0)]
     budget: f64,
 
@@ -144,7 +144,7 @@ fn walk(arguments: &Arguments, name: &str) -> Result<Sums, Box<dyn std::error::E
         let path = path(walk, arguments.speed / RATE, arguments.frames / walks.len());
         // The boxes around the eye's first place are made before the first frame, and are not counted.
         let start = path.first().copied().into_iter().collect::<Vec<_>>();
-        while online.step(&world.scene, &start).is_some() {}
+        while online.step(&world.scene, &start, u32::MAX).is_some() {}
         for (number, &eye) in path.iter().enumerate() {
             let velocity = (eye - path[number.saturating_sub(1)]) * RATE;
             let places: Vec<DVec3> = (0..=AHEAD.1)
@@ -154,7 +154,8 @@ fn walk(arguments: &Arguments, name: &str) -> Result<Sums, Box<dyn std::error::E
             let ms = |since: Instant| since.elapsed().as_secs_f64() * 1e3;
             while ms(frame) < arguments.budget {
                 let begin = Instant::now();
-                let Some(step) = online.step(&world.scene, &places) else { break };
+                let left = (arguments.budget - ms(frame)) * 1e3;
+                let Some(step) = online.step(&world.scene, &places, left as u32) else { break };
                 let (count, time) = &mut sums.boxes[usize::from(!step.is_wide)];
                 *count += usize::from(step.is_last);
                 *time += ms(begin);

@@ -19,7 +19,7 @@ use std::path::{Component, Path, PathBuf};
 /// Buffers of a document, with the document's path for error messages.
 pub(super) struct Buffers<'a> {
     /// Bytes by buffer index, or why there are none: only a buffer that is read need be there.
-    bytes: Vec<Result<Vec<u8>, String>>,
+    bytes: Vec<Result<Cow<'a, [u8]>, String>>,
     /// Bytes of the compressed buffer views by their index, or why there are none. `None` for others.
     decoded: Vec<Option<Result<Vec<u8>, String>>>,
     /// Number of elements read so far, at most [`MOST_READ`].
@@ -39,17 +39,17 @@ impl<'a> Buffers<'a> {
     /// Loads the buffers of a document. `chunk` is the binary chunk of a GLB, `None` for a glTF file; `path`
     /// is the path of the document, to which URIs are relative. A buffer that is missing, not permitted or
     /// shorter than the document claims is an error once it is read.
-    pub(super) fn load(document: &gltf::Document, chunk: Option<Vec<u8>>, path: &'a Path) -> Self {
+    pub(super) fn load(document: &gltf::Document, chunk: Option<&'a [u8]>, path: &'a Path) -> Self {
         let mut chunk = chunk;
         let bytes: Vec<_> = document
             .buffers()
             .map(|buffer| {
                 let data = match buffer.source() {
-                    Source::Bin => chunk.take().ok_or("there is no binary chunk for it")?,
-                    Source::Uri(uri) => match uri.strip_prefix("data:") {
+                    Source::Bin => Cow::Borrowed(chunk.take().ok_or("there is no binary chunk for it")?),
+                    Source::Uri(uri) => Cow::Owned(match uri.strip_prefix("data:") {
                         Some(rest) => data_uri(rest)?,
                         None => file_below(path, uri, buffer.length())?,
-                    },
+                    }),
                 };
                 if data.len() < buffer.length() {
                     return Err(format!("{} bytes are claimed, {} are there", buffer.length(), data.len()));

@@ -17,10 +17,10 @@ pub(super) struct Camera {
 }
 
 impl Camera {
-    /// Returns the cameras of all nodes of a document, in the order of the nodes.
-    pub(super) fn all(root: &Value) -> Vec<Self> {
+    /// Returns the perspective cameras of a document's nodes, each given with its index.
+    pub(super) fn all(root: &Value, nodes: &[(usize, Value)]) -> Vec<Self> {
         let cameras = list(root, "cameras");
-        let of_node = |(node, value): (usize, &Value)| {
+        let of_node = |&(node, ref value): &(usize, Value)| {
             let camera = cameras.get(value.get("camera")?.as_u64()? as usize)?;
             let perspective = camera.get("perspective")?;
             let named = |value: &Value| value.get("name").and_then(Value::as_str).map(str::to_owned);
@@ -32,7 +32,7 @@ impl Camera {
                 near: near.filter(|&near| near as f32 > 0.0 && near.is_finite()),
             })
         };
-        list(root, "nodes").iter().enumerate().filter_map(of_node).collect()
+        nodes.iter().filter_map(of_node).collect()
     }
 
     /// Returns the walk of the camera, with one key at rest. `world` is the transform of its node. `None` if

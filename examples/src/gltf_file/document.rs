@@ -10,7 +10,7 @@ use crate::error::SourceError;
 use crate::json;
 use glam::{DMat4, DQuat, DVec3};
 use gltf::json::validation::{Checked, Error, Validate};
-use gltf::json::{Path as JsonPath, Root};
+use gltf::json::{Node, Path as JsonPath, Root};
 use gltf::mesh::Semantic;
 use serde_json::{Map, Value};
 use std::path::Path;
@@ -19,8 +19,6 @@ use std::path::Path;
 pub(super) struct Document {
     /// Document without what places no triangle.
     pub gltf: gltf::Document,
-    /// Binary chunk of a GLB, `None` if there is none.
-    pub chunk: Option<Vec<u8>>,
     /// Transforms of the nodes to their parents' spaces, by index, in the precision of the text.
     pub transforms: Vec<LocalTransform>,
     /// Whether a pointer of `KHR_animation_pointer` moves the node, by index. Where to is not read.
@@ -90,37 +88,38 @@ pub(super) fn unit(rotation: DQuat) -> DQuat {
     if length > 0.0 && length.is_finite() { rotation / length } else { DQuat::IDENTITY }
 }
 
-/// Reads a document from the bytes of a glTF or GLB file. `path` appears in error messages only.
+/// Reads a document from the bytes of a glTF or GLB file. Returns it with the binary chunk of a GLB, which is
+/// `None` if there is none. `path` appears in error messages only.
 ///
 /// # Errors
 ///
 /// Returns [`SourceError::Content`] for a container that is cut short or has bytes beyond its length, for
 /// text that is not JSON, for another version than 2, and for what the `gltf` crate finds wrong.
-pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Document, SourceError> {
+pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option<&'a [u8]>), SourceError> {
     let wrong = |place: &str, problem: String| SourceError::content(path, place, problem);
     let (text, chunk) = if bytes.starts_with(b"glTF") {
-        let (text, chunk) = split(bytes).map_err(|(at, problem)| wrong(&format!("byte {at}"), problem))?;
-        (text, chunk.map(<[u8]>::to_vec))
+        split(bytes).map_err(|(at, problem)| wrong(&format!("byte {at}"), problem))?
     } else {
         (bytes, None)
     };
     let unreadable = |error: serde_json::Error| wrong("document", error.to_string());
-    let mut root = json::parse(text).map_err(unreadable)?;
+    let (read, beyond) = (Ok(Vec::new()), None);
+    let mut nodes = NodeReader { read, transforms: Vec::new(), with_camera: Vec::new(), beyond };
+    let mut root = json::parse_items(text, "nodes", &mut |node| nodes.take(node)).map_err(unreadable)?;
     let version = root.pointer("/asset/version").and_then(Value::as_str).unwrap_or_default();
     if !version.starts_with("2.") {
         let problem = format!("its version is `{version}`: glTF of version 2 is read, and no other");
         return Err(wrong("asset.version", problem));
     }
-    check_indices(&root, "", false).map_err(|(key, index)| {
+    check_indices(&root, "", false).and(nodes.beyond.map_or(Ok(()), Err)).map_err(|(key, index)| {
         wrong(&key, format!("{index} is beyond all indices, of which there are at most 2^32"))
     })?;
-    let (mut unread, cameras) = (Unread::new(&root), Camera::all(&root));
-    let nodes = json::list(&root, "nodes");
-    let transforms: Vec<_> = nodes.iter().map(LocalTransform::of).collect();
-    let mut is_pointed_at = vec![false; nodes.len()];
+    let (mut unread, cameras) = (Unread::new(&root), Camera::all(&root, &nodes.with_camera));
+    let mut is_pointed_at = vec![false; nodes.transforms.len()];
     strip(&mut root, &mut is_pointed_at, &mut unread);
 
-    let root: Root = serde_json::from_value(root).map_err(unreadable)?;
+    let mut root: Root = serde_json::from_value(root).map_err(unreadable)?;
+    root.nodes = nodes.read.map_err(unreadable)?;
     // The validation of the `gltf` crate looks up the accessors of positions without a bounds check.
     for (mesh_index, mesh) in root.meshes.iter().enumerate() {
         for (index, primitive) in mesh.primitives.iter().enumerate() {
@@ -142,7 +141,38 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Document, SourceError> {
         return Err(wrong(&place, problem));
     }
     let gltf = gltf::Document::from_json_without_validation(root);
-    Ok(Document { gltf, chunk, transforms, is_pointed_at, cameras, unread })
+    Ok((Document { gltf, transforms: nodes.transforms, is_pointed_at, cameras, unread }, chunk))
+}
+
+/// Reader of the nodes of a document, which takes them one by one.
+struct NodeReader {
+    /// Nodes as the `gltf` crate has them, without their cameras, or what it finds wrong first.
+    read: serde_json::Result<Vec<Node>>,
+    transforms: Vec<LocalTransform>,
+    /// Nodes with a camera, with their indices.
+    with_camera: Vec<(usize, Value)>,
+    /// First number that is beyond all indices, with its key.
+    beyond: Option<(String, u64)>,
+}
+
+impl NodeReader {
+    fn take(&mut self, mut node: Value) {
+        let Ok(read) = &mut self.read else { return };
+        if self.beyond.is_none() {
+            self.beyond = check_indices(&node, "nodes", true).err();
+        }
+        if node.get("camera").is_some() {
+            self.with_camera.push((self.transforms.len(), node.clone()));
+        }
+        self.transforms.push(LocalTransform::of(&node));
+        if let Some(members) = node.as_object_mut() {
+            members.remove("camera");
+        }
+        match serde_json::from_value(node) {
+            Ok(node) => read.push(node),
+            Err(error) => self.read = Err(error),
+        }
+    }
 }
 
 /// Text and binary chunk of a GLB.
@@ -261,9 +291,6 @@ fn strip(root: &mut Value, is_pointed_at: &mut [bool], unread: &mut Unread) {
         scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
     }
     objects(root, "materials").for_each(strip_textures);
-    for node in objects(root, "nodes") {
-        node.remove("camera");
-    }
     for mesh in list_mut(root, "meshes") {
         for primitive in list_mut(mesh, "primitives") {
             if let Some(attributes) = primitive.get_mut("attributes").and_then(Value::as_object_mut) {

@@ -73,9 +73,9 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<SceneSource, SourceError> {
 ///
 /// Returns the errors of [`parse`].
 pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSource, SourceError> {
-    let mut document = document::read(bytes, path)?;
+    let (mut document, chunk) = document::read(bytes, path)?;
     let nodes = Nodes::new(&mut document, DMat4::from_scale(DVec3::splat(reading.metres())), path)?;
-    let buffers = Buffers::load(&document.gltf, document.chunk.take(), path);
+    let buffers = Buffers::load(&document.gltf, chunk, path);
     let motion = Motion::new(&document.gltf, &document.transforms, &nodes, &buffers)?;
     let mut collector = Collector {
         document: &document,

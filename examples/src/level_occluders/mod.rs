@@ -6,14 +6,14 @@ pub mod picture;
 use crate::walkthrough::World;
 use std::path::Path;
 use visibility_core::{ObjectId, level_version};
-use visibility_occluders::{LevelError, LevelOccluders, LevelSettings};
+use visibility_occluders::{LevelOccluders, LevelOccludersError, LevelSettings};
 
 /// Makes the occluders of a world's level: those of all opaque objects that stand still. Doors do not.
 ///
 /// # Errors
 ///
-/// Returns [`LevelError`] if there are too many triangles.
-pub fn make(world: &World, settings: LevelSettings) -> Result<LevelOccluders, LevelError> {
+/// Returns [`LevelOccludersError`] if there are too many triangles.
+pub fn make(world: &World, settings: LevelSettings) -> Result<LevelOccluders, LevelOccludersError> {
     LevelOccluders::of_scene(&world.scene, |id| stands_still(world, id), settings)
 }
 

@@ -1,7 +1,8 @@
 //! Camera walks for scenes that bring none: where a person can stand, at the height of the eyes.
 //!
 //! A map of floors (`floor_map.rs`) tells where one can stand, and the places (`places.rs`) which of that is
-//! connected. Tours (`tour.rs`) lead through the greatest connected places. Only a scene without any such
+//! connected. Tours (`tour.rs`) lead through the greatest connected places, and through the rooms that are
+//! entered from places under the open sky. Only a scene without any such
 //! place, such as a statue, is looked at from a ring around it. The same scene always gets the same walks.
 
 mod floor_map;
@@ -18,7 +19,8 @@ use places::{Places, Region};
 const MOST_WALKS: [usize; 2] = [3, 1];
 /// Least area in square metres of a place with a ceiling that gets a walk, and of one without.
 const LEAST_AREA: [f64; 2] = [4.0, 25.0];
-/// Least part of the area of the greatest place that a place must have to get a walk.
+/// Least part of the area of the greatest place that a place must have to get a walk. A room that is entered
+/// from the open must have this part of the greatest such room.
 const LEAST_SHARE: f64 = 0.05;
 /// Size in metres on the ground from which on a scene is a place: if it has no floor to stand on, then its
 /// file leaves out the ground.
@@ -84,12 +86,16 @@ impl MadeUpWalks {
         let regions = places.regions(map);
         let area = |region: &Region| region.places.len() as f64 * COLUMN * COLUMN;
         let greatest = regions.iter().map(area).fold(0.0, f64::max);
+        let open = regions.iter().filter(|region| !region.is_covered && !region.is_roof);
+        let mut rooms: Vec<Region> = open.flat_map(|region| places.rooms(map, region)).collect();
+        rooms.sort_by_key(|room| std::cmp::Reverse(room.places.len()));
+        let least_room = LEAST_AREA[0].max(LEAST_SHARE * rooms.first().map_or(0.0, area));
         let mut made = Self { near: NEAR, ..Self::default() };
         for (is_open, name) in ["indoors", "outdoors"].into_iter().enumerate() {
             let least = LEAST_AREA[is_open].max(LEAST_SHARE * greatest);
-            let chosen = regions.iter().filter(|region| {
-                usize::from(!region.is_covered) == is_open && area(region) >= least && !region.is_roof
-            });
+            let chosen = regions.iter().filter(|region| area(region) >= least && !region.is_roof);
+            let chosen = chosen.chain(rooms.iter().filter(|room| area(room) >= least_room));
+            let chosen = chosen.filter(|region| usize::from(!region.is_covered) == is_open);
             for region in chosen.take(MOST_WALKS[is_open]) {
                 let keys = tour::keys(map, &places, region);
                 if keys.is_empty() {

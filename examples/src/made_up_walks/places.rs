@@ -19,6 +19,10 @@ const ROOF: f32 = 2.0;
 /// roof that covers more.
 const ROOF_SHARE: f64 = 0.25;
 const ROOF_AREA: f64 = 900.0;
+/// Number of places in a row, from the open on, that are no room although they have a ceiling: eaves of 1 m.
+const EAVES: usize = 4;
+/// Least number of borders of a room for each way out of it. A strip along a wall has about one.
+const LEAST_BORDERS: usize = 2;
 /// Number of a place that is none.
 pub(super) const NO_PLACE: u32 = u32::MAX;
 
@@ -150,27 +154,15 @@ impl Places {
             if !self.is_place(start) || is_taken[start as usize] {
                 continue;
             }
-            is_taken[start as usize] = true;
-            let mut places = vec![start];
             // Numbers of borders, and of borders with a drop.
-            let (mut borders, mut drops, mut done) = (0, 0, 0);
-            while let Some(&place) = places.get(done) {
-                done += 1;
-                for direction in 0..BESIDE.len() {
-                    match self.next(map, place, direction) {
-                        Some(next) if is_taken[next as usize] => {}
-                        Some(next) => {
-                            is_taken[next as usize] = true;
-                            places.push(next);
-                        }
-                        None => {
-                            borders += 1;
-                            drops += usize::from(self.is_drop(map, place, direction));
-                        }
-                    }
+            let (mut borders, mut drops) = (0, 0);
+            let places = self.connected(map, start, &mut is_taken, |place, direction, next| {
+                if next.is_none() {
+                    borders += 1;
+                    drops += usize::from(self.is_drop(map, place, direction));
                 }
-            }
-            places.sort_unstable();
+                next.is_some()
+            });
             let covered = places.iter().filter(|&&place| self.heights(place)[1].is_finite()).count();
             let is_covered = 2 * covered > places.len();
             let is_small = (places.len() as f64) < most_roof;
@@ -180,6 +172,65 @@ impl Places {
         }
         regions.sort_by_key(|region| std::cmp::Reverse(region.places.len()));
         regions
+    }
+
+    /// Returns the rooms that are connected with a region under the open sky: places with a ceiling, farther
+    /// than [`EAVES`] from those without, that borders enclose but for few ways out.
+    pub(super) fn rooms(&self, map: &FloorMap, region: &Region) -> Vec<Region> {
+        let is_open = |place: &u32| self.heights(*place)[1].is_infinite();
+        let mut is_outside = vec![false; self.count()];
+        let mut edge: Vec<u32> = region.places.iter().copied().filter(is_open).collect();
+        for _ in 0..=EAVES {
+            edge.iter().for_each(|&place| is_outside[place as usize] = true);
+            let beside = |&place: &u32| [0, 1, 2, 3].map(|direction| self.next(map, place, direction));
+            edge =
+                edge.iter().flat_map(beside).flatten().filter(|&next| !is_outside[next as usize]).collect();
+        }
+        let is_inside = |place: u32| !is_outside[place as usize];
+        let mut is_taken = vec![false; self.count()];
+        let mut rooms = Vec::new();
+        for &start in &region.places {
+            if !is_inside(start) || is_taken[start as usize] {
+                continue;
+            }
+            let (mut borders, mut openings) = (0, 0);
+            let places = self.connected(map, start, &mut is_taken, |_, _, next| {
+                borders += usize::from(next.is_none());
+                openings += usize::from(next.is_some_and(|next| !is_inside(next)));
+                next.is_some_and(is_inside)
+            });
+            if borders > LEAST_BORDERS * openings {
+                rooms.push(Region { places, is_covered: true, is_roof: false });
+            }
+        }
+        rooms
+    }
+
+    /// Returns the places that are connected with a place, ascending, and takes them. `is_within` is given
+    /// each place, each direction and the next place there, and returns whether this is one of them.
+    fn connected(
+        &self,
+        map: &FloorMap,
+        start: u32,
+        is_taken: &mut [bool],
+        mut is_within: impl FnMut(u32, usize, Option<u32>) -> bool,
+    ) -> Vec<u32> {
+        is_taken[start as usize] = true;
+        let (mut places, mut done) = (vec![start], 0);
+        while let Some(&place) = places.get(done) {
+            done += 1;
+            for direction in 0..BESIDE.len() {
+                let next = self.next(map, place, direction);
+                if is_within(place, direction, next)
+                    && let Some(next) = next
+                    && !std::mem::replace(&mut is_taken[next as usize], true)
+                {
+                    places.push(next);
+                }
+            }
+        }
+        places.sort_unstable();
+        places
     }
 
     /// Returns whether there is something deep below the column of a place.

@@ -9,17 +9,17 @@ use visibility_core::cells::{CellGraph, CellId, PortalId};
 use visibility_core::glam::DVec3;
 use visibility_portals::CellMatrix;
 
-/// Random number generator splitmix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number
-/// Generators", 2014). The field is the state; every seed is permitted.
+/// The generator of [`visibility_core::random`], with what the maps and lines draw. The field is the state;
+/// every seed is permitted.
 pub struct Random(pub u64);
 
 impl Random {
     /// Draws 64 random bits.
     pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
+        let mut random = visibility_core::random::Random(self.0);
+        let bits = random.bits();
+        self.0 = random.0;
+        bits
     }
 
     /// Draws a number in [0, 1).

@@ -186,9 +186,12 @@ impl fmt::Display for Advice {
             chosen.total_us / min_us.max(1.0),
         )?;
         if !untried.is_empty() {
-            let mut names: Vec<&str> =
-                untried.iter().filter_map(|entry| entry.split([':', '+']).next()).collect();
-            names.dedup();
+            let mut names: Vec<&str> = Vec::new();
+            for name in untried.iter().filter_map(|entry| entry.split([':', '+']).next()) {
+                if !names.contains(&name) {
+                    names.push(name);
+                }
+            }
             let (count, names) = (untried.len(), names.join(", "));
             writeln!(f, "no time for {count} settings of {names}: --thorough tries them")?;
         }
@@ -276,7 +279,7 @@ mod tests {
         );
 
         let facts = Advisor::new(&world.scene, &world.views, DrawCost::default()).unwrap().facts().to_owned();
-        let untried = ["pvs:objects", "pvs:walls+hzb", "occlusion-tree:8"].map(str::to_owned).to_vec();
+        let untried = ["pvs:objects", "occlusion-tree:8", "pvs:walls+hzb"].map(str::to_owned).to_vec();
         let advice = Advice {
             entry: "hzb".to_owned(),
             facts,

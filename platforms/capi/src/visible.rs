@@ -204,8 +204,8 @@ pub unsafe extern "C" fn vis_visible_write_bits(
         let scene = &unsafe { reference(scene, "scene") }?.read()?.scene;
         let visible = visible.finished()?;
         let needed = match visible.write_bits(scene, &mut []) {
-            Err(BitsError::TooShort { needed }) => needed,
-            Ok(()) => 0,
+            Err(BitsError::Length { needed }) => needed,
+            _ => 0,
         };
         match words.words(needed)? {
             Some(words) => Ok(visible.write_bits(scene, words)?),

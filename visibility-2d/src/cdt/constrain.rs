@@ -7,21 +7,21 @@
 //! (in one pass over the corners, since all of them see the wall).
 //!
 //! Two walls that cross are split at the `f64` point nearest to their crossing, and from there on both are
-//! chains through that point. If a vertex is within rounding of the crossing, both walls pass through that
-//! vertex instead: pieces would cross again beside it, on and on. No gap opens: a chain has the ends of its
-//! wall and no holes.
+//! chains through that point. If a vertex is within [`rounding`] of the crossing, both walls pass through
+//! that vertex instead. Otherwise their pieces might cross again beside it, on and on. No gap opens: a chain
+//! has the ends of its wall and no holes.
 
 use super::error::PlanError;
-use super::predicates::{LEAST, Point, area, is_same_way, orient};
+use super::predicates::{MIN_MAGNITUDE, Point, area, is_same_way, orient};
 use super::triangulation::{NONE, Place, Triangulation, next, previous};
 use alloc::vec::Vec;
 
 /// Greatest number of vertices of a triangulation, ends of walls and crossings together. Also the greatest
 /// number of items in its lists of walls.
-pub(crate) const MOST_VERTICES: usize = 1 << 24;
+pub(crate) const MAX_VERTICES: usize = 1 << 24;
 
-/// Flag of a number that is a half-edge without it. With it, the other bits are an index into
-/// `Constrainer::steps`.
+/// Flag of a number that stands for a half-edge or a step. If set, the other bits are an index into
+/// `Constrainer::steps`. If not, the number is the index of a half-edge.
 const STEP: u32 = 1 << 31;
 
 /// A piece of a wall that is to become an edge or a chain of edges.
@@ -30,7 +30,7 @@ struct Task {
     from: u32,
     to: u32,
     walls: u32,
-    /// True if the piece is a part of one that was split at a crossing, false if it is as given.
+    /// True if the piece comes from a split at a crossing, false if it is on the line of a wall as given.
     is_part: bool,
 }
 
@@ -40,10 +40,10 @@ struct Step {
     /// Vertex at which the step ends on the way clockwise around the removed triangles: the origin of
     /// `inner`.
     vertex: u32,
-    /// Half-edge on the inner side: of the removed triangle, and of the new one once `fill_side` has made it.
+    /// Half-edge on the inner side of the step: of the removed triangle, later of the new one (`fill_side`).
     inner: u32,
-    /// Half-edge on the outer side. If both triangles at the edge are removed: [`STEP`] plus the index of the
-    /// step on its other side. [`NONE`] on the outer rectangle.
+    /// Half-edge on the outer side. If the triangles on both sides of the edge are removed: [`STEP`] plus the
+    /// index of the step along the edge's other side. [`NONE`] on the outer rectangle.
     outer: u32,
     walls: u32,
 }
@@ -64,14 +64,14 @@ pub(crate) struct Constrainer {
     /// wall from its first end, then those on the right side back to it.
     steps: Vec<Step>,
     right: Vec<Step>,
-    /// Triangles that the wall crosses, as indices. `fill_side` uses them for the new triangles.
+    /// Indices of the triangles that the wall crosses. `fill_side` gives them to the new triangles.
     removed: Vec<u32>,
     /// Scratch of `fill_side`: vertices that are not cut off yet, each with the half-edge, or [`STEP`] and
     /// the step, that joins it to the vertex before it. [`NONE`] for the first.
     chain: Vec<(u32, u32)>,
     /// Number of times that the wall being inserted was split at a crossing.
     splits: usize,
-    /// Number of crossings of one wall above which its pieces count as endless, and the wall is refused.
+    /// Greatest value of `splits`. Beyond it the splitting of the wall counts as endless, and is an error.
     usual: usize,
 }
 
@@ -79,8 +79,8 @@ impl Constrainer {
     /// Makes the wall between two vertices a chain of edges. Nothing happens for equal vertices.
     ///
     /// # Errors
-    /// [`PlanError::TooMany`] when crossings make more than [`MOST_VERTICES`] vertices, or overlaps more than
-    /// [`MOST_VERTICES`] items in `Triangulation::lists`. The check comes before each step, which can double
+    /// [`PlanError::TooMany`] when crossings make more than [`MAX_VERTICES`] vertices, or overlaps more than
+    /// [`MAX_VERTICES`] items in `Triangulation::lists`. The check comes before each step, which can double
     /// the items: even then their numbers fit into `u32`.
     pub(crate) fn insert(
         &mut self,
@@ -107,9 +107,9 @@ impl Constrainer {
         (self.splits, self.usual) = (0, 16 * of.points.len() + 1024);
         while let Some(task) = self.tasks.pop() {
             // Pieces as short as rounding may bend to and fro without end, in very few piles of walls.
-            let endless = if self.splits > self.usual { MOST_VERTICES + self.splits } else { 0 };
+            let endless = if self.splits > self.usual { MAX_VERTICES + self.splits } else { 0 };
             let count = of.points.len().max(of.lists.len()).max(endless);
-            if count > MOST_VERTICES {
+            if count > MAX_VERTICES {
                 self.tasks.clear();
                 return Err(PlanError::TooMany { count });
             }
@@ -319,7 +319,7 @@ fn mark(of: &mut Triangulation, h: u32, walls: u32) {
     mark_as(of, h, head);
 }
 
-/// Returns whether a wall is among the first 64 items of a list from `item` on, which were added last.
+/// Returns whether a wall is among the 64 items added last to a list, which are the first from `item` on.
 /// Without this test, walls that bend onto each other again and again would double their lists each time.
 fn lists_lately(of: &Triangulation, mut item: u32, wall: u32) -> bool {
     for _ in 0..64 {
@@ -406,10 +406,10 @@ fn may_bend([a, b]: [Point; 2], through: Point) -> bool {
 
 /// Returns the distance within which points that were rounded several times count as one.
 ///
-/// A crossing is wrong by some units of rounding of the greatest coordinate. Pieces of walls that cross there
-/// may cross again a little beside: on and on, each time by a unit, where a coordinate rounds back to the
-/// same number; and walls on top of each other cross at every vertex of either. So near a vertex they pass
-/// through the vertex.
+/// A crossing is wrong by some units of rounding of the greatest coordinate. Pieces of walls that were split
+/// at it may cross again a little beside it, and so on without end, where a coordinate rounds back to the
+/// same number. Walls on top of each other cross at every vertex of either. So walls that cross within this
+/// distance of a vertex are led through the vertex.
 fn rounding(points: &[Point]) -> f64 {
     8.0 * f64::EPSILON * points.as_flattened().iter().fold(0.0, |size: f64, x| size.max(x.abs()))
 }
@@ -418,8 +418,8 @@ fn rounding(points: &[Point]) -> f64 {
 /// lies in the bounding boxes of both segments. Lines that 106 bits cannot tell from parallel ones are cut in
 /// the middle of `ab`.
 ///
-/// A coordinate of a magnitude below [`LEAST`] becomes 0, which is in both boxes: their corners are 0 or
-/// beyond `LEAST`.
+/// A coordinate of a magnitude below [`MIN_MAGNITUDE`] becomes 0, which is in both boxes: their corners are 0
+/// or beyond `MIN_MAGNITUDE`.
 fn crossing(a: Point, b: Point, c: Point, d: Point) -> Point {
     let (of_a, of_b) = (area(c, d, a), area(c, d, b));
     let share = of_a / (of_a - of_b);
@@ -428,6 +428,6 @@ fn crossing(a: Point, b: Point, c: Point, d: Point) -> Point {
         let x = a[axis] + share * (b[axis] - a[axis]);
         let x = x.max(a[axis].min(b[axis])).min(a[axis].max(b[axis]));
         let x = x.max(c[axis].min(d[axis])).min(c[axis].max(d[axis]));
-        if x.abs() < LEAST { 0.0 } else { x }
+        if x.abs() < MIN_MAGNITUDE { 0.0 } else { x }
     })
 }

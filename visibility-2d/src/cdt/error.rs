@@ -13,10 +13,12 @@ pub enum PlanError {
         /// The first point with a coordinate that cannot be used.
         point: [f64; 2],
     },
-    /// There are more walls than [`Plan::LIMIT`](crate::cdt::Plan::LIMIT), they cross or overlap more often
-    /// than [`Plan::new`](crate::cdt::Plan::new) allows, or beams of a region enter more than 2^24 triangles.
+    /// There are more walls than [`Plan::LIMIT`](crate::cdt::Plan::LIMIT), the walls cross or overlap more
+    /// often than [`Plan::new`](crate::cdt::Plan::new) allows, or the beams of a region enter more than 2^24
+    /// triangles.
     TooMany {
-        /// Number of walls given, or number of vertices, overlaps or triangles entered that was reached.
+        /// Number of walls given, or number of vertices, overlaps or triangles entered when the work ended.
+        /// For a wall that is split without end: 2^24 plus the number of its splits.
         count: usize,
     },
     /// A wall's number is not below the number of walls of the plan.

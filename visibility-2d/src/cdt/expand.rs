@@ -17,7 +17,7 @@ use alloc::vec::Vec;
 pub(crate) struct Ray {
     /// Index of a vertex of the plan, or the number of its vertices plus an index into `Expansion::sector`.
     pub(crate) point: u32,
-    /// The point less the eye, rounded, in world units.
+    /// Vector from the eye to the point, rounded, in world units.
     pub(crate) offset: Point,
 }
 
@@ -46,8 +46,8 @@ impl Cone {
 /// What happens to a cone of sight at an edge of a triangle.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Met {
-    /// The cone goes on beyond a wall that does not block, or that counts as one of those the view sees
-    /// through.
+    /// The cone goes on beyond the wall, which does not block or is one of the opaque walls that the view
+    /// sees through.
     Passed,
     /// The cone ends at a wall or at the outer rectangle.
     Ended,
@@ -55,8 +55,7 @@ pub(crate) enum Met {
     Far,
 }
 
-/// The eye of a look and the plan that it looks at: what all cones of one look from triangle to triangle
-/// share.
+/// The eye of a query and the plan on which it looks around: what all cones of the query share.
 #[derive(Clone, Copy)]
 pub(crate) struct Expansion<'a> {
     pub(crate) plan: &'a Plan,
@@ -88,9 +87,9 @@ impl Expansion<'_> {
         orient_slow(self.point(first.point), self.point(second.point), self.eye) > 0.0
     }
 
-    /// Replaces `cones` by those in which the view leaves the triangles at `place`, the place of the eye,
-    /// counter-clockwise. For an eye outside, those in which it enters the rectangle. Each may pass `through`
-    /// opaque walls.
+    /// Replaces `cones` by the cones in which the view leaves the triangles at `place`, the place of the eye,
+    /// counter-clockwise. For an eye outside the rectangle: by the cones in which the view enters it. Each
+    /// cone may pass `through` opaque walls.
     pub(crate) fn start(&self, place: Place, through: u32, cones: &mut Vec<Cone>) {
         cones.clear();
         let plan = self.plan;
@@ -156,8 +155,8 @@ impl Expansion<'_> {
         cones.drain(..count);
     }
 
-    /// Returns whether `ray` is in the cone from `right` to `left`, narrower than half a turn: on its right
-    /// bound or strictly inside.
+    /// Returns whether `ray` is on the right bound or strictly inside of the cone from `right` to `left`. The
+    /// cone must be narrower than half a turn.
     fn holds(&self, right: Ray, left: Ray, ray: Ray) -> bool {
         !self.is_left(ray, right)
             && self.is_left(ray, left)
@@ -170,7 +169,8 @@ impl Expansion<'_> {
 
     /// Follows the cones on the stack, the last one first. Calls `meet(edge, right, left, met)` for each part
     /// of an edge between two rays where a cone passes a wall or ends, from right to left. A cone ends at an
-    /// edge for which `is_near` is false, and at a wall for which `stops` is true and `through` is used up.
+    /// edge for which `is_near` is false, at the outer rectangle, and at a wall that blocks and for which
+    /// `stops` is true, once the cone has passed as many such walls as it may.
     /// Calls `enter(triangle, right, left)` for each triangle that a cone enters.
     #[inline(always)]
     pub(crate) fn run(

@@ -5,7 +5,8 @@
 
 use super::predicates::Point;
 
-/// A space-filling curve through a rectangle, given by its least corner and its steps per world unit.
+/// A space-filling curve through a rectangle, given by the rectangle's least corner and the curve's finest
+/// steps per world unit along each axis.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Curve {
     low: Point,
@@ -23,7 +24,7 @@ impl Curve {
     /// Returns the position of a point along a curve of 2^(2 `LEVELS`) steps: the number of the step at the
     /// point, as the highest 2 `LEVELS` bits of the result. `LEVELS` must be at most 32. The position at
     /// fewer levels is a prefix of the position at more levels. A point outside the rectangle has the
-    /// position of a point on its boundary.
+    /// position of a point on the rectangle's boundary.
     pub(crate) fn place<const LEVELS: u32>(&self, point: Point) -> u64 {
         // A cast to an integer saturates, and NaN becomes 0.
         let [mut x, mut y] =

@@ -6,12 +6,12 @@ use super::triangulation::{NONE, Place, next, place_in};
 
 /// Greatest number of steps of a walk from the triangle of the last eye. More steps take as long as a binary
 /// search.
-const MOST_STEPS: u32 = 16;
+const MAX_STEPS: u32 = 16;
 
 impl Plan {
-    /// Returns the [`Place`] of a point: the triangle, half-edge or vertex that it is on. The search walks
-    /// from half-edge `from` if that is a few steps away. Otherwise, or if `from` is [`NONE`], it searches
-    /// all triangles. The answer does not depend on `from`.
+    /// Returns the [`Place`] of a point: the triangle, half-edge or vertex that it is on. Walks there from
+    /// half-edge `from` if [`MAX_STEPS`] steps suffice. Otherwise, or if `from` is [`NONE`], walks from a
+    /// vertex found by binary search along the curve. The answer does not depend on `from`.
     pub(crate) fn locate_near(&self, point: Point, from: u32) -> Place {
         match self.walk_to(point, from) {
             // The half-edge by which the walk came, of several.
@@ -22,7 +22,7 @@ impl Plan {
     }
 
     fn walk_to(&self, point: Point, from: u32) -> Place {
-        let near = if from == NONE { None } else { self.walk(point, from, MOST_STEPS) };
+        let near = if from == NONE { None } else { self.walk(point, from, MAX_STEPS) };
         near.unwrap_or_else(|| self.locate(point, self.near(point)))
     }
 

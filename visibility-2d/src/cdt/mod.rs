@@ -12,6 +12,7 @@
 //! - [`Plan::sees`], [`Plan::ray`]: lines of sight between two points, the first wall on a ray.
 //! - [`Plan::look_from_region`]: the walls and triangles seen from anywhere in a triangle, on a segment, in a
 //!   convex cell.
+//! - [`PlanCells`]: which of many movers see each other.
 //! - [`Plan::set_opacity`]: doors that open and close.
 
 pub(crate) mod constrain;
@@ -21,6 +22,7 @@ mod hilbert;
 mod locate;
 mod objects;
 mod plan;
+mod plan_cells;
 pub(crate) mod predicates;
 mod range;
 mod region;
@@ -35,6 +37,7 @@ mod wall;
 pub use error::PlanError;
 pub use objects::PlanObjects;
 pub use plan::Plan;
+pub use plan_cells::PlanCells;
 pub use region::RegionVisibility;
 pub use sight::WallHit;
 pub use view::PlanView;

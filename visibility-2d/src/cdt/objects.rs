@@ -94,7 +94,8 @@ impl PlanObjects {
         Ok(object)
     }
 
-    /// Replaces an object's outline: the object becomes the convex hull of `outline`.
+    /// Replaces an object's outline: the object becomes the convex hull of `outline`. Takes the time of
+    /// [`remove`](Self::remove) and [`insert`](Self::insert).
     ///
     /// # Errors
     /// - [`PlanError::Coordinate`] if a coordinate of a point is NaN, infinite or above 1e60 in absolute
@@ -114,7 +115,8 @@ impl PlanObjects {
     }
 
     /// Removes an object. It is not seen until it is [set](Self::set) again, and its number is not given to
-    /// another object. Nothing happens for an unknown number.
+    /// another object. Nothing happens for an unknown number. Takes time in proportion to the number of
+    /// objects in the triangles that the object overlaps.
     pub fn remove(&mut self, object: u32) {
         let Some(first) = self.of_object.get_mut(object as usize) else { return };
         let mut item = core::mem::replace(first, NONE);

@@ -1,17 +1,17 @@
 //! The plan: a constrained Delaunay triangulation of walls, ready for queries.
 
-use super::constrain::{Constrainer, MOST_VERTICES};
+use super::constrain::{Constrainer, MAX_VERTICES};
 use super::error::PlanError;
 use super::hilbert::Curve;
-use super::predicates::{GREATEST, LEAST, Point, checked};
+use super::predicates::{MAX_MAGNITUDE, MIN_MAGNITUDE, Point, checked};
 use super::triangulation::{NONE, Triangulation, next, previous};
 use super::wall::{Opacity, Wall};
 use alloc::vec::Vec;
 use visibility_core::stamp::Stamp;
 
-/// Greatest length of `Plan::walls_of_pieces`: one wall for each edge of a triangulation, and some that
-/// overlap.
-const MOST_WALLS: usize = 4 * MOST_VERTICES;
+/// Greatest length of `Plan::walls_of_pieces`: enough for one wall along each edge of a triangulation, and
+/// for some walls that overlap.
+const MAX_WALLS: usize = 4 * MAX_VERTICES;
 
 /// A half-edge of a plan. 8 bytes, since queries read these in random order.
 #[derive(Clone, Copy, Debug)]
@@ -48,8 +48,8 @@ impl HalfEdge {
 ///
 /// Building takes expected time `n log n` in the number of walls, crossings and overlaps (pairs of a wall and
 /// a piece of another along which the wall lies). A query takes time in proportion to what it sees, and a
-/// binary search to find its eye. If one wall is some 65,536 times as far away as the others extend, the
-/// search is a walk past up to the square root of their number, more if they are in one line.
+/// binary search to find its eye. If one wall is farther away than some 65,536 times the extent of the `n`
+/// others, the search is a walk past up to `sqrt(n)` triangles, or more if these walls are in one line.
 ///
 /// ```
 /// use visibility_2d::cdt::{Plan, PlanView, Visibility, Wall};
@@ -94,9 +94,9 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Greatest number of walls. With two ends each and the corners of the rectangle they are 2^24 vertices.
-    /// Crossings are vertices as well, so that fewer walls may be too many.
-    pub const LIMIT: usize = MOST_VERTICES / 2 - 2;
+    /// Greatest number of walls: their ends, two each, and the corners of the rectangle are then 2^24
+    /// vertices. Crossings are vertices as well, so that fewer walls may be too many.
+    pub const LIMIT: usize = MAX_VERTICES / 2 - 2;
 
     /// Makes a plan of walls, numbered from 0 in the order given. The rectangle around the plan leaves a
     /// margin of a quarter of the larger extent of all walls, at least 1.
@@ -104,7 +104,8 @@ impl Plan {
     /// # Errors
     /// - [`PlanError::Coordinate`] for a coordinate that is NaN, infinite or above 1e60 in absolute value.
     /// - [`PlanError::TooMany`] for more than [`LIMIT`](Self::LIMIT) walls, 2^24 vertices or 2^24 overlaps,
-    ///   or if the walls of all pieces are together more than 2^26.
+    ///   if the walls of all pieces are together more than 2^26, or if rounding makes the pieces of a wall
+    ///   cross other walls without end.
     pub fn new(walls: &[Wall]) -> Result<Self, PlanError> {
         Self::from_walls_within(walls, |[low, high]| {
             (0.25 * (high[0] - low[0]).max(high[1] - low[1])).max(1.0)
@@ -121,8 +122,8 @@ impl Plan {
         Self::from_walls_within(walls, |_| margin)
     }
 
-    /// Makes a plan like [`from_walls`](Self::from_walls). `margin` returns the margin from the least and
-    /// greatest coordinates of all walls.
+    /// Makes a plan like [`from_walls`](Self::from_walls). `margin` is called with the least and greatest
+    /// coordinates of all walls and returns the margin in world units.
     fn from_walls_within(walls: &[Wall], margin: impl Fn([Point; 2]) -> f64) -> Result<Self, PlanError> {
         if walls.len() > Self::LIMIT {
             return Err(PlanError::TooMany { count: walls.len() });
@@ -136,8 +137,8 @@ impl Plan {
         let [low, high] = bounds_of(&ends);
         // 4 units in the last place of the greatest coordinate, so that rectangle and walls differ; at least
         // the least coordinate, and at most the greatest.
-        let size = low.iter().chain(&high).fold(LEAST, |size, x| size.max(x.abs()));
-        let margin = margin([low, high]).max(4.0 * f64::EPSILON * size).clamp(LEAST, GREATEST);
+        let size = low.iter().chain(&high).fold(MIN_MAGNITUDE, |size, x| size.max(x.abs()));
+        let margin = margin([low, high]).max(4.0 * f64::EPSILON * size).clamp(MIN_MAGNITUDE, MAX_MAGNITUDE);
         // Without the margin, beside which all walls could be at one place of the curve.
         let curve = Curve::new(low, high);
         let (low, high) = (low.map(|x| x - margin), high.map(|x| x + margin));
@@ -150,7 +151,8 @@ impl Plan {
         Self::packed(triangulation, walls, curve, [low, high])
     }
 
-    /// Renumbers vertices and triangles along the curve and sorts walls into pieces.
+    /// Makes the plan of a triangulation: renumbers vertices and triangles along the curve, and lists the
+    /// walls of each piece.
     fn packed(
         from: Triangulation,
         walls: &[Wall],
@@ -247,7 +249,7 @@ impl Plan {
         self.first_wall.push(kept as u32);
         self.piece_edge.push(h);
         // Pieces share a list, so that all together may have many more walls than the lists.
-        if kept > MOST_WALLS { Err(PlanError::TooMany { count: kept }) } else { Ok(()) }
+        if kept > MAX_WALLS { Err(PlanError::TooMany { count: kept }) } else { Ok(()) }
     }
 
     fn list_pieces_of_walls(&mut self) {
@@ -313,7 +315,7 @@ impl Plan {
         self.stamp
     }
 
-    /// Returns the walls as given, with their opacities of now.
+    /// Returns the walls as given, with their present opacities.
     pub fn walls(&self) -> &[Wall] {
         &self.walls
     }
@@ -391,7 +393,8 @@ impl Plan {
         self.edges[previous(h) as usize].twin()
     }
 
-    /// Returns a half-edge near a point: one that begins at a neighbour of the point on the curve.
+    /// Returns a half-edge near a point. It begins at the vertex just before or just after the point along
+    /// the curve, whichever is nearer.
     pub(crate) fn near(&self, point: Point) -> u32 {
         let place = (self.curve.place::<16>(point) >> 32) as u32;
         let after = self.places.partition_point(|&p| p < place).min(self.points.len() - 1);

@@ -12,12 +12,12 @@ pub(crate) type Point = [f64; 2];
 
 /// Greatest magnitude of a coordinate. The in-circle test multiplies four differences of coordinates: below
 /// 1e242, far from overflow.
-pub(crate) const GREATEST: f64 = 1e60;
+pub(crate) const MAX_MAGNITUDE: f64 = 1e60;
 
 /// Least magnitude of a nonzero coordinate: smaller ones are set to 0. The last bit of a coordinate is then
 /// at least 1e-56, and the product of four such bits at least 1e-224, so that no product of the predicates
 /// underflows.
-pub(crate) const LEAST: f64 = 1e-40;
+pub(crate) const MIN_MAGNITUDE: f64 = 1e-40;
 
 /// Shewchuk's bound `(3 + 16 u) u` on the error of the orientation, relative to the sum of the magnitudes of
 /// its two products; `u` is 2^-53.
@@ -92,14 +92,14 @@ pub(crate) fn is_same_way(origin: Point, a: Point, b: Point) -> bool {
     (a[axis] > origin[axis]) == (b[axis] > origin[axis])
 }
 
-/// Returns the point with magnitudes below [`LEAST`] replaced by 0, and -0 by 0.
+/// Returns the point with magnitudes below [`MIN_MAGNITUDE`] replaced by 0, and -0 by 0.
 ///
 /// # Errors
 /// [`PlanError::Coordinate`] with the given index if a coordinate is NaN or its magnitude exceeds
-/// [`GREATEST`].
+/// [`MAX_MAGNITUDE`].
 pub(crate) fn checked(point: Point, index: usize) -> Result<Point, PlanError> {
-    if !point.iter().all(|x| x.abs() <= GREATEST) {
+    if !point.iter().all(|x| x.abs() <= MAX_MAGNITUDE) {
         return Err(PlanError::Coordinate { index, point });
     }
-    Ok(point.map(|x| if x.abs() < LEAST { 0.0 } else { x }))
+    Ok(point.map(|x| if x.abs() < MIN_MAGNITUDE { 0.0 } else { x }))
 }

@@ -19,7 +19,7 @@ use alloc::vec::Vec;
 
 /// Greatest number of triangles that all beams of a region enter together. A beam enters a triangle in some
 /// 40 ns.
-const MOST_STEPS: usize = 1 << 24;
+const MAX_STEPS: usize = 1 << 24;
 
 /// A side of a beam's polygon in the dual plane, where each point is a line of sight, with the corner that
 /// follows it.
@@ -156,6 +156,11 @@ impl Plan {
         }
         convex_hull(&mut answer.points, &mut answer.hull);
         self.overlapped(answer)?;
+        self.follow_all(answer)
+    }
+
+    /// Adds the walls and triangles that are seen from the part of the hull in the triangles listed so far.
+    pub(super) fn follow_all(&self, answer: &mut RegionVisibility) -> Result<(), PlanError> {
         for index in 0..answer.triangles.len() {
             let first = 3 * answer.triangles[index];
             for edge in first..first + 3 {
@@ -175,21 +180,19 @@ impl Plan {
         Ok(())
     }
 
-    /// Adds to `answer` the triangles whose overlap with its hull has an area. For a hull without area, a
-    /// point or a segment, all triangles that it touches.
+    /// Adds to `answer` the triangles whose overlap with `answer.hull` has an area. For a hull without area,
+    /// a point or a segment, adds all triangles that the hull touches.
     ///
     /// # Errors
     /// [`PlanError::Region`] if the hull is empty or reaches out of the rectangle around the plan.
     pub(super) fn overlapped(&self, answer: &mut RegionVisibility) -> Result<(), PlanError> {
         let first = *answer.hull.first().ok_or(PlanError::Region)?;
-        let [low, high] = self.bounds();
-        let is_inside = |p: &Point| (0..2).all(|axis| low[axis] <= p[axis] && p[axis] <= high[axis]);
-        if !answer.hull.iter().all(is_inside) {
+        if !self.is_inside(&answer.hull) {
             return Err(PlanError::Region);
         }
         let hull = core::mem::take(&mut answer.hull);
         let add = |h: u32, answer: &mut RegionVisibility| {
-            if self.overlaps(h / 3, &hull) {
+            if overlap(&[0, 1, 2].map(|k| self.start(h / 3 * 3 + k)), &hull) {
                 answer.add_triangle(h / 3);
             }
         };
@@ -222,29 +225,61 @@ impl Plan {
         Ok(())
     }
 
-    /// Returns whether a triangle and a convex polygon overlap. False only if a side of either separates
-    /// them. A polygon without area overlaps every triangle that it touches.
-    fn overlaps(&self, triangle: u32, hull: &[Point]) -> bool {
-        let corners = [0, 1, 2].map(|k| self.start(3 * triangle + k));
-        let has_area = hull.len() > 2;
-        let is_apart = |a: Point, b: Point, others: &[Point]| {
-            others.iter().all(|&p| {
-                let side = orient(a, b, p);
-                if has_area { side <= 0.0 } else { side < 0.0 }
-            })
-        };
-        let by_triangle = (0..3).any(|k| is_apart(corners[k], corners[(k + 1) % 3], hull));
-        let by_hull = || {
-            hull.len() > 1 && (0..hull.len()).any(|k| is_apart(hull[k], hull[(k + 1) % hull.len()], &corners))
-        };
-        !by_triangle && !by_hull()
+    /// Finds the walls and triangles that are seen from anywhere in a triangle: exact.
+    pub(super) fn look_from_triangle(
+        &self,
+        triangle: u32,
+        answer: &mut RegionVisibility,
+    ) -> Result<(), PlanError> {
+        answer.begin(self);
+        answer.hull.extend([0, 1, 2].map(|k| self.start(3 * triangle + k)));
+        answer.add_triangle(triangle);
+        self.follow_all(answer)
+    }
+
+    /// Lists the triangles that a convex body overlaps, and all that some point of the body may get to inside
+    /// `outer`, through edges that some line of sight passes. Both are corners of convex polygons with an
+    /// area, counter-clockwise, and `outer` holds the body. Leaves `outer` as the hull.
+    pub(super) fn reached(
+        &self,
+        body: &[Point],
+        outer: &[Point],
+        answer: &mut RegionVisibility,
+    ) -> Result<(), PlanError> {
+        answer.begin(self);
+        if !self.is_inside(outer) {
+            return Err(PlanError::Region);
+        }
+        answer.hull.extend_from_slice(body);
+        self.overlapped(answer)?;
+        answer.hull.clear();
+        answer.hull.extend_from_slice(outer);
+        let mut index = 0;
+        while index < answer.triangles.len() {
+            let first = 3 * answer.triangles[index];
+            for h in first..first + 3 {
+                let Some(twin) = self.edges[h as usize].twin() else { continue };
+                let blocks = self.edges[h as usize].twin & self.edges[twin as usize].twin & BLOCKS != 0;
+                if !blocks && overlap(&self.ends(h), outer) {
+                    answer.add_triangle(twin / 3);
+                }
+            }
+            index += 1;
+        }
+        Ok(())
+    }
+
+    /// Returns whether all points are in the rectangle around the plan.
+    fn is_inside(&self, points: &[Point]) -> bool {
+        let [low, high] = self.bounds();
+        points.iter().all(|p| (0..2).all(|axis| low[axis] <= p[axis] && p[axis] <= high[axis]))
     }
 
     /// Follows all lines of sight that meet the region and leave one of its triangles across half-edge
-    /// `edge`, until walls stop them. Adds the walls and triangles that they reach to `answer`.
+    /// `edge`, until walls stop them. Adds to `answer` the walls and triangles that the lines reach.
     ///
     /// # Errors
-    /// [`PlanError::TooMany`] beyond [`MOST_STEPS`] triangles entered for the region.
+    /// [`PlanError::TooMany`] beyond [`MAX_STEPS`] triangles entered for the region.
     fn follow_from(&self, edge: u32, answer: &mut RegionVisibility) -> Result<(), PlanError> {
         answer.sides.clear();
         let (a, b) = (self.edges[edge as usize].origin, self.edges[next(edge) as usize].origin);
@@ -269,7 +304,7 @@ impl Plan {
                 continue;
             }
             answer.steps += 1;
-            if answer.steps > MOST_STEPS {
+            if answer.steps > MAX_STEPS {
                 return Err(PlanError::TooMany { count: answer.steps });
             }
             let twin = twin & TWIN;
@@ -289,8 +324,9 @@ impl Plan {
         Ok(())
     }
 
-    /// Returns whether a line of a beam meets the hull. All lines pass the hull on one side if the lines of
-    /// all corners do; and if some pass it on either side, one between them meets it.
+    /// Returns whether a line of a beam meets the hull. If the lines at all corners of the beam pass the hull
+    /// on the same side, all its lines do. If some pass it on the left and some on the right, a line between
+    /// these meets it.
     fn meets_hull(&self, beam: Beam, answer: &RegionVisibility) -> bool {
         let mut common = 0;
         for side in &answer.sides[beam.sides.0 as usize..beam.sides.1 as usize] {
@@ -308,6 +344,23 @@ impl Plan {
         }
         false
     }
+}
+
+/// Returns whether two convex polygons overlap, a segment or a point being one without area. False only if a
+/// side of either separates them. Polygons that only touch overlap if either is without area.
+fn overlap(one: &[Point], other: &[Point]) -> bool {
+    let have_area = one.len() > 2 && other.len() > 2;
+    let is_apart = |of: &[Point], others: &[Point]| {
+        of.len() > 1
+            && (0..of.len()).any(|k| {
+                let (a, b) = (of[k], of[(k + 1) % of.len()]);
+                others.iter().all(|&p| {
+                    let side = orient(a, b, p);
+                    if have_area { side <= 0.0 } else { side < 0.0 }
+                })
+            })
+    };
+    !is_apart(one, other) && !is_apart(other, one)
 }
 
 /// Returns whether a convex polygon, counter-clockwise, contains a point in its inside or on its outline.

@@ -7,7 +7,7 @@
 
 use super::error::PlanError;
 use super::plan::{BLOCKS, Plan};
-use super::predicates::{GREATEST, Point, area, checked, is_same_way, orient};
+use super::predicates::{MAX_MAGNITUDE, Point, area, checked, is_same_way, orient};
 use super::triangulation::{NONE, Place, next, previous};
 
 /// End of a ray: the first point at which it is stopped.
@@ -32,8 +32,8 @@ const RIGHT: u8 = 2;
 enum At {
     /// In the triangle of a half-edge, about to cross it. Index of the half-edge.
     Edge(u32),
-    /// At the origin of a half-edge. Index of the half-edge, and the sides of walls ([`LEFT`], [`RIGHT`] or
-    /// both bits) on which the segment has come to this vertex: one only if it came along a wall.
+    /// At the origin of a half-edge. Index of the half-edge, and the sides ([`LEFT`], [`RIGHT`] or both bits)
+    /// on which the segment may have come to this vertex: both unless it came along a wall that blocks.
     Vertex(u32, u8),
 }
 
@@ -96,7 +96,7 @@ impl Plan {
         (b, of_b): (impl Into<[f64; 2]>, f64),
     ) -> Result<bool, PlanError> {
         let (a, b) = (checked(a.into(), 0)?, checked(b.into(), 1)?);
-        if !(of_a.abs().max(of_b.abs()) <= GREATEST && !of_a.is_nan() && !of_b.is_nan()) {
+        if !(of_a.abs().max(of_b.abs()) <= MAX_MAGNITUDE && !of_a.is_nan() && !of_b.is_nan()) {
             return Err(PlanError::Heights);
         }
         let walk = Walk { plan: self, a, b, is_ray: false, heights: Some([of_a, of_b]) };
@@ -334,9 +334,9 @@ impl Walk<'_> {
         [LEFT, RIGHT].into_iter().filter(|&side| !is_closed(side)).sum()
     }
 
-    /// Returns the half-edge at which a walk ends that passes the origin of `h` on `sides`: on one of them,
-    /// or on either if both bits are set. The half-edge returned is `h` or its twin. `None` if the edge of
-    /// `h` does not end the walk.
+    /// Returns the half-edge, `h` or its twin, at which the edge of `h` ends a walk that passes the origin of
+    /// `h` on `sides`: on the side of the one bit that is set, or on either side if both are. `None` if the
+    /// edge does not end the walk.
     fn stop_at(&self, h: u32, sides: u8) -> Option<u32> {
         let plan = self.plan;
         let twin = plan.edges[h as usize].twin()?;

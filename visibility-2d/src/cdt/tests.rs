@@ -1,6 +1,6 @@
 //! Tests of the triangulation itself: its structure, and walls that cross, repeat or come from hostile bits.
 
-use super::constrain::MOST_VERTICES;
+use super::constrain::MAX_VERTICES;
 use super::hilbert::Curve;
 use super::plan::{BLOCKS, WALL};
 use super::predicates::{in_circle, orient};
@@ -296,7 +296,7 @@ fn too_many_overlaps_of_crossed_walls_are_an_error() {
 fn as_many_walls_as_the_limit_have_vertices() {
     // Two ends each, and the corners of the rectangle.
     assert!(
-        2 * core::hint::black_box(Plan::LIMIT) + 4 <= MOST_VERTICES,
+        2 * core::hint::black_box(Plan::LIMIT) + 4 <= MAX_VERTICES,
         "the limit of walls leaves room for their ends"
     );
 }

@@ -5,8 +5,8 @@
 //! rounds, each along a space-filling curve, so that flips take no quadratic time on any input).
 //!
 //! Points at the same position along the curve are inserted in the order of x: on a line each is next to the
-//! one before. If many points that are not on a line have the same position, beside a point 2^32 times as far
-//! away as they extend, they are found by walks past the square root of their number.
+//! one before. If one point is farther away than 2^32 times the extent of the `n` others, these may all have
+//! the same position. Unless they are on a line, they are then found by walks past up to `sqrt(n)` triangles.
 //!
 //! Triangles carry labels, which a user of the triangulation sets: parts of a triangle keep its label, and a
 //! label that a flip would take to other points is erased and reported.
@@ -223,7 +223,7 @@ impl Triangulation {
         }
     }
 
-    /// Returns the twin of a half-edge, and its list of walls.
+    /// Returns the twin of a half-edge, and the first item of the list of walls along the edge.
     fn across(&self, h: u32) -> (u32, u32) {
         let edge = self.edges[h as usize];
         (edge.twin, edge.walls)

@@ -114,7 +114,8 @@ impl Plan {
     /// seen and to the objects in them.
     ///
     /// Exact for objects that are points, up to rounding of the range. Conservative for others: an object
-    /// counts if it overlaps a triangle of which a part is seen, and the directions of that part.
+    /// counts as seen if it overlaps a triangle of which a part is seen, and reaches into the cone of
+    /// directions in which that part is seen.
     ///
     /// # Errors
     /// The errors of [`look`](Self::look), and [`PlanError::Objects`] if the objects are of another plan. The

@@ -56,6 +56,11 @@ impl Wall {
         Self { heights: [low, high], ..self }
     }
 
+    /// Returns whether the wall has no lower and no upper end.
+    pub(crate) fn is_endless(&self) -> bool {
+        self.heights == [f64::NEG_INFINITY, f64::INFINITY]
+    }
+
     /// Returns whether the wall ends lines of sight that cross a piece of it from the piece's left side to
     /// its right side.
     pub(crate) fn stops(&self, piece: [Point; 2]) -> bool {

@@ -6,7 +6,7 @@
 
 use alloc::vec::Vec;
 
-/// Number of equal sectors into which the full turn around the eye is divided.
+/// Number of sectors into which the full turn around the eye is divided, equal in direction numbers.
 const SECTORS: usize = 256;
 
 /// Number of sectors per unit of direction numbers.

@@ -22,7 +22,7 @@
 use super::gaps::cut_list;
 use super::tree::{Disc, Discs, FAN};
 use super::zone::{DiscView, DiscZone, WIDEST_ERROR};
-use crate::cdt::predicates::GREATEST;
+use crate::cdt::predicates::MAX_MAGNITUDE;
 use crate::directions::disc_span;
 use crate::median_order::LEAF;
 use alloc::vec::Vec;
@@ -32,12 +32,14 @@ use visibility_core::geometry::sqrt;
 /// Index that no disc has.
 const NONE: u32 = u32::MAX;
 
-/// Relative distance of the eye to a bitangent within which the class counts as ended. Greater than the
-/// rounding of bitangents, which is some `1e-12` for discs that are apart by more than [`LEAST_SINE`] tells.
+/// Distance of the eye to a bitangent up to which the class counts as ended, as a fraction of the lengths
+/// from which the distance is computed. Bitangents of two discs that pass the test of [`MIN_SINE`] are
+/// rounded by some `1e-12` of these lengths.
 const MARGIN: f64 = 1e-9;
 
-/// Sine of the angle between a bitangent and the line of centres below which rounding of it is too great.
-const LEAST_SINE: f64 = 1e-4;
+/// Least sine of the angle between a bitangent and the perpendicular to the line through both centres. Below
+/// it the rounding of the bitangent is too great.
+const MIN_SINE: f64 = 1e-4;
 
 /// Counts of the work of a [`KineticZone`]'s last move.
 ///
@@ -55,8 +57,8 @@ pub struct ZoneWork {
     /// Tangent segments whose class did not hold for the new eye: the eye has left it, or has gone beyond the
     /// zone's reach from where the class was derived.
     pub ended: usize,
-    /// Whether all segments were made anew: in the first move, for eyes that touch a disc or have gone far,
-    /// and where rounding cannot decide.
+    /// Whether all segments were made anew, as in the first move, for an eye that touches a disc or has gone
+    /// far, and where rounding cannot decide. If false, only segments whose class had ended were.
     pub rebuilt: bool,
 }
 
@@ -98,7 +100,7 @@ struct Arc {
     disc: u32,
     pivot: u32,
     front: u32,
-    /// Whether the segment is the pivot's first tangent counter-clockwise. If not, it is the last one.
+    /// Whether the segment is the first of the pivot's two tangents counter-clockwise; if not, the last.
     is_first: bool,
     class: Class,
 }
@@ -124,7 +126,7 @@ struct Arc {
 pub struct KineticZone<'a> {
     discs: &'a Discs,
     reach: f64,
-    /// Place in `discs.discs` of each disc by the index that users know.
+    /// By the index that the caller gave a disc: the disc's place in `discs.discs`.
     places: Vec<u32>,
     zone: DiscZone,
     /// Arcs around the eye, counter-clockwise. Empty if the zone must be rebuilt.
@@ -134,13 +136,13 @@ pub struct KineticZone<'a> {
     painter: Painter,
     looked: Vec<u32>,
     seen: Vec<u32>,
-    /// Number of the last move that reported each disc.
+    /// By place in `discs.discs`: number of the last move that reported the disc.
     marks: Vec<u32>,
     mark: u32,
     work: ZoneWork,
 }
 
-/// Assigns directions to discs that come front to back.
+/// Assigns directions to discs that are given front to back.
 #[derive(Clone, Debug, Default)]
 struct Painter {
     /// Ranges of directions that no disc drawn so far covers, ascending, as direction numbers.
@@ -200,9 +202,9 @@ fn left_of([x, y]: [f64; 2]) -> [f64; 2] {
 
 impl<'a> KineticZone<'a> {
     /// Makes a zone without an eye. The class of a tangent segment is derived for eyes up to `reach` metres
-    /// from the present one, best some tens of the distance that the eye moves in a frame. A greater reach
-    /// makes the derivation slower. NaN and negative numbers count as 0, which makes each move a look from
-    /// scratch.
+    /// from the present one. Best is some tens of times the distance that the eye moves in a frame; a greater
+    /// reach makes the derivation slower. NaN and negative numbers count as 0, which makes each move a look
+    /// from scratch.
     pub fn new(discs: &'a Discs, reach: f64) -> Self {
         let mut places = alloc::vec![0; discs.len()];
         for (place, &index) in (0..).zip(&discs.indices) {
@@ -273,7 +275,7 @@ impl<'a> KineticZone<'a> {
         self.zone.look(self.discs, &DiscView::new(eye), &mut self.looked);
         self.seen.clear();
         self.seen.extend_from_slice(&self.looked);
-        if !self.discs.are_disjoint || self.reach == 0.0 || !eye.iter().all(|x| x.abs() <= GREATEST) {
+        if !self.discs.are_disjoint || self.reach == 0.0 || !eye.iter().all(|x| x.abs() <= MAX_MAGNITUDE) {
             return;
         }
         if self.paint(eye, (0.0, 4.0), &[]).is_none() {
@@ -292,9 +294,9 @@ impl<'a> KineticZone<'a> {
         }
     }
 
-    /// Assigns directions to the discs of the last look. `None` if one of them, other than those of `beside`,
-    /// touches the eye or is seen in no direction that rounding can tell. `between` are the first and the
-    /// last direction number; the last may exceed 4.
+    /// Assigns directions to the discs of the last look. `None` if one of them touches the eye, up to
+    /// rounding, or if no direction is left for one that is not in `beside`, a list of places in
+    /// `Discs::discs`. `between` are the first and the last direction number; the last may exceed 4.
     fn paint(&mut self, eye: [f64; 2], between: (f64, f64), beside: &[u32]) -> Option<()> {
         self.painter.begin(between.0, between.1);
         for &index in &self.looked {
@@ -352,8 +354,8 @@ impl<'a> KineticZone<'a> {
         Some(if arc.is_first { first } else { last })
     }
 
-    /// Makes the arc of directions in which `disc` is seen, next to the arc of `before`. Either may be
-    /// [`NONE`], not both.
+    /// Makes the arc of directions in which `disc` is seen. `before` is the disc of the arc that ends where
+    /// this one begins, counter-clockwise. Either may be [`NONE`], not both.
     fn arc(&self, eye: [f64; 2], before: u32, disc: u32) -> Arc {
         let power = |index: u32| {
             let Some(disc) = self.discs.discs.get(index as usize) else { return f64::INFINITY };
@@ -505,7 +507,7 @@ impl<'a> Search<'a> {
         for height in [disc.radius - self.aside, -disc.radius - self.aside] {
             let root = sqrt(squared - height * height);
             // Not less, so that NaN, of discs that overlap by rounding, is refused.
-            let is_known = root > LEAST_SINE * sqrt(squared);
+            let is_known = root > MIN_SINE * sqrt(squared);
             if !is_known {
                 return None;
             }

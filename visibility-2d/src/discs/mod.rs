@@ -23,8 +23,8 @@ mod tests;
 mod tree;
 mod zone;
 
-/// Relative margin for the rounding of lengths and of their squares: 9,000 times the round-off of `f64`. They
-/// take some ten roundings.
+/// Relative margin for the rounding of lengths and of their squares: 9,000 times the round-off of `f64`. Each
+/// takes some ten roundings.
 const ROUNDING: f64 = 1e-12;
 
 /// Greatest magnitude of a coordinate or a radius, so that sums of squares are finite.

@@ -11,7 +11,7 @@ pub(crate) const FAN: usize = 8;
 
 /// Greatest number of nodes that are searched for discs that overlap a disc. Beyond it the disc hides
 /// nothing.
-const MOST_NODES: usize = 512;
+const MAX_NODES: usize = 512;
 
 /// A disc on the plan: a trunk, a pillar, a silo.
 ///
@@ -143,7 +143,7 @@ fn up(x: f64) -> f32 {
 pub struct Discs {
     /// All discs, in the order of a space-filling curve.
     pub(crate) discs: Vec<Disc>,
-    /// Index that the caller gave each of `discs`.
+    /// For each of `discs`, its index in the list that the caller gave.
     pub(crate) indices: Vec<u32>,
     /// Radius in metres within which each of `discs` is disjoint from all others. Only this part of the disc
     /// hides.
@@ -216,7 +216,7 @@ impl Discs {
         let mut nodes = 0;
         while let Some((level, node)) = stack.pop() {
             nodes += 1;
-            if solid == 0.0 || nodes > MOST_NODES {
+            if solid == 0.0 || nodes > MAX_NODES {
                 return 0.0;
             }
             if level > 0 {

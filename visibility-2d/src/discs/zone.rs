@@ -14,7 +14,7 @@ use core::cmp::Reverse;
 const INDEX_BITS: u32 = 27;
 /// Level of a queue entry that is a disc to be tested.
 const DISC: u32 = 31;
-/// Level of a queue entry that is a disc which overlaps others, and closes gaps with a lesser radius.
+/// Level of a queue entry that is a disc which overlaps others: it closes gaps with its solid radius only.
 const SOLID: u32 = 30;
 /// Bound on the error of the direction numbers of a rectangle's sides, which are at most 4: more than `4u` of
 /// 4, with `u = 2^-53`.
@@ -72,8 +72,8 @@ impl DiscView {
         Self { range: range.max(0.0), ..self }
     }
 
-    /// Widens the view to all eyes within `radius` metres of the point, which then see in all directions: a
-    /// set that serves while an eye moves by less. NaN and negative numbers count as 0.
+    /// Widens the view to all eyes within `radius` metres of the point, and to all directions. The discs
+    /// found serve while an eye moves by less than the radius. NaN and negative numbers count as 0.
     pub fn with_ball(self, radius: f64) -> Self {
         Self { ball: radius.max(0.0), ..self }
     }
@@ -114,7 +114,7 @@ impl Default for DiscZone {
 }
 
 impl DiscZone {
-    /// Makes a finder, which allocates as it first looks.
+    /// Makes a finder, which allocates in its first call of [`look`](Self::look).
     pub fn new() -> Self {
         Self { gaps: Gaps::new(), queue: BinaryHeap::new() }
     }
@@ -228,8 +228,8 @@ impl DiscZone {
         }
     }
 
-    /// Closes the directions in which a disc would be seen if it had the given radius. None for a radius that
-    /// is not positive, or an eye within it.
+    /// Closes the directions in which a disc would be seen if it had the given radius. Closes none if the
+    /// radius is not positive, or if the eye is within it.
     fn close(&mut self, disc: &Disc, radius: f64, eye: [f64; 2]) {
         let (x, y) = (disc.center[0] - eye[0], disc.center[1] - eye[1]);
         let power = x * x + y * y - radius * radius;

@@ -174,8 +174,8 @@ impl Columns {
         }
     }
 
-    /// Adds the convex solid that contains `posts`. `error` bounds the distance of each post from one inside
-    /// of the exact solid, in metres.
+    /// Adds the convex solid that contains `posts`. `error` bounds the distance in metres of each post from
+    /// some post inside of the exact solid.
     pub(crate) fn draw_solid(&mut self, frame: &Frame, posts: &[Post], error: f64) {
         for face in 0..FACES {
             if self.seen[face].is_empty() {

@@ -15,7 +15,7 @@ const MAX_POSTS: usize = 32;
 
 /// Least size of a solid's upright face, width times height, as a fraction of the largest of the same mesh.
 /// Smaller solids are left out: posts and rails of a house hide next to nothing beside its walls.
-const LEAST_FACE: f64 = 1.0 / 16.0;
+const MIN_FACE: f64 = 1.0 / 16.0;
 
 /// Shape that the posts of a [`Solid`] span.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -137,11 +137,11 @@ impl Solids {
         self.solids.push(Solid { shape, first, count, error, dent, open_below, face });
     }
 
-    /// Removes solids, from index `begin` on, whose upright face is smaller than [`LEAST_FACE`] of the
+    /// Removes solids, from index `begin` on, whose upright face is smaller than [`MIN_FACE`] of the
     /// largest of these, or than [`least_face`](Self::least_face).
     fn drop_small(&mut self, begin: usize) {
         let largest = self.solids[begin..].iter().map(|solid| solid.face).fold(0.0, f64::max);
-        let least = self.least_face.max(LEAST_FACE * largest);
+        let least = self.least_face.max(MIN_FACE * largest);
         let (mut kept, mut posts) = (begin, self.solids.get(begin).map_or(0, |solid| solid.first as usize));
         for index in begin..self.solids.len() {
             let solid = self.solids[index];
@@ -252,7 +252,8 @@ fn face(posts: &[Post]) -> f64 {
     (max[0] - min[0]).max(max[1] - min[1]) * (max[2] - min[2])
 }
 
-/// Returns a point under a transform, with the sum of the magnitudes of its largest coordinate's terms.
+/// Returns a point under a transform, and a sum of magnitudes: that of the terms of a coordinate, for the
+/// coordinate for which it is greatest.
 pub(crate) fn placed(p: DVec3, transform: &Affine3A) -> (DVec3, f64) {
     if *transform == Affine3A::IDENTITY {
         return (p, p.abs().max_element());

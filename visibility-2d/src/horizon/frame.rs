@@ -78,9 +78,9 @@ pub(crate) struct Frame {
     /// Bound on the distance in metres of the exact eye from `eye`. Infinite if nothing can be hidden:
     /// before the first frame, in parallel views, and where rounding leaves the eye undecided.
     pub(crate) error: f64,
-    /// Row of the near plane: positive beyond it, for points relative to `anchor`.
+    /// Linear function of points relative to `anchor`, positive beyond the near plane.
     near: ClipRow,
-    /// Point in metres relative to the scene's origin: the eye up to rounding.
+    /// The rounded eye, in metres relative to the scene's origin.
     anchor: DVec3,
     /// Range of each face that the view can see, from 0 to 1 across the face. Empty if none.
     pub(crate) seen: [Range<f64>; FACES],
@@ -116,8 +116,8 @@ impl Frame {
         value > error + self.near.linear.length() * 2.0 * radius
     }
 
-    /// Returns whether a box relative to the scene's origin, given by its two least and greatest coordinates
-    /// on the plan and heights, is certainly beyond the near plane. False for NaN.
+    /// Returns whether a box relative to the scene's origin is certainly beyond the near plane. `min` and
+    /// `max` are its least and greatest coordinates: two on the plan, then the height. False for NaN.
     pub(crate) fn is_box_beyond_near(&self, min: [f64; 3], max: [f64; 3]) -> bool {
         let growth = self.up.split(self.near.linear);
         let nearest = core::array::from_fn(|i| if growth[i] > 0.0 { min[i] } else { max[i] });

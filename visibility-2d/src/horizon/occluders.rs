@@ -9,13 +9,13 @@ use visibility_core::glam::Affine3A;
 use visibility_core::scene::{Changes, SceneCursor};
 use visibility_core::{ObjectId, OccluderMesh, Scene};
 
-/// Quantile of the upright faces of all solids, by area. The face there is the one that [`LEAST_FACE`] is a
-/// fraction of.
+/// Quantile of the areas of the upright faces of all solids. [`MIN_FACE`] is a fraction of the area at this
+/// quantile.
 const USUAL: f64 = 0.95;
 
-/// Least size of a solid's upright face as a fraction of the face at the quantile [`USUAL`]. Smaller solids
+/// Least area of a solid's upright face, as a fraction of the area at the quantile [`USUAL`]. Smaller solids
 /// are left out: furniture hides next to nothing beside walls.
-const LEAST_FACE: f64 = 1.0 / 8.0;
+const MIN_FACE: f64 = 1.0 / 8.0;
 
 /// The convex solids of a scene's occluders that a [`HorizonCuller`](super::HorizonCuller) draws, made from
 /// the occluder meshes in advance. Shared by the cullers of all views.
@@ -56,7 +56,8 @@ impl HorizonOccluders {
     /// Makes the solids of all objects of `scene` that are flagged as occluders and have a mesh. Solids that
     /// are small beside the large ones of the scene are left out: furniture, where there are walls. Takes
     /// time proportional to the triangles of all occluders: about a microsecond for a house, and as much for
-    /// each triangle that faces up and may be ground.
+    /// each triangle that faces up and may be ground. Long triangles of ground take more: time for each
+    /// square of the ground's grid in the triangle's bounds, and memory for each square that it meets.
     pub fn new(scene: &Scene, up: UpAxis) -> Self {
         let mut occluders = Self {
             up,
@@ -100,7 +101,7 @@ impl HorizonOccluders {
         if !faces.is_empty() {
             let place = (faces.len() as f64 * USUAL) as usize;
             let (_, usual, _) = faces.select_nth_unstable_by(place, f64::total_cmp);
-            self.solids.least_face = LEAST_FACE * *usual;
+            self.solids.least_face = MIN_FACE * *usual;
             self.drop_former();
         }
         self.terrain = Terrain::new(scene, self.up);

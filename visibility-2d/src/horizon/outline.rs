@@ -68,9 +68,9 @@ pub(crate) struct CornerError {
 /// Outlines of one occluder in one face. Kept between occluders for its memory.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Outline {
-    /// Highest points from the first to the last column, at least two unless empty.
+    /// Corners of the upper outline, from the least to the greatest column: none or at least two.
     pub(crate) upper: Vec<Corner>,
-    /// Lowest points from the first to the last column.
+    /// Corners of the lower outline, from the least to the greatest column.
     pub(crate) lower: Vec<Corner>,
     pub(crate) error: CornerError,
     cut: Vec<Relative>,
@@ -120,8 +120,8 @@ impl Projected {
 
 impl Outline {
     /// Computes the outlines of the convex solid that contains `posts`, in one face of `columns` columns.
-    /// `error` bounds the distance of each post from one inside of the exact solid, in metres. Returns
-    /// whether there is an outline; false where the solid is behind the face or rounding leaves it undecided.
+    /// `error` bounds the distance in metres of each post from some post inside of the exact solid. Returns
+    /// whether there is an outline. False if the solid is behind the face or rounding leaves that undecided.
     pub(crate) fn project(
         &mut self,
         frame: &Frame,

@@ -17,7 +17,7 @@
 
 use super::extract::placed;
 use super::frame::UpAxis;
-use crate::cdt::predicates::{GREATEST, LEAST, orient};
+use crate::cdt::predicates::{MAX_MAGNITUDE, MIN_MAGNITUDE, orient};
 use alloc::collections::BTreeMap;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -29,17 +29,17 @@ const MAX_SHEETS: usize = 4;
 
 /// Least area of a sheet on the plan, as a fraction of the rectangle around all triangles of the scene that
 /// face up. Smaller ones are left out: roofs and rocks.
-const LEAST_AREA: f64 = 1.0 / 64.0;
+const MIN_AREA: f64 = 1.0 / 64.0;
 
 /// Least difference between the greatest and the least height of a sheet, as a fraction of the lesser side of
 /// its bounds on the plan. A floor hides next to nothing.
-const LEAST_HEIGHT: f64 = 1.0 / 128.0;
+const MIN_HEIGHT: f64 = 1.0 / 128.0;
 
-/// Number of squares of a grid for each triangle of its sheet, within a factor of four. Borders break whole
-/// squares.
+/// Number of squares of a grid for each triangle of its sheet. Sides of squares are powers of two, so that a
+/// grid may have down to a quarter of that. Borders break whole squares.
 const SQUARES_PER_TRIANGLE: usize = 64;
 
-/// Least and greatest number of squares of a grid, within a factor of four.
+/// Least and greatest number of squares to ask for in a grid, which may have down to a quarter of that.
 const SQUARES: [usize; 2] = [1 << 10, 1 << 22];
 
 /// Greatest number of levels of squares. Each level joins the squares of the one below by fours.
@@ -164,8 +164,8 @@ impl Terrain {
 }
 
 impl Sheet {
-    /// Returns the owners (the objects with triangles over a square) in the list with the number `list`, as
-    /// positions in [`Terrain::objects`].
+    /// Returns the list of owners with the number `list`, as positions in [`Terrain::objects`]. The owners of
+    /// a square are the objects whose triangles are over it.
     pub(crate) fn owners(&self, list: u32) -> &[u32] {
         let list = list as usize;
         let begin = if list == 0 { 0 } else { self.owner_ends[list - 1] as usize };
@@ -252,7 +252,7 @@ impl Sheet {
         let bottom = unbroken().map(|square| square.low).fold(f32::INFINITY, f32::min);
         let top = unbroken().map(|square| square.high).fold(f32::NEG_INFINITY, f32::max);
         // A flat sheet hides nothing from above it. False where no square is unbroken, too.
-        let is_hilly = f64::from(top) - f64::from(bottom) > LEAST_HEIGHT * width.min(depth);
+        let is_hilly = f64::from(top) - f64::from(bottom) > MIN_HEIGHT * width.min(depth);
         if !is_hilly {
             return None;
         }
@@ -321,8 +321,8 @@ impl Lists {
         number
     }
 
-    /// Returns the number of the list that unites four lists, given by their numbers. It is stored if it is
-    /// new.
+    /// Returns the number of the list that unites four lists, given by their numbers. The united list is
+    /// stored if it is new.
     fn union(&mut self, four: [u32; 4]) -> u32 {
         let mut all = Vec::new();
         for list in four {
@@ -344,9 +344,9 @@ struct Grid {
 }
 
 impl Grid {
-    /// Calls `each` with the squares that a triangle meets on the plan, enlarged by `pad` squares: index,
-    /// least and greatest coordinates, enlarged as well. May call it with squares that are a little farther
-    /// away.
+    /// Calls `each` with the squares that a triangle meets on the plan, after each square has been enlarged
+    /// by `pad` sides in all directions: the index, and the enlarged square's least and greatest coordinates.
+    /// May call `each` with squares that are a little farther away.
     fn for_each_met(
         &self,
         corners: &[[f64; 3]; 3],
@@ -513,7 +513,7 @@ fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, Vec<
             .collect();
         for t in mesh.triangles() {
             let mut t = t.map(|vertex| points[vertex as usize]);
-            let is_fit = |x: &f64| *x == 0.0 || (LEAST..GREATEST).contains(&x.abs());
+            let is_fit = |x: &f64| *x == 0.0 || (MIN_MAGNITUDE..MAX_MAGNITUDE).contains(&x.abs());
             if !t.iter().all(|(p, ..)| p.iter().all(is_fit)) {
                 continue;
             }
@@ -585,7 +585,7 @@ fn join(triangles: &[Triangle]) -> Borders {
 }
 
 /// Returns the sheets with the largest areas on the plan, at most [`MAX_SHEETS`], each as indices of its
-/// triangles. Sheets smaller than [`LEAST_AREA`] are left out.
+/// triangles. Sheets smaller than [`MIN_AREA`] are left out.
 fn largest(triangles: &[Triangle], borders: &Borders) -> Vec<Vec<u32>> {
     let mut parent: Vec<u32> = (0..triangles.len() as u32).collect();
     fn root(parent: &mut [u32], mut i: u32) -> u32 {
@@ -620,7 +620,7 @@ fn largest(triangles: &[Triangle], borders: &Borders) -> Vec<Vec<u32>> {
         }
     }
     // Sheets below this share of the scene's extent cost more than they hide.
-    let least = LEAST_AREA * (max[0] - min[0]) * (max[1] - min[1]);
+    let least = MIN_AREA * (max[0] - min[0]) * (max[1] - min[1]);
     let is_large = |sheet: &&(f64, &[(u32, u32)])| sheet.0 >= least;
     sheets
         .iter()

@@ -26,7 +26,7 @@ const RING: f64 = 0.1;
 
 /// Greatest number of squares along each axis that a ring reads. Where there would be more, a coarser level
 /// is read.
-const MOST_SQUARES: i64 = 3;
+const MAX_SQUARES: i64 = 3;
 
 /// Number of rings behind a crest after which the crest's step is added.
 const BEHIND_CREST: u32 = 2;
@@ -266,7 +266,7 @@ impl<'a> Wedge<'a> {
         let last = [index(max, 0, PAD), index(max, 1, PAD)];
         // The finest level on which the rectangle meets few squares.
         let mut level = 0;
-        while (0..2).any(|axis| (last[axis] >> level) - (first[axis] >> level) >= MOST_SQUARES) {
+        while (0..2).any(|axis| (last[axis] >> level) - (first[axis] >> level) >= MAX_SQUARES) {
             level += 1;
         }
         let squares = self.sheet.levels.get(level)?;

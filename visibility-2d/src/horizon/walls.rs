@@ -23,11 +23,11 @@ const MAX_PANELS: usize = 64;
 
 /// Least height of a panel as a fraction of the height of its mesh. Lower ones, such as the edge of a table,
 /// hide next to nothing and take as long.
-const LEAST_HEIGHT: f32 = 1.0 / 4.0;
+const MIN_HEIGHT: f32 = 1.0 / 4.0;
 
 /// Greatest number of panels that are tried as the next of a wall, so that many panels at one point of the
 /// plan take time in proportion.
-const MOST_BESIDE: usize = 16;
+const MAX_BESIDE: usize = 16;
 
 /// An upright trapezoid in mesh coordinates, its front to the right of the way from its first side to its
 /// second.
@@ -113,7 +113,7 @@ fn is_mirrored_on_plan(transform: &Affine3A, up: UpAxis) -> Option<bool> {
 fn panels(mesh: &OccluderMesh, triangles: &[u32], up: UpAxis) -> Vec<Panel> {
     let at = |vertex: u32| up.split_f32(mesh.positions()[vertex as usize]);
     let is_over = |a: [f32; 3], b: [f32; 3]| a[0] == b[0] && a[1] == b[1];
-    let [_, _, least] = up.split_f32((mesh.bounds().max - mesh.bounds().min) * LEAST_HEIGHT);
+    let [_, _, least] = up.split_f32((mesh.bounds().max - mesh.bounds().min) * MIN_HEIGHT);
     let mut panels = Vec::new();
     for &index in triangles {
         let (t, edges) = (mesh.triangles()[index as usize], mesh.triangle_edges()[index as usize]);
@@ -178,7 +178,7 @@ fn chains(panels: &[Panel]) -> Vec<Vec<usize>> {
         while chain.len() < MAX_PANELS {
             let next = by_begin[range(&by_begin, 0, &end.at)]
                 .iter()
-                .take(MOST_BESIDE)
+                .take(MAX_BESIDE)
                 .filter(|&&i| !is_used[i])
                 .map(|&i| (end.overlap(&panels[i].sides[0]), i))
                 .filter(|(overlap, _)| *overlap > 0.0)

@@ -12,7 +12,7 @@ use crate::cdt::triangulation::{NONE, NOWHERE, Place, Triangulation};
 use alloc::vec::Vec;
 
 /// Greatest number of triangles that may be filled. Further triangles stay open.
-pub(crate) const MOST_TRIANGLES: usize = 1 << 13;
+pub(crate) const MAX_TRIANGLES: usize = 1 << 13;
 
 /// Value of `BuildEdge::walls` that marks every edge of an outline. It is the number of no list.
 const OUTLINE: u32 = 0;
@@ -23,19 +23,19 @@ const EVERYWHERE: [[f64; 2]; 2] = [[f64::NEG_INFINITY; 2], [f64::INFINITY; 2]];
 /// Triangles that a search has seen and that wait for it, in memory of fixed size: a test, which only borrows
 /// the image, allocates nothing.
 struct Search {
-    seen: [u64; MOST_TRIANGLES / 64],
-    waiting: [u64; MOST_TRIANGLES / 64],
+    seen: [u64; MAX_TRIANGLES / 64],
+    waiting: [u64; MAX_TRIANGLES / 64],
     /// Words of `waiting` below this one are 0.
     first: usize,
 }
 
 impl Search {
     fn new() -> Self {
-        Self { seen: [0; MOST_TRIANGLES / 64], waiting: [0; MOST_TRIANGLES / 64], first: 0 }
+        Self { seen: [0; MAX_TRIANGLES / 64], waiting: [0; MAX_TRIANGLES / 64], first: 0 }
     }
 
     /// Adds triangle `t` to those that wait, unless it was added before. Returns false, and adds nothing, if
-    /// `t` is not below [`MOST_TRIANGLES`].
+    /// `t` is not below [`MAX_TRIANGLES`].
     fn push(&mut self, t: u32) -> bool {
         let (word, bit) = (t as usize / 64, 1 << (t % 64));
         let Some(seen) = self.seen.get_mut(word) else { return false };
@@ -248,7 +248,7 @@ impl Image {
         })
     }
 
-    /// Calls `each` for the triangles that meet a region, until it returns false. These triangles are
+    /// Calls `each` for the triangles that meet a region, until `each` returns false. These triangles are
     /// connected, so that all are found from the one in the region's middle. Returns whether all were
     /// visited.
     fn visit(&self, region: Region<'_>, mut each: impl FnMut(u32, &[[f64; 2]; 3]) -> bool) -> bool {

@@ -9,7 +9,7 @@ use visibility_core::view::ViewPlanes;
 use visibility_core::{Aabb, Accuracy, OccluderMesh, OcclusionMap, View};
 
 /// Default and greatest number of vertices of the image.
-const MOST_VERTICES: usize = 3072;
+const MAX_VERTICES: usize = 3072;
 
 /// An occlusion map at object precision: outlines of occluders in a triangulation of the image.
 ///
@@ -63,7 +63,7 @@ impl ViewCdt {
         let mut image = Image::default();
         image.clear();
         Self {
-            most: MOST_VERTICES,
+            most: MAX_VERTICES,
             screen: Screen::BLIND,
             clip_planes: ViewPlanes::NONE,
             shapes: Shapes::default(),
@@ -77,7 +77,7 @@ impl ViewCdt {
     /// default. An occluder adds some six vertices, and one for each outline that it crosses.
     #[must_use]
     pub fn with_vertices(self, most: usize) -> Self {
-        Self { most: most.min(MOST_VERTICES), ..self }
+        Self { most: most.min(MAX_VERTICES), ..self }
     }
 
     /// Returns the number of vertices of the image. Four of them are its corners.

@@ -28,8 +28,8 @@ pub(crate) type Corner = [f64; 5];
 pub(crate) struct Screen {
     rows: [ClipRow; 5],
     anchor: DVec3,
-    /// Sign of the determinant of a triangle's corners `(x, y, w)` if the triangle faces the eye and no
-    /// transform mirrors it. 0 if it is not known.
+    /// Sign that the determinant of a triangle's corners `(x, y, w)` has if the triangle faces the eye and no
+    /// transform mirrors it. 0 if this sign is not known.
     facing: f64,
 }
 

@@ -20,7 +20,7 @@ use visibility_core::OccluderMesh;
 const INSET: f64 = 1.0;
 
 /// Greatest number of triangles of a shape that is no convex solid.
-const MOST_JOINED: usize = 16;
+const MAX_JOINED: usize = 16;
 
 /// A linear function `a x + b y + c` of grid coordinates.
 pub(crate) type Line = [f64; 3];
@@ -59,11 +59,11 @@ pub(crate) struct Shapes {
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum State {
-    /// Hides nothing, or is in an earlier shape.
+    /// The triangle hides nothing, or is in an earlier shape.
     Unused,
-    /// Faces the eye and is in no shape yet.
+    /// The triangle faces the eye and is in no shape yet.
     Free,
-    /// Is in the shape that is being made.
+    /// The triangle is in the shape that is being made.
     Joined,
 }
 
@@ -153,7 +153,8 @@ impl<'a> Meshed<'a> {
         (least > 0.0 && error.is_finite()).then_some([plane[0], plane[1], plane[2] - error])
     }
 
-    /// Returns the point of an edge at the near limit, the same from both ends.
+    /// Returns the point at which an edge meets the near limit. `a` and `b` may be exchanged: the result is
+    /// the same to the last bit.
     fn cut(&self, a: u32, b: u32) -> Corner {
         let (a, b) = if self.is_beyond(b) { (a, b) } else { (b, a) };
         let (a, b) = (self.corner(a), self.corner(b));
@@ -209,7 +210,7 @@ impl Shapes {
                 let edge = of.mesh.edges()[edge as usize];
                 let Some(right) = edge.right else { continue };
                 let other = if edge.left == self.joined[index] { right } else { edge.left };
-                if self.states[other as usize] == State::Free && self.joined.len() < MOST_JOINED {
+                if self.states[other as usize] == State::Free && self.joined.len() < MAX_JOINED {
                     self.states[other as usize] = State::Joined;
                     self.joined.push(other);
                     if !self.looks_convex(of) {

@@ -10,7 +10,7 @@ use visibility_core::geometry::sqrt;
 const FAN: usize = 8;
 
 /// Greatest number of solids of a viewcell. Those that look largest are used.
-const MOST: usize = 2048;
+const MAX_SOLIDS: usize = 2048;
 
 /// The box that contains all viewpoints, relative to the scene's origin: the plan's two coordinates and the
 /// height.
@@ -168,11 +168,11 @@ impl CellSolids {
                 }
             }
         }
-        // At most `MOST` solids, the largest; equal sizes are ordered by index, so that the choice is the
-        // same every time.
-        if self.ranked.len() > MOST {
-            self.ranked.select_nth_unstable_by(MOST, |a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-            self.ranked.truncate(MOST);
+        // At most `MAX_SOLIDS` solids, the largest; equal sizes are ordered by index, so that the choice is
+        // the same every time.
+        if self.ranked.len() > MAX_SOLIDS {
+            self.ranked.select_nth_unstable_by(MAX_SOLIDS, |a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+            self.ranked.truncate(MAX_SOLIDS);
         }
         self.order.clear();
         self.order.extend((0..).zip(&self.ranked).map(|(i, &(_, index))| {

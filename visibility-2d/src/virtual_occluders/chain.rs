@@ -11,7 +11,7 @@ use super::lines::{Point, U, all_left_of, left_of};
 use alloc::vec::Vec;
 
 /// Greatest number of solids of a chain.
-const MOST: usize = 64;
+const MAX_LINKS: usize = 64;
 
 /// Number of solids of the former chain that are tried for the next link.
 const AHEAD: usize = 3;
@@ -41,14 +41,15 @@ impl BackLine {
         Self { origin, normal, distance, error: 64.0 * U * size }
     }
 
-    /// Returns the point at a position along the line, which grows clockwise around the viewcell.
+    /// Returns the point at a position along the line, in metres from the point nearest to `origin`.
+    /// Positions grow clockwise around the viewcell.
     pub(crate) fn at(&self, position: f64) -> Point {
         let ([ox, oy], [nx, ny], d) = (self.origin, self.normal, self.distance);
         Point::exact(ox + nx * d + ny * position, oy + ny * d - nx * position)
     }
 
-    /// Returns the distance of a point beyond the line; negative on the near side. Rounded by less than the
-    /// line's `error` for points no farther away than its own.
+    /// Returns the distance in metres of a point beyond the line; negative on the near side. Rounded by less
+    /// than `error` for points that are no farther away than those of [`at`](Self::at).
     pub(crate) fn beyond(&self, x: f64, y: f64) -> f64 {
         (x - self.origin[0]) * self.normal[0] + (y - self.origin[1]) * self.normal[1] - self.distance
     }
@@ -68,7 +69,7 @@ struct Link {
     /// `to`.
     from: Point,
     to: Point,
-    /// Height in metres of the higher one of the lower ends of the chord's two posts.
+    /// Height in metres from which on the chord hides: not below the lower end of any of its posts.
     low: f64,
     /// Point of both solids in which the chord of the link before must end in place of its own end. `None` if
     /// that chord needs no other end.
@@ -76,7 +77,7 @@ struct Link {
 }
 
 /// Task of a chain: to hide the points beyond a line from a viewcell. The viewcell is given by its corners
-/// and by `solids`, whose posts have slopes as seen from it.
+/// and by `solids`, whose posts have slopes as seen from the viewcell.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Task<'a> {
     pub(crate) solids: &'a CellSolids,
@@ -125,7 +126,7 @@ impl Chain {
         links.clear();
         // Former solids follow one another: only the next few have to be tried.
         let mut next = 0;
-        while links.len() < MOST {
+        while links.len() < MAX_LINKS {
             let last = links.last().copied();
             let mut best: Option<Link> = None;
             let offer = |best: &mut Option<Link>, solid: u32| {
@@ -218,8 +219,8 @@ impl Task<'_> {
         first(first(a, b), first(c, d))
     }
 
-    /// Returns the link of a solid that begins inside the link before, or before the viewcell if there is
-    /// none, and reaches farther. `None` if that is not certain.
+    /// Returns a link of a solid whose chord begins within the chord of `last`, or clockwise of the viewcell
+    /// if there is no link yet, and reaches farther counter-clockwise. `None` if that is not certain.
     fn link(&self, at: Point, last: Option<&Link>, solid: u32) -> Option<Link> {
         if last.is_some_and(|last| last.solid == solid) {
             return None;
@@ -271,8 +272,8 @@ impl Task<'_> {
         other.find(|link| begins(link) && is_good(link))
     }
 
-    /// Returns whether all lines of sight from a point between the ends of a segment certainly pass the
-    /// segment, and then the viewcell beyond it.
+    /// Returns whether a segment is a chord as seen from the point `at`: whether `to` is certainly to the
+    /// left of `from` or in line with it, and the whole viewcell certainly beyond the line through both.
     fn is_chord(&self, at: Point, from: Point, to: Point) -> bool {
         left_of(at, from, to) >= 0.0 && all_left_of(to, from, self.corners)
     }

@@ -7,9 +7,9 @@ use visibility_core::bits::Bits;
 /// A box: least, then greatest values of the plan's two coordinates and the height.
 pub(crate) type PlanBox = [[f64; 3]; 2];
 
-/// Moves the umbrae that together hide most of `boxes` to the front, and drops the others. Each is the one
-/// that hides most boxes that those before do not hide. At most `most` are kept, and none that hides no
-/// further box.
+/// Moves the umbrae that together hide most of `boxes` to the front, and drops the others. Each is the umbra
+/// that hides most of the boxes that no umbra before it hides. At most `most` are kept, and none that hides
+/// no further box.
 pub(crate) fn choose(umbrae: &mut Vec<Umbra>, boxes: &[PlanBox], most: usize) {
     let hides = |umbra: &Umbra| {
         let mut hidden = Bits::new(boxes.len());

@@ -9,19 +9,19 @@ use super::lines::Point;
 const STEP: f64 = 1.0 / 32.0;
 const TRIES: u32 = 5;
 
-/// Greatest number of chains to each side.
+/// Greatest number of chains by which a segment grows to each side of its middle.
 const CHAINS: usize = 256;
 
-/// A segment that no line of sight from the viewcell reaches, if the line rises by less than a slope and
-/// stays above a height.
+/// A segment on the plan that no line of sight from the viewcell reaches, if the line of sight rises by at
+/// most `slope` metres per metre on the plan and stays above the height `bottom`.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Grown {
     /// Ends, the first counter-clockwise of the second as seen from the viewcell.
     pub(crate) ends: [Point; 2],
-    /// Least height that a line of sight may have where it meets the solids.
+    /// Least height in metres that a hidden line of sight may have where it meets the solids.
     pub(crate) bottom: f64,
     pub(crate) slope: f64,
-    /// Bound on the distance of the hidden segment from the straight one between the ends.
+    /// Bound in metres on the distance of the hidden segment from the straight one between `ends`.
     pub(crate) error: f64,
 }
 

@@ -16,7 +16,7 @@ use visibility_core::scene::Triangle;
 
 /// Greatest number of pairs of a triangle and a column that it touches. All pairs take four gigabytes: 64
 /// bytes for a column with a single triangle.
-const MOST_ENTRIES: usize = 1 << 26;
+const MAX_ENTRIES: usize = 1 << 26;
 
 /// Greatest number of voxels of a box of the grid.
 const BOX_VOXELS: usize = 1 << 21;
@@ -54,7 +54,7 @@ impl<'a> SolidTriangles<'a> {
     ///
     /// # Errors
     /// [`GridError::Radius`] if the radius is not positive or a box would have too many voxels,
-    /// [`GridError::TooMany`] if a corner has no [place](Grid::place) or there are more than [`MOST_ENTRIES`]
+    /// [`GridError::TooMany`] if a corner has no [place](Grid::place) or there are more than [`MAX_ENTRIES`]
     /// pairs of triangle and column, [`GridError::Stopped`] if the grid's stop function returned true.
     pub(super) fn new(
         grid: &'a Grid,
@@ -88,7 +88,7 @@ impl<'a> SolidTriangles<'a> {
                     by_column.entry(column).or_default().push(triangles.len() as u32);
                     entries += 1;
                     grid.stop.check(entries)?;
-                    if entries > MOST_ENTRIES { Err(GridError::TooMany) } else { Ok(()) }
+                    if entries > MAX_ENTRIES { Err(GridError::TooMany) } else { Ok(()) }
                 })?;
                 if entries > before {
                     triangles.push(SolidTriangle { corners, is_floor: is_floor(&triangle, up) });

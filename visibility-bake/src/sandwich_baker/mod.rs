@@ -189,8 +189,8 @@ impl<'a> SandwichBaker<'a> {
         self.done.iter().map(|done| done.as_ref().map(|found| &found.sandwich))
     }
 
-    /// Returns the [`bake_fingerprint`](crate::bake_fingerprint) of all viewcells, whatever the range of this
-    /// baker.
+    /// Returns a hash of the level, the settings and all viewcells, whatever the range of this baker. Shards
+    /// with the same hash belong together.
     pub fn whole_fingerprint(&self) -> u64 {
         self.fingerprint
     }
@@ -360,6 +360,7 @@ impl Baker for SandwichBaker<'_> {
             }
         };
         let too_large = self.done.iter().flatten().filter(|found| too_large(found)).count();
+        let cut = self.done.iter().flatten().filter(|found| found.is_done() && !found.is_whole()).count();
         let complete = waiting.is_empty() && self.done.iter().all(is_done);
         let reused = self.done.iter().flatten().filter(|found| found.is_reused).count();
         let unknown = || CellSandwich { open: all.clone(), ..CellSandwich::default() };
@@ -369,7 +370,7 @@ impl Baker for SandwichBaker<'_> {
         let (cells, times) = done.unzip();
         let first = self.range.start;
         let error = self.error.into_inner().unwrap_or_else(PoisonError::into_inner);
-        SandwichOutcome { first, cells, times, complete, stages, reused, cache, too_large, error }
+        SandwichOutcome { first, cells, times, complete, stages, reused, cache, too_large, cut, error }
     }
 
     fn fingerprint(&self) -> u64 {

@@ -160,11 +160,11 @@ impl Edge {
         self.normal.dot(corner) > self.error(size)
     }
 
-    /// Returns the signed distance in metres of the eye from the supporting plane: the plane through the edge
-    /// and the corner of a box behind the polygon that a plane turned about the edge touches first. The box
-    /// is from `min` to `max`; box and eye are in metres relative to `Scene::origin`. Positive on the inner
-    /// side, on which the polygon lies; rounding errors are subtracted from the magnitude. `None` if the
-    /// supporting corner is not found or the distance is not finite.
+    /// Returns the signed distance in metres of the eye from the supporting plane of a box behind the
+    /// polygon: the plane through the edge and the corner of the box that a plane turned about the edge
+    /// touches first. The box is from `min` to `max`; box and eye are in metres relative to `Scene::origin`.
+    /// Positive on the inner side, on which the polygon lies; rounding errors are subtracted from the
+    /// magnitude. `None` if the supporting corner is not found or the distance is not finite.
     pub(super) fn support(&self, eye: DVec3, min: DVec3, max: DVec3) -> Option<f64> {
         let [a, b] = self.ends;
         let side = b - a;

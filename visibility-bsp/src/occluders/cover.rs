@@ -11,9 +11,9 @@ use alloc::collections::BinaryHeap;
 use alloc::vec::Vec;
 
 /// Maximum number of grid cells of a group that is joined; larger groups are left as they are.
-const MOST_CELLS: usize = 1 << 14;
+const MAX_CELLS: usize = 1 << 14;
 /// Maximum number of rectangles made from one group.
-const MOST_PICKS: u32 = 64;
+const MAX_PICKS: u32 = 64;
 
 /// A grid whose lines are the sides of a group's rectangles, with the cells that the group covers.
 /// Coordinates are in metres along the two axes of the rectangles' plane.
@@ -26,7 +26,7 @@ struct Grid {
 
 impl Grid {
     /// Builds the grid of a group of rectangles of one plane and marks the covered cells. `None` if the grid
-    /// has more than [`MOST_CELLS`] cells.
+    /// has more than [`MAX_CELLS`] cells.
     fn new(group: &[&Rectangle]) -> Option<Self> {
         let lines = [0, 1].map(|i| {
             let mut lines: Vec<f64> = group.iter().flat_map(|r| [r.low[i], r.high[i]]).collect();
@@ -35,7 +35,7 @@ impl Grid {
             lines
         });
         let cells = (lines[0].len() - 1).checked_mul(lines[1].len() - 1)?;
-        if cells > MOST_CELLS {
+        if cells > MAX_CELLS {
             return None;
         }
         let mut grid = Self { lines, filled: alloc::vec![false; cells] };
@@ -174,7 +174,7 @@ pub(super) fn join_group(group: &[&Rectangle], mut each: impl FnMut([f64; 2], [f
         })
         .collect();
     let mut taken = 0;
-    while taken < MOST_PICKS
+    while taken < MAX_PICKS
         && let Some(best) = candidates.pop()
     {
         // The added area of a rectangle only shrinks as others are taken.

@@ -29,8 +29,8 @@ const NONE: u32 = u32::MAX;
 /// Coordinates are in metres along the plane's axes.
 #[derive(Clone, Copy)]
 struct Interval {
-    /// Index of a rectangle: of those stored here, which span this interval but not its parent's, the one
-    /// with the greatest end along the sweep. [`NONE`] without such a rectangle.
+    /// Index of the rectangle with the greatest end along the sweep, of the stored rectangles that span this
+    /// interval but not its parent's. [`NONE`] without such a rectangle.
     spanning: u32,
     /// Index of any one rectangle in the subtree, [`NONE`] if there is none.
     any: u32,

@@ -5,7 +5,7 @@
 //! flatness and convexity are harmless; see `shadow`.
 
 use super::outline::{OccluderTriangle, Outline};
-use crate::shadow::{MOST_EDGES, plane_of};
+use crate::shadow::{MAX_EDGES, plane_of};
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
@@ -16,7 +16,7 @@ const FLAT: f64 = 1e-6;
 /// as a fraction of the polygon's size, for an edge of that size: a thousandth of [`FLAT`].
 const CORNER_ROUNDING: f64 = 1e-9;
 /// Maximum number of vertices of a joined polygon. Each edge costs a plane through the eye in every frame.
-const MOST_VERTICES: usize = if MOST_EDGES < 10 { MOST_EDGES } else { 10 };
+const MAX_VERTICES: usize = if MAX_EDGES < 10 { MAX_EDGES } else { 10 };
 
 /// A polygon under construction, with vertices as indices of the distinct positions that [`weld`] returns.
 struct Polygon {
@@ -29,7 +29,7 @@ struct Polygon {
     two_sided: bool,
 }
 
-/// Joins triangles greedily into nearly flat and convex polygons of at most [`MOST_VERTICES`] vertices. Each
+/// Joins triangles greedily into nearly flat and convex polygons of at most [`MAX_VERTICES`] vertices. Each
 /// triangle ends up in exactly one polygon; one that joins with no other becomes a polygon of its own.
 pub(super) fn join(triangles: &[OccluderTriangle]) -> Vec<Outline> {
     // `edges` maps each directed edge to the polygon that runs along it: the neighbour runs along it in the
@@ -53,7 +53,7 @@ pub(super) fn join(triangles: &[OccluderTriangle]) -> Vec<Outline> {
         let Some(mut polygon) = polygons[number].take() else { continue };
         let mut i = 0;
         let mut tries = 0;
-        while i < polygon.vertices.len() && tries < 4 * MOST_VERTICES {
+        while i < polygon.vertices.len() && tries < 4 * MAX_VERTICES {
             tries += 1;
             let (a, b) = (polygon.vertices[i], polygon.vertices[(i + 1) % polygon.vertices.len()]);
             let other = edges.get(&(b, a)).copied().filter(|&other| other as usize != number);
@@ -108,7 +108,7 @@ fn weld(triangles: &[OccluderTriangle]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
 /// Returns the union of two polygons that share the edge from vertex `i` of `ours`, as one polygon.
 /// `positions` are the distinct positions that the polygons' vertices index. `None` if `theirs` does not have
 /// that edge in reverse, if only one of the two is two-sided, or if the union is not flat and convex or has
-/// more than [`MOST_VERTICES`] vertices.
+/// more than [`MAX_VERTICES`] vertices.
 fn joined(positions: &[DVec3], ours: &Polygon, i: usize, theirs: &Polygon) -> Option<Polygon> {
     let (n, m) = (ours.vertices.len(), theirs.vertices.len());
     if ours.two_sided != theirs.two_sided {
@@ -130,7 +130,7 @@ fn joined(positions: &[DVec3], ours: &Polygon, i: usize, theirs: &Polygon) -> Op
     let mut sorted = vertices.clone();
     sorted.sort_unstable();
     sorted.dedup();
-    if vertices.len() < 3 || vertices.len() > MOST_VERTICES || sorted.len() != vertices.len() {
+    if vertices.len() < 3 || vertices.len() > MAX_VERTICES || sorted.len() != vertices.len() {
         return None;
     }
     let points: Vec<DVec3> = vertices.iter().map(|&v| positions[v as usize]).collect();

@@ -22,7 +22,7 @@ pub(super) type Level = (usize, u64, u8);
 pub(super) type Levels = BTreeMap<Level, Vec<Rectangle>>;
 
 /// Joins the rectangles of each plane into fewer and larger ones. Returns them as polygons that cover exactly
-/// the same points, up to the limits of `cover`.
+/// the same points, or fewer where a group exceeds the limits of the module `cover`.
 pub(super) fn join(levels: &Levels) -> Vec<Outline> {
     let mut outlines = Vec::new();
     for (&(axis, bits, facing), rectangles) in levels {

@@ -45,10 +45,10 @@ const GAIN: f64 = 1.25;
 /// fraction of the face's shorter side.
 const CLOSE: f64 = 0.25;
 /// Maximum number of boxes that one plane cuts together. A box that touches more boxes begins no section.
-const MOST_BOXES: usize = 256;
+const MAX_BOXES: usize = 256;
 /// Maximum number of faces near a section (a rectangle inside closed boxes) that are tested for being covered
 /// by it; the others stay.
-const MOST_FACES: usize = 4096;
+const MAX_FACES: usize = 4096;
 
 /// Finds the boxes of which all six faces are present as rectangles of one object, facing outwards or both
 /// ways.
@@ -181,7 +181,7 @@ pub(super) fn sections(solids: &[SolidBox]) -> Vec<Outline> {
                 max[axis] = at;
                 let start = cut.len();
                 // The box touches itself, too.
-                if !near.touching(min, max, MOST_BOXES, |other| cut.push(other)) {
+                if !near.touching(min, max, MAX_BOXES, |other| cut.push(other)) {
                     cut.truncate(start);
                 }
                 deeper |= cut[start..].iter().any(|&other| solids[other as usize].min[axis] < at);
@@ -198,7 +198,7 @@ pub(super) fn sections(solids: &[SolidBox]) -> Vec<Outline> {
             };
             let rectangles: Vec<Rectangle> = cut.iter().map(rectangle).collect();
             for group in groups(&rectangles) {
-                if !(2..=MOST_BOXES).contains(&group.len()) {
+                if !(2..=MAX_BOXES).contains(&group.len()) {
                     continue;
                 }
                 join_group(&group, |low, high, boxes| {
@@ -269,7 +269,7 @@ pub(super) fn drop_covered(outlines: &mut Vec<Outline>) {
         let (mut low, mut high) = (min, max);
         low[axis] -= CLOSE * size(min, max);
         high[axis] += CLOSE * size(min, max);
-        near.touching(low, high, MOST_FACES, |other| {
+        near.touching(low, high, MAX_FACES, |other| {
             let (from, to) = boxes[other as usize];
             let (mut within_min, mut within_max) = (min, max);
             (within_min[axis], within_max[axis]) = (from[axis], to[axis]);

@@ -19,7 +19,7 @@ use visibility_core::{
 
 /// Solid angle of a half-space in steradians (2 pi), the upper limit of all bounds on the solid angle of a
 /// polygon.
-const MOST_ANGLE: f32 = core::f32::consts::TAU;
+const MAX_ANGLE: f32 = core::f32::consts::TAU;
 
 /// A polygon chosen by [`Selector::choose`], because the bound on its solid angle seen from the eye is among
 /// the greatest. Whether it may hide in this frame is tested later, by [`Selector::keep_usable`].
@@ -238,7 +238,7 @@ impl Block {
         match eye {
             Eye::Point(eye) => {
                 let nearest = (eye.distance(self.center) - self.radius).max(0.0);
-                ((self.area / (nearest * nearest)) as f32).min(MOST_ANGLE)
+                ((self.area / (nearest * nearest)) as f32).min(MAX_ANGLE)
             }
             Eye::Direction(_) => self.area as f32,
         }
@@ -259,7 +259,7 @@ fn bound(polygon: &Polygon, hides_behind: bool, eye: &Eye) -> f32 {
             let angle = shown * polygon.area / (least * least * least);
             // Limited to a half-space. NaN, from an eye in the polygon's plane, makes the polygon no
             // candidate.
-            (angle as f32).min(MOST_ANGLE)
+            (angle as f32).min(MAX_ANGLE)
         }
         Eye::Direction(along) => {
             let shown = -polygon.normal.dot(*along);

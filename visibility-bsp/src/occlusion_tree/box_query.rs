@@ -10,13 +10,13 @@
 //! the sides is their own. Two shadows that share an edge therefore leave no gap, and no shadow becomes wider
 //! than it is. Each cut adds four roundings to the error.
 
-use super::nodes::{Child, MOST_PLANES, Nodes, OUTSIDE, VISIBLE};
+use super::nodes::{Child, MAX_LEAF_TESTS, Nodes, OUTSIDE, VISIBLE};
 use crate::clip_projection::{BoxProjection, ClipProjection, U, dot, slack_of};
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, occlusion::Occlusion, view::Eye};
 
 /// Maximum number of corners of a part. If a cut would make more, the box counts as partially visible.
-const MOST: usize = 24;
+const MAX_CORNERS: usize = 24;
 
 /// A convex part of a box's projection: the cone of view rays that the clip-space directions `(x, y, w)` of
 /// its corners span.
@@ -24,8 +24,8 @@ const MOST: usize = 24;
 struct Part {
     /// Clip-space directions `(x, y, w)` of the part's corners, in order around its border. Only the first
     /// `count` are valid.
-    corners: [[f64; 3]; MOST],
-    /// Number of corners of the part, at most [`MOST`]: the valid entries in `corners`.
+    corners: [[f64; 3]; MAX_CORNERS],
+    /// Number of corners of the part, at most [`MAX_CORNERS`]: the valid entries in `corners`.
     count: usize,
     /// Bound on the absolute error of `n . v` for the direction `v` of any corner and any line coefficients
     /// `n` of at most 1 in magnitude.
@@ -186,7 +186,7 @@ impl BoxTest<'_> {
     /// in front of all of them, and 0 if undecided.
     fn side_of(&self, leaf: Child, part: &Part) -> i32 {
         let (mut leaf, mut all) = (leaf, 1);
-        for _ in 0..MOST_PLANES {
+        for _ in 0..MAX_LEAF_TESTS {
             let Some(hide) = self.nodes.hider(leaf) else { break };
             let plane = hide.plane as usize;
             let side = self.nodes.planes[plane].side(self.min, self.max);
@@ -230,7 +230,7 @@ impl BoxTest<'_> {
             };
             let slack = node.line.slack + part.slack;
             let (mut least, mut greatest) = (f64::INFINITY, f64::NEG_INFINITY);
-            let mut values = [0.0; MOST];
+            let mut values = [0.0; MAX_CORNERS];
             for (value, corner) in values.iter_mut().zip(&part.corners[..part.count]) {
                 *value = dot(node.line.n, *corner);
                 least = least.min(*value);
@@ -255,7 +255,7 @@ impl Part {
     /// Creates a part without corners, for which `slack` bounds the absolute error of `n . v`, the value of a
     /// line with coefficients `n` at a corner's direction `v`.
     fn empty(slack: f64) -> Self {
-        Self { corners: [[0.0; 3]; MOST], count: 0, slack }
+        Self { corners: [[0.0; 3]; MAX_CORNERS], count: 0, slack }
     }
 
     /// Creates the part outlined by the corners `numbers` of a projected box, in boundary order. Bits 0, 1
@@ -270,15 +270,15 @@ impl Part {
 
     /// Clips the part by a plane through the eye and stores the corners of the result in `out`. `values` are
     /// the plane's values at this part's corners. The result is where the value times `sign` is at least
-    /// `limit`. The slack of `out` is left to the caller. Returns false if `out` would get more than [`MOST`]
-    /// corners.
-    fn beyond(&self, values: &[f64; MOST], sign: f64, limit: f64, out: &mut Self) -> bool {
+    /// `limit`. The slack of `out` is left to the caller. Returns false if `out` would get more than
+    /// [`MAX_CORNERS`] corners.
+    fn beyond(&self, values: &[f64; MAX_CORNERS], sign: f64, limit: f64, out: &mut Self) -> bool {
         let mut count = 0;
         let mut j = self.count - 1;
         let mut db = values[j] * sign - limit;
         for (i, value) in values.iter().enumerate().take(self.count) {
             let da = value * sign - limit;
-            if count + 2 > MOST {
+            if count + 2 > MAX_CORNERS {
                 return false;
             }
             if (da >= 0.0) != (db >= 0.0) {

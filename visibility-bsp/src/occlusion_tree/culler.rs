@@ -35,11 +35,11 @@ pub struct OcclusionTreeCuller {
 }
 
 /// Number of polygons that pass the first ranking, for each polygon that may be inserted in the frame's
-/// occlusion tree. It ranks all polygons by a bound on their solid angle from the eye.
+/// occlusion tree. The first ranking orders all polygons by a bound on their solid angle from the eye.
 const CANDIDATES_PER_POLYGON: usize = 6;
 /// Number of polygons that pass the second ranking, for each polygon that may be inserted in the frame's
-/// occlusion tree. It ranks those that passed the first by estimated worth: the number of objects that the
-/// polygon's shadow may hide. The others are not used in this frame.
+/// occlusion tree. The second ranking orders the polygons that passed the first by estimated worth: the
+/// number of objects that a polygon's shadow may hide. Polygons that do not pass are not used in this frame.
 const RANKED_PER_POLYGON: usize = 2;
 /// Worth in objects per steradian given to a polygon so close or large that its worth cannot be estimated. It
 /// ranks such polygons before all others, in the order of their solid angles.

@@ -32,7 +32,7 @@ pub(super) struct QueuedPolygon {
 const FLAT: f64 = 1e-6;
 
 /// Gain at or below which a polygon is not inserted, in steradians or objects as [`Worth`] measures it.
-const LEAST_GAIN: f32 = 1e-6;
+const MIN_GAIN: f32 = 1e-6;
 
 /// A shadow taken from the queue, its gain computed again, is inserted at once if its gain is at least this
 /// fraction of the greatest gain still in the queue.
@@ -236,7 +236,7 @@ impl OcclusionMap for OcclusionTree {
             }
             let number = candidate.number as usize;
             let gain = self.nodes.descend(&self.projection, &self.shadows, number, worth);
-            if !(gain > LEAST_GAIN) {
+            if !(gain > MIN_GAIN) {
                 continue;
             }
             let added = self.nodes.planes.len() as u32;

@@ -16,29 +16,29 @@ pub(crate) type Child = u32;
 pub(crate) const VISIBLE: Child = u32::MAX;
 /// Leaf of view directions outside the image; boxes there count as hidden.
 pub(crate) const OUTSIDE: Child = u32::MAX - 1;
-/// Flag of a shadow leaf: view directions inside the shadow of at least one polygon. The other bits are an
-/// index into `Nodes::hiders`, a list of back planes; points in these directions behind one of them are
-/// hidden.
+/// Flag of a shadow leaf: view directions inside the shadow of at least one polygon. The other bits are the
+/// index in `Nodes::hiders` of the first of the leaf's back planes. A point in these directions is hidden if
+/// it is behind any of the leaf's back planes.
 pub(crate) const HIDDEN: Child = 1 << 31;
 
 /// Distance from a back plane within which a corner counts as on the plane, as a fraction of the plane's
 /// offset: 9,000 times the round-off of `f64`. It only saves the cut of a sliver.
 const ON_PLANE: f64 = 1e-12;
 
-/// Amount by which the part of an edge inside a leaf, as fractions of the edge from 0 to 1, is enlarged at
-/// each end where a plane cuts the edge. The division rounds by less than a millionth of this; the errors of
-/// the plane's values are covered by their own slack.
+/// Fraction of an edge by which its part inside a leaf is enlarged at each end where a plane cuts the edge.
+/// The ends of the part are fractions of the edge from 0 to 1. The division that computes them rounds by less
+/// than a millionth of this; errors of the plane's values have a slack of their own.
 const SHARE_ROUNDING: f64 = 1e-9;
 
 /// Maximum number of nodes, which bounds time and memory for adversarial occluders. Polygons that would
 /// exceed it are not inserted.
-const MOST_NODES: usize = 1 << 16;
+const MAX_NODES: usize = 1 << 16;
 /// Maximum depth of a node. Bounds the recursion of box tests; polygons that would exceed it are not
 /// inserted.
 const DEEPEST: u16 = 480;
 
 /// Maximum number of a leaf's polygons that are tested, the one inserted last first.
-pub(crate) const MOST_PLANES: usize = 16;
+pub(crate) const MAX_LEAF_TESTS: usize = 16;
 
 /// A node: the plane through the eye and an edge of an occluder, or a side of the image.
 #[derive(Clone, Copy, Debug)]
@@ -257,7 +257,7 @@ impl Nodes {
     /// appended to `corners`.
     fn before(&mut self, task: &Task, leaf: Child) -> Option<Task> {
         let (mut task, mut leaf) = (*task, leaf);
-        for _ in 0..MOST_PLANES {
+        for _ in 0..MAX_LEAF_TESTS {
             let Some(hide) = self.hider(leaf) else { break };
             task = self.before_plane(&task, hide.plane)?;
             leaf = hide.under;
@@ -381,7 +381,7 @@ impl Nodes {
         let depth = if parent == NO_PARENT { 0 } else { self.nodes[(parent >> 1) as usize].depth };
         let edges = shadows.edges_of(shadow);
         if corners.len() < 3
-            || self.nodes.len() + edges.len() > MOST_NODES
+            || self.nodes.len() + edges.len() > MAX_NODES
             || usize::from(depth) + edges.len() > usize::from(DEEPEST)
         {
             return;
@@ -426,7 +426,7 @@ impl Nodes {
         if edges.iter().any(|edge| !(edge.line.at(middle) > edge.line.slack + sure)) {
             return 0;
         }
-        let mut spans = [[0.0f64, 1.0]; crate::shadow::MOST_EDGES + 1];
+        let mut spans = [[0.0f64, 1.0]; crate::shadow::MAX_EDGES + 1];
         let mut needless = 0u32;
         let mut up = parent;
         while up != NO_PARENT {

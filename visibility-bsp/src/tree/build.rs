@@ -12,7 +12,7 @@ use visibility_core::{
     glam::DVec3,
 };
 
-/// Maximum number of cuts per inserted polygon, on average, beyond 4,096 cuts in all, before building fails.
+/// Number of cuts that each inserted polygon adds to the limit of 4,096 cuts beyond which building fails.
 const GROWTH: usize = 256;
 
 impl BspTree {

@@ -15,7 +15,7 @@ const BOXES: usize = 12;
 const SAMPLE: usize = 96;
 /// Maximum number of polygons whose planes are compared as splitting planes of one set of pieces.
 const CANDIDATES: usize = 10;
-/// Maximum number of piece bounding boxes whose six sides each are compared as axis-aligned splitting planes.
+/// Maximum number of pieces, the sides of whose bounding boxes are compared as axis-aligned splitting planes.
 const PLANES: usize = 12;
 /// Cost of cutting one piece, in units of one piece of imbalance between the two sides.
 const CUT: f32 = 6.0;

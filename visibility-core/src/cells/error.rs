@@ -98,10 +98,10 @@ pub enum CellGraphError {
         /// cell, or out of the body of the second.
         cell: CellId,
     },
-    /// The bodies of a portal's cells do not tell which side of the portal is whose: both reach across its
-    /// plane, or both lie on the same side of it.
+    /// The bodies of a portal's cells do not tell which side of the portal belongs to which cell: both bodies
+    /// reach across the portal's plane, or both lie on the same side of it.
     NotBetween {
-        /// Portal whose plane does not part the bodies of its cells.
+        /// Portal whose plane does not separate the bodies of its two cells.
         portal: PortalId,
         /// The two cells of the portal.
         cells: [CellId; 2],

@@ -18,8 +18,8 @@ impl CellGraph {
     /// space. Bodies and portals may be misplaced by up to `tolerance` metres. Call this function before
     /// anything is baked from the graph.
     ///
-    /// A body decides if it lies on one side of the portal's plane. One that reaches across the plane, such
-    /// as a courtyard around a house, or one that is inverted, infinite or NaN, leaves the decision to the
+    /// A body decides if it lies on one side of the portal's plane. A body that reaches across the plane,
+    /// such as a courtyard around a house, or that is inverted, infinite or NaN, leaves the decision to the
     /// body on the other side. The portal need not touch the bodies, so that walls may be thick:
     /// [`validate_bodies`](Self::validate_bodies) checks that as well. Time is linear in the numbers of
     /// portals and of their bodies' planes.

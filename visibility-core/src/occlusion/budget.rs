@@ -23,10 +23,10 @@ const INITIAL_CREDIT: f32 = 2048.0;
 /// search ends early in frames of real levels.
 const TEST_WORK: f32 = 0.1;
 
-/// Cost in triangles that an occluder may have, beyond the worth of all objects hidden so far in the frame,
-/// without regard to what it can hide. A costlier occluder must cost at most half of what hiding all objects
-/// behind it is worth, or be drawn on a [loan](LOAN_SAFETY). So a frame of few objects draws no mesh that
-/// costs as much as hiding all of them is worth.
+/// An occluder can be paid from the credit, whatever is behind it, if it costs at most this number of
+/// triangles plus the worth of all objects found hidden so far in the frame. A costlier occluder must cost at
+/// most half of what hiding all objects behind it is worth, or be drawn on a [loan](LOAN_SAFETY). So a frame
+/// of few objects draws no mesh that costs as much as hiding all of them is worth.
 const UNPROVEN_COST: f32 = 512.0;
 
 /// An occluder that costs more than the search may still spend can be drawn on a *loan*. The worth of the
@@ -34,8 +34,8 @@ const UNPROVEN_COST: f32 = 512.0;
 /// loans not paid back yet.
 const LOAN_SAFETY: f32 = 4.0;
 
-/// Greatest share of the work of the search that an occlusion map may spend on the occluders that it draws by
-/// itself.
+/// Greatest share of the work that the search may still spend which an occlusion map may spend on occluders
+/// that the map draws by itself.
 const OWN_SHARE: f32 = 0.75;
 
 /// A search was in vain if all objects found hidden in the frame are worth at most this share of
@@ -46,26 +46,27 @@ const NEARLY_NOTHING: f32 = 0.25;
 /// found hidden are worth.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Budget {
-    /// Work in triangles that a hidden object is worth.
+    /// Price: the work in triangles that hiding one object is worth.
     price: f32,
     /// Work in triangles that the search for occluders may still spend before more objects are found hidden.
     /// The search ends when it is 0 or less.
     credit: f32,
-    /// Work in triangles that all objects found hidden so far are worth.
+    /// Earnings: the price times the number of objects found hidden so far in the frame, in triangles.
     earned: f32,
     /// Cost in triangles of the occluders drawn on loans that objects found hidden have not paid back yet.
     debt: f32,
     /// Work in triangles that the frame may still spend.
     limit: f32,
-    /// Part of `limit` that the search for occluders must leave, for the tests of objects after it.
+    /// Part of `limit` that the search for occluders must leave for the tests of objects after the search.
     reserve: f32,
     /// Work of this frame so far, in triangles.
     spent: f32,
 }
 
 impl Budget {
-    /// Creates the budget of a frame. `price` is the work in triangles that a hidden object is worth, `limit`
-    /// the most work of the frame. With a price of 0 the search for occluders may spend nothing.
+    /// Creates the budget of a frame. `price` is the work in triangles that hiding one object is worth,
+    /// `limit` the most work in triangles that the frame may spend. With a price of 0 the search for
+    /// occluders may spend nothing.
     pub(super) fn new(price: u32, limit: u32) -> Self {
         let credit = if price > 0 { INITIAL_CREDIT + price as f32 } else { 0.0 };
         let limit = limit as f32;
@@ -148,9 +149,9 @@ impl Budget {
     }
 
     /// Returns whether an occluder can be paid. `cost` is in triangles, `share` the part of the view that the
-    /// occluder covers, 0 to 1, and `behind` the worth of all objects behind it. It is paid from the credit,
-    /// or on a loan if what it is expected to hide is worth [much more](LOAN_SAFETY) than its cost and the
-    /// open loans. So no occluder is too expensive for what lies behind it.
+    /// occluder covers, 0 to 1, and `behind` the worth of all objects behind it. An occluder is paid from the
+    /// credit, or on a loan if what it is expected to hide is worth [much more](LOAN_SAFETY) than its cost
+    /// and the open loans. So no occluder is too expensive for what lies behind it.
     pub(super) fn can_pay(&self, cost: f32, share: f32, behind: f32) -> bool {
         let is_in_proportion = cost <= UNPROVEN_COST + self.earned || 2.0 * cost <= behind;
         let is_on_loan = LOAN_SAFETY * (cost + self.debt) <= behind * share;
@@ -168,15 +169,15 @@ impl Budget {
     }
 }
 
-/// Number of frames in a row that did not pay after which frames are left out: see [`Experience`].
-const MOST_LOSSES: u32 = 8;
+/// After this number of frames in a row that did not pay, frames are left out: see [`Experience`].
+const MAX_LOSSES: u32 = 8;
 
 /// Work, in triangles, that a frame saves for each object in view if it does not search for hidden objects:
 /// some three times what frustum culling takes (measured).
 const PAID_BACK: f32 = 0.02;
 
 /// Greatest number of frames in a row that do not search for hidden objects.
-const MOST_FRAMES_LEFT_OUT: u32 = 64;
+const MAX_FRAMES_LEFT_OUT: u32 = 64;
 
 /// A frame searches again if at least this many times as many objects are in view as in the last frame that
 /// searched.
@@ -190,14 +191,15 @@ const OTHER_DIRECTION: f64 = 0.866;
 /// objects that it found hidden are worth at least the work spent on it. A frame *left out* searches nothing:
 /// all of its objects stay visible.
 ///
-/// Where [`MOST_LOSSES`] frames in a row did not pay, as in the view of a bird, frames are left out until
+/// Where [`MAX_LOSSES`] frames in a row did not pay, as in the view of a bird, frames are left out until
 /// they have saved what the last one spent in vain, or the camera sees something else: it has turned, or many
 /// more objects are in view, as where one steps back from a wall. Then a frame tries again.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Experience {
     /// Number of frames in a row that did not pay.
     losses: u32,
-    /// Work that the last frame that did not pay spent in vain and frames left out have not saved yet.
+    /// Work of the last frame that was not left out, less the worth of the objects that it found hidden and
+    /// what the frames left out since have saved. Frames are left out only while it is positive.
     debt: f32,
     /// Number of frames left out in a row.
     left_out: u32,
@@ -217,7 +219,7 @@ impl Experience {
         let is_alike = objects < MORE_IN_VIEW * self.objects
             && (forward == DVec3::ZERO || forward.dot(self.forward) > OTHER_DIRECTION);
         let is_left_out =
-            self.losses >= MOST_LOSSES && self.debt > 0.0 && self.left_out < MOST_FRAMES_LEFT_OUT && is_alike;
+            self.losses >= MAX_LOSSES && self.debt > 0.0 && self.left_out < MAX_FRAMES_LEFT_OUT && is_alike;
         if is_left_out {
             self.debt -= PAID_BACK * objects as f32;
             self.left_out += 1;
@@ -227,24 +229,24 @@ impl Experience {
         is_left_out
     }
 
-    /// Records a frame that was not left out: what it spent from its `budget`, and that it found `hidden`
-    /// objects hidden.
+    /// Records a frame that was not left out: what it spent from its `budget`, and the number `hidden` of
+    /// objects that it found hidden.
     pub(super) fn record(&mut self, budget: &Budget, hidden: usize) {
         self.debt = budget.spent() - budget.worth(hidden as f32);
         self.losses = if self.debt > 0.0 { self.losses.saturating_add(1) } else { 0 };
     }
 }
 
-/// Number of tested leaves in a row without a hidden object after which some leaves are not tested: see
-/// [`LeafSampling`].
-const MOST_MISSES: u32 = 8;
+/// After this number of tested leaves in a row without a hidden object, only some of the following leaves are
+/// tested: see [`LeafSampling`].
+const MAX_MISSES: u32 = 8;
 
 /// Greatest number of leaves in a row that are not tested. The next leaf is tested.
-const MOST_LEFT_OUT: u32 = 32;
+const MAX_LEFT_OUT: u32 = 32;
 
 /// Choice of the leaves whose objects are tested after a search that was [in vain](Budget::is_spent_in_vain).
 ///
-/// [`MOST_MISSES`] leaves in a row without a hidden object are tested, and then fewer and fewer: one of two,
+/// [`MAX_MISSES`] leaves in a row without a hidden object are tested, and then fewer and fewer: one of two,
 /// one of three, down to one of 33. A hidden object in a tested leaf makes the choice begin anew. Objects in
 /// leaves left out stay visible.
 #[derive(Clone, Copy, Debug, Default)]
@@ -259,7 +261,7 @@ impl LeafSampling {
     /// Returns whether the next leaf is to be tested. If so, the caller must [`record`](Self::record) its
     /// result.
     pub(super) fn tests_next(&mut self) -> bool {
-        let tests = self.left_out >= self.misses.saturating_sub(MOST_MISSES).min(MOST_LEFT_OUT);
+        let tests = self.left_out >= self.misses.saturating_sub(MAX_MISSES).min(MAX_LEFT_OUT);
         self.left_out = if tests { 0 } else { self.left_out + 1 };
         tests
     }

@@ -6,7 +6,7 @@
 //! hierarchy on the scene").
 
 use super::budget::{Budget, Experience, LeafSampling};
-use super::selection::{LEAST_BEHIND, OccluderSearch, Queue, objects_of};
+use super::selection::{MIN_BEHIND, OccluderSearch, Queue, objects_of};
 use super::{Occlusion64, OcclusionMap};
 use crate::culler::Lack;
 use crate::jobs::Jobs;
@@ -37,10 +37,10 @@ const DEFAULT_WORK_LIMIT: u32 = 1 << 15;
 /// objects of fewer and fewer leaves of the hierarchy and reports the others.
 /// [`with_work_limit`](Self::with_work_limit) bounds the work of a frame altogether.
 ///
-/// After eight frames in a row that did not pay, whole frames are left out, at most 64 in a row, until they
-/// have saved what was spent in vain, the camera has turned by 30 degrees, or twice as many objects are in
-/// view: their objects stay visible. Otherwise the answer depends on scene, set, view and settings alone,
-/// unless the map itself remembers earlier frames.
+/// After eight frames in a row that did not pay, whole frames are left out: their objects stay visible. No
+/// more are left out when 64 in a row were, when they have saved what was spent in vain, when the camera has
+/// turned by 30 degrees, or when twice as many objects are in view. Otherwise the answer depends on scene,
+/// set, view and settings alone, unless the map itself remembers earlier frames.
 ///
 /// ```
 /// # use visibility_core::{
@@ -100,19 +100,21 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         }
     }
 
-    /// Sets how many triangles of occluders, as [`OcclusionMap::cost`] counts them, are drawn to hide one
-    /// object. 24 by default. Less saves time where objects are cheap to draw, and more objects are reported.
-    /// With 0 no occluder of the scene is drawn, for maps that are filled otherwise.
+    /// Sets how many triangles of occluders, as [`OcclusionMap::cost`] counts them, may be drawn for each
+    /// object that they are expected to hide. 24 by default. A lower price saves time where objects are cheap
+    /// to draw, but fewer objects are hidden. With 0 no occluder of the scene is drawn, for maps that are
+    /// filled otherwise.
     #[must_use]
     pub fn with_price(self, triangles_per_object: u32) -> Self {
         Self { price: triangles_per_object, ..self }
     }
 
     /// Bounds the work of a frame, in triangles: with the z-buffer, ten of them take about a microsecond.
-    /// 32,768 by default; `u32::MAX` for no bound. A frame spends at most half of it on occluders. Once all
-    /// of it is spent, the frame tests no more objects and reports the rest. The last node tested, batch of
-    /// occluders, or cluster of a level may exceed the bound, and so may the search for a level's clusters in
-    /// view. It does not cover emptying the map, which takes longer the larger the map is.
+    /// 32,768 by default; `u32::MAX` for no bound. A frame spends at most half of this work on occluders.
+    /// Once all of it is spent, the frame tests no more objects and reports the rest. The bound may be
+    /// exceeded by the node tested last, by the batch of occluders or the cluster of a level drawn last, and
+    /// by the search for a level's clusters in view. The bound does not cover the time to empty the map,
+    /// which is longer for larger maps.
     #[must_use]
     pub fn with_work_limit(self, triangles: u32) -> Self {
         Self { work_limit: triangles, ..self }
@@ -155,7 +157,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
             self.map.begin_within(view, origin, 0.0, jobs);
             return self.sweep(None, scene, visible, &mut budget, SweepKind::Count);
         }
-        let most = budget.for_own_occluders(LEAST_BEHIND.max(objects as f32));
+        let most = budget.for_own_occluders(MIN_BEHIND.max(objects as f32));
         let own = self.map.begin_within(view, origin, most, jobs);
         budget.spend_outside_search(own);
         let mut stats = CullStats::default();

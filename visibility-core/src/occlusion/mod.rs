@@ -114,9 +114,10 @@ pub trait OcclusionMap {
     /// negative or NaN, no occluder is drawn. What is not drawn hides nothing in the frame. Returns the work
     /// spent.
     ///
-    /// What the map holds does not depend on the job system or its number of threads. It may differ from what
-    /// it holds without one within the [accuracy](Self::accuracy). The default calls [`begin`](Self::begin)
-    /// and returns 0; a map that wraps another passes on `begin`, `begin_within` and `draws`.
+    /// What the map holds does not depend on the job system or its number of threads. Without a job system,
+    /// the map may hold something else within the [accuracy](Self::accuracy). The default calls
+    /// [`begin`](Self::begin) and returns 0; a map that wraps another passes on `begin`, `begin_within` and
+    /// `draws`.
     fn begin_within(&mut self, view: &View, origin: DVec3, _work: f32, _jobs: Option<&dyn Jobs>) -> f32 {
         self.begin(view, origin);
         0.0
@@ -138,9 +139,9 @@ pub trait OcclusionMap {
         occluder.triangles().len()
     }
 
-    /// Returns whether the map draws an object by itself when a frame [begins](Self::begin), as part of a
-    /// level, even if the work of a frame ends before its turn. The object's occluder is then never added to
-    /// the map. False by default.
+    /// Returns whether an object is part of a level that the map draws by itself when a frame
+    /// [begins](Self::begin). Its occluder is then never added to the map, even in a frame whose work is
+    /// spent before the map comes to draw the object. False by default.
     fn draws(&self, object: ObjectId) -> bool {
         let _ = object;
         false
@@ -188,7 +189,7 @@ pub trait OcclusionMap {
     /// Calls `each` for what the occluders of `scene` lack for this map, as
     /// [`Culler::for_each_lack`](crate::Culler::for_each_lack) does for a culler. The default reports
     /// occluders without a usable mesh, meshes without the flag of an occluder, and a scene without
-    /// occluders. A map with occluders of its own leaves out the last.
+    /// occluders. A map with occluders of its own does not report the last of these three.
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
         Lack::of_no_occluder(scene, each);
         Lack::of_occluders(scene, each);

@@ -29,9 +29,9 @@ impl Default for Preparation {
 }
 
 impl Preparation {
-    /// Sets which triangles are slivers, and so dropped, since they cover no whole pixel: those whose height
-    /// over their longest side is at most this fraction of that side's length. 0 keeps all triangles with an
-    /// area. 1e-3 by default.
+    /// Sets which triangles are slivers, and so dropped, since they cover no whole pixel: those whose height,
+    /// measured from their longest side, is at most this fraction of that side's length. 0 keeps all
+    /// triangles with an area. 1e-3 by default.
     pub fn with_sliver(self, sliver: f32) -> Self {
         Self { sliver, ..self }
     }

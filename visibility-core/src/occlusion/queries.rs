@@ -7,7 +7,12 @@
 
 use super::{OccluderMesh, Occlusion, Occlusion64, OcclusionMap};
 use crate::binary_format::Fingerprint;
-use crate::{Aabb, Accuracy, View, geometry::Containment, scene::Boxes64, view::ViewPlane};
+use crate::{
+    Aabb, Accuracy, View,
+    geometry::Containment,
+    scene::Boxes64,
+    view::{ViewPlane, ViewPlanes},
+};
 use alloc::vec::Vec;
 use glam::{Affine3A, DVec3};
 use hashbrown::HashMap;
@@ -73,9 +78,8 @@ impl LateAnswers {
 /// An occlusion map over hardware queries, in which boxes count as visible until the device has answered.
 ///
 /// Boxes are identified by their exact coordinates: a box that moves is a new query, and so is every box once
-/// the scene's origin has moved. A box that falls between
-/// the samples of the device counts as hidden. The accuracy is therefore relative to the resolution of the
-/// device.
+/// the scene's origin has moved. A box that falls between the samples of the device counts as hidden. The
+/// accuracy is therefore relative to the resolution of the device.
 ///
 /// ```
 /// use visibility_core::{occlusion::{HardwareQueries, LateAnswers}, OcclusionCuller};
@@ -100,6 +104,8 @@ pub struct HardwareQueries<D> {
     /// Origin that the boxes of all questions are relative to; NaN before the first frame.
     origin: DVec3,
     near: Option<ViewPlane>,
+    /// Clip planes of the view. `None` if `f64` cannot represent one of them.
+    clip_planes: Option<ViewPlanes>,
     /// Hashes of the occluders added in the present frame and in the frame before.
     drawn: [Fingerprint; 2],
     state: State<D>,
@@ -141,7 +147,8 @@ impl<D: QueryDevice> HardwareQueries<D> {
     pub fn new(device: D, late: LateAnswers) -> Self {
         let state = State { device, indices: HashMap::new(), questions: Vec::new(), free: Vec::new() };
         let (origin, drawn) = (DVec3::NAN, [Fingerprint::new(); 2]);
-        Self { late, frame: 0, since: 0, view: None, origin, near: None, drawn, state }
+        let (near, clip_planes) = (None, None);
+        Self { late, frame: 0, since: 0, view: None, origin, near, clip_planes, drawn, state }
     }
 
     /// Returns the query device that the map asks.
@@ -158,15 +165,17 @@ impl<D: QueryDevice> HardwareQueries<D> {
     }
 
     /// Returns the result for a box that no query decides: an improper one, or one that reaches the near
-    /// plane. `None` for all others.
+    /// plane or a clip plane. `None` for all others.
     fn decided(&self, bounds: &Aabb) -> Option<Occlusion> {
         if !bounds.is_finite() {
             return Some(Occlusion::Visible);
         }
-        // A box that reaches the near plane is clipped when it is drawn. The remaining part may lie behind
+        // A box that reaches such a plane is clipped when it is drawn. The remaining part may lie behind
         // walls that the box as a whole is not behind.
-        let surely_before = |plane: &ViewPlane| plane.plane.classify_aabb(bounds) == Containment::Inside;
-        (!self.near.is_some_and(|near| surely_before(&near))).then_some(Occlusion::Partial)
+        let is_whole = |plane: &ViewPlane| plane.plane.classify_aabb(bounds) == Containment::Inside;
+        let unclipped = self.near.is_some_and(|near| is_whole(&near))
+            && self.clip_planes.is_some_and(|planes| planes.as_slice().iter().all(is_whole));
+        (!unclipped).then_some(Occlusion::Partial)
     }
 
     /// Returns the result that the newest answer for a box, as [`Question::answer`] has it, gives in the
@@ -279,6 +288,8 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
             self.since = self.frame;
         }
         self.near = view.near_plane(origin);
+        let planes = view.clip_planes_from(origin);
+        self.clip_planes = (planes.as_slice().len() == view.clip_planes().len()).then_some(planes);
         self.state.listen(self.frame);
     }
 

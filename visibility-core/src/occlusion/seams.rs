@@ -6,15 +6,15 @@ use crate::scene::{FAN_OUT, Scene, lanes};
 use crate::walk::{BoxHierarchy, Child, SceneHierarchy, unculled_blocks};
 use crate::{Aabb, ObjectId};
 
-/// Greatest number of occluders that are inspected. If a scene has more, every second, third or further one
-/// is.
-const MOST: usize = 256;
+/// Greatest number of occluders that are inspected. If a scene has more, only every second, third or n-th one
+/// is inspected.
+const MAX_INSPECTED: usize = 256;
 
 /// Returns how many occluders of `scene` continue in another occluder beside them, as the panels of a wall or
 /// the tiles of a floor do: their boxes have the same thinnest axis and the same extent along it, and meet
 /// end to end along another, up to a thousandth of their size. Inspects all occluders if there are at most
-/// 256, otherwise every second, third or further one, so the result is at most 256. Takes some microseconds
-/// for each.
+/// 256, otherwise every second, third or n-th one, so the result is at most 256. Takes some microseconds for
+/// each occluder inspected.
 ///
 /// ```
 /// use visibility_core::{glam::Affine3A, occlusion::occluders_with_seams, Aabb, Object, OccluderMesh, Scene};
@@ -30,8 +30,8 @@ const MOST: usize = 256;
 /// ```
 pub fn occluders_with_seams(scene: &Scene) -> usize {
     let is_occluder = |id: ObjectId| scene.occluder(id).is_some();
-    let step = scene.occluder_count().div_ceil(MOST).max(1);
-    let inspected = scene.ids().filter(|&id| is_occluder(id)).step_by(step).take(MOST);
+    let step = scene.occluder_count().div_ceil(MAX_INSPECTED).max(1);
+    let inspected = scene.ids().filter(|&id| is_occluder(id)).step_by(step).take(MAX_INSPECTED);
     let has_seam = inspected.filter(|&id| {
         let Ok(bounds) = scene.bounds(id) else { return false };
         let continues = |other: ObjectId| {
@@ -47,8 +47,8 @@ pub fn occluders_with_seams(scene: &Scene) -> usize {
     has_seam.count()
 }
 
-/// Returns whether `test` holds for an object whose bounds touch `area`, below a node of the scene's
-/// hierarchy, or in all of it for `None`.
+/// Returns whether `test` is true for at least one object below a node (`None`: in the whole hierarchy of the
+/// scene) whose bounds touch `area`.
 fn any_touching(scene: &Scene, node: Option<usize>, area: &Aabb, test: &impl Fn(ObjectId) -> bool) -> bool {
     let mut any = false;
     SceneHierarchy.for_each_child(scene, node, &mut |child, bounds| {

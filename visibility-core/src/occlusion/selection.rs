@@ -26,12 +26,12 @@ use alloc::collections::BinaryHeap;
 use core::cmp::{Ordering, Reverse};
 use glam::{Affine3A, DVec3, DVec4, Vec3};
 
-/// Number of occluders added between two flushes. A larger number draws more occluders that are hidden
-/// already, a smaller one flushes too often (measured with the z-buffer).
+/// Number of occluders added between two flushes. With a larger number, more occluders are drawn that others
+/// already hide; with a smaller one, the map is flushed too often (measured with the z-buffer).
 const BATCH: u32 = 8;
 
-/// Number of occluders of a frame after which each further one takes [`LATER_WORK`]. Levels draw some
-/// hundreds.
+/// After this number of occluders in a frame, each further one takes [`LATER_WORK`] in addition. Levels draw
+/// some hundreds.
 const MANY_OCCLUDERS: u64 = 1024;
 
 /// Extra work in triangles of each occluder after the first [`MANY_OCCLUDERS`] of a frame: among thousands of
@@ -44,11 +44,11 @@ const OBJECTS_PER_LEAF: u32 = 64;
 
 /// Least number of objects that an occluder is taken to have behind it, so that a scene of few objects is
 /// culled as tightly as a large one (measured).
-pub(super) const LEAST_BEHIND: f32 = 256.0;
+pub(super) const MIN_BEHIND: f32 = 256.0;
 
-/// Greatest distance of the eye from the middle of a mesh, in radii of the mesh (halves of its bounds'
-/// diagonal), at which the share of the view that the mesh covers is estimated triangle by triangle, if the
-/// estimate from the middle is too small. At `2 r` from the middle of a wall of length `2 r`, along the wall,
+/// If the eye is within this distance of the middle of a mesh, and the estimate from the middle is too small,
+/// the share of the view that the mesh covers is estimated triangle by triangle. In radii of the mesh, which
+/// are halves of its bounds' diagonal. At `2 r` from the middle of a wall of length `2 r`, along the wall,
 /// the near end is half as far as the middle: from there on the two estimates differ by a factor of no more
 /// than about 2.
 const NEAR_RADII: f32 = 2.0;
@@ -57,8 +57,8 @@ const NEAR_RADII: f32 = 2.0;
 const ESTIMATED_PER_DRAWN: f32 = 4.0;
 
 /// Greatest number of triangles of a mesh whose solid angles are computed for an estimate. Of a larger mesh
-/// only every second, third or further triangle is, and counts for those left out.
-const MOST_ESTIMATED: usize = 2048;
+/// only every second, third or n-th triangle is used, and counts for those left out.
+const MAX_ESTIMATED: usize = 2048;
 
 /// A node or an occluder that waits in the queue of [`OccluderSearch`].
 #[derive(Clone, Copy, Debug)]
@@ -112,7 +112,7 @@ pub(super) struct OccluderSearch<'a, M> {
     depth_row: DVec4,
     clip_planes: ViewPlanes,
     queue: &'a mut Queue,
-    /// Budget of the frame's work, the rest of which the walk after the search uses.
+    /// Budget of the frame's work. What the search leaves of it is for the walk after the search.
     budget: Budget,
     /// Share of the view that one square metre covers, facing the eye at a distance of one metre; in a
     /// parallel view at any distance. May be NaN or infinite for a degenerate view.
@@ -256,14 +256,14 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
             if H::IS_OF_SCENE { walk.scene().flagged_occluder(id) } else { walk.scene().occluder(id) };
         let Some((mesh, ref transform)) = occluder else { return };
         let cost = self.map.cost(mesh) as f32;
-        let worth = self.budget.worth(self.undecided.max(LEAST_BEHIND));
+        let worth = self.budget.worth(self.undecided.max(MIN_BEHIND));
         let behind = self.budget.worth(self.undecided);
         // In a degenerate view a share may be NaN, which counts as the whole view.
         let share = |angle: f32| (angle * self.share_per_area).min(1.0);
         let pays = |budget: &Budget, share: f32| cost <= worth * share && budget.can_pay(cost, share, behind);
         let is_worth_it = pays(&self.budget, share(solid_angle(mesh, transform, &self.eye)))
             || pays(&self.budget, 1.0) && is_near(mesh, transform, &self.eye) && {
-                let estimated = mesh.triangles().len().min(MOST_ESTIMATED);
+                let estimated = mesh.triangles().len().min(MAX_ESTIMATED);
                 self.budget.spend(estimated as f32 / ESTIMATED_PER_DRAWN);
                 let angle = solid_angle_by_triangles(mesh, transform, &self.eye, self.depth_row);
                 pays(&self.budget, share(angle))
@@ -353,14 +353,15 @@ fn is_near(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye) -> bool {
 }
 
 /// Returns the sum of the solid angles in steradians of the triangles of a mesh that occlude, as seen from
-/// the eye of a perspective view: fronts, or fronts or backs of a two-sided mesh, whichever cover more.
-/// Triangles wholly behind the eye, where `depth_row` is negative at all corners, do not count. Triangles
-/// that cover each other are counted repeatedly. 0 for a parallel view.
+/// the eye of a perspective view: of the triangles that show their fronts or, if the mesh is two-sided, the
+/// greater of their sum and the sum of those that show their backs. Triangles wholly behind the eye, where
+/// `depth_row` is negative at all corners, do not count. Triangles that cover each other are counted
+/// repeatedly. 0 for a parallel view.
 fn solid_angle_by_triangles(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye, depth_row: DVec4) -> f32 {
     let Eye::Point(eye) = eye else { return 0.0 };
     let mirrored = transform.matrix3.determinant() < 0.0;
     let (mut fronts, mut backs) = (0.0, 0.0);
-    let stride = mesh.triangles().len().div_ceil(MOST_ESTIMATED).max(1);
+    let stride = mesh.triangles().len().div_ceil(MAX_ESTIMATED).max(1);
     for t in mesh.triangles().iter().step_by(stride) {
         let corners = t.map(|i| transform.transform_point3(mesh.positions()[i as usize]).as_dvec3());
         if corners.iter().all(|p| depth_row.dot(p.extend(1.0)) < 0.0) {

@@ -1,8 +1,8 @@
 //! Culling by a potentially visible set.
 
-use super::{Pvs, Viewcells};
+use super::{Pvs, PvsTargets, Viewcells};
 use crate::{
-    Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet,
+    Accuracy, CullStats, Culler, Object, ObjectId, Scene, View, VisibleSet,
     bits::Bits,
     culler::Lack,
     pvs::ViewcellId,
@@ -33,6 +33,10 @@ pub struct ScenePvs {
     target_limit: usize,
     /// Objects of the scene that are never hidden, by ascending index.
     never_hidden: Vec<ObjectId>,
+    /// Indices of the objects that hide others by the PVS.
+    occluders: Bits,
+    /// Layer masks of these objects, each mask once.
+    occluder_layers: Vec<u32>,
     /// The revision of the scene for which this value was made. Objects that change later are visible.
     cursor: SceneCursor,
     /// Whether the PVS is known to be of this scene: it was compared, or the caller promises it.
@@ -46,6 +50,10 @@ impl ScenePvs {
     /// its targets is visible. An object is never hidden if it has no target, has a target that is not below
     /// [`Pvs::target_count`], or changes in the scene later. Pairs of unknown objects are ignored. Time is
     /// that of sorting the pairs.
+    ///
+    /// What hides others must stay as it is, and be drawn. If the targets are
+    /// [objects](PvsTargets::Objects), the occluders of the scene count as what hides: all that are flagged
+    /// so, on any layer. [`with_occluders`](Self::with_occluders) names others. Cells are hidden by none.
     ///
     /// The caller promises that the PVS is of this scene as it is now: nothing is compared, not even the
     /// [`source`](Pvs::source) of the PVS. A wall with a new door, whose box is as before, has another PVS.
@@ -79,7 +87,10 @@ impl ScenePvs {
         by_target.sort_unstable();
         let known = by_target.partition_point(|&(target, _)| (target as usize) < pvs.target_count());
         let target_limit = by_target[..known].last().map_or(0, |&(target, _)| target as usize + 1);
-        Self {
+        let is_of_objects = pvs.targets() == PvsTargets::Objects;
+        let hides = |object: Object| is_of_objects && object.occluder && object.layers != 0;
+        let occluders = scene.ids().filter(|&id| scene.object(id).is_ok_and(hides));
+        let made = Self {
             pvs,
             viewcells,
             objects,
@@ -87,10 +98,32 @@ impl ScenePvs {
             by_target,
             target_limit,
             never_hidden,
+            occluders: Bits::EMPTY,
+            occluder_layers: Vec::new(),
             cursor: SceneCursor::at(scene),
             is_checked: true,
             stamp: Stamp::new(),
+        };
+        made.with_occluders(scene, occluders)
+    }
+
+    /// Replaces the objects that hide others by the PVS. Once one of them changes in the scene, as a wall
+    /// that is taken away, nothing is hidden any more; and nothing is hidden in a view that shows one of them
+    /// on none of its layers. `scene` is that of [`new`](Self::new), as it was then. Unknown objects are
+    /// ignored.
+    #[must_use]
+    pub fn with_occluders(mut self, scene: &Scene, occluders: impl IntoIterator<Item = ObjectId>) -> Self {
+        self.occluders = Bits::new(scene.index_limit());
+        self.occluder_layers.clear();
+        for id in occluders {
+            if let Ok(object) = scene.object(id) {
+                self.occluders.insert(id.index());
+                self.occluder_layers.push(object.layers);
+            }
         }
+        self.occluder_layers.sort_unstable();
+        self.occluder_layers.dedup();
+        self
     }
 
     /// Returns the value for a PVS that may be of another scene, or of an earlier state of this one. Its
@@ -170,13 +203,17 @@ fn count_below(pairs: &[(u32, ObjectId)], target: u32) -> usize {
 /// planes and parallel views are handled by [`View::for_each_sight_start`]. If that function cannot decide,
 /// or if lines of sight begin outside all viewcells, every object counts as visible.
 ///
+/// An object that changes in the scene counts as visible. Once an
+/// [occluder](ScenePvs::with_occluders) of the PVS changes, and in views that show one of them on none of
+/// their layers, every object counts as visible.
+///
 /// A culler holds the state of one view. The [`ScenePvs`] is shared, by reference or by `Arc`. In a scene
 /// other than the one that the [`ScenePvs`] was made for, a clone included, every object counts as visible.
 ///
 /// A frame takes a few nanoseconds for each block of 64 objects that has an object both in the set and seen
 /// from the viewcells, and no time for other blocks. Where the view enters other viewcells, and where the
 /// [layout](Scene::layout) of the scene has changed, the frame first makes a mask of what is seen: a few
-/// nanoseconds for each object that is seen from the viewcells, wherever it is, that is never hidden, or that
+/// nanoseconds for each object that is seen from the viewcells (in the frustum or not), is never hidden, or
 /// has changed, and as much for every thousand other objects.
 ///
 /// ```
@@ -232,10 +269,12 @@ pub struct PvsCuller<S> {
     changed: Bits,
     /// Whether lines of sight of the last frame began outside all viewcells.
     is_outside: bool,
-    /// True if it is unknown which objects changed since the [`ScenePvs`] was made: the scene is another
-    /// one, or its change log overflowed. Every object then counts as visible. False if `changed` names
-    /// exactly the changed objects.
+    /// True if an occluder of the PVS has changed since the [`ScenePvs`] was made, or if it is unknown which
+    /// objects have: the scene is another one, or its change log overflowed. Every object then counts as
+    /// visible. False if `changed` names exactly the changed objects.
     lost: bool,
+    /// Whether the last view showed an occluder of the PVS on none of its layers.
+    is_without_occluders: bool,
     cursor: SceneCursor,
 }
 
@@ -257,6 +296,7 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
             changed: Bits::EMPTY,
             is_outside: false,
             lost: false,
+            is_without_occluders: false,
             cursor: SceneCursor::START,
         }
     }
@@ -295,6 +335,7 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
         let has_masks = self.masks_layout == scene.layout();
         for &id in ids {
             self.changed.insert(id.index());
+            self.lost |= shared.occluders.contains(id.index());
             if has_masks {
                 add_to_masks(&mut self.masks, scene, id);
             }
@@ -348,9 +389,11 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
         self.entering.sort_unstable();
         self.entering.dedup();
         self.is_outside = known && !covered;
-        // A start outside all viewcells may see anything, and after too many changes of the scene nothing is
-        // known: then all objects stay.
-        let idle = !known || !covered || self.lost;
+        let layers = &self.shared.borrow().occluder_layers;
+        self.is_without_occluders = layers.iter().any(|layers| layers & view.layers() == 0);
+        // A start outside all viewcells may see anything, and after too many changes of the scene, or of what
+        // hides, nothing is known: then all objects stay.
+        let idle = !known || !covered || self.lost || self.is_without_occluders;
         let is_new = !self.is_entered || self.entering != self.entered;
         if idle {
             return visible.intersect(scene, &|_| u64::MAX);
@@ -373,7 +416,12 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
         let shared = self.shared.borrow();
         let lost = self.lost || !shared.cursor.is_in(scene);
         if lost && !scene.is_empty() {
-            each(Lack { what: "objects of a scene that the PVS does not know", count: scene.len() });
+            let what = "objects not culled, since the PVS does not know the scene or an occluder has changed";
+            each(Lack { what, count: scene.len() });
+        }
+        if self.is_without_occluders && !scene.is_empty() {
+            let what = "objects not culled, an occluder of the PVS being on none of the view's layers";
+            each(Lack { what, count: scene.len() });
         }
         if self.is_outside && !scene.is_empty() {
             each(Lack {

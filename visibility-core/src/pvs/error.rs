@@ -17,7 +17,7 @@ pub enum PvsError {
         target: u32,
     },
     /// The numbers of viewcells or targets, or the size of the rows in bytes, exceed 32 bits.
-    TooLarge,
+    Size,
     /// The bytes are damaged, or are not those of a stored PVS.
     Format(FormatError),
     /// A stored row is inconsistent although the checksum matches: the bytes were forged, or written by
@@ -36,7 +36,7 @@ impl fmt::Display for PvsError {
             Self::Target { viewcell, target } => {
                 write!(f, "target {target} of viewcell {} is unknown or out of order", viewcell.0)
             }
-            Self::TooLarge => write!(f, "the set is too large for its form"),
+            Self::Size => write!(f, "the set is too large for its form"),
             Self::Format(error) => write!(f, "{error}"),
             Self::Row { viewcell, problem } => write!(f, "the row of viewcell {}: {problem}", viewcell.0),
         }

@@ -8,13 +8,13 @@
 //!   (`u32` each).
 //! - For each 16th viewcell from the first on, the offset of its row from the first row, in bytes (`u32`),
 //!   and once more the end of the last row.
-//! - The rows. A row begins with the number of its bytes that follow. Then comes a byte, its form: 0, or the
-//!   sum of 1 if the row differs from another, and of 2 if its list is in bits. If the row differs, a number
-//!   follows: how many viewcells before this one the other is; the list is the symmetric difference from the
-//!   row of that viewcell, which may itself differ from another, and so on up to four times. Then the list of
-//!   targets: as bits, target `t` in bit `t % 8` of byte `t / 8`; or as runs, alternating lengths: of targets
-//!   that are not in the row, of targets that are, and so on. Targets after the last run or bit are not in
-//!   the row.
+//! - The rows. A row begins with the number of its bytes that follow. Then comes a byte, its form: the sum of
+//!   1 if the row is stored as a difference from another row, and of 2 if its list is in bits. A row stored
+//!   as a difference has a number next: how many viewcells before this one the viewcell of the other row is.
+//!   Its list is the symmetric difference from that row, which may itself be stored as a difference, and so
+//!   on up to four times. Then the list of targets: as bits, target `t` in bit `t % 8` of byte `t / 8`; or as
+//!   runs, alternating lengths: of targets that are not in the row, of targets that are, and so on. Targets
+//!   after the last run or bit are not in the row.
 //! - After the last row nothing, or eight bytes: a hash of what the PVS was made from
 //!   ([`source`](Pvs::source)).
 //! - Numbers and lengths take [7 bits a byte](crate::binary_format::push_number).
@@ -119,7 +119,7 @@ impl Pvs {
     /// # Errors
     /// - [`PvsError::Target`] if a row is not strictly ascending, or has a target that is not below
     ///   `target_count`.
-    /// - [`PvsError::TooLarge`] if the number of viewcells or targets, or the size of the rows in bytes,
+    /// - [`PvsError::Size`] if the number of viewcells or targets, or the size of the rows in bytes,
     ///   exceeds `u32`.
     pub fn new<R: AsRef<[u32]>, N: IntoIterator<Item = ViewcellId>>(
         targets: PvsTargets,
@@ -128,7 +128,7 @@ impl Pvs {
         neighbours: impl Fn(ViewcellId) -> N,
     ) -> Result<Self, PvsError> {
         if rows.len() >= u32::MAX as usize || target_count > u32::MAX as usize {
-            return Err(PvsError::TooLarge);
+            return Err(PvsError::Size);
         }
         check_rows(rows, target_count)?;
         // Offset of each block of rows in `bytes`, and the end of the last row.
@@ -136,7 +136,7 @@ impl Pvs {
         // By row, the number of other rows that it takes to read it.
         let mut depths = alloc::vec![0u8; rows.len()];
         let (mut best, mut trial) = (Vec::new(), Vec::new());
-        let offset = |bytes: &[u8]| u32::try_from(bytes.len()).map_err(|_| PvsError::TooLarge);
+        let offset = |bytes: &[u8]| u32::try_from(bytes.len()).map_err(|_| PvsError::Size);
         for (viewcell, row) in rows.iter().enumerate() {
             let row = row.as_ref();
             // The row by itself, in runs or in bits, whichever is shorter.

@@ -9,13 +9,14 @@ use alloc::vec::Vec;
 use glam::DVec3;
 
 /// Margin for rounding by which each bound of a viewcell is moved outwards, as a fraction of the greatest
-/// absolute coordinate of path and viewcell. It covers the rounding of the moved bound, of its distance from
-/// the start of the path and of the caller's own point of the path, each by at most `EPSILON` of that
-/// coordinate, and of the quotient, by `EPSILON` of a distance of at most twice that coordinate.
+/// absolute coordinate of path and viewcell. It covers four roundings. Those of the moved bound, of its
+/// distance from the start of the path, and of the caller's own point of the path are at most `EPSILON` of
+/// that coordinate each. That of the quotient is `EPSILON` of a distance of at most twice that coordinate.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
 /// An object that becomes visible along a path.
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[non_exhaustive]
 pub struct Arrival {
     /// Seconds from now until the eye reaches the first viewcell from which the object is seen. Greater than
     /// 0.
@@ -179,11 +180,13 @@ impl Path {
         let (mut from, mut to) = (0.0f64, 1.0f64);
         for axis in 0..3 {
             let (start, step) = (self.start[axis], self.step[axis]);
-            let magnitude = start.abs() + step.abs() + reach + min[axis].abs().max(max[axis].abs());
-            let margin = reach + ROUNDING * magnitude;
-            // Distances to the moved sides, positive inside.
-            for (height, slope) in [(start - min[axis] + margin, step), (max[axis] - start + margin, -step)] {
-                (from, to) = cut([from, to], height, slope)?;
+            // Distances to the sides, positive inside. Each side is moved by its own margin, since the other
+            // may be infinite.
+            for (side, height, slope) in
+                [(min[axis], start - min[axis], step), (max[axis], max[axis] - start, -step)]
+            {
+                let margin = reach + ROUNDING * (start.abs() + step.abs() + reach + side.abs());
+                (from, to) = cut([from, to], height + margin, slope)?;
             }
         }
         Some([from, to])

@@ -12,7 +12,7 @@ use glam::DVec3;
 use smallvec::SmallVec;
 
 /// Greatest number of pieces into which a polygon may be cut by viewcells before the coverage test gives up.
-const MOST_PIECES: u32 = 2000;
+const MAX_PIECES: u32 = 2000;
 
 /// Margin for rounding, in units of the sum of the greatest absolute coordinates of the anchor (`a`) and of
 /// the polygon (`r`).
@@ -65,14 +65,15 @@ impl Viewcells {
             }
             !left.is_empty()
         });
-        is_covered(corners, reached, all, anchor, margin, &mut { MOST_PIECES })
+        is_covered(corners, reached, all, anchor, margin, &mut { MAX_PIECES })
     }
 }
 
 /// Tests whether the viewcells in `by` cover the convex polygon `piece`, relative to `anchor`, except for
 /// gaps up to twice `margin` (metres) wide. Each viewcell in turn takes its part of the polygon; the parts
-/// beyond its faces are left to the remaining viewcells. `pieces` counts down the number of pieces still
-/// allowed; when it is 0, the test gives up and returns false.
+/// beyond its faces are left to the remaining viewcells. A viewcell of which a face is not known takes no
+/// part. `pieces` counts down the number of pieces still allowed; when it is 0, the test gives up and returns
+/// false.
 fn is_covered(
     piece: &[DVec3],
     by: &[ViewcellId],
@@ -86,6 +87,9 @@ fn is_covered(
         return false;
     }
     *pieces -= 1;
+    if !all[first.index()].has_all_faces() {
+        return is_covered(piece, others, all, anchor, margin, pieces);
+    }
     let mut rest: Corners = SmallVec::from_slice(piece);
     for plane in all[first.index()].faces(anchor) {
         let beyond = |at: &DVec3| plane.signed_distance(*at) < -margin;

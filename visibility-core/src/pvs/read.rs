@@ -161,7 +161,7 @@ struct Row<'a> {
 
 impl<'a> Row<'a> {
     /// Splits the bytes of a viewcell's row. `None` if its first byte, the form, is missing or unknown, or if
-    /// the viewcell that the row differs from has no lower number.
+    /// the row is a difference from a row other than that of a viewcell with a lower number.
     fn new(viewcell: ViewcellId, bytes: &'a [u8]) -> Option<Self> {
         let (&form, mut list) = bytes.split_first()?;
         let base = match form & DIFFERS {

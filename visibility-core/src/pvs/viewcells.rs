@@ -4,6 +4,7 @@ use crate::cells::CellId;
 use crate::geometry::{Plane, longest_axis};
 use alloc::vec::Vec;
 use glam::DVec3;
+use smallvec::SmallVec;
 
 /// Number of a viewcell, from 0: the index of the region in [`Viewcells`], and the index of the row in a
 /// [`Pvs`](super::Pvs).
@@ -50,6 +51,11 @@ impl Viewcell {
     /// distance from the planes is subject to rounding.
     pub fn contains(&self, p: DVec3) -> bool {
         in_box(p, self.min, self.max) && self.planes.iter().all(|plane| plane.signed_distance(p) >= 0.0)
+    }
+
+    /// Returns whether [`faces`](Self::faces) leaves out no plane.
+    pub(crate) fn has_all_faces(&self) -> bool {
+        self.planes.iter().all(|plane| plane.normalized().is_some())
     }
 
     /// Returns the planes of the faces, relative to `anchor`, with unit normals pointing inwards: six of the
@@ -205,6 +211,44 @@ impl Viewcells {
                 each(id);
             }
         });
+    }
+
+    /// Appends the numbers of the viewcells that may touch the box from `min` to `max` in world space, as
+    /// [`for_each_touching`](Self::for_each_touching) finds them. Returns whether these cover the box: each
+    /// point of it is in one of the viewcells without planes. False for a box with a NaN. Compares
+    /// coordinates, and computes none. Time is that of the search, and in proportion to the square of the
+    /// number of viewcells found.
+    pub fn cover(&self, min: DVec3, max: DVec3, found: &mut Vec<u32>) -> bool {
+        let start = found.len();
+        self.for_each_touching(min, max, |cell| found.push(cell.0));
+        let found = &found[start..];
+        // Parts of the box that the viewcells from a place in `found` on must cover.
+        let mut parts: SmallVec<[(DVec3, DVec3, usize); 8]> = smallvec::smallvec![(min, max, 0)];
+        while let Some((mut low, mut high, first)) = parts.pop() {
+            let is_of_use = |&cell: &u32| {
+                let cell = &self.cells[cell as usize];
+                cell.planes.is_empty() && cell.min.cmple(high).all() && low.cmple(cell.max).all()
+            };
+            let Some(at) = found[first..].iter().position(is_of_use) else { return false };
+            let next = first + at + 1;
+            let cell = &self.cells[found[next - 1] as usize];
+            // What lies beside the viewcell is left to those after it.
+            for axis in 0..3 {
+                if low[axis] < cell.min[axis] {
+                    let mut part = high;
+                    part[axis] = cell.min[axis];
+                    parts.push((low, part, next));
+                    low[axis] = cell.min[axis];
+                }
+                if cell.max[axis] < high[axis] {
+                    let mut part = low;
+                    part[axis] = cell.max[axis];
+                    parts.push((part, high, next));
+                    high[axis] = cell.max[axis];
+                }
+            }
+        }
+        true
     }
 }
 

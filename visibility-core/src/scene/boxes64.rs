@@ -89,6 +89,7 @@ pub(super) fn fold<T: Copy>(values: &[T; FAN_OUT], start: T, better: impl Fn(T, 
 /// ```
 /// assert!(visibility_core::scene::lanes(0b1010).eq([1, 3]));
 /// ```
+#[inline]
 pub fn lanes(mut mask: u64) -> impl Iterator<Item = usize> {
     core::iter::from_fn(move || {
         (mask != 0).then(|| {

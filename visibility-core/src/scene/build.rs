@@ -61,7 +61,7 @@ fn sorted(keys: impl ExactSizeIterator<Item = u64>) -> Vec<u64> {
 }
 
 impl Tree {
-    /// Discards all nodes and builds the hierarchy anew from the objects of the tree and the entries of
+    /// Discards all nodes and builds the hierarchy anew from the objects of the tree and the new objects
     /// `given`. `generations` holds the present generation of each object index.
     pub(super) fn rebuild(&mut self, given: Vec<Entry>, generations: &[u32]) {
         let mut objects = given;

@@ -46,7 +46,7 @@ impl ChangeLog {
     }
 
     /// Least number of changes that the log can hold, however few objects the scene has.
-    const LEAST: usize = 1024;
+    const MIN_CAPACITY: usize = 1024;
 
     pub(crate) fn revision(&self) -> u64 {
         self.start + self.entries.len() as u64
@@ -59,13 +59,13 @@ impl ChangeLog {
     }
 
     fn limit(objects: usize) -> usize {
-        Self::LEAST.max(objects / 4)
+        Self::MIN_CAPACITY.max(objects / 4)
     }
 
     /// Records a change of one object. `objects` is the number of object indices of the scene. The log holds
-    /// [`LEAST`](Self::LEAST) entries or, if that is more, a quarter of `objects`, and drops its older half
-    /// when full: beyond that, processing all objects costs little more than following the log. Takes
-    /// amortised constant time.
+    /// [`MIN_CAPACITY`](Self::MIN_CAPACITY) entries or, if that is more, a quarter of `objects`, and drops
+    /// its older half when full: beyond that, processing all objects costs little more than following the
+    /// log. Takes amortised constant time.
     pub(crate) fn push(&mut self, id: ObjectId, objects: usize) {
         let limit = Self::limit(objects);
         if self.entries.len() >= limit {

@@ -30,8 +30,8 @@ impl DrawRange {
     /// The range of an object that is drawn at every distance: the default.
     pub const ALWAYS: Self = Self { begin: 0.0, end: f32::INFINITY, margin: 0.0 };
 
-    /// Returns the opacity of an object at a distance in metres, from 0 at the ends of the range and beyond
-    /// to 1 inside its margins. 0 for a NaN distance.
+    /// Returns the opacity of an object at a distance in metres: 1 within the range, 0 outside of it and for
+    /// NaN. In a margin, it rises from 0 at the end of the range to 1.
     pub fn opacity(&self, distance: f32) -> f32 {
         if !(distance >= self.begin && distance <= self.end) {
             return 0.0;

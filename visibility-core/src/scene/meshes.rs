@@ -1,5 +1,5 @@
-//! The occluder meshes of a scene, each in a slot with the number of objects that have it. The generation of
-//! a slot tells the id of a mesh that was removed from the id of a later mesh in the same slot.
+//! The occluder meshes of a scene, each in a slot with the number of objects that have it. By the generation
+//! of a slot, the id of a removed mesh differs from that of a later mesh in the same slot.
 
 use super::MeshId;
 use crate::OccluderMesh;
@@ -21,7 +21,7 @@ struct Slot {
     generation: u32,
     /// Number of objects that have the mesh.
     users: u32,
-    /// True once the mesh was removed: its id names no mesh any more, and it is freed with its last user.
+    /// True once the mesh was removed: its id names no mesh any more. The mesh is freed with its last user.
     is_removed: bool,
 }
 

@@ -390,11 +390,14 @@ impl Scene {
     }
 
     /// Sets the bounds of an object, relative to the scene's origin, after it has moved or changed its shape.
+    /// Equal bounds say that mesh and triangles are as before: an object that has turned within its box needs
+    /// [`set_transform`](Self::set_transform), or its triangles and mesh anew.
     ///
     /// If `bounds` differ from the present bounds, the object's [mesh](Self::set_mesh) and
-    /// [triangles](Self::set_triangles) are removed, since they would hide from where the object was, and so
-    /// are its [local bounds](Self::set_local_bounds). Set them again after the bounds, or move the object by
-    /// [`set_transform`](Self::set_transform), which moves bounds and mesh together.
+    /// [triangles](Self::set_triangles) are removed, since they would go on hiding other objects where the
+    /// object was before. Its [local bounds](Self::set_local_bounds) are removed too. Set them again after
+    /// the bounds, or move the object by [`set_transform`](Self::set_transform), which moves bounds and mesh
+    /// together.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
@@ -565,20 +568,24 @@ impl Scene {
     }
 
     /// Sets whether an object's triangles are drawn from their front alone (`one_sided` true) or from both
-    /// sides (false): see [`Object::one_sided`]. An occluder mesh that the object has stays as it is.
+    /// sides (false): see [`Object::one_sided`]. A mesh that was set stays as it is. One that was
+    /// [prepared](Self::prepare_occluders) for an object drawn from both sides is removed.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn set_one_sided(&mut self, id: ObjectId, one_sided: bool) -> Result<(), SceneError> {
         self.slot(id)?;
+        if one_sided && !self.one_sided.contains(id.index()) {
+            self.drop_prepared_mesh(id.index);
+        }
         mark(&mut self.one_sided, id, one_sided);
         self.log.push(id, self.generations.len());
         Ok(())
     }
 
-    /// Returns the number of objects whose bounds are NaN or inverted, so that they are never culled, though
-    /// they are not [flagged](Object::never_cull) so. Infinite bounds do not count: they say where the object
-    /// is. Takes time in proportion to the number of objects that are never culled.
+    /// Returns the number of objects that are never culled because their bounds are NaN or inverted, though
+    /// they are not [flagged](Object::never_cull) as never culled. Infinite bounds do not count: they say
+    /// where the object is. Takes time in proportion to the number of objects that are never culled.
     pub(crate) fn improper_bounds_count(&self) -> usize {
         self.tree
             .unculled_objects()

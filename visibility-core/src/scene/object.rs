@@ -203,17 +203,17 @@ pub enum SceneError {
     Transform(ObjectId),
     /// The bounds of this object are given in scene coordinates, so that no transform can move them:
     /// [`Scene::set_local_bounds`](crate::Scene::set_local_bounds) was not called, or
-    /// [`Scene::set_bounds`](crate::Scene::set_bounds) later.
+    /// [`Scene::set_bounds`](crate::Scene::set_bounds) was called after it.
     NoLocalBounds(ObjectId),
     /// A triangle for this object reaches out of the object's bounds by more than rounding: the triangles or
-    /// the bounds are in other coordinates than those of the scene, or of another object.
+    /// the bounds are in other coordinates than those of the scene, or belong to another object.
     Triangles(ObjectId),
     /// The origin for the scene has a NaN or infinite coordinate.
     Origin,
     /// The draw range for this object has a NaN, a negative or infinite `begin`, an `end` less than `begin`,
     /// or a negative `margin`.
     DrawRange(ObjectId),
-    /// The HLOD parent for this object is the object itself or below it.
+    /// The HLOD parent given for this object is the object itself or one of its descendants.
     Parent(ObjectId),
 }
 

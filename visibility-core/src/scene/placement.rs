@@ -13,7 +13,7 @@ pub(super) struct Placement {
     /// Box of the object in its local coordinates. `None` if the object's bounds are given in scene
     /// coordinates.
     pub(super) local: Option<Aabb>,
-    /// Maps local coordinates, those of `local` and of a mesh that was given, to scene coordinates.
+    /// Maps local coordinates, those of `local` and of a mesh given by the caller, to scene coordinates.
     pub(super) transform: Affine3A,
 }
 
@@ -28,13 +28,13 @@ pub(super) struct PlacedMesh {
     pub(super) is_inside: bool,
 }
 
-/// Origin of an object's occluder mesh, which decides what transforms it.
+/// Where an object's occluder mesh comes from, which decides by which transform it is placed.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) enum MeshOrigin {
     /// The caller gave the mesh. The object's transform places it.
     Given,
-    /// The mesh was made from [`SharedTriangles`](super::SharedTriangles). The transform of these places it,
-    /// and it is removed with them.
+    /// The mesh was made from [`SharedTriangles`](super::SharedTriangles). It is placed by the transform of
+    /// the triangles, and removed with the triangles.
     Placed,
     /// The mesh was made from the object's triangles in scene coordinates, has no transform, and is removed
     /// with them.

@@ -105,21 +105,15 @@ impl SkinnedBounds {
         Ok(Self { bones, sums, rounding: (N as f32 + 8.0) * 0.5 * f32::EPSILON })
     }
 
-    /// Returns the number of bones that a pose must have: one more than the greatest joint with a weight.
-    pub fn bone_count(&self) -> usize {
-        self.bones.len()
-    }
-
     /// Returns a box that certainly contains every vertex of the mesh in a pose, also as computed in `f32`:
     /// local bounds for [`set_local_bounds`](crate::Scene::set_local_bounds), or bounds for
     /// [`set_bounds`](crate::Scene::set_bounds) if the matrices lead to scene coordinates. `bones` holds the
     /// skinning matrix of each bone, from the mesh's bind pose to the pose: the bone's matrix times its
     /// inverse bind matrix.
     ///
-    /// Improper, so that the object is never culled, if `bones` has fewer than
-    /// [`bone_count`](Self::bone_count) matrices, if the image of a bone's box is not finite, and for a mesh
-    /// without vertices. If the weights of a vertex sum to 0, the vertex
-    /// is at the origin, as computed.
+    /// Improper, so that the object is never culled, if `bones` lacks the matrix of a joint with a weight, if
+    /// the image of a bone's box is not finite, and for a mesh without vertices. A vertex whose weights sum
+    /// to 0 is taken to be at the origin, where skinning puts it.
     pub fn bounds<T: ToAffine>(&self, bones: &[T]) -> Aabb {
         let improper = Aabb::new(Vec3::NAN, Vec3::NAN);
         let Some(bones) = bones.get(..self.bones.len()) else { return improper };

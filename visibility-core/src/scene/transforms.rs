@@ -204,14 +204,14 @@ impl Scene {
     }
 
     /// Takes away a mesh that was made from the object's triangles.
-    fn drop_prepared_mesh(&mut self, index: u32) {
+    pub(super) fn drop_prepared_mesh(&mut self, index: u32) {
         if self.placements.mesh(index).is_some_and(|mesh| mesh.origin != MeshOrigin::Given) {
             self.replace_mesh(index, None);
         }
     }
 
-    /// Gives an object a mesh or takes it away. A given mesh counts once [`check_mesh`](Self::check_mesh) has
-    /// found it within the object's bounds.
+    /// Gives an object a mesh or takes it away. A mesh hides nothing until [`check_mesh`](Self::check_mesh)
+    /// has found it within the object's bounds.
     pub(super) fn replace_mesh(&mut self, index: u32, mesh: Option<PlacedMesh>) {
         self.count_occluder(index, false);
         let former = self.placements.mesh(index);
@@ -367,7 +367,7 @@ impl Scene {
         self.meshes.count()
     }
 
-    /// Returns the number of objects that have a mesh, flagged as occluders or not.
+    /// Returns the number of objects that have the mesh `mesh`, flagged as occluders or not.
     ///
     /// # Errors
     /// [`SceneError::UnknownMesh`] if `mesh` is not in the scene.

@@ -1,5 +1,5 @@
-//! Triangles of objects: those of one object, or those of a mesh that many objects share, each with a
-//! transform of its own, so that a mesh is kept once however often a level repeats it.
+//! Triangles of objects: those of one object, or those of a mesh that many objects share. Each of these
+//! objects has a transform of its own, so that a mesh is kept once however often a level repeats it.
 
 use super::Triangle;
 use crate::Aabb;
@@ -37,7 +37,7 @@ enum Source {
     InScene(Arc<Mesh>),
     /// A mesh, and the index of the rounded transform that places it.
     Rounded(Arc<Instances>, u32),
-    /// A mesh, and the transform that places it, which cannot be rounded.
+    /// A mesh, and the transform that places it, for which `f32` is not precise enough.
     Exact(Arc<(Arc<Mesh>, DAffine3)>),
 }
 
@@ -48,7 +48,7 @@ struct Mesh {
     bounds: Aabb,
 }
 
-/// A mesh with the transforms from its coordinates to those of the scene, each [rounded].
+/// A mesh with the transforms from the mesh's coordinates to those of the scene, [rounded] to `f32`.
 #[derive(Debug)]
 struct Instances {
     mesh: Arc<Mesh>,
@@ -57,7 +57,7 @@ struct Instances {
 
 impl SharedTriangles {
     /// Returns triangles of the same mesh, placed by a transform from the coordinates of the mesh to those of
-    /// the scene. It takes the place of a former transform.
+    /// the scene. `transform` replaces a former transform.
     ///
     /// A transform that mirrors (with a negative determinant) turns triangles inside out. Two of their
     /// corners are then exchanged, so that the front of each stays its front.
@@ -154,7 +154,7 @@ impl SharedTriangles {
         Arc::ptr_eq(self.mesh(), other.mesh())
     }
 
-    /// Returns the number of bytes of the mesh, which all that share it have together.
+    /// Returns the number of bytes of the mesh. All objects that share the mesh need these bytes once.
     pub fn mesh_memory(&self) -> usize {
         size_of::<Mesh>() + size_of_val(&self.mesh().triangles[..])
     }

@@ -47,8 +47,8 @@ pub(super) fn eye_of(m: &DMat4, depth: Depth) -> Eye {
 /// Returns a bound on the error of the eye of the clip matrix `m`: in metres for a point; for a direction,
 /// the length of the difference of unit vectors. Infinite where rounding leaves the eye undecided.
 ///
-/// `eye_from_view` is [`eye_of`] the matrix, `view_origin` the point of the world that `m` is relative to,
-/// and `origin` the point of the world that the caller takes the eye relative to. See
+/// `eye_from_view` is the result of [`eye_of`] for `m`, `view_origin` the point of the world that `m` is
+/// relative to, and `origin` the point of the world that the caller takes the eye relative to. See
 /// [`ViewProjection::eye_error`](super::ViewProjection::eye_error).
 pub(super) fn eye_error(m: &DMat4, eye_from_view: Eye, view_origin: DVec3, origin: DVec3) -> f64 {
     // The eye is orthogonal to three rows of the matrix. With the rows scaled by powers of two, each

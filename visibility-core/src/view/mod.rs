@@ -65,8 +65,8 @@ impl View {
     ///
     /// The matrix is column-major and multiplies column vectors: as an array, `matrix[column][row]`, so that
     /// `matrix[3]` holds the translation. An engine that multiplies row vectors, as DirectXMath does, stores
-    /// the same 16 numbers in the same order. A matrix in row-major order must be transposed first; what a
-    /// view was made of shows when it is [printed](#impl-Display-for-View).
+    /// the same 16 numbers in the same order. A matrix in row-major order must be transposed first. To check
+    /// this, [print](#impl-Display-for-View) the view: it tells which camera its matrix stands for.
     ///
     /// `depth` must be the convention that the matrix was made for. Clip-space `w` must not decrease along a
     /// view ray away from the eye, and the near plane must not be behind the eye. These two conditions are

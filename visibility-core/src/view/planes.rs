@@ -74,7 +74,7 @@ impl ViewPlanes {
 
     /// Iterates over the planes, each with its slot: 0 to 5 for left, right, bottom, top, near and far; 6 and
     /// up for clip planes.
-    pub fn with_slots(&self) -> impl Iterator<Item = (u8, &ViewPlane)> {
+    pub fn by_slot(&self) -> impl Iterator<Item = (u8, &ViewPlane)> {
         self.slots.iter().copied().zip(self.as_slice())
     }
 
@@ -165,7 +165,7 @@ impl View {
     /// Returns the near plane for points relative to `origin`, a point of the world. `None` if `f64` cannot
     /// represent the plane.
     pub(crate) fn near_plane(&self, origin: DVec3) -> Option<ViewPlane> {
-        self.planes(origin).with_slots().find(|&(slot, _)| slot == NEAR).map(|(_, &plane)| plane)
+        self.planes(origin).by_slot().find(|&(slot, _)| slot == NEAR).map(|(_, &plane)| plane)
     }
 
     /// Returns the planes that bound the view, clip planes included, for points relative to `origin`, a point

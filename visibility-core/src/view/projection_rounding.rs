@@ -137,18 +137,20 @@ impl ViewProjection {
         self.eye_error
     }
 
-    /// Returns clip-space `x` as a function of points relative to the anchor, in the scale of [`w`](Self::w).
+    /// Returns clip-space `x`, multiplied by the same power of two as [`w`](Self::w), as a function of points
+    /// relative to the anchor.
     pub fn x(&self) -> ClipRow {
         self.row(self.rows[0])
     }
 
-    /// Returns clip-space `y` as a function of points relative to the anchor, in the scale of [`w`](Self::w).
+    /// Returns clip-space `y`, multiplied by the same power of two as [`w`](Self::w), as a function of points
+    /// relative to the anchor.
     pub fn y(&self) -> ClipRow {
         self.row(self.rows[1])
     }
 
-    /// Returns clip-space `w`, up to a constant positive power of two, as a function of points relative to
-    /// the anchor: positive in front of the eye of a perspective view, constant for a parallel view.
+    /// Returns clip-space `w`, multiplied by a constant power of two, as a function of points relative to the
+    /// anchor: positive in front of the eye of a perspective view, constant for a parallel view.
     pub fn w(&self) -> ClipRow {
         self.row(self.rows[3])
     }
@@ -160,10 +162,10 @@ impl ViewProjection {
         self.row(near * scale_to_one(near))
     }
 
-    /// Returns the depth key times `w` as a function of points relative to the anchor. Over a plane, the
-    /// depth key is linear in screen coordinates; along every view ray away from the eye, it falls. For
-    /// perspective views the key is `1 / w`, so the function is the constant 1. For parallel views the
-    /// key is clip depth, negated unless depth is [reversed](Depth::is_reversed).
+    /// Returns the depth key times [`w`](Self::w) as a function of points relative to the anchor. Over a
+    /// plane, the depth key is linear in screen coordinates; along every view ray away from the eye, it
+    /// falls. For perspective views the key is `1 / w`, so the function is the constant 1. For parallel views
+    /// the key is clip depth, negated unless depth is [reversed](Depth::is_reversed).
     pub fn depth_key(&self) -> ClipRow {
         self.row(match (self.eye, self.depth.is_reversed()) {
             (Eye::Point(_), _) => DVec4::W,
@@ -172,9 +174,9 @@ impl ViewProjection {
         })
     }
 
-    /// Returns the pixel coordinates times `w`, column first, as functions of points relative to the anchor.
-    /// `width` and `height` are the size of the picture in pixels. Columns grow to the right and rows
-    /// downwards; the first pixel spans 0 to 1.
+    /// Returns the pixel coordinates times [`w`](Self::w), column first, as functions of points relative to
+    /// the anchor. `width` and `height` are the size of the picture in pixels. Columns grow to the right and
+    /// rows downwards; the first pixel spans 0 to 1.
     pub fn pixels(&self, width: f64, height: f64) -> [ClipRow; 2] {
         let [x, y, _, w] = self.rows;
         [self.row((x + w) * (0.5 * width)), self.row((w - y) * (0.5 * height))]
@@ -204,7 +206,7 @@ impl ViewProjection {
 }
 
 /// Returns the power of two by which to multiply a clip-matrix row `(x, y, z, constant)` so that `|x| + |y| +
-/// |z|` is from 1 to 2. If the linear part is zero, `|constant|` is scaled instead. Multiplication by the
+/// |z|` is between 1 and 2. If the linear part is zero, `|constant|` is scaled instead. Multiplication by the
 /// power is exact. The exponent is limited to +-1000, so the result is finite for every row, even a zero or
 /// non-finite one.
 fn scale_to_one(row: DVec4) -> f64 {

@@ -28,7 +28,7 @@ const U: f64 = f64::EPSILON / 2.0;
 /// With `u` the unit round-off of `f64`: the normals are within `16u` of the exact ones, each of which counts
 /// once: `48u`. The products and sums of the determinant round by less than `16u`. So if the computed
 /// determinant is above this constant, the exact one is at least half of the computed one.
-const LEAST_DETERMINANT: f64 = 128.0 * U;
+const MIN_DETERMINANT: f64 = 128.0 * U;
 
 impl View {
     /// Calls `each` with convex polygons that together contain the first point of every view ray of this
@@ -84,7 +84,7 @@ impl SightPlanes {
         let planes = view.planes(anchor);
         let mut sides = [None; 4];
         let mut start_planes = SmallVec::new();
-        for (slot, plane) in planes.with_slots() {
+        for (slot, plane) in planes.by_slot() {
             match slot {
                 0..=3 => sides[usize::from(slot)] = Some(*plane),
                 5 => {}
@@ -151,9 +151,9 @@ impl SightPlanes {
     }
 
     /// Returns a convex polygon that contains all points of the front plane `start_planes[index]` at which
-    /// view rays begin, in metres relative to the anchor and possibly empty, and the error bound of its
-    /// corners in metres. `None` unless all four edges of the view certainly meet the plane in front of the
-    /// eye.
+    /// view rays begin, and the error bound of its corners in metres. The corners are in metres relative to
+    /// the anchor; the polygon may be empty. `None` unless all four edges of the view certainly meet the
+    /// plane in front of the eye.
     fn polygon(&self, index: usize) -> Option<(Corners, f64)> {
         // A corner is in front of the eye if clip-space `w` is positive there. On the left plane `x = -w`, so
         // the right plane's `w - x` is `2w` there. The sign of `w` at a corner is therefore that of the
@@ -229,6 +229,6 @@ fn intersection(planes: [&ViewPlane; 3]) -> Option<Intersection> {
     });
     let error = 6.0 * residual / determinant.abs();
     // Written so that NaN gives `None`.
-    let sure = determinant.abs() > LEAST_DETERMINANT && error < f64::INFINITY;
+    let sure = determinant.abs() > MIN_DETERMINANT && error < f64::INFINITY;
     sure.then_some(Intersection { at, error, determinant })
 }

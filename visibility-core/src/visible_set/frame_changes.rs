@@ -9,7 +9,8 @@ use alloc::vec::Vec;
 pub(super) struct Changes {
     now: Vec<ObjectId>,
     before: Vec<ObjectId>,
-    /// Position in the scene that `now` was noted from; [`SceneCursor::START`] before the first frame.
+    /// Position in the changes of the scene whose objects `now` lists; [`SceneCursor::START`] before the
+    /// first frame.
     scene: SceneCursor,
     /// Whether the last two frames showed different scenes. If true, all objects count as changed.
     is_other: bool,

@@ -9,6 +9,7 @@ mod split_scratch;
 pub use result::BitsError;
 pub(crate) use split_scratch::{NewMasks, Part, SplitScratch};
 
+use crate::bits::Bits;
 use crate::scene::{NONE, Token, Tree, lanes};
 use crate::{Aabb, CullStats, ObjectId, Scene, View, stamp::Stamp};
 use alloc::vec::Vec;
@@ -74,12 +75,13 @@ pub struct VisibleSet {
     listing: Listing,
     /// Number of object indices of the scene when the set was finished.
     index_limit: usize,
-    /// Leaves outside the tree, which hold the objects that are never culled, when the set was finished, in
-    /// the order of these objects. Meaningful while the set is finished and not listed.
+    /// Numbers of the leaves outside the tree, which hold the objects that are never culled, as they were
+    /// when the set was finished. Meaningful while the set is finished and not listed.
     unculled_leaves: Vec<u32>,
-    /// Scratch memory. Holds one bit per object index while objects are listed or dropped, or one mask per
-    /// node in [`keep_in_order`](Self::keep_in_order).
+    /// Scratch memory of one mask per node.
     scratch_masks: Vec<u64>,
+    /// Scratch memory: indices of objects that are to be dropped, or that are listed already.
+    marked: Bits,
     /// Scratch memory of walks on several threads.
     pub(crate) split_scratch: SplitScratch,
     changes: Option<Changes>,
@@ -93,9 +95,10 @@ enum Listing {
     /// The list has the order that `iter` follows. It contains every object of the set, and maybe objects
     /// that are no longer in the set.
     Order,
-    /// The set is finished, and its list is not made. The masks are the set, including those of the leaves
-    /// outside the tree, for the layout at which the tree had this root. The token reads the tree as it was
-    /// then. It is `None` only while the set is being finished, on processors without tokens.
+    /// The set is finished, and its list is not made. The masks, including those of the leaves outside the
+    /// tree, hold the set for the layout that it was finished at, when the tree had the root `root`. By
+    /// `token` the tree is read as it was then; `None` only while the set is being finished, on processors
+    /// without tokens.
     Unlisted { token: Option<Token>, root: u32 },
     /// The set is finished, and its list is the set, each object once. Until the layout changes, the masks
     /// hold the same objects, including the masks of the leaves outside the tree.
@@ -122,13 +125,15 @@ impl VisibleSet {
             index_limit: 0,
             unculled_leaves: Vec::new(),
             scratch_masks: Vec::new(),
+            marked: Bits::EMPTY,
             split_scratch: SplitScratch::EMPTY,
             changes: None,
         }
     }
 
-    /// Also records which objects became [visible](Self::newly_visible) and [hidden](Self::newly_hidden)
-    /// since the frame before. This costs a few nanoseconds per visible object and frame.
+    /// Returns the set with a record, kept from now on, of which objects became
+    /// [visible](Self::newly_visible) and [hidden](Self::newly_hidden) since the frame before. This costs a
+    /// few nanoseconds per visible object and frame.
     #[must_use]
     pub fn with_changes(self) -> Self {
         Self { changes: Some(Changes::NONE), ..self }
@@ -250,8 +255,8 @@ impl VisibleSet {
     /// visible any more, including objects removed from the scene. Empty unless the set was made [with
     /// changes](Self::with_changes).
     ///
-    /// In the first frame of another scene these are all objects that were visible in the scene before, with
-    /// the ids of that scene.
+    /// In the first frame of another scene these are all objects that were visible in the previous scene,
+    /// with their ids of the previous scene.
     pub fn newly_hidden(&self) -> impl Iterator<Item = ObjectId> + '_ {
         self.changes.iter().flat_map(Changes::newly_hidden)
     }
@@ -367,24 +372,23 @@ impl VisibleSet {
     /// Marks an object for removal by [`drop_now`](Self::drop_now). `id` must be in the scene that
     /// [`begin_drops`](Self::begin_drops) was called with.
     pub(crate) fn drop_later(&mut self, id: ObjectId) {
-        self.scratch_masks[id.index() / 64] |= 1 << (id.index() % 64);
+        self.marked.insert(id.index());
     }
 
     /// Removes the objects marked by [`drop_later`](Self::drop_later) since
     /// [`begin_drops`](Self::begin_drops). Objects that are never culled stay. Returns the number of objects
     /// left in the set.
     pub(crate) fn drop_now(&mut self, scene: &Scene) -> u64 {
-        let dropped = core::mem::take(&mut self.scratch_masks);
-        let kept = self.retain(scene, |id, _| dropped[id.index() / 64] >> (id.index() % 64) & 1 == 0);
-        self.scratch_masks = dropped;
+        let dropped = core::mem::take(&mut self.marked);
+        let kept = self.retain(scene, |id, _| !dropped.contains(id.index()));
+        self.marked = dropped;
         kept.visible
     }
 
     /// Clears the marks that [`drop_later`](Self::drop_later) sets, and makes space for one mark per object
     /// of the scene.
     pub(crate) fn begin_drops(&mut self, scene: &Scene) {
-        self.scratch_masks.clear();
-        self.scratch_masks.resize(scene.index_limit().div_ceil(64), 0);
+        self.marked.reset(scene.index_limit());
     }
 
     /// Keeps the objects in the set for which `keep` returns true, and removes all others: the simplest way
@@ -528,22 +532,16 @@ impl VisibleSet {
     pub fn order_first(&mut self, scene: &Scene, ids: &[ObjectId]) {
         self.refresh(scene);
         self.listing = Listing::Masks;
-        let mut taken = core::mem::take(&mut self.scratch_masks);
-        taken.clear();
-        taken.resize(scene.index_limit().div_ceil(64), 0);
-        let mut take = |id: &ObjectId| {
-            let (word, bit) = (&mut taken[id.index() / 64], 1 << (id.index() % 64));
-            let new = *word & bit == 0;
-            *word |= bit;
-            new
-        };
+        let mut taken = core::mem::take(&mut self.marked);
+        taken.reset(scene.index_limit());
+        let mut take = |id: &ObjectId| taken.insert(id.index());
         let mut order = core::mem::take(&mut self.ids);
         order.clear();
         order.reserve(scene.len());
         order.extend(self.unculled(scene).filter(&mut take));
         order.extend(ids.iter().copied().filter(|&id| self.contains(scene, id)).filter(&mut take));
         order.extend(self.iter(scene).filter(&mut take));
-        self.scratch_masks = taken;
+        self.marked = taken;
         self.ids = order;
         self.listing = Listing::Order;
     }

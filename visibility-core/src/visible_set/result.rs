@@ -6,15 +6,16 @@ use crate::scene::{FAN_OUT, NONE, lanes};
 use crate::{ObjectId, Scene};
 use core::fmt;
 
-/// Number of words of an index bitset per listed object above which sorting the list by comparison is faster
-/// than passing through a bitset.
+/// If an index bitset has more than this number of words for each listed object, sorting the list by
+/// comparison is faster than passing through the bitset.
 const WORDS_PER_ID: usize = 4;
 
 /// Why [`VisibleSet::write_bits`] failed. The slice is unchanged by a failed call.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum BitsError {
     /// The slice is too short.
-    TooShort {
+    Length {
         /// Number of `u32` words that the slice must have at least: one per 32 object indices of the scene.
         needed: usize,
     },
@@ -23,7 +24,7 @@ pub enum BitsError {
 impl fmt::Display for BitsError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::TooShort { needed } => write!(f, "bits of visible objects need {needed} words"),
+            Self::Length { needed } => write!(f, "bits of visible objects need {needed} words"),
         }
     }
 }
@@ -31,8 +32,8 @@ impl fmt::Display for BitsError {
 impl core::error::Error for BitsError {}
 
 impl VisibleSet {
-    /// Ends a frame: from now on the set survives changes of the scene. Its order is the set's order if it
-    /// has one, and otherwise that of the hierarchy with objects that are never culled last.
+    /// Ends a frame: from now on the set survives changes of the scene. An order that the set was given
+    /// stays; a set without one is in the order of the hierarchy, with objects that are never culled last.
     /// [`Pipeline::cull`](crate::Pipeline::cull) calls this itself; code that calls cullers without a
     /// pipeline calls it before the scene changes.
     ///
@@ -255,14 +256,14 @@ impl VisibleSet {
     /// ```
     ///
     /// # Errors
-    /// [`BitsError::TooShort`] if the slice has less than one word per 32 object indices, rounded up, that
+    /// [`BitsError::Length`] if the slice has less than one word per 32 object indices, rounded up, that
     /// the scene has [in use](Scene::index_limit), or, for a [finished](Self::is_finished) set, had at the
     /// end of the frame. The slice is then unchanged.
     pub fn write_bits(&self, scene: &Scene, bits: &mut [u32]) -> Result<(), BitsError> {
         let limit = if self.is_result_of(scene) { self.index_limit } else { scene.index_limit() };
         let needed = limit.div_ceil(32);
         if bits.len() < needed {
-            return Err(BitsError::TooShort { needed });
+            return Err(BitsError::Length { needed });
         }
         bits.fill(0);
         self.iter(scene).for_each(|id| bits[id.index() / 32] |= 1 << (id.index() % 32));
@@ -293,18 +294,16 @@ impl VisibleSet {
     /// ```
     pub fn sort_by_index(&mut self, scene: &Scene) {
         self.list(scene);
-        let words = scene.index_limit().div_ceil(64);
-        if self.ids.len() < words / WORDS_PER_ID {
+        if self.ids.len() < scene.index_limit().div_ceil(64) / WORDS_PER_ID {
             self.ids.sort_unstable();
             return;
         }
-        self.scratch_masks.clear();
-        self.scratch_masks.resize(words, 0);
+        self.marked.reset(scene.index_limit());
         for id in &self.ids {
-            self.scratch_masks[id.index() / 64] |= 1 << (id.index() % 64);
+            self.marked.insert(id.index());
         }
         self.ids.clear();
-        for (&word, first) in self.scratch_masks.iter().zip((0..).step_by(64)) {
+        for (&word, first) in self.marked.words().iter().zip((0..).step_by(64)) {
             self.ids.extend(lanes(word).filter_map(|bit| scene.id_at(first + bit)));
         }
     }

@@ -21,7 +21,7 @@ impl SplitScratch {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Part {
     pub(crate) masks: NewMasks,
-    /// For each subtree of the part, whether any object is left.
+    /// For each subtree of the part, whether any object of the subtree is left in the set.
     pub(crate) is_any_left: Vec<bool>,
     pub(crate) stats: CullStats,
 }

@@ -6,7 +6,7 @@ use alloc::{collections::BTreeSet, vec};
 
 /// Returns a child that breaks the rules of [`BoxHierarchy`]: an object whose present bounds are not within
 /// its own box and the boxes of all nodes above it, or a node that is listed a second time. `None` if there
-/// is no such child, and the hierarchy hides nothing visible. For tests of hierarchies and for debug builds:
+/// is no such child: the hierarchy then hides nothing visible. For tests of hierarchies and for debug builds:
 /// a walk does not check its hierarchy.
 ///
 /// Unknown objects count as visible, as do nodes and objects with an inverted or NaN box; none of these

@@ -148,7 +148,7 @@ impl BoxHierarchy for SceneHierarchy {
 }
 
 /// Iterates over the objects that are never culled, which [`SceneHierarchy`] does not hold, in blocks of at
-/// most 64: [leaves](Block::leaf) with lanes as those of the hierarchy.
+/// most 64. Each block is a [leaf](Block::leaf) with a number and lanes, as a leaf of the hierarchy is.
 ///
 /// ```
 /// use visibility_core::{walk::unculled_blocks, Aabb, Object, Scene};

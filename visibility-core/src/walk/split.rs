@@ -12,7 +12,8 @@ use crate::visible_set::{NewMasks, Part, SplitScratch};
 use crate::{CullStats, Scene, VisibleSet};
 use alloc::vec::Vec;
 
-/// Number of parts. More parts share the work more evenly, but each takes an atomic exchange.
+/// Number of parts that the subtrees of a walk are dealt out to. More parts share the work more evenly, but
+/// each part takes an atomic exchange.
 const PARTS: usize = 16;
 
 /// Greatest level, counted from 0 at the leaves, of the nodes whose subtrees are distributed among the parts:

@@ -2,6 +2,7 @@
 //! do.
 
 use super::{Street, along_x, pipeline, street, view_from, visible};
+use visibility_core::geometry::Plane;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::occlusion::{HardwareQueries, LateAnswers, Occlusion, QueryDevice};
 use visibility_core::{
@@ -172,4 +173,38 @@ fn a_moving_camera_loses_nothing_unless_old_answers_are_trusted() {
     assert!(trusting.iter().any(|(_, lost)| *lost), "what comes into view pops in late");
     let sum = |frames: &[(usize, bool)]| frames.iter().map(|(count, _)| count).sum::<usize>();
     assert!(sum(&trusting) < sum(&safe), "and that is what it gains");
+}
+
+/// A graphics card to which every box is hidden.
+struct HidesAll(Vec<u64>);
+
+impl QueryDevice for HidesAll {
+    fn ask(&mut self, query: u64, _: &Aabb) {
+        self.0.push(query);
+    }
+
+    fn answers(&mut self, each: &mut dyn FnMut(u64, bool)) {
+        self.0.drain(..).for_each(|query| each(query, false));
+    }
+
+    fn draw(&mut self, _: &OccluderMesh, _: &Affine3A) {}
+}
+
+/// The rest of a box that is clipped may be hidden where the box is not.
+#[test]
+fn boxes_that_the_near_plane_or_a_clip_plane_cuts_are_never_hidden() {
+    let clip = Plane::through(DVec3::X * 10.0, DVec3::X);
+    let [near, both] = [&[][..], &[clip][..]].map(|planes| along_x().with_clip_planes(planes).unwrap());
+    for (from, to, hidden) in [(-1.0, 2.0, [false; 2]), (8.0, 12.0, [true, false]), (11.0, 12.0, [true; 2])] {
+        let bounds = Aabb::from_arrays([from, -1.0, -1.0], [to, 1.0, 1.0]);
+        for (view, hidden) in [near, both].iter().zip(hidden) {
+            let mut map = HardwareQueries::new(HidesAll(Vec::new()), LateAnswers::Visible);
+            let answers = [0, 1].map(|_| {
+                map.begin(view, DVec3::ZERO);
+                map.flush();
+                map.test_mut(&bounds) == Occlusion::Hidden
+            });
+            assert_eq!(answers, [false, hidden], "{from} to {to}, {} clip planes", view.clip_planes().len());
+        }
+    }
 }

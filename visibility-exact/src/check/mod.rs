@@ -25,13 +25,13 @@ use core::fmt;
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum ProofError {
-    /// The proof has too few or too many nodes, numbers that are out of range, or a target that is seen from
-    /// less than the clearance over its plane.
-    Malformed,
+    /// The proof has too few or too many nodes, numbers that are out of range, or a target with a face over
+    /// whose plane no viewpoint is higher than the clearance, but some are over it.
+    Form,
     /// A surface touches an end of segments, has a boundary that segments meet, or is not crossed an odd
     /// number of times.
     Surface,
-    /// A loop is not near its occluder, or segments may pass it outside.
+    /// A loop is not near its occluder, or segments may pass outside the loop.
     Loop,
     /// Weights of dividing edges do not exclude all segments.
     Weights,
@@ -42,7 +42,7 @@ pub enum ProofError {
 impl fmt::Display for ProofError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Malformed => "the proof is malformed",
+            Self::Form => "the proof is malformed",
             Self::Surface => "a surface does not block its node",
             Self::Loop => "a loop does not wind around its node",
             Self::Weights => "weights do not exclude a node",
@@ -64,10 +64,10 @@ impl Proof {
         if let Target::Triangle(t) = self.target
             && t as usize >= triangles.len()
         {
-            return Err(ProofError::Malformed);
+            return Err(ProofError::Form);
         }
         let delta = position_error(triangles, &self.cell, self.target, self.clearance);
-        let delta = delta.ok_or(ProofError::Malformed)?;
+        let delta = delta.ok_or(ProofError::Form)?;
         let target_vertices = match self.target {
             Target::Triangle(t) if self.clearance == 0.0 => triangles.vertices(t).to_vec(),
             _ => Vec::new(),
@@ -76,10 +76,10 @@ impl Proof {
         let (steps, splits) = (self.steps.iter(), 0);
         let mut check = Check { triangles, clearance, delta, target_vertices, steps, splits };
         let all = sights(triangles, &self.cell, self.target, self.clearance, 4.0 * delta);
-        for sight in all.ok_or(ProofError::Malformed)? {
+        for sight in all.ok_or(ProofError::Form)? {
             check.node(&sight, &mut Vec::new(), 0)?;
         }
-        if check.steps.next().is_some() { Err(ProofError::Malformed) } else { Ok(()) }
+        if check.steps.next().is_some() { Err(ProofError::Form) } else { Ok(()) }
     }
 }
 
@@ -88,9 +88,9 @@ const DEPTH: usize = 400;
 
 impl Check<'_> {
     fn node(&mut self, sight: &Sight, rows: &mut Vec<Divider>, depth: usize) -> Result<(), ProofError> {
-        let step = self.steps.next().ok_or(ProofError::Malformed)?;
+        let step = self.steps.next().ok_or(ProofError::Form)?;
         if depth > DEPTH {
-            return Err(ProofError::Malformed);
+            return Err(ProofError::Form);
         }
         match step {
             Step::Halves { of_p, across } => {
@@ -105,7 +105,7 @@ impl Check<'_> {
                 let front = front.then(|| self.triangles.front(*triangle)).flatten();
                 let parts = front.and_then(|front| sight.split(front, self.clearance, 4.0 * self.delta));
                 self.splits += 1;
-                for part in parts.ok_or(ProofError::Malformed)? {
+                for part in parts.ok_or(ProofError::Form)? {
                     self.node(&part, rows, depth + 1)?;
                 }
                 self.splits -= 1;
@@ -120,7 +120,7 @@ impl Check<'_> {
             }
             Step::Corner { edges } => {
                 let three = edges.map(|k| rows.get(k as usize));
-                let [Some(a), Some(b), Some(c)] = three else { return Err(ProofError::Malformed) };
+                let [Some(a), Some(b), Some(c)] = three else { return Err(ProofError::Form) };
                 self.corner_excludes(sight, [a, b, c]).then_some(()).ok_or(ProofError::Corner)
             }
             Step::Loop { piece, ring, side, edges } => {
@@ -129,7 +129,7 @@ impl Check<'_> {
                 let ring: Vec<Corner> =
                     ring.iter().map(|&(x, tag)| (x, (tag < 3).then_some(usize::from(tag)))).collect();
                 if ring.len() != edges.len() || side.abs() != 1.0 {
-                    return Err(ProofError::Malformed);
+                    return Err(ProofError::Form);
                 }
                 if !self.is_on_piece(sight, *piece, &ring) {
                     return Err(ProofError::Loop);

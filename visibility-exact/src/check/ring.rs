@@ -9,8 +9,9 @@ use visibility_core::glam::DVec3;
 
 impl Check<'_> {
     /// Returns whether the corners of a loop are between the planes of P and Q and within three clearances of
-    /// a convex polygon of occluding triangles: then a surface that the loop bounds is. Corners that are not
-    /// the target triangle's, at least one, must certainly be before Q's plane.
+    /// a convex polygon of occluding triangles: then so is a surface that the loop bounds. At least one
+    /// corner must certainly be before Q's plane. Corners in Q's plane are allowed if they are corners of the
+    /// target triangle, or if their heights over the plane are exact or count as 0.
     pub(super) fn is_on_piece(&self, sight: &Sight, number: u32, ring: &[Corner]) -> bool {
         let Some(triangles) = self.triangles.piece_triangles(number) else { return false };
         let corners: Vec<[DVec3; 3]> = triangles.iter().map(|&t| self.triangles.corners(t)).collect();

@@ -10,10 +10,10 @@ use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
 impl Check<'_> {
-    /// Returns the sides of an edge, with errors, at the pairs of corners. A side is exactly 0 where the
-    /// corner of Q is a mixture of ends of the edge, where all four points have one coordinate in common,
-    /// that of the plane of P or Q, and where all four are taken to be in Q's plane. Other sides are those
-    /// that `side` returns.
+    /// Returns, for each pair of corners of P and Q, the side on which the line between them passes an edge,
+    /// with a bound on the side's error. The side is exactly 0 in three cases: the corner of Q is a mixture
+    /// of ends of the edge; all four points lie in P's or Q's plane, and that is perpendicular to an axis;
+    /// all four count as in Q's plane. Other sides are those that `side` returns.
     pub(super) fn sides<'b>(
         &'b self,
         sight: &'b Sight,
@@ -42,9 +42,9 @@ impl Check<'_> {
         })
     }
 
-    /// Returns the bound on the distance between given positions and those that count for the sides of edges.
-    /// Without a clearance it is the error of positions. With one, points near Q's plane may be moved into
-    /// it.
+    /// Returns the bound on the distance between the given positions and those for which sides of edges are
+    /// computed: without a clearance the error of positions; with one, the distance by which points near Q's
+    /// plane may be moved into it.
     pub(super) fn moved(&self, sight: &Sight) -> f64 {
         sight.near.map_or(self.delta, |near| 2.0 * near)
     }

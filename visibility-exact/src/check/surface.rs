@@ -91,9 +91,10 @@ impl Check<'_> {
 
     /// Returns whether a triangle occludes for all points of P: it is two-sided, or P is before its front.
     ///
-    /// The corners of a front run counter-clockwise as seen from before it. With a clearance positions are
-    /// what they are. Then a corner of P may also be on the plane of a triangle that is perpendicular to an
-    /// axis, where heights are differences of one coordinate: segments from there do not cross the plane.
+    /// The corners of a triangle run counter-clockwise as seen from before its front. With a clearance,
+    /// positions count as exact. Then a corner of P may also be on the plane of a triangle that is
+    /// perpendicular to an axis, where heights are differences of one coordinate: segments from there do not
+    /// cross the plane.
     pub(super) fn faces(&self, sight: &Sight, t: u32) -> bool {
         if self.triangles.front(t).is_none() {
             return true;
@@ -109,10 +110,10 @@ impl Check<'_> {
         sight.p.corners().iter().all(|&x| is_before(x, [a, b, c], slack) || is_on_plane(x))
     }
 
-    /// Returns whether a triangle touches Q at most at its boundary: its corners that are not the target's
-    /// are on one side of Q's plane, there are such corners, and it is apart from P. `end` is the end of the
-    /// line that is tested, at most 3 delta from Q. If the triangle is before Q, its plane is farther from
-    /// this end, so that lines to the points of Q next to the end cross the triangle as often.
+    /// Returns whether a triangle touches Q at most at Q's boundary: it has corners that are not the
+    /// target's, all of these are on one side of Q's plane, and the triangle is apart from P. `end` is the
+    /// end of the line that is tested, at most 3 delta from Q. If the triangle is before Q, its plane is
+    /// farther from this end, so that lines to the points of Q next to the end cross the triangle as often.
     pub(super) fn touches_beside(
         &self,
         sight: &Sight,

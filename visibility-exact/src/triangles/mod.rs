@@ -51,11 +51,12 @@ pub struct SceneTriangles {
     occludes: Vec<bool>,
     /// Side of its plane from which each triangle is seen and occludes. `None` for both sides.
     fronts: Vec<Option<Half>>,
-    /// Area of each triangle in square metres, rounded. It decides only what is tried first.
+    /// Area of each triangle in square metres, rounded. It decides what is tried first. A triangle of area 0
+    /// is not proven hidden by itself.
     areas: Vec<f32>,
     /// Edges of each triangle: edge k joins corners k and k + 1.
     edges: Vec<[u32; 3]>,
-    /// Start of each edge's occluding triangles in `edge_triangles`; then the end of the last.
+    /// By edge: start of its occluding triangles in `edge_triangles`. One more entry is the end of the last.
     edge_starts: Vec<u32>,
     edge_triangles: Vec<u32>,
     /// Convex polygons of coplanar occluding triangles.
@@ -359,7 +360,7 @@ impl SceneTriangles {
         self.pieces.get(number as usize).map(|piece| &*piece.triangles)
     }
 
-    /// Adds a piece, whether it is convex and occludes or not.
+    /// Adds a piece without checking that it is convex and occludes. Returns its index.
     #[cfg(test)]
     pub(crate) fn push_piece(&mut self, triangles: &[u32]) -> u32 {
         let piece = Piece { ring: Box::default(), positions: Box::default(), triangles: triangles.into() };
@@ -368,8 +369,8 @@ impl SceneTriangles {
     }
 
     /// Returns a bound on the absolute error of each coordinate of a computed point, such as a midpoint of
-    /// midpoints, where all coordinates are at most `magnitude`: of 60 steps of one rounding each, and a cut
-    /// of four, less than 128 U.
+    /// midpoints, where no coordinate exceeds `magnitude`. 60 steps of one rounding each and a cut of four
+    /// roundings are less than `128 U` of the greatest coordinate.
     pub(crate) fn position_error(&self, magnitude: f64) -> f64 {
         128.0 * U * self.magnitude.max(magnitude)
     }

@@ -4,6 +4,8 @@
 //! 2^20, and a determinant of three of them below 6 * 2^60: all fits into `i64`.
 
 use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::pvs::Viewcell;
+use visibility_testing::Random;
 
 /// Grid units per metre.
 pub const FINE: f64 = 4096.0;
@@ -22,6 +24,24 @@ pub fn on_grid(v: DVec3) -> Point {
 /// Returns the nearest point of the grid.
 pub fn rounded(v: DVec3) -> DVec3 {
     (v * FINE).round() / FINE
+}
+
+/// Returns a random start of a segment to `q`: on the grid, and in a viewcell's box, in a face of it or at a
+/// corner. With `edge_of` the segment passes an edge of that triangle at 3 micrometres to .3 metres, and the
+/// start may lie outside of the box.
+pub fn start_of_segment(random: &mut Random, cell: &Viewcell, q: DVec3, edge_of: Option<[Vec3; 3]>) -> DVec3 {
+    let at = |random: &mut Random, axis: usize| match random.below(4) {
+        0 => cell.min[axis],
+        1 => cell.max[axis],
+        _ => random.fine_range(cell.min[axis], cell.max[axis]),
+    };
+    let Some(t) = edge_of else { return rounded(DVec3::from_array(core::array::from_fn(|k| at(random, k)))) };
+    let t = t.map(Vec3::as_dvec3);
+    let side = random.below(3);
+    let beside = random.direction() * 10f64.powf(random.fine_range(-5.5, -0.5));
+    let edge = t[side] + (t[(side + 1) % 3] - t[side]) * random.fine_unit() + beside;
+    let x = at(random, 0);
+    rounded(q + (edge - q) * ((x - q.x) / (edge.x - q.x)))
 }
 
 pub fn triangle_on_grid(t: &[Vec3; 3]) -> [Point; 3] {

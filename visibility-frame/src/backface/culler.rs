@@ -68,8 +68,8 @@ pub struct BackfaceCuller {
 /// The normal cone of one object, with the time of its last change.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
-    /// Id of the object that the entry belongs to. Another object with the same index (another generation)
-    /// has no cone.
+    /// Id of the object that the entry belongs to. An object with the same index but another generation has
+    /// no cone.
     id: ObjectId,
     /// `None` if the object has no cone, or has changed since it was made.
     cone: Option<NormalCone>,
@@ -151,9 +151,8 @@ impl BackfaceCuller {
     }
 
     /// Brings the cones up to date with the scene: builds the cone of each changed one-sided object that has
-    /// triangles.
-    /// Time is proportional to the number of changes. An object with a triangle outside its bounds gets no
-    /// cone, since its bounds were moved and its triangles were not.
+    /// triangles. Time is proportional to the number of changed objects. An object with a triangle outside
+    /// its bounds gets no cone, since its bounds were moved and its triangles were not.
     pub fn sync(&mut self, scene: &Scene) {
         self.forget_changed(scene);
         match self.built.follow(scene) {

@@ -25,12 +25,12 @@ pub(super) const SLACK: f64 = 1.0 / 131072.0;
 /// Least cosine of the angle between a facet's normal and the axis of the fitted cone. Cones wider than 83
 /// degrees cull next to nothing (0.4 % of all directions). The limit also bounds the elements of the cone's
 /// matrix.
-const LEAST_COSINE: f64 = 0.12;
+const MIN_COSINE: f64 = 0.12;
 
 /// Least half-axis of an ellipse in the gnomonic plane (the plane at distance 1 along the cone's axis, onto
 /// which unit normals are projected from the centre of their sphere): about 0.1 degrees, so that [`SLACK`] is
 /// small beside the half-axis.
-const LEAST_AXIS: f64 = 1.0 / 512.0;
+const MIN_AXIS: f64 = 1.0 / 512.0;
 
 /// A plane in the fit of a cone, in the coordinates of the triangles from which the cone is made. An eye sees
 /// only backs if it is behind the planes of all facets, and only fronts if it is in front of the planes of
@@ -60,7 +60,7 @@ pub(super) struct Doubt {
 impl Doubt {
     /// Errors of facets made directly from triangles or cones, without a transform: the least that any facets
     /// have.
-    pub(super) const LEAST: Self = Self { slack: SLACK, blur: 0.0 };
+    pub(super) const MIN: Self = Self { slack: SLACK, blur: 0.0 };
 }
 
 /// Classification of a triangle for the fit of a cone.
@@ -158,7 +158,7 @@ pub(super) fn fit(facets: &[Facet], doubt: Doubt) -> Option<Fit> {
 /// Returns the unit centre of an approximately smallest circle around the facets' normals on the sphere. Each
 /// step moves towards the farthest normal, by ever smaller amounts (Badoiu and Clarkson, "Smaller Core-Sets
 /// for Balls", 2003). `None` without facets, if the normals cancel out, or if some normal has a cosine of
-/// [`LEAST_COSINE`] or less with the centre.
+/// [`MIN_COSINE`] or less with the centre.
 fn axis(facets: &[Facet]) -> Option<DVec3> {
     let mut middle = facets.iter().map(|f| f.normal).sum::<DVec3>().try_normalize()?;
     let (mut best, mut best_cosine) = (middle, f64::NEG_INFINITY);
@@ -176,7 +176,7 @@ fn axis(facets: &[Facet]) -> Option<DVec3> {
         }
         middle += (farthest - middle) / f64::from(step + 2);
     }
-    (best_cosine > LEAST_COSINE).then_some(best)
+    (best_cosine > MIN_COSINE).then_some(best)
 }
 
 /// Projects the facets' normals onto the gnomonic plane, at distance 1 along `axis`, and returns their
@@ -253,7 +253,7 @@ impl Ellipse {
         };
         self.axes = self.axes.map(|axis| axis.max(1e-9));
         let most = points.iter().map(|&p| far(&self, p)).fold(0.0, f64::max);
-        self.axes = self.axes.map(|axis| (axis * most).max(LEAST_AXIS));
+        self.axes = self.axes.map(|axis| (axis * most).max(MIN_AXIS));
         let least = self.axes[0].min(self.axes[1]);
         let reach = |p: DVec2| far(&self, p) + 2.0 * slack * (1.0 + p.length_squared()) / least;
         let most = points.iter().map(|&p| reach(p)).fold(0.0, f64::max);

@@ -71,7 +71,7 @@ impl NormalCone {
                 Surface::Unknown => return Self::OPEN,
             }
         }
-        Self::new(fit(&facets, Doubt::LEAST))
+        Self::new(fit(&facets, Doubt::MIN))
     }
 
     pub(super) fn new(fit: Option<Fit>) -> Self {
@@ -195,7 +195,7 @@ impl NormalCone {
         }
         let norm = cofactors.map(|row| row.length()).iter().sum::<f64>();
         let mirrored = determinant < 0.0;
-        let mut doubt = Doubt::LEAST;
+        let mut doubt = Doubt::MIN;
         let mut facets = Vec::with_capacity(CORNERS);
         for Facet { normal: n, points, extent } in self.facets() {
             let normal = cofactors[0] * n.x + cofactors[1] * n.y + cofactors[2] * n.z;

@@ -14,9 +14,9 @@ pub(crate) struct SplitEye {
     /// Factor by which the apex is multiplied before it is subtracted from the eye: 1 for an eye point, 0
     /// for a direction (parallel view).
     weight: f32,
-    /// Bound for the rounding and the uncertainty of the eye, to be multiplied by a cone's `margin`: the sum
-    /// of `2u` times the sum of the coordinates' magnitudes (`u = 2^-24`), `2^-100`, and `5 * 2^19` times
-    /// the greatest distance of the true eye from this eye.
+    /// Bound for the rounding and the uncertainty of the eye, to be multiplied by a cone's `margin`: `2u E +
+    /// 2^-100 + 5 r / (32 u)`, derived at [`inside`]. Here `u = 2^-24`, `E` is the sum of the magnitudes of
+    /// the eye's coordinates, and `r` the greatest distance of the true eye from this eye.
     blur: f32,
 }
 
@@ -76,7 +76,7 @@ pub(crate) const NUMBERS: usize = 13;
 /// - The error of `w.z + |(w.x, w.y)|` is at most `1 + 2^1/2` times that: less than `15u s S + 6u^2 s E`. The
 ///   margin is `32u s (S + 2u E)`; the rounding of the margin itself is a millionth of it.
 /// - An eye that is off by `r` changes `w.z + |(w.x, w.y)|` by less than `4.2 s r`. The field
-///   `SplitEye::blur` contains `5 r / 32u` for this.
+///   `SplitEye::blur` contains `5 r / (32 u)` for this.
 /// - Flushing of denormals changes components of `v` by up to `2^-126`, and the result by up to `2^-123 s`.
 ///   The term `2^-100` of the blur allows for `2^-119 s`. Flushing also changes products, by less than
 ///   `2^-122` without the factor `s`; the last `2^-50` allows for this, see the next item.
@@ -103,12 +103,12 @@ pub(super) fn inside<const WIDTH: usize>(cones: [&[f32; WIDTH]; NUMBERS], eye: &
         let square = (wx * wx + wy * wy) * (1.0 + 8.0 * f32::EPSILON);
         // False for NaN, and then the result is 0: not held.
         let outside = square < depth * depth;
-        found[i] = if outside { depth + LEAST } else { 0.0 };
+        found[i] = if outside { depth + MIN_DEPTH } else { 0.0 };
     }
     found
 }
 
-/// Least depth of an eye inside a cone (the eye's coordinate against the cone's axis, plus the margin for
-/// rounding, in the cone's units) at which [`inside`] counts the eye as inside: `2^-50`. Squares of smaller
-/// depths come near the denormals, so such eyes count as outside.
-const LEAST: f32 = 1.0 / 1_125_899_906_842_624.0;
+/// [`inside`] counts an eye as inside a cone only if the eye's `depth`, which is `w.z` plus the margin and
+/// negative inside, is below minus this number, `2^-50`. Squares of smaller depths come near the denormals,
+/// so such eyes count as outside.
+const MIN_DEPTH: f32 = 1.0 / 1_125_899_906_842_624.0;

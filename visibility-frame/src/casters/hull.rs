@@ -234,8 +234,8 @@ fn push_through(out: &mut HullPlanes, point: DVec3, normal: DVec3, normal_error:
 }
 
 /// Appends the six sides of the axis-aligned box around a ball to `out`, up to its capacity. `center` is
-/// relative to the scene's origin; `radius` is in metres. The error of each plane covers half an epsilon each
-/// for the rounding of the center and of the sums.
+/// relative to the scene's origin; `radius` is in metres. The error bound of each plane covers the rounding
+/// of `center` and of the sum that is the plane's offset, half an epsilon for each.
 pub(super) fn push_ball(out: &mut HullPlanes, center: DVec3, radius: f64) {
     for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
         for side in [axis, -axis] {

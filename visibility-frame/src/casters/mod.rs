@@ -187,7 +187,7 @@ impl CasterCuller {
         if let (Some(range), Source::Point(p)) = (self.range(), source) {
             push_ball(&mut planes, p, range);
         }
-        push_hull(&mut planes, view.planes(scene.origin()).with_slots(), source, reach);
+        push_hull(&mut planes, view.planes(scene.origin()).by_slot(), source, reach);
         if let Some((receivers, _)) = self.receivers.filter(|&(_, origin)| origin == scene.origin()) {
             push_hull(&mut planes, (0..).zip(&sides(&receivers)), source, reach);
         }

@@ -161,11 +161,11 @@ impl<'a> ClusterView<'a> {
     /// instance are adjacent, in no particular order; instances are in the order of the set.
     ///
     /// `instances` returns what an object is drawn with. Nothing is listed for objects without clusters, for
-    /// which it returns `None`. All clusters are listed of an object that is
-    /// [never culled](visibility_core::Object::never_cull) or whose bounds are not finite. Allocates only if
-    /// `list` must grow.
+    /// which it returns `None`. For an object that is [never culled](visibility_core::Object::never_cull) or
+    /// has bounds that are not finite, all clusters are listed. Allocates only if `list` must grow.
     ///
-    /// Returns the counters: blocks of 64, tests of boxes, cones and the map, and clusters listed.
+    /// Returns the counters: `nodes` counts blocks of 64 clusters, `tests` the tests of boxes against planes
+    /// and the map and of cones against the eye, and `visible` the clusters listed.
     pub fn cull<'m>(
         &self,
         visible: &VisibleSet,

@@ -18,15 +18,18 @@ const HYSTERESIS: f64 = 0.05;
 /// range](Scene::set_draw_range), or stood in for by an [HLOD parent](Scene::set_hlod_parent). The
 /// [module](super) defines size and distance. Objects that are never culled stay.
 ///
+/// In a pipeline it comes before the stages that hide objects behind others: an object that it removes is not
+/// drawn, so it must not have hidden anything.
+///
 /// Approximate: objects that it removes may be visible. The greater the limit, the more is removed. It never
 /// removes an object that is as large as the limit, in its range and not stood in for.
 ///
-/// A parent is drawn from its range's `begin` on, and its children nearer than that, exactly one of the two
-/// in every frame, unless they are too small themselves, or end nearer than the parent begins. Both distances
-/// are that of the parent's box. The begin and the end of a range have a hysteresis
-/// of 5 %: an object that was drawn stays until the distance exceeds `end` by that share, and a parent that
-/// was drawn stays until the distance falls below `begin` by that share. So nothing flickers while the camera
-/// trembles. Only distances that were seen inside such a band depend on earlier frames.
+/// A parent is drawn from its range's `begin` on, and its children nearer than that: exactly one of the two
+/// in every frame. Exceptions are objects that are too small, and children whose range ends nearer than the
+/// parent's begins. Both distances are that of the parent's box. The begin and the end of a range have a
+/// hysteresis of 5 %: an object that was drawn stays until the distance exceeds `end` by that share, and a
+/// parent that was drawn stays until the distance falls below `begin` by that share. So nothing flickers
+/// while the camera trembles. The answer depends on earlier frames only for distances within such a band.
 ///
 /// # Cost
 /// A node without an object that is large enough and in range is dropped in one test. Objects of other leaves
@@ -68,9 +71,9 @@ pub struct ContributionCuller {
 }
 
 impl ContributionCuller {
-    /// Makes a culler for pictures that are `picture_height` pixels high, which removes objects of less than
-    /// `min_pixels` pixels. If one of the two is NaN, zero or negative, no object is too small, and only
-    /// draw ranges and HLOD parents count.
+    /// Makes a culler for pictures that are `picture_height` pixels high, which removes objects whose
+    /// [size](super) is less than `min_pixels` pixels. If one of the two is NaN, zero or negative, no object
+    /// is too small, and only draw ranges and HLOD parents count.
     pub fn new(picture_height: f64, min_pixels: f64) -> Self {
         Self {
             simd: Simd::best(),
@@ -94,7 +97,7 @@ impl ContributionCuller {
         self.picture_height = picture_height;
     }
 
-    /// Sets the least size in pixels of objects that stay, for later frames.
+    /// Sets the [size](super) in pixels below which objects are removed, for later frames.
     pub fn set_min_pixels(&mut self, min_pixels: f64) {
         self.min_pixels = min_pixels;
     }

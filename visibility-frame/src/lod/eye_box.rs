@@ -36,8 +36,8 @@ impl EyeBox {
         Self::around(point - origin, 0.0)
     }
 
-    /// Returns the box of all points within `error` metres of a point whose coordinates were rounded once,
-    /// rounded outwards.
+    /// Returns a box that contains all points within `error` metres of `point`, whose coordinates were
+    /// rounded once. The box is rounded outwards.
     fn around(point: DVec3, error: f64) -> Self {
         // The factors exceed the rounding of the point and those of the two sums.
         let error = point.abs() * (4.0 * U) + DVec3::splat(error * (1.0 + 8.0 * U));

@@ -7,13 +7,14 @@
 //! - [`PixelScale`] tells the size in pixels and the distance that both decide by.
 //!
 //! # Size and distance
-//! The *distance* of an object is that from the eye to the nearest point of its bounds, 0 inside them. Levels
-//! that take turns by distance are measured from one box, if one is the HLOD parent of the other. The
-//! *size* of an object is the diameter of the sphere around its bounds, which is their diagonal, in pixels in
-//! the middle of the picture, as if the whole sphere were at that distance: infinite for an eye inside the
-//! bounds. Turning the camera changes neither, so nothing changes where only the view direction does; towards
-//! the corners of a wide picture perspective stretches objects beyond this size. In a parallel view the size
-//! does not depend on the distance, and the distance counts as 0, since there is no eye to measure it from.
+//! The *distance* of an object is that from the eye to the nearest point of its bounds, 0 inside them. Where
+//! one level of detail is the HLOD parent of another, the distance at which they change is measured to the
+//! parent's bounds. The *size* of an object is the diameter of the sphere around its bounds, which is their
+//! diagonal, in pixels in the middle of the picture, as if the whole sphere were at that distance: infinite
+//! for an eye inside the bounds. Turning the camera changes neither, so nothing changes where only the view
+//! direction does; towards the corners of a wide picture perspective stretches objects beyond this size. In a
+//! parallel view the size does not depend on the distance, and the distance counts as 0, since there is no
+//! eye to measure it from.
 //!
 //! Hiding what is small is an error that the user chose: cullers here are
 //! [`Approximate`](visibility_core::Accuracy::Approximate), and `visibility-measure` counts their wrong

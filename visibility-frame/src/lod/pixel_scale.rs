@@ -27,7 +27,7 @@ const U: f64 = f64::EPSILON / 2.0;
 pub struct PixelScale {
     eye: EyeBox,
     /// Square of the number of pixels that a metre covers at a distance of one metre (in parallel views, at
-    /// any distance). Too small by no more than [`MARGIN`] covers.
+    /// any distance). Rounding may make it too small, by less than [`MARGIN`] covers.
     squared: f64,
     /// True for a parallel view, false for a perspective one.
     is_parallel: bool,
@@ -92,8 +92,9 @@ impl PixelScale {
     }
 }
 
-/// Returns the magnitudes of the cross product of two vectors, each rounded up: the products have a rounding
-/// and those of the elements of two rows, 3u each, and their difference another; `16u` exceeds these `8u`.
+/// Returns the magnitudes of the components of the cross product of two rows of a matrix, each rounded up.
+/// The elements of the rows are off by `3u`, a product of two elements by `7u`, and the difference of two
+/// products by `8u` of the sum of the products' magnitudes. The code adds `16u`.
 fn cross_above(a: DVec3, b: DVec3) -> DVec3 {
     let part = |i: usize, j: usize| {
         let (first, second) = (a[i] * b[j], a[j] * b[i]);

@@ -101,9 +101,9 @@ impl State {
         Lod { level: self.level, previous: self.previous, fade: self.fade, opacity: self.opacity }
     }
 
-    /// Advances a cross-fade by `step`, a fraction of its duration. If no cross-fade is in progress then,
-    /// changes to the level in `levels` that is nearest to the present one, and begins a cross-fade to it. An
-    /// infinite step changes without a cross-fade.
+    /// Advances a cross-fade by `step`, a fraction of its duration. If no cross-fade is in progress after
+    /// that, changes to the level in `levels` that is nearest to the present one, and begins a cross-fade to
+    /// it. An infinite step changes without a cross-fade.
     fn advance(&mut self, levels: RangeInclusive<u8>, step: f32) {
         self.fade = (self.fade + step).min(1.0);
         if self.fade < 1.0 {
@@ -261,7 +261,8 @@ impl LodSelector {
         &self.selected
     }
 
-    /// Forgets all earlier frames, so that the next has no cross-fades: after a camera cut.
+    /// Forgets all earlier frames, so that the next frame begins without cross-fades. To be called after a
+    /// camera cut.
     pub fn reset(&mut self) {
         self.scene = SceneCursor::START;
         self.states.fill(State::NONE);

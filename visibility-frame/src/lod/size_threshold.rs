@@ -8,8 +8,8 @@ use visibility_core::scene::{Boxes64, FAN_OUT};
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct SizeTest {
     pub(super) eye: EyeBox,
-    /// Greatest squared ratio of an object's distance to its diagonal at which the object is large enough,
-    /// rounded up. In parallel views, 1 over the least squared diagonal in square metres.
+    /// An object is too small if its squared distance is greater than `limit` times its squared diagonal,
+    /// both in square metres. In parallel views, 1 takes the place of the squared distance. Rounded up.
     pub(super) limit: f64,
     pub(super) is_parallel: bool,
 }
@@ -23,10 +23,10 @@ impl SizeTest {
         gap > diagonal_squared * self.limit
     }
 
-    /// For each box, returns -1 if it certainly has less than the least number of pixels, otherwise 0: a
-    /// sign, as the kernels collect. `rows` are the rows of [`Boxes64`] in their order: min x, y, z, max x,
-    /// y, z. For each box, does what [`is_small`](Self::is_small) does for the box and its own diagonal, in
-    /// the same order. Eight boxes at a time stay in registers.
+    /// For each box, returns -1 if it certainly has less than the least number of pixels, otherwise 0. The
+    /// kernels collect the signs of these numbers in a mask. `rows` are the rows of [`Boxes64`] in their
+    /// order: min x, y, z, max x, y, z. For each box, does what [`is_small`](Self::is_small) does for the box
+    /// and its own diagonal, in the same order. Eight boxes at a time stay in registers.
     #[inline(always)]
     fn small<const WIDTH: usize>(&self, rows: [&[f32; WIDTH]; 6]) -> [f32; WIDTH] {
         let mut result = [0.0; WIDTH];

@@ -4,7 +4,7 @@ use alloc::collections::BinaryHeap;
 use core::cmp::Ordering;
 
 /// A heap with the earliest deadline on top. An entry whose mover has lost its volume stays until the
-/// deadline, or until the heap has two entries a mover.
+/// deadline, or until a push finds two entries for each mover in the heap.
 #[derive(Clone, Debug)]
 pub(super) struct Deadlines {
     heap: BinaryHeap<Entry>,
@@ -42,7 +42,7 @@ impl Deadlines {
         Self { heap: BinaryHeap::new() }
     }
 
-    /// Reserves memory for the most entries that `movers` movers can have: two a mover, and one.
+    /// Reserves memory for the most entries that `movers` movers can have: two for each mover, and one more.
     pub(super) fn reserve(&mut self, movers: usize) {
         self.heap.reserve((2 * movers + 1).saturating_sub(self.heap.len()));
     }

@@ -83,7 +83,8 @@ impl Motion {
     }
 }
 
-/// State of a mover, which tells what its bounds in the scene mean.
+/// State of a mover, which tells whether the mover's bounds in the scene are exact or a motion volume, and
+/// when the mover is due.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum State {
     /// The element of the list `movers` holds no mover.
@@ -145,10 +146,10 @@ fn is_volume(movers: &[Mover], status: &[Status]) -> impl Fn(f64, u32) -> bool {
 /// No mover is hidden that would be visible with its exact bounds, as long as movers keep to their
 /// [`Motion`], the due ones are set, and the culler is conservative: the bounds that it tests contain the
 /// mover. A mover whose bounds the caller sets although it is not due (a teleport) is due again in the next
-/// frame; so are all movers after the scene's origin was set, be it to the same point, after another scene
+/// frame. All movers are due after the scene's origin was set, even to the same point, after another scene
 /// took its place, and when time is NaN or runs backwards. Set the origin between `end_frame` and
-/// `begin_frame`: in the middle of a frame, the movers that are not due stay where the origin takes them
-/// until the next. Movers that the scene does not contain are removed.
+/// `begin_frame`. If it is set in the middle of a frame, the movers that are not due stay where the new
+/// origin puts them until the next frame. Movers that the scene does not contain are removed.
 ///
 /// A mover with a [draw range](Scene::set_draw_range) that begins above 0 never gets a volume, so it is due
 /// in each frame: its volume could be too near to be drawn while the mover is not.

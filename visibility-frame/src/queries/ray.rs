@@ -46,7 +46,7 @@ pub struct Ray {
     high: [f32; 3],
     /// Upper bound of the parameter `t` at which the ray ends: its points are `origin + t d`.
     end: f32,
-    /// Length of `d`: metres per unit of `t`, from 1 to the square root of 3.
+    /// Length of `d`: metres per unit of `t`, between 1 and the square root of 3.
     length: f64,
 }
 
@@ -54,7 +54,7 @@ pub struct Ray {
 const MARGIN: f64 = 4.0 * f32::EPSILON as f64;
 
 /// Absolute margin of differences of coordinates, 2^-125.
-const LEAST: f32 = 2.0 * f32::MIN_POSITIVE;
+const ABSOLUTE_MARGIN: f32 = 2.0 * f32::MIN_POSITIVE;
 
 impl Ray {
     /// Makes the ray from `origin`, relative to the scene's origin, along `direction`, of any finite length
@@ -83,7 +83,7 @@ impl Ray {
             sign: direction.to_array().map(|d| if d == 0.0 { 0.0 } else { d.signum() }),
             low: inverse.map(|inverse| ((inverse * (1.0 - MARGIN)) as f32).min(f32::MAX)),
             high: inverse.map(|inverse| (inverse * (1.0 + MARGIN)) as f32),
-            end: (f64::from(max_distance) / length * (1.0 + MARGIN)) as f32 + LEAST,
+            end: (f64::from(max_distance) / length * (1.0 + MARGIN)) as f32 + ABSOLUTE_MARGIN,
             length,
         })
     }
@@ -107,8 +107,8 @@ impl Ray {
             let (near, far) = if self.sign[axis] < 0.0 { (max, min) } else { (min, max) };
             let (o, sign, low, high) = (self.origin[axis], self.sign[axis], self.low[axis], self.high[axis]);
             for i in 0..FAN_OUT {
-                let first = ((near[i] - o) * sign - LEAST) * low;
-                let last = ((far[i] - o) * sign + LEAST) * high;
+                let first = ((near[i] - o) * sign - ABSOLUTE_MARGIN) * low;
+                let last = ((far[i] - o) * sign + ABSOLUTE_MARGIN) * high;
                 enter[i] = if first > enter[i] { first } else { enter[i] };
                 exit[i] = if last < exit[i] { last } else { exit[i] };
             }

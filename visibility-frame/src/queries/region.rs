@@ -14,8 +14,8 @@ pub(crate) trait Region {
     /// Returns the lanes whose box certainly does not touch the region.
     fn outside(&self, boxes: &Boxes64) -> u64;
 
-    /// Returns the lanes whose box is certainly inside the region, so that every box within it touches the
-    /// region.
+    /// Returns the lanes whose box is certainly inside the region, so that every box within the lane's box
+    /// touches the region.
     fn inside(&self, boxes: &Boxes64) -> u64;
 }
 
@@ -91,7 +91,8 @@ impl Region for BoxRegion {
 /// - A box is outside if `D` exceeds `greatest`, the squared radius times `1 + 16u` plus 2^-122: `10u` are
 ///   left for the conversion of the radius and of the sum to `f32`, which need `2u`. Too small a `D`
 ///   (underflow) finds more.
-/// - A box is inside if `D` of its farthest corner is at most `least`, with the same margins below.
+/// - A box is inside if `D` of its farthest corner is at most `least`, the squared radius times `1 - 16u`
+///   minus 2^-122.
 pub(crate) struct SphereRegion {
     center: [f32; 3],
     greatest: f32,

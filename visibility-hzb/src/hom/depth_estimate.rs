@@ -24,9 +24,7 @@ use alloc::vec::Vec;
 /// ```
 /// # #[cfg(feature = "papers")] {
 /// use visibility_hzb::{DepthEstimate, Hom};
-/// assert_eq!(Hom::default().depth_estimate(), DepthEstimate::NoBackground);
 /// let map = Hom::default().with_depth_estimate(DepthEstimate::Plane);
-/// assert_eq!(map.depth_estimate(), DepthEstimate::Plane);
 /// # }
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]

@@ -155,12 +155,6 @@ impl Hom {
         self.raster.coverage()
     }
 
-    /// Returns the estimate of the depth of occluders that is in use.
-    #[cfg(feature = "papers")]
-    pub fn depth_estimate(&self) -> DepthEstimate {
-        self.boundary.estimate
-    }
-
     /// Returns the opacity threshold of a level, as a fraction from 0 to 1. Level 0 is the pixels. 1 beyond
     /// the last level.
     pub fn threshold(&self, level: usize) -> f32 {
@@ -171,12 +165,6 @@ impl Hom {
     /// to one texel.
     pub fn levels(&self) -> usize {
         TILE + self.opacity.levels.len()
-    }
-
-    /// Returns the columns and rows of texels of a level. Level 0 is the pixels. `None` beyond the last
-    /// level.
-    pub fn level_size(&self, level: usize) -> Option<[usize; 2]> {
-        self.opacity.size(level)
     }
 
     /// Returns the fraction of a texel's pixels that is covered, as of the last

@@ -3,7 +3,7 @@
 use super::clip::{ClipScratch, End};
 use super::edges::Edges;
 use super::fill::FillScratch;
-use super::frame::{LEAST_PARALLEL_COSINE, LevelFrame, MAX_BEND_PX, MAX_ERROR_PX};
+use super::frame::{LevelFrame, MAX_BEND_PX, MAX_ERROR_PX, MIN_PARALLEL_COSINE};
 use super::open_tiles::{BARELY_NEARER, DepthBound, TileKeys};
 use super::prepared::{BoxLanes, NO_EDGE, Polygons, PreparedEdge, PreparedLevel};
 use super::seams::Seams;
@@ -407,7 +407,7 @@ fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<f64> {
     let thickness = high - low;
     if !frame.perspective {
         let back = along > 0.0;
-        let seen = along.abs() > LEAST_PARALLEL_COSINE && (polygon.two_sided || !back);
+        let seen = along.abs() > MIN_PARALLEL_COSINE && (polygon.two_sided || !back);
         let far = if back { high } else { low };
         let before_near = thickness > frame.most_flattened && !is_beyond_window(frame, polygon, far);
         return (seen && !before_near).then_some(far);

@@ -26,7 +26,7 @@ const GUARD_BAND: f64 = 4.0;
 
 /// Least cosine of the angle between the direction of a parallel view and the normal of a polygon that is
 /// drawn.
-pub(super) const LEAST_PARALLEL_COSINE: f64 = 0.01;
+pub(super) const MIN_PARALLEL_COSINE: f64 = 0.01;
 
 /// The view of a frame relative to the origin of a level.
 #[derive(Clone, Debug)]
@@ -119,7 +119,7 @@ impl LevelFrame {
         let least_near = if perspective {
             projection.near.constant.abs() + projection.near.error
         } else {
-            near.length() * level.thickness.min(most_flattened) * (2.0 / LEAST_PARALLEL_COSINE)
+            near.length() * level.thickness.min(most_flattened) * (2.0 / MIN_PARALLEL_COSINE)
         };
         let least_near = least_near * (1.0 + 1e-6) + 2.0 * object.near_limit();
         // A `w` of at least 1,024 times its error: quotients by it err by a thousandth at most.

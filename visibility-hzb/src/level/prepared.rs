@@ -172,7 +172,7 @@ impl PreparedLevel {
 
 /// Greatest number of edges with which one edge is compared to find its partner, of those with equal ends
 /// that come before it. Bounds the time where many polygons have an edge in common.
-const MOST_AROUND: usize = 16;
+const MAX_AROUND: usize = 16;
 
 /// Finds for each edge the same edge of another polygon. The two polygons hide from the same sides, and run
 /// through the edge in opposite directions, so that they face the same way; two-sided polygons may also run
@@ -195,7 +195,7 @@ fn find_partners(level: &LevelOccluders, edges: &mut [PreparedEdge]) {
     for same in sides.chunk_by(|a, b| a.0 == b.0) {
         pairs.clear();
         for (i, &(_, p, a)) in same.iter().enumerate() {
-            for &(_, q, b) in &same[i.saturating_sub(MOST_AROUND)..i] {
+            for &(_, q, b) in &same[i.saturating_sub(MAX_AROUND)..i] {
                 let [of_p, of_q] = [p, q].map(|index| &level.polygons()[index as usize]);
                 let turned = place(a, 0) == place(b, 0);
                 if p != q && of_p.two_sided == of_q.two_sided && (!turned || of_p.two_sided) {

@@ -10,7 +10,7 @@ use visibility_core::Aabb;
 
 /// Constant added to the openness (0 to 1, mean free distance in front of surfaces) in the priority of a
 /// layer of objects, since a surface may be visible although another surface lies close in front.
-const LEAST_OPENNESS: f32 = 0.02;
+const MIN_OPENNESS: f32 = 0.02;
 
 impl RemainingLayers {
     /// Advances this side past its first remaining layer of objects: the range becomes `layers`, the layers
@@ -21,7 +21,7 @@ impl RemainingLayers {
         self.from = self.to + layers.byte_count() as u32;
         let next = layers.next();
         let priority = |Layer { class, .. }| {
-            priority_factor(class.area() * self.solid_angle_per_area) * (class.openness() + LEAST_OPENNESS)
+            priority_factor(class.area() * self.solid_angle_per_area) * (class.openness() + MIN_OPENNESS)
         };
         self.priority = next.clone().map_or(0.0, priority);
         next.is_some()

@@ -377,10 +377,10 @@ impl PortalWalk {
     /// polygon's visible part, which is appended there. `None` if no line of sight in the window meets the
     /// polygon.
     ///
-    /// `vertices` are in world space, with the normal of `outline`. `sign` is 1 if lines of sight cross the
-    /// polygon along that normal, -1 if against it, `None` if the direction is undecided. In the latter case
-    /// the polygon's edges do not narrow the window; where possible, planes close to the polygon's plane
-    /// bound it instead.
+    /// `vertices` are in world space, counter-clockwise around the normal of `outline`. `sign` is 1 if lines
+    /// of sight cross the polygon along that normal, -1 if against it, `None` if the direction is undecided.
+    /// In the last case the polygon's edges do not narrow the window; where possible, planes close to the
+    /// polygon's plane bound the window instead.
     fn narrow(
         &mut self,
         eye_view: &PortalView,
@@ -455,9 +455,9 @@ impl PortalWalk {
 
     /// Returns the window behind a portal whose plane passes, up to rounding, through the eye: `window`,
     /// further bounded to lines of sight close to that plane. Returns a copy of `window` where no such bound
-    /// is known. `vertices` are the portal's, in world space, with the normal of `outline`. `error` bounds
-    /// the distance between the corners in `self.polygon`, the computed visible part of the portal, and the
-    /// exact visible part, in world units.
+    /// is known. `vertices` are the portal's, in world space, counter-clockwise around the normal of
+    /// `outline`. `error` bounds the distance between the corners in `self.polygon`, the computed visible
+    /// part of the portal, and the exact visible part, in world units.
     ///
     /// Without this bound, an eye in the plane of a wall would see through all doors of the wall, and back
     /// through all other doors.

@@ -80,7 +80,8 @@ impl SceneCells {
     /// before the first [`sync`](Self::sync).
     ///
     /// Objects that the graph [lists](CellGraph::set_objects) belong to the listed cells alone, until they
-    /// change. The first `sync` reads these lists; they must be correct for the scene as it is then.
+    /// change or a later `sync` inspects every object. The first `sync` reads these lists; they must be
+    /// correct for the scene as it is then.
     ///
     /// `tolerance` is the distance, in world units, by which portals and volumes may be misplaced: 1e-6 for
     /// coordinates in metres that were computed in `f64`, the last decimal for coordinates read from text. An
@@ -137,7 +138,7 @@ impl SceneCells {
     /// A PVS without a source may be of another graph: a culler of the cells is then approximate.
     ///
     /// # Errors
-    /// [`SceneCellsError::TurnedPortals`] if portals were turned when the cells were made, unless the source
+    /// [`SceneCellsError::Winding`] if portals were turned when the cells were made, unless the source
     /// says that the PVS is of the turned graph: one of the graph as it was given would hide visible cells.
     /// Call [`CellGraph::turn_portals`] before the bake. [`SceneCellsError::Pvs`] if the targets of `pvs` are
     /// not cells, or if its counts of viewcells or targets differ from the number of cells;
@@ -151,7 +152,7 @@ impl SceneCells {
         match (is_of_graph, self.turned.first()) {
             (Some(true), _) | (None, None) => {}
             (_, Some(&first)) => {
-                return Err(SceneCellsError::TurnedPortals { first, count: self.turned.len() });
+                return Err(SceneCellsError::Winding { first, count: self.turned.len() });
             }
             (Some(false), None) => return Err(SceneCellsError::OtherGraph),
         }
@@ -259,19 +260,7 @@ impl SceneCells {
     /// Tests whether the cells of each object are those of `scene` as it is now, so that
     /// [`sync`](Self::sync) has nothing to do. Constant time. Views on several threads that share cells
     /// behind a lock then lock the cells for writing only where they must.
-    ///
-    /// ```
-    /// use visibility_core::{cells::CellGraph, pvs::Viewcells, Aabb, Scene};
-    /// use visibility_portals::SceneCells;
-    /// let mut scene = Scene::new();
-    /// let mut cells = SceneCells::new(CellGraph::default(), Viewcells::default(), 1e-6)?;
-    /// cells.sync(&scene);
-    /// assert!(cells.is_synced(&scene) && !cells.is_synced(&scene.clone()));
-    /// scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
-    /// assert!(!cells.is_synced(&scene));
-    /// # Ok::<(), visibility_portals::SceneCellsError>(())
-    /// ```
-    pub fn is_synced(&self, scene: &Scene) -> bool {
+    pub(crate) fn is_synced(&self, scene: &Scene) -> bool {
         self.cursor.is_current(scene)
     }
 

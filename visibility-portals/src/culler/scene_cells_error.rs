@@ -21,7 +21,7 @@ pub enum SceneCellsError {
     Graph(CellGraphError),
     /// Portals were wound the wrong way in the graph as it was given, and have been turned. A PVS of that
     /// graph would hide visible cells.
-    TurnedPortals {
+    Winding {
         /// First portal that was turned.
         first: PortalId,
         /// Number of portals that were turned.
@@ -56,7 +56,7 @@ impl fmt::Display for SceneCellsError {
                 write!(f, "{viewcells} viewcells for {cells} cells: each cell needs one")
             }
             Self::Graph(error) => write!(f, "{error}"),
-            Self::TurnedPortals { first, count } => write!(
+            Self::Winding { first, count } => write!(
                 f,
                 "portals that were wound the wrong way, {count} with portal {} the first, are not in the PVS: \
                  turn them in the graph before it is baked",

@@ -47,10 +47,10 @@ pub(super) struct NodeCover {
     pub(super) one_sided: bool,
 }
 
-/// An opaque polygon in world space, prepared for subtraction from a portal in the same plane. Stored are the
-/// planes through its edges perpendicular to it, with normals to the inside, moved outwards so that the
-/// polygon is widened, and its bounds, widened at least as much. A cover is *one-sided* if only its front
-/// stops lines.
+/// An opaque polygon in world space, prepared for subtraction from a portal in the same plane. `planes` run
+/// through the polygon's edges, perpendicular to the polygon, with normals to the inside, and are moved
+/// outwards so that the polygon is widened. `min` and `max` are the polygon's bounds, widened at least as
+/// much. A cover is *one-sided* if only its front stops lines.
 struct Cover {
     planes: Vec<Plane>,
     min: DVec3,

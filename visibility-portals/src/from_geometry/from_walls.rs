@@ -116,7 +116,7 @@ struct Shared {
 /// the number of walls. Portals take time proportional to cells times walls at worst.
 ///
 /// # Errors
-/// [`GeometryError::Coordinate`] or [`GeometryError::NotAWall`] with the index of the wall,
+/// [`GeometryError::Coordinate`] or [`GeometryError::NotAxial`] with the index of the wall,
 /// [`GeometryError::Setting`] with the name of the setting, or [`GeometryError::Graph`].
 ///
 /// ```
@@ -170,7 +170,7 @@ pub fn from_walls(walls: &[[DVec3; 2]], settings: &WallSettings) -> Result<Subdi
 /// Without segments the result is empty.
 ///
 /// # Errors
-/// [`GeometryError::NotAWall`] for a segment parallel to neither axis, [`GeometryError::Coordinate`] for a
+/// [`GeometryError::NotAxial`] for a segment parallel to neither axis, [`GeometryError::Coordinate`] for a
 /// segment with a NaN or infinite coordinate, both with the index of the segment.
 pub fn floor_plan(
     segments: &[[DVec2; 2]],
@@ -184,7 +184,7 @@ pub fn floor_plan(
             return Err(GeometryError::Coordinate { index });
         }
         if a.x != b.x && a.y != b.y {
-            return Err(GeometryError::NotAWall { index });
+            return Err(GeometryError::NotAxial { index });
         }
         let (low, high) = (a.min(b), a.max(b));
         (min, max) = (min.min(low), max.max(high));
@@ -200,7 +200,7 @@ pub fn floor_plan(
 /// are left out.
 ///
 /// # Errors
-/// [`GeometryError::Coordinate`] or [`GeometryError::NotAWall`] with the index of the wall.
+/// [`GeometryError::Coordinate`] or [`GeometryError::NotAxial`] with the index of the wall.
 fn prepared(walls: &[[DVec3; 2]], tolerance: f64) -> Result<Vec<Box3>, GeometryError> {
     let mut all = Vec::with_capacity(walls.len());
     for (index, &[min, max]) in walls.iter().enumerate() {
@@ -208,7 +208,7 @@ fn prepared(walls: &[[DVec3; 2]], tolerance: f64) -> Result<Vec<Box3>, GeometryE
             return Err(GeometryError::Coordinate { index });
         }
         if !min.cmple(max).all() {
-            return Err(GeometryError::NotAWall { index });
+            return Err(GeometryError::NotAxial { index });
         }
         all.push(Box3 { min, max });
     }

@@ -12,7 +12,7 @@ use visibility_core::glam::DVec3;
 /// for the hull to replace them.
 const WASTE: f64 = 0.1;
 
-/// Maximum number of pieces that are left: more are merged in pairs, those first whose hull wastes least.
+/// Maximum number of pieces that are left. More are merged in pairs, first the pair whose hull wastes least.
 const MAX_PIECES: usize = 8;
 
 /// Maximum number of pieces that are compared in pairs. Of more pieces, neighbours along the longest side of

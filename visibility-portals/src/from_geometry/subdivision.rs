@@ -44,7 +44,7 @@ pub enum GeometryError {
     },
     /// A box whose minimum corner exceeds its maximum corner along an axis, or a segment of a floor plan that
     /// is parallel to no axis.
-    NotAWall {
+    NotAxial {
         /// Index of the wall or segment in the input.
         index: usize,
     },
@@ -63,7 +63,7 @@ impl fmt::Display for GeometryError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Coordinate { index } => write!(f, "a corner of item {index} is not finite"),
-            Self::NotAWall { index } => write!(f, "item {index} is not a wall along the axes"),
+            Self::NotAxial { index } => write!(f, "item {index} is not a wall along the axes"),
             Self::Setting { what, value } => write!(f, "{what} cannot be {value}"),
             Self::Graph(error) => error.fmt(f),
         }

@@ -59,7 +59,7 @@ impl ObjectOutcome {
     /// from each other.
     ///
     /// # Errors
-    /// [`PvsError::Target`] if an object index is not below `objects`; [`PvsError::TooLarge`] if the PVS
+    /// [`PvsError::Target`] if an object index is not below `objects`; [`PvsError::Size`] if the PVS
     /// exceeds its storage limits.
     pub fn to_pvs(&self, graph: &CellGraph, objects: usize) -> Result<Pvs, PvsError> {
         Pvs::new(PvsTargets::Objects, objects, &self.rows, |viewcell| neighbours(graph, viewcell))
@@ -102,10 +102,9 @@ pub struct ObjectBaker<'a> {
 
 impl<'a> ObjectBaker<'a> {
     /// Prepares the portals, which must be [wound](CellGraph::turn_portals) towards their second cells.
-    /// `cells` is the bake of the cells of `graph` with the same clearance. `bounds`
-    /// returns the minimum and the maximum corner of an object's box in world space. An object without valid
-    /// bounds (`None`, NaN, or a minimum above the maximum) counts as visible wherever one of its cells is
-    /// seen.
+    /// `cells` is the bake of the cells of `graph` with the same clearance. `bounds` returns the minimum and
+    /// the maximum corner of an object's box in world space. An object without valid bounds (`None`, NaN, or
+    /// a minimum above the maximum) counts as visible wherever one of its cells is seen.
     ///
     /// # Errors
     /// As for [`CellBaker::new`](crate::CellBaker::new); [`BakeError::Cells`] if `cells` is of another graph

@@ -131,7 +131,7 @@ pub(crate) struct Pluecker {
 /// Least cosine between the approximate line and the normal of the portal that it meets most squarely. Below
 /// it, [`Pluecker::excludes`] decides nothing: rounding could move the crossing by a billion times the error
 /// of the line.
-const LEAST_COSINE: f64 = 1e-9;
+const MIN_COSINE: f64 = 1e-9;
 
 impl Pluecker {
     /// Tests whether it is certain that no line passes all `count` openings at least `clearance` (world
@@ -154,7 +154,7 @@ impl Pluecker {
         };
         let normal = opening(square).normal;
         let along = normal.dot(direction);
-        let is_square = along > LEAST_COSINE;
+        let is_square = along > MIN_COSINE;
         if !is_square {
             return false;
         }
@@ -249,9 +249,9 @@ fn error_of_cross(a: &DoubleDoubleVector, b: &DoubleDoubleVector) -> f64 {
     8.0 * DoubleDouble::ERROR * size(a) * size(b)
 }
 
-/// Returns the half-space `h . (d, m) >= 0` of the lines that pass an edge, moved by its shift, on its left
-/// side. `d` is the direction of a line and `m` its moment about `origin` (world space), in units of `unit`
-/// world units.
+/// Returns the half-space `h . (d, m) >= 0` of the lines that pass on the left of an edge after the edge has
+/// been moved by its shift. `d` is the direction of a line and `m` its moment about `origin` (world space),
+/// in units of `unit` world units.
 fn edge_row(edge: &Edge, origin: DVec3, unit: f64) -> Row<6> {
     // a x b = a x (b - a).
     let (a, e) = (difference(edge.a, origin), difference(edge.b, edge.a));

@@ -69,9 +69,9 @@ impl FlowScratch {
 /// Least distance along a portal's normal between two points whose line's crossing of the portal counts as
 /// known, in units of [`keep`](crate::directed_portals::Margins::keep).
 ///
-/// Both signed distances are wrong by one `noise`, of which `keep` has at least 12. So the share of the way
-/// at which the line crosses is wrong by less than 2 / 12,000, and the crossing by that part of the way. A
-/// crossing that is wrong counts a cell as seen that is not. It never hides one.
+/// The signed distances of both points from the portal are each wrong by up to one `noise`, and `keep` is at
+/// least 12 times that. So the fraction of the way at which the line crosses the portal is wrong by less than
+/// 2 / 12,000. A wrong crossing may count a hidden cell as seen. It never hides one.
 const KNOWN_RISE: f64 = 1e3;
 
 /// Tests whether the infinite line through the world-space points `a` and `b` meets a portal, with the way

@@ -90,7 +90,15 @@ impl fmt::Display for PrtError {
     }
 }
 
-impl core::error::Error for PrtError {}
+impl core::error::Error for PrtError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Polygon { error, .. } => Some(error),
+            Self::Graph { error, .. } => Some(error),
+            Self::Line { .. } | Self::Length { .. } => None,
+        }
+    }
+}
 
 /// Reads a portal file in any of the three forms. Empty lines are skipped. Time and memory are proportional
 /// to the length of the text plus the number of cells that the file's header announces, at most

@@ -54,6 +54,7 @@ const DETOURS: usize = 4;
 /// assert!(line.id == id && cell.contains(line.eye) && line.point.x >= 4.99);
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[non_exhaustive]
 pub struct SightLine {
     /// Object that the line reaches.
     pub id: ObjectId,
@@ -101,7 +102,6 @@ pub struct SamplingCuller {
     tree: TriangleTree,
     cast: Cast,
     sight_lines: Vec<SightLine>,
-    rays_cast: usize,
 }
 
 impl Default for SamplingCuller {
@@ -113,14 +113,7 @@ impl Default for SamplingCuller {
 impl SamplingCuller {
     /// Makes a culler that sends 100,000 rays in each call.
     pub const fn new() -> Self {
-        Self {
-            rays: RAYS,
-            seed: 0,
-            tree: TriangleTree::new(),
-            cast: Cast::new(),
-            sight_lines: Vec::new(),
-            rays_cast: 0,
-        }
+        Self { rays: RAYS, seed: 0, tree: TriangleTree::new(), cast: Cast::new(), sight_lines: Vec::new() }
     }
 
     /// Sets the greatest number of rays of a call; with 0 only objects that are never culled stay. More rays
@@ -142,11 +135,6 @@ impl SamplingCuller {
     pub fn sight_lines(&self) -> &[SightLine] {
         &self.sight_lines
     }
-
-    /// Returns the number of rays that the last call sent.
-    pub fn rays_cast(&self) -> usize {
-        self.rays_cast
-    }
 }
 
 impl RegionCuller for SamplingCuller {
@@ -155,8 +143,8 @@ impl RegionCuller for SamplingCuller {
         Accuracy::Aggressive
     }
 
-    /// Removes the candidates that no ray meets. `tests` of the counters is the number of rays. A viewcell
-    /// that is inverted or not finite sees nothing.
+    /// Removes the candidates that no ray meets. `tests` of the counters is the number of rays and of
+    /// candidates. A viewcell that is inverted or not finite sees nothing.
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
         self.tree.sync(scene);
         self.sight_lines.clear();
@@ -187,7 +175,6 @@ impl RegionCuller for SamplingCuller {
             search.run(&eyes, &candidates);
         }
         let Search { found, lines, rays, .. } = search;
-        self.rays_cast = self.rays - rays;
         let origin = scene.origin();
         // Found in scene coordinates, reported in those of the world.
         self.sight_lines.extend(lines.into_iter().filter_map(|(object, eye, point)| {
@@ -195,7 +182,7 @@ impl RegionCuller for SamplingCuller {
             Some(SightLine { id, eye: eye + origin, point: point + origin })
         }));
         let mut stats = visible.retain(scene, |id, _| found.contains(id.index()));
-        stats.tests += self.rays_cast as u64;
+        stats.tests += (self.rays - rays) as u64;
         stats
     }
 }

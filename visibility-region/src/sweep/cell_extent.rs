@@ -7,7 +7,7 @@ use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 
 /// Greatest number of a viewcell's planes whose normals are tried as axes, in pairs.
-const MOST_AXES: usize = 16;
+const MAX_AXES: usize = 16;
 
 /// Other axes than the scene's are taken if the surface of the viewcell's box along them is less than this
 /// part of the surface of the box along the scene's axes. Bounds of objects are boxes along the scene's axes,
@@ -86,7 +86,7 @@ impl CellExtent {
             let size = (high - low).max(DVec3::ZERO);
             size.x * size.y + size.y * size.z + size.z * size.x
         };
-        let normals = self.planes.iter().take(MOST_AXES).map(|(plane, _)| plane.normal);
+        let normals = self.planes.iter().take(MAX_AXES).map(|(plane, _)| plane.normal);
         let normals: Vec<DVec3> = DVec3::AXES.into_iter().chain(normals).collect();
         let (mut best, mut least) = (DVec3::AXES, surface(DVec3::AXES) * SMALLER);
         for (i, &first) in normals.iter().enumerate().skip(3) {

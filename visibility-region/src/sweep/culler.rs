@@ -3,17 +3,17 @@
 use super::Sweep;
 use super::cell_extent::CellExtent;
 use super::direction::{CellBox, Direction};
+use super::effort::{Effort, Work};
 use super::nearest::{Nearest, Occluders};
 use super::occludees::{self, Asked, Item};
 use super::pieces::Pieces;
-use super::planes::{self, Cone, Effort};
+use super::planes::{self, Cone};
 use super::ray_map::RayMap;
 use super::surfaces::Surfaces;
 use super::window::{Rim, Window};
 use crate::extent::usable_bounds;
 use crate::solids::occluding;
 use alloc::{sync::Arc, vec::Vec};
-use core::ops::Range;
 use visibility_core::bits::Bits;
 use visibility_core::scene::{Changes, SceneCursor};
 use visibility_core::walk::Child;
@@ -59,6 +59,10 @@ pub struct ExtendedProjectionCuller {
     cursor: SceneCursor,
     /// Surfaces for the viewcell that was begun last: those of the scene, or of some of its objects.
     present: Arc<Surfaces>,
+    /// Effort for that viewcell.
+    effort: Effort,
+    /// Sweep of a direction of that viewcell. `None` between two directions.
+    running: Option<Running>,
     /// Box around the viewcell that was begun last, and the [`usable_bounds`] of the scene. `None` if no
     /// object can be found hidden from the viewcell.
     cell_box: Option<(CellBox, Aabb)>,
@@ -91,6 +95,8 @@ impl ExtendedProjectionCuller {
             surfaces: Arc::default(),
             cursor: SceneCursor::START,
             present: Arc::default(),
+            effort: Effort::FULL,
+            running: None,
             cell_box: None,
             pieces: Pieces::default(),
             sweep: Sweep::new(),
@@ -134,8 +140,8 @@ impl ExtendedProjectionCuller {
         let visible = VisibleSet::new();
         let occluding = occluding(scene, &visible);
         let surfaces = self.surfaces.clone();
-        self.pieces.begin(&surfaces);
-        let all = Occluders { scene, occluding: &occluding, surfaces: &surfaces };
+        self.pieces.begin(&surfaces, &Effort::FULL);
+        let all = Occluders { scene, occluding: &occluding, surfaces: &surfaces, cell_box: &cell_box };
         let directions = core::array::from_fn(|index| cell_box.direction(index));
         let asked = Asked::Set(&visible);
         occludees::assign(scene, asked, &bounds, &directions, &mut self.lists, &mut self.stack);
@@ -144,16 +150,18 @@ impl ExtendedProjectionCuller {
             let cone = cone.opened();
             let rims = [0, 1].map(|lat| Rim::of(list, lat, direction, &mut self.coordinates));
             self.sweep.begin();
-            let (mut nearest, mut left) = (Nearest::new(&all, direction, &cone), Effort::FULL);
+            let (mut nearest, mut left) = (Nearest::new(&all, direction, &cone, true), Effort::FULL);
             // A bit holds for all rays of the cone, so occluders of all of the cone are needed.
-            while let Some(range) = nearest.advance(&all, &mut self.pieces, &cell_box, direction, &cone, None)
+            let (mut work, mut count) = (Work::UNLIMITED, 0);
+            while let Some(range) = nearest.advance(&all, &mut self.pieces, direction, &cone, None, &mut work)
             {
                 let occluders = nearest.occluders();
                 for d in planes::distances(direction, &cone, occluders, &range, &mut left) {
                     let ends = [0, 1].map(|lat| cone.at(direction, d, lat));
                     let Some(window) = Window::fit(direction, d, ends, rims) else { break };
                     let place = |source| all.place(&self.pieces, direction, source);
-                    self.sweep.advance(direction, window, occluders, &cone, left.again, place);
+                    self.sweep.move_to(direction, window, occluders, left.again);
+                    self.sweep.draw(direction, occluders, &cone, place, &mut work, &mut count);
                     each(direction, &window, &self.sweep.map);
                 }
             }
@@ -226,27 +234,32 @@ impl ExtendedProjectionCuller {
         stop: &dyn Fn() -> bool,
     ) -> CullStats {
         self.sync(scene);
-        self.begin(scene, cell, self.surfaces());
-        let ask = Ask { occluding, asked: Asked::Set(visible), effort: Effort::FULL, stop };
-        let mut stats = self.sweep_directions(scene, &ask, 0..6);
+        self.begin(scene, cell, self.surfaces.clone(), Effort::FULL);
+        let ask = Ask { occluding, asked: Asked::Set(visible), stop };
+        let mut stats = CullStats::default();
+        for index in 0..6 {
+            self.sweep_direction(scene, &ask, index, &mut Work::UNLIMITED.clone(), &mut stats);
+        }
         let hidden = &self.hidden;
         stats += visible.retain(scene, |id, _| !hidden.contains(id.index()));
         stats
     }
 
-    /// Returns the surfaces of the scene at the last [`sync`](Self::sync).
-    pub(crate) fn surfaces(&self) -> Arc<Surfaces> {
-        self.surfaces.clone()
-    }
-
     /// Begins a viewcell: forgets what was found for the last one. Of the occluders, those in `surfaces` hide
-    /// as one surface where they touch, and must be as they were when the surfaces were collected.
-    pub(crate) fn begin(&mut self, scene: &Scene, cell: &Viewcell, surfaces: Arc<Surfaces>) {
+    /// by their pieces there, and must be as they were when the surfaces were collected.
+    pub(crate) fn begin(&mut self, scene: &Scene, cell: &Viewcell, surfaces: Arc<Surfaces>, effort: Effort) {
         self.hidden.reset(scene.index_limit());
-        self.pieces.begin(&surfaces);
-        self.present = surfaces;
+        self.pieces.begin(&surfaces, &effort);
+        (self.present, self.effort) = (surfaces, effort);
         let bounds = usable_bounds(scene, cell);
         self.cell_box = bounds.and_then(|bounds| Some((cell_box(scene, cell, &bounds)?, bounds)));
+        self.running = None;
+    }
+
+    /// Ends the viewcell that was begun last, and lets go of its surfaces.
+    pub(crate) fn end(&mut self) {
+        self.present = Arc::default();
+        self.running = None;
     }
 
     /// Returns the indices of the objects found hidden since [`begin`](Self::begin).
@@ -254,70 +267,112 @@ impl ExtendedProjectionCuller {
         &mut self.hidden
     }
 
-    /// Sweeps directions, numbered as by [`CellBox::direction`], and adds the objects that it finds hidden to
-    /// [`hidden`](Self::hidden). The objects of `ask.occluding` and the origin of the scene must not have
-    /// changed since [`begin`](Self::begin). Other objects may have.
-    pub(crate) fn sweep_directions(
+    /// Forgets the sweep of the direction that is under way. What it has found hidden stays. Returns whether
+    /// one was.
+    pub(crate) fn restart(&mut self) -> bool {
+        self.running.take().is_some()
+    }
+
+    /// Sweeps one direction, numbered as by [`CellBox::direction`], until it is done or `work` is used up,
+    /// and adds the objects that it finds hidden to [`hidden`](Self::hidden). Goes on with the sweep that the
+    /// last call left undone, if any: then `ask` and `index` must be the same. Returns whether the sweep is
+    /// done.
+    ///
+    /// The objects of `ask.occluding` and the origin of the scene must not have changed since
+    /// [`begin`](Self::begin). Other objects may have. What changed since the sweep of the direction was
+    /// begun may be among the hidden objects by mistake. If objects are asked as a set, the layout of the
+    /// scene must have stayed the same since then.
+    pub(crate) fn sweep_direction(
         &mut self,
         scene: &Scene,
         ask: &Ask<'_>,
-        directions: Range<usize>,
-    ) -> CullStats {
-        let mut stats = CullStats::default();
-        let Some((cell_box, bounds)) = self.cell_box else { return stats };
+        index: usize,
+        work: &mut Work,
+        stats: &mut CullStats,
+    ) -> bool {
+        let Some((cell_box, bounds)) = self.cell_box else { return true };
         let surfaces = self.present.clone();
-        let all = Occluders { scene, occluding: ask.occluding, surfaces: &surfaces };
-        let boxes = core::array::from_fn(|index| cell_box.direction(index));
-        let (lists, stack) = (&mut self.lists, &mut self.stack);
-        stats.nodes += occludees::assign(scene, ask.asked, &bounds, &boxes, lists, stack);
+        let all = Occluders { scene, occluding: ask.occluding, surfaces: &surfaces, cell_box: &cell_box };
+        let direction = cell_box.direction(index);
+        let job = Job { scene, ask, direction: &direction, all };
         let mut list = core::mem::take(&mut self.asked);
-        for index in directions {
-            let Ask { asked, effort, stop, .. } = *ask;
-            let job = Job { scene, asked, direction: &boxes[index], all, cell_box: &cell_box, effort, stop };
-            list.clear();
-            list.extend_from_slice(&self.lists[index]);
-            self.sweep(&job, &mut list, &mut stats);
-        }
+        let mut running = match self.running.take() {
+            Some(running) => running,
+            None => {
+                let boxes = core::array::from_fn(|index| cell_box.direction(index));
+                let (lists, stack) = (&mut self.lists, &mut self.stack);
+                stats.nodes += occludees::assign(scene, ask.asked, &bounds, &boxes, lists, stack);
+                core::mem::swap(&mut list, &mut self.lists[index]);
+                let new = Running::new(&job, &list, self.effort, &mut self.coordinates);
+                let Some(running) = new else {
+                    self.asked = list;
+                    return true;
+                };
+                self.sweep.begin();
+                running
+            }
+        };
+        let is_done = self.go_on(&job, &mut running, &mut list, work, stats);
         self.asked = list;
-        stats
+        self.running = (!is_done).then_some(running);
+        is_done
     }
 
-    /// Sweeps one direction and marks the items of `list` that are hidden.
-    fn sweep(&mut self, job: &Job<'_>, list: &mut Vec<Item>, stats: &mut CullStats) {
-        let Job { all, cell_box, direction, .. } = job;
-        let Some(cone) = Cone::around(direction, list) else { return };
-        let rims = [0, 1].map(|lat| Rim::of(list, lat, direction, &mut self.coordinates));
-        self.sweep.begin();
-        let (mut nearest, mut left) = (Nearest::new(all, direction, &cone), job.effort);
-        // Portions of occluders from near to far. Each serves the planes before the next portion begins.
-        while let Some(range) =
-            nearest.advance(all, &mut self.pieces, cell_box, direction, &cone, Some(list.as_slice()))
-        {
-            let occluders = nearest.occluders();
-            for d in planes::distances(direction, &cone, occluders, &range, &mut left) {
-                if (job.stop)() {
-                    return;
-                }
-                job.drop_reached(d, list, stats);
-                self.projections.clear();
-                // The window of the map is as small as holds the projections of all items still asked about.
-                self.projections.extend(list.iter().map(|item| direction.occludee(d, &item.bounds)));
-                let unite = |a: [[f64; 2]; 2], b: [[f64; 2]; 2]| {
-                    [0, 1].map(|lat| [a[lat][0].min(b[lat][0]), a[lat][1].max(b[lat][1])])
-                };
-                let ends = self.projections.iter().copied().reduce(unite);
-                let window = ends.and_then(|ends| Window::fit(direction, d, ends, rims));
-                let Some(window) = window else { return };
+    /// Goes on with the sweep of a direction until it is done or `work` is used up, and marks the items of
+    /// `list` that are hidden. Returns whether the sweep is done.
+    fn go_on(
+        &mut self,
+        job: &Job<'_>,
+        running: &mut Running,
+        list: &mut Vec<Item>,
+        work: &mut Work,
+        stats: &mut CullStats,
+    ) -> bool {
+        let Job { all, direction, .. } = job;
+        let Running { cone, rims, nearest, left, planes, window } = running;
+        while !work.is_used_up() {
+            // The occluders before the present plane are drawn, and the items behind it tested.
+            if let Some(present) = window {
                 let place = |source| all.place(&self.pieces, direction, source);
-                // The map is reprojected to this plane, the occluders between the planes are drawn, and the
-                // items behind it tested.
-                stats.occluders += self.sweep.advance(direction, window, occluders, &cone, left.again, place);
-                self.test(job, &window, list, stats);
+                let (occluders, count) = (nearest.occluders(), &mut stats.occluders);
+                if !self.sweep.draw(direction, occluders, cone, place, work, count) {
+                    break;
+                }
+                self.test(job, present, list, stats);
+                work.use_up(list.len(), ITEM);
+                *window = None;
             }
-            if list.is_empty() {
-                return;
+            let Some(d) = planes.pop() else {
+                // Portions of occluders from near to far. Each serves the planes before the next portion
+                // begins.
+                if list.is_empty() {
+                    return true;
+                }
+                let asked = Some(list.as_slice());
+                let range = nearest.advance(all, &mut self.pieces, direction, cone, asked, work);
+                let Some(range) = range else { return nearest.is_done() };
+                *planes = planes::distances(direction, cone, nearest.occluders(), &range, left);
+                planes.reverse();
+                work.use_up(nearest.occluders().len(), CHOICE);
+                continue;
+            };
+            if (job.ask.stop)() {
+                return true;
             }
+            job.drop_reached(d, list, stats);
+            self.projections.clear();
+            // The window of the map is as small as holds the projections of all items still asked about.
+            self.projections.extend(list.iter().map(|item| direction.occludee(d, &item.bounds)));
+            let unite = |a: [[f64; 2]; 2], b: [[f64; 2]; 2]| {
+                [0, 1].map(|lat| [a[lat][0].min(b[lat][0]), a[lat][1].max(b[lat][1])])
+            };
+            let ends = self.projections.iter().copied().reduce(unite);
+            *window = ends.and_then(|ends| Window::fit(direction, d, ends, *rims));
+            let Some(window) = *window else { return true };
+            self.sweep.move_to(direction, window, nearest.occluders(), left.again);
+            work.use_up(1, PLANE);
         }
+        false
     }
 
     /// Removes from `list` the items that are hidden behind the present plane, and marks their objects. A
@@ -348,13 +403,18 @@ impl ExtendedProjectionCuller {
     }
 }
 
+/// Work for a plane: reprojection of the map. For an item on a plane. For an occluder whose planes are
+/// chosen.
+const PLANE: u64 = 60_000;
+const ITEM: u64 = 60;
+const CHOICE: u64 = 400;
+
 /// Request to [`sweep_directions`](ExtendedProjectionCuller::sweep_directions) for the present viewcell.
 pub(crate) struct Ask<'a> {
     /// Indices of the objects that may occlude.
     pub(crate) occluding: &'a Bits,
     /// Objects to be tested. Others are not found hidden.
     pub(crate) asked: Asked<'a>,
-    pub(crate) effort: Effort,
     /// Function that returns true once no more planes are to be swept.
     pub(crate) stop: &'a dyn Fn() -> bool,
 }
@@ -362,13 +422,36 @@ pub(crate) struct Ask<'a> {
 /// The sweep of one direction: what stays the same from plane to plane.
 struct Job<'a> {
     scene: &'a Scene,
-    asked: Asked<'a>,
+    ask: &'a Ask<'a>,
     direction: &'a Direction,
     all: Occluders<'a>,
-    cell_box: &'a CellBox,
-    effort: Effort,
-    /// Function that returns true once no more planes are to be swept.
-    stop: &'a dyn Fn() -> bool,
+}
+
+/// Sweep of one direction that is under way, beside its map and the items that are still asked about.
+#[derive(Clone, Debug)]
+struct Running {
+    cone: Cone,
+    rims: [Option<Rim>; 2],
+    nearest: Nearest,
+    /// Planes that may still be chosen.
+    left: Effort,
+    /// Distances in metres of the planes of the present portion that are still to be swept, farthest first.
+    planes: Vec<f64>,
+    /// The present plane. `None` once its occluders are drawn and the items behind it are tested.
+    window: Option<Window>,
+}
+
+impl Running {
+    /// Begins the sweep of a direction that asks about `items`. `None` without items. `scratch` is scratch
+    /// memory.
+    fn new(job: &Job<'_>, items: &[Item], left: Effort, scratch: &mut Vec<f64>) -> Option<Self> {
+        let direction = job.direction;
+        let cone = Cone::around(direction, items)?;
+        let rims = [0, 1].map(|lat| Rim::of(items, lat, direction, scratch));
+        let by_node = matches!(job.ask.asked, Asked::Set(_));
+        let nearest = Nearest::new(&job.all, direction, &cone, by_node);
+        Some(Self { cone, rims, nearest, left, planes: Vec::new(), window: None })
+    }
 }
 
 impl Job<'_> {
@@ -394,7 +477,7 @@ impl Job<'_> {
     fn open_node(&self, node: usize, list: &mut Vec<Item>, stats: &mut CullStats) {
         stats.nodes += 1;
         // Objects that are asked one by one have no nodes.
-        if let Asked::Set(visible) = self.asked {
+        if let Asked::Set(visible) = self.ask.asked {
             occludees::for_each_child(self.scene, visible, self.direction, node, |child| list.push(child));
         }
     }

@@ -5,6 +5,7 @@ pub(crate) mod cell_extent;
 mod coverage;
 mod culler;
 pub(crate) mod direction;
+mod effort;
 mod facing;
 mod hull_raster;
 mod nearest;
@@ -21,8 +22,8 @@ pub(crate) mod window;
 
 pub(crate) use culler::Ask;
 pub use culler::ExtendedProjectionCuller;
+pub(crate) use effort::{Effort, Work};
 pub(crate) use occludees::Asked;
-pub(crate) use planes::Effort;
 pub use projection_plane::ProjectionPlane;
 pub(crate) use surfaces::Surfaces;
 
@@ -49,6 +50,10 @@ pub(crate) struct Sweep {
     /// Occluders that the sweep has reached and that are still to be drawn: the index of each, and the number
     /// of planes behind it on which it is still to be drawn.
     open: Vec<(usize, usize)>,
+    /// Number of elements of `open` that have been drawn on the present plane, and number of these that are
+    /// drawn again on the next one: they are moved to the front of `open`.
+    drawn: usize,
+    kept: usize,
     /// Number of occluders that the sweep has reached: those whose nearest point lies before the present
     /// plane.
     begun: usize,
@@ -62,6 +67,8 @@ impl Sweep {
             raster: OccluderRaster::new(),
             window: None,
             open: Vec::new(),
+            drawn: 0,
+            kept: 0,
             begun: 0,
         }
     }
@@ -74,19 +81,16 @@ impl Sweep {
         self.begun = 0;
     }
 
-    /// Moves the map on to the plane of `window`: reprojects the covered pixels, and draws the occluders that
-    /// end within `again` planes before the plane or reach through it. `occluders` are those of the whole
-    /// sweep, nearest first. `place` must return the occluder of a source in local coordinates, or `None` to
-    /// skip it. Returns the number of occluders drawn.
-    pub(crate) fn advance<'a>(
+    /// Moves the map on to the plane of `window`: reprojects the covered pixels, and takes the occluders that
+    /// begin before the plane to those that are drawn on `again` planes behind them. `occluders` are those of
+    /// the whole sweep, nearest first. All of them must have been drawn on the plane before.
+    pub(crate) fn move_to(
         &mut self,
         direction: &Direction,
         window: Window,
         occluders: &[Candidate],
-        cone: &Cone,
         again: usize,
-        place: impl Fn(Source) -> Option<Occluder<'a>>,
-    ) -> u64 {
+    ) {
         if let Some(before) = &self.window
             && self.map.any_set()
         {
@@ -98,18 +102,41 @@ impl Sweep {
             self.open.push((self.begun, again));
             self.begun += 1;
         }
-        let mut drawn = 0;
-        let (raster, map) = (&mut self.raster, &mut self.map);
-        self.open.retain_mut(|(index, again)| {
-            let candidate = &occluders[*index];
+        (self.drawn, self.kept) = (0, 0);
+    }
+
+    /// Draws occluders on the present plane, until all are drawn or `work` is used up. Returns whether all
+    /// are drawn. `place` must return the occluder of a source in local coordinates. Adds the number of
+    /// occluders drawn to `count`.
+    pub(crate) fn draw<'a>(
+        &mut self,
+        direction: &Direction,
+        occluders: &[Candidate],
+        cone: &Cone,
+        place: impl Fn(Source) -> Option<Occluder<'a>>,
+        work: &mut Work,
+        count: &mut u64,
+    ) -> bool {
+        let Some(window) = self.window else { return true };
+        while let Some(&(index, again)) = self.open.get(self.drawn) {
+            if work.is_used_up() {
+                return false;
+            }
+            let candidate = &occluders[index];
             // A long piece is cut closer to the plane: what is nearer was drawn on the planes before.
             let near = if candidate.joins { cone.near.max(CUT * window.d) } else { cone.near };
             if let Some(occluder) = place(candidate.source) {
-                drawn += u64::from(raster.draw(map, direction, &window, &occluder, near));
+                *count +=
+                    u64::from(self.raster.draw(&mut self.map, direction, &window, &occluder, near, work));
             }
-            *again -= usize::from(candidate.ends <= window.d);
-            *again > 0
-        });
-        drawn
+            let again = again - usize::from(candidate.ends <= window.d);
+            if again > 0 {
+                self.open[self.kept] = (index, again);
+                self.kept += 1;
+            }
+            self.drawn += 1;
+        }
+        self.open.truncate(self.kept);
+        true
     }
 }

@@ -2,6 +2,7 @@
 //! everything, a sweep never touches the rest of a city.
 
 use super::direction::{CellBox, Direction, LocalBox};
+use super::effort::Work;
 use super::occludees::Item;
 use super::occluder::{Occluder, Source};
 use super::pieces::Pieces;
@@ -24,6 +25,10 @@ const FIRST_PORTION: usize = 4096;
 /// occludees, no occluder is left out.
 const FEW: usize = 128;
 
+/// Work for an entry of the queue, and for a triangle of which pieces are made.
+const ENTRY: u64 = 150;
+const TRIANGLE: u64 = 300;
+
 /// Occluders that one call may use.
 #[derive(Clone, Copy)]
 pub(crate) struct Occluders<'a> {
@@ -31,10 +36,12 @@ pub(crate) struct Occluders<'a> {
     /// Indices of the objects that may occlude.
     pub(crate) occluding: &'a Bits,
     pub(crate) surfaces: &'a Surfaces,
+    /// Box around the viewcell.
+    pub(crate) cell_box: &'a CellBox,
 }
 
 /// A node or an object of the scene's hierarchy, ordered by depth: the nearest is the greatest.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Entry {
     child: Child,
     bounds: LocalBox,
@@ -62,7 +69,7 @@ impl Eq for Entry {}
 
 /// The occluders of one direction that have been collected, and the queue of nodes and objects still to be
 /// visited.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Nearest {
     queue: BinaryHeap<Entry>,
     /// Indices of the clusters of surfaces whose pieces have been collected.
@@ -71,48 +78,69 @@ pub(crate) struct Nearest {
     occluders: Vec<Candidate>,
     settled: usize,
     portion: usize,
+    /// Number of occluding objects collected for the portion at work.
+    count: usize,
     /// Range of depths in metres of the planes that the last portion serves. All occluders that begin before
     /// its end are collected.
     complete: Range<f64>,
 }
 
 impl Nearest {
-    pub(crate) fn new(all: &Occluders<'_>, direction: &Direction, cone: &Cone) -> Self {
+    /// Begins at the occluders within `cone`. With `by_node`, the hierarchy of the scene must stay as it is
+    /// from now on; otherwise it is not used, and this takes time for each occluder.
+    pub(crate) fn new(all: &Occluders<'_>, direction: &Direction, cone: &Cone, by_node: bool) -> Self {
         let mut new = Self {
             queue: BinaryHeap::new(),
             listed: Bits::new(all.surfaces.cluster_count()),
             occluders: Vec::new(),
             settled: 0,
             portion: FIRST_PORTION,
+            count: 0,
             complete: 0.0..0.0,
         };
-        new.push_children(all, direction, cone, None);
+        if by_node {
+            new.push_children(all, direction, cone, None);
+        } else {
+            for id in all.occluding.iter().filter_map(|index| all.scene.id_at(index)) {
+                let Ok(bounds) = all.scene.bounds(id) else { continue };
+                let (child, bounds) = (Child::Object(id), direction.local_box(&bounds));
+                if cone.meets(direction, &bounds) {
+                    new.queue.push(Entry { child, bounds });
+                }
+            }
+        }
         new
     }
 
     /// Collects the next portion of occluders. `asked` are the occludees that are still to be tested: if
     /// given, occluders that no ray to one of them meets may be left out. Returns the range of depths, in
-    /// metres, of the planes that the portion serves. `None` after the last portion.
+    /// metres, of the planes that the portion serves. `None` after the last portion, and if `work` is used up
+    /// before the portion is collected: the next call goes on with it.
     pub(crate) fn advance(
         &mut self,
         all: &Occluders<'_>,
         pieces: &mut Pieces,
-        cell: &CellBox,
         direction: &Direction,
         cone: &Cone,
         asked: Option<&[Item]>,
+        work: &mut Work,
     ) -> Option<Range<f64>> {
-        let before = self.complete.end;
-        if before == f64::INFINITY {
+        if self.is_done() {
             return None;
         }
+        let before = self.complete.end;
         // With few items left, occluders beside all of their lines of sight are skipped. With many, the test
         // would cost more than drawing.
         let asked = asked.filter(|items| before > 0.0 && items.len() <= FEW);
-        let (mut count, mut end) = (0, f64::INFINITY);
+        let mut end = f64::INFINITY;
         while let Some(entry) = self.queue.pop() {
+            if work.is_used_up() {
+                self.queue.push(entry);
+                return None;
+            }
+            work.use_up(1, ENTRY);
             // The portion is full: the planes that it serves end where the next occluder begins.
-            if count >= self.portion && entry.bounds.lo.z > before.max(cone.near) {
+            if self.count >= self.portion && entry.bounds.lo.z > before.max(cone.near) {
                 end = entry.bounds.lo.z;
                 self.queue.push(entry);
                 break;
@@ -125,8 +153,9 @@ impl Nearest {
             match entry.child {
                 Child::Node(node) => self.push_children(all, direction, cone, Some(node)),
                 Child::Object(id) => {
-                    count += usize::from(all.occluding.contains(id.index()));
-                    self.collect(all, pieces, cell, direction, cone, id);
+                    self.count += usize::from(all.occluding.contains(id.index()));
+                    let triangles = self.collect(all, pieces, direction, cone, id);
+                    work.use_up(triangles, TRIANGLE);
                 }
             }
         }
@@ -135,9 +164,14 @@ impl Nearest {
         let open = &mut self.occluders[self.settled..];
         open.sort_by(|a, b| a.begins.total_cmp(&b.begins));
         self.settled += open.partition_point(|occluder| occluder.begins < end);
-        self.portion *= 2;
+        (self.portion, self.count) = (2 * self.portion, 0);
         self.complete = before..end;
         Some(self.complete.clone())
+    }
+
+    /// Returns whether the last portion is collected.
+    pub(crate) fn is_done(&self) -> bool {
+        self.complete.end == f64::INFINITY
     }
 
     /// Returns the occluders collected so far that begin before the end of the last portion. Those of earlier
@@ -161,35 +195,34 @@ impl Nearest {
         });
     }
 
-    /// Collects the occluders of an object, and of the cluster that it belongs to.
+    /// Collects the occluders of an object, and of the cluster that it belongs to. Returns the number of
+    /// their triangles.
     fn collect(
         &mut self,
         all: &Occluders<'_>,
         pieces: &mut Pieces,
-        cell: &CellBox,
         direction: &Direction,
         cone: &Cone,
         id: ObjectId,
-    ) {
+    ) -> usize {
         if !all.occluding.contains(id.index()) {
-            return;
+            return 0;
         }
         let mut push = |pieces: &Pieces, source| {
             self.occluders.extend(candidate(all, pieces, direction, cone, source));
         };
         if let Some(cluster) = all.surfaces.cluster_of(id.index()) {
             if !self.listed.insert(cluster) {
-                return;
+                return 0;
             }
-            for piece in pieces.find(all.surfaces, cluster, all.occluding, cell) {
+            for piece in pieces.find(all.surfaces, cluster, all.occluding, all.cell_box) {
                 push(pieces, Source::Piece(piece));
             }
-            return;
+            return all.surfaces.triangles_of(cluster).len();
         }
-        let Some((mesh, _)) = all.scene.occluder(id) else { return };
-        for part in 0..solids::pieces(mesh).len() {
-            push(pieces, Source::Part(id, part as u32));
-        }
+        let parts = all.scene.occluder(id).map_or(0, |(mesh, _)| solids::pieces(mesh).len());
+        (0..parts).for_each(|part| push(pieces, Source::Part(id, part as u32)));
+        parts
     }
 }
 

@@ -4,6 +4,7 @@
 
 use super::coverage::{PieceMaps, Target};
 use super::direction::{Direction, LocalBox};
+use super::effort::Work;
 use super::facing::facing;
 use super::occluder::{Occluder, Shape, pixels_behind};
 use super::ray_map::RayMap;
@@ -11,6 +12,11 @@ use super::window::{SLACK, Window};
 use alloc::vec::Vec;
 use visibility_core::OccluderMesh;
 use visibility_core::glam::DVec3;
+
+/// Work for an occluder that may not cover a pixel, and for a triangle or a contour edge of one that may,
+/// besides that of its rows of pixels.
+const OCCLUDER: u64 = 80;
+const SIDE_WORK: u64 = 80;
 
 /// Scratch memory for drawing.
 #[derive(Clone, Debug)]
@@ -35,9 +41,9 @@ impl OccluderRaster {
         }
     }
 
-    /// Adds to `map` the pixels that an occluder covers. Parts nearer than depth `near` do not count. Returns
-    /// false if the occluder was not drawn, since it can cover no pixel that is not covered yet, or is too
-    /// imprecise.
+    /// Adds to `map` the pixels that an occluder covers. Parts nearer than depth `near` do not count. Counts
+    /// the work. Returns false if the occluder was not drawn, since it can cover no pixel that is not covered
+    /// yet, or is too imprecise.
     pub(crate) fn draw(
         &mut self,
         map: &mut RayMap,
@@ -45,12 +51,19 @@ impl OccluderRaster {
         window: &Window,
         occluder: &Occluder<'_>,
         near: f64,
+        work: &mut Work,
     ) -> bool {
+        work.use_up(1, OCCLUDER);
         let Some(rect) = pixels_behind(&occluder.bounds, direction, window, near) else { return false };
         if map.all_set(rect) || !Self::decides(direction, window, occluder, near) {
             return false;
         }
         let target = Target { direction, window, near, rect };
+        let sides = match occluder.shape {
+            Shape::Mesh(mesh) => 4 * mesh.triangles().len(),
+            Shape::Piece { triangles, contour, .. } => triangles.len() + contour.len(),
+        };
+        work.use_up(sides, SIDE_WORK + 3 * (rect.y[1] - rect.y[0]) as u64 / 2);
         match occluder.shape {
             Shape::Mesh(mesh) => self.draw_mesh(map, &target, occluder, mesh),
             Shape::Piece { surfaces, triangles, contour } => {

@@ -15,6 +15,7 @@
 //! faces that are drawn, and the back faces begin farther away. So both are drawn.
 
 use super::direction::CellBox;
+use super::effort::Effort;
 use super::facing::facing;
 use super::surfaces::{Back, Surfaces, find};
 use alloc::vec::Vec;
@@ -22,15 +23,10 @@ use visibility_core::Aabb;
 use visibility_core::bits::Bits;
 use visibility_core::glam::DVec3;
 
-/// Greatest number of triangles of a piece. Whole floors and streets could be one piece: such a piece begins
-/// near the cell and ends far away, so it would be drawn on every plane, and its own contours would cut much
-/// of what it covers. Several smaller pieces are drawn faster and cover no less.
-const MOST_TRIANGLES: u32 = 256;
-
 /// Greatest number of drawn triangles that run along one segment the same way, for pairs to be sought there.
 /// Finding the flattest partner takes the square of their number. Where more meet, the segment bounds all of
 /// them.
-const MOST_ON_SEGMENT: usize = 32;
+const MAX_ON_SEGMENT: usize = 32;
 
 /// The pieces of one viewcell.
 #[derive(Clone, Debug, Default)]
@@ -54,6 +50,9 @@ pub(crate) struct Pieces {
     pieces: Vec<Piece>,
     plus: Vec<u32>,
     minus: Vec<u32>,
+    /// Greatest number of triangles of a piece, and whether pieces join parts of one mesh.
+    max_triangles: u32,
+    joins: bool,
 }
 
 /// A piece: its bounds, and the ranges of its triangles and of its contour segments in the lists of
@@ -68,8 +67,9 @@ pub(crate) struct Piece {
 }
 
 impl Pieces {
-    /// Removes the pieces of the last viewcell.
-    pub(crate) fn begin(&mut self, surfaces: &Surfaces) {
+    /// Removes the pieces of the last viewcell, and takes the rules for those of the next from `effort`.
+    pub(crate) fn begin(&mut self, surfaces: &Surfaces, effort: &Effort) {
+        (self.max_triangles, self.joins) = (effort.max_triangles, effort.joins);
         self.triangles.clear();
         self.contours.clear();
         self.pieces.clear();
@@ -82,7 +82,7 @@ impl Pieces {
     }
 
     /// Finds the pieces of a cluster's occluding objects, unless they are found already. Pieces of single
-    /// parts of meshes come first, then those that join several parts. Returns their indices.
+    /// parts of meshes come first, then those that join several parts, if they are to. Returns their indices.
     pub(crate) fn find(
         &mut self,
         surfaces: &Surfaces,
@@ -96,7 +96,10 @@ impl Pieces {
             for &triangle in surfaces.triangles_of(cluster) {
                 let surface = &surfaces.triangles[triangle as usize];
                 let part = surfaces.part(surface);
-                let facing = match occluding.contains(part.owner as usize) {
+                // An object may have been listed anew, in another cluster.
+                let owner = part.owner as usize;
+                let is_present = occluding.contains(owner) && surfaces.cluster_of(owner) == Some(cluster);
+                let facing = match is_present {
                     true => cell.facing(surface.corners.map(|p| p.as_dvec3())),
                     false => 0,
                 };
@@ -109,7 +112,8 @@ impl Pieces {
                     _ => facing,
                 };
             }
-            for joins in [false, true] {
+            let joins = self.joins || surfaces.joins_objects(cluster);
+            for joins in [false, true].into_iter().take(1 + usize::from(joins)) {
                 self.pair(surfaces, cluster, joins);
                 self.collect(surfaces, cluster, joins);
             }
@@ -161,7 +165,7 @@ impl Pieces {
                 }
             }
             // Too many triangles on one segment to pair: each of them ends there.
-            if self.plus.len().max(self.minus.len()) > MOST_ON_SEGMENT {
+            if self.plus.len().max(self.minus.len()) > MAX_ON_SEGMENT {
                 let all = self.plus.iter().chain(&self.minus);
                 self.bounding.extend(all.map(|&triangle| (triangle, segment)));
                 continue;
@@ -179,7 +183,7 @@ impl Pieces {
                 match partner {
                     Some(at) => {
                         let other = self.minus.swap_remove(at);
-                        if !unite(&mut self.parent, &mut self.count, first, other) {
+                        if !unite(&mut self.parent, &mut self.count, [first, other], self.max_triangles) {
                             self.bounding.extend([(first, segment), (other, segment)]);
                         }
                     }
@@ -276,16 +280,16 @@ impl Pieces {
 }
 
 /// Joins the pieces of two triangles. Returns false, and leaves them apart, if they are different pieces that
-/// have more than [`MOST_TRIANGLES`] together.
-fn unite(parent: &mut [u32], count: &mut [u32], a: u32, b: u32) -> bool {
-    let (a, b) = (find(parent, a), find(parent, b));
+/// have more than `most` triangles together.
+fn unite(parent: &mut [u32], count: &mut [u32], triangles: [u32; 2], most: u32) -> bool {
+    let [a, b] = triangles.map(|triangle| find(parent, triangle));
     if a == b {
         return true;
     }
     // The first triangle of a piece represents it.
     let (root, other) = (a.min(b), a.max(b));
     let sum = count[a as usize] + count[b as usize];
-    if sum > MOST_TRIANGLES {
+    if sum > most {
         return false;
     }
     count[root as usize] = sum;
@@ -333,7 +337,7 @@ mod tests {
         let bounds = scene.culled_bounds().unwrap();
         let cell = CellBox::new(&CellExtent::new(&cell, DVec3::ZERO).unwrap(), &bounds, DVec3::AXES).unwrap();
         let (surfaces, mut pieces) = (Surfaces::new(&scene), Pieces::default());
-        pieces.begin(&surfaces);
+        pieces.begin(&surfaces, &Effort::FULL);
         pieces.find(&surfaces, 0, &crate::solids::occluding(&scene, &VisibleSet::new()), &cell);
         pieces
             .pieces
@@ -346,11 +350,11 @@ mod tests {
     fn a_segment_that_many_triangles_share_bounds_all_of_them() {
         assert_eq!(book(2), [[2, 4]], "two triangles that share a segment");
         assert_eq!(
-            book(2 * MOST_ON_SEGMENT),
-            [[2, 4]; MOST_ON_SEGMENT],
+            book(2 * MAX_ON_SEGMENT),
+            [[2, 4]; MAX_ON_SEGMENT],
             "as many triangles as a segment may bound"
         );
-        let more = 2 * (MOST_ON_SEGMENT + 1);
+        let more = 2 * (MAX_ON_SEGMENT + 1);
         assert_eq!(book(more), vec![[1, 3]; more], "more triangles than a segment may bound: {more}");
     }
 }

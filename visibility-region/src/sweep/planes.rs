@@ -10,36 +10,13 @@
 //! well.
 
 use super::direction::{Direction, LocalBox};
+use super::effort::Effort;
 use super::occludees::Item;
 use super::occluder::{Occluder, Source};
 use super::ray_map::SIDE;
 use crate::extent::quantile;
 use alloc::vec::Vec;
 use core::ops::Range;
-
-/// Limits of a sweep: how many planes it has, and how often an occluder is drawn. Higher limits hide more
-/// objects and take longer.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Effort {
-    /// Greatest number of planes that are each put right behind an occluder.
-    pub(crate) behind: usize,
-    /// Least ratio of the distances of successive planes of the geometric series: the planes that are put at
-    /// growing distances, wherever occluders are. The ratio is larger where `growing` planes would not reach
-    /// the last occludee.
-    growth: f64,
-    /// Greatest number of planes in the geometric series.
-    growing: usize,
-    /// Number of planes on which an occluder is drawn beyond its farthest point, besides the planes that cut
-    /// it. Each reprojection loses up to a pixel around a covered area, so that drawing again keeps more.
-    pub(crate) again: usize,
-}
-
-impl Effort {
-    /// The effort where a call may take its time, as in bakes.
-    pub(crate) const FULL: Self = Self { behind: 24, growth: 1.3, growing: 27, again: 6 };
-    /// The effort for a viewcell of an eye on the move: half the time, for 2 to 15 % more objects (measured).
-    pub(crate) const QUICK: Self = Self { behind: 12, growth: 1.5, growing: 18, again: 3 };
-}
 
 /// Least ratio of the distances of two planes that are put right behind occluders. Of planes closer together,
 /// only the farthest is considered.

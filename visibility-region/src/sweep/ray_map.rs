@@ -329,9 +329,9 @@ mod tests {
         let mut rng = Random(9);
         let mut map = RayMap::new();
         // Rectangles of pixels within the first columns, with a few holes.
-        const MOST: usize = 80;
+        const MAX: usize = 80;
         for _ in 0..40 {
-            let (x, y) = (rng.below(MOST), rng.below(MOST));
+            let (x, y) = (rng.below(MAX), rng.below(MAX));
             let (width, height) = (rng.below(30), rng.below(30));
             (y..y + height).for_each(|y| map.set_span(y, x, x + width));
         }
@@ -339,7 +339,7 @@ mod tests {
         for _ in 0..40_000 {
             let mut side = || {
                 // In part beyond all that is covered.
-                let (first, size) = (rng.below(MOST) + rng.pick(&[0, 0, 128]), 1 + rng.below(12));
+                let (first, size) = (rng.below(MAX) + rng.pick(&[0, 0, 128]), 1 + rng.below(12));
                 ([first, first + size - 1], 1 + rng.below(size))
             };
             let ((x, width), (y, height)) = (side(), side());

@@ -5,42 +5,61 @@
 //! common part of two sides on one line along an axis, as where a long wall meets two short ones. Positions
 //! are compared bit by bit, so nothing is joined that is not joined exactly.
 
+use crate::solids;
 use alloc::vec::Vec;
 use visibility_core::bits::Bits;
 use visibility_core::glam::{Affine3A, Vec3};
 use visibility_core::scene::Triangle;
 use visibility_core::{Aabb, ObjectId, Scene};
 
-/// Triangles of all occluders whose mesh coordinates are scene coordinates, and their segments.
-#[derive(Debug, Default)]
+/// Triangles of occluders whose mesh coordinates are scene coordinates, and their segments: of all occluders
+/// of a scene together, or of each object by itself.
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Surfaces {
     pub(crate) triangles: Vec<Surface>,
     pub(crate) segments: Vec<[Vec3; 2]>,
-    /// Index in `sides` of the first side of each segment; at the end, the length of `sides`.
-    starts: Vec<u32>,
     /// Sides of triangles on each segment, as twice the index of the triangle, plus 1 if the triangle runs
     /// from the first end to the second.
-    sides: Vec<u32>,
+    sides: Groups,
     /// Indices of the objects whose triangles are in `triangles`.
     pub(crate) objects: Bits,
     parts: Vec<Part>,
     /// Cluster of each object, by object index. Objects whose triangles meet along segments, directly or
-    /// through others, are one cluster. `u32::MAX` for objects that are not in `objects`.
+    /// through others, are one cluster; each object is one if it was listed [by itself](Self::list).
+    /// `u32::MAX` for objects that are not in `objects`.
     cluster_of: Vec<u32>,
+    /// Number of triangles of objects that have been listed anew since, in another cluster.
+    unused: usize,
     /// Indices of the triangles of each cluster.
     cluster_triangles: Groups,
     /// Indices of the segments of each cluster.
     cluster_segments: Groups,
 }
 
-/// Numbers in groups: group `g` is `members[starts[g]..starts[g + 1]]`, ascending.
-#[derive(Debug, Default)]
+/// Numbers in groups: group `g` is `members[starts[g]..starts[g + 1]]`.
+#[derive(Clone, Debug)]
 struct Groups {
     starts: Vec<u32>,
     members: Vec<u32>,
 }
 
+impl Default for Groups {
+    fn default() -> Self {
+        Self { starts: alloc::vec![0], members: Vec::new() }
+    }
+}
+
 impl Groups {
+    /// Adds a group.
+    fn push(&mut self, members: impl Iterator<Item = u32>) {
+        self.members.extend(members);
+        self.starts.push(self.members.len() as u32);
+    }
+
+    fn len(&self) -> usize {
+        self.starts.len() - 1
+    }
+
     /// Sorts the numbers 0, 1, 2 and so on by group. `group_of` yields the group of each number in turn.
     fn new(groups: usize, group_of: impl Iterator<Item = u32> + Clone) -> Self {
         let mut starts = alloc::vec![0u32; groups + 1];
@@ -110,10 +129,13 @@ struct LineSide {
     corner: u32,
 }
 
+/// Greatest mean number of triangles of the occluders of a level that is modelled wall by wall.
+const WALL: usize = 32;
+
 /// Greatest ratio of the number of segments on a line to the number of its sides. A line with more is not
 /// divided: its sides join where they have equal ends. This bounds memory where many long sides and many
 /// short ones lie on one line.
-const MOST_SEGMENTS: usize = 16;
+const MAX_SEGMENTS: usize = 16;
 
 /// Returns the representative of the set that `at` is in, and shortens the way to it. `parent` is a
 /// union-find forest: representatives are their own parents.
@@ -128,36 +150,79 @@ pub(super) fn find(parent: &mut [u32], mut at: u32) -> u32 {
 impl Surfaces {
     /// Collects the surfaces of a scene. Takes O(n log n) time for n triangles.
     pub(crate) fn new(scene: &Scene) -> Self {
-        Self::of(scene, scene.ids())
-    }
-
-    /// Collects the surfaces of objects of a scene. Takes O(n log n) time for n triangles, and a few
-    /// nanoseconds for each object of the scene.
-    pub(crate) fn of(scene: &Scene, ids: impl Iterator<Item = ObjectId>) -> Self {
-        let mut all = Self { objects: Bits::new(scene.index_limit()), ..Self::default() };
-        for id in ids {
-            let Some((mesh, _)) = scene.occluder(id).filter(|_| Self::has(scene, id)) else { continue };
-            all.objects.insert(id.index());
-            let parts = if mesh.parts().is_empty() { core::slice::from_ref(mesh) } else { mesh.parts() };
-            for part in parts {
-                let back = match () {
-                    () if part.is_convex() => Back::OfSolid,
-                    // No back of a closed mesh is seen from outside.
-                    () if part.is_two_sided() && !part.is_closed() => Back::Opaque,
-                    () => Back::Transparent,
-                };
-                all.triangles.extend(part.triangles().iter().map(|t| Surface {
-                    // Adding zero makes zeros of both signs equal.
-                    corners: t.map(|i| part.positions()[i as usize] + 0.0),
-                    part: all.parts.len() as u32,
-                    back,
-                }));
-                all.parts.push(Part { owner: id.index() as u32, bounds: *part.bounds() });
-            }
-        }
-        all.find_segments();
+        let mut all = Self::default();
+        scene.ids().for_each(|id| _ = all.add(scene, id));
+        all.find_segments(0);
         all.find_clusters(scene.index_limit());
         all
+    }
+
+    /// Collects the surfaces of a scene if its occluders have few triangles on average, as in levels that are
+    /// modelled wall by wall. Collects none if they have more: what is gained where objects meet does not pay
+    /// then, and each is to be [listed](Self::list) by itself.
+    pub(crate) fn of_walls(scene: &Scene) -> Self {
+        let meshes = || scene.ids().filter_map(|id| scene.occluder(id));
+        let triangles: usize = meshes().map(|(mesh, _)| mesh.triangles().len()).sum();
+        if triangles <= WALL * meshes().count() { Self::new(scene) } else { Self::default() }
+    }
+
+    /// Returns whether a cluster is of several objects.
+    pub(crate) fn joins_objects(&self, cluster: usize) -> bool {
+        let triangles = self.triangles_of(cluster);
+        let owner = |&triangle: &u32| self.part(&self.triangles[triangle as usize]).owner;
+        // Triangles of an object are in a row.
+        triangles.first().map(owner) != triangles.last().map(owner)
+    }
+
+    /// Lists the surfaces of the object of an index by themselves, as they are now: they meet no other
+    /// object's. Takes O(n log n) time for n triangles. An object that is listed again leaves its former
+    /// surfaces behind, unused. Returns the number of triangles.
+    pub(crate) fn list(&mut self, scene: &Scene, index: usize) -> usize {
+        self.cluster_of.resize(self.cluster_of.len().max(index + 1), u32::MAX);
+        if let Some(cluster) = self.cluster_of(index) {
+            let owner = |triangle: u32| self.part(&self.triangles[triangle as usize]).owner as usize;
+            self.unused += self.triangles_of(cluster).iter().filter(|&&t| owner(t) == index).count();
+        }
+        self.cluster_of[index] = u32::MAX;
+        self.objects.grow(index + 1);
+        self.objects.remove(index);
+        let (triangles, segments) = (self.triangles.len(), self.segments.len());
+        if scene.id_at(index).is_some_and(|id| self.add(scene, id)) {
+            self.cluster_of[index] = self.cluster_count() as u32;
+            self.find_segments(triangles);
+            self.cluster_triangles.push(triangles as u32..self.triangles.len() as u32);
+            self.cluster_segments.push(segments as u32..self.segments.len() as u32);
+        }
+        self.triangles.len() - triangles
+    }
+
+    /// Returns whether most triangles belong to no object any more.
+    pub(crate) fn is_mostly_unused(&self) -> bool {
+        2 * self.unused > self.triangles.len()
+    }
+
+    /// Adds the triangles of an object. Returns false, and adds none, for one that is not to be
+    /// [among](Self::has) the surfaces.
+    fn add(&mut self, scene: &Scene, id: ObjectId) -> bool {
+        let Some((mesh, _)) = scene.occluder(id).filter(|_| Self::has(scene, id)) else { return false };
+        self.objects.grow(id.index() + 1);
+        self.objects.insert(id.index());
+        for part in solids::pieces(mesh) {
+            let back = match () {
+                () if part.is_convex() => Back::OfSolid,
+                // No back of a closed mesh is seen from outside.
+                () if part.is_two_sided() && !part.is_closed() => Back::Opaque,
+                () => Back::Transparent,
+            };
+            self.triangles.extend(part.triangles().iter().map(|t| Surface {
+                // Adding zero makes zeros of both signs equal.
+                corners: t.map(|i| part.positions()[i as usize] + 0.0),
+                part: self.parts.len() as u32,
+                back,
+            }));
+            self.parts.push(Part { owner: id.index() as u32, bounds: *part.bounds() });
+        }
+        true
     }
 
     /// Returns whether the triangles of an object are among the surfaces of the scene: whether it is an
@@ -174,7 +239,7 @@ impl Surfaces {
 
     /// Returns the number of clusters.
     pub(crate) fn cluster_count(&self) -> usize {
-        self.cluster_triangles.starts.len().saturating_sub(1)
+        self.cluster_triangles.len()
     }
 
     /// Returns the indices of a cluster's triangles, ascending.
@@ -224,11 +289,12 @@ impl Surfaces {
     /// Returns the sides on a segment, as twice the index of the triangle, plus 1 if the triangle runs from
     /// the first end to the second.
     pub(crate) fn sides(&self, segment: usize) -> &[u32] {
-        &self.sides[self.starts[segment] as usize..self.starts[segment + 1] as usize]
+        self.sides.get(segment)
     }
 
-    fn find_segments(&mut self) {
-        let mut sides = self.line_sides();
+    /// Finds the segments along which triangles `first` and later ones meet.
+    fn find_segments(&mut self, first: usize) {
+        let mut sides = self.line_sides(first);
         sides.sort_unstable_by(|a, b| a.key.cmp(&b.key).then(a.side.cmp(&b.side)));
         // Sides along an axis that lie on one line may overlap in part, as at T-junctions: the line is cut at
         // all ends, so that each segment has the same sides everywhere.
@@ -249,7 +315,7 @@ impl Surfaces {
                 let [low, high] = side.ends.map(|x| at(x) as u32);
                 // Too many cuts for too few sides: each side stays one segment. Then fewer triangles join,
                 // which loses nothing but occlusion.
-                if count > MOST_SEGMENTS * line.len() {
+                if count > MAX_SEGMENTS * line.len() {
                     pieces.push(([low, high], side.side));
                 } else {
                     pieces.extend((low..high).map(|i| ([i, i + 1], side.side)));
@@ -267,13 +333,11 @@ impl Surfaces {
                 self.push_segment(ends, group.iter().map(|piece| piece.1));
             }
         }
-        self.starts.push(self.sides.len() as u32);
     }
 
     fn push_segment(&mut self, ends: [Vec3; 2], sides: impl Iterator<Item = u32>) {
-        self.starts.push(self.sides.len() as u32);
         self.segments.push(ends);
-        self.sides.extend(sides);
+        self.sides.push(sides);
     }
 
     /// Returns the two ends of a triangle's side, in the direction of its line: the same for all sides with
@@ -285,17 +349,18 @@ impl Surfaces {
         if side.side % 2 == 1 { [a, b] } else { [b, a] }
     }
 
-    /// Returns the sides of all triangles with the lines that they are on.
-    fn line_sides(&self) -> Vec<LineSide> {
+    /// Returns the sides of triangles `first` and later ones with the lines that they are on.
+    fn line_sides(&self, first: usize) -> Vec<LineSide> {
         let bits = |p: Vec3| p.to_array().map(f32::to_bits);
+        let triangles = &self.triangles[first..];
         // Equal corners get equal numbers.
-        let mut points: Vec<[u32; 3]> = Vec::with_capacity(3 * self.triangles.len());
-        points.extend(self.triangles.iter().flat_map(|t| t.corners).map(bits));
+        let mut points: Vec<[u32; 3]> = Vec::with_capacity(3 * triangles.len());
+        points.extend(triangles.iter().flat_map(|t| t.corners).map(bits));
         points.sort_unstable();
         points.dedup();
         let number = |p: Vec3| points.partition_point(|q| *q < bits(p)) as u32;
-        let mut sides = Vec::with_capacity(3 * self.triangles.len());
-        for (index, surface) in (0..).zip(&self.triangles) {
+        let mut sides = Vec::with_capacity(3 * triangles.len());
+        for (index, surface) in (first as u32..).zip(triangles) {
             for corner in 0..3 {
                 let (a, b) = (surface.corners[corner], surface.corners[(corner + 1) % 3]);
                 let same = [a.x == b.x, a.y == b.y, a.z == b.z];
@@ -324,5 +389,41 @@ impl Surfaces {
             }
         }
         sides
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::{Object, OccluderMesh};
+
+    #[test]
+    fn an_object_that_is_listed_again_leaves_its_former_surfaces_unused() {
+        let mut scene = Scene::new();
+        let ids = [0.0, 1.0].map(|x| {
+            let bounds = Aabb::from_arrays([x, 0.0, 0.0], [x + 1.0, 1.0, 1.0]);
+            let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+            let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+            scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+            id
+        });
+        let mut surfaces = Surfaces::default();
+        for (round, clusters) in [[0, 1], [2, 3], [4, 5]].into_iter().enumerate() {
+            assert_eq!(ids.map(|id| surfaces.list(&scene, id.index())), [12; 2], "triangles of the cubes");
+            let found = ids.map(|id| surfaces.cluster_of(id.index()).expect("a cluster"));
+            assert_eq!(found, clusters, "the cubes share an edge, but are listed apart");
+            for cluster in clusters {
+                let of = |side: &u32| surfaces.part(&surfaces.triangles[*side as usize / 2]).owner as usize;
+                let segments = surfaces.segments_of(cluster);
+                assert_eq!(segments.len(), 18, "segments of a cube, with its diagonals");
+                let mut owners =
+                    segments.iter().flat_map(|&segment| surfaces.sides(segment as usize)).map(of);
+                assert!(owners.all(|owner| owner == ids[cluster % 2].index()), "sides of one cube alone");
+            }
+            assert_eq!(surfaces.is_mostly_unused(), round == 2, "after {round} changes of both cubes");
+        }
+        scene.remove(ids[0]).unwrap();
+        assert_eq!(surfaces.list(&scene, ids[0].index()), 0, "an object that is gone");
+        assert_eq!(ids.map(|id| surfaces.cluster_of(id.index()).is_some()), [false, true], "the other stays");
     }
 }

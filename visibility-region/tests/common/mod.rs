@@ -62,6 +62,12 @@ impl World {
         self.add(&cuboid(min, max), false, Affine3A::IDENTITY).unwrap()
     }
 
+    /// Returns whether a segment misses all triangles by more than rounding.
+    pub fn is_free(&self, from: DVec3, to: DVec3) -> bool {
+        let met = |(t, two_sided): &([DVec3; 3], bool)| hit(from, to - from, t, *two_sided);
+        !self.triangles.iter().filter_map(met).any(|at| at <= 1.0 + 1e-9)
+    }
+
     /// Returns the objects that a culler hides from a cell.
     pub fn hidden(&self, culler: &mut dyn RegionCuller, cell: &Viewcell) -> BTreeSet<ObjectId> {
         let mut visible = VisibleSet::new();

@@ -16,9 +16,10 @@ impl Tree {
         self.details.get(index).copied().unwrap_or(Detail::NONE)
     }
 
-    /// Returns the slot of the HLOD parent that stands in for the object in a slot from the parent's range
-    /// on. `None` if there is none, or if the parent cannot stand in: it is never culled, is not on all of
-    /// the object's layers, or its bounds do not contain those of the object, which has moved away.
+    /// Returns the slot of the HLOD parent that stands in for the object in a slot from the begin of the
+    /// parent's draw range on. `None` if there is none, or if the parent cannot stand in: it is never culled,
+    /// is not on all of the object's layers, or its bounds do not contain those of the object, which has
+    /// moved away.
     #[inline]
     pub(crate) fn substitute(&self, slot: Slot) -> Option<Slot> {
         let parent = self.detail(self.ids[slot.node()][slot.lane()].index()).parent?;

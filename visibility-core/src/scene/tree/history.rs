@@ -21,7 +21,7 @@ pub(crate) type Token = core::convert::Infallible;
 /// The undo log of a tree's nodes.
 #[derive(Debug, Default)]
 pub(crate) struct History {
-    /// Token of the present state; its value is the state's number.
+    /// Token of the tree's present state; the value in it is the number of the state.
     #[cfg(target_has_atomic = "ptr")]
     present: Token,
     /// Tokens of earlier states, oldest first, that results may hold.
@@ -34,8 +34,9 @@ pub(crate) struct History {
     copies: VecDeque<Copied>,
     /// Number of copies that were dropped from the front of `copies` so far.
     dropped: u64,
-    /// For each node: the number of its newest copy, counted from 1 for the first copy ever made. 0, and past
-    /// the end, for nodes without a copy. If that copy is dropped, the node has none.
+    /// For each node: the number of its newest copy, where 1 is the first copy ever made. 0 for a node that
+    /// was never copied, as for nodes beyond the end of the list. A copy with a number up to `dropped` is
+    /// gone.
     newest: Vec<u64>,
 }
 
@@ -45,7 +46,7 @@ struct Copied {
     /// Number of the state that the content is of: that of the last of `History::earlier` when the copy was
     /// made.
     state: u64,
-    /// What `newest` was for the node before this copy was made.
+    /// Number of the node's previous copy: what `newest` held for the node before this copy was made.
     older: u64,
     level: u8,
     ids: [ObjectId; FAN_OUT],

@@ -9,8 +9,9 @@ impl Tree {
     /// Sets the bounds of the object in a slot of the tree, and enlarges the bounds of the nodes above as
     /// necessary. `bounds` must be finite. Returns true if the bounds were set.
     ///
-    /// Returns false and changes nothing if the centre of `bounds` is farther outside of the leaf's bounds
-    /// than their size. The object would then stretch all nodes above, so it should be inserted anew.
+    /// Returns false and changes nothing if the centre of `bounds` is outside of the leaf's bounds by more
+    /// than the size of the leaf's bounds. The object would then stretch all nodes above, so it should be
+    /// inserted anew.
     pub(in crate::scene) fn move_within(&mut self, slot: Slot, bounds: &Aabb) -> bool {
         let Some(above) = self.parent(slot.node() as u32) else {
             self.bounds[slot.node()].set(slot.lane(), bounds);

@@ -195,7 +195,7 @@ const OVER: [[f64; 3]; 2] = [[8.0, 4.0, 7.0], [80.0, 4.0, 4.0]];
 const SURFACE: Option<ProofError> = Some(ProofError::Surface);
 const LOOP: Option<ProofError> = Some(ProofError::Loop);
 const WEIGHTS: Option<ProofError> = Some(ProofError::Weights);
-const MALFORMED: Option<ProofError> = Some(ProofError::Malformed);
+const MALFORMED: Option<ProofError> = Some(ProofError::Form);
 
 /// Returns a triangle of integers whose plane holds the origin, which is beyond the side from its second to
 /// its third corner: points next to the origin have any small height over the plane.

@@ -42,7 +42,7 @@ const ZEROS: [f64; 3] = [1e-12, 1e-9, 1e-6];
 
 /// Least entry that an elimination divides by, of rows whose greatest entry is about 1. Below it the entry
 /// may be all rounding; a wrong choice finds no proof.
-const LEAST_PIVOT: f64 = 1e-11;
+const MIN_PIVOT: f64 = 1e-11;
 
 /// Returns a lower bound of `sum l_i s_i` and an upper bound of `sum |r_k| B_k`. If the first is greater than
 /// the second, the rows are proved infeasible. Here `l_i` is the multiplier of row i, `s_i` the row's least
@@ -158,7 +158,7 @@ impl<const K: usize> Elimination<K> {
         coordinate.iter_mut().enumerate().for_each(|(k, c)| *c = k);
         let mut rank = 0;
         while rank < K.min(count) {
-            let (mut best, mut at) = (LEAST_PIVOT, None);
+            let (mut best, mut at) = (MIN_PIVOT, None);
             for (k, m) in m.iter().enumerate().skip(rank) {
                 for (j, v) in m.iter().enumerate().take(count).skip(rank) {
                     if v.abs() > best {

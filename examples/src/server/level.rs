@@ -1,0 +1,205 @@
+//! Levels of the simulated server: by what movers see each other, where they walk, and what stops a segment.
+
+use super::ray_tree::RayTree;
+use crate::pvs::bake;
+use crate::pvs::built::{self, Origin};
+use crate::source::{clearance, tolerance};
+use crate::{SceneSource, open, plan, region};
+use glam::DVec3;
+use std::path::Path;
+use visibility_2d::cdt::{Opacity, Plan, PlanCells, Wall};
+use visibility_bake::Grid;
+use visibility_core::pvs::Viewcells;
+use visibility_core::who_sees::{Reach, SightCells, ViewcellMatrix};
+use visibility_portals::BakerSettings;
+use visibility_region::ExtendedProjectionCuller;
+use visibility_testing::Random;
+
+/// Height of a person's eyes in metres, and the height of a person.
+const EYE: [f64; 2] = [1.6, 1.8];
+/// Half the width of a person in metres.
+const HALF: f64 = 0.3;
+/// Number of portal chains after which a cell counts as seeing what is not hidden by then.
+const STEPS: u64 = 20_000;
+
+/// Number of places that are tried, and the least distance in metres between two that are added.
+const TRIES: usize = 50_000;
+const SPACING: f64 = 1.5;
+
+/// A level with places to walk between.
+pub struct Level {
+    /// By what movers see each other.
+    pub cells: Box<dyn SightCells>,
+    /// Places in world space, at the height of the eyes.
+    pub places: Vec<DVec3>,
+    /// For each place, the places that a straight way leads to.
+    pub ways: Vec<Vec<usize>>,
+    /// Axis of world space that points up: 1 or 2.
+    up: usize,
+    walls: Walls,
+}
+
+enum Walls {
+    Plan(Box<Plan>),
+    Triangles(RayTree),
+}
+
+impl Level {
+    /// Makes the level of a plan's file, whose triangles are at most `size` metres large. Places grow from
+    /// the first point that the file has.
+    ///
+    /// # Errors
+    ///
+    /// Returns a message if the file cannot be read or has no point, or the plan cannot be made.
+    pub fn of_plan(file: &Path, size: f64) -> Result<Self, Box<dyn std::error::Error>> {
+        let file = plan::load(file)?;
+        let mut walls: Vec<Wall> = file.walls.iter().map(|&[a, b]| Wall::new(a, b)).collect();
+        let plan = Plan::new(&walls)?;
+        let [low, high] = plan.bounds();
+        // Clear walls along a grid keep the triangles small.
+        let clear = |from, to| Wall::new(from, to).with_opacity(Opacity::Clear);
+        let lines = |axis: usize| {
+            let count = ((high[axis] - low[axis]) / size).ceil() as u32;
+            (1..count).map(move |i| low[axis] + size * f64::from(i))
+        };
+        walls.extend(lines(0).map(|x| clear([x, low[1]], [x, high[1]])));
+        walls.extend(lines(1).map(|y| clear([low[0], y], [high[0], y])));
+        let &[x, y] = file.eyes.first().ok_or("the plan has no point, at which players could start")?;
+        let cells = Box::new(PlanCells::new(Plan::new(&walls)?, [0, 1]));
+        let (places, ways) = (vec![DVec3::new(x, y, EYE[0])], vec![Vec::new()]);
+        let mut level = Self { cells, places, ways, up: 2, walls: Walls::Plan(Box::new(plan)) };
+        level.grow();
+        Ok(level)
+    }
+
+    /// Makes the level of a scene that a user names, whose walks are the places. Its cells are those between
+    /// its portals, or boxes of a size in metres.
+    ///
+    /// # Errors
+    ///
+    /// Returns a message if the scene cannot be read or has no walks, or the cells cannot be made.
+    pub fn of_scene(name: &str, boxes: Option<f64>) -> Result<Self, Box<dyn std::error::Error>> {
+        let source = open(name)?;
+        let up = if source.up.y > source.up.z { 1 } else { 2 };
+        let (mut places, mut ways) = (Vec::new(), Vec::new());
+        for walk in &source.walks {
+            let first = places.len();
+            for pair in walk.keys.windows(2) {
+                let steps = pair[0].eye.distance(pair[1].eye).ceil().max(1.0);
+                places.extend((0..steps as u32).map(|i| pair[0].eye.lerp(pair[1].eye, f64::from(i) / steps)));
+            }
+            for place in first..places.len() {
+                ways.push(
+                    [place.wrapping_sub(1), place + 1]
+                        .into_iter()
+                        .filter(|&p| first <= p && p < places.len())
+                        .collect(),
+                );
+            }
+        }
+        if places.is_empty() {
+            return Err("the scene has no walks, along which players could walk".into());
+        }
+        let opaque = source.objects.iter().filter(|object| object.opaque && !object.door);
+        let triangles = opaque.flat_map(|object| {
+            object
+                .triangles
+                .view()
+                .iter()
+                .map(|t| t.map(|p| p.as_dvec3() + source.origin))
+                .collect::<Vec<_>>()
+        });
+        let walls = Walls::Triangles(RayTree::new(triangles.collect()));
+        let cells = match boxes {
+            Some(size) => Box::new(boxes_of(source, &places, size, up)?),
+            None => Box::new(portals_of(&source)?),
+        };
+        let mut level = Self { cells, places, ways, up, walls };
+        level.grow();
+        Ok(level)
+    }
+
+    /// Adds places, each a few metres beside another and not near to any.
+    fn grow(&mut self) {
+        let mut random = Random(7);
+        for _ in 0..TRIES {
+            let from = random.below(self.places.len());
+            let mut way = random.vector(6.0);
+            way[self.up] = 0.0;
+            let to = self.places[from] + way;
+            if self.places.iter().any(|place| place.distance_squared(to) < SPACING * SPACING) {
+                continue;
+            }
+            // There is room for a person at the place and on the way.
+            let side = way.cross(DVec3::AXES[self.up]).normalize_or_zero() * HALF;
+            let ahead = way.normalize_or_zero() * HALF;
+            let is_free = [DVec3::ZERO, side, -side]
+                .iter()
+                .all(|&side| self.is_free(self.places[from] + side, to + side + ahead));
+            if is_free && self.is_free(self.places[from], self.places[from] + side) {
+                self.ways[from].push(self.places.len());
+                self.ways.push(vec![from]);
+                self.places.push(to);
+            }
+        }
+    }
+
+    /// Returns the box of a person whose eyes are at a place.
+    pub fn person(&self, eye: DVec3) -> Reach {
+        let mut half = DVec3::splat(HALF);
+        half[self.up] = 0.0;
+        let up = DVec3::AXES[self.up];
+        Reach::new(eye - half - up * EYE[0], eye + half + up * (EYE[1] - EYE[0]))
+    }
+
+    /// Returns whether nothing stops a segment.
+    pub fn is_free(&self, from: DVec3, to: DVec3) -> bool {
+        match &self.walls {
+            Walls::Plan(plan) => plan.sees([from.x, from.y], [to.x, to.y]).unwrap_or(false),
+            Walls::Triangles(tree) => tree.is_free(from, to),
+        }
+    }
+
+    /// Returns a random point of a mover within its reach. A step from the middle of the body to a point of
+    /// the body and from there to the result is free.
+    pub fn point_of(&self, reach: &Reach, random: &mut Random) -> DVec3 {
+        let middle = (reach.min + reach.max) * 0.5;
+        let mut point = middle;
+        let unit = DVec3::new(random.unit(), random.unit(), random.unit());
+        let body = reach.min + (reach.max - reach.min) * unit;
+        if self.is_free(middle, body) {
+            point = body;
+        }
+        let moved = point + random.direction() * (reach.margin * random.unit().cbrt());
+        if self.is_free(point, moved) { moved } else { point }
+    }
+}
+
+fn portals_of(source: &SceneSource) -> Result<ViewcellMatrix, Box<dyn std::error::Error>> {
+    let origin = if source.cells.is_some() { Origin::Given } else { Origin::Polygons };
+    let cells = built::cells(source, origin)?;
+    let settings =
+        BakerSettings::default().with_clearance(Some(clearance(&cells.viewcells))).with_steps_per_cell(STEPS);
+    let pvs = bake(&cells.graph, settings, 0, |_| ())?.outcome.matrix.to_pvs(&cells.graph)?;
+    let tolerance = tolerance(&cells.viewcells);
+    Ok(ViewcellMatrix::of_portals(&cells.graph, cells.viewcells, &pvs, tolerance)
+        .ok_or("the set is not of these cells")?)
+}
+
+fn boxes_of(
+    source: SceneSource,
+    places: &[DVec3],
+    size: f64,
+    up: usize,
+) -> Result<ViewcellMatrix, Box<dyn std::error::Error>> {
+    let room = {
+        let mut room = DVec3::splat(6.0);
+        room[up] = 2.5;
+        room
+    };
+    let min = places.iter().fold(DVec3::INFINITY, |min, &p| min.min(p)) - room;
+    let max = places.iter().fold(DVec3::NEG_INFINITY, |max, &p| max.max(p)) + room;
+    let viewcells = Viewcells::new(Grid::new(min, DVec3::splat(size))?.over(min, max)?);
+    let world = region::world(source);
+    Ok(ViewcellMatrix::of_scene::<ExtendedProjectionCuller>(&world.scene, viewcells))
+}

@@ -1,0 +1,147 @@
+//! `PlanCells`: a plan as the level in which movers see each other.
+
+use super::error::PlanError;
+use super::plan::Plan;
+use super::predicates::{LEAST, checked};
+use super::region::RegionVisibility;
+use super::wall::Opacity;
+use alloc::{boxed::Box, vec::Vec};
+use visibility_core::bits::Bits;
+use visibility_core::stamp::Stamp;
+use visibility_core::who_sees::{Reach, SightCells};
+
+/// A plan as the level in which movers see each other: its triangles are the cells. Doors may open and close.
+///
+/// A mover is where its box stands on the ground. It does not go through walls that no line of sight passes,
+/// so that nobody sees the room behind a wall that the reach alone sticks through. A mover that is not wholly
+/// in the rectangle around the plan sees and is seen by all.
+///
+/// What is seen from a triangle is found when a mover first comes there, and kept until a door changes: some
+/// 10 us to 1 ms, and 4 bytes for each triangle seen. A mover sees what its triangles see, and a triangle is
+/// seen as a whole, so that large triangles report more than needed. [Clear](Opacity::Clear) walls along a
+/// grid of some metres make them smaller.
+///
+/// ```
+/// use visibility_2d::cdt::{Opacity, Plan, PlanCells, Wall};
+/// use visibility_core::glam::DVec3;
+/// use visibility_core::who_sees::{Reach, WhoSees};
+/// // Two rooms side by side, and a door between them.
+/// let walls = [[0.0, 0.0, 8.0, 0.0], [8.0, 0.0, 8.0, 4.0], [8.0, 4.0, 0.0, 4.0], [0.0, 4.0, 0.0, 0.0],
+///     [4.0, 0.0, 4.0, 3.0], [4.0, 3.0, 4.0, 4.0]];
+/// let plan = Plan::new(&walls.map(|[a, b, c, d]| Wall::new([a, b], [c, d])))?;
+/// let mut level = PlanCells::new(plan, [0, 1]);
+/// let at = |x: f64| Reach::new(DVec3::new(x, 1.0, 0.0), DVec3::new(x + 0.5, 1.5, 1.8)).within(0.1, 6.0);
+/// let players = [at(3.2), at(6.0)];
+/// let mut who = WhoSees::new();
+/// who.look(&mut level, &players, &players);
+/// assert!(!who.sees(0, 1), "the reach of player 0 sticks through the wall");
+/// level.set_opacity(5, Opacity::Clear)?;
+/// who.look(&mut level, &players, &players);
+/// assert!(who.sees(0, 1));
+/// # Ok::<(), visibility_2d::cdt::PlanError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct PlanCells {
+    plan: Plan,
+    axes: [usize; 2],
+    /// Changes with the opacity of walls.
+    stamp: Stamp,
+    /// For each triangle the triangles seen from it, or an empty list if they are too many. `None` until a
+    /// mover is there.
+    rows: Vec<Option<Box<[u32]>>>,
+    /// Triangles of the mover at work.
+    reached: RegionVisibility,
+    /// What is seen from the triangle at work.
+    seen: RegionVisibility,
+}
+
+impl PlanCells {
+    /// Makes the level. `axes` are the axes of world space along which the plan's x and y run: `[0, 1]` if z
+    /// is up. Walls with [heights](super::Wall::heights) are made clear, since movers look over them.
+    ///
+    /// # Panics
+    /// If an axis is above 2, or both are the same.
+    pub fn new(mut plan: Plan, axes: [usize; 2]) -> Self {
+        assert!(axes[0] < 3 && axes[1] < 3 && axes[0] != axes[1], "a plan has two of the axes 0, 1 and 2");
+        for wall in 0..plan.walls().len() as u32 {
+            if !plan.walls()[wall as usize].is_endless() {
+                // The plan has a wall of that number.
+                _ = plan.set_opacity(wall, Opacity::Clear);
+            }
+        }
+        let rows = alloc::vec![None; plan.triangle_count()];
+        let (reached, seen) = (RegionVisibility::new(), RegionVisibility::new());
+        Self { plan, axes, stamp: Stamp::new(), rows, reached, seen }
+    }
+
+    /// Returns the plan.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Changes the opacity of a wall, as [`Plan::set_opacity`]. A wall with heights stays clear.
+    ///
+    /// # Errors
+    /// [`PlanError::UnknownWall`] if the plan has no wall of that number.
+    pub fn set_opacity(&mut self, wall: u32, opacity: Opacity) -> Result<(), PlanError> {
+        if self.plan.walls().get(wall as usize).is_some_and(|wall| !wall.is_endless()) {
+            return Ok(());
+        }
+        let before = self.plan.stamp();
+        self.plan.set_opacity(wall, opacity)?;
+        if self.plan.stamp() != before {
+            self.stamp = Stamp::new();
+            self.rows.fill(None);
+        }
+        Ok(())
+    }
+
+    /// Lists the triangles that a mover may be in, in `self.reached`. False if it may be outside the plan.
+    fn find(&mut self, reach: &Reach) -> bool {
+        let corners = |reach: &Reach| {
+            // Coordinates that a plan takes for 0 are moved outwards.
+            let outward = |x: f64, least: f64| if x.abs() < LEAST { least } else { x };
+            let [low, high] = reach.bounds();
+            let low = self.axes.map(|axis| outward(low[axis], -LEAST));
+            let high = self.axes.map(|axis| outward(high[axis], LEAST));
+            let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
+            corners.iter().all(|&p| checked(p, 0).is_ok()).then_some(corners)
+        };
+        let body = corners(&Reach { margin: 0.0, ..*reach });
+        let (Some(body), Some(outer)) = (body, corners(reach)) else { return false };
+        self.plan.reached(&body, &outer, &mut self.reached).is_ok() && !self.reached.triangles().is_empty()
+    }
+}
+
+impl SightCells for PlanCells {
+    fn cell_count(&self) -> usize {
+        self.plan.triangle_count()
+    }
+
+    fn stamp(&self) -> Stamp {
+        self.stamp
+    }
+
+    fn cells_of(&mut self, reach: &Reach, cells: &mut Vec<u32>) -> bool {
+        let is_known = self.find(reach);
+        cells.extend_from_slice(self.reached.triangles());
+        is_known
+    }
+
+    fn seen_from(&mut self, reach: &Reach, seen: &mut Bits) -> bool {
+        if !self.find(reach) {
+            return false;
+        }
+        for &triangle in self.reached.triangles() {
+            let row = self.rows[triangle as usize].get_or_insert_with(|| {
+                let found = self.plan.look_from_triangle(triangle, &mut self.seen);
+                found.map_or_else(|_| Box::default(), |()| self.seen.triangles().into())
+            });
+            if row.is_empty() {
+                return false;
+            }
+            row.iter().for_each(|&triangle| _ = seen.insert(triangle as usize));
+        }
+        true
+    }
+}

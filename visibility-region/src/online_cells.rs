@@ -1,0 +1,123 @@
+//! `OnlineCells`: sets that are made online, as the level in which movers see each other.
+
+use crate::OnlinePvs;
+use alloc::vec::Vec;
+use visibility_core::bits::Bits;
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::{Viewcell, Viewcells};
+use visibility_core::stamp::Stamp;
+use visibility_core::who_sees::{Reach, SightCells};
+use visibility_core::{Aabb, Object, ObjectId, Scene};
+
+/// Viewcells that stand in a scene as objects, so that each set of the scene tells which of them are hidden:
+/// with an [`OnlinePvs`] the level in which movers see each other while walls come, move and vanish.
+///
+/// A mover sees and is seen by all while it is not wholly in the viewcells. It sees all while no box of the
+/// `OnlinePvs` holds its whole reach: let the boxes be larger than that, and call
+/// [`step`](OnlinePvs::step) with the middles of the movers' reaches. Sets are made for eyes all around, so
+/// movers at one place share them.
+///
+/// ```
+/// use visibility_core::glam::{Affine3A, DVec3};
+/// use visibility_core::pvs::{Viewcell, Viewcells};
+/// use visibility_core::who_sees::{Reach, WhoSees};
+/// use visibility_core::{Aabb, Object, OccluderMesh, Scene};
+/// use visibility_region::{OnlineCells, OnlinePvs};
+/// let wall = Aabb::from_arrays([5.0, -9.0, -9.0], [5.2, 9.0, 9.0]);
+/// let mut scene = Scene::new();
+/// let id = scene.insert(Object { occluder: true, ..Object::new(wall) });
+/// let mesh = scene.add_mesh(OccluderMesh::cuboid(&wall)?);
+/// scene.set_mesh(id, mesh, Affine3A::IDENTITY)?;
+/// let cell = |x: i32, y: i32| {
+///     let min = DVec3::new(f64::from(2 * x), f64::from(2 * y), 0.0);
+///     Viewcell::from_box(min, min + DVec3::splat(2.0))
+/// };
+/// let cells = (0..10).flat_map(|x| (-1..1).map(move |y| cell(x, y)));
+/// let cells = OnlineCells::new(&mut scene, Viewcells::new(cells));
+/// let mut online = OnlinePvs::new(DVec3::splat(2.5), DVec3::new(4.0, 4.0, 2.5));
+/// // Each tick: the movers, and as much work as there is time for.
+/// let at = |x: f64| Reach::new(DVec3::new(x, 0.0, 0.1), DVec3::new(x + 0.5, 0.5, 1.9)).within(0.01, 6.0);
+/// let movers = [at(1.0), at(16.0)];
+/// let places = movers.map(|mover| (mover.min + mover.max) * 0.5);
+/// while online.step(&scene, &places).is_some() {}
+/// let mut who = WhoSees::new();
+/// who.look(&mut cells.with(&scene, &mut online), &movers, &movers);
+/// assert!(!who.sees(0, 1) && who.sees(0, 0));
+/// scene.remove(id)?;
+/// who.look(&mut cells.with(&scene, &mut online), &movers, &movers);
+/// assert!(who.sees(0, 1));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct OnlineCells {
+    viewcells: Viewcells,
+    /// The object of each viewcell.
+    objects: Vec<ObjectId>,
+    stamp: Stamp,
+}
+
+impl OnlineCells {
+    /// Adds an object to the scene for the box of each viewcell. They hide nothing and are on no layer, so
+    /// that no view shows them.
+    pub fn new(scene: &mut Scene, viewcells: Viewcells) -> Self {
+        let origin = scene.origin();
+        let object = |cell: &Viewcell| Object { layers: 0, ..Object::new(bounds(cell, origin)) };
+        let objects = scene.insert_batch(viewcells.cells().iter().map(object));
+        Self { viewcells, objects, stamp: Stamp::new() }
+    }
+
+    /// Returns the objects of the viewcells, in their order. After the scene's origin has moved they need new
+    /// bounds, as all objects do.
+    pub fn objects(&self) -> &[ObjectId] {
+        &self.objects
+    }
+
+    /// Returns the level as it is in a scene, by the sets made for it. All see all if an object of a viewcell
+    /// is not in the scene, or has other bounds there.
+    pub fn with<'a>(&'a self, scene: &'a Scene, online: &'a mut OnlinePvs) -> impl SightCells + 'a {
+        let mut objects = self.viewcells.cells().iter().zip(&self.objects);
+        let origin = scene.origin();
+        let is_current = objects.all(|(cell, &id)| scene.bounds(id) == Ok(bounds(cell, origin)));
+        CellsNow { cells: self, scene, online, is_current }
+    }
+}
+
+/// Returns the bounds of a viewcell's object, relative to the scene's origin.
+fn bounds(cell: &Viewcell, origin: DVec3) -> Aabb {
+    Aabb::from_world(cell.min, cell.max, origin)
+}
+
+/// [`OnlineCells`] in a scene.
+struct CellsNow<'a> {
+    cells: &'a OnlineCells,
+    scene: &'a Scene,
+    online: &'a mut OnlinePvs,
+    is_current: bool,
+}
+
+impl SightCells for CellsNow<'_> {
+    fn cell_count(&self) -> usize {
+        self.cells.objects.len()
+    }
+
+    fn stamp(&self) -> Stamp {
+        self.cells.stamp
+    }
+
+    fn cells_of(&mut self, reach: &Reach, cells: &mut Vec<u32>) -> bool {
+        let [low, high] = reach.bounds();
+        self.cells.viewcells.cover(low, high, cells)
+    }
+
+    fn seen_from(&mut self, reach: &Reach, seen: &mut Bits) -> bool {
+        let [low, high] = reach.bounds();
+        if !self.is_current {
+            return false;
+        }
+        let Some(hidden) = self.online.hidden_from(self.scene, low, high) else { return false };
+        for (cell, object) in self.cells.objects.iter().enumerate() {
+            seen.set(cell, !hidden.contains(object.index()));
+        }
+        true
+    }
+}
