@@ -39,7 +39,7 @@ use visibility_core::{Aabb, Object, ObjectId, Scene};
 /// let at = |x: f64| Reach::new(DVec3::new(x, 0.0, 0.1), DVec3::new(x + 0.5, 0.5, 1.9)).within(0.01, 6.0);
 /// let movers = [at(1.0), at(16.0)];
 /// let places = movers.map(|mover| (mover.min + mover.max) * 0.5);
-/// while online.step(&scene, &places).is_some() {}
+/// while online.step(&scene, &places, 1000).is_some() {}
 /// let mut who = WhoSees::new();
 /// who.look(&mut cells.with(&scene, &mut online), &movers, &movers);
 /// assert!(!who.sees(0, 1) && who.sees(0, 0));

@@ -95,7 +95,7 @@ fn search(seed: u64, worlds: usize) -> [usize; 4] {
         let places: Vec<DVec3> = movers.iter().map(|mover| (mover.min + mover.max) * 0.5).collect();
         for tick in 0..4 {
             for _ in 0..rng.pick(&[50, 400]) {
-                online.step(&world.scene, &places);
+                online.step(&world.scene, &places, u32::MAX);
             }
             // Between the steps and the look, a wall vanishes.
             if tick > 0 {
@@ -136,7 +136,7 @@ fn viewcells_whose_objects_are_gone_or_moved_hide_nobody() {
     let places = [DVec3::new(2.2, 5.2, 1.0), DVec3::new(10.2, 5.2, 1.0)];
     let mut who = WhoSees::new();
     let mut sees = |scene: &_, online: &mut OnlinePvs| {
-        while online.step(scene, &places).is_some() {}
+        while online.step(scene, &places, u32::MAX).is_some() {}
         who.look(&mut cells.with(scene, online), &movers, &movers);
         who.sees(0, 1)
     };

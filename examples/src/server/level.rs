@@ -4,7 +4,7 @@ use super::ray_tree::RayTree;
 use crate::pvs::bake;
 use crate::pvs::built::{self, Origin};
 use crate::source::{clearance, tolerance};
-use crate::{SceneSource, open, plan, region};
+use crate::{SceneSource, floor_plans, open, region};
 use glam::DVec3;
 use std::path::Path;
 use visibility_2d::cdt::{Opacity, Plan, PlanCells, Wall};
@@ -52,7 +52,7 @@ impl Level {
     ///
     /// Returns a message if the file cannot be read or has no point, or the plan cannot be made.
     pub fn of_plan(file: &Path, size: f64) -> Result<Self, Box<dyn std::error::Error>> {
-        let file = plan::load(file)?;
+        let file = floor_plans::load(file)?;
         let mut walls: Vec<Wall> = file.walls.iter().map(|&[a, b]| Wall::new(a, b)).collect();
         let plan = Plan::new(&walls)?;
         let [low, high] = plan.bounds();

@@ -2,7 +2,7 @@
 
 use super::error::PlanError;
 use super::plan::Plan;
-use super::predicates::{LEAST, checked};
+use super::predicates::{MIN_MAGNITUDE, checked};
 use super::region::RegionVisibility;
 use super::wall::Opacity;
 use alloc::{boxed::Box, vec::Vec};
@@ -100,10 +100,10 @@ impl PlanCells {
     fn find(&mut self, reach: &Reach) -> bool {
         let corners = |reach: &Reach| {
             // Coordinates that a plan takes for 0 are moved outwards.
-            let outward = |x: f64, least: f64| if x.abs() < LEAST { least } else { x };
+            let outward = |x: f64, least: f64| if x.abs() < MIN_MAGNITUDE { least } else { x };
             let [low, high] = reach.bounds();
-            let low = self.axes.map(|axis| outward(low[axis], -LEAST));
-            let high = self.axes.map(|axis| outward(high[axis], LEAST));
+            let low = self.axes.map(|axis| outward(low[axis], -MIN_MAGNITUDE));
+            let high = self.axes.map(|axis| outward(high[axis], MIN_MAGNITUDE));
             let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
             corners.iter().all(|&p| checked(p, 0).is_ok()).then_some(corners)
         };
