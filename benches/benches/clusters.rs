@@ -10,7 +10,7 @@ use std::hint::black_box;
 use visibility_benches::workload::Random;
 use visibility_core::glam::{Affine3A, DVec3, Quat, Vec3, Vec4};
 use visibility_core::view::Eye;
-use visibility_core::{Aabb, FrustumCuller, ObjectId, Pipeline, Pose, Scene, View, VisibleSet};
+use visibility_core::{Aabb, FrustumCuller, Object, ObjectId, Pipeline, Pose, Scene, View, VisibleSet};
 use visibility_frame::backface::NormalCone;
 use visibility_frame::clusters::{ClusterInstance, ClusterMesh, ClusterView, VisibleCluster};
 
@@ -105,7 +105,7 @@ fn clusters(c: &mut Criterion) {
     scene.insert_batch(transforms.iter().map(|transform| {
         let reach = transform.matrix3.x_axis.length() * 1.001;
         let center = Vec3::from(transform.translation);
-        Aabb::new(center - reach, center + reach)
+        Object { one_sided: true, ..Object::new(Aabb::new(center - reach, center + reach)) }
     }));
     // A camera in the midst of the instances, and one that sees them all.
     for (name, eye, fov) in

@@ -155,6 +155,21 @@ fn a_moved_object_is_visible_until_it_is_set_again() {
 }
 
 #[test]
+fn an_open_cone_that_was_set_stays_until_the_object_changes() {
+    let floor: Triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    let (mut scene, mut culler) = (Scene::new(), BackfaceCuller::new());
+    let id = insert(&mut scene, floor);
+    let below = view_from(DVec3::new(0.3, 0.2, -5.0));
+    // The object is drawn as its triangles are not, by a shader that moves them, say.
+    culler.set(&scene, id, NormalCone::OPEN).unwrap();
+    culler.sync(&scene);
+    assert!(cull(&mut culler, &scene, &below).contains(&scene, id), "the caller's cone is open");
+    scene.set_triangles(id, [floor]).unwrap();
+    culler.sync(&scene);
+    assert!(!cull(&mut culler, &scene, &below).contains(&scene, id), "the changed triangles face away");
+}
+
+#[test]
 fn objects_drawn_from_both_sides_and_never_culled_ones_are_kept() {
     let floor: Triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
     let (mut scene, mut culler) = (Scene::new(), BackfaceCuller::new());

@@ -300,7 +300,11 @@ fn instances_of_a_sphere_list_what_faces_the_view_and_little_else() {
                 })
                 .collect();
             let unit = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
-            let ids = scene.insert_batch(transforms.iter().map(|transform| unit.transformed(transform)));
+            let ids = scene.insert_batch(
+                transforms
+                    .iter()
+                    .map(|transform| Object { one_sided: true, ..Object::new(unit.transformed(transform)) }),
+            );
             let mut visible = VisibleSet::new();
             Pipeline::new().with(FrustumCuller::new()).cull(&scene, &view, &mut visible);
             let mut list = Vec::new();
@@ -497,4 +501,21 @@ fn objects_that_are_never_culled_list_all_clusters_and_others_of_no_mesh_none() 
     list.clear();
     clusters.cull(&visible, |_| None, &mut list);
     assert!(list.is_empty(), "objects without a mesh list clusters");
+}
+
+#[test]
+fn the_back_of_an_object_that_is_not_one_sided_is_listed() {
+    let floor = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    let mesh = mesh_of(&[vec![floor]]);
+    let mut scene = Scene::new();
+    let object = Object::new(Aabb::from_points(floor));
+    let leaf = scene.insert(object);
+    scene.insert(Object { one_sided: true, ..object });
+    let pose = Pose::look_at(DVec3::new(0.2, 0.2, -3.0), DVec3::new(0.2, 0.2, 0.0), DVec3::X);
+    let view = View::perspective(pose, 1.0, 1.0, 0.1, 9.0).unwrap();
+    let (mut visible, mut list) = (VisibleSet::new(), Vec::new());
+    visible.fill(&scene, &view);
+    let instance = |_| Some(ClusterInstance::new(&mesh, Affine3A::IDENTITY));
+    ClusterView::new(&scene, &view).cull(&visible, instance, &mut list);
+    assert_eq!(list, [VisibleCluster { instance: leaf, cluster: 0 }], "the leaf alone is drawn from below");
 }

@@ -2,9 +2,11 @@
 //! with exact bounds in each frame.
 
 use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::scene::DrawRange;
 use visibility_core::{
     Aabb, Accuracy, CullStats, Culler, FrustumCuller, ObjectId, Pipeline, Pose, Scene, View, VisibleSet,
 };
+use visibility_frame::lod::ContributionCuller;
 use visibility_frame::motion::{Motion, MotionVolumes};
 use visibility_testing::Random;
 use visibility_testing::allocations::ALLOCATIONS;
@@ -566,5 +568,35 @@ fn movers_are_within_their_bounds_wherever_the_origin_moves() {
 fn movers_are_within_their_bounds_wherever_the_origin_moves_in_long_runs() {
     for seed in 100..1500 {
         let _ = run_moved_origins(seed, 1000);
+    }
+}
+
+/// A mover behind the camera that may come near, but stays beyond the begin of its draw range: it is visible
+/// as soon as the camera turns to it.
+#[test]
+fn no_volume_is_nearer_than_the_begin_of_a_draw_range() {
+    let mut scene = Scene::new();
+    let bounds = Aabb::from_arrays([-31.0, -1.0, -1.0], [-30.0, 1.0, 1.0]);
+    let mover = scene.insert(bounds);
+    scene.set_draw_range(mover, DrawRange { begin: 10.0, ..DrawRange::ALWAYS }).unwrap();
+    let mut volumes = MotionVolumes::new();
+    volumes.insert(mover, Motion::new(1.0));
+    let toward = |x: f64| {
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X * x, DVec3::Z);
+        View::perspective(pose, 1.0, 1.0, 0.1, 100.0).unwrap()
+    };
+    let (mut due, mut seen) = (Vec::new(), Vec::new());
+    for frame in 0..60 {
+        volumes.begin_frame(&mut scene, f64::from(frame), &mut due);
+        let moved: Vec<_> = due.iter().map(|&id| (id, bounds)).collect();
+        volumes.set_bounds_batch(&mut scene, &moved).unwrap();
+        let shows = |x| {
+            let culler = ContributionCuller::new(1080.0, 0.0);
+            let mut visible = VisibleSet::new();
+            Pipeline::new().with(FrustumCuller::new()).with(culler).cull(&scene, &toward(x), &mut visible);
+            visible
+        };
+        assert!(shows(-1.0).contains(&scene, mover), "frame {frame}: the mover is 30 m away");
+        volumes.end_frame(&scene, &shows(1.0), &mut seen);
     }
 }

@@ -5,7 +5,8 @@ use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::occlusion::Occlusion;
 use visibility_core::scene::DrawRange;
 use visibility_core::{
-    Aabb, Accuracy, FrustumCuller, ObjectId, OccluderMesh, OcclusionMap, Pipeline, Scene, View, VisibleSet,
+    Aabb, Accuracy, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionMap, Pipeline, Scene, View,
+    VisibleSet,
 };
 use visibility_frame::backface::NormalCone;
 use visibility_frame::casters::{CasterCuller, Light};
@@ -135,7 +136,7 @@ fn warm_lists_of_clusters_allocate_nothing() {
     let floor = NormalCone::from_triangles(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]);
     let mesh = ClusterMesh::new((0..5000).map(|_| (rng.small_box(200.0), floor)));
     let mut scene = Scene::new();
-    scene.insert_batch((0..300).map(|_| rng.small_box(200.0)));
+    scene.insert_batch((0..300).map(|_| Object { one_sided: true, ..Object::new(rng.small_box(200.0)) }));
     let (mut visible, mut list) = (VisibleSet::new(), Vec::new());
     let mut run = || {
         let mut listed = 0;

@@ -8,6 +8,7 @@ use alloc::vec::Vec;
 use core::ops::Deref;
 use visibility_core::{
     Aabb, Accuracy, CullStats, Culler, ObjectId, OcclusionMap, Scene, View, VisibleSet, occlusion::Occlusion,
+    scene::SceneCursor,
 };
 
 /// Keeps every object that may be visible: projects a budget like [`PlpCuller`](crate::PlpCuller), then tests
@@ -74,6 +75,8 @@ pub struct ConservativePlpCuller<S, M> {
     sorted: Vec<(u32, Aabb)>,
     /// Counts of the last frame.
     stats: ConservativeStats,
+    /// The scene of the last frame, which the map's memory of earlier frames belongs to.
+    scene: SceneCursor,
 }
 
 /// Counts of one frame of [`ConservativePlpCuller`], as in table 1 of Klosowski and Silva, 2001.
@@ -96,12 +99,18 @@ pub struct ConservativeStats {
 
 impl<S: Deref<Target: Tessellation>, M: OcclusionMap> ConservativePlpCuller<S, M> {
     /// Makes a culler over a tessellation with an occlusion map. `budget` limits the objects kept per frame
-    /// before the first map test; the result may be larger. Defaults: [`Solidity::Coverage`], back faces
-    /// count as visible. O(1).
+    /// before the first map test; the result may be larger. Default: [`Solidity::Coverage`]. O(1).
     pub fn new(tessellation: S, budget: Budget, map: M) -> Self {
-        let settings = PlpSettings::new(budget);
-        let (walk, waiting, sorted) = (Walk::default(), Vec::new(), Vec::new());
-        Self { tessellation, settings, map, walk, waiting, sorted, stats: ConservativeStats::default() }
+        Self {
+            tessellation,
+            settings: PlpSettings::new(budget),
+            map,
+            walk: Walk::default(),
+            waiting: Vec::new(),
+            sorted: Vec::new(),
+            stats: ConservativeStats::default(),
+            scene: SceneCursor::START,
+        }
     }
 
     /// Sets the estimate of how likely a cell is hidden, which orders the cells. [`Solidity::Coverage`] by
@@ -109,15 +118,6 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> ConservativePlpCuller<S, M
     #[must_use]
     pub fn with_solidity(mut self, solidity: Solidity) -> Self {
         self.settings.solidity = solidity;
-        self
-    }
-
-    /// Drops objects of one to four triangles when all their triangles certainly face away from the eye, see
-    /// [`PlpCuller::with_one_sided`](crate::PlpCuller::with_one_sided). Conservative only if the scene is
-    /// drawn with back-face culling.
-    #[must_use]
-    pub fn with_one_sided(mut self) -> Self {
-        self.settings.one_sided = true;
         self
     }
 
@@ -237,7 +237,11 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        let Self { tessellation, settings, map, walk, waiting, sorted, stats } = self;
+        if !self.scene.is_in(scene) {
+            self.map.reset();
+        }
+        self.scene = SceneCursor::at(scene);
+        let Self { tessellation, settings, map, walk, waiting, sorted, stats, .. } = self;
         let tessellation = &**tessellation;
         *stats = ConservativeStats::default();
         map.begin(view, scene.origin());

@@ -4,10 +4,12 @@
 use crate::common::{Blank, Walls, looking_along_x, rooms, run, triangles, views};
 use std::collections::BTreeSet;
 use std::sync::Arc;
-use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
-    Aabb, Culler, FrustumCuller, ObjectId, Pose, Scene, View, VisibleSet,
+    Aabb, Accuracy, Culler, FrustumCuller, ObjectId, OccluderMesh, OcclusionMap, Pose, Scene, View,
+    VisibleSet,
     geometry::{Containment, Plane},
+    occlusion::Occlusion,
 };
 use visibility_plp::{
     Budget, ConservativePlpCuller, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, Solidity,
@@ -247,10 +249,55 @@ fn a_nan_triangle_in_finite_bounds_is_not_lost() {
     let odd = scene.insert(Aabb::from_arrays([-3.0; 3], [3.0; 3]));
     scene.set_triangles(odd, [[Vec3::NAN, Vec3::ONE, Vec3::X]]).unwrap();
     let cells = Arc::new(OctreeTessellation::from_scene(&scene, FINE));
-    let mut culler = ConservativePlpCuller::new(cells, Budget::Cost(10), Blank).with_one_sided();
+    let mut culler = PlpCuller::new(cells, Budget::Objects(usize::MAX)).with_one_sided();
     assert!(
         run(&mut culler, &scene, &looking_along_x(-20.0)).contains(&odd),
         "the object with a triangle of NaN"
+    );
+}
+
+/// Occlusion map that finds every box hidden from its second frame on, until it is reset: as a device does
+/// whose answers are those of the frame before.
+#[derive(Default)]
+struct Late {
+    frames: u32,
+}
+
+impl OcclusionMap for Late {
+    fn name(&self) -> &str {
+        "late"
+    }
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Conservative
+    }
+    fn begin(&mut self, _: &View, _: DVec3) {
+        self.frames += 1;
+    }
+    fn add(&mut self, _: &OccluderMesh, _: &Affine3A) {}
+    fn flush(&mut self) {}
+    fn test(&self, _: &Aabb) -> Occlusion {
+        if self.frames > 1 { Occlusion::Hidden } else { Occlusion::Partial }
+    }
+    fn reset(&mut self) {
+        self.frames = 0;
+    }
+}
+
+#[test]
+fn what_the_map_remembers_of_one_scene_hides_nothing_in_another() {
+    let scene = triangles(13, 400);
+    let view = looking_along_x(-60.0);
+    let cells = |scene| Arc::new(OctreeTessellation::from_scene(scene, FINE));
+    let mut culler = ConservativePlpCuller::new(cells(&scene), Budget::Cost(0), Late::default());
+    let all = run(&mut culler, &scene, &view).len();
+    let rest = run(&mut culler, &scene, &view).len();
+    assert!(rest * 2 < all, "{rest} of {all} objects are kept in the second frame of a scene");
+    let other = scene.clone();
+    *culler.shared_mut() = cells(&other);
+    assert_eq!(
+        run(&mut culler, &other, &view).len(),
+        all,
+        "objects kept in the first frame of another scene"
     );
 }
 

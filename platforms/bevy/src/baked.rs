@@ -78,8 +78,10 @@ enum Place {
 impl BakedLevel {
     /// Reads the bytes of a file that `bake` has written for a level of this version, with objects of these
     /// boxes: the least and the greatest corner of each, in world space, by index. An entity counts as its
-    /// [`BakedObject`] only if its own box contains that of the object. Without a version an edit inside of a
-    /// box, such as a new door, is not noticed, and the culler is approximate.
+    /// [`BakedObject`] only if the object's box contains the entity's, up to rounding. An entity that is
+    /// turned by other than right angles mostly stays visible: the box around its turned `Aabb` is larger
+    /// than that around its mesh. Where the entity is in the box is the game's word. Without a version an
+    /// edit inside of a box, such as a new door, is not noticed, and the culler is approximate.
     ///
     /// # Errors
     /// [`BakedSetError::OtherScene`] if the boxes are not, to the bit, those that the set was baked from;
@@ -136,7 +138,7 @@ impl BakedLevel {
         let id = mirror.object(entity)?;
         // Not finite as long as the entity has no `Aabb`, and for entities that are never culled.
         let bounds = mirror.scene().bounds(id).ok().filter(Aabb::is_finite)?;
-        let is_there = |boxes: &Vec<Aabb>| boxes.get(index as usize).is_some_and(|of| contains(&bounds, of));
+        let is_there = |boxes: &Vec<Aabb>| boxes.get(index as usize).is_some_and(|of| contains(of, &bounds));
         let is_known = (index as usize) < self.set.index_limit();
         (is_known && self.boxes.as_ref().is_none_or(is_there)).then_some(Place::AsBaked(id, index))
     }

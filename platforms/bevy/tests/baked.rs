@@ -251,6 +251,19 @@ fn entities_elsewhere_than_in_the_bake_are_visible() {
             entity.insert(BakedObject(wrong));
         });
     }
+    // An entity that is larger than its object, one that is moved, and one that is a part of its object.
+    for (&number, scale, shift, is_there) in
+        [(&known[10], 3.0, 0.0, false), (&known[11], 1.0, 0.01, false), (&known[12], 0.5, 0.01, true)]
+    {
+        let (_, at) = placed(world.level.boxes[number as usize]);
+        let at = Transform { translation: at.translation + shift, scale: Vec3::splat(scale), ..at };
+        world.change(number, |mut entity| {
+            entity.insert((at, BakedObject(number)));
+        });
+        if !is_there {
+            world.free.insert(number);
+        }
+    }
     // A box that is not known yet, and known later.
     let (aabb, _) = placed(world.level.boxes[known[9] as usize]);
     world.change(known[9], |mut entity| {

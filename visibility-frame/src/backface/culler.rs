@@ -71,13 +71,14 @@ struct Entry {
     /// Id of the object that the entry belongs to. An object with the same index but another generation has
     /// no cone.
     id: ObjectId,
-    cone: NormalCone,
+    /// `None` if the object has no cone, or has changed since it was made.
+    cone: Option<NormalCone>,
     /// Value of `BackfaceCuller::clock` when the entry last changed.
     changed: u64,
 }
 
 impl Entry {
-    const NONE: Self = Self { id: ObjectId::PLACEHOLDER, cone: NormalCone::OPEN, changed: 0 };
+    const NONE: Self = Self { id: ObjectId::PLACEHOLDER, cone: None, changed: 0 };
 }
 
 /// The cones of the objects in one leaf of the scene's hierarchy (64 lanes), copied from
@@ -124,16 +125,17 @@ impl BackfaceCuller {
     }
 
     /// Sets the cone of an object in its present state. The cone must cover everything drawn for the object,
-    /// in scene-relative coordinates. The cone stays valid until the object changes in the scene, or until
-    /// the scene's change log overflows; then the object counts as visible. A cone given for an object that
-    /// is not [one-sided](visibility_core::Object::one_sided) is ignored.
+    /// in scene-relative coordinates; with [`NormalCone::OPEN`] the object counts as visible. The cone stays
+    /// valid until the object changes in the scene, or until the scene's change log overflows; then the
+    /// object counts as visible until the next [`sync`](Self::sync) builds a cone from its triangles. A cone
+    /// given for an object that is not [one-sided](visibility_core::Object::one_sided) is ignored.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if the scene has no such object.
     pub fn set(&mut self, scene: &Scene, id: ObjectId, cone: NormalCone) -> Result<(), SceneError> {
         let one_sided = scene.object(id)?.one_sided;
         self.forget_changed(scene);
-        self.write(scene, id, if one_sided { cone } else { NormalCone::OPEN });
+        self.write(scene, id, one_sided.then_some(cone));
         Ok(())
     }
 
@@ -141,9 +143,9 @@ impl BackfaceCuller {
     /// changed after the last call of [`sync`](Self::sync), [`set`](Self::set) or `cull`, or if `scene` is
     /// another scene.
     pub fn cone(&self, scene: &Scene, id: ObjectId) -> Option<NormalCone> {
-        let entry = self.entry(id).filter(|entry| !entry.cone.is_open())?;
+        let cone = self.cone_of(id).filter(|cone| !cone.is_open())?;
         match self.cursor.peek(scene) {
-            Changes::Objects(ids) if !ids.contains(&id) => Some(entry.cone),
+            Changes::Objects(ids) if !ids.contains(&id) => Some(cone),
             _ => None,
         }
     }
@@ -162,18 +164,18 @@ impl BackfaceCuller {
     /// Builds the cone of an object from its triangles in the scene. Does nothing if the object is drawn from
     /// both sides, has a cone already, has no triangles, or has a triangle outside its bounds.
     fn build(&mut self, scene: &Scene, id: ObjectId) {
-        let has_cone = self.entry(id).is_some_and(|entry| !entry.cone.is_open());
         let (Ok(triangles), Ok(object)) = (scene.triangles(id), scene.object(id)) else { return };
         let within = |bounds: &Aabb| triangles.iter().flatten().all(|p| bounds.contains_point(p));
-        if !object.one_sided || has_cone || triangles.is_empty() || !within(&object.bounds) {
+        if !object.one_sided || self.cone_of(id).is_some() || triangles.is_empty() || !within(&object.bounds)
+        {
             return;
         }
-        self.write(scene, id, NormalCone::from_triangles(&triangles.to_vec()));
+        self.write(scene, id, Some(NormalCone::from_triangles(&triangles.to_vec())));
     }
 
-    /// Replaces the cones of the objects that changed in the scene since the last call by open cones, so that
-    /// these objects count as visible. Drops all cones if `scene` is another scene or its change log has
-    /// overflowed. Afterwards all entries belong to `scene`.
+    /// Drops the cones of the objects that changed in the scene since the last call, so that these objects
+    /// count as visible. Drops all cones if `scene` is another scene or its change log has overflowed.
+    /// Afterwards all entries belong to `scene`.
     fn forget_changed(&mut self, scene: &Scene) {
         match self.cursor.follow(scene) {
             Changes::Everything => {
@@ -183,20 +185,21 @@ impl BackfaceCuller {
             }
             Changes::Objects(ids) => {
                 for &id in ids {
-                    if self.entry(id).is_some_and(|entry| !entry.cone.is_open()) {
-                        self.write(scene, id, NormalCone::OPEN);
+                    if self.cone_of(id).is_some() {
+                        self.write(scene, id, None);
                     }
                 }
             }
         }
     }
 
-    fn entry(&self, id: ObjectId) -> Option<&Entry> {
-        self.entries.get(id.index()).filter(|entry| entry.id == id)
+    /// Returns the cone of an object as of the last call of `forget_changed`.
+    fn cone_of(&self, id: ObjectId) -> Option<NormalCone> {
+        self.entries.get(id.index()).filter(|entry| entry.id == id)?.cone
     }
 
-    /// Sets the cone of an object, in its entry and in the leaf block that holds a copy.
-    fn write(&mut self, scene: &Scene, id: ObjectId, cone: NormalCone) {
+    /// Sets or drops the cone of an object, in its entry and in the leaf block that holds a copy.
+    fn write(&mut self, scene: &Scene, id: ObjectId, cone: Option<NormalCone>) {
         if self.entries.len() <= id.index() {
             self.entries.resize(id.index() + 1, Entry::NONE);
         }
@@ -208,7 +211,7 @@ impl BackfaceCuller {
             && block.layout == scene.layout()
             && block.ids[lane] == id
         {
-            block.cones.set(lane, &cone);
+            block.cones.set(lane, &cone.unwrap_or(NormalCone::OPEN));
         }
     }
 
@@ -224,7 +227,7 @@ impl BackfaceCuller {
             let entry = self.entries.get(id.index()).filter(|entry| entry.id == *id).unwrap_or(&Entry::NONE);
             if block.ids[lane] != *id || entry.changed > block.checked {
                 block.ids[lane] = *id;
-                block.cones.set(lane, &entry.cone);
+                block.cones.set(lane, &entry.cone.unwrap_or(NormalCone::OPEN));
             }
         }
         (block.layout, block.checked) = (scene.layout(), self.clock);

@@ -28,6 +28,8 @@ pub struct ClusterInstance<'m> {
     /// clusters are listed if the transform is flat or not finite.
     pub transform: Affine3A,
     /// Whether back faces are drawn too, so that cones are not used. False by default.
+    /// [`ClusterView::cull`] uses no cones either for an object that is not
+    /// [one-sided](visibility_core::Object::one_sided).
     ///
     /// Under a mirroring transform the front of each triangle stays its front, though its corners then run
     /// clockwise. An engine that does not reverse its winding rule for mirrored instances sets `two_sided`
@@ -76,14 +78,17 @@ pub struct VisibleCluster {
 /// use visibility_frame::clusters::{ClusterInstance, ClusterMesh, ClusterView, VisibleCluster};
 /// use visibility_core::glam::{Affine3A, DVec3, Vec3};
 /// use visibility_frame::backface::cluster_mesh;
-/// use visibility_core::{FrustumCuller, Aabb, Pipeline, Pose, Scene, View, VisibleSet};
+/// use visibility_core::{FrustumCuller, Aabb, Object, Pipeline, Pose, Scene, View, VisibleSet};
 /// // A roof, seen from above and from below.
 /// let (positions, indices) = ([Vec3::ZERO, Vec3::X, Vec3::Y], [[0, 1, 2]]);
 /// let clusters = cluster_mesh(&positions, &indices)?;
 /// let roof = ClusterMesh::new(clusters.iter().map(|cluster| (cluster.bounds, cluster.cone)));
 /// let mut scene = Scene::new();
 /// let heights = [-3.0f32, 3.0];
-/// let ids = heights.map(|z| scene.insert(Aabb::from_arrays([9.0, 0.0, z], [10.0, 1.0, z])));
+/// let ids = heights.map(|z| {
+///     let bounds = Aabb::from_arrays([9.0, 0.0, z], [10.0, 1.0, z]);
+///     scene.insert(Object { one_sided: true, ..Object::new(bounds) })
+/// });
 ///
 /// // Each frame: cull objects, then the clusters of those that are left.
 /// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 100.0)?;
@@ -172,11 +177,13 @@ impl<'a> ClusterView<'a> {
             let Some(instance) = instances(id) else { continue };
             let mut push = |cluster| list.push(VisibleCluster { instance: id, cluster });
             let before = sum.visible;
-            if self.scene.object(id).is_ok_and(|object| object.is_unculled()) {
+            let Ok(object) = self.scene.object(id) else { continue };
+            if object.is_unculled() {
                 (0..instance.mesh.len() as u32).for_each(&mut push);
                 sum.visible += instance.mesh.len() as u64;
             } else {
-                sum += self.cull_instance(&instance, push);
+                let two_sided = instance.two_sided || !object.one_sided;
+                sum += self.cull_instance(&ClusterInstance { two_sided, ..instance }, push);
                 sum.visible += before;
             }
         }
@@ -184,8 +191,9 @@ impl<'a> ClusterView<'a> {
     }
 
     /// Calls `each` with the number of every cluster of one instance that the view may see, in no particular
-    /// order. For engines with lists of instances of their own, and for several threads. Returns the counters
-    /// of this instance.
+    /// order. For engines with lists of instances of their own, and for several threads. The instance's
+    /// [`two_sided`](ClusterInstance::two_sided) alone says whether back faces are drawn. Returns the
+    /// counters of this instance.
     pub fn cull_instance(&self, instance: &ClusterInstance<'_>, mut each: impl FnMut(u32)) -> CullStats {
         let ClusterInstance { mesh, transform, two_sided } = *instance;
         let mut stats = CullStats::default();

@@ -151,6 +151,9 @@ fn is_volume(movers: &[Mover], status: &[Status]) -> impl Fn(f64, u32) -> bool {
 /// `begin_frame`. If it is set in the middle of a frame, the movers that are not due stay where the new
 /// origin puts them until the next frame. Movers that the scene does not contain are removed.
 ///
+/// A mover with a [draw range](Scene::set_draw_range) that begins above 0 never gets a volume, so it is due
+/// in each frame: its volume could be too near to be drawn while the mover is not.
+///
 /// # Cost
 /// `begin_frame` takes `log n` time per hidden mover that gets a volume and per volume that ends, and
 /// constant time per due mover. `end_frame` takes time in proportion to the visible objects, the due movers
@@ -364,6 +367,10 @@ impl MotionVolumes {
     fn enter_volume(&mut self, scene: &Scene, place: u32, last: f64) -> bool {
         let mover = &mut self.movers[place as usize];
         let Ok(bounds) = scene.bounds(mover.id) else { return false };
+        // A volume may be nearer than the begin of the range though the mover is not.
+        if scene.draw_range(mover.id).is_ok_and(|range| range.begin > 0.0) {
+            return false;
+        }
         // Spans that differ by up to a half keep movers that were hidden together from being due together.
         let spread = f64::from(mover.id.index().wrapping_mul(0x9e37_79b9) as u32) / f64::from(u32::MAX);
         let deadline = last + self.frame_time * f64::from(mover.span) * (0.75 + 0.5 * spread);

@@ -33,7 +33,8 @@ pub(crate) struct PlpSettings {
     /// Estimate of how likely a cell is hidden, which orders the queue of cells.
     pub(crate) solidity: Solidity,
     /// Whether objects whose triangles all certainly face away from the eye are dropped. If false, all
-    /// objects count as facing the eye.
+    /// objects count as facing the eye. Never true for `ConservativePlpCuller`: the objects' own flags are
+    /// not read.
     pub(crate) one_sided: bool,
 }
 
