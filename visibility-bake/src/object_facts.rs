@@ -37,8 +37,8 @@ impl ObjectFacts {
         Self { bounds, hash, index, cost, layers, triangles, never_cull, occluder, one_sided, see_through }
     }
 
-    /// Returns the facts of an object of a scene, [as it counts in a level](level_object). `None` if the scene
-    /// has no such object.
+    /// Returns the facts of an object of a scene, [as it counts in a level](level_object). `None` if the
+    /// scene has no such object.
     pub(crate) fn of(scene: &Scene, id: ObjectId) -> Option<Self> {
         let (object, mesh) = level_object(scene, id)?;
         let triangles = scene.triangles(id).unwrap_or_default();

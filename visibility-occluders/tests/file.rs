@@ -143,8 +143,8 @@ fn forged_bytes_take_no_more_memory_than_their_size_allows() {
     assert!(read > 0 && read < all, "{read} of {all}");
 }
 
-/// Objects that are not drawn, or not always, are in no level. An edit that takes one out of the level changes
-/// the level's version, and the file holds the layers of all others.
+/// Objects that are not drawn, or not always, are in no level. An edit that takes one out of the level
+/// changes the level's version, and the file holds the layers of all others.
 #[test]
 fn a_level_is_made_of_what_is_always_drawn() {
     let mut scene = Scene::new();

@@ -16,8 +16,8 @@
 //! the *candidates* that are flagged as occluders and have a mesh: see
 //! [`VisibleSet::for_each_occluder`](visibility_core::VisibleSet::for_each_occluder). An object that an
 //! earlier stage has dropped, that is on no layer of the set, that is not [always
-//! drawn](visibility_core::Scene::is_always_drawn), or that is never culled hides nothing, since it may not be
-//! drawn. The aggressive [`SamplingCuller`] errs the other way: whatever is always drawn blocks its rays,
+//! drawn](visibility_core::Scene::is_always_drawn), or that is never culled hides nothing, since it may not
+//! be drawn. The aggressive [`SamplingCuller`] errs the other way: whatever is always drawn blocks its rays,
 //! candidate or not.
 //!
 //! ```

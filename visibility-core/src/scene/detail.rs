@@ -38,9 +38,9 @@ impl Scene {
     /// `ContributionCuller` of `visibility-frame` hides by them: a pipeline without one draws every object,
     /// and says so in [`Pipeline::for_each_lack`](crate::Pipeline::for_each_lack).
     ///
-    /// An object with a draw range hides nothing in answers for [many frames](Self::is_always_drawn). A culler
-    /// of frames takes it for an occluder as long as it is in the set, so a `ContributionCuller` must run
-    /// before.
+    /// An object with a draw range hides nothing in answers for [many frames](Self::is_always_drawn). A
+    /// culler of frames takes it for an occluder as long as it is in the set, so a `ContributionCuller` must
+    /// run before.
     ///
     /// For two levels of detail of one thing set an [HLOD parent](Self::set_hlod_parent) too: ranges alone
     /// leave distances at which neither is drawn where the bounds of the levels differ.

@@ -19,8 +19,8 @@ use visibility_core::{ObjectId, Scene};
 /// Triangles of objects that are flagged as [occluders](visibility_core::Object::occluder) and [always
 /// drawn](Scene::is_always_drawn) occlude; triangles of other objects, and of those on no
 /// [layer](visibility_core::Object::layers), are targets alone. Objects that a stage before has removed
-/// occlude all the same, on whichever layers they are. Triangles without area do not occlude. An object with a
-/// coordinate that is not finite counts as visible from everywhere and does not occlude. An object without
+/// occlude all the same, on whichever layers they are. Triangles without area do not occlude. An object with
+/// a coordinate that is not finite counts as visible from everywhere and does not occlude. An object without
 /// triangles is represented by its bounding box and does not occlude. Triangles of objects that are
 /// [one-sided](visibility_core::Object::one_sided) occlude for viewpoints before their front alone, and are
 /// seen from there alone.
