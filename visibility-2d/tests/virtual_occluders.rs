@@ -7,7 +7,7 @@ use visibility_2d::virtual_occluders::{VirtualOccluder, VirtualOccluderCuller};
 use visibility_core::glam::{Affine3A, DVec2, DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, RegionCuller, Scene, VisibleSet};
-use visibility_testing::Random;
+use visibility_testing::{NOT_ALWAYS_DRAWN, Random};
 
 /// A house: a convex plan, counter-clockwise, between two heights.
 #[derive(Clone, Debug)]
@@ -376,4 +376,18 @@ fn nothing_is_kept_from_other_scenes_and_viewcells() {
         hidden += scene.len() - found.len();
     }
     assert!(hidden > 100, "{hidden}");
+}
+
+#[test]
+fn what_is_not_always_drawn_hides_nothing() {
+    let cell = Viewcell::from_box(DVec3::new(-1.0, -1.0, 1.0), DVec3::new(1.0, 1.0, 2.0));
+    for (way, set) in NOT_ALWAYS_DRAWN.into_iter().enumerate() {
+        let mut scene = Scene::new();
+        let house = insert(&mut scene, [-20.0, 10.0, 0.0], [20.0, 16.0, 8.0]);
+        let behind = scene.insert(Aabb::from_arrays([-1.0, 20.0, 0.0], [1.0, 22.0, 3.0]));
+        let mut culler = VirtualOccluderCuller::new(UpAxis::Z);
+        assert!(!left(&scene, &cell, &mut culler).contains(&behind), "the house hides");
+        set(&mut scene, house);
+        assert!(left(&scene, &cell, &mut culler).contains(&behind), "way {way}: the house may be absent");
+    }
 }

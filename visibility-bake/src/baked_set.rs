@@ -15,6 +15,7 @@ use visibility_core::binary_format::{Format, FormatError, Reader, Writer, push_n
 use visibility_core::bits::Bits;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
+use visibility_core::level_version::level_object;
 use visibility_core::pvs::{
     Pvs, PvsError, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells, check_rows,
 };
@@ -177,7 +178,7 @@ impl BakedSet {
         rows: &[R],
     ) -> Result<Self, BakedSetError> {
         let hashes = [level_version(scene), bounds_fingerprint(scene.origin(), boxes(scene))];
-        let objects = scene.ids().filter_map(|id| Some((id.index() as u32, scene.object(id).ok()?)));
+        let objects = scene.ids().filter_map(|id| Some((id.index() as u32, level_object(scene, id)?.0)));
         let occluders = occluders(scene.index_limit(), objects);
         Self::compress(scene.index_limit(), hashes, occluders, viewcells, rows)
     }

@@ -2,7 +2,7 @@
 
 use visibility_core::binary_format::Fingerprint;
 use visibility_core::glam::{Affine3A, DVec3};
-use visibility_core::level_version::object_hash;
+use visibility_core::level_version::{level_object, object_hash};
 use visibility_core::scene::Triangles;
 use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, Scene};
 
@@ -21,6 +21,7 @@ pub(crate) struct ObjectFacts {
     pub never_cull: bool,
     pub occluder: bool,
     pub one_sided: bool,
+    pub see_through: bool,
 }
 
 impl ObjectFacts {
@@ -30,22 +31,23 @@ impl ObjectFacts {
         triangles: Triangles<'_>,
         mesh: Option<(&OccluderMesh, Affine3A)>,
     ) -> Self {
-        let Object { bounds, layers, cost, never_cull, occluder, one_sided, .. } = *object;
+        let Object { bounds, layers, cost, never_cull, occluder, one_sided, see_through } = *object;
         let hash = object_hash(object, triangles, mesh);
         let triangles = triangles.len() as u32;
-        Self { bounds, hash, index, cost, layers, triangles, never_cull, occluder, one_sided }
+        Self { bounds, hash, index, cost, layers, triangles, never_cull, occluder, one_sided, see_through }
     }
 
-    /// Returns the facts of an object of a scene. `None` if the scene has no such object.
+    /// Returns the facts of an object of a scene, [as it counts in a level](level_object). `None` if the
+    /// scene has no such object.
     pub(crate) fn of(scene: &Scene, id: ObjectId) -> Option<Self> {
-        let object = scene.object(id).ok()?;
+        let (object, mesh) = level_object(scene, id)?;
         let triangles = scene.triangles(id).unwrap_or_default();
-        Some(Self::new(id.index() as u32, &object, triangles, scene.occluder(id)))
+        Some(Self::new(id.index() as u32, &object, triangles, mesh))
     }
 
     pub(crate) fn object(&self) -> Object {
-        let Self { bounds, layers, cost, never_cull, occluder, one_sided, .. } = *self;
-        Object { layers, cost, never_cull, occluder, one_sided, ..Object::new(bounds) }
+        let Self { bounds, layers, cost, never_cull, occluder, one_sided, see_through, .. } = *self;
+        Object { bounds, layers, cost, never_cull, occluder, one_sided, see_through }
     }
 
     /// Returns whether the object counts as visible from everywhere.

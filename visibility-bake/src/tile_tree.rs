@@ -196,12 +196,13 @@ fn exponent_above(number: f64) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use visibility_core::Object;
     use visibility_testing::Random;
 
     fn facts(min: Vec3, max: Vec3, never_cull: bool, hash: u64) -> ObjectFacts {
         let bounds = Aabb::new(min, max);
-        let (index, cost, layers, triangles, occluder) = (0, 0, u32::MAX, 12, true);
-        ObjectFacts { bounds, hash, index, cost, layers, triangles, never_cull, occluder, one_sided: false }
+        let object = Object { never_cull, occluder: true, ..Object::new(bounds) };
+        ObjectFacts { hash, triangles: 12, ..ObjectFacts::new(0, &object, Default::default(), None) }
     }
 
     fn level(random: &mut Random) -> Vec<ObjectFacts> {

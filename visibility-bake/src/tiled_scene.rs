@@ -357,7 +357,9 @@ impl fmt::Debug for TiledSceneWriter {
 
 impl TiledSceneWriter {
     /// Appends an object, which gets the next index. `mesh` is its occluder mesh with the transform to
-    /// coordinates of the level, which only objects flagged as occluders need.
+    /// coordinates of the level, which only objects flagged as occluders need. For an object of a scene both
+    /// are those of [`level_object`](visibility_core::level_version::level_object), which takes the flag from
+    /// objects that are not always drawn.
     ///
     /// # Errors
     /// [`LevelError::File`] if the file cannot be written, [`LevelError::TooMany`] if 32 bits cannot count

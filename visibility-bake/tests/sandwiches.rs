@@ -12,7 +12,7 @@ use visibility_core::glam::{DAffine3, DVec3, Vec3};
 use visibility_core::pvs::{PvsCuller, Viewcell, Viewcells};
 use visibility_core::scene::{SharedTriangles, Triangle};
 use visibility_core::{Aabb, Culler, Object, Pose, Scene, View, VisibleSet};
-use visibility_testing::{Random, is_clear};
+use visibility_testing::{NOT_ALWAYS_DRAWN, Random, is_clear};
 
 /// A street: houses left and right, with small boxes between and behind them.
 fn street() -> (Scene, Viewcells) {
@@ -618,4 +618,22 @@ fn sets_are_taken_for_objects_of_other_indices() {
     );
     boxes[3].1.max.x += 1e-3;
     assert_eq!(compared(DVec3::ZERO, boxes), Some(BakedSetError::OtherScene), "a box 1 mm longer");
+}
+
+/// A house inside a block that is not drawn in each frame, and the other way round.
+#[test]
+fn what_is_not_always_drawn_is_proven_to_hide_nothing() {
+    let mut scene = Scene::new();
+    insert(&mut scene, [10.0, -5.0, -5.0], [20.0, 5.0, 5.0], true);
+    insert(&mut scene, [14.0, -1.0, -1.0], [16.0, 1.0, 1.0], true);
+    scene.prepare_occluders(&Default::default());
+    let cells = Viewcells::new([Viewcell::from_box(DVec3::splat(-0.5), DVec3::splat(0.5))]);
+    let reported = |scene: &Scene| baked(scene, &cells, SandwichSettings::default())[0].reported().to_vec();
+    assert_eq!(reported(&scene), [0], "the block hides the house");
+    for (way, set) in NOT_ALWAYS_DRAWN.into_iter().enumerate() {
+        let mut scene = scene.clone();
+        let block = scene.id_at(0).unwrap();
+        set(&mut scene, block);
+        assert!(reported(&scene).contains(&1), "way {way}: the block may be absent");
+    }
 }

@@ -11,8 +11,8 @@ use visibility_core::{
     Aabb, Culler, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionCuller, Pipeline, Pose, Scene,
     View, VisibleSet, occlusion::Preparation,
 };
-use visibility_testing::Random;
 use visibility_testing::allocations::ALLOCATIONS;
+use visibility_testing::{NOT_ALWAYS_DRAWN, Random};
 
 /// Returns the objects that remain after the frustum culler and then `culler`.
 fn reported(scene: &Scene, view: &View, culler: &mut dyn Culler) -> Vec<ObjectId> {
@@ -192,6 +192,19 @@ fn a_view_that_knows_its_eye_less_well_trusts_no_answer_of_one_that_knew_it_bett
         counts.push(live.len());
     }
     assert!(counts.is_sorted() && counts[2] > counts[0] + 50 && counts[4] > counts[2] + 50, "{counts:?}");
+}
+
+/// The polygons are made of all occluders, in the set or not.
+#[test]
+fn what_is_not_always_drawn_hides_nothing() {
+    for (way, set) in NOT_ALWAYS_DRAWN.into_iter().enumerate() {
+        let mut room = Room::new();
+        set(&mut room.scene, room.wall);
+        // The last culler takes its occluders from the set.
+        for culler in &mut room.cullers()[..3] {
+            assert!(!room.hides(&mut **culler), "way {way}: {}", culler.name());
+        }
+    }
 }
 
 #[test]

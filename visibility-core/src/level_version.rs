@@ -7,8 +7,9 @@ use crate::{Object, ObjectId, OccluderMesh, Scene};
 use glam::{Affine3A, DVec3};
 
 /// Returns the version of a scene as a level: a hash of its origin, and of the index and the
-/// [hash](object_hash) of each object. The flag `see_through`, draw ranges and HLOD parents are not part of
-/// it. Time is linear in the number of triangles.
+/// [hash](object_hash) of each object. An object counts as an occluder only if it is
+/// [always drawn](Scene::is_always_drawn): other draw ranges and HLOD parents are not part of the version.
+/// Time is linear in the number of triangles.
 ///
 /// ```
 /// use visibility_core::{Aabb, Object, Scene, level_version};
@@ -21,11 +22,20 @@ use glam::{Affine3A, DVec3};
 /// ```
 pub fn level_version(scene: &Scene) -> u64 {
     let object = |id: ObjectId| {
-        let object = scene.object(id).ok()?;
+        let (object, mesh) = level_object(scene, id)?;
         let triangles = scene.triangles(id).unwrap_or_default();
-        Some((id.index() as u32, object_hash(&object, triangles, scene.occluder(id))))
+        Some((id.index() as u32, object_hash(&object, triangles, mesh)))
     };
     version_of(scene.origin(), scene.ids().filter_map(object))
+}
+
+/// Returns an object as it counts in a level and its bake, with its occluder mesh and the mesh's transform:
+/// not as an occluder, and without a mesh, unless it is [always drawn](Scene::is_always_drawn). `None` for an
+/// unknown object.
+pub fn level_object(scene: &Scene, id: ObjectId) -> Option<(Object, Option<(&OccluderMesh, Affine3A)>)> {
+    let mut object = scene.object(id).ok()?;
+    object.occluder &= scene.is_always_drawn(id);
+    Some((object, scene.occluder(id).filter(|_| object.occluder)))
 }
 
 /// Returns the [version](level_version()) of a level of which no scene is in memory. `origin` is the origin
@@ -36,8 +46,8 @@ pub fn version_of(origin: DVec3, objects: impl IntoIterator<Item = (u32, u64)>) 
     objects.into_iter().fold(Fingerprint::new().with_dvec3(origin), with).value()
 }
 
-/// Returns a hash of an object: bounds, layers, cost, the flags `never_cull`, `occluder` and `one_sided`,
-/// triangles, and occluder mesh with its transform. The index and the flag `see_through` do not count.
+/// Returns a hash of an object: bounds, layers, cost, flags, triangles, and occluder mesh with its transform.
+/// The index does not count, and the flag `see_through` counts for occluders alone.
 pub fn object_hash<'a>(
     object: &Object,
     triangles: impl Into<Triangles<'a>>,
@@ -46,6 +56,8 @@ pub fn object_hash<'a>(
     let triangles = triangles.into();
     let flags =
         u32::from(object.never_cull) | u32::from(object.occluder) << 1 | u32::from(object.one_sided) << 2;
+    // A level that is made of a scene leaves out occluders that are see-through.
+    let flags = flags | u32::from(object.occluder && object.see_through) << 3;
     let hash = Fingerprint::new().with_vec3(object.bounds.min).with_vec3(object.bounds.max);
     let hash = hash.with(object.layers).with(object.cost).with(flags).with(triangles.len() as u32);
     let mut hash = triangles.iter().flatten().fold(hash, |hash, p| hash.with_vec3(p));
@@ -62,6 +74,7 @@ pub fn object_hash<'a>(
 mod tests {
     use super::*;
     use crate::Aabb;
+    use crate::scene::DrawRange;
     use glam::Vec3;
 
     /// Makes a scene of one object, which `change` may change, and returns its version.
@@ -96,6 +109,7 @@ mod tests {
             hash(|scene, id| scene.set_occluder(id, false).unwrap()),
             hash(|scene, id| scene.set_never_cull(id, true).unwrap()),
             hash(|scene, id| scene.set_one_sided(id, true).unwrap()),
+            hash(|scene, id| scene.set_see_through(id, true).unwrap()),
             hash(|scene, id| {
                 scene.set_triangles(id, [[Vec3::ONE, Vec3::ONE + Vec3::X, Vec3::ONE + Vec3::Z]]).unwrap()
             }),
@@ -113,5 +127,34 @@ mod tests {
         for (number, hash) in hashes.iter().enumerate() {
             assert!(!hashes[..number].contains(hash), "change {number}");
         }
+    }
+
+    #[test]
+    fn an_occluder_that_is_not_always_drawn_counts_as_none() {
+        let insert = |scene: &mut Scene| scene.insert(Aabb::from_arrays([1.0; 3], [2.0; 3]));
+        let none = hash(|scene, id| {
+            scene.set_occluder(id, false).unwrap();
+            insert(scene);
+        });
+        let parent = hash(|scene, id| {
+            let child = insert(scene);
+            scene.set_hlod_parent(child, Some(id)).unwrap();
+        });
+        let child = hash(|scene, id| {
+            let parent = insert(scene);
+            scene.set_hlod_parent(id, Some(parent)).unwrap();
+        });
+        let ranged = hash(|scene, id| {
+            insert(scene);
+            scene.set_draw_range(id, DrawRange { end: 9.0, ..DrawRange::ALWAYS }).unwrap();
+        });
+        assert_eq!([parent, child, ranged], [none; 3], "HLOD parent, child, object with a draw range");
+        // What hides nothing may have any range.
+        let target = hash(|scene, id| {
+            scene.set_occluder(id, false).unwrap();
+            let other = insert(scene);
+            scene.set_draw_range(other, DrawRange { end: 9.0, ..DrawRange::ALWAYS }).unwrap();
+        });
+        assert_eq!(target, none, "draw ranges of other objects are no part of the level");
     }
 }

@@ -13,8 +13,9 @@ use visibility_core::{Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
 /// Finds for each object of a scene a line of sight from a viewcell, or a proof that there is none.
 ///
 /// Works on the [`SceneTriangles`] collected from a scene. If the scene has changed since, or for another
-/// scene, nothing is removed. Never-culled objects stay. The same viewcell, triangles and settings give the
-/// same answer on every machine.
+/// scene, nothing is removed, nor from a set of a view that shares no layer with one of the occluders, which
+/// the view does not draw. Never-culled objects stay. The same viewcell, triangles and settings give the same
+/// answer on every machine.
 ///
 /// A viewcell with [planes](Viewcell::planes) counts as its whole box: what is seen from the box may be kept
 /// though the planes cut off the part that sees it. The accuracy is then conservative instead of exact.
@@ -88,7 +89,7 @@ impl ExactCuller {
 
     /// Returns the result of the last [`cull`](RegionCuller::cull): verdicts for the candidates, open for
     /// other objects. `None` before the first call, and after a call that removed nothing because the scene
-    /// had changed.
+    /// had changed or an occluder is on none of the set's layers.
     pub fn last(&self) -> Option<&CellVerdicts> {
         self.last.as_ref()
     }
@@ -149,7 +150,8 @@ impl RegionCuller for ExactCuller {
 
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
         self.last = None;
-        if !self.triangles.is_current(scene) {
+        let draws_all = self.triangles.layers.iter().all(|mask| mask & visible.layers() != 0);
+        if !(draws_all && self.triangles.is_current(scene)) {
             return visible.retain(scene, |_, _| true);
         }
         let mut marks = vec![false; scene.index_limit()];

@@ -122,6 +122,8 @@ pub struct Hzb {
     /// Clip planes of the current view, relative to the scene's origin, with normals towards the side that
     /// is drawn. An occluder is drawn only if it lies certainly on that side of all clip planes.
     clip_planes: ViewPlanes,
+    /// Layers that the current view shows. All before the first view.
+    layers: u32,
     /// Occluders of levels, drawn at the beginning of each frame.
     levels: Vec<Arc<PreparedLevel>>,
     /// Least area of a polygon of `levels` that is drawn, in pixels of the buffer.
@@ -175,6 +177,7 @@ impl Hzb {
             pyramid_misses: 0,
             nearest: f32::NEG_INFINITY,
             clip_planes: ViewPlanes::NONE,
+            layers: u32::MAX,
             levels: Vec::new(),
             min_polygon_area: MIN_POLYGON_AREA,
             level_frames: Vec::new(),
@@ -202,8 +205,9 @@ impl Hzb {
     /// relative to `origin`, a point of the world, wherever the scene's origin is later. They hide as their
     /// triangles would, so a level must not contain what moves or opens; that stays an
     /// [occluder](visibility_core::Object::occluder) of the scene. The occluders of objects that the level
-    /// [was made of](LevelOccluders::objects) are not drawn again. Replaces all earlier levels;
-    /// [`add_level`](Self::add_level) keeps them.
+    /// [was made of](LevelOccluders::objects) are not drawn again. A view that shares no layer with one of
+    /// the level's [masks](LevelOccluders::layers) leaves the level out, and draws the occluders of its
+    /// objects like any others. Replaces all earlier levels; [`add_level`](Self::add_level) keeps them.
     ///
     /// Preparing takes time in proportion to the level. A frame then takes time for the clusters that are in
     /// view, large enough and not hidden. [`OcclusionMap::begin`] draws them.
@@ -520,11 +524,12 @@ impl OcclusionMap for Hzb {
         self.pyramid_misses = 0;
         self.nearest = f32::NEG_INFINITY;
         self.clip_planes = view.clip_planes_from(origin);
+        self.layers = view.layers();
         self.pyramid.clear();
         if work > 0.0 && !self.levels.is_empty() {
             let sides = sides(&self.projection, [0, self.tiles.columns]);
             let frames = self.levels.iter().map(|level| {
-                let is_in_view = level.is_in_view(&sides, origin);
+                let is_in_view = level.is_on(view.layers()) && level.is_in_view(&sides, origin);
                 let frame =
                     || LevelFrame::new(view, level, self.size, padded, self.coverage, self.min_polygon_area);
                 is_in_view.then(frame).flatten()
@@ -574,7 +579,8 @@ impl OcclusionMap for Hzb {
     }
 
     fn draws(&self, object: ObjectId) -> bool {
-        self.levels.iter().any(|level| level.objects.get(object.index()) == Some(&object))
+        let draws = |level: &PreparedLevel| level.objects.get(object.index()) == Some(&object);
+        self.levels.iter().any(|level| draws(level) && level.is_on(self.layers))
     }
 
     fn flush(&mut self) {

@@ -5,7 +5,8 @@ use crate::level::{as_faces, triangles, view_within};
 use crate::rays::check;
 use std::sync::Arc;
 use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::{Aabb, Culler, OcclusionMap, Pose, Scene, View, VisibleSet};
+use visibility_core::occlusion::Preparation;
+use visibility_core::{Aabb, Culler, Object, OcclusionMap, Pose, Scene, View, VisibleSet};
 use visibility_hzb::{Hzb, HzbCuller, PreparedLevel};
 use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
 use visibility_testing::allocations::LIVE;
@@ -268,4 +269,37 @@ fn edges_of_one_level_are_not_those_of_another() {
         covered += check(&faces, &view, &hzb, &mut random, &format!("round {round}"))[1];
     }
     assert!(covered > 400_000, "{covered} pixels are covered, expected more");
+}
+
+/// A level with a wall on layer 1 and a far one on layer 2. Only views of both layers are sure to draw all of
+/// it; others draw the mesh of the wall that they show.
+#[test]
+fn a_level_hides_only_in_views_that_show_all_of_it() {
+    let mut scene = Scene::new();
+    let [wall, _] = [(1, 5.0), (2, 50.0)].map(|(layers, x)| {
+        let at = |y: f32, z: f32| Vec3::new(x, y, z);
+        let corners = [at(-9.0, -9.0), at(9.0, -9.0), at(9.0, 9.0), at(-9.0, 9.0)];
+        let bounds = Aabb::from_points(corners);
+        let id = scene.insert(Object { occluder: true, layers, ..Object::new(bounds) });
+        scene.set_triangles(id, [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|i: usize| corners[i]))).unwrap();
+        id
+    });
+    let post = scene.insert(Aabb::from_arrays([8.0, -1.0, -1.0], [9.0, 1.0, 1.0]));
+    let level = LevelOccluders::of_scene(&scene, |_| true, LevelSettings::default()).unwrap();
+    let mut culler = HzbCuller::new(Hzb::default().with_level(level.into(), scene.origin()));
+    let mut hides = |scene: &Scene, layers: u32| {
+        let view = view(DVec3::ZERO, DVec3::X).with_layers(layers);
+        let mut visible = VisibleSet::new();
+        visible.fill(scene, &view);
+        culler.cull(scene, &view, &mut visible);
+        !visible.contains(scene, post)
+    };
+    assert_eq!(
+        [3, 2, 1].map(|layers| hides(&scene, layers)),
+        [true, false, false],
+        "views of layers 3, 2, 1"
+    );
+    scene.prepare_occluders(&Preparation::default().with_two_sided(true));
+    assert!(scene.has_mesh(wall), "the wall has a mesh now");
+    assert_eq!([3, 2, 1].map(|layers| hides(&scene, layers)), [true, false, true], "with the meshes");
 }

@@ -7,7 +7,7 @@ use visibility_core::Aabb;
 use visibility_core::binary_format::{Format, FormatError, Reader, Writer, push_number, take_number};
 use visibility_core::glam::{DVec3, Vec3};
 
-const FORMAT: Format = Format { magic: *b"VISI-OCC", version: 1 };
+const FORMAT: Format = Format { magic: *b"VISI-OCC", version: 2 };
 
 /// Kind of a file whose fingerprint is the version of the level.
 const WITH_VERSION: u32 = 1;
@@ -91,6 +91,8 @@ impl LevelOccluders {
         let report = self.report();
         out.u64s(counts(report).map(|count| count as u64));
         out.u64(report.area_left_out.to_bits());
+        out.u32(self.layers().len() as u32);
+        out.u32s(self.layers().iter().copied());
         out.u32(self.vertices().len() as u32);
         out.u32s(self.vertices().iter().flat_map(|p| p.to_array()).map(f32::to_bits));
         out.u32(self.polygons().len() as u32);
@@ -142,6 +144,8 @@ impl LevelOccluders {
         }
         report.area_left_out = f64::from_bits(reader.u64()?);
         // A forged count is refused by `reader`, which has no such bytes left.
+        let mask_count = reader.u32()? as usize;
+        let layers = reader.u32s(mask_count)?;
         let vertex_count = reader.u32()? as usize;
         let coordinates = reader.u32s(vertex_count.saturating_mul(3))?;
         let vertices: Vec<Vec3> = coordinates
@@ -158,7 +162,8 @@ impl LevelOccluders {
         reader.end()?;
         let (edges, polygons, clusters) =
             read_clusters(numbers, &vertices, &shapes).map_err(|problem| reader.content_error(problem))?;
-        Ok(Self { vertices, edges, polygons, clusters, objects: Vec::new(), report, version: made_from })
+        let (objects, version) = (Vec::new(), made_from);
+        Ok(Self { vertices, edges, polygons, clusters, objects, layers, report, version })
     }
 }
 

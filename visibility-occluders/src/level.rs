@@ -9,7 +9,8 @@ use crate::t_junctions::insert_t_junctions;
 use alloc::vec::Vec;
 use core::fmt;
 use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::{Aabb, ObjectId, Scene, level_version};
+use visibility_core::level_version::{level_object, level_version};
+use visibility_core::{Aabb, Object, ObjectId, Scene};
 
 /// Settings by which the occluders of a level are made.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -176,6 +177,7 @@ pub struct LevelOccluders {
     pub(crate) polygons: Vec<OccluderPolygon>,
     pub(crate) clusters: Vec<OccluderCluster>,
     pub(crate) objects: Vec<ObjectId>,
+    pub(crate) layers: Vec<u32>,
     pub(crate) report: LevelReport,
     /// Version of the level that the occluders were made from. `None` if it is unknown.
     pub(crate) version: Option<u64>,
@@ -236,7 +238,8 @@ impl LevelOccluders {
     }
 
     /// Makes the occluders of a scene's level, from the triangles ([`Scene::set_triangles`]) of objects that
-    /// are flagged as occluders, are not see-through and for which `stands_still` returns true. Triangles of
+    /// are flagged as occluders, are [always drawn](Scene::is_always_drawn), are on a layer, are not
+    /// see-through and for which `stands_still` returns true. Triangles of
     /// [one-sided](visibility_core::Object::one_sided) objects hide from their front alone. Positions are
     /// relative to [`Scene::origin`]. The occluders have the [version](level_version()) of the scene.
     ///
@@ -247,14 +250,17 @@ impl LevelOccluders {
         stands_still: impl FnMut(ObjectId) -> bool,
         settings: LevelSettings,
     ) -> Result<Self, LevelOccludersError> {
-        let mut triangles = Vec::new();
-        let mut objects = Vec::new();
-        for (id, two_sided) in objects_of(scene, stands_still) {
+        let (mut triangles, mut objects, mut layers) = (Vec::new(), Vec::new(), Vec::new());
+        for (id, object) in objects_of(scene, stands_still) {
             let own = scene.triangles(id).unwrap_or_default();
-            triangles.extend(own.iter().map(|corners| LevelTriangle { corners, two_sided }));
+            triangles
+                .extend(own.iter().map(|corners| LevelTriangle { corners, two_sided: !object.one_sided }));
             objects.push(id);
+            if !layers.contains(&object.layers) {
+                layers.push(object.layers);
+            }
         }
-        Ok(Self { objects, ..Self::new(&triangles, settings)?.with_version(level_version(scene)) })
+        Ok(Self { objects, layers, ..Self::new(&triangles, settings)?.with_version(level_version(scene)) })
     }
 
     /// Sets the [objects](Self::objects) whose triangles are in the level, for occluders read from a file:
@@ -332,6 +338,14 @@ impl LevelOccluders {
         &self.objects
     }
 
+    /// Returns the [layer masks](visibility_core::Object::layers) of the objects that the level was [made
+    /// of](Self::of_scene), each mask once, none of them 0. A level hides only in a view that shares a layer
+    /// with each mask, since in any other view some of its objects are not drawn. Empty for occluders made of
+    /// triangles alone, which hide in every view.
+    pub fn layers(&self) -> &[u32] {
+        &self.layers
+    }
+
     /// Sets the [version](Self::version) of the level that the occluders were made from, for occluders that
     /// were not made from a scene.
     #[must_use]
@@ -351,15 +365,15 @@ impl LevelOccluders {
     }
 }
 
-/// Iterates over the objects of a scene whose triangles are in its level, with whether they hide from both
-/// sides.
+/// Iterates over the objects of a scene whose triangles are in its level.
 fn objects_of(
     scene: &Scene,
     mut stands_still: impl FnMut(ObjectId) -> bool,
-) -> impl Iterator<Item = (ObjectId, bool)> {
+) -> impl Iterator<Item = (ObjectId, Object)> {
     scene.ids().filter_map(move |id| {
-        let object = scene.object(id).ok().filter(|object| object.occluder && !object.see_through)?;
-        stands_still(id).then_some((id, !object.one_sided))
+        let (object, _) = level_object(scene, id)?;
+        let hides = object.occluder && !object.see_through && object.layers != 0;
+        (hides && stands_still(id)).then_some((id, object))
     })
 }
 

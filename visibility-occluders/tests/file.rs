@@ -2,12 +2,12 @@
 //! forged bytes are refused or drawn, in memory that their size allows.
 
 use visibility_core::glam::Vec3;
-use visibility_core::{Aabb, Object, Scene, level_version};
+use visibility_core::{Aabb, Object, ObjectId, Scene, level_version};
 use visibility_occluders::{LevelFileError, LevelOccluders, LevelSettings, LevelTriangle};
-use visibility_testing::{Random, forge_counts, mend_header};
+use visibility_testing::{NOT_ALWAYS_DRAWN, Random, forge_counts, mend_header};
 
-/// Number of bytes of the header and the report after it.
-const FRONT: usize = 40 + 64;
+/// Number of bytes of the header, the report after it and the number of layer masks.
+const FRONT: usize = 40 + 64 + 4;
 
 /// Returns the occluders of a few rectangles, some of them holed by a missing triangle, in clusters of a few
 /// edges.
@@ -141,4 +141,35 @@ fn forged_bytes_take_no_more_memory_than_their_size_allows() {
     });
     // Positions, areas and reports may be any numbers.
     assert!(read > 0 && read < all, "{read} of {all}");
+}
+
+/// Objects that are not drawn, or not always, are in no level. An edit that takes one out of the level
+/// changes the level's version, and the file holds the layers of all others.
+#[test]
+fn a_level_is_made_of_what_is_always_drawn() {
+    let mut scene = Scene::new();
+    let corners = [Vec3::X * 5.0, Vec3::new(5.0, 4.0, 0.0), Vec3::new(5.0, 4.0, 3.0)];
+    let wall = Object { occluder: true, ..Object::new(Aabb::from_points(corners)) };
+    let walls = scene.insert_batch([1, 2, 1].map(|layers| Object { layers, ..wall }));
+    for &wall in &walls {
+        scene.set_triangles(wall, [corners]).unwrap();
+    }
+    let made = |scene: &Scene| LevelOccluders::of_scene(scene, |_| true, LevelSettings::default()).unwrap();
+    let level = made(&scene);
+    assert_eq!((level.objects(), level.layers()), (&walls[..], &[1, 2][..]), "all walls, and their layers");
+    let file = level.to_bytes();
+    let read = LevelOccluders::from_bytes(&file, Some(level_version(&scene))).unwrap();
+    assert_eq!(read.with_objects_of(&scene, |_| true), level, "the level from its file");
+    type Edit = fn(&mut Scene, ObjectId);
+    let edits: [Edit; 2] =
+        [|scene, id| scene.set_layers(id, 0).unwrap(), |scene, id| scene.set_see_through(id, true).unwrap()];
+    for (number, edit) in edits.into_iter().chain(NOT_ALWAYS_DRAWN).enumerate() {
+        let mut scene = scene.clone();
+        edit(&mut scene, walls[1]);
+        let level = made(&scene);
+        let expected = (&[walls[0], walls[2]][..], &[1][..]);
+        assert_eq!((level.objects(), level.layers()), expected, "edit {number}: the second wall is left out");
+        let refused = LevelOccluders::from_bytes(&file, level.version());
+        assert!(matches!(refused, Err(LevelFileError::OtherVersion { .. })), "edit {number}: {refused:?}");
+    }
 }

@@ -152,9 +152,11 @@ fn candidates<'a>(
         add(Shape::Solid(&solid.blocker), [solid.min, solid.max], area);
     }
     visible.for_each_occluder(scene, |id| {
-        let Some((mesh, transform)) = scene.occluder(id).filter(|_| !has_solid.contains(id.index())) else {
+        let index = id.index();
+        if !occluding.contains(index) || has_solid.contains(index) {
             return;
-        };
+        }
+        let Some((mesh, transform)) = scene.occluder(id) else { return };
         for triangle in 0..mesh.triangles().len() {
             let v = Blocker::triangle(mesh, &transform, triangle).vertices;
             let bounds = [v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2])];

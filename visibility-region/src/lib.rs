@@ -17,9 +17,10 @@
 //! The occluders of a conservative method are, as those of the culler of occlusion maps in `visibility-core`,
 //! the *candidates* that are flagged as occluders and have a mesh: see
 //! [`VisibleSet::for_each_occluder`](visibility_core::VisibleSet::for_each_occluder). An object that an
-//! earlier stage has dropped, that is on no layer of the set, or that is never culled hides nothing, since it
-//! may not be drawn. The aggressive [`SamplingCuller`] errs the other way: whatever may
-//! be drawn blocks its rays, candidate or not.
+//! earlier stage has dropped, that is on no layer of the set, that is not [always
+//! drawn](visibility_core::Scene::is_always_drawn), or that is never culled hides nothing, since it may not
+//! be drawn. The aggressive [`SamplingCuller`] errs the other way: whatever is always drawn blocks its rays,
+//! candidate or not.
 //!
 //! ```
 //! use visibility_core::{glam::{Affine3A, DVec3}, pvs::Viewcell};

@@ -92,11 +92,12 @@ impl Solids {
 }
 
 /// Returns the indices of the objects that may occlude: the candidates flagged as occluders, as
-/// [`VisibleSet::for_each_occluder`] lists them, that have a mesh.
+/// [`VisibleSet::for_each_occluder`] lists them, that have a mesh and are [always
+/// drawn](Scene::is_always_drawn).
 pub(crate) fn occluding(scene: &Scene, visible: &VisibleSet) -> Bits {
     let mut bits = Bits::new(scene.index_limit());
     visible.for_each_occluder(scene, |id| {
-        if scene.occluder(id).is_some() {
+        if scene.occluder(id).is_some() && scene.is_always_drawn(id) {
             bits.insert(id.index());
         }
     });

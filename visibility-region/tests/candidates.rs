@@ -1,13 +1,16 @@
-//! Only candidates occlude: an object that an earlier stage has dropped, or that no camera draws, hides
-//! nothing.
+//! Only candidates occlude that are always drawn: an object that an earlier stage has dropped, or that no
+//! camera draws, or only some, hides nothing.
 
 use crate::common;
 
 use common::{PointShadows, World};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
-use visibility_core::{Aabb, ObjectId, Pose, RegionCuller, Scene, View, VisibleSet};
-use visibility_region::{ConvexBlockersCuller, ExtendedProjectionCuller, ShrunkCuller, VolumetricCuller};
+use visibility_core::{Aabb, Culler, ObjectId, Pose, RegionCuller, Scene, View, VisibleSet};
+use visibility_region::{
+    ConvexBlockersCuller, ExtendedProjectionCuller, OnlinePvs, SamplingCuller, ShrunkCuller, VolumetricCuller,
+};
+use visibility_testing::NOT_ALWAYS_DRAWN;
 
 /// A wall, given in scene coordinates or by a transform, and an object that the wall hides.
 fn world(transform: Affine3A) -> (World, ObjectId, ObjectId) {
@@ -80,5 +83,33 @@ fn what_is_on_no_layer_of_the_candidates_hides_nothing() {
         assert!(sees(&world.scene, of_layers(&world.scene, 1)), "drawn by other cameras");
         world.scene.set_layers(wall, 0).unwrap();
         assert!(sees(&world.scene, VisibleSet::new()), "drawn by no camera");
+    }
+}
+
+#[test]
+fn what_is_not_always_drawn_hides_nothing() {
+    for (transform, way) in transforms().into_iter().flat_map(|t| [0, 1, 2].map(|way| (t, way))) {
+        let (mut world, wall, behind) = world(transform);
+        let mut cullers: Vec<Box<dyn RegionCuller>> = cullers().into_iter().collect();
+        cullers.push(Box::new(SamplingCuller::new().with_rays(2000)));
+        let mut answers = |scene: &Scene| {
+            let mut sees: Vec<bool> = cullers
+                .iter_mut()
+                .map(|culler| {
+                    let mut visible = VisibleSet::new();
+                    culler.cull(scene, &cell(), &mut visible);
+                    visible.contains(scene, behind)
+                })
+                .collect();
+            let mut online = OnlinePvs::new(DVec3::ONE, DVec3::splat(4.0));
+            while online.step(scene, &[DVec3::ZERO], u32::MAX).is_some() {}
+            let mut visible = VisibleSet::new();
+            online.cull(scene, &view(u32::MAX), &mut visible);
+            sees.push(!online.is_ready() || visible.contains(scene, behind));
+            sees
+        };
+        assert_eq!(answers(&world.scene), [false; 6], "{transform:?}: the wall hides");
+        NOT_ALWAYS_DRAWN[way](&mut world.scene, wall);
+        assert_eq!(answers(&world.scene), [true; 6], "{transform:?}, way {way}: the wall may be absent");
     }
 }

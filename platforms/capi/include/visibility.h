@@ -50,8 +50,9 @@
 // not be an occluder. For the judge (`vis_measure_compare`), which draws triangles.
 #define VIS_OBJECT_SEE_THROUGH 4
 
-// Flag of an object whose triangles are drawn from their front alone, as with backface culling. For the
-// judge: occluder meshes that `vis_scene_prepare_occluders` makes hide from the front alone in any case.
+// Flag of an object whose triangles are drawn from their front alone, as with backface culling. Read by the
+// judge and by bakes, and part of the version that a baked set is compared by. Occluder meshes that
+// `vis_scene_prepare_occluders` makes hide from the front alone in any case.
 #define VIS_OBJECT_ONE_SIDED 8
 
 // Result of a call. Everything but `VIS_OK` is an error. A failed call has changed nothing, unless its

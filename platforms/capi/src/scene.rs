@@ -45,8 +45,9 @@ pub const VIS_OBJECT_OCCLUDER: u32 = 2;
 /// not be an occluder. For the judge (`vis_measure_compare`), which draws triangles.
 pub const VIS_OBJECT_SEE_THROUGH: u32 = 4;
 
-/// Flag of an object whose triangles are drawn from their front alone, as with backface culling. For the
-/// judge: occluder meshes that `vis_scene_prepare_occluders` makes hide from the front alone in any case.
+/// Flag of an object whose triangles are drawn from their front alone, as with backface culling. Read by the
+/// judge and by bakes, and part of the version that a baked set is compared by. Occluder meshes that
+/// `vis_scene_prepare_occluders` makes hide from the front alone in any case.
 pub const VIS_OBJECT_ONE_SIDED: u32 = 8;
 
 /// An axis-aligned box by its minimum and maximum corners.

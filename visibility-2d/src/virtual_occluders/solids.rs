@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 use visibility_core::Scene;
 use visibility_core::scene::SceneCursor;
 
-/// Rings of all occluders of a scene.
+/// Rings of all occluders of a scene that are [always drawn](Scene::is_always_drawn).
 #[derive(Clone, Debug)]
 pub(crate) struct PlanSolids {
     up: UpAxis,
@@ -57,7 +57,9 @@ impl PlanSolids {
         self.posts.clear();
         let (mut found, mut plan) = (Solids::default(), Vec::new());
         for id in scene.ids() {
-            let Some((mesh, ref transform)) = scene.occluder(id) else { continue };
+            let Some((mesh, ref transform)) = scene.occluder(id).filter(|_| scene.is_always_drawn(id)) else {
+                continue;
+            };
             found.clear();
             found.add_mesh(mesh, transform, self.up, false);
             for solid in &found.solids {

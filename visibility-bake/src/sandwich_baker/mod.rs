@@ -45,7 +45,8 @@ use visibility_core::pvs::Viewcells;
 /// each about as large as all before it. In a portion, the groups with the most costly open objects come
 /// first.
 ///
-/// Occluders are the objects that are flagged so: the sweeps use their meshes, the proofs their triangles.
+/// Occluders are the objects that are flagged so and [always drawn](Scene::is_always_drawn), on whichever
+/// layers they are: the sweeps use their meshes, the proofs their triangles.
 /// Objects that are [never culled](visibility_core::Object::never_cull), such as moving ones, count as seen.
 /// Each method works on what the sweep before it has left, so that an edit elsewhere changes nothing
 /// ([`with_cache`](Self::with_cache)).

@@ -108,10 +108,12 @@ impl Selector {
     }
 
     /// Tests whether every object that a polygon was made from is unchanged since, flagged as an occluder,
-    /// and on a layer of the view. If false, the polygon must not hide in this frame.
+    /// [always drawn](Scene::is_always_drawn) and on a layer of the view. If false, the polygon must not hide
+    /// in this frame.
     pub(crate) fn is_usable(&self, occluders: &Occluders, polygon: u32, scene: &Scene, view: &View) -> bool {
         occluders.sources_of(polygon).iter().all(|&id| {
             self.is_fresh(scene, id)
+                && scene.is_always_drawn(id)
                 && scene.object(id).is_ok_and(|o| o.occluder && o.layers & view.layers() != 0)
         })
     }

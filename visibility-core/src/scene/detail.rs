@@ -38,6 +38,10 @@ impl Scene {
     /// `ContributionCuller` of `visibility-frame` hides by them: a pipeline without one draws every object,
     /// and says so in [`Pipeline::for_each_lack`](crate::Pipeline::for_each_lack).
     ///
+    /// An object with a draw range hides nothing in answers for [many frames](Self::is_always_drawn). A
+    /// culler of frames takes it for an occluder as long as it is in the set, so a `ContributionCuller` must
+    /// run before.
+    ///
     /// For two levels of detail of one thing set an [HLOD parent](Self::set_hlod_parent) too: ranges alone
     /// leave distances at which neither is drawn where the bounds of the levels differ.
     ///
@@ -104,6 +108,15 @@ impl Scene {
     #[inline]
     pub fn detail_bounds(&self, node: usize) -> DetailBounds {
         self.tree.detail_bounds.get(node).copied().unwrap_or(DetailBounds::NONE)
+    }
+
+    /// Returns whether an object is drawn at every distance: it has no [draw range](Self::set_draw_range), no
+    /// [HLOD parent](Self::set_hlod_parent) and no children. False for an unknown object.
+    ///
+    /// Any other object is absent from some frames, so it must not hide in an answer for many frames. Bakes,
+    /// levels, region cullers and [`level_version`](crate::level_version()) take it for no occluder.
+    pub fn is_always_drawn(&self, id: ObjectId) -> bool {
+        self.contains(id) && self.tree.detail(id.index()) == Detail::NONE
     }
 
     /// Returns the distances at which an object is drawn, [`DrawRange::ALWAYS`] if none were set.

@@ -146,8 +146,8 @@ pub struct Object {
     /// as an occluder hides visible objects.
     pub occluder: bool,
     /// Whether objects behind the object are drawn through it: glass, blended and alpha-tested surfaces. Such
-    /// an object must not be an occluder. Cullers read [`occluder`](Self::occluder) alone, but the
-    /// `LevelOccluders` of `visibility-occluders` leave such an object out even so. A judge that draws the
+    /// an object must not be an occluder: cullers read [`occluder`](Self::occluder) alone, and only the
+    /// makers of levels leave out an occluder that is see-through. A judge that draws the
     /// [triangles](crate::Scene::set_triangles) reads this too, since an opaque object that is no occluder
     /// still covers pixels. False by default.
     pub see_through: bool,

@@ -582,6 +582,12 @@ impl VisibleSet {
         })
     }
 
+    /// Returns the layers of the view that the set was [filled](Self::fill) for. All layers for a new set,
+    /// none for a [cleared](Self::clear) one, those of all sets for a [union](Self::union).
+    pub fn layers(&self) -> u32 {
+        self.layers
+    }
+
     /// Returns the number of objects that are never culled and share a layer with the set.
     pub(crate) fn unculled_count(&self, scene: &Scene) -> u64 {
         let leaves = scene.tree().unculled.iter();

@@ -9,17 +9,19 @@ use crate::triangle_tree::TriangleTree;
 use alloc::{boxed::Box, vec, vec::Vec};
 use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::level_version::level_object;
 use visibility_core::scene::SceneCursor;
 use visibility_core::{ObjectId, Scene};
 
 /// The triangles of all objects of a scene, prepared for exact queries. Made once, shared by cullers, bakes
 /// and the checks of proofs.
 ///
-/// Triangles of objects that are flagged as [occluders](visibility_core::Object::occluder) occlude; triangles
-/// of other objects, and of those on no [layer](visibility_core::Object::layers), are targets alone. Objects
-/// that a stage before has removed occlude all the same. Triangles without area do not occlude. An object
-/// with a coordinate that is not finite counts as visible from everywhere and does not occlude. An object
-/// without triangles is represented by its bounding box and does not occlude. Triangles of objects that are
+/// Triangles of objects that are flagged as [occluders](visibility_core::Object::occluder) and [always
+/// drawn](Scene::is_always_drawn) occlude; triangles of other objects, and of those on no
+/// [layer](visibility_core::Object::layers), are targets alone. Objects that a stage before has removed
+/// occlude all the same, on whichever layers they are. Triangles without area do not occlude. An object with
+/// a coordinate that is not finite counts as visible from everywhere and does not occlude. An object without
+/// triangles is represented by its bounding box and does not occlude. Triangles of objects that are
 /// [one-sided](visibility_core::Object::one_sided) occlude for viewpoints before their front alone, and are
 /// seen from there alone.
 ///
@@ -49,6 +51,8 @@ pub struct SceneTriangles {
     /// Index of each triangle's object in `objects`.
     object_of: Vec<u32>,
     occludes: Vec<bool>,
+    /// Layer masks of the objects whose triangles occlude, each mask once.
+    pub(crate) layers: Vec<u32>,
     /// Side of its plane from which each triangle is seen and occludes. `None` for both sides.
     fronts: Vec<Option<Half>>,
     /// Area of each triangle in square metres, rounded. It decides what is tried first. A triangle of area 0
@@ -112,6 +116,7 @@ impl SceneTriangles {
             vertices: Vec::new(),
             object_of: Vec::new(),
             occludes: Vec::new(),
+            layers: Vec::new(),
             fronts: Vec::new(),
             areas: Vec::new(),
             edges: Vec::new(),
@@ -135,7 +140,9 @@ impl SceneTriangles {
     }
 
     fn add(&mut self, scene: &Scene, id: ObjectId) {
-        let (Ok(object), Ok(triangles)) = (scene.object(id), scene.triangles(id)) else { return };
+        let (Some((object, _)), Ok(triangles)) = (level_object(scene, id), scene.triangles(id)) else {
+            return;
+        };
         let usable = |p: Vec3| p.is_finite() && p.abs().max_element() <= LIMIT as f32;
         let bounds = object.bounds;
         let is_open = triangles.iter().flatten().any(|p| !usable(p))
@@ -163,6 +170,9 @@ impl SceneTriangles {
             self.areas.push((normal.length() * 0.5) as f32);
         }
         let end = self.corners.len() as u32;
+        if self.occludes[first as usize..].contains(&true) && !self.layers.contains(&object.layers) {
+            self.layers.push(object.layers);
+        }
         self.objects.push(TargetObject { id, min, max, first, end, is_open });
     }
 

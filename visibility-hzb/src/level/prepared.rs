@@ -161,6 +161,11 @@ impl PreparedLevel {
 }
 
 impl PreparedLevel {
+    /// Returns whether all objects of the level are drawn in a view that shows `layers`.
+    pub(crate) fn is_on(&self, layers: u32) -> bool {
+        self.level.layers().iter().all(|mask| mask & layers != 0)
+    }
+
     /// Returns whether the level may be in a view with the given [sides](super::sides) relative to `origin`.
     /// An estimate: what is not in view need not be drawn.
     pub(crate) fn is_in_view(&self, sides: &[[f64; 5]; 5], origin: DVec3) -> bool {

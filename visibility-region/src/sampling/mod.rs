@@ -69,10 +69,10 @@ pub struct SightLine {
 ///
 /// An object is met where its [triangles](Scene::set_triangles) are, front or back unless it is
 /// [one-sided](visibility_core::Object::one_sided), otherwise where its occluder mesh is, otherwise in its
-/// bounds. Objects flagged as occluders block rays with their triangles or
-/// mesh, on whichever layers they are. All others, such as glass and doors, are seen and seen through. There
-/// is no near plane. A ray counts only if it meets the object for certain, and passes all blockers for
-/// certain: at an edge that two objects share, at faces that coincide, nothing is seen.
+/// bounds. Objects that are flagged as occluders and [always drawn](Scene::is_always_drawn) block rays with
+/// their triangles or mesh, on whichever layers they are. All others, such as glass and doors, are seen and
+/// seen through. There is no near plane. A ray counts only if it meets the object for certain, and passes all
+/// blockers for certain: at an edge that two objects share, at faces that coincide, nothing is seen.
 ///
 /// # Cost
 /// About a microsecond per ray in a city of 10,000 triangles, growing logarithmically. The first call for a

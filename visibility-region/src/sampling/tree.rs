@@ -114,8 +114,8 @@ impl TriangleTree {
         for id in scene.ids() {
             let (Ok(object), Ok(triangles)) = (scene.object(id), scene.triangles(id)) else { continue };
             let start = self.corners.len() as u32;
-            // Rays may be blocked by occluders only; any object may be seen.
-            let (blocks, one_sided) = (object.occluder, object.one_sided);
+            // Rays may be blocked by occluders only that are always drawn; any object may be seen.
+            let (blocks, one_sided) = (object.occluder && scene.is_always_drawn(id), object.one_sided);
             let mut owner = Owner { blocks, one_sided, ..Owner::default() };
             if !triangles.is_empty() {
                 self.corners.extend(triangles.iter().filter(|t| t.iter().all(|p| p.is_finite())));

@@ -1,0 +1,48 @@
+//! Occluders that are absent from some frames or views hide nothing.
+
+use crate::common::{cuboid, scene};
+use std::sync::Arc;
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::Viewcell;
+use visibility_core::{Pose, RegionCuller, Scene, View, VisibleSet};
+use visibility_exact::{Effort, ExactCuller, ExactSettings, SceneTriangles};
+use visibility_testing::NOT_ALWAYS_DRAWN;
+
+/// A wall, object 0, and a post that it hides, object 1.
+fn wall_and_post() -> Scene {
+    let wall = cuboid(DVec3::new(10.0, -5.0, -5.0), DVec3::new(11.0, 5.0, 5.0));
+    let post = cuboid(DVec3::new(14.0, -1.0, -1.0), DVec3::new(15.0, 1.0, 1.0));
+    scene(&[wall, post])
+}
+
+/// Returns whether the culler keeps the post in a set of the given layers.
+fn keeps_post(scene: &Scene, layers: u32) -> bool {
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.0, 0.1, 100.0).unwrap().with_layers(layers);
+    let mut visible = VisibleSet::new();
+    visible.fill(scene, &view);
+    let settings = ExactSettings::new(Effort::Exact(1e-4));
+    let cell = Viewcell::from_box(DVec3::splat(-0.5), DVec3::splat(0.5));
+    ExactCuller::new(Arc::new(SceneTriangles::new(scene)), settings).cull(scene, &cell, &mut visible);
+    visible.contains(scene, scene.id_at(1).unwrap())
+}
+
+#[test]
+fn an_occluder_that_is_not_always_drawn_hides_nothing() {
+    assert!(!keeps_post(&wall_and_post(), u32::MAX), "the wall hides the post");
+    for (way, set) in NOT_ALWAYS_DRAWN.into_iter().enumerate() {
+        let mut scene = wall_and_post();
+        let wall = scene.id_at(0).unwrap();
+        set(&mut scene, wall);
+        assert!(keeps_post(&scene, u32::MAX), "way {way}: the wall may be absent");
+    }
+}
+
+#[test]
+fn an_occluder_on_other_layers_than_the_set_hides_nothing() {
+    let mut scene = wall_and_post();
+    let wall = scene.id_at(0).unwrap();
+    scene.set_layers(wall, 1).unwrap();
+    assert!(!keeps_post(&scene, 3), "a view that shows the wall too");
+    assert!(keeps_post(&scene, 2), "a view that does not show the wall");
+}
