@@ -2,9 +2,9 @@
 //! edges of occluders is hidden.
 
 use crate::common::World;
-use visibility_core::Aabb;
-use visibility_core::glam::DVec3;
+use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::pvs::Viewcell;
+use visibility_core::{Aabb, Object, OccluderMesh};
 use visibility_region::ExtendedProjectionCuller;
 use visibility_testing::Random;
 
@@ -71,5 +71,41 @@ fn what_stands_behind_a_wall_is_seen_through_a_crack_under_the_wall_however_thin
             .into();
         let hidden = world.hidden(&mut ExtendedProjectionCuller::new(), &cell);
         assert!(posts.iter().all(|id| hidden.contains(id) == is_hidden), "{base}");
+    }
+}
+
+/// A wall that goes deep into the ground covers nothing above it, though it stands out of the ground elsewhere:
+/// a flat thing on the ground is seen over the sunken part and beside the part that stands.
+#[test]
+fn what_lies_on_the_ground_is_seen_over_a_wall_that_ends_there() {
+    for number in 0..12 {
+        let (up, flip, slanted) = (number % 3, number / 3 % 2 == 1, number >= 6);
+        let bounds = |min, max| {
+            let (min, max) = turned(min, max, up, flip);
+            Aabb::from_arrays(min, max)
+        };
+        let point = |[x, z]: [f32; 2]| bounds([x, 6.0, z], [x, 6.0, z]).min;
+        let quad = |[low, high]: [[f32; 2]; 2]| {
+            let [a, b, c, d] = [low, [high[0], low[1]], high, [low[0], high[1]]].map(point);
+            vec![[a, b, c], [a, c, d]]
+        };
+        let sunken = match slanted {
+            true => vec![[[-10.0, -5.0], [10.0, -5.0], [-2.0, 0.0]].map(point)],
+            false => quad([[-10.0, -5.0], [10.0, 0.0]]),
+        };
+        let parts = [sunken, quad([[5.0, 0.0], [10.0, 5.0]])].concat();
+        let mesh = OccluderMesh::from_triangles(&parts).unwrap().with_two_sided(true);
+        let mut world = World::new();
+        let wall = bounds([-10.0, 6.0, -5.0], [10.0, 6.0, 5.0]);
+        let wall = world.scene.insert(Object { occluder: true, ..Object::new(wall) });
+        let mesh = world.scene.add_mesh(mesh);
+        world.scene.set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
+        let rug = world.scene.insert(bounds([-3.0, 6.002, 0.0], [-1.0, 6.01, 0.01]));
+        // Objects that begin at one height make it the rim of the sweep.
+        world.scene.insert(bounds([-10.0, 40.0, 0.0], [50.0, 50.0, 100.0]));
+        let cell = bounds([0.0; 3], [1.0, 1.0, 0.5]);
+        let cell = Viewcell::from_box(cell.min.as_dvec3(), cell.max.as_dvec3());
+        let hidden = world.hidden(&mut ExtendedProjectionCuller::new(), &cell);
+        assert!(!hidden.contains(&rug), "axis {up} up, turned over {flip}, slanted {slanted}");
     }
 }

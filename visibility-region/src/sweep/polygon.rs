@@ -75,7 +75,7 @@ impl Polygon {
     }
 
     /// Sets in `inside` the pixels of `rect` in which the polygon, seen from the middle of the cell's front,
-    /// meets the middle line of the pixel's row. Pixels that are set in `map` may be left out. Returns
+    /// meets the middle line of the pixel's row, beside a rim on the rim's inner side. Pixels that are set in `map` may be left out. Returns
     /// whether any was set. `sides` is scratch.
     pub(super) fn fill(
         &self,
@@ -127,7 +127,8 @@ impl Polygon {
         let mut any = false;
         for row in rows {
             let [up, down] = sides.each_ref().map(|side| side[row]);
-            let (left, right) = (up.min(down).max(rect.x[0] as f64), up.max(down));
+            let [left, right] = window.clip_at_rim([up.min(down), up.max(down)], 0);
+            let left = left.max(rect.x[0] as f64);
             // Pixels are compared, not clamped ends: a span within the right half of the last column counts.
             if left <= right && left < rect.x[1] as f64 + 1.0 {
                 inside.set_span(row, left as usize, (right as usize).min(rect.x[1]));

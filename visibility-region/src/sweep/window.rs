@@ -73,6 +73,20 @@ impl ExactRim {
             [low, high.max(low)]
         }
     }
+
+    /// Returns the part of a range of pixel coordinates that may reach into the pixel next to the boundary on
+    /// its inner side. A range that comes from the outer side and ends at the rim, up to rounding, meets that
+    /// pixel by its coordinates, but none of the points that the pixel stands for: it ends before the pixel.
+    fn clip_at_rim(&self, [low, high]: [f64; 2]) -> [f64; 2] {
+        let inner = self.inner as f64;
+        if self.inwards > 0.0 {
+            let ends_there = high <= inner + BESIDE + SLACK;
+            [low, if ends_there { high.min(inner - SLACK) } else { high }]
+        } else {
+            let begins_there = low >= inner + 1.0 - BESIDE - SLACK;
+            [if begins_there { low.max(inner + 1.0) } else { low }, high]
+        }
+    }
 }
 
 impl Rim {
@@ -230,6 +244,13 @@ impl Window {
     /// Unchanged without a rim.
     pub(crate) fn clip_outwards(&self, range: [f64; 2], lat: usize) -> [f64; 2] {
         self.rims[lat].map_or(range, |rim| rim.clip_outwards(range))
+    }
+
+    /// Returns a range of pixel coordinates along axis `lat` (0 or 1) without the pixel on the inner side of
+    /// the rim, if the range comes from the outer side and does not pass the rim. Unchanged without a rim. The
+    /// range may be empty afterwards, its end below its start.
+    pub(super) fn clip_at_rim(&self, range: [f64; 2], lat: usize) -> [f64; 2] {
+        self.rims[lat].map_or(range, |rim| rim.clip_at_rim(range))
     }
 
     /// Returns the pixels that the projection of an occludee onto the plane may meet. The projection is given
