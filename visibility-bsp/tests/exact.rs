@@ -86,7 +86,7 @@ fn reported(culler: &mut impl Culler, scene: &Scene, view: &View) -> HashSet<u32
 /// together with all occluders, so that such objects do not hide each other.
 fn pixels(buffer: &mut ItemBuffer, scene: &Scene, view: &View) -> HashSet<u32> {
     let opaque = |id: &ObjectId| scene.object(*id).unwrap().occluder;
-    let item = |id: ObjectId| DrawnObject::of_scene(scene, id).unwrap();
+    let item = |id: ObjectId| DrawnObject::of_scene(scene, id, view).unwrap();
     let walls: Vec<_> = scene.ids().filter(opaque).map(item).collect();
     let mut seen = HashSet::new();
     let mut draw = |glass: Option<ObjectId>| {
@@ -111,7 +111,7 @@ fn is_confirmed(scene: &Scene, view: &View, id: ObjectId, witness: VisiblePoint)
     let close = View::from_clip_from_world(zoom * view.clip_from(scene.origin()), view.depth()).unwrap();
     let mut crop = ItemBuffer::new(63, 63).unwrap();
     let others = scene.ids().filter(|&o| o != id && scene.object(o).unwrap().occluder);
-    let items = core::iter::once(id).chain(others).filter_map(|id| DrawnObject::of_scene(scene, id));
+    let items = core::iter::once(id).chain(others).filter_map(|id| DrawnObject::of_scene(scene, id, &close));
     let exact = crop.draw(&close, DVec3::ZERO, items).unwrap();
     exact.objects()[0].is_visible()
 }

@@ -182,7 +182,7 @@ impl<'a> Advisor<'a> {
             let seen = buffer.draw(
                 view,
                 scene.origin(),
-                scene.ids().filter_map(|id| DrawnObject::of_scene(scene, id)),
+                scene.ids().filter_map(|id| DrawnObject::of_scene(scene, id, view)),
             )?;
             let share = 1.0 / views.len() as f64;
             facts.visible_objects += share * f64::from(seen.visible_objects());
@@ -190,7 +190,7 @@ impl<'a> Advisor<'a> {
             facts.depth_complexity += share * seen.depth_complexity();
             seen.objects().iter().for_each(|object| is_seen[object.key as usize] = object.is_visible());
             let occluders = scene.ids().filter(|&id| scene.object(id).is_ok_and(|object| object.occluder));
-            let occluders = occluders.filter_map(|id| DrawnObject::of_scene(scene, id));
+            let occluders = occluders.filter_map(|id| DrawnObject::of_scene(scene, id, view));
             surfaces.draw(view, scene.origin(), occluders)?;
             let limit = surfaces.box_limit(scene, |id| is_seen[id.index()]);
             facts.box_limit += share * limit.count() as f64;

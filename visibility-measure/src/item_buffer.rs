@@ -48,12 +48,13 @@ impl<'a> From<(u32, &'a [Triangle])> for DrawnObject<'a> {
 }
 
 impl<'a> DrawnObject<'a> {
-    /// Returns an object of a scene with its triangles, as the scene says that it is drawn. Its key is the
-    /// object's index. `None` if the scene has no such object.
-    pub fn of_scene(scene: &'a Scene, id: ObjectId) -> Option<Self> {
+    /// Returns an object of a scene with its triangles, as the scene says that it is drawn in a view. Its key
+    /// is the object's index. `None` if the scene has no such object, or the object is on none of the view's
+    /// layers.
+    pub fn of_scene(scene: &'a Scene, id: ObjectId, view: &View) -> Option<Self> {
         let (object, triangles) = (scene.object(id).ok()?, scene.triangles(id).ok()?);
         let (key, see_through, one_sided) = (id.index() as u32, object.see_through, object.one_sided);
-        Some(Self { key, triangles, see_through, one_sided })
+        (object.layers & view.layers() != 0).then_some(Self { key, triangles, see_through, one_sided })
     }
 }
 

@@ -206,4 +206,7 @@ fn the_advisor_asks_the_scene_how_objects_are_drawn() {
     let fronts = visible(&scene);
     scene.ids().collect::<Vec<_>>().into_iter().for_each(|id| scene.set_one_sided(id, false).unwrap());
     assert_eq!((fronts, visible(&scene)), (2.0, 1.0), "objects visible, one-sided and two-sided");
+    // An object that is on no layer of the view is not drawn, and covers nothing.
+    scene.set_layers(scene.id_at(0).unwrap(), 0).unwrap();
+    assert_eq!(visible(&scene), 2.0, "the pane and what is behind it");
 }

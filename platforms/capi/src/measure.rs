@@ -70,7 +70,7 @@ pub unsafe extern "C" fn vis_measure_compare(
         let (view, state, visible) = (view.get()?, scene.read()?, visible.finished()?);
         let (scene, mut buffer) = (&state.scene, measure.0.write()?);
         let objects = || scene.ids().filter(|&id| scene.triangles(id).is_ok_and(|of| !of.is_empty()));
-        let drawn = objects().filter_map(|id| DrawnObject::of_scene(scene, id));
+        let drawn = objects().filter_map(|id| DrawnObject::of_scene(scene, id, &view));
         let seen = buffer.draw(&view, scene.origin(), drawn)?;
         let mut found = Comparison::default();
         let reported = |_, key: u32| scene.id_at(key as usize).is_some_and(|id| visible.contains(scene, id));

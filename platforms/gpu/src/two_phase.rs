@@ -37,7 +37,12 @@ impl TwoPhaseCuller {
         let count = scene.index_limit();
         let mut boxes = vec![Aabb::EMPTY; count];
         for id in scene.ids() {
-            boxes[id.index()] = scene.bounds(id).unwrap_or(Aabb::EMPTY);
+            // The card keeps objects with an empty box, as those that are never culled must be.
+            if let Ok(object) = scene.object(id)
+                && !object.is_unculled()
+            {
+                boxes[id.index()] = object.bounds;
+            }
         }
         let boxes: Vec<[f32; 6]> = boxes.iter().map(|b| bytemuck::cast([b.min, b.max])).collect();
         let boxes = gpu.buffer("bounds", &boxes, BufferUsages::STORAGE);

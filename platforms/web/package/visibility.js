@@ -233,8 +233,13 @@ class Wasm {
     return decode(this.list(Uint8Array, name, ...parameters).subarray(0, -1));
   }
 
+  /** Puts boxes of 6 numbers each as floats that hold them: the library's boxes are of single precision. */
+  boxes(numbers) {
+    return this.put(Float32Array, numbers instanceof Float32Array ? numbers : Array.from(numbers, outwards));
+  }
+
   box(box) {
-    return this.put(Float32Array, corners(box));
+    return this.boxes(corners(box));
   }
 
   pose({ eye, target, up }) {
@@ -266,6 +271,21 @@ function decode(bytes) {
 function triple(numbers, name) {
   if (numbers?.length !== 3) refuse(`\`${name}\` is not a list of 3 numbers`);
   return numbers;
+}
+
+const single = new Float32Array(1);
+const singleBits = new Int32Array(single.buffer);
+
+/** Returns the nearest single-precision number that is not inside of a box, for one of the box's 6 numbers. */
+function outwards(number, index) {
+  const isUpper = index % 6 >= 3;
+  single[0] = number;
+  if (isUpper ? single[0] < number : single[0] > number) {
+    const isAway = isUpper === single[0] > 0;
+    if (single[0] === 0) singleBits[0] = isUpper ? 1 : -0x7fffffff;
+    else singleBits[0] += isAway ? 1 : -1;
+  }
+  return single[0];
 }
 
 /** Returns the 6 numbers of a box. */
@@ -470,7 +490,7 @@ class Scene extends Handle {
       };
       const columns = [column(layers, "layers"), column(cost, "cost"), column(flags, "flags")];
       for (let i = 0; i < count; i++) {
-        for (let k = 0; k < 6; k++) floats[9 * i + k] = bounds[6 * i + k];
+        for (let k = 0; k < 6; k++) floats[9 * i + k] = outwards(bounds[6 * i + k], k);
         for (let k = 0; k < 3; k++) whole[9 * i + 6 + k] = columns[k](i);
       }
       wasm.check("vis_scene_insert_batch", this.pointer, objects, count, ids);
@@ -507,7 +527,7 @@ class Scene extends Handle {
 
   setAllBounds(ids, bounds) {
     this.wasm.call((wasm) => {
-      const [of, boxes] = [wasm.put(BigUint64Array, ids), wasm.put(Float32Array, bounds)];
+      const [of, boxes] = [wasm.put(BigUint64Array, ids), wasm.boxes(bounds)];
       sameLength(bounds, 6 * ids.length, "bounds");
       wasm.check("vis_scene_set_bounds_batch", this.pointer, of, boxes, ids.length);
     });

@@ -101,6 +101,16 @@ for (const simd128 of [false, true]) {
     assert.deepEqual(scene.bounds(lamp), { min: [1, 2, 3], max: [4, 5, 6] });
     scene.setAllBounds([lamp], new Float32Array([0, 0, 0, 1, 1, 1]));
     assert.deepEqual(scene.bounds(lamp).max, [1, 1, 1]);
+    // Boxes of doubles are rounded outwards.
+    const rounded = { min: [16777220, -16777220, -(2 ** -149)], max: [16777220, -16777218, 2 ** -149] };
+    const exact = { min: [16777221, -16777219, -1e-60], max: [16777219.5, -16777219, 1e-60] };
+    scene.setBounds(lamp, exact);
+    assert.deepEqual(scene.bounds(lamp), rounded);
+    scene.setAllBounds([lamp], [...exact.min, ...exact.max]);
+    assert.deepEqual(scene.bounds(lamp), rounded);
+    const wide = scene.insert({ bounds: exact });
+    assert.deepEqual(scene.bounds(wide), rounded);
+    scene.remove(wide);
     scene.setLocalBounds(lamp, { min: [0, 0, 0], max: [1, 1, 1] });
     scene.setTransforms([lamp], [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 10, 20, 30, 1]);
     // The library rounds outwards.

@@ -9,7 +9,6 @@ use super::{OccluderMesh, Occlusion, Occlusion64, OcclusionMap};
 use crate::binary_format::Fingerprint;
 use crate::{
     Aabb, Accuracy, View,
-    geometry::Containment,
     scene::Boxes64,
     view::{ViewPlane, ViewPlanes},
 };
@@ -172,7 +171,7 @@ impl<D: QueryDevice> HardwareQueries<D> {
         }
         // A box that reaches such a plane is clipped when it is drawn. The remaining part may lie behind
         // walls that the box as a whole is not behind.
-        let is_whole = |plane: &ViewPlane| plane.plane.classify_aabb(bounds) == Containment::Inside;
+        let is_whole = |plane: &ViewPlane| plane.contains_box(bounds);
         let unclipped = self.near.is_some_and(|near| is_whole(&near))
             && self.clip_planes.is_some_and(|planes| planes.as_slice().iter().all(is_whole));
         (!unclipped).then_some(Occlusion::Partial)

@@ -3,6 +3,7 @@
 
 use super::limits::{MAX_CLIP_PLANES, MAX_PLANES};
 use super::{View, ViewError};
+use crate::Aabb;
 use crate::geometry::Plane;
 use glam::DVec3;
 
@@ -26,6 +27,23 @@ pub struct ViewPlane {
     pub plane: Plane,
     /// Bound on the absolute error of the plane's offset, in metres.
     pub error: f64,
+}
+
+impl ViewPlane {
+    /// Returns whether a point is certainly strictly inside: see [`ViewPlanes::contains`]. `magnitude` bounds
+    /// its absolute coordinates.
+    fn contains(&self, p: DVec3, magnitude: DVec3) -> bool {
+        // 6u of the magnitudes for the arithmetic, 16u for the normal's own rounding.
+        self.plane.signed_distance(p) > 4.0 * self.plane.error_bound(magnitude) + self.error
+    }
+
+    /// Returns whether all points of a box are certainly strictly inside. False for an inverted box, and for
+    /// NaN.
+    pub(crate) fn contains_box(&self, bounds: &Aabb) -> bool {
+        let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+        let nearest = DVec3::select(self.plane.normal.cmpge(DVec3::ZERO), min, max);
+        bounds.is_proper() && self.contains(nearest, min.abs().max(max.abs()))
+    }
 }
 
 /// The planes of a view, for points in metres relative to the origin passed to [`View::planes`], with normals
@@ -66,10 +84,7 @@ impl ViewPlanes {
     /// strictly inside every plane. False for a point on a plane, where rounding leaves the side undecided,
     /// and for NaN. True without planes.
     pub fn contains(&self, p: DVec3) -> bool {
-        self.as_slice().iter().all(|ViewPlane { plane, error }| {
-            // 6u of the magnitudes for the arithmetic, 16u for the normal's own rounding.
-            plane.signed_distance(p) > 4.0 * plane.error_bound(p.abs()) + error
-        })
+        self.as_slice().iter().all(|plane| plane.contains(p, p.abs()))
     }
 
     /// Iterates over the planes, each with its slot: 0 to 5 for left, right, bottom, top, near and far; 6 and
@@ -90,10 +105,10 @@ impl ViewPlanes {
         let moved = Plane::new(n, n.x * shift.x + n.y * shift.y + n.z * shift.z + offset);
         let Some(unit) = moved.normalized() else { return };
         // The shift is rounded once, and so are normal and offset by scaling; then each product and partial
-        // sum rounds once more, as in `Plane::error_bound`, and the division by the length rounds all. 8u of
-        // the sum of magnitudes covers these.
+        // sum rounds once more, as in `Plane::error_bound`, and the division by the length rounds all: 8u of
+        // the sum of magnitudes, and 2u more for products of roundings and for that sum's own.
         let size = n.abs().dot(shift.abs()) + offset.abs();
-        let error = 4.0 * f64::EPSILON * size / n.length() + f64::MIN_POSITIVE;
+        let error = 5.0 * f64::EPSILON * size / n.length() + f64::MIN_POSITIVE;
         if error.is_finite() && self.count < MAX_PLANES {
             self.planes[self.count] = ViewPlane { plane: unit, error };
             self.slots[self.count] = slot;

@@ -203,12 +203,13 @@ impl ExtendedProjectionCuller {
         let (a, b) = ((shortest + 1) % 3, (shortest + 2) % 3);
         // What all parts so far have found hidden.
         let mut asked = visible.clone();
-        for part in 0..parts.saturating_mul(parts) {
+        let each = u64::from(parts);
+        for part in 0..each * each {
             let (mut min, mut max) = (cell.min, cell.max);
-            for (axis, at) in [(a, part % parts), (b, part / parts)] {
+            for (axis, at) in [(a, part % each), (b, part / each)] {
                 // Neighbours end at the same number, and the last at the viewcell's own.
-                let end = |at: u32| cell.min[axis] + extent[axis] * (f64::from(at) / f64::from(parts));
-                (min[axis], max[axis]) = (end(at), if at + 1 < parts { end(at + 1) } else { cell.max[axis] });
+                let end = |at: u64| cell.min[axis] + extent[axis] * (at as f64 / f64::from(parts));
+                (min[axis], max[axis]) = (end(at), if at + 1 < each { end(at + 1) } else { cell.max[axis] });
             }
             let mut left = asked.clone();
             stats += self.cull_behind(scene, &Viewcell::from_box(min, max), &occluding, &mut left, stop);
