@@ -301,7 +301,8 @@ impl OnlinePvs {
     ///
     /// The most important object comes first: that of the largest diagonal over distance from the box that
     /// answered. Of equal ones the first has the least [index](ObjectId::index). So a stream that has room
-    /// for some bytes a frame sends the first objects, as many as fit.
+    /// for some bytes a frame sends the first objects, as many as fit. What was never hidden never comes: a
+    /// stream begins with all objects of the scene, and takes in those that are inserted.
     pub fn came(&self) -> &[ObjectId] {
         &self.came
     }
@@ -508,12 +509,12 @@ impl OnlinePvs {
         self.clock += 1;
         let made = &mut self.made[job.level];
         made.push(Made { cell: job.cell, hidden, seen, used: self.clock });
-        if made.len() > KEPT {
-            let margin = self.margin;
-            let is_free = |made: &&Made| !places.iter().any(|&p| holds(&made.cell, p - margin, p + margin));
-            if let Some(used) = made.iter().filter(is_free).map(|made| made.used).min() {
-                made.retain(|made| made.used != used);
-            }
+        let margin = self.margin;
+        let is_free = |made: &&Made| !places.iter().any(|&p| holds(&made.cell, p - margin, p + margin));
+        while made.len() > KEPT
+            && let Some(used) = made.iter().filter(is_free).map(|made| made.used).min()
+        {
+            made.retain(|made| made.used != used);
         }
     }
 

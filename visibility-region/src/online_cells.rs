@@ -116,7 +116,9 @@ impl SightCells for CellsNow<'_> {
         }
         let Some(hidden) = self.online.hidden_from(self.scene, low, high) else { return false };
         for (cell, object) in self.cells.objects.iter().enumerate() {
-            seen.set(cell, !hidden.contains(object.index()));
+            if !hidden.contains(object.index()) {
+                seen.insert(cell);
+            }
         }
         true
     }

@@ -37,16 +37,16 @@ struct Arguments {
     ticks: usize,
 
     /// Seconds until a player draws what the server sends.
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.1)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.1, value_parser = between(0.0, 10.0))]
     latency: f64,
 
     /// Greatest speed of players and things, in metres per second.
-    #[arg(long, value_name = "SPEED", default_value_t = 6.0)]
+    #[arg(long, value_name = "SPEED", default_value_t = 6.0, value_parser = between(0.0, 1000.0))]
     speed: f64,
 
     /// Size of boxes in metres. They are the cells of a scene, in place of the cells between its portals. On
     /// a plan they keep the triangles small, 4 m by default.
-    #[arg(long, value_name = "METRES")]
+    #[arg(long, value_name = "METRES", value_parser = between(0.25, 1000.0))]
     boxes: Option<f64>,
 
     /// Number of players of whom it is printed, once a second, what the server sends them.
@@ -64,6 +64,14 @@ struct Arguments {
 
 /// Ticks per second.
 const RATE: f64 = 30.0;
+/// Returns a parser of a number from `least` to `greatest`.
+fn between(least: f64, greatest: f64) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| match text.parse::<f64>() {
+        Ok(number) if (least..=greatest).contains(&number) => Ok(number),
+        _ => Err(format!("`{text}` is no number from {least} to {greatest}")),
+    }
+}
+
 /// Bytes that an update of a target takes: number, place, direction, speed.
 const BYTES: usize = 24;
 

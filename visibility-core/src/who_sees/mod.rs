@@ -243,6 +243,3 @@ impl WhoSees {
         targets.take_while(|&target| target < self.target_count)
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -70,6 +70,9 @@ pub struct ExtendedProjectionCuller {
     sweep: Sweep,
     /// Occludees (objects and nodes) assigned to each of the six directions.
     lists: [Vec<Item>; 6],
+    /// Whether `lists` holds what is asked in the directions of the viewcell that are not swept yet. If not,
+    /// the occludees are assigned anew for each direction.
+    is_assigned: bool,
     /// Occludees of the present direction that are still tested, with the children of opened nodes.
     asked: Vec<Item>,
     /// Projections of the occludees in `asked` onto the present plane, in metres: least and greatest
@@ -101,6 +104,7 @@ impl ExtendedProjectionCuller {
             pieces: Pieces::default(),
             sweep: Sweep::new(),
             lists: Default::default(),
+            is_assigned: false,
             asked: Vec::new(),
             projections: Vec::new(),
             coordinates: Vec::new(),
@@ -238,8 +242,12 @@ impl ExtendedProjectionCuller {
         self.begin(scene, cell, self.surfaces.clone(), Effort::FULL);
         let ask = Ask { occluding, asked: Asked::Set(visible), stop };
         let mut stats = CullStats::default();
-        for index in 0..6 {
-            self.sweep_direction(scene, &ask, index, &mut Work::UNLIMITED.clone(), &mut stats);
+        if let Some((cell_box, bounds)) = self.cell_box {
+            self.assign(scene, ask.asked, &cell_box, &bounds, &mut stats);
+            self.is_assigned = true;
+        }
+        for index in (0..6).take_while(|_| !stop()) {
+            self.sweep_direction(scene, &ask, index, &mut { Work::UNLIMITED }, &mut stats);
         }
         let hidden = &self.hidden;
         stats += visible.retain(scene, |id, _| !hidden.contains(id.index()));
@@ -255,6 +263,21 @@ impl ExtendedProjectionCuller {
         let bounds = usable_bounds(scene, cell);
         self.cell_box = bounds.and_then(|bounds| Some((cell_box(scene, cell, &bounds)?, bounds)));
         self.running = None;
+        self.is_assigned = false;
+    }
+
+    /// Divides the asked objects among the six directions.
+    fn assign(
+        &mut self,
+        scene: &Scene,
+        asked: Asked<'_>,
+        cell_box: &CellBox,
+        bounds: &Aabb,
+        stats: &mut CullStats,
+    ) {
+        let boxes = core::array::from_fn(|index| cell_box.direction(index));
+        let (lists, stack) = (&mut self.lists, &mut self.stack);
+        stats.nodes += occludees::assign(scene, asked, bounds, &boxes, lists, stack);
     }
 
     /// Ends the viewcell that was begun last, and lets go of its surfaces.
@@ -264,8 +287,8 @@ impl ExtendedProjectionCuller {
     }
 
     /// Returns the indices of the objects found hidden since [`begin`](Self::begin).
-    pub(crate) fn hidden(&mut self) -> &mut Bits {
-        &mut self.hidden
+    pub(crate) fn hidden(&self) -> &Bits {
+        &self.hidden
     }
 
     /// Forgets the sweep of the direction that is under way. What it has found hidden stays. Returns whether
@@ -300,9 +323,9 @@ impl ExtendedProjectionCuller {
         let mut running = match self.running.take() {
             Some(running) => running,
             None => {
-                let boxes = core::array::from_fn(|index| cell_box.direction(index));
-                let (lists, stack) = (&mut self.lists, &mut self.stack);
-                stats.nodes += occludees::assign(scene, ask.asked, &bounds, &boxes, lists, stack);
+                if !self.is_assigned {
+                    self.assign(scene, ask.asked, &cell_box, &bounds, stats);
+                }
                 core::mem::swap(&mut list, &mut self.lists[index]);
                 let new = Running::new(&job, &list, self.effort, &mut self.coordinates);
                 let Some(running) = new else {
@@ -410,7 +433,7 @@ const PLANE: u64 = 60_000;
 const ITEM: u64 = 60;
 const CHOICE: u64 = 400;
 
-/// Request to [`sweep_directions`](ExtendedProjectionCuller::sweep_directions) for the present viewcell.
+/// Request to [`sweep_direction`](ExtendedProjectionCuller::sweep_direction) for the present viewcell.
 pub(crate) struct Ask<'a> {
     /// Indices of the objects that may occlude.
     pub(crate) occluding: &'a Bits,
