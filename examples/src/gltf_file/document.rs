@@ -5,10 +5,12 @@
 //! are let through, since nearly all of them change how surfaces look.
 
 use super::camera::Camera;
+use super::materials::TRANSMITTING;
 use super::unread::Unread;
 use crate::error::SourceError;
 use crate::json;
 use glam::{DMat4, DQuat, DVec3};
+use gltf::json::material::AlphaMode;
 use gltf::json::validation::{Checked, Error, Validate};
 use gltf::json::{Node, Path as JsonPath, Root};
 use gltf::mesh::Semantic;
@@ -115,11 +117,13 @@ pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option
         wrong(&key, format!("{index} is beyond all indices, of which there are at most 2^32"))
     })?;
     let (mut unread, cameras) = (Unread::new(&root), Camera::all(&root, &nodes.with_camera));
-    let mut is_pointed_at = vec![false; nodes.transforms.len()];
-    strip(&mut root, &mut is_pointed_at, &mut unread);
+    let pointers = strip(&mut root);
+    unread.pointers = pointers.len();
 
     let mut root: Root = serde_json::from_value(root).map_err(unreadable)?;
     root.nodes = nodes.read.map_err(unreadable)?;
+    let mut is_pointed_at = vec![false; root.nodes.len()];
+    pointers.iter().for_each(|pointer| point_at(pointer, &mut root, &mut is_pointed_at));
     // The validation of the `gltf` crate looks up the accessors of positions without a bounds check.
     for (mesh_index, mesh) in root.meshes.iter().enumerate() {
         for (index, primitive) in mesh.primitives.iter().enumerate() {
@@ -278,9 +282,9 @@ fn objects<'a>(
     list_mut(value, key).iter_mut().filter_map(Value::as_object_mut)
 }
 
-/// Removes all of a document that places no triangle, gives each scene its list of nodes, and notes the nodes
-/// that pointers of animations move.
-fn strip(root: &mut Value, is_pointed_at: &mut [bool], unread: &mut Unread) {
+/// Removes all of a document that places no triangle, and gives each scene its list of nodes. Returns the
+/// pointers of animations by `KHR_animation_pointer`, whose channels it removes.
+fn strip(root: &mut Value) -> Vec<String> {
     if let Some(members) = root.as_object_mut() {
         for key in ["images", "textures", "samplers", "cameras", "extensionsRequired", "extensions"] {
             members.remove(key);
@@ -306,21 +310,37 @@ fn strip(root: &mut Value, is_pointed_at: &mut [bool], unread: &mut Unread) {
         accessor.remove("min");
         accessor.remove("max");
     }
+    let mut pointers = Vec::new();
     for animation in list_mut(root, "animations") {
         let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) else { continue };
         channels.retain(|channel| {
             let Some(target) = channel.get("target") else { return true };
-            if let Some(pointer) = target.pointer("/extensions/KHR_animation_pointer/pointer") {
-                let node = pointer.as_str().and_then(|pointer| pointer.strip_prefix("/nodes/"));
-                let node = node.and_then(|node| node.split('/').next()?.parse::<usize>().ok());
-                if let Some(is_pointed_at) = node.and_then(|node| is_pointed_at.get_mut(node)) {
-                    *is_pointed_at = true;
-                    unread.pointers += 1;
-                }
-                return false;
-            }
-            target.get("node").is_some()
+            let pointer = target.pointer("/extensions/KHR_animation_pointer/pointer");
+            pointers.extend(pointer.and_then(Value::as_str).map(str::to_owned));
+            pointer.is_none() && target.get("node").is_some()
         });
+    }
+    pointers
+}
+
+/// Notes what a pointer of `KHR_animation_pointer` changes: a node may be anywhere, and a factor by which a
+/// material transmits light may be above 0, so the material is read as one that blends.
+fn point_at(pointer: &str, root: &mut Root, is_pointed_at: &mut [bool]) {
+    let index = |text: &str| text.parse().unwrap_or(usize::MAX);
+    match pointer.split('/').collect::<Vec<_>>()[..] {
+        ["", "nodes", node, ..] => {
+            if let Some(is_pointed_at) = is_pointed_at.get_mut(index(node)) {
+                *is_pointed_at = true;
+            }
+        }
+        ["", "materials", material, "extensions", extension, factor]
+            if TRANSMITTING.iter().any(|&(name, key, _)| (name, key) == (extension, factor)) =>
+        {
+            if let Some(material) = root.materials.get_mut(index(material)) {
+                material.alpha_mode = Checked::Valid(AlphaMode::Blend);
+            }
+        }
+        _ => {}
     }
 }
 

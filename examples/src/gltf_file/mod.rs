@@ -11,6 +11,7 @@ mod buffers;
 mod camera;
 mod document;
 mod instances;
+mod materials;
 mod meshopt;
 mod motion;
 mod nodes;
@@ -25,7 +26,6 @@ use crate::{unit_and_axis_hints, walk};
 use buffers::Buffers;
 use document::Document;
 use glam::{DAffine3, DMat4, DVec3, Vec3};
-use gltf::material::AlphaMode;
 use gltf::mesh::{Mode, Semantic};
 use instances::{Instances, instance_count};
 use motion::{Box64, EMPTY, Motion, MovedBox, around, corners as box_corners, union};
@@ -491,8 +491,7 @@ impl Collector<'_> {
             matches!(primitive.mode(), Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan);
         self.without_triangles += usize::from(!has_surface);
         let shape = Shape::read(node, primitive, positions, self.motion, self.buffers, (self.path, place))?;
-        let material = primitive.material();
-        let (see_through, one_sided) = (is_see_through(&material), !material.double_sided());
+        let (see_through, one_sided) = materials::surface(primitive, &self.document.gltf);
         Ok(Primitive { shape, shared: RefCell::default(), order, corners, see_through, one_sided })
     }
 
@@ -559,17 +558,4 @@ impl Corners {
             _ => [3 * t, 3 * t + 1, 3 * t + 2],
         }
     }
-}
-
-/// Returns whether a renderer draws what is behind a surface through it: its alpha mode blends or masks, or
-/// it transmits light. Extensions that transmit light have a factor of 0 by default, for none.
-fn is_see_through(material: &gltf::Material<'_>) -> bool {
-    const TRANSMITTING: [(&str, &str); 3] = [
-        ("KHR_materials_transmission", "transmissionFactor"),
-        ("KHR_materials_diffuse_transmission", "diffuseTransmissionFactor"),
-        ("KHR_materials_volume", "thicknessFactor"),
-    ];
-    let factor = |(extension, key): (&str, &str)| material.extension_value(extension)?.get(key)?.as_f64();
-    material.alpha_mode() != AlphaMode::Opaque
-        || TRANSMITTING.iter().any(|&of| factor(of).is_some_and(|factor| factor > 0.0))
 }
