@@ -25,6 +25,8 @@ pub(super) struct Document {
     pub transforms: Vec<LocalTransform>,
     /// Whether a pointer of `KHR_animation_pointer` moves the node, by index. Where to is not read.
     pub is_pointed_at: Vec<bool>,
+    /// Whether a pointer moves morph targets of the mesh, by index. The weights are not read.
+    pub is_mesh_pointed_at: Vec<bool>,
     /// Perspective cameras of the nodes.
     pub cameras: Vec<Camera>,
     /// Counts of the parts of the file that are not read.
@@ -123,7 +125,10 @@ pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option
     let mut root: Root = serde_json::from_value(root).map_err(unreadable)?;
     root.nodes = nodes.read.map_err(unreadable)?;
     let mut is_pointed_at = vec![false; root.nodes.len()];
-    pointers.iter().for_each(|pointer| point_at(pointer, &mut root, &mut is_pointed_at));
+    let mut is_mesh_pointed_at = vec![false; root.meshes.len()];
+    for pointer in &pointers {
+        point_at(pointer, &mut root, &mut is_pointed_at, &mut is_mesh_pointed_at);
+    }
     // The validation of the `gltf` crate looks up the accessors of positions without a bounds check.
     for (mesh_index, mesh) in root.meshes.iter().enumerate() {
         for (index, primitive) in mesh.primitives.iter().enumerate() {
@@ -145,7 +150,8 @@ pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option
         return Err(wrong(&place, problem));
     }
     let gltf = gltf::Document::from_json_without_validation(root);
-    Ok((Document { gltf, transforms: nodes.transforms, is_pointed_at, cameras, unread }, chunk))
+    let transforms = nodes.transforms;
+    Ok((Document { gltf, transforms, is_pointed_at, is_mesh_pointed_at, cameras, unread }, chunk))
 }
 
 /// Reader of the nodes of a document, which takes them one by one.
@@ -323,24 +329,26 @@ fn strip(root: &mut Value) -> Vec<String> {
     pointers
 }
 
-/// Notes what a pointer of `KHR_animation_pointer` changes: a node may be anywhere, and a factor by which a
-/// material transmits light may be above 0, so the material is read as one that blends.
-fn point_at(pointer: &str, root: &mut Root, is_pointed_at: &mut [bool]) {
+/// Notes what a pointer of `KHR_animation_pointer` changes: a node may be anywhere, a mesh may have any
+/// weights of morph targets, and a factor by which a material transmits light may be above 0, so the material
+/// is read as one that blends. Sets the flag of the node in `nodes`, or of the mesh in `meshes`, by index.
+fn point_at(pointer: &str, root: &mut Root, nodes: &mut [bool], meshes: &mut [bool]) {
     let index = |text: &str| text.parse().unwrap_or(usize::MAX);
-    match pointer.split('/').collect::<Vec<_>>()[..] {
-        ["", "nodes", node, ..] => {
-            if let Some(is_pointed_at) = is_pointed_at.get_mut(index(node)) {
-                *is_pointed_at = true;
-            }
-        }
+    let is_pointed_at = match pointer.split('/').collect::<Vec<_>>()[..] {
+        ["", "nodes", node, ..] => nodes.get_mut(index(node)),
+        ["", "meshes", mesh, ..] => meshes.get_mut(index(mesh)),
         ["", "materials", material, "extensions", extension, factor]
             if TRANSMITTING.iter().any(|&(name, key, _)| (name, key) == (extension, factor)) =>
         {
             if let Some(material) = root.materials.get_mut(index(material)) {
                 material.alpha_mode = Checked::Valid(AlphaMode::Blend);
             }
+            None
         }
-        _ => {}
+        _ => None,
+    };
+    if let Some(is_pointed_at) = is_pointed_at {
+        *is_pointed_at = true;
     }
 }
 

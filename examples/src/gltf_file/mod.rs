@@ -316,16 +316,19 @@ impl Collector<'_> {
         object: &mut SourceObject,
     ) {
         let is_pointed_at = &self.nodes.is_pointed_at;
-        let is_moved =
-            primitive.shape.is_soft() || self.motion.moves(node.index()) || is_pointed_at[node.index()];
+        let is_mesh_pointed_at = &self.document.is_mesh_pointed_at;
+        let is_pointed_at_here =
+            is_pointed_at[node.index()] || node.mesh().is_some_and(|mesh| is_mesh_pointed_at[mesh.index()]);
+        let is_moved = primitive.shape.is_soft() || self.motion.moves(node.index()) || is_pointed_at_here;
         if !is_moved || primitive.corners.len() == 0 {
             return;
         }
+        // Where a pointer moves an object, or a joint of it, is not read.
+        object.never_cull |= is_pointed_at_here;
         object.opaque = false;
         object.motion = Some(Box::default());
         let (mover, mut all) = (self.at_rest.len(), EMPTY);
         for (node, to_node, bounds) in primitive.shape.boxes(node.index(), instance, &primitive.order) {
-            // Where a pointer moves a node to is not read.
             object.never_cull |= is_pointed_at[node];
             let world = self.nodes.worlds[node] * to_node;
             let at_rest = around(box_corners(bounds).map(|corner| world.transform_point3(corner)));

@@ -166,6 +166,31 @@ fn morph_targets_are_bounded_over_all_weights() {
     assert_bounds(&file, [[0.0, 0.0, -0.25], [1.0, 6.0, 1.0]]);
 }
 
+#[test]
+fn weights_that_a_pointer_moves_may_be_any() {
+    let mut file = triangle();
+    let up = file.floats(&[[0.0, 3.0, 0.0]; 3]);
+    file.root["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": up}]);
+    let weights = file.floats(&[[0.0], [3.0]]);
+    file.clip(0, "weights", &[0.0, 1.0], weights, "LINEAR");
+    let mut skinned_file = skinned();
+    let up = skinned_file.floats(&[[0.0, 3.0, 0.0]; 3]);
+    skinned_file.root["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": up}]);
+    skinned_file.root["animations"] = file.root["animations"].clone();
+    for (name, mut file) in [("plain", file), ("skinned", skinned_file)] {
+        let other = file.mesh(&CORNERS);
+        file.node(json!({"mesh": other}));
+        for pointer in ["/meshes/0/weights", "/meshes/0/weights/0", "/nodes/0/weights"] {
+            let extensions = json!({"KHR_animation_pointer": {"pointer": pointer}});
+            file.root["animations"][0]["channels"][0]["target"] =
+                json!({"path": "pointer", "extensions": extensions});
+            let is_unculled: Vec<bool> =
+                file.scene().objects.iter().map(|object| object.never_cull).collect();
+            assert_eq!(is_unculled, [true, false], "{name}: never culled, the mesh that `{pointer}` moves");
+        }
+    }
+}
+
 /// Value of a channel at a time, by the formulas of the specification's appendix C.
 fn at(times: &[f32], values: &[Vec<f64>], kind: &str, time: f64, is_rotation: bool) -> Vec<f64> {
     let cubic = kind == "CUBICSPLINE";
