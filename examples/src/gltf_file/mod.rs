@@ -186,7 +186,7 @@ fn users_of_meshes(document: &Document, nodes: &Nodes) -> Vec<Users> {
         if let Some(mesh) = node.mesh() {
             let users = &mut users[mesh.index()];
             users.nodes.push(node.index());
-            users.count += instance_count(&node, &document.gltf);
+            users.count = users.count.saturating_add(instance_count(&node, &document.gltf));
         }
     }
     users
