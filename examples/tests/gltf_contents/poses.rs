@@ -4,6 +4,8 @@ use super::{CORNERS, File, door, points, reported, triangle};
 use glam::{DQuat, DVec3, Quat, Vec3};
 use proptest::prelude::*;
 use serde_json::json;
+use visibility_examples::Hint;
+use visibility_examples::pvs::built::polygons;
 
 /// Returns a file with a triangle that two joints move: the first two corners by the first alone, the third
 /// half by each. The node itself is elsewhere.
@@ -75,6 +77,9 @@ fn what_a_clip_moves_hides_nothing_and_is_seen_wherever_it_goes() {
     assert_bounds(&file, [[-2.0, -2.0, 0.0], [2.0, 7.0, 0.0]]);
     let ahead = |file: &File| reported(file.scene(), "hzb", DVec3::new(0.0, 0.0, 2.0), DVec3::ZERO);
     assert_eq!(ahead(&file), [0, 1], "objects seen behind the moving door");
+    let mut hinted = file.scene();
+    hinted.objects[0].take(Hint::Occluder);
+    assert_eq!(polygons(&hinted).0.len(), 2, "triangles of walls of cells: the box, and not the moving door");
     // From above the closed door, looking up, only the open door could be seen.
     let above =
         |file: &File| reported(file.scene(), "frustum", DVec3::new(0.0, 4.0, 2.0), DVec3::new(0.0, 9.0, 0.0));
