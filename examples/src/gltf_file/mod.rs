@@ -53,7 +53,7 @@ const MOST_PLACED: usize = u32::MAX as usize - 1;
 /// further files are searched below its folder, and error messages show it.
 ///
 /// A node may carry a [`Hint`] for its objects: the extra (custom property) `visibility` with the value
-/// `occluder`, `detail`, `door`, `mover` or `never-cull`.
+/// `occluder`, `detail`, `door`, `mover` or `never-cull`. All but `occluder` hold for the nodes below too.
 ///
 /// Each perspective camera of the nodes is a walk with one key. The near plane is derived from the bounds of
 /// the scene, and is not farther than that of any of the cameras.
@@ -93,6 +93,7 @@ pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSou
         users: users_of_meshes(&document, &nodes),
         meshes: HashMap::new(),
         names: HashMap::new(),
+        hints: vec![Vec::new(); nodes.parents.len()],
     };
     collector.origin = collector.origin_near_content()?;
     let shown = placed(&document, &nodes)
@@ -168,6 +169,8 @@ struct Collector<'a> {
     meshes: HashMap<usize, Rc<[Primitive]>>,
     /// Names so far, without their numbers, by the texts before and after.
     names: HashMap<[String; 2], ObjectName>,
+    /// Hints that hold for all nodes below a node, each once, by the index of the node.
+    hints: Vec<Vec<Hint>>,
 }
 
 /// Nodes of the scene that show a mesh.
@@ -256,10 +259,10 @@ impl Collector<'_> {
     /// Appends one object for each primitive of the node's mesh, and for each of the mesh's copies. A node
     /// without a mesh adds no object. Returns the first error of a primitive.
     fn add(&mut self, node: &gltf::Node<'_>) -> Result<(), SourceError> {
+        let hint = self.hint(node)?;
         let Some(mesh) = node.mesh() else {
             return Ok(());
         };
-        let hint = self.hint(node)?;
         let several = mesh.primitives().len() > 1;
         let primitives = self.primitives(node, &mesh)?;
         let copies = Instances::read(node, &self.document.gltf, self.buffers, self.path)?;
@@ -281,9 +284,8 @@ impl Collector<'_> {
                     one_sided,
                     ..SourceObject::new(name, triangles)
                 };
-                if let Some(hint) = hint {
-                    object.take(hint);
-                }
+                // Hints of the nodes above come last: a mesh below a mover hides nothing, whatever its own.
+                hint.iter().chain(&self.hints[node.index()]).for_each(|&hint| object.take(hint));
                 self.move_object(node, primitive, instance, &mut object);
                 self.objects.push(object);
             }
@@ -351,17 +353,24 @@ impl Collector<'_> {
         }
     }
 
-    /// Returns the hint in the extras of a node: `"visibility"` with the name of the hint. Returns an error
-    /// if there is no hint of that name.
-    fn hint(&self, node: &gltf::Node<'_>) -> Result<Option<Hint>, SourceError> {
-        let Some(extras) = node.extras() else { return Ok(None) };
-        let wrong =
-            |problem: String| SourceError::content(self.path, format!("node {}", node.index()), problem);
-        let extras: Value =
-            serde_json::from_str(extras.get()).map_err(|error| wrong(format!("its extras: {error}")))?;
-        let name = extras.get("visibility").and_then(Value::as_str);
-        name.map(|name| name.parse().map_err(|error| wrong(format!("its extra `visibility`: {error}"))))
-            .transpose()
+    /// Returns the hint in the extras of a node: `"visibility"` with the name of the hint. The hint is handed
+    /// down with those of the nodes above, except [`Hint::Occluder`]: glass below an occluder stays glass.
+    /// Returns an error if there is no hint of that name, or for an occluder without a mesh.
+    fn hint(&mut self, node: &gltf::Node<'_>) -> Result<Option<Hint>, SourceError> {
+        let wrong = |problem: String| self.wrong(node, problem);
+        let extras = node.extras().as_ref().map(|extras| serde_json::from_str::<Value>(extras.get()));
+        let extras = extras.transpose().map_err(|error| wrong(format!("its extras: {error}")))?;
+        let name = extras.as_ref().and_then(|extras| extras.get("visibility")?.as_str());
+        let hint = name.map(str::parse).transpose();
+        let hint = hint.map_err(|error| wrong(format!("its extra `visibility`: {error}")))?;
+        if hint == Some(Hint::Occluder) && node.mesh().is_none() {
+            return Err(wrong("its extra `visibility`: `occluder` is for a mesh, and it has none".into()));
+        }
+        let parent = self.nodes.parents[node.index()];
+        let mut below = parent.map_or(Vec::new(), |parent| self.hints[parent].clone());
+        below.extend(hint.filter(|hint| *hint != Hint::Occluder && !below.contains(hint)));
+        self.hints[node.index()] = below;
+        Ok(hint)
     }
 
     /// Returns the primitives of a node's mesh. Those of a mesh that several nodes show are read once, unless
