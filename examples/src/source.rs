@@ -234,10 +234,10 @@ impl SourceObject {
         self.triangles = triangles.into();
     }
 
-    /// Notes a hint of the level.
+    /// Notes a hint of the level. An object that animations move hides nothing, whatever the hint.
     pub fn take(&mut self, hint: Hint) {
         match hint {
-            Hint::Occluder => (self.opaque, self.see_through) = (true, false),
+            Hint::Occluder => (self.opaque, self.see_through) = (self.motion.is_none(), false),
             Hint::Detail => self.opaque = false,
             Hint::Door => self.door = true,
             Hint::Mover => (self.opaque, self.never_cull) = (false, true),

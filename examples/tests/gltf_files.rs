@@ -108,6 +108,47 @@ fn extras_of_nodes_are_hints() {
 }
 
 #[test]
+fn extras_of_groups_are_hints_for_the_meshes_below() {
+    let read_with = |group: &str, own: Option<&str>| {
+        let mut document = with("/nodes/0/extras", json!({"visibility": group}));
+        if let Some(own) = own {
+            document["nodes"][1]["extras"] = json!({"visibility": own});
+        }
+        read(&document)
+    };
+    let of = |group: &str, own: Option<&str>| {
+        let object = &read_with(group, own).expect("a good file").objects[0];
+        (object.opaque, object.door, object.never_cull)
+    };
+    for (group, own, flags) in [
+        ("detail", None, (false, false, false)),
+        ("door", None, (true, true, false)),
+        ("mover", None, (false, false, true)),
+        ("never-cull", None, (true, false, true)),
+        ("mover", Some("detail"), (false, false, true)),
+        ("mover", Some("occluder"), (false, false, true)),
+        ("door", Some("occluder"), (true, true, false)),
+    ] {
+        assert_eq!(of(group, own), flags, "opaque, door, never culled: group `{group}`, own hint {own:?}");
+    }
+    for group in ["moover", "occluder"] {
+        let error = read_with(group, None).expect_err("no hint for a group").to_string();
+        assert!(error.contains("node 0") && error.contains(group), "{error}");
+    }
+}
+
+#[test]
+fn a_mesh_below_an_occluder_keeps_its_glass() {
+    let mut document = with("/nodes/0/mesh", json!(0));
+    document["nodes"][0]["extras"] = json!({"visibility": "occluder"});
+    document["materials"] = json!([{"alphaMode": "BLEND"}]);
+    document["meshes"][0]["primitives"][0]["material"] = json!(0);
+    let objects = read(&document).expect("a good file").objects;
+    let is_opaque: Vec<bool> = objects.iter().map(|object| object.opaque).collect();
+    assert_eq!(is_opaque, [true, false], "opaque: the occluder, and the glass below it");
+}
+
+#[test]
 fn perspective_cameras_of_nodes_are_walks() {
     let mut document = square();
     document["cameras"] = json!([

@@ -82,8 +82,10 @@ fn glass(extension: &str, key: &str, factor: f64) -> Value {
 }
 
 /// What is see-through, with its material.
-fn all_glass() -> [(&'static str, Value); 5] {
+fn all_glass() -> [(&'static str, Value); 7] {
     [
+        ("thin", glass("ADOBE_materials_thin_transparency", "transmissionFactor", 0.3)),
+        ("thin by default", glass("ADOBE_materials_thin_transparency", "ior", 1.3)),
         ("transmission", glass("KHR_materials_transmission", "transmissionFactor", 0.9)),
         ("diffuse", glass("KHR_materials_diffuse_transmission", "diffuseTransmissionFactor", 0.2)),
         ("volume", glass("KHR_materials_volume", "thicknessFactor", 0.1)),
@@ -140,6 +142,58 @@ fn materials_say_what_is_see_through_and_what_is_one_sided() {
         ((true, false), (false, false)),
         "a hint of an occluder makes opaque, one of a detail does not make see-through"
     );
+}
+
+/// Returns whether the wall of a document hides, is see-through and one-sided, with the notes of the scene.
+fn wall(document: &Value) -> ((bool, bool, bool), Vec<String>) {
+    let source = parse(document.to_string().as_bytes(), Path::new("wall.gltf")).expect("a good file");
+    let wall = &source.objects[0];
+    ((wall.opaque, wall.see_through, wall.one_sided), source.notes)
+}
+
+#[test]
+fn a_factor_that_a_pointer_animates_may_be_above_zero() {
+    let animated = |pointer: &str| {
+        let mut document = document(glass("KHR_materials_transmission", "transmissionFactor", 0.0), false);
+        let extensions = json!({"KHR_animation_pointer": {"pointer": pointer}});
+        let channel = json!({"sampler": 0, "target": {"path": "pointer", "extensions": extensions}});
+        document["animations"] = json!([{"channels": [channel], "samplers": [{"input": 0, "output": 0}]}]);
+        wall(&document)
+    };
+    let notes = vec!["not read: 1 channel of an animation by pointer".to_owned()];
+    let factor = "extensions/KHR_materials_transmission/transmissionFactor";
+    for (pointer, is_see_through) in [
+        (format!("/materials/0/{factor}"), true),
+        (format!("/materials/1/{factor}"), false),
+        (format!("/materials/-/{factor}"), false),
+        ("/materials/0/emissiveFactor".into(), false),
+        ("/materials/0/extensions/KHR_materials_clearcoat/clearcoatFactor".into(), false),
+        ("/cameras/0/perspective/yfov".into(), false),
+    ] {
+        let expected = ((!is_see_through, is_see_through, false), notes.clone());
+        assert_eq!(animated(&pointer), expected, "opaque, see-through, one-sided and notes by `{pointer}`");
+    }
+}
+
+#[test]
+fn a_wall_of_several_materials_hides_only_what_it_hides_in_all() {
+    let (one_sided, two_sided) = (json!({}), json!({"doubleSided": true}));
+    let glass = json!({"alphaMode": "BLEND"});
+    for (materials, expected) in [
+        ([&one_sided, &one_sided], (true, false, true)),
+        ([&two_sided, &two_sided], (true, false, false)),
+        // Seen from behind in one, and seen through from behind in the other.
+        ([&one_sided, &two_sided], (false, true, false)),
+        ([&two_sided, &one_sided], (false, true, false)),
+        ([&one_sided, &glass], (false, true, true)),
+        ([&glass, &one_sided], (false, true, true)),
+    ] {
+        let mut document = document(materials[0].clone(), false);
+        document["materials"] = json!(materials);
+        document["meshes"][0]["primitives"][0]["extensions"] =
+            json!({"KHR_materials_variants": {"mappings": [{"material": 1, "variants": [0]}]}});
+        assert_eq!(wall(&document).0, expected, "opaque, see-through and one-sided of {materials:?}");
+    }
 }
 
 #[test]

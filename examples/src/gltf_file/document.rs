@@ -5,10 +5,12 @@
 //! are let through, since nearly all of them change how surfaces look.
 
 use super::camera::Camera;
+use super::materials::TRANSMITTING;
 use super::unread::Unread;
 use crate::error::SourceError;
 use crate::json;
 use glam::{DMat4, DQuat, DVec3};
+use gltf::json::material::AlphaMode;
 use gltf::json::validation::{Checked, Error, Validate};
 use gltf::json::{Node, Path as JsonPath, Root};
 use gltf::mesh::Semantic;
@@ -23,6 +25,8 @@ pub(super) struct Document {
     pub transforms: Vec<LocalTransform>,
     /// Whether a pointer of `KHR_animation_pointer` moves the node, by index. Where to is not read.
     pub is_pointed_at: Vec<bool>,
+    /// Whether a pointer moves morph targets of the mesh, by index. The weights are not read.
+    pub is_mesh_pointed_at: Vec<bool>,
     /// Perspective cameras of the nodes.
     pub cameras: Vec<Camera>,
     /// Counts of the parts of the file that are not read.
@@ -115,11 +119,16 @@ pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option
         wrong(&key, format!("{index} is beyond all indices, of which there are at most 2^32"))
     })?;
     let (mut unread, cameras) = (Unread::new(&root), Camera::all(&root, &nodes.with_camera));
-    let mut is_pointed_at = vec![false; nodes.transforms.len()];
-    strip(&mut root, &mut is_pointed_at, &mut unread);
+    let pointers = strip(&mut root);
+    unread.pointers = pointers.len();
 
     let mut root: Root = serde_json::from_value(root).map_err(unreadable)?;
     root.nodes = nodes.read.map_err(unreadable)?;
+    let mut is_pointed_at = vec![false; root.nodes.len()];
+    let mut is_mesh_pointed_at = vec![false; root.meshes.len()];
+    for pointer in &pointers {
+        point_at(pointer, &mut root, &mut is_pointed_at, &mut is_mesh_pointed_at);
+    }
     // The validation of the `gltf` crate looks up the accessors of positions without a bounds check.
     for (mesh_index, mesh) in root.meshes.iter().enumerate() {
         for (index, primitive) in mesh.primitives.iter().enumerate() {
@@ -141,7 +150,8 @@ pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option
         return Err(wrong(&place, problem));
     }
     let gltf = gltf::Document::from_json_without_validation(root);
-    Ok((Document { gltf, transforms: nodes.transforms, is_pointed_at, cameras, unread }, chunk))
+    let transforms = nodes.transforms;
+    Ok((Document { gltf, transforms, is_pointed_at, is_mesh_pointed_at, cameras, unread }, chunk))
 }
 
 /// Reader of the nodes of a document, which takes them one by one.
@@ -278,9 +288,9 @@ fn objects<'a>(
     list_mut(value, key).iter_mut().filter_map(Value::as_object_mut)
 }
 
-/// Removes all of a document that places no triangle, gives each scene its list of nodes, and notes the nodes
-/// that pointers of animations move.
-fn strip(root: &mut Value, is_pointed_at: &mut [bool], unread: &mut Unread) {
+/// Removes all of a document that places no triangle, and gives each scene its list of nodes. Returns the
+/// pointers of animations by `KHR_animation_pointer`, whose channels it removes.
+fn strip(root: &mut Value) -> Vec<String> {
     if let Some(members) = root.as_object_mut() {
         for key in ["images", "textures", "samplers", "cameras", "extensionsRequired", "extensions"] {
             members.remove(key);
@@ -306,21 +316,39 @@ fn strip(root: &mut Value, is_pointed_at: &mut [bool], unread: &mut Unread) {
         accessor.remove("min");
         accessor.remove("max");
     }
+    let mut pointers = Vec::new();
     for animation in list_mut(root, "animations") {
         let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) else { continue };
         channels.retain(|channel| {
             let Some(target) = channel.get("target") else { return true };
-            if let Some(pointer) = target.pointer("/extensions/KHR_animation_pointer/pointer") {
-                let node = pointer.as_str().and_then(|pointer| pointer.strip_prefix("/nodes/"));
-                let node = node.and_then(|node| node.split('/').next()?.parse::<usize>().ok());
-                if let Some(is_pointed_at) = node.and_then(|node| is_pointed_at.get_mut(node)) {
-                    *is_pointed_at = true;
-                    unread.pointers += 1;
-                }
-                return false;
-            }
-            target.get("node").is_some()
+            let pointer = target.pointer("/extensions/KHR_animation_pointer/pointer");
+            pointers.extend(pointer.and_then(Value::as_str).map(str::to_owned));
+            pointer.is_none() && target.get("node").is_some()
         });
+    }
+    pointers
+}
+
+/// Notes what a pointer of `KHR_animation_pointer` changes: a node may be anywhere, a mesh may have any
+/// weights of morph targets, and a factor by which a material transmits light may be above 0, so the material
+/// is read as one that blends. Sets the flag of the node in `nodes`, or of the mesh in `meshes`, by index.
+fn point_at(pointer: &str, root: &mut Root, nodes: &mut [bool], meshes: &mut [bool]) {
+    let index = |text: &str| text.parse().unwrap_or(usize::MAX);
+    let is_pointed_at = match pointer.split('/').collect::<Vec<_>>()[..] {
+        ["", "nodes", node, ..] => nodes.get_mut(index(node)),
+        ["", "meshes", mesh, ..] => meshes.get_mut(index(mesh)),
+        ["", "materials", material, "extensions", extension, factor]
+            if TRANSMITTING.iter().any(|&(name, key, _)| (name, key) == (extension, factor)) =>
+        {
+            if let Some(material) = root.materials.get_mut(index(material)) {
+                material.alpha_mode = Checked::Valid(AlphaMode::Blend);
+            }
+            None
+        }
+        _ => None,
+    };
+    if let Some(is_pointed_at) = is_pointed_at {
+        *is_pointed_at = true;
     }
 }
 

@@ -8,12 +8,11 @@ use serde_json::Value;
 use std::path::Path;
 
 /// Returns the number of copies of a node's mesh, without reading their places: the greatest number of
-/// elements of an attribute, and 1 for a node without the extension.
+/// elements of an attribute, even of one that places no copy, and 1 for a node without the extension.
 pub(super) fn instance_count(node: &gltf::Node<'_>, document: &gltf::Document) -> usize {
     let Some(extension) = node.extension_value("EXT_mesh_gpu_instancing") else { return 1 };
-    let accessors = ["TRANSLATION", "SCALE", "ROTATION"]
-        .into_iter()
-        .filter_map(|name| accessor_of(extension, name, document)?.ok());
+    let attributes = extension.get("attributes").and_then(Value::as_object).into_iter().flatten();
+    let accessors = attributes.filter_map(|(name, _)| accessor_of(extension, name, document)?.ok());
     accessors.map(|accessor| accessor.count()).max().unwrap_or(0)
 }
 
@@ -67,7 +66,7 @@ impl Instances {
             scales.as_ref().map(Vec::len),
             rotations.as_ref().map(Vec::len),
         ];
-        let count = counts.into_iter().flatten().max().unwrap_or(0);
+        let count = instance_count(node, document);
         if counts.into_iter().flatten().any(|other| other != count) {
             return Err(wrong("the attributes of its instances differ in number".into()));
         }

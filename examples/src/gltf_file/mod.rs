@@ -11,6 +11,7 @@ mod buffers;
 mod camera;
 mod document;
 mod instances;
+mod materials;
 mod meshopt;
 mod motion;
 mod nodes;
@@ -25,7 +26,6 @@ use crate::{unit_and_axis_hints, walk};
 use buffers::Buffers;
 use document::Document;
 use glam::{DAffine3, DMat4, DVec3, Vec3};
-use gltf::material::AlphaMode;
 use gltf::mesh::{Mode, Semantic};
 use instances::{Instances, instance_count};
 use motion::{Box64, EMPTY, Motion, MovedBox, around, corners as box_corners, union};
@@ -53,7 +53,7 @@ const MOST_PLACED: usize = u32::MAX as usize - 1;
 /// further files are searched below its folder, and error messages show it.
 ///
 /// A node may carry a [`Hint`] for its objects: the extra (custom property) `visibility` with the value
-/// `occluder`, `detail`, `door`, `mover` or `never-cull`.
+/// `occluder`, `detail`, `door`, `mover` or `never-cull`. All but `occluder` hold for the nodes below too.
 ///
 /// Each perspective camera of the nodes is a walk with one key. The near plane is derived from the bounds of
 /// the scene, and is not farther than that of any of the cameras.
@@ -93,6 +93,7 @@ pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSou
         users: users_of_meshes(&document, &nodes),
         meshes: HashMap::new(),
         names: HashMap::new(),
+        hints: vec![Vec::new(); nodes.parents.len()],
     };
     collector.origin = collector.origin_near_content()?;
     let shown = placed(&document, &nodes)
@@ -168,6 +169,8 @@ struct Collector<'a> {
     meshes: HashMap<usize, Rc<[Primitive]>>,
     /// Names so far, without their numbers, by the texts before and after.
     names: HashMap<[String; 2], ObjectName>,
+    /// Hints that hold for all nodes below a node, each once, by the index of the node.
+    hints: Vec<Vec<Hint>>,
 }
 
 /// Nodes of the scene that show a mesh.
@@ -186,7 +189,7 @@ fn users_of_meshes(document: &Document, nodes: &Nodes) -> Vec<Users> {
         if let Some(mesh) = node.mesh() {
             let users = &mut users[mesh.index()];
             users.nodes.push(node.index());
-            users.count += instance_count(&node, &document.gltf);
+            users.count = users.count.saturating_add(instance_count(&node, &document.gltf));
         }
     }
     users
@@ -256,10 +259,10 @@ impl Collector<'_> {
     /// Appends one object for each primitive of the node's mesh, and for each of the mesh's copies. A node
     /// without a mesh adds no object. Returns the first error of a primitive.
     fn add(&mut self, node: &gltf::Node<'_>) -> Result<(), SourceError> {
+        let hint = self.hint(node)?;
         let Some(mesh) = node.mesh() else {
             return Ok(());
         };
-        let hint = self.hint(node)?;
         let several = mesh.primitives().len() > 1;
         let primitives = self.primitives(node, &mesh)?;
         let copies = Instances::read(node, &self.document.gltf, self.buffers, self.path)?;
@@ -281,9 +284,8 @@ impl Collector<'_> {
                     one_sided,
                     ..SourceObject::new(name, triangles)
                 };
-                if let Some(hint) = hint {
-                    object.take(hint);
-                }
+                // Hints of the nodes above come last: a mesh below a mover hides nothing, whatever its own.
+                hint.iter().chain(&self.hints[node.index()]).for_each(|&hint| object.take(hint));
                 self.move_object(node, primitive, instance, &mut object);
                 self.objects.push(object);
             }
@@ -316,16 +318,19 @@ impl Collector<'_> {
         object: &mut SourceObject,
     ) {
         let is_pointed_at = &self.nodes.is_pointed_at;
-        let is_moved =
-            primitive.shape.is_soft() || self.motion.moves(node.index()) || is_pointed_at[node.index()];
+        let is_mesh_pointed_at = &self.document.is_mesh_pointed_at;
+        let is_pointed_at_here =
+            is_pointed_at[node.index()] || node.mesh().is_some_and(|mesh| is_mesh_pointed_at[mesh.index()]);
+        let is_moved = primitive.shape.is_soft() || self.motion.moves(node.index()) || is_pointed_at_here;
         if !is_moved || primitive.corners.len() == 0 {
             return;
         }
+        // Where a pointer moves an object, or a joint of it, is not read.
+        object.never_cull |= is_pointed_at_here;
         object.opaque = false;
         object.motion = Some(Box::default());
         let (mover, mut all) = (self.at_rest.len(), EMPTY);
         for (node, to_node, bounds) in primitive.shape.boxes(node.index(), instance, &primitive.order) {
-            // Where a pointer moves a node to is not read.
             object.never_cull |= is_pointed_at[node];
             let world = self.nodes.worlds[node] * to_node;
             let at_rest = around(box_corners(bounds).map(|corner| world.transform_point3(corner)));
@@ -348,17 +353,24 @@ impl Collector<'_> {
         }
     }
 
-    /// Returns the hint in the extras of a node: `"visibility"` with the name of the hint. Returns an error
-    /// if there is no hint of that name.
-    fn hint(&self, node: &gltf::Node<'_>) -> Result<Option<Hint>, SourceError> {
-        let Some(extras) = node.extras() else { return Ok(None) };
-        let wrong =
-            |problem: String| SourceError::content(self.path, format!("node {}", node.index()), problem);
-        let extras: Value =
-            serde_json::from_str(extras.get()).map_err(|error| wrong(format!("its extras: {error}")))?;
-        let name = extras.get("visibility").and_then(Value::as_str);
-        name.map(|name| name.parse().map_err(|error| wrong(format!("its extra `visibility`: {error}"))))
-            .transpose()
+    /// Returns the hint in the extras of a node: `"visibility"` with the name of the hint. The hint is handed
+    /// down with those of the nodes above, except [`Hint::Occluder`]: glass below an occluder stays glass.
+    /// Returns an error if there is no hint of that name, or for an occluder without a mesh.
+    fn hint(&mut self, node: &gltf::Node<'_>) -> Result<Option<Hint>, SourceError> {
+        let wrong = |problem: String| self.wrong(node, problem);
+        let extras = node.extras().as_ref().map(|extras| serde_json::from_str::<Value>(extras.get()));
+        let extras = extras.transpose().map_err(|error| wrong(format!("its extras: {error}")))?;
+        let name = extras.as_ref().and_then(|extras| extras.get("visibility")?.as_str());
+        let hint = name.map(str::parse).transpose();
+        let hint = hint.map_err(|error| wrong(format!("its extra `visibility`: {error}")))?;
+        if hint == Some(Hint::Occluder) && node.mesh().is_none() {
+            return Err(wrong("its extra `visibility`: `occluder` is for a mesh, and it has none".into()));
+        }
+        let parent = self.nodes.parents[node.index()];
+        let mut below = parent.map_or(Vec::new(), |parent| self.hints[parent].clone());
+        below.extend(hint.filter(|hint| *hint != Hint::Occluder && !below.contains(hint)));
+        self.hints[node.index()] = below;
+        Ok(hint)
     }
 
     /// Returns the primitives of a node's mesh. Those of a mesh that several nodes show are read once, unless
@@ -491,8 +503,7 @@ impl Collector<'_> {
             matches!(primitive.mode(), Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan);
         self.without_triangles += usize::from(!has_surface);
         let shape = Shape::read(node, primitive, positions, self.motion, self.buffers, (self.path, place))?;
-        let material = primitive.material();
-        let (see_through, one_sided) = (is_see_through(&material), !material.double_sided());
+        let (see_through, one_sided) = materials::surface(primitive, &self.document.gltf);
         Ok(Primitive { shape, shared: RefCell::default(), order, corners, see_through, one_sided })
     }
 
@@ -559,17 +570,4 @@ impl Corners {
             _ => [3 * t, 3 * t + 1, 3 * t + 2],
         }
     }
-}
-
-/// Returns whether a renderer draws what is behind a surface through it: its alpha mode blends or masks, or
-/// it transmits light. Extensions that transmit light have a factor of 0 by default, for none.
-fn is_see_through(material: &gltf::Material<'_>) -> bool {
-    const TRANSMITTING: [(&str, &str); 3] = [
-        ("KHR_materials_transmission", "transmissionFactor"),
-        ("KHR_materials_diffuse_transmission", "diffuseTransmissionFactor"),
-        ("KHR_materials_volume", "thicknessFactor"),
-    ];
-    let factor = |(extension, key): (&str, &str)| material.extension_value(extension)?.get(key)?.as_f64();
-    material.alpha_mode() != AlphaMode::Opaque
-        || TRANSMITTING.iter().any(|&of| factor(of).is_some_and(|factor| factor > 0.0))
 }

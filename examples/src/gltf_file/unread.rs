@@ -28,7 +28,7 @@ const KNOWN: [&str; 15] = [
 pub(super) struct Unread {
     /// Number of primitives of points or lines, or without positions.
     pub without_triangles: usize,
-    /// Number of channels of animations by `KHR_animation_pointer`, whose nodes may be anywhere.
+    /// Number of channels of animations by `KHR_animation_pointer`, whose values may be any.
     pub pointers: usize,
     /// Number of nodes that `KHR_node_visibility` hides, with all nodes below them.
     pub hidden_nodes: usize,

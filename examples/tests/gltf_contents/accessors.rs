@@ -238,6 +238,21 @@ fn instances_are_placed_one_by_one() {
 }
 
 #[test]
+fn instances_have_the_number_of_any_attribute() {
+    let mut file = triangle();
+    let ids = file.floats(&[[1.0], [2.0], [3.0]]);
+    let attributes = json!({"_ID": ids});
+    file.root["nodes"][0]["extensions"] = json!({"EXT_mesh_gpu_instancing": {"attributes": attributes}});
+    let names: Vec<String> = file.scene().objects.iter().map(|object| object.name.to_string()).collect();
+    assert_eq!(names, ["it[0]", "it[1]", "it[2]"], "copies by an attribute that does not place them");
+    let places = file.floats(&[[0.0; 3]; 2]);
+    file.root["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["TRANSLATION"] =
+        json!(places);
+    let error = file.read().expect_err("three of one, two of another").to_string();
+    assert!(error.contains("differ in number"), "{error}");
+}
+
+#[test]
 #[ignore = "seconds, and a minute without optimization"]
 fn copies_without_end_are_refused() {
     // Two hundred nodes with a million copies each, of zeros that no byte stands for.

@@ -4,6 +4,8 @@ use super::{CORNERS, File, door, points, reported, triangle};
 use glam::{DQuat, DVec3, Quat, Vec3};
 use proptest::prelude::*;
 use serde_json::json;
+use visibility_examples::Hint;
+use visibility_examples::pvs::built::polygons;
 
 /// Returns a file with a triangle that two joints move: the first two corners by the first alone, the third
 /// half by each. The node itself is elsewhere.
@@ -75,6 +77,9 @@ fn what_a_clip_moves_hides_nothing_and_is_seen_wherever_it_goes() {
     assert_bounds(&file, [[-2.0, -2.0, 0.0], [2.0, 7.0, 0.0]]);
     let ahead = |file: &File| reported(file.scene(), "hzb", DVec3::new(0.0, 0.0, 2.0), DVec3::ZERO);
     assert_eq!(ahead(&file), [0, 1], "objects seen behind the moving door");
+    let mut hinted = file.scene();
+    hinted.objects[0].take(Hint::Occluder);
+    assert_eq!(polygons(&hinted).0.len(), 2, "triangles of walls of cells: the box, and not the moving door");
     // From above the closed door, looking up, only the open door could be seen.
     let above =
         |file: &File| reported(file.scene(), "frustum", DVec3::new(0.0, 4.0, 2.0), DVec3::new(0.0, 9.0, 0.0));
@@ -164,6 +169,31 @@ fn morph_targets_are_bounded_over_all_weights() {
     let weights = file.floats(&[[0.0], [0.25], [2.0], [-1.0]]);
     file.clip(0, "weights", &[0.0, 1.0], weights, "LINEAR");
     assert_bounds(&file, [[0.0, 0.0, -0.25], [1.0, 6.0, 1.0]]);
+}
+
+#[test]
+fn weights_that_a_pointer_moves_may_be_any() {
+    let mut file = triangle();
+    let up = file.floats(&[[0.0, 3.0, 0.0]; 3]);
+    file.root["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": up}]);
+    let weights = file.floats(&[[0.0], [3.0]]);
+    file.clip(0, "weights", &[0.0, 1.0], weights, "LINEAR");
+    let mut skinned_file = skinned();
+    let up = skinned_file.floats(&[[0.0, 3.0, 0.0]; 3]);
+    skinned_file.root["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": up}]);
+    skinned_file.root["animations"] = file.root["animations"].clone();
+    for (name, mut file) in [("plain", file), ("skinned", skinned_file)] {
+        let other = file.mesh(&CORNERS);
+        file.node(json!({"mesh": other}));
+        for pointer in ["/meshes/0/weights", "/meshes/0/weights/0", "/nodes/0/weights"] {
+            let extensions = json!({"KHR_animation_pointer": {"pointer": pointer}});
+            file.root["animations"][0]["channels"][0]["target"] =
+                json!({"path": "pointer", "extensions": extensions});
+            let is_unculled: Vec<bool> =
+                file.scene().objects.iter().map(|object| object.never_cull).collect();
+            assert_eq!(is_unculled, [true, false], "{name}: never culled, the mesh that `{pointer}` moves");
+        }
+    }
 }
 
 /// Value of a channel at a time, by the formulas of the specification's appendix C.

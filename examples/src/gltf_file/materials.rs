@@ -1,0 +1,42 @@
+//! How the materials of a glTF file are drawn: see-through or not, from both sides or from the front alone.
+
+use crate::json::list;
+use gltf::material::AlphaMode;
+use serde_json::Value;
+
+/// Factors by which a material transmits light: the extension, the key of the factor, and its value where the
+/// extension does not give it. A material with a factor above 0 is see-through.
+pub(super) const TRANSMITTING: [(&str, &str, f64); 4] = [
+    ("ADOBE_materials_thin_transparency", "transmissionFactor", 1.0),
+    ("KHR_materials_transmission", "transmissionFactor", 0.0),
+    ("KHR_materials_diffuse_transmission", "diffuseTransmissionFactor", 0.0),
+    ("KHR_materials_volume", "thicknessFactor", 0.0),
+];
+
+/// Returns whether a primitive is see-through, and whether it is drawn from its front alone, in that order. A
+/// primitive may have several materials by `KHR_materials_variants`: it is see-through if one of them is, and
+/// drawn from its front alone if it is so in all. Where they differ in their sides, its back is seen in one
+/// and hides nothing in the other, so it is see-through.
+pub(super) fn surface(primitive: &gltf::Primitive<'_>, document: &gltf::Document) -> (bool, bool) {
+    let variants = primitive.extension_value("KHR_materials_variants");
+    let mappings = variants.map_or(&[][..], |variants| list(variants, "mappings"));
+    let material = |mapping: &Value| {
+        let index = usize::try_from(mapping.get("material")?.as_u64()?).ok()?;
+        document.materials().nth(index)
+    };
+    let materials = || mappings.iter().filter_map(material).chain([primitive.material()]);
+    let [one_sided, two_sided] =
+        [false, true].map(|sides| materials().all(|material| material.double_sided() == sides));
+    let differ = !one_sided && !two_sided;
+    (differ || materials().any(|material| is_see_through(&material)), one_sided)
+}
+
+/// Returns whether a renderer draws what is behind a surface through it: its alpha mode blends or masks, or
+/// it transmits light.
+fn is_see_through(material: &gltf::Material<'_>) -> bool {
+    let is_transmitting = |&(extension, key, default): &(&str, &str, f64)| {
+        let extension = material.extension_value(extension);
+        extension.is_some_and(|values| values.get(key).map_or(Some(default), Value::as_f64) > Some(0.0))
+    };
+    material.alpha_mode() != AlphaMode::Opaque || TRANSMITTING.iter().any(is_transmitting)
+}
