@@ -6,16 +6,17 @@
 mod common;
 
 use bevy_app::App;
-use bevy_camera::ShadowLodOrigin;
 use bevy_camera::prelude::*;
 use bevy_camera::primitives::{Aabb, Frustum, Sphere};
 use bevy_camera::visibility::{NoCpuCulling, NoFrustumCulling, RenderLayers, VisibilityRange};
+use bevy_camera::{ShadowLodOrigin, SubCameraView};
 use bevy_ecs::prelude::*;
-use bevy_math::{Affine3A, DVec4, EulerRot, Quat, Vec3, Vec3A, Vec3Swizzles};
+use bevy_math::{Affine3A, DVec4, EulerRot, Quat, UVec2, Vec2, Vec3, Vec3A, Vec3Swizzles};
 use bevy_mesh::Mesh3d;
 use bevy_transform::prelude::*;
 use common::*;
 use std::collections::BTreeSet;
+use std::f32::consts::FRAC_PI_2;
 use visibility_testing::Random;
 
 const CAMERAS: [Number; 3] = [Number(1_000_000), Number(1_000_001), Number(1_000_002)];
@@ -300,4 +301,36 @@ fn assert_results_follow_lists(app: &mut App, frame: u32) {
         all.iter(app.world()).filter(|(_, result)| result.get()).map(|(number, _)| *number).collect();
     let with_place: BTreeSet<Number> = marked;
     assert_eq!(with_place, listed, "frame {frame}");
+}
+
+/// Ten cameras show the parts of one picture, five beside each other in two rows. Each sees the box in its
+/// part alone. bevy culls all of them by the frustum of a whole picture, of the aspect of a part.
+#[test]
+fn a_part_of_a_picture_shows_what_is_in_it() {
+    let perspective = PerspectiveProjection { fov: FRAC_PI_2, ..Default::default() };
+    // Height and width of a part, 10 m before the camera.
+    for (projection, side) in [
+        (Projection::Perspective(perspective), 10.0),
+        (Projection::Orthographic(OrthographicProjection::default_3d()), 1.0),
+    ] {
+        let mut app = app(true);
+        let parts = (0..10).map(|number| (number, [number % 5, number / 5].map(|part| part as f32)));
+        for (number, [column, row]) in parts {
+            let at = Vec3::new(side * (column - 2.0), side * (0.5 - row), -10.0);
+            let aabb = Aabb { center: Vec3A::ZERO, half_extents: Vec3A::splat(0.1 * side) };
+            app.world_mut().spawn((drawn(number, Transform::from_translation(at)), aabb));
+            let part = SubCameraView {
+                full_size: UVec2::new(5, 2),
+                size: UVec2::ONE,
+                offset: Vec2::new(column, row),
+            };
+            let camera = Camera { sub_camera_view: Some(part), ..Default::default() };
+            app.world_mut().spawn((Number(100 + number), Camera3d::default(), camera, projection.clone()));
+        }
+        app.update();
+        for number in 0..10 {
+            let seen = seen_by(&mut app, Number(100 + number));
+            assert_eq!(seen, BTreeSet::from([Number(number)]), "part {number} of {projection:?}");
+        }
+    }
 }
