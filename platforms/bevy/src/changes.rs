@@ -11,6 +11,7 @@ use bevy_camera::visibility::{
     VisibilityRange,
 };
 use bevy_ecs::change_detection::{ContiguousRef, Tick};
+use bevy_ecs::entity_disabling::DefaultQueryFilters;
 use bevy_ecs::lifecycle::RemovedComponents;
 use bevy_ecs::prelude::*;
 use bevy_ecs::system::SystemParam;
@@ -78,6 +79,25 @@ impl Removals<'_, '_> {
     }
 }
 
+/// Entities that were disabled or enabled since the last frame, by [`Disabled`] or by another disabling
+/// component of the world. Queries leave out disabled entities, with all of their changes.
+///
+/// [`Disabled`]: bevy_ecs::entity_disabling::Disabled
+#[derive(Resource, Default)]
+pub(crate) struct Toggled(Vec<Entity>);
+
+/// Lists the entities in [`Toggled`] whose disabling components come and go from now on.
+pub(crate) fn watch_disabling(world: &mut World) {
+    let Some(filters) = world.get_resource::<DefaultQueryFilters>() else { return };
+    let ids: Vec<_> = filters.disabling_ids().collect();
+    for id in ids {
+        let added = |event: On<Add<()>>, mut toggled: ResMut<Toggled>| toggled.0.push(event.entity);
+        let removed = |event: On<Remove<()>>, mut toggled: ResMut<Toggled>| toggled.0.push(event.entity);
+        world.spawn(Observer::new(added).with_component(id));
+        world.spawn(Observer::new(removed).with_component(id));
+    }
+}
+
 /// Components that most entities lack, and whose arrival changes what the scene should say of an entity.
 type Arrived = Or<(
     Added<NoCpuCulling>,
@@ -117,6 +137,7 @@ pub(crate) fn sync_scene(
     mut mirror: ResMut<VisibilityScene>,
     mut lists: Local<Lists>,
     mut removals: Removals,
+    mut toggled: ResMut<Toggled>,
     arrived: Query<Entity, Arrived>,
     common: Query<Common, Followed>,
     meshed_occluders: Query<Entity, (Changed<Mesh3d>, With<Occluder>)>,
@@ -127,6 +148,7 @@ pub(crate) fn sync_scene(
 ) {
     let (mirror, lists) = (&mut *mirror, &mut *lists);
     removals.for_each(|entity| lists.touched.push(entity));
+    lists.touched.append(&mut toggled.0);
     lists.touched.extend(&arrived);
     lists.touched.extend(&meshed_occluders);
     for event in mesh_events.read() {

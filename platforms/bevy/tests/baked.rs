@@ -7,6 +7,7 @@ use bevy_app::App;
 use bevy_camera::prelude::*;
 use bevy_camera::primitives::Aabb;
 use bevy_camera::visibility::NoCpuCulling;
+use bevy_ecs::entity_disabling::Disabled;
 use bevy_ecs::prelude::*;
 use bevy_math::{Vec3, Vec3A};
 use bevy_mesh::Mesh3d;
@@ -350,13 +351,14 @@ fn a_wall_that_is_not_as_baked_hides_nothing() {
         let walls = [WALL, WALL, POST, BOX].map(|number| spawn(&mut app, number));
         (app, walls)
     };
-    let changes: [(&str, fn(EntityWorldMut)); 7] = [
+    let changes: [(&str, fn(EntityWorldMut)); 8] = [
         ("moved", |mut wall| wall.get_mut::<Transform>().unwrap().translation.y += 30.0),
         ("of another mesh", |mut wall| *wall.get_mut().unwrap() = Mesh3d::default()),
         ("without its mesh", |mut wall| _ = wall.remove::<Mesh3d>()),
         ("out of the scene", |mut wall| _ = wall.insert(NoCpuCulling)),
         ("another object", |mut wall| _ = wall.insert(BakedObject(BOX))),
         ("no object of the bake", |mut wall| _ = wall.remove::<BakedObject>()),
+        ("disabled", |mut wall| _ = wall.insert(Disabled)),
         ("despawned", |wall| wall.despawn()),
     ];
     for (name, change) in changes {

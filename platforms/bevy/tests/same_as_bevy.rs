@@ -10,7 +10,9 @@ use bevy_camera::prelude::*;
 use bevy_camera::primitives::{Aabb, Frustum, Sphere};
 use bevy_camera::visibility::{NoCpuCulling, NoFrustumCulling, RenderLayers, VisibilityRange};
 use bevy_camera::{ShadowLodOrigin, SubCameraView};
+use bevy_ecs::entity_disabling::Disabled;
 use bevy_ecs::prelude::*;
+use bevy_ecs::query::Allow;
 use bevy_math::{Affine3A, DVec4, EulerRot, Quat, UVec2, Vec2, Vec3, Vec3A, Vec3Swizzles};
 use bevy_mesh::Mesh3d;
 use bevy_transform::prelude::*;
@@ -77,10 +79,14 @@ fn spawn_cameras(world: &mut World) {
     world.spawn((CAMERAS[2], Camera3d::default(), Projection::Orthographic(orthographic)));
 }
 
-/// The entities that have a component, in the order of their numbers.
+/// A component that disables entities, beside bevy's own [`Disabled`].
+#[derive(Component)]
+struct Asleep;
+
+/// The entities that have a component, disabled ones too, in the order of their numbers.
 fn all_with<T: Component>(world: &mut World) -> Vec<Entity> {
-    let mut all: Vec<_> =
-        world.query_filtered::<(&Number, Entity), With<T>>().iter(world).map(|(n, e)| (*n, e)).collect();
+    let mut all = world.query_filtered::<(&Number, Entity), (With<T>, Allow<Disabled>, Allow<Asleep>)>();
+    let mut all: Vec<_> = all.iter(world).map(|(n, e)| (*n, e)).collect();
     all.sort();
     all.into_iter().map(|(_, entity)| entity).collect()
 }
@@ -120,7 +126,7 @@ fn change(world: &mut World, frame: u32, random: &mut Random) {
     let all = all_with::<Mesh3d>(world);
     let (first, second) = (random.pick(&all), random.pick(&all));
     let mut entity = world.entity_mut(first);
-    match random.below(24) {
+    match random.below(28) {
         0 => entity.despawn(),
         1 => {
             entity.insert([Visibility::Hidden, Visibility::Visible, Visibility::Inherited][random.below(3)]);
@@ -180,6 +186,15 @@ fn change(world: &mut World, frame: u32, random: &mut Random) {
         17 => {
             entity.remove::<Sphere>();
         }
+        18 => {
+            entity.insert(Disabled);
+        }
+        19 => {
+            entity.insert(Asleep);
+        }
+        20 | 21 => {
+            entity.remove::<(Disabled, Asleep)>();
+        }
         _ => {
             entity.insert(placed(random));
         }
@@ -238,7 +253,8 @@ fn is_turned(app: &App, entity: Entity) -> bool {
 
 #[test]
 fn the_same_entities_are_visible_through_changes_of_every_kind() {
-    let mut apps = [false, true].map(app);
+    let add_disabling = |app: &mut App| app.world_mut().register_disabling_component::<Asleep>();
+    let mut apps = [false, true].map(|with_plugin| app_with(with_plugin, add_disabling));
     for app in &mut apps {
         let world = app.world_mut();
         spawn_cameras(world);
@@ -269,7 +285,7 @@ fn the_same_entities_are_visible_through_changes_of_every_kind() {
                 nearer += 1;
             }
             for &number in own.difference(&theirs) {
-                let entity = entity(ours, number).unwrap();
+                let entity = entity(ours, number).expect("a listed entity is not disabled");
                 assert!(
                     is_turned(ours, entity) && world_box_is_in_view(ours, at, entity),
                     "{number:?} is no more than bevy's for {camera:?} in frame {frame}"
