@@ -132,6 +132,33 @@ pub(crate) struct Lists {
     changed_meshes: HashSet<AssetId<Mesh>>,
 }
 
+impl Lists {
+    /// Lists an entity whose transform or `Aabb` changed; the latter if it is `is_reshaped`.
+    #[inline]
+    fn push_moved(
+        &mut self,
+        mirror: &VisibilityScene,
+        entity: Entity,
+        transform: &GlobalTransform,
+        aabb: Option<&BevyAabb>,
+        occludes: bool,
+        is_reshaped: bool,
+    ) {
+        let transform = transform.affine();
+        if !occludes && let (Some(id), Some(aabb)) = (mirror.boxed_object(entity), aabb) {
+            self.moved.push((id, world_box(aabb, &transform)));
+            return;
+        }
+        match mirror.object(entity).map(|id| (id, mirror.record(id))) {
+            Some((id, record)) if record.is_occluder && !is_reshaped && can_occlude(&transform) => {
+                self.moved_occluders.push((id, affine(&transform)));
+            }
+            // New to the scene, or another kind of object from now on.
+            _ => self.touched.push(entity),
+        }
+    }
+}
+
 /// Brings the scene up to date with the entities.
 pub(crate) fn sync_scene(
     mut mirror: ResMut<VisibilityScene>,
@@ -215,8 +242,10 @@ impl<'a> Ticks<'a> {
 /// Finds the entities of which a common component changed. Entities that only moved are listed with their
 /// new place, all others in `touched`.
 fn find_common_changes(mirror: &VisibilityScene, common: &Query<Common, Followed>, lists: &mut Lists) {
-    // All of these components are stored in tables, so the query is always dense.
-    let Ok(tables) = common.contiguous_iter() else { return };
+    let Ok(tables) = common.contiguous_iter() else {
+        // Not by tables if a disabling component of the world is in sparse sets.
+        return find_by_rows(mirror, common, lists);
+    };
     for (entities, transforms, inherited, results, aabbs, layers, classes, occludes) in tables {
         let nothing = Ticks { ticks: &[], ..Ticks::changed(&transforms) };
         let boxed = aabbs.as_ref().map_or(nothing, Ticks::changed);
@@ -243,19 +272,26 @@ fn find_common_changes(mirror: &VisibilityScene, common: &Query<Common, Followed
                 if !all_moved && !is_reshaped && !moves.is_new(row) {
                     continue;
                 }
-                let (entity, transform) = (entities[row], transforms[row].affine());
-                if !occludes && let (Some(id), Some(aabbs)) = (mirror.boxed_object(entity), &aabbs) {
-                    lists.moved.push((id, world_box(&aabbs[row], &transform)));
-                    continue;
-                }
-                match mirror.object(entity).map(|id| (id, mirror.record(id))) {
-                    Some((id, record)) if record.is_occluder && !is_reshaped && can_occlude(&transform) => {
-                        lists.moved_occluders.push((id, affine(&transform)));
-                    }
-                    // New to the scene, or another kind of object from now on.
-                    _ => lists.touched.push(entity),
-                }
+                let aabb = aabbs.as_ref().map(|aabbs| &aabbs[row]);
+                lists.push_moved(mirror, entities[row], &transforms[row], aabb, occludes, is_reshaped);
             }
+        }
+    }
+}
+
+/// Finds the same changes entity by entity.
+fn find_by_rows(mirror: &VisibilityScene, common: &Query<Common, Followed>, lists: &mut Lists) {
+    for (entity, transform, inherited, result, aabb, layers, classes, occludes) in common {
+        if inherited.is_changed()
+            || result.is_added()
+            || layers.is_some_and(|layers| layers.is_changed())
+            || classes.is_some_and(|classes| classes.is_changed())
+        {
+            lists.touched.push(entity);
+        }
+        let is_reshaped = aabb.as_ref().is_some_and(|aabb| aabb.is_changed());
+        if is_reshaped || transform.is_changed() {
+            lists.push_moved(mirror, entity, &transform, aabb.as_deref(), occludes, is_reshaped);
         }
     }
 }

@@ -83,9 +83,15 @@ fn spawn_cameras(world: &mut World) {
 #[derive(Component)]
 struct Asleep;
 
+/// The same in sparse sets. Once it disables, bevy's queries go by archetypes, not by tables.
+#[derive(Component)]
+#[component(storage = "SparseSet")]
+struct Resting;
+
 /// The entities that have a component, disabled ones too, in the order of their numbers.
 fn all_with<T: Component>(world: &mut World) -> Vec<Entity> {
-    let mut all = world.query_filtered::<(&Number, Entity), (With<T>, Allow<Disabled>, Allow<Asleep>)>();
+    let mut all = world
+        .query_filtered::<(&Number, Entity), (With<T>, Allow<Disabled>, Allow<Asleep>, Allow<Resting>)>();
     let mut all: Vec<_> = all.iter(world).map(|(n, e)| (*n, e)).collect();
     all.sort();
     all.into_iter().map(|(_, entity)| entity).collect()
@@ -190,10 +196,10 @@ fn change(world: &mut World, frame: u32, random: &mut Random) {
             entity.insert(Disabled);
         }
         19 => {
-            entity.insert(Asleep);
+            entity.insert((Asleep, Resting));
         }
         20 | 21 => {
-            entity.remove::<(Disabled, Asleep)>();
+            entity.remove::<(Disabled, Asleep, Resting)>();
         }
         _ => {
             entity.insert(placed(random));
@@ -253,7 +259,12 @@ fn is_turned(app: &App, entity: Entity) -> bool {
 
 #[test]
 fn the_same_entities_are_visible_through_changes_of_every_kind() {
-    let add_disabling = |app: &mut App| app.world_mut().register_disabling_component::<Asleep>();
+    run(60, |app| app.world_mut().register_disabling_component::<Asleep>());
+    run(60, |app| app.world_mut().register_disabling_component::<Resting>());
+}
+
+/// Runs two worlds side by side for so many frames.
+fn run(frames: u32, add_disabling: fn(&mut App)) {
     let mut apps = [false, true].map(|with_plugin| app_with(with_plugin, add_disabling));
     for app in &mut apps {
         let world = app.world_mut();
@@ -262,7 +273,7 @@ fn the_same_entities_are_visible_through_changes_of_every_kind() {
         (0..600).for_each(|number| spawn_drawn(world, number, &mut random));
     }
     let (mut seen, mut hidden, mut wider, mut nearer) = (0, 0, 0, 0);
-    for frame in 0..150 {
+    for frame in 0..frames {
         for app in &mut apps {
             let mut random = Random(100 + u64::from(frame));
             (0..if frame == 0 { 0 } else { 20 }).for_each(|_| change(app.world_mut(), frame, &mut random));
@@ -298,7 +309,7 @@ fn the_same_entities_are_visible_through_changes_of_every_kind() {
         assert_results_follow_lists(bevy, frame);
         assert_results_follow_lists(ours, frame);
     }
-    assert!(seen > 20_000 && hidden > 20_000, "{seen} seen, {hidden} hidden");
+    assert!(seen > 10_000 && hidden > 10_000, "{seen} seen, {hidden} hidden");
     assert!(wider > 50 && wider < seen / 20 && nearer > 5, "{wider} wider, {nearer} before the near plane");
 }
 
