@@ -273,6 +273,11 @@ impl BakedSet {
         self.index_limit
     }
 
+    /// Returns whether the object of an index hid others in the bake. False for an unknown index.
+    pub fn is_occluder(&self, index: u32) -> bool {
+        self.occluders.contains(index as usize)
+    }
+
     /// Returns the sets for a [`PvsCuller`](visibility_core::pvs::PvsCuller). Objects that are inserted or
     /// changed from now on count as visible, and once an occluder of the bake has changed, all do. Time is
     /// linear in the number of triangles.
@@ -313,9 +318,12 @@ impl BakedSet {
     /// The scene is not compared with that of the bake, as [`for_scene`](Self::for_scene) does. An object
     /// that is elsewhere than in the bake is hidden from where it is seen. Cullers are
     /// [approximate](ScenePvs::unchecked) unless the set was [compared](Self::compared) with the version of
-    /// the level: then the caller promises that the objects are those of the level.
+    /// the level: then the caller promises that the objects are those of the level. They are approximate too
+    /// if an [occluder](Self::is_occluder) of the bake is that of no object: nobody tells whether such a wall
+    /// is drawn.
     pub fn for_objects(&self, scene: &Scene, objects: impl IntoIterator<Item = (ObjectId, u32)>) -> ScenePvs {
-        let objects: Vec<(ObjectId, u32)> = objects.into_iter().collect();
+        let objects: Vec<(ObjectId, u32)> =
+            objects.into_iter().filter(|&(id, _)| scene.contains(id)).collect();
         // By index asked for, its target. An object of no class has the target that no viewcell sees. The set
         // may be forged: memory follows the objects of the caller.
         let mut targets: Vec<(u32, u32)> = objects
@@ -337,10 +345,11 @@ impl BakedSet {
         });
         let target = |index| place(&targets, index).map_or(u32::MAX, |at| targets[at].1);
         let pairs = objects.iter().map(|&(id, index)| (id, target(index)));
-        let occluders = objects.iter().filter(|(_, index)| self.occluders.contains(*index as usize));
+        let occluders = objects.iter().filter(|&&(_, index)| self.is_occluder(index));
         let sets = ScenePvs::new(scene, self.pvs.clone(), self.viewcells.clone(), pairs)
             .with_occluders(scene, occluders.map(|&(id, _)| id));
-        if self.is_checked { sets } else { sets.unchecked() }
+        let has_occluders = self.occluders.iter().all(|index| place(&targets, index as u32).is_some());
+        if self.is_checked && has_occluders { sets } else { sets.unchecked() }
     }
 
     /// Compares the set with a level, and returns it for use there. `version` is that of the level; without

@@ -208,6 +208,25 @@ fn what_was_not_compared_is_not_promised() {
     );
 }
 
+/// Nobody tells whether a wall of the bake is drawn that is no object of the scene.
+#[test]
+fn a_set_without_a_wall_of_the_bake_is_not_promised() {
+    let (mut scene, cells) = level();
+    let [wall, behind] = [0, 1].map(|index| scene.id_at(index).unwrap());
+    scene.set_occluder(behind, false).unwrap();
+    let set = baked(&scene, &cells);
+    let are_occluders = [0, 1, 2, u32::MAX].map(|index| set.is_occluder(index));
+    assert_eq!(are_occluders, [true, false, false, false], "the wall alone hid others in the bake");
+    let bounds = [wall, behind].map(|id| (id.index() as u32, scene.bounds(id).unwrap()));
+    let set = set.clone().compared(Some(set.version()), DVec3::ZERO, bounds).unwrap();
+    let is_promised = |scene: &Scene, pairs: &[(_, u32)]| set.for_objects(scene, pairs.to_vec()).is_checked();
+    assert!(is_promised(&scene, &[(wall, 0), (behind, 1)]), "all objects of the bake");
+    assert!(is_promised(&scene, &[(wall, 0)]), "without the box behind, which hid nothing");
+    assert!(!is_promised(&scene, &[(behind, 1)]), "without the wall");
+    scene.remove(wall).unwrap();
+    assert!(!is_promised(&scene, &[(wall, 0), (behind, 1)]), "with the id of a wall that is gone");
+}
+
 /// The sweep of earlier versions of the formats could leave out what is visible.
 #[test]
 fn results_of_earlier_versions_are_refused_with_a_word() {

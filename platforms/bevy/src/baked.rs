@@ -7,6 +7,7 @@ use bevy_ecs::prelude::*;
 use bevy_mesh::Mesh3d;
 use bevy_transform::components::GlobalTransform;
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::sync::{Arc, Mutex, PoisonError};
 use visibility_bake::{BakedSet, BakedSetError};
 use visibility_core::culler::Lack;
@@ -33,9 +34,13 @@ pub struct BakedObject(pub u32);
 /// [`CullingPipeline`](crate::CullingPipeline). Entities with a [`BakedObject`] are hidden where the set says
 /// so; all others are visible. An eye outside of the set's viewcells sees everything.
 ///
-/// What hid others in the bake must stay as it was: the set does not know of a wall that is taken away. A
-/// set is of one [version](BakedSet::version) of the level: `bake` prints it, and the game's level carries
-/// it. The culler of a set that was not compared with a version is [approximate](Accuracy::Approximate).
+/// What hid others in the bake must stay as it was. Nothing is hidden while an occluder of the bake is no
+/// longer as it was baked: its entity is gone, has changed, or is no longer its [`BakedObject`], and no other
+/// entity has taken the place. The culler is [approximate](Accuracy::Approximate) while the entity of an
+/// occluder has not been found yet, since nobody knows whether that wall is drawn.
+///
+/// A set is of one [version](BakedSet::version) of the level: `bake` prints it, and the game's level carries
+/// it. The culler of a set that was not compared with a version is approximate.
 ///
 /// ```
 /// use bevy_camera::Camera3d;
@@ -59,8 +64,11 @@ pub struct BakedLevel {
     set: BakedSet,
     /// World box of each object in the bake, by index. `None` if places are not checked.
     boxes: Option<Vec<Aabb>>,
-    shared: Arc<Mutex<Option<Arc<ScenePvs>>>>,
+    shared: Arc<Mutex<Sets>>,
     entities: HashMap<Entity, Place>,
+    /// By index of an occluder of the bake: how many entities were it as baked once, less those that have
+    /// taken their places since. No entry if that is 0.
+    lost_occluders: HashMap<u32, usize>,
     /// Whether no frame has followed the entities yet.
     is_new: bool,
     cursor: SceneCursor,
@@ -73,6 +81,17 @@ enum Place {
     AsBaked(ObjectId, u32),
     /// No longer there: the entity was where it was baked once, and has changed since.
     Changed,
+}
+
+/// What the cullers of a level cull by.
+#[derive(Clone, Default, Debug)]
+enum Sets {
+    /// Nothing is hidden: no frame has followed the entities yet.
+    #[default]
+    Unknown,
+    /// Nothing is hidden: an occluder of the bake is not as baked any more.
+    WithoutOccluder,
+    Of(Arc<ScenePvs>),
 }
 
 impl BakedLevel {
@@ -111,6 +130,7 @@ impl BakedLevel {
             boxes: None,
             shared: Arc::default(),
             entities: HashMap::new(),
+            lost_occluders: HashMap::new(),
             is_new: true,
             cursor: SceneCursor::START,
         })
@@ -142,6 +162,44 @@ impl BakedLevel {
         let is_known = (index as usize) < self.set.index_limit();
         (is_known && self.boxes.as_ref().is_none_or(is_there)).then_some(Place::AsBaked(id, index))
     }
+
+    /// Notes that an entity is where the object of an index was baked.
+    fn insert(&mut self, entity: Entity, place: Place, index: u32) {
+        self.entities.insert(entity, place);
+        if let Entry::Occupied(mut count) = self.lost_occluders.entry(index) {
+            *count.get_mut() -= 1;
+            if *count.get() == 0 {
+                count.remove();
+            }
+        }
+    }
+
+    /// Notes that an entity is no longer where it was baked. Returns false if the entity has no place.
+    fn set_changed(&mut self, entity: Entity) -> bool {
+        let Some(place) = self.entities.get_mut(&entity) else { return false };
+        if let Place::AsBaked(_, index) = std::mem::replace(place, Place::Changed)
+            && self.set.is_occluder(index)
+        {
+            *self.lost_occluders.entry(index).or_default() += 1;
+        }
+        true
+    }
+
+    /// Notes that the entities of these objects are no longer where they were baked.
+    fn set_all_changed(&mut self, is_changed: impl Fn(ObjectId) -> bool) {
+        let places = self.entities.iter();
+        let changed = places.filter(|(_, place)| matches!(place, Place::AsBaked(id, _) if is_changed(*id)));
+        let changed: Vec<Entity> = changed.map(|(&entity, _)| entity).collect();
+        for entity in changed {
+            self.set_changed(entity);
+        }
+    }
+
+    /// Forgets an entity. Returns false if the entity has no place.
+    fn remove(&mut self, entity: Entity) -> bool {
+        self.set_changed(entity);
+        self.entities.remove(&entity).is_some()
+    }
 }
 
 /// Returns whether a box contains another, up to [`PLACE_TOLERANCE`].
@@ -154,11 +212,16 @@ fn contains(outer: &Aabb, inner: &Aabb) -> bool {
 /// The culler of a [`BakedLevel`] for one camera.
 #[derive(Clone, Debug)]
 pub struct BakedCuller {
-    /// What the level knows of the scene, from the first frame on.
-    shared: Arc<Mutex<Option<Arc<ScenePvs>>>>,
+    shared: Arc<Mutex<Sets>>,
     culler: Option<PvsCuller<Arc<ScenePvs>>>,
     /// Whether the set was compared with the version of the level.
     is_checked: bool,
+}
+
+impl BakedCuller {
+    fn sets(&self) -> Sets {
+        self.shared.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
 }
 
 impl Culler for BakedCuller {
@@ -167,12 +230,15 @@ impl Culler for BakedCuller {
     }
 
     fn accuracy(&self) -> Accuracy {
-        if self.is_checked { Accuracy::Conservative } else { Accuracy::Approximate }
+        let is_checked = match self.sets() {
+            Sets::Of(sets) => sets.is_checked(),
+            _ => self.is_checked,
+        };
+        if is_checked { Accuracy::Conservative } else { Accuracy::Approximate }
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        let sets = self.shared.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let Some(sets) = sets else {
+        let Sets::Of(sets) = self.sets() else {
             return CullStats::default().with_visible(visible.count(scene) as u64);
         };
         let culler = self.culler.get_or_insert_with(|| PvsCuller::new(sets.clone()));
@@ -181,12 +247,16 @@ impl Culler for BakedCuller {
     }
 
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
-        match &self.culler {
-            Some(culler) => culler.for_each_lack(scene, each),
-            None if !self.is_checked => {
+        match (&self.culler, self.sets()) {
+            (_, Sets::WithoutOccluder) => {
+                let what = "objects not culled, an occluder of the bake not being as it was baked";
+                each(Lack { what, count: scene.len() });
+            }
+            (Some(culler), _) => culler.for_each_lack(scene, each),
+            (None, _) if !self.is_checked => {
                 each(Lack { what: "a set that was not compared with the version of the level", count: 1 });
             }
-            None => {}
+            (None, _) => {}
         }
     }
 }
@@ -205,35 +275,40 @@ pub(crate) fn follow_level(
     touched: Query<Candidate, Touched>,
     all: Query<Candidate>,
     mut removed: RemovedComponents<BakedObject>,
+    mut removed_meshes: RemovedComponents<Mesh3d>,
 ) {
     let Some(mut level) = level else {
         removed.clear();
+        removed_meshes.clear();
         *last = None;
         return;
     };
     let level = level.bypass_change_detection();
-    let mut is_stale = level.cursor.follow(mirror.scene()) == Changes::Everything;
+    let scene = mirror.scene();
+    let mut is_stale = level.cursor.follow(scene) == Changes::Everything;
     for entity in removed.read() {
-        is_stale |= level.entities.remove(&entity).is_some();
+        is_stale |= level.remove(entity);
+    }
+    for entity in removed_meshes.read() {
+        is_stale |= level.set_changed(entity);
     }
     let is_new = std::mem::take(&mut level.is_new);
     let address = Some(Arc::as_ptr(&level.shared) as usize);
     if *last != address && !is_new {
         // Nobody has followed the entities while the level was no resource.
-        level.entities.values_mut().for_each(|place| *place = Place::Changed);
+        level.set_all_changed(|_| true);
         is_stale = true;
     }
     *last = address;
     let mut follow = |(entity, object, mesh): (Entity, Ref<BakedObject>, Option<Ref<Mesh3d>>)| {
         if object.is_changed() {
-            is_stale |= level.entities.remove(&entity).is_some();
+            is_stale |= level.remove(entity);
         }
-        if let Some(place) = level.entities.get_mut(&entity) {
+        if level.set_changed(entity) {
             // The scene tells of a change of the box, but not of the mesh inside.
             is_stale |= mesh.is_some_and(|mesh| mesh.is_changed());
-            *place = Place::Changed;
         } else if let Some(place) = level.place(&mirror, entity, object.0) {
-            level.entities.insert(entity, place);
+            level.insert(entity, place, object.0);
             is_stale = true;
         }
     };
@@ -243,11 +318,19 @@ pub(crate) fn follow_level(
         touched.iter().for_each(&mut follow);
     }
     if is_stale {
+        // What is no longer in the scene, as an entity with `NoCpuCulling`, may be drawn no more.
+        level.set_all_changed(|id| !scene.contains(id));
+    }
+    let sets = if !level.lost_occluders.is_empty() {
+        Sets::WithoutOccluder
+    } else if is_stale {
         let placed = level.entities.values().filter_map(|place| match *place {
             Place::AsBaked(id, index) => Some((id, index)),
             Place::Changed => None,
         });
-        let sets = Arc::new(level.set.for_objects(mirror.scene(), placed));
-        *level.shared.lock().unwrap_or_else(PoisonError::into_inner) = Some(sets);
-    }
+        Sets::Of(Arc::new(level.set.for_objects(scene, placed)))
+    } else {
+        return;
+    };
+    *level.shared.lock().unwrap_or_else(PoisonError::into_inner) = sets;
 }

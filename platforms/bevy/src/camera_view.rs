@@ -2,9 +2,9 @@
 //!
 //! Vectors and matrices pass as arrays, so that bevy and core need not use the same version of glam.
 
-use bevy_camera::Projection;
 use bevy_camera::primitives::Frustum;
 use bevy_camera::visibility::RenderLayers;
+use bevy_camera::{Camera, Projection};
 use bevy_math::Affine3A;
 use bevy_shape::ViewFrustum;
 use bevy_transform::components::GlobalTransform;
@@ -19,17 +19,25 @@ use visibility_core::{Aabb, Pose, View};
 /// compared by their [`RenderLayers`].
 pub(crate) const OTHER_LAYERS: u32 = 1 << 31;
 
-/// Returns the view of a camera. The matrix is relative to the camera's position, so that it loses nothing
-/// far from the origin.
+/// Returns the view of a camera, or of the part of it that its `sub_camera_view` names. The matrix is
+/// relative to the camera's position, so that it loses nothing far from the origin.
 ///
 /// # Errors
 /// Those of [`View::from_clip_from_world`], for a degenerate or non-finite camera.
-pub(crate) fn camera_view(projection: &Projection, transform: &GlobalTransform) -> Result<View, ViewError> {
-    let camera = transform.affine();
-    let view_from_world = DMat3::from_cols_array(&camera.matrix3.to_cols_array().map(f64::from)).inverse();
-    let clip_from_view = projection.get_clip_from_view().to_cols_array().map(f64::from);
+pub(crate) fn camera_view(
+    camera: &Camera,
+    projection: &Projection,
+    transform: &GlobalTransform,
+) -> Result<View, ViewError> {
+    let place = transform.affine();
+    let view_from_world = DMat3::from_cols_array(&place.matrix3.to_cols_array().map(f64::from)).inverse();
+    let clip_from_view = match &camera.sub_camera_view {
+        Some(part) => projection.get_clip_from_view_for_sub(part),
+        None => projection.get_clip_from_view(),
+    };
+    let clip_from_view = clip_from_view.to_cols_array().map(f64::from);
     let matrix = DMat4::from_cols_array(&clip_from_view) * DMat4::from_mat3(view_from_world);
-    let eye = DVec3::from_array(camera.translation.to_array().map(f64::from));
+    let eye = DVec3::from_array(place.translation.to_array().map(f64::from));
     // What is wholly beyond the far plane of an orthographic camera is not drawn. bevy's perspective
     // cameras have none.
     let depth = match projection {

@@ -203,7 +203,7 @@ pub(crate) fn cull_cameras(
         if !camera.is_active {
             continue;
         }
-        let view = projection.and_then(|projection| camera_view(projection, transform).ok());
+        let view = projection.and_then(|projection| camera_view(camera, projection, transform).ok());
         let (culling, view) = match (view, own.as_mut()) {
             (Some(view), Some(own)) if !culls_nothing => (&mut **own, view),
             (Some(view), None) if !culls_nothing => (&mut *frustum, view),

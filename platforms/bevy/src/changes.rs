@@ -11,6 +11,7 @@ use bevy_camera::visibility::{
     VisibilityRange,
 };
 use bevy_ecs::change_detection::{ContiguousRef, Tick};
+use bevy_ecs::entity_disabling::DefaultQueryFilters;
 use bevy_ecs::lifecycle::RemovedComponents;
 use bevy_ecs::prelude::*;
 use bevy_ecs::system::SystemParam;
@@ -78,6 +79,25 @@ impl Removals<'_, '_> {
     }
 }
 
+/// Entities that were disabled or enabled since the last frame, by [`Disabled`] or by another disabling
+/// component of the world. Queries leave out disabled entities, with all of their changes.
+///
+/// [`Disabled`]: bevy_ecs::entity_disabling::Disabled
+#[derive(Resource, Default)]
+pub(crate) struct Toggled(Vec<Entity>);
+
+/// Lists the entities in [`Toggled`] whose disabling components come and go from now on.
+pub(crate) fn watch_disabling(world: &mut World) {
+    let Some(filters) = world.get_resource::<DefaultQueryFilters>() else { return };
+    let ids: Vec<_> = filters.disabling_ids().collect();
+    for id in ids {
+        let added = |event: On<Add<()>>, mut toggled: ResMut<Toggled>| toggled.0.push(event.entity);
+        let removed = |event: On<Remove<()>>, mut toggled: ResMut<Toggled>| toggled.0.push(event.entity);
+        world.spawn(Observer::new(added).with_component(id));
+        world.spawn(Observer::new(removed).with_component(id));
+    }
+}
+
 /// Components that most entities lack, and whose arrival changes what the scene should say of an entity.
 type Arrived = Or<(
     Added<NoCpuCulling>,
@@ -112,11 +132,39 @@ pub(crate) struct Lists {
     changed_meshes: HashSet<AssetId<Mesh>>,
 }
 
+impl Lists {
+    /// Lists an entity whose transform or `Aabb` changed; the latter if it is `is_reshaped`.
+    #[inline]
+    fn push_moved(
+        &mut self,
+        mirror: &VisibilityScene,
+        entity: Entity,
+        transform: &GlobalTransform,
+        aabb: Option<&BevyAabb>,
+        occludes: bool,
+        is_reshaped: bool,
+    ) {
+        let transform = transform.affine();
+        if !occludes && let (Some(id), Some(aabb)) = (mirror.boxed_object(entity), aabb) {
+            self.moved.push((id, world_box(aabb, &transform)));
+            return;
+        }
+        match mirror.object(entity).map(|id| (id, mirror.record(id))) {
+            Some((id, record)) if record.is_occluder && !is_reshaped && can_occlude(&transform) => {
+                self.moved_occluders.push((id, affine(&transform)));
+            }
+            // New to the scene, or another kind of object from now on.
+            _ => self.touched.push(entity),
+        }
+    }
+}
+
 /// Brings the scene up to date with the entities.
 pub(crate) fn sync_scene(
     mut mirror: ResMut<VisibilityScene>,
     mut lists: Local<Lists>,
     mut removals: Removals,
+    mut toggled: ResMut<Toggled>,
     arrived: Query<Entity, Arrived>,
     common: Query<Common, Followed>,
     meshed_occluders: Query<Entity, (Changed<Mesh3d>, With<Occluder>)>,
@@ -127,6 +175,7 @@ pub(crate) fn sync_scene(
 ) {
     let (mirror, lists) = (&mut *mirror, &mut *lists);
     removals.for_each(|entity| lists.touched.push(entity));
+    lists.touched.append(&mut toggled.0);
     lists.touched.extend(&arrived);
     lists.touched.extend(&meshed_occluders);
     for event in mesh_events.read() {
@@ -193,8 +242,10 @@ impl<'a> Ticks<'a> {
 /// Finds the entities of which a common component changed. Entities that only moved are listed with their
 /// new place, all others in `touched`.
 fn find_common_changes(mirror: &VisibilityScene, common: &Query<Common, Followed>, lists: &mut Lists) {
-    // All of these components are stored in tables, so the query is always dense.
-    let Ok(tables) = common.contiguous_iter() else { return };
+    let Ok(tables) = common.contiguous_iter() else {
+        // Not by tables if a disabling component of the world is in sparse sets.
+        return find_by_rows(mirror, common, lists);
+    };
     for (entities, transforms, inherited, results, aabbs, layers, classes, occludes) in tables {
         let nothing = Ticks { ticks: &[], ..Ticks::changed(&transforms) };
         let boxed = aabbs.as_ref().map_or(nothing, Ticks::changed);
@@ -221,19 +272,26 @@ fn find_common_changes(mirror: &VisibilityScene, common: &Query<Common, Followed
                 if !all_moved && !is_reshaped && !moves.is_new(row) {
                     continue;
                 }
-                let (entity, transform) = (entities[row], transforms[row].affine());
-                if !occludes && let (Some(id), Some(aabbs)) = (mirror.boxed_object(entity), &aabbs) {
-                    lists.moved.push((id, world_box(&aabbs[row], &transform)));
-                    continue;
-                }
-                match mirror.object(entity).map(|id| (id, mirror.record(id))) {
-                    Some((id, record)) if record.is_occluder && !is_reshaped && can_occlude(&transform) => {
-                        lists.moved_occluders.push((id, affine(&transform)));
-                    }
-                    // New to the scene, or another kind of object from now on.
-                    _ => lists.touched.push(entity),
-                }
+                let aabb = aabbs.as_ref().map(|aabbs| &aabbs[row]);
+                lists.push_moved(mirror, entities[row], &transforms[row], aabb, occludes, is_reshaped);
             }
+        }
+    }
+}
+
+/// Finds the same changes entity by entity.
+fn find_by_rows(mirror: &VisibilityScene, common: &Query<Common, Followed>, lists: &mut Lists) {
+    for (entity, transform, inherited, result, aabb, layers, classes, occludes) in common {
+        if inherited.is_changed()
+            || result.is_added()
+            || layers.is_some_and(|layers| layers.is_changed())
+            || classes.is_some_and(|classes| classes.is_changed())
+        {
+            lists.touched.push(entity);
+        }
+        let is_reshaped = aabb.as_ref().is_some_and(|aabb| aabb.is_changed());
+        if is_reshaped || transform.is_changed() {
+            lists.push_moved(mirror, entity, &transform, aabb.as_deref(), occludes, is_reshaped);
         }
     }
 }

@@ -95,6 +95,7 @@ impl Plugin for VisibilityCullingPlugin {
         // Fails if cameras exist already. These are culled by their frustum until they are given a pipeline.
         let _ = app.world_mut().try_register_required_components::<bevy_camera::Camera, CullingPipeline>();
         app.init_resource::<VisibilityScene>()
+            .init_resource::<changes::Toggled>()
             .configure_sets(
                 PostUpdate,
                 (CullingSystems::Sync, CullingSystems::Cameras)
@@ -111,8 +112,10 @@ impl Plugin for VisibilityCullingPlugin {
             );
     }
 
-    /// Removes the systems of bevy that this plugin replaces. By now all plugins have added theirs.
+    /// Removes the systems of bevy that this plugin replaces, and watches the components that disable
+    /// entities. By now all plugins have added theirs.
     fn finish(&self, app: &mut App) {
+        changes::watch_disabling(app.world_mut());
         let policy = ScheduleCleanupPolicy::RemoveSystemsOnly;
         // An error says that there is no such system, so none to remove.
         let _ = app.remove_systems_in_set(PostUpdate, check_visibility_cpu_culling, policy);

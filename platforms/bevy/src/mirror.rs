@@ -167,8 +167,8 @@ impl VisibilityScene {
     }
 
     /// Returns the object of an entity, or `None` if the scene does not follow the entity: it was spawned
-    /// after the last [sync](crate::CullingSystems::Sync), lacks `GlobalTransform` or `Visibility`, or has
-    /// `NoCpuCulling`.
+    /// after the last [sync](crate::CullingSystems::Sync), lacks `GlobalTransform` or `Visibility`, has
+    /// `NoCpuCulling`, or is disabled.
     #[inline]
     pub fn object(&self, entity: Entity) -> Option<ObjectId> {
         let object = self.objects.get(entity.index_u32() as usize)?;

@@ -6,6 +6,8 @@ mod common;
 use bevy_app::App;
 use bevy_camera::prelude::*;
 use bevy_camera::primitives::Aabb;
+use bevy_camera::visibility::NoCpuCulling;
+use bevy_ecs::entity_disabling::Disabled;
 use bevy_ecs::prelude::*;
 use bevy_math::{Vec3, Vec3A};
 use bevy_mesh::Mesh3d;
@@ -13,10 +15,10 @@ use bevy_transform::prelude::*;
 use common::*;
 use std::collections::{BTreeSet, HashSet};
 use visibility_bake::BakedSet;
-use visibility_bevy::{BakedLevel, BakedObject, BakedSetError, CullingPipeline};
+use visibility_bevy::{BakedLevel, BakedObject, BakedSetError, CullingPipeline, VisibilityScene};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Viewcell, Viewcells};
-use visibility_core::{Aabb as Bounds, Accuracy, Culler, Scene};
+use visibility_core::{Aabb as Bounds, Accuracy, Culler, Object, Scene};
 use visibility_testing::Random;
 
 /// Culls by the frustum and the baked set.
@@ -312,4 +314,83 @@ fn files_of_other_levels_are_refused() {
         Accuracy::Approximate,
         "a set that was not compared"
     );
+}
+
+/// Nothing is hidden from the time on at which a wall of the bake changes or goes, whatever else changes
+/// later, until the wall is back.
+#[test]
+fn a_wall_that_is_not_as_baked_hides_nothing() {
+    /// The objects of the bake: a wall, a post behind it, and a box before it.
+    const WALL: u32 = 0;
+    const POST: u32 = 1;
+    const BOX: u32 = 2;
+    let boxes = [
+        [[20.0, -9.0, -9.0], [21.0, 9.0, 9.0]],
+        [[30.0, -1.0, -1.0], [31.0, 1.0, 1.0]],
+        [[15.0, -3.0, -1.0], [16.0, -2.0, 1.0]],
+    ];
+    let mut scene = Scene::new();
+    for (number, [min, max]) in boxes.into_iter().enumerate() {
+        let bounds = Bounds::from_arrays(min, max);
+        scene.insert(Object { occluder: number == WALL as usize, ..Object::new(bounds) });
+    }
+    let cells = Viewcells::new([Viewcell::from_box(DVec3::new(0.0, -5.0, -5.0), DVec3::new(10.0, 5.0, 5.0))]);
+    let set = BakedSet::new(&scene, cells, &[[WALL, BOX]]).unwrap();
+    let (file, version) = (set.to_bytes(), set.version());
+    let spawn = |app: &mut App, number: u32| {
+        let (aabb, at) = placed(boxes[number as usize]);
+        app.world_mut().spawn((drawn(number, at), aabb, BakedObject(number))).id()
+    };
+    let started = || {
+        let mut app = app(true);
+        let level = BakedLevel::read(&file, Some(version), boxes).unwrap();
+        let culling = CullingPipeline::frustum().with(level.culler());
+        app.world_mut().insert_resource(level);
+        let at = Transform::from_xyz(5.0, 0.0, 0.0).looking_at(Vec3::X * 100.0, Vec3::Y);
+        app.world_mut().spawn((BAKED, Camera3d::default(), culling, at));
+        let walls = [WALL, WALL, POST, BOX].map(|number| spawn(&mut app, number));
+        (app, walls)
+    };
+    let changes: [(&str, fn(EntityWorldMut)); 8] = [
+        ("moved", |mut wall| wall.get_mut::<Transform>().unwrap().translation.y += 30.0),
+        ("of another mesh", |mut wall| *wall.get_mut().unwrap() = Mesh3d::default()),
+        ("without its mesh", |mut wall| _ = wall.remove::<Mesh3d>()),
+        ("out of the scene", |mut wall| _ = wall.insert(NoCpuCulling)),
+        ("another object", |mut wall| _ = wall.insert(BakedObject(BOX))),
+        ("no object of the bake", |mut wall| _ = wall.remove::<BakedObject>()),
+        ("disabled", |mut wall| _ = wall.insert(Disabled)),
+        ("despawned", |wall| wall.despawn()),
+    ];
+    for (name, change) in changes {
+        let (mut app, [wall, part, _, other]) = started();
+        let check = |app: &mut App, is_hidden: bool, step: &str| {
+            app.update();
+            let is_seen = seen_by(app, BAKED).contains(&Number(POST));
+            assert_eq!(!is_seen, is_hidden, "the wall is {name}, {step}: whether the post is hidden");
+            let camera = entity(app, BAKED).unwrap();
+            let pipeline = app.world().get::<CullingPipeline>(camera).unwrap().pipeline();
+            assert_eq!(pipeline.accuracy(), Accuracy::Conservative, "the wall is {name}, {step}");
+            let mut lacks = 0;
+            let scene = app.world().resource::<VisibilityScene>().scene();
+            pipeline.for_each_lack(scene, |culler, _| lacks += usize::from(culler == "baked"));
+            assert_eq!(lacks > 0, !is_hidden, "the wall is {name}, {step}: what the culler lacks");
+        };
+        check(&mut app, true, "not yet");
+        change(app.world_mut().entity_mut(wall));
+        check(&mut app, false, "one of its parts");
+        app.world_mut().entity_mut(other).insert(BakedObject(BOX));
+        check(&mut app, false, "and the box is found again");
+        spawn(&mut app, WALL);
+        check(&mut app, true, "and another has taken its place");
+        app.world_mut().despawn(part);
+        check(&mut app, false, "and its other part is gone");
+    }
+    // The post is hidden if the wall was never found, but nobody promises that it should be.
+    let (mut app, [wall, part, ..]) = started();
+    for entity in [wall, part] {
+        app.world_mut().entity_mut(entity).remove::<BakedObject>();
+    }
+    app.update();
+    let accuracy = app.world().resource::<BakedLevel>().culler().accuracy();
+    assert_eq!(accuracy, Accuracy::Approximate, "no entity is the wall of the bake");
 }

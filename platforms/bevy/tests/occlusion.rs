@@ -8,6 +8,7 @@ use bevy_asset::{Assets, Handle};
 use bevy_camera::prelude::*;
 use bevy_camera::primitives::{Aabb, Frustum};
 use bevy_camera::visibility::{NoFrustumCulling, RenderLayers, VisibilityRange};
+use bevy_ecs::entity_disabling::Disabled;
 use bevy_ecs::prelude::*;
 use bevy_math::{Affine3A, DAffine3, DVec3, Quat, Vec3};
 use bevy_mesh::skinning::SkinnedMesh;
@@ -156,7 +157,7 @@ type Change = (&'static str, fn(&mut EntityWorldMut), fn(&mut EntityWorldMut));
 
 #[test]
 fn hidden_entities_come_back_when_the_wall_no_longer_hides_them() {
-    let changes: [Change; 9] = [
+    let changes: [Change; 10] = [
         ("moves away", |wall| move_by(wall, 20.0), |wall| move_by(wall, -20.0)),
         ("no occluder", drop_component::<Occluder>, |wall| add(wall, Occluder::Box)),
         ("hidden", |wall| add(wall, Visibility::Hidden), |wall| add(wall, Visibility::Inherited)),
@@ -166,6 +167,7 @@ fn hidden_entities_come_back_when_the_wall_no_longer_hides_them() {
         ("skinned", |wall| add(wall, SkinnedMesh::default()), drop_component::<SkinnedMesh>),
         ("mirrored", |wall| scale(wall, -8.0), |wall| scale(wall, 8.0)),
         ("unculled", |wall| add(wall, NoFrustumCulling), drop_component::<NoFrustumCulling>),
+        ("disabled", |wall| add(wall, Disabled), drop_component::<Disabled>),
     ];
     for occluder in [Occluder::Mesh, Occluder::Box] {
         let mut app = wall_before_thing(occluder);
