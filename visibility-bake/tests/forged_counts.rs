@@ -81,14 +81,19 @@ fn a_set_takes_the_memory_of_its_bytes_and_its_scene() {
         Err(_) => refused += 1,
     });
     assert!(read > 100 && refused > 100, "{read} read, {refused} refused");
-    // Callers may size arrays by the limit of indices.
-    let mut content = decompress_to_vec(&file[COMPRESSED..]).unwrap();
-    for (limit, is_read) in [(12, true), (1 << 29, true), ((1 << 29) + 1, false), (u32::MAX, false)] {
+    // Callers may size arrays by the limit of indices: a file has a bit for each, and no more than 2^29.
+    let whole = decompress_to_vec(&file[COMPRESSED..]).unwrap();
+    let cases = [(12, 1, true), (64, 1, true), (65, 1, false), (65, 2, true), (u32::MAX, 1, false)];
+    for (limit, words, is_read) in
+        cases.into_iter().chain([(1 << 29, 1 << 23, true), ((1 << 29) + 1, (1 << 23) + 1, false)])
+    {
+        let mut content = whole.clone();
         content[8..12].copy_from_slice(&limit.to_le_bytes());
+        content.splice(12..20, std::iter::repeat_n(0, 8 * words));
         let length = (content.len() as u64).to_le_bytes();
         let mut forged = [&file[..40], &length, &compress_to_vec(&content, 1)].concat();
         mend_header(&mut forged, 0);
-        assert_eq!(BakedSet::from_bytes(&forged).is_ok(), is_read, "{limit}");
+        assert_eq!(BakedSet::from_bytes(&forged).is_ok(), is_read, "{limit} with {words} words");
     }
 }
 
@@ -130,13 +135,14 @@ fn a_set_of_many_objects_takes_a_small_multiple_of_its_content() {
     let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
     let file = BakedSet::new(&scene, cells, &[vec![0]]).unwrap().to_bytes();
     let mut content = decompress_to_vec(&file[COMPRESSED..]).unwrap();
-    // The classes are the byte after two hashes and numbers, six coordinates, and the counts of planes and
-    // classes. Each further object is a class of its own, by the code of a step of one.
-    let (classes, count) = (8 + 4 + 4 + 6 * 8 + 4 + 4, 1u32 << 20);
+    // The classes are the byte after a hash, a number, a word of occluders, a number, six coordinates, and the
+    // counts of planes and classes. Each further object is a class of its own, by the code of a step of one.
+    let (classes, count) = (8 + 4 + 8 + 4 + 6 * 8 + 4 + 4, 1u32 << 20);
     assert_eq!(content[classes - 4..=classes], [1, 0, 0, 0, 0], "the count of classes and the first class");
     content[8..12].copy_from_slice(&(count + 1).to_le_bytes());
     content[classes - 4..classes].copy_from_slice(&(count + 1).to_le_bytes());
     content.splice(classes + 1..classes + 1, std::iter::repeat_n(4, count as usize));
+    content.splice(20..20, std::iter::repeat_n(0, count as usize / 8));
     let inner = content.windows(8).position(|window| window == b"VISI-PVS").unwrap();
     content[inner + 20..inner + 24].copy_from_slice(&(count + 2).to_le_bytes());
     mend_header(&mut content, inner);

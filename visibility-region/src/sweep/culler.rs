@@ -246,7 +246,7 @@ impl ExtendedProjectionCuller {
             self.assign(scene, ask.asked, &cell_box, &bounds, &mut stats);
             self.is_assigned = true;
         }
-        for index in (0..6).take_while(|_| !stop()) {
+        for index in 0..6 {
             self.sweep_direction(scene, &ask, index, &mut { Work::UNLIMITED }, &mut stats);
         }
         let hidden = &self.hidden;
