@@ -74,8 +74,8 @@ fn what_stands_behind_a_wall_is_seen_through_a_crack_under_the_wall_however_thin
     }
 }
 
-/// A wall that goes deep into the ground covers nothing above it, though it stands out of the ground elsewhere:
-/// a flat thing on the ground is seen over the sunken part and beside the part that stands.
+/// A wall that goes deep into the ground covers nothing above it, though it stands out of the ground
+/// elsewhere: a flat thing on the ground is seen over the sunken part and beside the part that stands.
 #[test]
 fn what_lies_on_the_ground_is_seen_over_a_wall_that_ends_there() {
     for number in 0..12 {

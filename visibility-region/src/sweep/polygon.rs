@@ -75,8 +75,8 @@ impl Polygon {
     }
 
     /// Sets in `inside` the pixels of `rect` in which the polygon, seen from the middle of the cell's front,
-    /// meets the middle line of the pixel's row, beside a rim on the rim's inner side. Pixels that are set in `map` may be left out. Returns
-    /// whether any was set. `sides` is scratch.
+    /// meets the middle line of the pixel's row, beside a rim on the rim's inner side. Pixels that are set in
+    /// `map` may be left out. Returns whether any was set. `sides` is scratch.
     pub(super) fn fill(
         &self,
         inside: &mut RayMap,

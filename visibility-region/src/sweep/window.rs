@@ -247,8 +247,8 @@ impl Window {
     }
 
     /// Returns a range of pixel coordinates along axis `lat` (0 or 1) without the pixel on the inner side of
-    /// the rim, if the range comes from the outer side and does not pass the rim. Unchanged without a rim. The
-    /// range may be empty afterwards, its end below its start.
+    /// the rim, if the range comes from the outer side and does not pass the rim. Unchanged without a rim.
+    /// The range may be empty afterwards, its end below its start.
     pub(super) fn clip_at_rim(&self, range: [f64; 2], lat: usize) -> [f64; 2] {
         self.rims[lat].map_or(range, |rim| rim.clip_at_rim(range))
     }
