@@ -299,6 +299,51 @@ fn regions_that_look_through_backs_are_no_cells() {
     );
 }
 
+/// Returns the rectangle of a plane at `x` with the given ranges of y and z, front to greater x, or to lesser x
+/// if `turned`.
+fn upright(x: f64, y: [f64; 2], z: [f64; 2], turned: bool) -> ConvexPolygon {
+    let mut corners =
+        [[y[0], z[0]], [y[1], z[0]], [y[1], z[1]], [y[0], z[1]]].map(|[y, z]| DVec3::new(x, y, z));
+    if turned {
+        corners.reverse();
+    }
+    ConvexPolygon::new(corners).unwrap()
+}
+
+/// A pane whose back is looked through fills a window of a long wall: small beside the wall, but not to who
+/// looks through it.
+#[test]
+fn a_small_leak_in_a_large_wall_is_a_leak() {
+    for length in [8.0, 500.0, 4000.0] {
+        let polygons = [
+            upright(0.0, [0.0, length], [0.0, 3.0], false),
+            upright(0.0, [length + 1.0, 2.0 * length + 1.0], [0.0, 3.0], false),
+            upright(0.0, [length, length + 1.0], [0.0, 1.0], false),
+            upright(0.0, [length, length + 1.0], [1.9, 3.0], false),
+            upright(0.0, [length, length + 1.0], [1.0, 1.9], false),
+        ];
+        let one_sided = [false, false, false, false, true];
+        for (one_sided, is_cell) in [(&one_sided[..], false), (&[], true)] {
+            let settings = PolygonSettings::default().with_one_sided(one_sided);
+            let cells = from_polygons(&polygons, &settings).unwrap();
+            let bodies = Viewcells::new(cells.viewcells.iter().cloned());
+            let behind = bodies.locate(DVec3::new(-0.5, length + 0.5, 1.45));
+            assert_eq!(behind.is_some(), is_cell, "behind a wall of {length} m, one-sided {one_sided:?}");
+        }
+    }
+}
+
+/// The air between two signs is bounded by backs alone, and is no solid: lines pass over both signs.
+#[test]
+fn air_between_the_backs_of_two_signs_is_a_cell() {
+    let signs = [upright(0.0, [0.0, 4.0], [0.0, 3.0], true), upright(10.0, [0.0, 4.0], [0.0, 3.0], false)];
+    let settings = PolygonSettings::default().with_solid(SolidRule::Backs);
+    let cells = from_polygons(&signs, &settings).unwrap();
+    let bodies = Viewcells::new(cells.viewcells.iter().cloned());
+    let between = bodies.locate(DVec3::new(5.0, 2.0, 1.5));
+    assert!(between.is_some(), "the air between the signs is a cell, of {}", cells.viewcells.len());
+}
+
 #[test]
 fn leaks_are_named_by_their_portals() {
     let plan = |gap: f64| {

@@ -6,7 +6,7 @@
 //! opaque polygons, is a portal.
 
 use super::merge_pieces::merge_pieces;
-use super::subtract_polygons::{Lengths, area, bounds, subtract, widened_sides, width};
+use super::subtract_polygons::{Lengths, bounds, subtract, widened_sides, width};
 use crate::clip_polygon::clip_into;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
@@ -121,23 +121,21 @@ fn subtract_covers(
     open.append(&mut parts);
 }
 
-/// Returns whether lines from one side of the plane pass `piece` in more than its open parts `open`: through
-/// the backs of one-sided covers, in a strip wider than the tolerance. The side is the front if `is_front` is
-/// true, else the back.
-fn leaks(
-    piece: &[DVec3],
-    covers: &[Cover],
-    is_front: bool,
-    normal: DVec3,
-    open: &[Vec<DVec3>],
-    lengths: &Lengths,
-) -> bool {
+/// Returns whether lines from one side of the plane pass `piece` through the back of a one-sided cover, where
+/// no other cover stops them, in a part wider than the tolerance. The side is the front if `is_front` is true,
+/// else the back.
+fn leaks(piece: &[DVec3], covers: &[Cover], is_front: bool, normal: DVec3, lengths: &Lengths) -> bool {
     let blocking: Vec<&Cover> = covers.iter().filter(|cover| cover.blocks_from(is_front)).collect();
     let mut passed = Vec::new();
     subtract_covers(piece.to_vec(), &blocking, normal, lengths, 0, &mut passed, &mut [0.0; 2]);
-    let sum = |parts: &[Vec<DVec3>]| parts.iter().map(|part| area(part, normal)).sum::<f64>();
-    let (min, max) = bounds(piece);
-    sum(&passed) > sum(open) + 4.0 * lengths.sliver * (max - min).max_element()
+    let passes = |cover: &Cover| {
+        passed.iter().any(|part| {
+            let mut common = part.clone();
+            cover.planes.iter().for_each(|plane| clip_in_place(&mut common, plane, lengths));
+            !common.is_empty() && width(&common, normal) > 4.0 * lengths.sliver
+        })
+    };
+    covers.iter().any(|cover| !cover.blocks_from(is_front) && passes(cover))
 }
 
 /// A BSP tree that divides the box from `min` to `max`, in world space.
@@ -252,8 +250,7 @@ impl Bsp {
                     let normal = node.plane.normal;
                     subtract_covers(piece.clone(), &all, normal, lengths, 0, &mut open, &mut covered);
                     for (leaf, is_front) in [(front, true), (back, false)].into_iter().filter(|_| has_backs) {
-                        leaves[leaf as usize].leaks |=
-                            leaks(&piece, &covers, is_front, normal, &open, lengths);
+                        leaves[leaf as usize].leaks |= leaks(&piece, &covers, is_front, normal, lengths);
                     }
                     for ([sees_front, sees_back], area) in
                         [[front, back], [back, front]].into_iter().zip(covered)

@@ -27,8 +27,8 @@ pub enum SolidRule<'a> {
     /// Regions are solid if no chain of portals joins them to the region of any of these points (world
     /// space). If none of the points lies in a region, no region is solid.
     Unreached(&'a [DVec3]),
-    /// Regions bounded by back sides of polygons and by no front side are solid. A polygon's vertices run
-    /// counter-clockwise as seen from its front.
+    /// Regions bounded by back sides of polygons and by no front side are solid, if no chain of portals joins
+    /// them to other regions. A polygon's vertices run counter-clockwise as seen from its front.
     Backs,
 }
 
@@ -191,7 +191,12 @@ pub fn from_polygons(
     // Regions that count as the inside of solids are no cells.
     let solid = match settings.solid {
         SolidRule::Nothing => alloc::vec![false; leaves.len()],
-        SolidRule::Backs => leaves.iter().map(|leaf| leaf.backs > 0.0 && leaf.fronts == 0.0).collect(),
+        SolidRule::Backs => {
+            // Air between two signs has backs alone as well, but is open to other air.
+            let others = (0..).zip(&leaves).filter(|(_, leaf)| leaf.backs == 0.0 || leaf.fronts > 0.0);
+            let open = others.map(|(leaf, _)| leaf);
+            reached(leaves.len(), &portals, open).into_iter().map(|reached| !reached).collect()
+        }
         SolidRule::Unreached(points) => {
             let bodies = Viewcells::new(leaves.iter().map(|leaf| leaf.body.clone()));
             let starts = points.iter().filter_map(|&p| bodies.locate(p)).map(|cell| cell.0);
