@@ -299,8 +299,8 @@ fn regions_that_look_through_backs_are_no_cells() {
     );
 }
 
-/// Returns the rectangle of a plane at `x` with the given ranges of y and z, front to greater x, or to lesser x
-/// if `turned`.
+/// Returns the rectangle of a plane at `x` with the given ranges of y and z, front to greater x, or to lesser
+/// x if `turned`.
 fn upright(x: f64, y: [f64; 2], z: [f64; 2], turned: bool) -> ConvexPolygon {
     let mut corners =
         [[y[0], z[0]], [y[1], z[0]], [y[1], z[1]], [y[0], z[1]]].map(|[y, z]| DVec3::new(x, y, z));

@@ -121,9 +121,9 @@ fn subtract_covers(
     open.append(&mut parts);
 }
 
-/// Returns whether lines from one side of the plane pass `piece` through the back of a one-sided cover, where
-/// no other cover stops them, in a part wider than the tolerance. The side is the front if `is_front` is true,
-/// else the back.
+/// Returns whether lines from one side of the plane pass `piece` through the back of a one-sided cover,
+/// where no other cover stops them, in a part wider than the tolerance. The side is the front if `is_front`
+/// is true, else the back.
 fn leaks(piece: &[DVec3], covers: &[Cover], is_front: bool, normal: DVec3, lengths: &Lengths) -> bool {
     let blocking: Vec<&Cover> = covers.iter().filter(|cover| cover.blocks_from(is_front)).collect();
     let mut passed = Vec::new();
