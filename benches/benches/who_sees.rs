@@ -46,7 +46,7 @@ fn matrix(plan: &Plan) -> ViewcellMatrix {
         .collect();
     let reaches: Vec<Reach> = rooms.iter().map(|room| Reach::new(room.min, room.max)).collect();
     let mut who = WhoSees::new();
-    who.look(&mut PlanCells::new(plan.clone(), [0, 1]), &reaches, &reaches);
+    who.look(&mut PlanCells::new(plan.clone(), [0, 1]).expect("axes"), &reaches, &reaches);
     let rows: Vec<Vec<u32>> =
         (0..reaches.len()).map(|room| who.seen_by(room).map(|room| room as u32).collect()).collect();
     ViewcellMatrix::new(Viewcells::new(rooms), &rows)
@@ -77,8 +77,10 @@ fn ticks(random: &mut Random, count: usize, moving: usize) -> [Vec<Reach>; 2] {
 fn who_sees(c: &mut Criterion) {
     let mut random = Random(42);
     let plan = plan(&mut random);
-    let mut levels: [(&str, Box<dyn SightCells>); 2] =
-        [("plan", Box::new(PlanCells::new(plan.clone(), [0, 1]))), ("matrix", Box::new(matrix(&plan)))];
+    let mut levels: [(&str, Box<dyn SightCells>); 2] = [
+        ("plan", Box::new(PlanCells::new(plan.clone(), [0, 1]).expect("axes"))),
+        ("matrix", Box::new(matrix(&plan))),
+    ];
     let players = ticks(&mut random, 64, 1);
     let things = ticks(&mut random, 5000, 10);
     let targets = [0, 1].map(|tick| [players[tick].as_slice(), &things[tick]].concat());

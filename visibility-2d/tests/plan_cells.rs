@@ -1,6 +1,6 @@
 //! Movers on a plan: no pair with a free line is left out, while doors open and close.
 
-use visibility_2d::cdt::{Opacity, Plan, PlanCells, Wall};
+use visibility_2d::cdt::{Opacity, Plan, PlanCells, PlanError, Wall};
 use visibility_core::glam::{DVec2, DVec3};
 use visibility_core::who_sees::{Reach, WhoSees};
 use visibility_testing::Random;
@@ -89,7 +89,8 @@ fn search(seed: u64, worlds: usize) -> [usize; 2] {
     let (mut rng, mut hidden, mut free) = (Random(seed), 0, 0);
     for number in 0..worlds {
         let mut world = World::random(&mut rng);
-        let mut level = PlanCells::new(Plan::from_walls(&world.walls, 3.0 * world.scale).unwrap(), [0, 1]);
+        let mut level =
+            PlanCells::new(Plan::from_walls(&world.walls, 3.0 * world.scale).unwrap(), [0, 1]).unwrap();
         let mut who = WhoSees::new();
         let mut movers: Vec<Reach> = (0..24).map(|_| world.mover(&mut rng)).collect();
         for tick in 0..3 {
@@ -150,7 +151,11 @@ fn movers_do_not_see_through_a_wall_that_their_reach_sticks_through() {
         wall([0.0, 0.0], [12.0, 0.0]),
         wall([0.0, 12.0], [12.0, 12.0]),
     ];
-    let mut level = PlanCells::new(Plan::new(&walls).unwrap(), [0, 2]);
+    let mut level = PlanCells::new(Plan::new(&walls).unwrap(), [0, 2]).unwrap();
+    for axes in [[0, 3], [3, 0], [1, 1]] {
+        let made = PlanCells::new(Plan::new(&walls).unwrap(), axes);
+        assert_eq!(made.err(), Some(PlanError::Axes { axes }), "axes {axes:?}");
+    }
     let at = |x: f64, y: f64| {
         Reach::new(DVec3::new(x, 9.0, y), DVec3::new(x + 0.5, 10.0, y + 0.5)).within(0.1, 9.0)
     };

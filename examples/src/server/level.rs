@@ -65,7 +65,7 @@ impl Level {
         walls.extend(lines(0).map(|x| clear([x, low[1]], [x, high[1]])));
         walls.extend(lines(1).map(|y| clear([low[0], y], [high[0], y])));
         let &[x, y] = file.eyes.first().ok_or("the plan has no point, at which players could start")?;
-        let cells = Box::new(PlanCells::new(Plan::new(&walls)?, [0, 1]));
+        let cells = Box::new(PlanCells::new(Plan::new(&walls)?, [0, 1])?);
         let (places, ways) = (vec![DVec3::new(x, y, EYE[0])], vec![Vec::new()]);
         let mut level = Self { cells, places, ways, up: 2, walls: Walls::Plan(Box::new(plan)) };
         level.grow();

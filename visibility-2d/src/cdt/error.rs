@@ -32,6 +32,11 @@ pub enum PlanError {
     Objects,
     /// A region or an object has no point, or a point outside the rectangle around the plan.
     Region,
+    /// The axes of world space along which a plan lies are not two of 0, 1 and 2.
+    Axes {
+        /// The axes given, for the plan's x and y.
+        axes: [usize; 2],
+    },
     /// A height of a line of sight is NaN, infinite, or above 1e60 in absolute value.
     Heights,
 }
@@ -52,6 +57,9 @@ impl fmt::Display for PlanError {
             Self::Objects => write!(f, "the objects are of another plan, or none has that number"),
             Self::Region => {
                 write!(f, "the region or object is empty, or not inside the rectangle around the plan")
+            }
+            Self::Axes { axes: [x, y] } => {
+                write!(f, "a plan lies along two of the axes 0 to 2, not {x} and {y}")
             }
             Self::Heights => write!(f, "a height is no number up to 1e60"),
         }

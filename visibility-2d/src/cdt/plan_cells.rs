@@ -29,7 +29,7 @@ use visibility_core::who_sees::{Reach, SightCells};
 /// let walls = [[0.0, 0.0, 8.0, 0.0], [8.0, 0.0, 8.0, 4.0], [8.0, 4.0, 0.0, 4.0], [0.0, 4.0, 0.0, 0.0],
 ///     [4.0, 0.0, 4.0, 3.0], [4.0, 3.0, 4.0, 4.0]];
 /// let plan = Plan::new(&walls.map(|[a, b, c, d]| Wall::new([a, b], [c, d])))?;
-/// let mut level = PlanCells::new(plan, [0, 1]);
+/// let mut level = PlanCells::new(plan, [0, 1])?;
 /// let at = |x: f64| Reach::new(DVec3::new(x, 1.0, 0.0), DVec3::new(x + 0.5, 1.5, 1.8)).within(0.1, 6.0);
 /// let players = [at(3.2), at(6.0)];
 /// let mut who = WhoSees::new();
@@ -59,10 +59,12 @@ impl PlanCells {
     /// Makes the level. `axes` are the axes of world space along which the plan's x and y run: `[0, 1]` if z
     /// is up. Walls with [heights](super::Wall::heights) are made clear, since movers look over them.
     ///
-    /// # Panics
-    /// If an axis is above 2, or both are the same.
-    pub fn new(mut plan: Plan, axes: [usize; 2]) -> Self {
-        assert!(axes[0] < 3 && axes[1] < 3 && axes[0] != axes[1], "a plan has two of the axes 0, 1 and 2");
+    /// # Errors
+    /// [`PlanError::Axes`] if an axis is above 2, or both are the same.
+    pub fn new(mut plan: Plan, axes: [usize; 2]) -> Result<Self, PlanError> {
+        if axes[0] > 2 || axes[1] > 2 || axes[0] == axes[1] {
+            return Err(PlanError::Axes { axes });
+        }
         for wall in 0..plan.walls().len() as u32 {
             if !plan.walls()[wall as usize].is_endless() {
                 // The plan has a wall of that number.
@@ -71,7 +73,7 @@ impl PlanCells {
         }
         let rows = alloc::vec![None; plan.triangle_count()];
         let (reached, seen) = (RegionVisibility::new(), RegionVisibility::new());
-        Self { plan, axes, stamp: Stamp::new(), rows, reached, seen }
+        Ok(Self { plan, axes, stamp: Stamp::new(), rows, reached, seen })
     }
 
     /// Returns the plan.
