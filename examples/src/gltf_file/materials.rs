@@ -1,4 +1,4 @@
-//! How the materials of a glTF file are drawn: see-through or not, from both sides or from the front alone.
+//! Materials of a glTF file: whether surfaces are see-through, and drawn from both sides or the front alone.
 
 use crate::json::list;
 use gltf::material::AlphaMode;

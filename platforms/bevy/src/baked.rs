@@ -86,10 +86,10 @@ enum Place {
 /// What the cullers of a level cull by.
 #[derive(Clone, Default, Debug)]
 enum Sets {
-    /// Nothing is hidden: no frame has followed the entities yet.
+    /// No frame has followed the entities yet, so the culler hides nothing.
     #[default]
     Unknown,
-    /// Nothing is hidden: an occluder of the bake is not as baked any more.
+    /// An occluder of the bake is not as baked any more, so the culler hides nothing.
     WithoutOccluder,
     Of(Arc<ScenePvs>),
 }
@@ -318,7 +318,7 @@ pub(crate) fn follow_level(
         touched.iter().for_each(&mut follow);
     }
     if is_stale {
-        // What is no longer in the scene, as an entity with `NoCpuCulling`, may be drawn no more.
+        // An entity that left the scene, such as one with `NoCpuCulling`, may not be drawn any more.
         level.set_all_changed(|id| !scene.contains(id));
     }
     let sets = if !level.lost_occluders.is_empty() {

@@ -16,10 +16,10 @@ use visibility_core::who_sees::{Reach, SightCells};
 /// so that nobody sees the room behind a wall that the reach alone sticks through. A mover that is not wholly
 /// in the rectangle around the plan sees and is seen by all.
 ///
-/// What is seen from a triangle is found when a mover first comes there, and kept until a door changes: some
-/// 10 us to 1 ms, and 4 bytes for each triangle seen. A mover sees what its triangles see, and a triangle is
-/// seen as a whole, so that large triangles report more than needed. [Clear](Opacity::Clear) walls along a
-/// grid of some metres make them smaller.
+/// The triangles seen from a triangle are found when a mover first comes there, and kept until a door
+/// changes: some 10 us to 1 ms, and 4 bytes for each of them. A mover sees what its triangles see, and a
+/// triangle is seen as a whole, so that large triangles report more than needed. [Clear](Opacity::Clear)
+/// walls along a grid of some metres make them smaller.
 ///
 /// ```
 /// use visibility_2d::cdt::{Opacity, Plan, PlanCells, Wall};
