@@ -21,16 +21,18 @@ use visibility_core::pvs::{
 };
 use visibility_core::{Aabb, Object, ObjectId, Scene, level_version};
 
-const FORMAT: Format = Format { magic: *b"VISI-SET", version: 6 };
+const FORMAT: Format = Format { magic: *b"VISI-SET", version: 7 };
 
 /// Greatest number of columns before a column in the list, and after it, that [`tour`] compares with the
 /// column to find the most similar.
 const TRIED: usize = 128;
 
 /// Approximate limit on the work of [`tour`], which orders the columns: the number of pairs of 64-bit words
-/// that are compared. Of many or long columns, each is compared with fewer than [`TRIED`] to either side, but
-/// with one at least.
+/// that are compared. Of many or long columns, each is compared with fewer than [`TRIED`] to either side.
 const WORK: usize = 1 << 31;
+
+/// Greatest number of 64-bit words that [`tour`] holds at once, with a bit for each row and column: 64 MiB.
+const MAX_WORDS: usize = 1 << 23;
 
 /// Greatest index of an object plus 1 that the classes can store.
 const INDEX_LIMIT: usize = 1 << 29;
@@ -501,8 +503,12 @@ fn classes<R: AsRef<[u32]>>(rows: &[R], index_limit: usize) -> (Vec<Vec<u32>>, V
 /// Orders columns so that similar ones follow each other. A column is the rows of a class and the number of
 /// the class. Each column is followed by the most similar of the next few unsorted ones. Time is linear in
 /// the numbers of columns and rows, times the number of columns tried, which is less where there are many.
+/// Columns whose bits would take more than [`MAX_WORDS`] stay in the order in which they are given.
 fn tour(columns: Vec<(Vec<u32>, u32)>, row_count: usize) -> Vec<(Vec<u32>, u32)> {
     let (count, words) = (columns.len(), row_count.div_ceil(64));
+    if count.saturating_mul(words) > MAX_WORDS {
+        return columns;
+    }
     let tried = (WORK / count.saturating_mul(words).max(1)).clamp(1, TRIED);
     let mut bits = vec![0u64; count * words];
     for (bits, (column, _)) in bits.chunks_exact_mut(words.max(1)).zip(&columns) {

@@ -1,6 +1,7 @@
 //! Closed loops on convex polygons of triangles.
 
 use super::context::{Check, Corner};
+use super::exact_side::is_before;
 use crate::sight::Sight;
 use crate::triangles::unit_normal;
 use alloc::collections::BTreeMap;
@@ -17,6 +18,17 @@ impl Check<'_> {
         let corners: Vec<[DVec3; 3]> = triangles.iter().map(|&t| self.triangles.corners(t)).collect();
         let [first, ..] = corners.as_slice() else { return false };
         if !triangles.iter().all(|&t| self.triangles.occludes(t) && self.faces(sight, t)) {
+            return false;
+        }
+        // P may lie in the plane of a one-sided triangle that `faces` admits. Segments from there do not cross
+        // the triangle, but pass a loop in that plane.
+        let is_before_front = |x: &DVec3| {
+            corners
+                .iter()
+                .zip(triangles)
+                .all(|(t, &n)| self.triangles.front(n).is_none() || is_before(*x, *t, 0.0))
+        };
+        if !sight.p.corners().iter().any(is_before_front) {
             return false;
         }
         let Some(normal) = unit_normal(first) else { return false };
