@@ -12,9 +12,16 @@ static LAST_SERIAL: AtomicUsize = AtomicUsize::new(0);
 const RANGE_BITS: u32 = 40;
 
 /// Returns the first of 2^40 consecutive numbers that no other call returned, from which a scene counts its
-/// layouts or its revisions. Distinct for the first 16 million (2^24) calls of a process.
+/// layouts or its revisions. Distinct for the first 16 million (2^24 - 1) calls of a process, then repeated.
+/// Never 0, which stands for no scene.
 pub(crate) fn next_range() -> u64 {
-    (next(&LAST_RANGE) as u64) << RANGE_BITS
+    nth_range(next(&LAST_RANGE) as u64)
+}
+
+/// Returns the first number of the range that the `n`th call of [`next_range`] returns.
+fn nth_range(n: u64) -> u64 {
+    const RANGES: u64 = (1 << (u64::BITS - RANGE_BITS)) - 1;
+    (1 + n % RANGES) << RANGE_BITS
 }
 
 /// Returns whether two numbers lie in the same range of 2^40 numbers, as made by [`next_range`].
@@ -49,4 +56,18 @@ fn next(last: &AtomicUsize) -> usize {
     let next = last.load(Relaxed).wrapping_add(1);
     last.store(next, Relaxed);
     next
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_range_begins_at_zero() {
+        let last = (1 << (u64::BITS - RANGE_BITS)) - 1;
+        for n in [0, 1, last - 1, last, last + 1, 2 * last, u64::MAX] {
+            assert_ne!(nth_range(n), 0, "range {n}");
+            assert!(!is_same_range(nth_range(n), nth_range(n.wrapping_add(1))), "ranges {n} and the next");
+        }
+    }
 }

@@ -183,6 +183,29 @@ fn where_the_near_plane_reaches_the_next_viewcell_what_that_sees_is_seen_too() {
     );
 }
 
+/// A near plane as wide as a map's, over a row of thin viewcells and over a grid of them, on a thread with
+/// little memory for its stack.
+#[test]
+fn a_polygon_over_many_viewcells_is_covered_without_deep_recursion() {
+    let cell = |x: f64, y: f64, size: [f64; 2]| {
+        Viewcell::from_box(DVec3::new(x, y, 0.0), DVec3::new(x + size[0], y + size[1], 10.0))
+    };
+    let row = Viewcells::new((0..1800).map(|i| cell(f64::from(i), 0.0, [1.0, 10.0])));
+    let grid = Viewcells::new((0..100).map(|i| cell(f64::from(i % 10), f64::from(i / 10), [1.0; 2])));
+    let gap = Viewcells::new((0..99).map(|i| cell(f64::from(i % 10), f64::from(i / 10), [1.0; 2])));
+    let square =
+        |width: f64| [[0.5, 0.5], [width, 0.5], [width, 9.5], [0.5, 9.5]].map(|[x, y]| DVec3::new(x, y, 5.0));
+    let reached = move || {
+        [(row, 1799.5), (grid, 9.5), (gap, 9.5)].map(|(cells, width)| {
+            let mut reached = Vec::new();
+            (cells.reached(&square(width), DVec3::ZERO, 0.0, &mut reached), reached.len())
+        })
+    };
+    let small = std::thread::Builder::new().stack_size(1 << 18).spawn(reached).unwrap();
+    let expected = [(true, 1800), (true, 100), (false, 99)];
+    assert_eq!(small.join().unwrap(), expected, "a row, a grid, and a grid without its last viewcell");
+}
+
 /// Tests a near plane that reaches out of all viewcells: everything is visible. The rooms end at y = 15, and
 /// the near plane extends 0.16 m to either side, 0.1 m in front of the eye.
 #[test]

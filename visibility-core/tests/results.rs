@@ -34,6 +34,34 @@ fn random_scene(rng: &mut Random, count: usize) -> Scene {
     scene
 }
 
+/// Tests that a result that is kept without being listed, while another is culled in every frame, keeps one
+/// content of each node, and reads it.
+#[test]
+fn what_a_scene_keeps_for_an_old_result_does_not_grow() {
+    let mut rng = Random(10);
+    let mut scene = random_scene(&mut rng, 5000);
+    let ids: Vec<_> = scene.ids().collect();
+    let (mut pipeline, mut kept, mut set) = (frustum(), VisibleSet::new(), VisibleSet::new());
+    let view = looking_at(DVec3::X);
+    pipeline.cull(&scene, &view, &mut kept);
+    let mut expected = kept.clone();
+    let expected = expected.ids(&scene).to_vec();
+    assert!(expected.len() > 100, "too few objects in view: {}", expected.len());
+    let mut greatest = [0; 2];
+    for frame in 0..2000 {
+        pipeline.cull(&scene, &view, &mut set);
+        for _ in 0..20 {
+            scene.set_bounds(rng.pick(&ids), random_box(&mut rng)).unwrap();
+        }
+        scene.maintain(50);
+        let greatest = &mut greatest[usize::from(frame >= 500)];
+        *greatest = (*greatest).max(scene.memory());
+    }
+    let [first, later] = greatest;
+    assert!(later < first + first / 4, "{later} bytes after 500 frames, {first} before");
+    assert_eq!(kept.ids(&scene), expected, "the objects of the old result");
+}
+
 /// Tests the tracker's case: one spawn, or one call of `maintain`, between culling and drawing.
 #[test]
 fn a_spawn_or_maintenance_between_culling_and_drawing_leaves_the_result_as_it_was() {

@@ -1,9 +1,11 @@
 //! `WhoSees` reports each pair that the cells of its level do not exclude, whatever movers and levels were
 //! before.
 
+use visibility_core::bits::Bits;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Viewcell, Viewcells};
-use visibility_core::who_sees::{Reach, ViewcellMatrix, WhoSees};
+use visibility_core::stamp::Stamp;
+use visibility_core::who_sees::{Reach, SightCells, ViewcellMatrix, WhoSees};
 use visibility_testing::Random;
 use visibility_testing::allocations::ALLOCATIONS;
 
@@ -40,7 +42,7 @@ impl Level {
     /// Returns the boxes that a reach is in, by whole numbers. `None` if it may be elsewhere.
     fn cells_of(&self, reach: &Reach) -> Option<Vec<usize>> {
         let [low, high] = [reach.min - reach.margin - self.at, reach.max + reach.margin - self.at];
-        if !(low.cmple(high).all() && low.is_finite() && high.is_finite()) {
+        if !(reach.min.cmple(reach.max).all() && reach.margin >= 0.0 && low.is_finite() && high.is_finite()) {
             return None;
         }
         let mut cells = Vec::new();
@@ -78,6 +80,7 @@ fn mover(rng: &mut Random) -> Reach {
         1 => reach.max.y = reach.min.y - 1.0,
         2 => reach.margin = f64::INFINITY,
         3 => reach.margin = f64::NAN,
+        4 => reach.margin = -0.25,
         _ => {}
     }
     reach
@@ -121,6 +124,31 @@ fn answers_are_those_of_each_pair() {
         assert!(who.seen_by(observers.len()).eq(0..targets.len()), "targets of an unknown observer");
     }
     assert!(hidden > 5_000 && seen > 10_000 && unplaced > 100, "{hidden} {seen} {unplaced}: too few to tell");
+}
+
+/// Cells of which one has a number beyond the last: what is there is seen by all.
+#[test]
+fn a_cell_beyond_the_last_is_no_cell() {
+    struct Wrong;
+    impl SightCells for Wrong {
+        fn cell_count(&self) -> usize {
+            2
+        }
+        fn stamp(&self) -> Stamp {
+            Stamp::NONE
+        }
+        fn cells_of(&mut self, reach: &Reach, cells: &mut Vec<u32>) -> bool {
+            cells.push(reach.min.x as u32);
+            true
+        }
+        fn seen_from(&mut self, _: &Reach, _: &mut Bits) -> bool {
+            true
+        }
+    }
+    let targets = [1.0, 2.0, 9.0].map(|x| Reach::new(DVec3::X * x, DVec3::X * x));
+    let mut who = WhoSees::new();
+    who.look(&mut Wrong, &targets[..1], &targets);
+    assert!(who.seen_by(0).eq([1, 2]), "the targets in cells 2 and 9 of two cells");
 }
 
 #[test]

@@ -11,8 +11,13 @@ use alloc::vec::Vec;
 use glam::DVec3;
 use smallvec::SmallVec;
 
-/// Greatest number of pieces into which a polygon may be cut by viewcells before the coverage test gives up.
-const MAX_PIECES: u32 = 2000;
+/// Greatest number of tests of a piece of a polygon with a viewcell before the coverage test gives up. They take
+/// some milliseconds.
+const MAX_TESTS: u32 = 1 << 14;
+
+/// Greatest number of pieces of a polygon, cut off by viewcells, that wait at once to be covered by others. They
+/// take some 26 KB of the stack.
+const MAX_LEFT: usize = 64;
 
 /// Margin for rounding, in units of the sum of the greatest absolute coordinates of the anchor (`a`) and of
 /// the polygon (`r`).
@@ -65,44 +70,42 @@ impl Viewcells {
             }
             !left.is_empty()
         });
-        is_covered(corners, reached, all, anchor, margin, &mut { MAX_PIECES })
+        is_covered(corners, reached, all, anchor, margin)
     }
 }
 
-/// Tests whether the viewcells in `by` cover the convex polygon `piece`, relative to `anchor`, except for
-/// gaps up to twice `margin` (metres) wide. Each viewcell in turn takes its part of the polygon; the parts
-/// beyond its faces are left to the remaining viewcells. A viewcell of which a face is not known takes no
-/// part. `pieces` counts down the number of pieces still allowed; when it is 0, the test gives up and returns
-/// false.
-fn is_covered(
-    piece: &[DVec3],
-    by: &[ViewcellId],
-    all: &[Viewcell],
-    anchor: DVec3,
-    margin: f64,
-    pieces: &mut u32,
-) -> bool {
-    let Some((first, others)) = by.split_first() else { return false };
-    if *pieces == 0 {
-        return false;
-    }
-    *pieces -= 1;
-    if !all[first.index()].has_all_faces() {
-        return is_covered(piece, others, all, anchor, margin, pieces);
-    }
-    let mut rest: Corners = SmallVec::from_slice(piece);
-    for plane in all[first.index()].faces(anchor) {
-        let beyond = |at: &DVec3| plane.signed_distance(*at) < -margin;
-        if !rest.iter().any(beyond) {
+/// Tests whether the viewcells in `by` cover the convex polygon `whole`, relative to `anchor`, except for gaps
+/// up to twice `margin` (metres) wide. Each viewcell in turn takes its part of a piece of the polygon; the
+/// parts beyond its faces are pieces that are left to the next viewcells. A viewcell of which a face is not
+/// known takes no part. Returns false after [`MAX_TESTS`], and if more than [`MAX_LEFT`] pieces are left.
+fn is_covered(whole: &[DVec3], by: &[ViewcellId], all: &[Viewcell], anchor: DVec3, margin: f64) -> bool {
+    // Pieces not yet covered, each with the place in `by` of the first viewcell that it is not yet tested with.
+    let mut left: SmallVec<[(Corners, usize); MAX_LEFT]> = SmallVec::new();
+    left.push((Corners::from_slice(whole), 0));
+    let mut tests = MAX_TESTS;
+    while let Some((mut piece, at)) = left.pop() {
+        let (Some(cell), 1..) = (by.get(at), tests) else { return false };
+        tests -= 1;
+        let cell = &all[cell.index()];
+        if !cell.has_all_faces() {
+            left.push((piece, at + 1));
             continue;
         }
-        let outer = clip_outward(&rest, &plane.flipped(), -margin);
-        if !outer.is_empty() && !is_covered(&outer, others, all, anchor, margin, pieces) {
-            return false;
-        }
-        rest = clip_outward(&rest, &plane, margin);
-        if rest.is_empty() {
-            return true;
+        for plane in cell.faces(anchor) {
+            if !piece.iter().any(|corner| plane.signed_distance(*corner) < -margin) {
+                continue;
+            }
+            let beyond = clip_outward(&piece, &plane.flipped(), -margin);
+            if !beyond.is_empty() {
+                if left.len() == MAX_LEFT {
+                    return false;
+                }
+                left.push((beyond, at + 1));
+            }
+            piece = clip_outward(&piece, &plane, margin);
+            if piece.is_empty() {
+                break;
+            }
         }
     }
     true

@@ -37,7 +37,8 @@ pub trait SightCells {
     fn stamp(&self) -> Stamp;
 
     /// Appends the cells that a mover may be in, all below [`cell_count`](Self::cell_count). Returns false if
-    /// it may be where no cell is: then every observer counts as seeing it, as if no cell was appended. A
+    /// it may be where no cell is: then every observer counts as seeing it, as if no cell was appended, or a
+    /// cell beyond the last. A
     /// reach that is not [proper](Reach::is_proper) is never asked for.
     fn cells_of(&mut self, reach: &Reach, cells: &mut Vec<u32>) -> bool;
 
@@ -183,6 +184,9 @@ impl WhoSees {
             if before.reaches.get(index) == Some(target) {
                 placed.cells.extend_from_slice(before.cells_of(index));
             } else if !target.is_proper() || !cells.cells_of(target, &mut placed.cells) {
+                placed.cells.truncate(start);
+            }
+            if placed.cells[start..].iter().any(|&cell| cell as usize >= count) {
                 placed.cells.truncate(start);
             }
             if placed.cells.len() == start {

@@ -41,10 +41,10 @@ impl Reach {
         [(self.min - self.margin).map(f64::next_down), (self.max + self.margin).map(f64::next_up)]
     }
 
-    /// Returns whether the box is not inverted, and no number is NaN or infinite. A reach that is not proper
-    /// sees and is seen by all.
+    /// Returns whether the box is not inverted, the margin is not negative, and no number is NaN or infinite. A
+    /// reach that is not proper sees and is seen by all.
     pub fn is_proper(&self) -> bool {
         let [low, high] = self.bounds();
-        self.min.cmple(self.max).all() && low.is_finite() && high.is_finite()
+        self.min.cmple(self.max).all() && self.margin >= 0.0 && low.is_finite() && high.is_finite()
     }
 }

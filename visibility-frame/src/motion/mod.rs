@@ -239,7 +239,12 @@ impl MotionVolumes {
     }
 
     /// Adds an object as a mover, or replaces its motion. The mover is due in the next frame.
+    /// [`ObjectId::PLACEHOLDER`] is ignored. The collection keeps 4 bytes for each index of objects up to the
+    /// greatest that was added.
     pub fn insert(&mut self, id: ObjectId, motion: Motion) {
+        if id == ObjectId::PLACEHOLDER {
+            return;
+        }
         if self.places.len() <= id.index() {
             self.places.resize(id.index() + 1, NONE);
         }

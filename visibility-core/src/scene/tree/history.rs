@@ -63,7 +63,13 @@ impl History {
     /// Returns the copy with the given number, counted as in `newest`. `None` for 0, or if the copy was
     /// dropped.
     fn numbered(&self, number: u64) -> Option<&Copied> {
-        self.copies.get(usize::try_from(number.checked_sub(self.dropped + 1)?).ok()?)
+        self.copies.get(self.place(number)?)
+    }
+
+    /// Returns the place in `copies` of the copy with the given number. `None` for 0, or if the copy was
+    /// dropped.
+    fn place(&self, number: u64) -> Option<usize> {
+        usize::try_from(number.checked_sub(self.dropped + 1)?).ok()
     }
 
     fn newest(&self, node: usize) -> u64 {
@@ -146,6 +152,11 @@ impl History {
             copies.pop_front();
             self.dropped += 1;
         }
+        // A held token reads one copy of a node at most, so more copies than these are of states between.
+        if copies.len() > (earlier.len() + 1) * self.newest.len() {
+            self.drop_unread();
+        }
+        let Self { earlier, spare, .. } = self;
         let fresh = match spare.take() {
             Some(mut token) => match Token::get_mut(&mut token) {
                 Some(number) => {
@@ -157,6 +168,31 @@ impl History {
             None => Token::new(next),
         };
         earlier.push(core::mem::replace(&mut self.present, fresh));
+    }
+
+    /// Drops the copies that no token of an earlier state reads. Time is that of sorting the copies.
+    fn drop_unread(&mut self) {
+        let mut read = Vec::new();
+        for node in 0..self.newest.len() {
+            let mut number = core::mem::take(&mut self.newest[node]);
+            while let Some(place) = self.place(number) {
+                let Copied { state, older, .. } = self.copies[place];
+                // A token reads the oldest copy of its state or a later one.
+                let before = self.place(older).map(|place| self.copies[place].state);
+                if self.earlier.iter().any(|token| before < Some(**token) && **token <= state) {
+                    read.push((place, node));
+                }
+                number = older;
+            }
+        }
+        read.sort_unstable();
+        let mut copies: Vec<Option<Copied>> = self.copies.drain(..).map(Some).collect();
+        self.dropped += copies.len() as u64;
+        for (place, node) in read {
+            let Some(copy) = copies[place].take() else { continue };
+            self.copies.push_back(Copied { older: self.newest[node], ..copy });
+            self.newest[node] = self.dropped + self.copies.len() as u64;
+        }
     }
 
     /// Drops all copies and earlier states: no result is left that could read them.
