@@ -80,7 +80,7 @@ pub fn for_each_part<T: Send + Sync, const COUNT: usize>(
     #[cfg(target_has_atomic = "ptr")]
     {
         let parts = parts.map(|part| AtomicRefCell::new(Some(part)));
-        // Who comes first takes the part. A cell is borrowed only while its part is taken.
+        // Only the first call for a part takes the part. Its cell is borrowed only while the part is taken.
         let run = |index: usize| {
             let part = parts.get(index).and_then(|cell| cell.try_borrow_mut().ok()?.take());
             part.into_iter().for_each(&work);

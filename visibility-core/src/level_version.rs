@@ -56,7 +56,7 @@ pub fn object_hash<'a>(
     let triangles = triangles.into();
     let flags =
         u32::from(object.never_cull) | u32::from(object.occluder) << 1 | u32::from(object.one_sided) << 2;
-    // A level that is made of a scene leaves out occluders that are see-through.
+    // A see-through flag counts for occluders only: a level made of a scene has no see-through occluders.
     let flags = flags | u32::from(object.occluder && object.see_through) << 3;
     let hash = Fingerprint::new().with_vec3(object.bounds.min).with_vec3(object.bounds.max);
     let hash = hash.with(object.layers).with(object.cost).with(flags).with(triangles.len() as u32);
@@ -149,7 +149,7 @@ mod tests {
             scene.set_draw_range(id, DrawRange { end: 9.0, ..DrawRange::ALWAYS }).unwrap();
         });
         assert_eq!([parent, child, ranged], [none; 3], "HLOD parent, child, object with a draw range");
-        // What hides nothing may have any range.
+        // The draw range of an object that is no occluder is not part of the version.
         let target = hash(|scene, id| {
             scene.set_occluder(id, false).unwrap();
             let other = insert(scene);

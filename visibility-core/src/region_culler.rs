@@ -29,7 +29,7 @@ use crate::{Accuracy, CullStats, Scene, VisibleSet, pvs::Viewcell};
 /// let near = scene.insert(Aabb::from_arrays([5.0, 0.0, 0.0], [6.0, 1.0, 1.0]));
 /// let far = scene.insert(Aabb::from_arrays([500.0, 0.0, 0.0], [501.0, 1.0, 1.0]));
 /// let mut visible = VisibleSet::new();
-/// // All objects of the layers of a view; `fill` asks for no more of it.
+/// // All objects on the layers of a view. `fill` reads only the layers of the view.
 /// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
 /// visible.fill(&scene, &View::perspective(pose, 1.0, 1.0, 0.1, 10.0)?);
 /// Within(100.0).cull(&scene, &Viewcell::from_box(DVec3::ZERO, DVec3::ONE), &mut visible);

@@ -246,7 +246,7 @@ fn boxes_that_bound_nothing_are_always_visible() {
         let exponents = [rng.between(-30, 30); 3];
         let (camera, _) = random_camera(&mut rng, exponents);
         let Some(view) = view_of(&camera) else { continue };
-        // Without and with other objects, which give the hierarchy more levels.
+        // With 0 to 200 other objects, which give the hierarchy more levels.
         let others = (0..rng.below(3) * 100).map(|i| Aabb::from_arrays([i as f32; 3], [i as f32 + 0.5; 3]));
         let (scene, ids) = scene_of(&camera, &boxes.iter().copied().chain(others).collect::<Vec<_>>());
         let visible = cull(&scene, &view);

@@ -39,7 +39,7 @@ fn view(random: &mut Random) -> View {
     View::perspective(pose, 1.2, 1.6, 0.1, far).unwrap().with_layers(1 + random.below(3) as u32)
 }
 
-/// Hides what is on one side of a slab, and finds boxes on the other side wholly visible.
+/// A map that hides boxes beyond x = 20 and finds boxes before x = 0 wholly visible.
 struct Slab;
 
 impl OcclusionMap for Slab {

@@ -211,7 +211,7 @@ fn an_eye_that_a_clip_plane_cuts_away_sees_everything() {
     let mut culler = PvsCuller::new(&shared);
     let eye = DVec3::new(1e6 + 2.0, 5.0, 0.5);
     let view = View::perspective(Pose::look_at(eye, eye + DVec3::X, DVec3::Z), 2.0, 2.0, 0.1, 1e3).unwrap();
-    // Clip planes relative to the eye: 6 m ahead, or 1 m behind.
+    // A clip plane 6 m ahead of the eye, where view rays begin in the next room, or 1 m behind the eye.
     for (start, expected) in [(6.0, 10), (-1.0, 5)] {
         let view = view.with_clip_planes(&[Plane::through(DVec3::X * start, DVec3::X)]).unwrap();
         let mut visible = VisibleSet::new();
@@ -333,7 +333,7 @@ fn nothing_is_hidden_in_a_view_that_does_not_show_an_occluder_of_the_pvs() {
     let (mut scene, ids, pvs, viewcells) = world();
     scene.set_occluder(ids[0], true).unwrap();
     scene.set_layers(ids[0], 0b01).unwrap();
-    // An object on no layer is drawn in no view, so that it hid nothing in any bake.
+    // An object on no layer is drawn in no view, so no bake can have used it as an occluder.
     scene.set_occluder(ids[2], true).unwrap();
     scene.set_layers(ids[2], 0).unwrap();
     let shared = ScenePvs::new(&scene, pvs, viewcells, ids.iter().copied().zip(0..));
@@ -352,7 +352,7 @@ fn nothing_is_hidden_in_a_view_that_does_not_show_an_occluder_of_the_pvs() {
     }
 }
 
-/// A viewcell with a plane that is none contains no point, so its PVS says nothing of any eye.
+/// A viewcell with a NaN plane contains no point, so its PVS says nothing about any eye.
 #[test]
 fn nothing_is_hidden_from_a_viewcell_with_a_plane_that_is_nan() {
     let (scene, ids, pvs, viewcells) = world();

@@ -1,4 +1,4 @@
-//! Tests that the PVS culler leaves just the objects that a look at each object leaves, through changes of
+//! Tests that the PVS culler keeps the same objects as a test of each object by itself, through changes of
 //! the scene, rebuilds, other viewcells, other sets and other scenes; and that its work follows what is seen.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -17,7 +17,7 @@ const SIDE: f64 = 10.0;
 /// Distance of the near plane in metres.
 const NEAR: f64 = 0.1;
 
-/// A set, what it was made of, and all that has changed in its scene since.
+/// A PVS prepared for a scene, the data that it was made from, and all changes of the scene since.
 struct Set {
     shared: Arc<ScenePvs>,
     rows: Vec<Vec<u32>>,
@@ -185,7 +185,7 @@ fn run(seed: u64, count: usize, frames: usize) -> (usize, usize) {
             19 => worlds[given.0].sets[given.1] = Set::new(&worlds[given.0].scene, &mut rng),
             20 => worlds[1 - at].scene = worlds[at].scene.clone(),
             21 => {
-                // A copy takes the place of the scene, and counts as another.
+                // A clone replaces the scene, and counts as another scene.
                 let copy = worlds[at].scene.clone();
                 worlds[at].scene = copy;
             }
@@ -224,7 +224,8 @@ fn run(seed: u64, count: usize, frames: usize) -> (usize, usize) {
         let (seen, expected) = (ids_of(&visible, scene), expect(&start, cells.as_deref()));
         let lost: Vec<_> = expected.difference(&seen).collect();
         assert!(lost.is_empty(), "seed {seed}, frame {frame}: hides {lost:?}");
-        // The log of the scene may not reach back to the bake, for a culler that was elsewhere meanwhile.
+        // The log of the scene may no longer reach back to the bake, if the culler has followed another scene
+        // meanwhile.
         if seen != start || set.made.peek(scene) != Changes::Everything {
             let more: Vec<_> = seen.difference(&expected).collect();
             assert!(more.is_empty(), "seed {seed}, frame {frame}: keeps {more:?}");
@@ -282,10 +283,10 @@ fn nodes_visited_follow_what_is_seen() {
     for (x, seen) in [(5.0, 30), (5.0, 30), (15.0, 1), (5.0, 30)] {
         let (visible, nodes) = frame(&scene, x);
         assert_eq!(visible, seen, "x {x}: objects that the viewcell sees");
-        // Root, inner node and leaf at most for each object.
+        // At most the root, and one inner node and one leaf for each object.
         assert!(nodes <= 1 + 2 * seen, "{nodes} nodes for {seen} objects");
     }
-    // One object that moves is one object more.
+    // A changed object counts as one more object that is seen.
     let at = scene.bounds(ids[70_000]).unwrap();
     scene.set_bounds(ids[70_000], at).unwrap();
     assert_eq!(frame(&scene, 5.0).0, 31, "objects visible after one has moved");

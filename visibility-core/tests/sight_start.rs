@@ -92,7 +92,7 @@ impl Camera {
             let grazed = camera.line(rng.pick(&[-8, 8]), rng.pick(&[-8, 8]));
             let clip = match (rng.below(4), grazed) {
                 (0, _) => row(random_whole(rng, 20), i128::from(rng.between(-30, 30))),
-                // Keeps an edge of the picture on the near plane, and little else.
+                // A clip plane that keeps one edge of the picture on the near plane, and little else.
                 (1, _) => {
                     let (side, sign) = (rng.pick(&[camera.x, camera.y]), rng.pick(&[-1, 1]));
                     let (more, most) = (i128::from(rng.between(1, 5)), i128::from(rng.between(1, 5)));
@@ -102,16 +102,16 @@ impl Camera {
                     });
                     row(normal, sum(side.constant, camera.w.constant, camera.near.constant))
                 }
-                // In front of the eye, or across a parallel view, by less than the rounding error; a corner
-                // of the picture meets the plane far away.
+                // A clip plane in front of the eye, or across a parallel view, by less than the rounding
+                // error. A corner of the picture meets the plane far away.
                 (2, Some(line)) if far_off == 0 => {
                     let (across, turn) = (cross(line.direction, random_whole(rng, 9)), random_whole(rng, 3));
-                    // As large as `f64` holds exactly.
+                    // Scales the normal to the largest whole numbers that `f64` holds exactly.
                     let most = across.iter().fold(1, |most: i128, n| most.max(n.abs()));
                     let times = (1i128 << 51) / most;
                     row(core::array::from_fn(|i| across[i] * times + turn[i]), -1)
                 }
-                // Through the eye.
+                // A clip plane through the eye.
                 _ => row(random_whole(rng, 20), 0),
             };
             if clip.normal != [0; 3] {

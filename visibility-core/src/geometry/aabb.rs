@@ -140,7 +140,8 @@ impl Aabb {
             let (a, b) = (*column * min, *column * max);
             low += a.min(b);
             high += a.max(b);
-            // Both are added, also because the sum is NaN if one of them is, unlike their maximum.
+            // The two magnitudes are added, where their maximum would do, because the sum is NaN if either is
+            // NaN.
             size += a.abs() + b.abs();
         }
         // With u = 2^-24: each product errs by u of its magnitude and each of the three additions by u of its

@@ -72,8 +72,8 @@ impl fmt::Display for PolygonError {
 impl core::error::Error for PolygonError {}
 
 /// Least area of a polygon, as a fraction of its squared size (see [`ConvexPolygon::TOLERANCE`]): 90 times
-/// the round-off of `f64`. Rounding changes the area vector of a polygon of some ten vertices by less than 20
-/// times it.
+/// the round-off of `f64`. Rounding changes the area vector of a polygon of about ten vertices by less than
+/// 20 round-offs.
 const AREA_ROUNDING: f64 = 1e-14;
 
 impl ConvexPolygon {

@@ -34,11 +34,11 @@ const UNPROVEN_COST: f32 = 512.0;
 /// loans not paid back yet.
 const LOAN_SAFETY: f32 = 4.0;
 
-/// Greatest share of the work that the search may still spend which an occlusion map may spend on occluders
-/// that the map draws by itself.
+/// Share of the search's remaining work that an occlusion map may spend, at most, on occluders that it draws
+/// by itself.
 const OWN_SHARE: f32 = 0.75;
 
-/// A search was in vain if all objects found hidden in the frame are worth at most this share of
+/// A search was in vain if the worth of all objects found hidden in the frame is at most this share of
 /// [`INITIAL_CREDIT`].
 const NEARLY_NOTHING: f32 = 0.25;
 
@@ -57,7 +57,8 @@ pub(super) struct Budget {
     debt: f32,
     /// Work in triangles that the frame may still spend.
     limit: f32,
-    /// Part of `limit` that the search for occluders must leave for the tests of objects after the search.
+    /// Part of `limit`, in triangles of work, that the search for occluders must leave for testing objects
+    /// after it.
     reserve: f32,
     /// Work of this frame so far, in triangles.
     spent: f32,
@@ -90,7 +91,7 @@ impl Budget {
     }
 
     /// Returns whether the search has spent its credit and found nearly nothing hidden (see
-    /// [`NEARLY_NOTHING`]), as in the view of a bird.
+    /// [`NEARLY_NOTHING`]), as in a bird's-eye view.
     pub(super) fn is_spent_in_vain(&self) -> bool {
         self.price > 0.0 && self.credit <= 0.0 && self.earned <= NEARLY_NOTHING * INITIAL_CREDIT
     }
@@ -115,9 +116,9 @@ impl Budget {
     }
 
     /// Returns the work in triangles that an occlusion map may spend on occluders that the map draws by
-    /// itself. It is the lesser of two bounds: the worth of the `objects` objects that may be found hidden,
-    /// and the part [`OWN_SHARE`] of the work that the search may still spend. With a price of 0 only the
-    /// second bound counts.
+    /// itself. The result is the lesser of two bounds: the worth of hiding `objects` objects, and
+    /// [`OWN_SHARE`] of the work that the search may still spend. With a price of 0 only the second bound
+    /// counts.
     pub(super) fn for_own_occluders(&self, objects: f32) -> f32 {
         let worth = if self.price > 0.0 { self.worth(objects) } else { f32::INFINITY };
         worth.min(OWN_SHARE * (self.limit - self.reserve))
@@ -148,18 +149,18 @@ impl Budget {
         self.credit += earned - paid_back;
     }
 
-    /// Returns whether an occluder can be paid. `cost` is in triangles, `share` the part of the view that the
-    /// occluder covers, 0 to 1, and `behind` the worth of all objects behind it. An occluder is paid from the
-    /// credit, or on a loan if what it is expected to hide is worth [much more](LOAN_SAFETY) than its cost
-    /// and the open loans. So no occluder is too expensive for what lies behind it.
+    /// Returns whether the budget allows to draw an occluder. `cost` is in triangles, `share` the part of the
+    /// view that the occluder covers, 0 to 1, and `behind` the worth of all objects behind it. An occluder is
+    /// paid from the credit, or on a loan if what it is expected to hide is worth [much more](LOAN_SAFETY)
+    /// than its cost and the open loans.
     pub(super) fn can_pay(&self, cost: f32, share: f32, behind: f32) -> bool {
         let is_in_proportion = cost <= UNPROVEN_COST + self.earned || 2.0 * cost <= behind;
         let is_on_loan = LOAN_SAFETY * (cost + self.debt) <= behind * share;
         cost <= self.limit - self.reserve && (cost <= self.credit && is_in_proportion || is_on_loan)
     }
 
-    /// Spends `cost`, in triangles, for an occluder that [can be paid](Self::can_pay): on a loan if `cost`
-    /// exceeds the credit.
+    /// Spends `cost`, in triangles, on drawing an occluder that [the budget allows](Self::can_pay). If `cost`
+    /// exceeds the credit, the occluder is drawn on a loan.
     pub(super) fn pay(&mut self, cost: f32) {
         if cost > self.credit {
             self.debt += cost;
@@ -169,37 +170,39 @@ impl Budget {
     }
 }
 
-/// After this number of frames in a row that did not pay, frames are left out: see [`Experience`].
+/// Number of frames in a row whose search for hidden objects cost more than it was worth, after which the
+/// search is skipped in some frames: see [`Experience`].
 const MAX_LOSSES: u32 = 8;
 
-/// Work, in triangles, that a frame saves for each object in view if it does not search for hidden objects:
-/// some three times what frustum culling takes (measured).
+/// Work, in triangles, that a frame saves for each object in view if it skips the search for hidden objects:
+/// about three times the work of frustum culling (measured).
 const PAID_BACK: f32 = 0.02;
 
-/// Greatest number of frames in a row that do not search for hidden objects.
+/// Greatest number of frames in a row that skip the search for hidden objects.
 const MAX_FRAMES_LEFT_OUT: u32 = 64;
 
-/// A frame searches again if at least this many times as many objects are in view as in the last frame that
-/// searched.
+/// A frame searches for hidden objects again if it has at least this many times as many objects in view as
+/// the last frame that searched.
 const MORE_IN_VIEW: usize = 2;
 
-/// Cosine of 30 degrees: a frame searches again if the camera has turned by more since the last frame that
-/// searched.
+/// Cosine of 30 degrees: a frame searches for hidden objects again if the camera has turned by more since the
+/// last frame that searched.
 const OTHER_DIRECTION: f64 = 0.866;
 
 /// Balance of the past frames of a culler: whether the search for hidden objects pays. A frame *pays* if the
 /// objects that it found hidden are worth at least the work spent on it. A frame *left out* searches nothing:
 /// all of its objects stay visible.
 ///
-/// Where [`MAX_LOSSES`] frames in a row did not pay, as in the view of a bird, frames are left out until
-/// they have saved what the last one spent in vain, or the camera sees something else: it has turned, or many
-/// more objects are in view, as where one steps back from a wall. Then a frame tries again.
+/// After [`MAX_LOSSES`] frames in a row that did not pay, as in a bird's-eye view, frames are left out. A
+/// frame searches again when the frames left out have saved the work spent in vain, when the camera has
+/// turned, or when many more objects are in view, as after a step back from a wall.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Experience {
     /// Number of frames in a row that did not pay.
     losses: u32,
-    /// Work of the last frame that was not left out, less the worth of the objects that it found hidden and
-    /// what the frames left out since have saved. Frames are left out only while it is positive.
+    /// Loss of the last frame that searched, in triangles: its work, less the worth of the objects found
+    /// hidden, less the work saved by the frames left out since. Frames are left out only while the loss is
+    /// positive.
     debt: f32,
     /// Number of frames left out in a row.
     left_out: u32,
@@ -211,9 +214,9 @@ pub(super) struct Experience {
 }
 
 impl Experience {
-    /// Returns whether the next frame is left out. `objects` is the number of objects in view; the camera
-    /// looks along `forward`, of any length, zero in parallel views. After false, the caller must
-    /// [`record`](Self::record) the frame.
+    /// Returns whether the next frame skips the search for hidden objects. `objects` is the number of objects
+    /// in view. `forward` is the camera's direction, of any length, or zero in parallel views. After false,
+    /// the caller must [`record`](Self::record) the frame.
     pub(super) fn leaves_out(&mut self, objects: usize, forward: DVec3) -> bool {
         let forward = forward.normalize_or_zero();
         let is_alike = objects < MORE_IN_VIEW * self.objects
@@ -229,8 +232,8 @@ impl Experience {
         is_left_out
     }
 
-    /// Records a frame that was not left out: what it spent from its `budget`, and the number `hidden` of
-    /// objects that it found hidden.
+    /// Records a frame that searched for hidden objects: the `budget` it spent from, and the number `hidden`
+    /// of objects that it found hidden.
     pub(super) fn record(&mut self, budget: &Budget, hidden: usize) {
         self.debt = budget.spent() - budget.worth(hidden as f32);
         self.losses = if self.debt > 0.0 { self.losses.saturating_add(1) } else { 0 };
@@ -246,9 +249,9 @@ const MAX_LEFT_OUT: u32 = 32;
 
 /// Choice of the leaves whose objects are tested after a search that was [in vain](Budget::is_spent_in_vain).
 ///
-/// [`MAX_MISSES`] leaves in a row without a hidden object are tested, and then fewer and fewer: one of two,
-/// one of three, down to one of 33. A hidden object in a tested leaf makes the choice begin anew. Objects in
-/// leaves left out stay visible.
+/// First, [`MAX_MISSES`] leaves without a hidden object are tested in a row; then fewer and fewer: one of
+/// two, one of three, down to one of 33. A hidden object in a tested leaf starts the sequence again. Objects
+/// in untested leaves stay visible.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LeafSampling {
     /// Number of tested leaves in a row in which no object was hidden.

@@ -38,9 +38,9 @@ impl OccluderMesh {
             let corner = DVec3::select(normal.cmpge(DVec3::ZERO), min, max);
             let distance = normal.dot(corner) + n.dot(translation) + plane.plane.offset;
             // Each term `n_i axis_ji corner_j` is rounded at most eight times by products and sums, and the
-            // normal is within 16u of its own: 32u of the sum of magnitudes covers both and the rounding of
-            // that sum. A product that underflows loses at most the least normal number, in mesh coordinates
-            // times the corner's.
+            // normal errs by at most 16u of itself. 32u of the sum of magnitudes covers both, and the
+            // rounding of that sum. A product that underflows loses at most the least normal number, times
+            // the corner's coordinate.
             let underflow = 16.0 * f64::MIN_POSITIVE * (1.0 + corner.abs().element_sum());
             let sizes = DVec3::from(axes.map(|axis| n.abs().dot(axis.abs())));
             let size = sizes.dot(corner.abs()) + n.abs().dot(translation.abs()) + plane.plane.offset.abs();

@@ -11,7 +11,7 @@ use alloc::vec::Vec;
 use glam::DVec3;
 use smallvec::SmallVec;
 
-/// Greatest number of pieces into which a polygon may be cut by viewcells before the coverage test gives up.
+/// Greatest number of pieces into which viewcells may cut a polygon before the coverage test gives up.
 const MAX_PIECES: u32 = 2000;
 
 /// Margin for rounding, in units of the sum of the greatest absolute coordinates of the anchor (`a`) and of
@@ -51,7 +51,7 @@ impl Viewcells {
         reached.clear();
         let reach = min.abs().max(max.abs()).max_element();
         let margin = error + ROUNDING * (reach + anchor.abs().max_element());
-        // Also refuses NaN, which `min` and `max` ignore.
+        // Refuses NaN corners too, which `min` and `max` above ignore.
         if !(margin < f64::INFINITY && corners.iter().all(|corner| corner.is_finite())) {
             return false;
         }
@@ -71,7 +71,7 @@ impl Viewcells {
 
 /// Tests whether the viewcells in `by` cover the convex polygon `piece`, relative to `anchor`, except for
 /// gaps up to twice `margin` (metres) wide. Each viewcell in turn takes its part of the polygon; the parts
-/// beyond its faces are left to the remaining viewcells. A viewcell of which a face is not known takes no
+/// beyond its faces are left to the remaining viewcells. A viewcell with a face that is not known takes no
 /// part. `pieces` counts down the number of pieces still allowed; when it is 0, the test gives up and returns
 /// false.
 fn is_covered(

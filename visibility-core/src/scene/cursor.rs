@@ -89,7 +89,7 @@ mod tests {
             Changes::Everything,
             "all is new to the start, even in an empty scene"
         );
-        // The scene's log does not reach back past a change of the origin.
+        // After a change of the origin, the scene's log covers no earlier revision.
         a.set_origin(glam::DVec3::ONE).unwrap();
         assert_eq!(cursor.peek(&a), Changes::Everything, "another origin changes all objects");
         assert!(cursor.is_in(&a), "the cursor stays in its scene when the origin moves");

@@ -38,9 +38,9 @@ impl Scene {
     /// `ContributionCuller` of `visibility-frame` hides by them: a pipeline without one draws every object,
     /// and says so in [`Pipeline::for_each_lack`](crate::Pipeline::for_each_lack).
     ///
-    /// An object with a draw range hides nothing in answers for [many frames](Self::is_always_drawn). A
-    /// culler of frames takes it for an occluder as long as it is in the set, so a `ContributionCuller` must
-    /// run before.
+    /// Draw ranges and occlusion: bakes and other answers for [many frames](Self::is_always_drawn) take no
+    /// object with a draw range for an occluder. A culler of frames takes it for one as long as it is in the
+    /// set, so a `ContributionCuller` must run before.
     ///
     /// For two levels of detail of one thing set an [HLOD parent](Self::set_hlod_parent) too: ranges alone
     /// leave distances at which neither is drawn where the bounds of the levels differ.
@@ -75,7 +75,7 @@ impl Scene {
     /// Returns the [HLOD parent](Self::set_hlod_parent) that stands in for an object from the begin of the
     /// parent's draw range on, and the parent's bounds, from which the end of the object's own range is
     /// measured. `None` if there is none, or if the parent cannot stand in: it is never culled, is not on all
-    /// of the object's layers, or its bounds do not contain those of the object, which has moved away.
+    /// of the object's layers, or its bounds do not contain those of the object.
     pub fn stand_in(&self, id: ObjectId) -> Option<(ObjectId, Aabb)> {
         let above = self.tree.substitute(self.slot(id).ok()?)?;
         let bounds = self.tree.bounds[above.node()].get(above.lane());
@@ -84,8 +84,8 @@ impl Scene {
 
     /// Returns the object in a lane of a leaf. `None` beyond the last leaf or lane. For cullers that walk the
     /// hierarchy, which know the leaf and the lane of an object.
-    // Always: a call passes the object through memory, and a test of a million draw ranges takes 1.3 to 1.8
-    // of the time.
+    // `inline(always)`: a call would return the object through memory, and a test of a million draw ranges
+    // takes 1.3 to 1.8 times as long.
     #[inline(always)]
     pub fn detail_at(&self, leaf: usize, lane: usize) -> Option<DetailedObject> {
         let id = *self.tree.ids.get(leaf)?.get(lane)?;
@@ -133,9 +133,9 @@ impl Scene {
     /// parents, with a greater `begin`.
     ///
     /// The [draw range](Self::set_draw_range) of the parent says from which distance on the parent is drawn:
-    /// at distances less than its `begin` its children are drawn, from there on the parent, never both. The
-    /// distance is that to the parent's bounds, also for the `end` of a child's own range. A child needs no
-    /// range of its own. If it has one whose `end` is less than the parent's `begin`, neither is drawn
+    /// at distances less than its `begin` its children are drawn, from its `begin` on the parent, never both.
+    /// Distances are those of the parent's bounds, also for the `end` of a child's own range. A child needs
+    /// no range of its own. If it has one whose `end` is less than the parent's `begin`, neither is drawn
     /// between these two distances.
     ///
     /// The parent's bounds must contain those of its children (for the levels of a single thing, give the

@@ -91,8 +91,8 @@ impl View {
             clip_planes: [Plane::new(DVec3::ZERO, 0.0); MAX_CLIP_PLANES],
             clip_count: 0,
         };
-        // Nearer surfaces are told by w, or by depth where w is constant. A parallel view with varying w
-        // would have neither.
+        // Cullers tell which surface is nearer by `w`, or by depth if `w` is constant. A parallel view with
+        // varying `w` allows neither.
         let is_parallel = matches!(view.eye(DVec3::ZERO), Eye::Direction(_));
         if is_parallel && matrix.0.row(3).truncate() != DVec3::ZERO {
             return Err(ViewError::NoCamera);

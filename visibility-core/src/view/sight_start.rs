@@ -93,7 +93,7 @@ impl SightPlanes {
         }
         let [left, right, bottom, top] = sides;
         let sides = [left?, right?, bottom?, top?];
-        // Without a front plane, view rays would seem to begin earlier than they do.
+        // If a start plane were missing, view rays would seem to begin nearer than they do.
         if start_planes.len() != 1 + view.clip_planes().len() {
             return None;
         }

@@ -302,7 +302,8 @@ fn the_tree_stays_consistent_under_batches_and_churn() {
                 step(&mut rng, &mut scene, &mut ids, 0);
             }
             check(&scene, &mut seen);
-            // A few parents move before or after their children, most objects once.
+            // Batches of a few objects, which may move parents before or after their children, and batches of
+            // most objects at once.
             let moved: Vec<_> = (0..rng.pick(&[5, 1000]).min(ids.len()))
                 .map(|_| (ids[rng.below(ids.len())], random_bounds(&mut rng, 300.0)))
                 .collect();
