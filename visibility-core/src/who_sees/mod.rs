@@ -56,8 +56,8 @@ pub trait SightCells {
 /// before is not looked up again.
 ///
 /// # Cost
-/// Time: each target is put into its cells, each observer asks for the cells that it sees, and each reported
-/// pair costs some nanoseconds for each cell of the target that the observer sees. Memory: one bit for each
+/// Each target is put into its cells, each observer asks for the cells that it sees, and each reported pair
+/// costs some nanoseconds for each cell of the target that the observer sees. Memory is one bit for each
 /// pair.
 ///
 /// ```
