@@ -40,7 +40,7 @@ pub(crate) fn bits(bytes: &[u8; WIDTH]) -> u32 {
 /// NaN.
 #[inline(always)]
 pub(crate) fn of_all(lanes: &[f32; WIDTH], pick: impl Fn(f32, f32) -> f32) -> f32 {
-    // By halves, which takes the time of four steps, not of sixteen that wait for one another.
+    // Reduces by halves, in four dependent steps instead of sixteen.
     let mut halves = *lanes;
     let mut half = WIDTH / 2;
     while half > 0 {

@@ -108,8 +108,8 @@ impl Pyramid {
                         out,
                     );
                 }
-                // Element `row` held the range of a finer row that has been read already: rows `2 * row` and
-                // above are read before element `row` is written.
+                // Element `row` still holds the range of the finer row `row`. It can be overwritten, since
+                // finer rows up to `2 * row + 1` have been read already.
                 self.changed[row] = if changed[0] < changed[1] { changed } else { UNCHANGED };
             }
             (first_row, end_row) = (first, end);

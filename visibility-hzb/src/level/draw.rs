@@ -25,8 +25,8 @@ use visibility_core::glam::DVec3;
 use visibility_core::simd::Simd;
 use visibility_occluders::{OccluderCluster, OccluderPolygon};
 
-/// Work of testing whether a cluster may be seen. Work is counted in triangles, the time that one takes: a
-/// tenth of a microsecond. This and the following works are measured.
+/// Work of testing whether a cluster may be seen. The unit of work is the time to draw one triangle, a tenth
+/// of a microsecond. This constant and the next three are measured.
 pub(super) const CANDIDATE_WORK: f32 = 0.05;
 
 /// Work of choosing the polygons of one cluster that are drawn, in triangles.
@@ -70,8 +70,8 @@ pub(crate) struct LevelScratch {
     seams: Seams,
     /// For each level the number of edges in levels before it.
     first_edges: Vec<u32>,
-    /// For each polygon of a cluster, the coordinate along its normal of the side of its slab (the layer that
-    /// holds its vertices) that is away from the eye. NaN for a polygon that is not drawn.
+    /// For each polygon of a cluster, the coordinate along its normal of the far side of its slab: the side
+    /// away from the eye of the thin layer that holds its vertices. NaN for a polygon that is not drawn.
     far_sides: Vec<f64>,
     /// Work spent in this frame, in triangles.
     work: f32,
@@ -149,7 +149,7 @@ pub(crate) fn find_candidates(
                         continue;
                     }
                     let nearest = if boxes.known[lane] { boxes.nearest[lane] } else { f32::INFINITY };
-                    // Depth keys of parallel views may be negative.
+                    // Maps the bits to ascending order, also for the negative depth keys of parallel views.
                     let ascending = nearest.to_bits() ^ ((nearest.to_bits() as i32 >> 31) as u32 | 1 << 31);
                     let cluster = (block * WIDTH + lane) as u32;
                     candidates.push(Candidate {
@@ -247,7 +247,8 @@ fn is_inside_clip_planes(level: &PreparedLevel, frame: &LevelFrame, cluster: &Oc
     if frame.clip_planes.as_slice().is_empty() {
         return true;
     }
-    // The faces of a polygon may leave the box around its outline by the thickness of its slab.
+    // The faces of a polygon may lie outside the box around its outline by up to the thickness of the
+    // polygon's slab.
     let Aabb { min, max } = cluster.bounds;
     let sides = [min.as_dvec3() - level.thickness, max.as_dvec3() + level.thickness];
     let side = |corner: usize, axis: usize| sides[corner >> axis & 1][axis];
@@ -266,9 +267,9 @@ fn worth_drawing(polygons: &Polygons, frame: &LevelFrame) -> u32 {
             facing += towards * polygons.normal[axis][i];
             squared += towards * towards;
         }
-        // A polygon covers `area * facing * pixels_per_area` over the cube of the distance: once for the
-        // length of `towards` in `facing`. Pixels times the distance are compared, and squared, which neither
-        // overflows nor vanishes for distances from 1e-18 to 1e18.
+        // A polygon covers `area * facing * pixels_per_area` over the cube of the distance: two powers for
+        // the distance, one for the length of `towards` in `facing`. Pixels times the distance are compared,
+        // and squared, which neither overflows nor vanishes for distances from 1e-18 to 1e18.
         let pixels = polygons.area[i] * facing * frame.pixels_per_area / squared;
         let radius = polygons.radius[i];
         let close = frame.perspective & (squared <= 4.0 * radius * radius);
@@ -305,8 +306,8 @@ fn draw_polygon(
     let far = far_sides[at];
     let first = cluster.vertices[0] as usize;
     let outline = polygon.edges[0] as usize..polygon.edges[1] as usize;
-    // Whether vertices of edges that may be cut are moved into the plane at `far`. `None` before such an
-    // edge.
+    // Whether the vertices of edges that may be cut are moved into the plane at `far`. `None` before the
+    // first such edge.
     let mut flattened = None;
     *work += POLYGON_WORK;
     edges.clear();
@@ -323,7 +324,7 @@ fn draw_polygon(
             let shared =
                 if partner != NO_EDGE && seams_are_bare { first_edge.saturating_add(edge) } else { NO_EDGE };
             edges.push([x[a], y[a]], [x[b], y[b]], shared);
-            // The other end begins another edge.
+            // The other end counts with the edge that begins there.
             (nearest_w, most_w) = (least(least_w[a], nearest_w), greatest(own_most_w[a], most_w));
             continue;
         }
@@ -352,8 +353,8 @@ fn draw_polygon(
     if plain && !may_be_seen(simd, frame, tiles, edges.bounds, nearest_w) {
         return false;
     }
-    // The polygon's vertices lie in a slab about its plane. Where its outline may deviate from that of its
-    // faces by more than the slack allows, or the projection is too inexact, it must not be drawn.
+    // The polygon's vertices lie in a slab around its plane. The polygon must not be drawn if its outline may
+    // deviate from that of its faces by more than the slack, or if the projection is too inexact.
     let thickness = polygon.extent[1] - polygon.extent[0];
     let lanes = &level.polygons[level.first_polygons[index] as usize + at / WIDTH];
     let middle = DVec3::from([0, 1, 2].map(|axis| f64::from(lanes.middle[axis][at % WIDTH])));
@@ -364,13 +365,13 @@ fn draw_polygon(
         return false;
     }
     let plane = depth_plane(frame, polygon.normal, middle, radius, far);
-    // A face may be as far behind its outline as the slab is thick.
+    // A face may lie behind its outline by up to the thickness of the slab.
     let floor = if frame.perspective {
         down((1.0 / (most_w + frame.object.error[2] + 2.0 * thickness * frame.w_per_metre)) * (1.0 - 1e-7))
     } else {
         f32::NEG_INFINITY
     };
-    // Tiles whose depth is already nearer than this polygon everywhere need no coverage.
+    // Tiles that are nearer than this polygon everywhere need no coverage.
     let Some(keys) = TileKeys::new(edges, frame, &DepthBound { plane, floor }, tiles) else {
         return false;
     };
@@ -384,8 +385,8 @@ fn draw_polygon(
 }
 
 /// Returns whether a polygon may cover pixels that are still empty or farther than the polygon. `bounds`
-/// (least column, least row, greatest column, greatest row, in pixels) hold the polygon, and `w` is the least
-/// clip coordinate `w` of its points. An estimate: it decides only what is drawn.
+/// (least column, least row, greatest column, greatest row, in pixels) contain the polygon, and `w` is the
+/// least clip coordinate `w` of its points. An estimate suffices, since it decides only what is drawn.
 fn may_be_seen(simd: Simd, frame: &LevelFrame, tiles: &Tiles, bounds: [f32; 4], w: f32) -> bool {
     let size = [(tiles.columns * SIDE) as f32, (tiles.rows * SIDE) as f32];
     let range = |axis: usize| {
@@ -398,7 +399,7 @@ fn may_be_seen(simd: Simd, frame: &LevelFrame, tiles: &Tiles, bounds: [f32; 4], 
 }
 
 /// Returns the coordinate, along a polygon's normal, of the side of its slab that is away from the eye.
-/// `None` if the polygon does not hide from the side on which the eye is, if the eye is in the slab, or if
+/// `None` if the polygon does not occlude from the side on which the eye is, if the eye is in the slab, or if
 /// rays may meet the slab before the near plane.
 #[inline(always)]
 fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<f64> {
@@ -416,7 +417,8 @@ fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<f64> {
     let front = along > high;
     let (far, beside) = if front { (low, along - high) } else { (high, low - along) };
     let seen = beside > margin && (polygon.two_sided || front);
-    // A ray meets a face at no less than half the distance of the far side, or beyond the window.
+    // Every ray then meets a face at no less than half the distance of the slab's far side, or beyond the
+    // window, and so beyond the near plane.
     (seen && (beside > thickness + margin || is_beyond_window(frame, polygon, far))).then_some(far)
 }
 
@@ -468,7 +470,8 @@ fn depth_plane(frame: &LevelFrame, normal: DVec3, middle: DVec3, radius: f64, fa
     let axis = normal.abs().min_position();
     let across = normal.cross(DVec3::AXES[axis]).normalize_or_zero() * radius;
     let along = normal.cross(across);
-    // A point whose coordinate along the normal is to be `far` misses it by a few roundings.
+    // By rounding, a point whose coordinate along the normal should be `far` may miss that coordinate by a
+    // few roundings.
     let rounding = 16.0 * f64::EPSILON * (normal.abs().dot(middle.abs()) + far.abs() + radius);
     let foot = middle + normal * (far - eye_side(frame, normal, far) * rounding - normal.dot(middle));
     let corners = [foot, foot + across, foot + along].map(|p| frame.object.at(p.to_array()));

@@ -15,8 +15,8 @@ pub(super) struct Vertices {
     /// Whether each vertex is plain: in the guard band and beyond the distance at which outlines are cut,
     /// with an error of at most [`MAX_ERROR_PX`].
     pub(super) plain: Vec<bool>,
-    /// Lower bounds on the clip coordinate `w` of the vertices, then upper bounds. They hold for plain
-    /// vertices.
+    /// Lower bounds on the clip coordinate `w` of the vertices, then upper bounds. Valid for plain vertices
+    /// only.
     pub(super) w: [Vec<f32>; 2],
     /// Upper bound on the error of plain vertices in pixels.
     pub(super) error: f32,

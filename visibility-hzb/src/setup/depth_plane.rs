@@ -20,8 +20,8 @@ pub(crate) fn plane(
     let (second, third) = (less(b, a), less(c, a));
     let normal = cross(point(&second), point(&third));
     let height = dot(normal, point(a));
-    // The facing of the triangle was decided by its area on the screen, whose sign is surer than that of this
-    // determinant.
+    // The triangle was chosen by the sign of its area on the screen, which is more certain than the sign of
+    // this determinant.
     let mut plane = [f64::NAN; 3];
     if !(height.abs() > certain) {
         return plane;
