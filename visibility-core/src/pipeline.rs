@@ -260,8 +260,8 @@ impl Pipeline {
     }
 
     /// Makes later calls of `cull` use the view of the last frame and ignore the view passed to them, so that
-    /// an engine can draw from elsewhere what this view culled. Objects are culled with their current bounds.
-    /// Does nothing before the first frame.
+    /// an engine can look at this view's visible objects from another viewpoint. Objects are culled with
+    /// their current bounds. Does nothing before the first frame.
     pub fn freeze(&mut self) {
         self.frozen = self.last;
     }

@@ -37,8 +37,8 @@ use crate::{Accuracy, CullStats, Scene, VisibleSet, pvs::Viewcell};
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub trait RegionCuller {
-    /// Returns the accuracy that the culler guarantees with its present settings. It is conservative if no
-    /// object is removed to which an unobstructed segment runs from some point of the viewcell.
+    /// Returns the accuracy that the culler guarantees with its present settings. Conservative means that an
+    /// object stays if an unobstructed segment runs to it from some point of the viewcell.
     fn accuracy(&self) -> Accuracy;
 
     /// Removes from `visible`, which holds the candidates, the objects that this culler finds hidden from all

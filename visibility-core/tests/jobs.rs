@@ -87,7 +87,8 @@ fn answer(
 fn the_answer_does_not_depend_on_the_job_system() {
     let mut random = Random(41);
     let (mut left, mut hidden) = (0, 0);
-    // A scene without a tree, one leaf, one subtree, several subtrees; a million objects have one level more.
+    // Tests a scene without a tree, one leaf, one subtree, and several subtrees; a million objects would have
+    // one level more.
     for count in [0, 30, 3000, 40_000, 300_000] {
         let scene = scene(&mut random, count);
         let make = || {

@@ -298,7 +298,8 @@ fn a_union_with_an_unfinished_set_of_another_layout_holds_everything_on_the_laye
     assert_eq!(both.count(&scene), 3, "a set that was never filled holds all objects");
 }
 
-/// Tests that eight cullers on threads find the same sets as one after another, each with layers of its own.
+/// Tests that eight cullers on threads, each with its own layers, find the same sets as when run one after
+/// another.
 #[test]
 fn eight_cullers_on_threads_find_what_they_find_alone() {
     let mut rng = Random(6);

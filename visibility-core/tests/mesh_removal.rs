@@ -1,5 +1,5 @@
-//! Tests that occluder meshes can be removed: a world that streams for long does not grow, and no id names
-//! another mesh than its own.
+//! Tests that occluder meshes can be removed: a world that streams for long does not take more and more
+//! memory, and no id names a mesh other than its own.
 
 use std::collections::HashMap;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};

@@ -41,8 +41,8 @@ fn viewcells_are_found_as_by_looking_at_each() {
     }
 }
 
-/// Tests points beside the plane between two viewcells, by exact fractions. The plane has whole coefficients,
-/// of different length in the two viewcells, and is far from the origin.
+/// Tests points beside the plane between two viewcells, by exact fractions. The plane has whole-number
+/// coefficients, of different length in the two viewcells, and is far from the origin.
 #[test]
 fn a_point_is_in_the_viewcells_that_it_is_exactly_in() {
     let mut state = 7;
@@ -56,7 +56,7 @@ fn a_point_is_in_the_viewcells_that_it_is_exactly_in() {
         if normal == [0; 3] {
             continue;
         }
-        // Along the plane by multiples of 1/16, and off the plane by multiples of 2^-20.
+        // Points are moved along the plane by multiples of 1/16, and off the plane by multiples of 2^-20.
         let across: [i64; 3] = core::array::from_fn(|i| {
             let (j, k) = ((i + 1) % 3, (i + 2) % 3);
             normal[j] * r[k] - normal[k] * r[j]
@@ -239,7 +239,7 @@ fn an_oblique_near_plane_that_not_all_lines_of_sight_meet_sees_everything() {
     let rooms =
         [0.0, 4.0].map(|x| Viewcell::from_box(DVec3::new(x, 0.0, 0.0), DVec3::new(x + 4.0, 8.0, 3.0)));
     let shared = ScenePvs::new(&scene, pvs, Viewcells::new(rooms), [(here, 0), (there, 1)]);
-    // Looks along x at 90 degrees; relative to the eye, x = -Y, y = Z, w = X.
+    // The camera looks along x with a field of view of 90 degrees; relative to the eye, x = -Y, y = Z, w = X.
     let rows = [
         DVec4::new(0.0, -1.0, 0.0, 0.0),
         DVec4::new(0.0, 0.0, 1.0, 0.0),

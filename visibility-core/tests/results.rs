@@ -120,8 +120,8 @@ fn listed(scene: &Scene, visible: &VisibleSet) -> Vec<ObjectId> {
     visible.clone().ids(scene).to_vec()
 }
 
-/// Tests every change of a scene, by itself and in random sequences, under results in every order, listed
-/// before the changes and not.
+/// Tests every change of a scene, by itself and in random sequences, on results in every order, some listed
+/// before the changes and some not.
 #[test]
 fn results_survive_every_change_of_the_scene() {
     let mut rng = Random(2);

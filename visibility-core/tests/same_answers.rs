@@ -73,7 +73,7 @@ fn random_box(rng: &mut Random, kind: usize) -> Aabb {
             if rng.one_in(8) {
                 return Aabb::from_arrays(a, b);
             }
-            // Mostly with min <= max, because inverted boxes are never tested.
+            // Mostly with min <= max, because the kernel never tests inverted boxes.
             Aabb::from_arrays(
                 core::array::from_fn(|i| a[i].min(b[i])),
                 core::array::from_fn(|i| a[i].max(b[i])),

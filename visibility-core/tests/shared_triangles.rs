@@ -76,8 +76,8 @@ fn triangles_outside_of_the_bounds_are_refused_where_they_are_placed() {
     assert_eq!(scene.triangles(id).unwrap(), mesh.view(), "a refused call changes nothing");
 }
 
-/// Bounds that were computed from the transform in `f64` hold the triangles although their transform is
-/// rounded, also where coordinates on an axis are far less than those on another, or a corner is at 0.
+/// Bounds computed from the transform in `f64` contain the triangles although their transform is rounded.
+/// Also tested where coordinates on one axis are far smaller than on another, and with a corner at 0.
 #[test]
 fn bounds_computed_in_f64_hold_placed_triangles() {
     let mut random = Random(3);
@@ -168,8 +168,8 @@ fn objects_with_the_same_triangles_share_one_prepared_mesh() {
     assert_eq!(scene.mesh_count(), 0, "the meshes go with the last object");
 }
 
-/// A mesh far from its own origin, which a transform brings near, would be placed by rounded products that
-/// are much larger than the coordinates: off by centimetres, also where the transform itself is not rounded.
+/// A mesh far from its own origin that a transform brings near. Products rounded to `f32` would be much
+/// larger than the coordinates and misplace it by centimetres, even if the transform itself were exact.
 #[test]
 fn rounding_never_moves_an_occluder() {
     for (far, shares) in [(0.0, true), (2.0, true), (1e5, false), (1e6, false)] {

@@ -79,7 +79,7 @@ impl Camera {
             }
             // An oblique near plane, as for mirrors; the eye may be on either side.
             2 => row(random_whole(rng, 20), i128::from(rng.between(-20, 2))),
-            // Nearly parallel to the picture, but slightly oblique.
+            // A near plane that is slightly oblique.
             _ => {
                 let turn = random_whole(rng, 3);
                 let normal = core::array::from_fn(|i| 9 * w.normal[i] + turn[i]);

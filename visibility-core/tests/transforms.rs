@@ -133,7 +133,7 @@ fn transforms_move_bounds_and_mesh_together() {
         assert_eq!(scene.occluder(wall).unwrap().1, away, "way {how}: the mesh has moved");
         move_by(&mut scene, wall, Affine3A::IDENTITY, how);
         assert!(!is_visible(&scene, behind) && is_visible(&scene, wall), "it hides where it is again");
-        // A mesh given anew moves the bounds as well.
+        // Setting a mesh again, with another transform, moves the bounds as well.
         let mesh = scene.add_mesh(OccluderMesh::cuboid(&WALL).unwrap());
         scene.set_mesh(wall, mesh, away).unwrap();
         assert!(is_visible(&scene, behind), "way {how}: the new mesh is out of the way");
@@ -225,7 +225,7 @@ fn transforms_that_cannot_be_are_errors_and_change_nothing() {
         "a batch with an object without local bounds"
     );
     assert!(!is_visible(&scene, behind) && scene.revision() == revision, "refused calls change nothing");
-    // Bounds in scene coordinates end the local ones.
+    // Setting bounds in scene coordinates removes the local bounds.
     scene.set_bounds(wall, ASIDE).unwrap();
     assert_eq!(scene.local_bounds(wall), None, "bounds in scene coordinates end the local ones");
     assert_eq!(
@@ -241,8 +241,8 @@ fn transforms_that_cannot_be_are_errors_and_change_nothing() {
     }
 }
 
-/// Tests random moves by every function against one transform after the other, with removed objects and
-/// batches of every size: the bounds are those of the local box, the mesh is at the object's transform.
+/// Tests random moves by every function, in batches of every size and with removed objects, against single
+/// transforms: bounds are those of the local box, and the mesh is at the object's transform.
 #[test]
 fn random_transforms_place_bounds_and_meshes() {
     let mut rng = Random(11);

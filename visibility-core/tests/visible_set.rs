@@ -310,7 +310,8 @@ fn a_turning_camera_is_told_what_appears_and_what_vanishes() {
             scene.remove(gone).unwrap();
             removed_while_visible += usize::from(before.contains(&gone));
             if !rng.one_in(3) {
-                // Often in view, so that an index is visible in both frames, but for two different objects.
+                // New objects are often in view, so that an index is visible in both frames, but for two
+                // different objects.
                 let p = if rng.one_in(2) { (target * 30.0).as_vec3() } else { rng.vector(100.0).as_vec3() };
                 ids.push(scene.insert(at(p.x, p.y, p.z)));
                 reused_while_visible +=

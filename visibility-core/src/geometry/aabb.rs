@@ -92,8 +92,8 @@ impl Aabb {
     }
 
     /// Returns the squared diagonal of the box in square metres; an axis with `min > max` or NaN counts as 0.
-    /// Computed in `f64`: the result never overflows, and is never less than that of a box inside this one,
-    /// in spite of rounding.
+    /// Computed in `f64`: the result never overflows, and despite rounding is never less than the result for
+    /// a box inside this one.
     pub fn diagonal_squared(&self) -> f64 {
         let side = |axis: usize| {
             let side = f64::from(self.max[axis]) - f64::from(self.min[axis]);
@@ -103,7 +103,7 @@ impl Aabb {
     }
 
     /// Returns the smallest box that contains `self` and `other`. Where a coordinate of `self` or `other` is
-    /// NaN, the coordinate of the result is unspecified: NaN, or that of the box without NaN.
+    /// NaN, the coordinate of the result is unspecified: NaN, or the coordinate of the box without NaN.
     #[must_use]
     pub fn union(&self, other: &Self) -> Self {
         Self::new(self.min.min(other.min), self.max.max(other.max))

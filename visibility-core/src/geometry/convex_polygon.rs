@@ -77,9 +77,9 @@ impl core::error::Error for PolygonError {}
 const AREA_ROUNDING: f64 = 1e-14;
 
 impl ConvexPolygon {
-    /// Greatest distance that a vertex may have from the polygon's plane, and by which it may be beyond the
-    /// line of an edge, outside the polygon. Given as a fraction of the polygon's size, which is its greatest
-    /// extent from the first vertex along an axis.
+    /// Greatest distance of a vertex from the polygon's plane, and greatest distance of a vertex outside the
+    /// line of an edge. Both are fractions of the polygon's size: its greatest extent from the first vertex
+    /// along an axis.
     pub const TOLERANCE: f64 = 1e-6;
 
     /// Makes a polygon of vertices in order around the boundary, clockwise or counter-clockwise. Collinear

@@ -9,9 +9,10 @@ impl OccluderMesh {
     /// the transform and the planes are relative to the scene's origin. True without planes; false where the
     /// mesh touches a plane, where rounding cannot decide, and for a non-finite transform.
     ///
-    /// [`OcclusionMap::add`](crate::OcclusionMap::add) asks this of every occluder, with the
-    /// [`clip_planes_from`](crate::View::clip_planes_from) of the view: what a clip plane cuts away is not
-    /// drawn and must not hide. Cost: constant per plane, since the corners of the mesh's bounds are tested.
+    /// [`OcclusionMap::add`](crate::OcclusionMap::add) calls this for every occluder, with the
+    /// [`clip_planes_from`](crate::View::clip_planes_from) of the view: parts that a clip plane cuts away are
+    /// not drawn and must not hide anything. Takes constant time per plane, since only the corners of the
+    /// mesh's bounds are tested.
     ///
     /// ```
     /// use visibility_core::glam::{Affine3A, DVec3, Vec3};

@@ -1,4 +1,5 @@
-//! The driver: selects and draws occluders, then walks a hierarchy of boxes and drops what the map hides.
+//! The driver: selects and draws occluders, then walks a hierarchy of boxes and drops the objects that the
+//! map hides.
 //!
 //! If a node is hidden, all objects below it are dropped without further tests. If no occluder in the map
 //! covers any part of a node, all objects below it are kept. Only the children of other nodes are tested

@@ -355,7 +355,7 @@ pub(super) fn join(triangles: &[[u32; 3]]) -> (Vec<Edge>, Vec<[u32; 3]>) {
 /// Tests whether a closed mesh is a convex solid that faces outwards. The test takes quadratic time, so
 /// meshes of more than 256 triangles count as not convex.
 ///
-/// Rounding of vertices may have put some in front of faces by a few steps of `f32`. Such dents are tolerated
+/// Rounding may have moved some vertices in front of faces by a few steps of `f32`. Such dents are tolerated
 /// only if they are small beside the mesh: each face must have a vertex behind it at four times the tolerated
 /// distance. In a smaller mesh, no vertex may be in front of a face, as far as `f64` can tell, and at least
 /// one vertex must be behind each face.

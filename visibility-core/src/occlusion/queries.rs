@@ -1,7 +1,7 @@
 //! Hardware occlusion queries of the engine as an occlusion map. The graphics card answers some frames late.
 //!
-//! The card compares boxes with the depth buffer that it has drawn (Cohen-Or, Chrysanthou, Silva and Durand,
-//! "A Survey of Visibility for Walkthrough Applications", 2003, sections 6.4 and 6.5: the HP
+//! The graphics card compares boxes with the depth buffer that it has drawn (Cohen-Or, Chrysanthou, Silva and
+//! Durand, "A Survey of Visibility for Walkthrough Applications", 2003, sections 6.4 and 6.5: the HP
 //! occlusion-culling test, and Meissner et al.). Waiting for an answer would stall the card, so answers are
 //! collected when they arrive.
 

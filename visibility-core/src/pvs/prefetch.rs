@@ -56,7 +56,7 @@ pub struct Prefetch {
     /// First and last parameter (0 to 1) of each part of the path on which the eye is in some viewcell.
     inside: Vec<[f64; 2]>,
     /// Indexed by target: parameter (0 to 1) of the path at which the target is first seen; infinity if it is
-    /// not.
+    /// never seen.
     first: Vec<f64>,
     seen: Vec<u64>,
     row: Vec<u64>,

@@ -95,7 +95,8 @@ impl Tree {
     fn fill(&mut self, objects: &[Entry], generations: &[u32]) {
         let curve = Curve::through(objects.iter().map(|entry| entry.bounds.center()), objects.len());
         // The curve position and the entry's number share one word, so that sorting moves only words. The
-        // number takes the lowest bits of the position; a million objects leave more than 14 bits per axis.
+        // number replaces the lowest bits of the position; with a million objects, more than 14 bits per axis
+        // remain.
         let bits = usize::BITS - objects.len().leading_zeros();
         let key = |(number, entry): (usize, &Entry)| {
             curve.code(entry.bounds.center()) >> bits << bits | number as u64

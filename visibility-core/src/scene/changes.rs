@@ -34,7 +34,8 @@ pub(crate) struct ChangeLog {
     /// The revision before the change that `entries[0]` records; without entries, the present revision.
     start: u64,
     entries: Vec<ObjectId>,
-    /// The revision right after the origin last moved; the first revision of the scene if it never did.
+    /// The revision right after the origin last moved; the first revision of the scene if the origin never
+    /// moved.
     moved: u64,
 }
 

@@ -42,8 +42,8 @@ impl Scene {
     /// object with a draw range for an occluder. A culler of frames takes it for one as long as it is in the
     /// set, so a `ContributionCuller` must run before.
     ///
-    /// For two levels of detail of one thing set an [HLOD parent](Self::set_hlod_parent) too: ranges alone
-    /// leave distances at which neither is drawn where the bounds of the levels differ.
+    /// For two levels of detail of one thing set an [HLOD parent](Self::set_hlod_parent) too. With ranges
+    /// alone, there are distances at which neither level is drawn if their bounds differ.
     ///
     /// Takes logarithmic time, and time in proportion to the number of children for an [HLOD
     /// parent](Self::set_hlod_parent). Whole nodes are culled by the new range after
@@ -113,8 +113,9 @@ impl Scene {
     /// Returns whether an object is drawn at every distance: it has no [draw range](Self::set_draw_range), no
     /// [HLOD parent](Self::set_hlod_parent) and no children. False for an unknown object.
     ///
-    /// Any other object is absent from some frames, so it must not hide in an answer for many frames. Bakes,
-    /// levels, region cullers and [`level_version`](crate::level_version()) take it for no occluder.
+    /// Any other object is absent from some frames, so it must not be an occluder in an answer for many
+    /// frames. Bakes, levels, region cullers and [`level_version`](crate::level_version()) do not use it as
+    /// an occluder.
     pub fn is_always_drawn(&self, id: ObjectId) -> bool {
         self.contains(id) && self.tree.detail(id.index()) == Detail::NONE
     }

@@ -97,8 +97,8 @@ pub struct Scene {
     outside: usize,
     /// Number of objects that have a mesh and are not flagged as occluders.
     unflagged: usize,
-    /// Generation of the first object of each index: a number of this scene, so that ids of other scenes are
-    /// unknown here.
+    /// Generation of the first object of each index. Differs from scene to scene, so that ids of other scenes
+    /// are rejected.
     first_generation: u32,
     free: Vec<u32>,
     /// Number of objects whose layer mask is not `u32::MAX`.
@@ -526,8 +526,8 @@ impl Scene {
         Ok(())
     }
 
-    /// Sets whether an object may be used as an occluder, that is, may hide other objects: `occluder` true,
-    /// it may; false, it hides nothing.
+    /// Sets whether an object may be used as an occluder. With `occluder` true the object may hide other
+    /// objects; with false it hides nothing.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.

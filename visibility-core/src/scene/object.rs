@@ -152,7 +152,7 @@ pub struct Object {
     /// occluder still covers pixels.
     pub see_through: bool,
     /// Whether the object's [triangles](crate::Scene::set_triangles) are drawn from their front alone, as
-    /// with backface culling: from behind they are neither seen nor in the way. False by default: triangles
+    /// with backface culling: from behind they are invisible and occlude nothing. False by default: triangles
     /// of unknown orientation are drawn from both sides.
     pub one_sided: bool,
 }

@@ -1,4 +1,4 @@
-//! Whether a hierarchy keeps what [`BoxHierarchy`] asks of it.
+//! Check of a hierarchy against the rules of [`BoxHierarchy`].
 
 use super::{BoxHierarchy, Child};
 use crate::{Aabb, Scene};

@@ -23,11 +23,12 @@ const MAX_SUBTREE_LEVEL: u8 = 1;
 /// Value of `known` for a node whose descendants need no test: all candidates there are kept.
 const ACCEPTED: u32 = 0;
 
-/// A culler's test of 64 siblings, which threads share. What the tests of a node and of the nodes above it
-/// have shown is passed down as a number, `known`, whose meaning the culler defines; [`ACCEPTED`], 0, if
-/// nothing below the node needs a test.
+/// A culler's test of 64 siblings, which threads share. Results of tests are passed down to children as a
+/// number, `known`, whose meaning the culler defines. [`ACCEPTED`], 0, means that nothing below the node
+/// needs a test.
 pub(crate) trait NodeTest: Sync {
-    /// What the test of a block shows about the children that it keeps, for [`below`](Self::below).
+    /// Result of the test of a block for the children that it keeps. [`below`](Self::below) derives `known`
+    /// from it.
     type Found;
 
     /// Tests the `candidates` among the children of a node. `known` is the number that the tests above have
@@ -63,7 +64,8 @@ pub(crate) fn retain_on<T: NodeTest>(
         let mut scratch = core::mem::replace(&mut visible.split_scratch, SplitScratch::EMPTY);
         scratch.parts.resize_with(PARTS, Part::default);
         scratch.subtrees.clear();
-        // The upper levels on this thread. Nodes whose subtrees are small enough are put into `subtrees`.
+        // Tests the upper levels on this thread. Nodes whose subtrees are small enough are put into
+        // `subtrees`.
         let mut top = Top { scene, is_current, test, subtrees: &mut scratch.subtrees, stats };
         top.visit(visible, root, known);
         stats = top.stats;

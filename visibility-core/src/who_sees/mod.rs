@@ -23,7 +23,7 @@ use crate::bits::Bits;
 use crate::stamp::Stamp;
 use alloc::vec::Vec;
 
-/// Cells that cover a level, with what is seen from where. Cells are numbered from 0.
+/// Cells that cover a level, and the cells that are seen from each. Cells are numbered from 0.
 ///
 /// Each answer must be conservative: if a line of sight runs from a point of the reach A to a point of the
 /// reach B, and both answers for A and B are known, then [`seen_from`](Self::seen_from) A gives one of the

@@ -23,7 +23,7 @@ fn at_a_price_of_nothing_nothing_is_drawn() {
 }
 
 /// A wall of 12 triangles that covers a fiftieth of the view, before three boxes. At a price of 1 it is too
-/// expensive, even though as many as 256 objects are taken to wait behind it.
+/// expensive, even though 256 objects are assumed behind it.
 #[test]
 fn an_occluder_is_drawn_if_what_it_may_hide_is_worth_its_cost() {
     let mut scene = Scene::new();

@@ -47,8 +47,8 @@ impl Tree {
         (((f64::from(end.min(begin)) + diagonal) * (1.0 + 1e-6)) as f32).next_up()
     }
 
-    /// Returns the bounds of a leaf or inner node on the size and the draw distance of the objects below,
-    /// computed from what the node holds now.
+    /// Returns bounds on the size and the draw distance of the objects below a leaf or inner node, computed
+    /// from the node's present content.
     pub(super) fn measured(&self, node: usize) -> DetailBounds {
         if self.levels[node] > 0 && !self.is_unculled_leaf(node) {
             let below = lanes(self.occupied[node]).map(|lane| self.detail_bounds[self.child(node, lane)]);

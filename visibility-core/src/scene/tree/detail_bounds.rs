@@ -1,4 +1,4 @@
-//! Bounds on what a node holds: how large its objects are, and to which distance they are drawn.
+//! Bounds on the objects of a node: their size, and the distance up to which they are drawn.
 
 #[cfg(doc)]
 use crate::Aabb;

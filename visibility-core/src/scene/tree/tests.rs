@@ -253,7 +253,8 @@ fn step(rng: &mut Random, scene: &mut Scene, ids: &mut Vec<ObjectId>, grow: usiz
     }
 }
 
-/// Gives objects a draw range with an end, mostly near: leaves have a finite bound only if all objects do.
+/// Gives objects a draw range with an end, mostly near. A leaf has a finite bound only if all its objects
+/// have such a range.
 fn limit(rng: &mut Random, scene: &mut Scene, ids: &[ObjectId]) {
     for &id in ids {
         let end = if rng.below(50) == 0 { 1e6 } else { 5.0 };
