@@ -173,7 +173,7 @@ fn a_path_along_a_slanted_face_reaches_the_viewcell_wherever_rounding_may_say_so
         let found = prefetch.search(&sets, start, along, 0.0, 2.0).first().map(|arrival| arrival.seconds);
         let mut times = (0..=200).map(|i| f64::from(i) / 100.0);
         let first = times.find(|&time| cell.contains(start + along * time));
-        // Where the path begins in the box, the object may be visible at once.
+        // Leaves out paths that begin within the viewcell's box: the object may be visible at once.
         if let Some(first) = first.filter(|_| along.abs().max_element() > 0.6) {
             assert!(found.is_some_and(|found| found <= first), "{found:?}, {first}");
             reached += 1;

@@ -60,14 +60,14 @@ fn a_scene_under_random_changes_hides_backs_only() {
             match rng.below(3) {
                 0 => scene.remove(objects.swap_remove(which).0).unwrap(),
                 1 => {
-                    // A new triangle at a new place.
+                    // Replaces the triangle by another at a new place.
                     let (id, old) = &mut objects[which];
                     *old = triangle(&mut rng);
                     scene.set_bounds(*id, Aabb::from_points(*old)).unwrap();
                     scene.set_triangles(*id, [*old]).unwrap();
                 }
                 _ => {
-                    // The triangle with opposite winding, at the same place.
+                    // Reverses the winding of the triangle, at the same place.
                     let (id, old) = &mut objects[which];
                     old.swap(1, 2);
                     scene.set_triangles(*id, [*old]).unwrap();

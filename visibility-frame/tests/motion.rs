@@ -409,7 +409,7 @@ struct MovedOrigin {
     volumes: MotionVolumes,
     /// Id, position in the world at time 0, velocity, and whether the mover has a region.
     movers: Vec<(ObjectId, DVec3, DVec3, bool)>,
-    /// Whether the origin has moved since the movers that were due last were listed.
+    /// Whether the origin has moved since due movers were last listed.
     is_moved: bool,
 }
 

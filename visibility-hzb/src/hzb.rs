@@ -55,11 +55,11 @@ const MIN_POLYGON_AREA: f32 = 128.0;
 /// above.
 ///
 /// The size of the buffer is independent of that of the rendered picture; its aspect ratio should be that of
-/// the view. Until the first [`begin`](OcclusionMap::begin) it hides nothing. Occluders that a [clip
+/// the view. Until the first [`begin`](OcclusionMap::begin) the buffer hides nothing. Occluders that a [clip
 /// plane](View::with_clip_planes) cuts are not drawn.
 ///
-/// Memory is 4 bytes for each pixel, 32 KiB, and 48 bytes for each convex occluder that a frame draws, for a
-/// box at most 192 more. It is kept from frame to frame. A frame allocates only if it draws more convex
+/// Memory is 32 KiB, 4 bytes for each pixel, and 48 bytes for each convex occluder that a frame draws (at
+/// most 240 for a box). It is kept from frame to frame. A frame allocates only if it draws more convex
 /// occluders, or a larger mesh, than any frame before.
 ///
 /// ```

@@ -47,9 +47,9 @@
 //! the accuracy is *approximate*.
 //!
 //! # Cost
-//! - A box or another convex occluder takes some 20 ns if it is out of view or hidden by nearer ones, else
-//!   100 to 300 ns, and a few more for each tile of its outline. So occluders should come roughly from front
-//!   to back, as the driver adds them.
+//! - A box or another convex occluder takes some 20 ns if it is out of view or hidden by nearer ones,
+//!   otherwise 100 to 300 ns, plus a few nanoseconds for each tile of its outline. So occluders should come
+//!   roughly from front to back, as the driver adds them.
 //! - The occluders of a level ([`Hzb::with_level`]), which are made of its triangles beforehand, take about a
 //!   quarter of that time. They hide more, since pixels along edges that two objects share are covered too.
 //!   Several levels, such as sectors of a world that is streamed, are drawn together ([`Hzb::add_level`]).

@@ -17,7 +17,7 @@ use visibility_core::scene::Triangle;
 
 /// Greatest error of a facet's unit normal, as the length of a difference of unit vectors, from all causes:
 /// `2^-17`. Covers
-/// - the normal of a triangle, which is refused where rounding may reach half of this,
+/// - the normal of a triangle; a triangle is refused if rounding of its normal may reach half of this bound,
 /// - the `f32` rows of a cone from which another cone is made (see `NormalCone::facets`),
 /// - the rounding of all `f64` computations in this module, less than `2^-40`.
 pub(super) const SLACK: f64 = 1.0 / 131072.0;
@@ -204,7 +204,7 @@ impl Ellipse {
         let circle = Self { center: DVec2::ZERO, direction: DVec2::X, axes: [1.0; 2] }.grown(points, slack);
         let ellipse = Self::least(points).grown(points, slack);
         let best = if ellipse.share() > circle.share() { ellipse } else { circle };
-        // False for NaN.
+        // The comparison is false for NaN.
         (best.axes[0].max(best.axes[1]) + best.center.length() < 15.0).then_some(best)
     }
 

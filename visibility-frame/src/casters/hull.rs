@@ -69,7 +69,7 @@ const EPSILON: f64 = f64::EPSILON;
 impl Source {
     fn facet(&self, slot: u8, view_plane: &ViewPlane) -> Facet {
         let ViewPlane { plane, error: offset_error } = *view_plane;
-        // The normals of the exact planes are within 8 epsilon of these.
+        // Each component of the exact normal is within 8 epsilon of the stored one.
         let normal_error = plane.normal.abs() * (8.0 * EPSILON);
         // The light is rounded by half an epsilon when it is made relative to the scene; products and sums
         // are rounded by 3 epsilon, as in `Plane::error_bound`. With the 8 epsilon of the normal, that is 12

@@ -142,9 +142,10 @@ impl CasterCuller {
     }
 
     /// Restricts the culler to shadows that fall into the box `receivers`, in metres relative to `origin`,
-    /// which is [`Scene::origin`] as the box was measured. The box must contain everything that receives
-    /// shadows in the view. The restriction helps most if the view has no far plane and the sun is low. A box
-    /// that is improper or not finite removes it. It is ignored while the scene has another origin.
+    /// the [`Scene::origin`] at the time when the box was measured. The box must contain everything that
+    /// receives shadows in the view. The restriction helps most if the view has no far plane and the sun is
+    /// low. An improper or infinite box removes the restriction. The restriction is ignored while the scene
+    /// has another origin.
     pub fn set_receivers(&mut self, receivers: Aabb, origin: DVec3) {
         self.receivers = receivers.is_finite().then_some((receivers, origin));
     }
@@ -266,7 +267,7 @@ fn is_within(bounds: &Aabb, light: DVec3, range: f64) -> bool {
     let slack = light.abs() * (4.0 * f64::EPSILON);
     let gap = ((min - light).max(light - max) - slack).max(DVec3::ZERO);
     let range = range * (1.0 + 16.0 * f64::EPSILON);
-    // Dividing first, so that neither squares nor ranges leave the range of `f64`.
+    // Divides first, so that neither squares nor ranges leave the range of `f64`.
     let gap = gap / range;
     let beyond = gap.x * gap.x + gap.y * gap.y + gap.z * gap.z > 1.0 + 16.0 * f64::EPSILON;
     !beyond

@@ -91,7 +91,7 @@ pub struct VisibleCluster {
 ///     scene.insert(Object { one_sided: true, ..Object::new(bounds) })
 /// });
 ///
-/// // Each frame: cull objects, then the clusters of those that are left.
+/// // Each frame: cull objects, then the clusters of the remaining objects.
 /// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 100.0)?;
 /// let (mut visible, mut list) = (VisibleSet::new(), Vec::new());
 /// Pipeline::new().with(FrustumCuller::new()).cull(&scene, &view, &mut visible);

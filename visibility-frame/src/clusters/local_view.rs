@@ -18,7 +18,7 @@
 //! determinant `a . (b x c)`.
 //! - A component of these cross products is the difference of two products of `f32`, which are exact in
 //!   `f64`: it is off by `u` of itself.
-//! - The determinant is a sum of three products of such a component: `u + u + 2u` of the sum of magnitudes.
+//! - The determinant is a sum of three products with such components: `u + u + 2u` of the sum of magnitudes.
 //!   The code uses `8u`.
 //! - A row times `e - t` adds the `u` of the difference: `5u`, and the quotient `u`. The code uses `8u`. The
 //!   error of the eye itself counts with the sum of the row's magnitudes.

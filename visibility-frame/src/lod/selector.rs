@@ -55,7 +55,7 @@ pub struct Lod {
 /// let statue = scene.insert(Aabb::from_arrays([9.0, -1.0, -1.0], [11.0, 1.0, 1.0]));
 /// let mut pipeline = Pipeline::new().with(FrustumCuller::new());
 /// let (mut visible, mut lods) = (VisibleSet::new(), LodSelector::new(1080.0));
-/// // Each frame; the sizes usually belong to the object's mesh.
+/// // Each frame: the closure returns the level sizes of an object, usually those of its mesh.
 /// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
 /// let view = View::perspective(pose, 1.0, 1.5, 0.1, 100.0)?;
 /// pipeline.cull(&scene, &view, &mut visible);
@@ -228,8 +228,8 @@ impl LodSelector {
         });
     }
 
-    /// Returns what to draw of an object, for draw lists that ask by id. `None` if the object was not visible
-    /// in the last frame. Takes constant time.
+    /// Returns the level of detail to draw for an object, for draw lists that ask by id. `None` if the object
+    /// was not visible in the last frame. Takes constant time.
     ///
     /// ```
     /// use visibility_frame::draw_list::DrawList;

@@ -18,7 +18,7 @@ struct Entry {
 
 impl Ord for Entry {
     fn cmp(&self, other: &Self) -> Ordering {
-        // Reversed: `BinaryHeap` has the greatest entry on top.
+        // The order is reversed, since `BinaryHeap` has the greatest entry on top.
         other.deadline.total_cmp(&self.deadline).then(other.place.cmp(&self.place))
     }
 }

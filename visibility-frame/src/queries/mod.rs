@@ -102,7 +102,7 @@ impl<'a> SceneQuery<'a> {
         self.collect(volume, found)
     }
 
-    /// Replaces the content of `found` with the objects whose bounds `region` does not exclude.
+    /// Replaces the content of `found` with the objects whose bounds may touch `region`.
     pub(crate) fn collect(&self, region: &impl Region, found: &mut Vec<ObjectId>) -> CullStats {
         found.clear();
         let mut stats = CullStats::default();

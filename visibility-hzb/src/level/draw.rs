@@ -208,7 +208,7 @@ fn draw_cluster(
 }
 
 /// Chooses the polygons of cluster `index` that are worth drawing, and projects the cluster's vertices.
-/// Returns whether any polygon is worth it.
+/// Returns whether there are any.
 #[inline(always)]
 pub(crate) fn begin_cluster(
     level: &PreparedLevel,

@@ -43,7 +43,7 @@ impl ScreenRow32 {
         let linear = row.linear.map(|a| a as f32);
         let constant_error = row.error + row.constant.abs() * f64::from(MARGIN);
         const MIN_NORMAL: f64 = f32::MIN_POSITIVE as f64;
-        // Losses to flushed denormals, of coordinates relative to the anchor and of products.
+        // Bound on losses to flushed denormals: of coordinates relative to the anchor, and of products.
         let tiny = MIN_NORMAL * (16.0 + 8.0 * row.linear.iter().map(|a| a.abs()).sum::<f64>());
         // A denormal coefficient may be flushed to zero, a loss of the coefficient times the greatest
         // difference of two coordinates. The largest coefficient of `w` is about 1, so no coefficient is

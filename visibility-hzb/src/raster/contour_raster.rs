@@ -222,8 +222,8 @@ impl<'a> ContourRaster<'a> {
         if !(first < width) {
             return;
         }
-        // The slope of a level edge is NaN or infinite. Columns are clamped to the ends of the edge, and no
-        // row of centres lies between its ends.
+        // The slope of a horizontal edge is NaN or infinite. Columns are clamped to the ends of the edge, and
+        // no row of centres lies between its ends.
         let slope = (b.x - a.x) / (b.y - a.y);
         let at = |y: f64| {
             let x = a.x + (y - a.y) * slope;

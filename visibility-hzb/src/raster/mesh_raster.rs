@@ -22,7 +22,7 @@
 //! and then a point of that triangle is in the pixel.
 //!
 //! Let `x`, `y` and `w` of a corner beyond the near limit (the distance at which geometry is cut) be off by
-//! at most `e_x`, `e_y` and `e_w`. So a pixel coordinate `q = x / w` is off by `(e_x + |q| e_w) / w`, two
+//! at most `e_x`, `e_y` and `e_w`. Then a pixel coordinate `q = x / w` is off by `(e_x + |q| e_w) / w`, two
 //! roundings aside. The *slack* is twice the greatest such bound over the mesh; 32 units of round-off of the
 //! greatest coordinate are part of it. A point of a segment is off by no more than the ends of the segment,
 //! so contours are widened by the slack, and by `2^-20` of a pixel. Meshes whose slack exceeds a quarter of a
