@@ -23,10 +23,10 @@ const INITIAL_CREDIT: f32 = 2048.0;
 /// search ends early in frames of real levels.
 const TEST_WORK: f32 = 0.1;
 
-/// An occluder can be paid from the credit, whatever is behind it, if it costs at most this number of
-/// triangles plus the worth of all objects found hidden so far in the frame. A costlier occluder must cost at
-/// most half of what hiding all objects behind it is worth, or be drawn on a [loan](LOAN_SAFETY). So a frame
-/// of few objects draws no mesh that costs as much as hiding all of them is worth.
+/// An occluder can be paid from the credit, whatever is behind it, if its cost is at most this number of
+/// triangles plus the worth of all objects found hidden in the frame. A costlier occluder must cost at most
+/// half of what hiding all objects behind it is worth, or be drawn on a [loan](LOAN_SAFETY). So a frame of
+/// few objects draws no mesh that costs as much as hiding all of them is worth.
 const UNPROVEN_COST: f32 = 512.0;
 
 /// An occluder that costs more than the search may still spend can be drawn on a *loan*. The worth of the
@@ -53,7 +53,8 @@ pub(super) struct Budget {
     credit: f32,
     /// Earnings: the price times the number of objects found hidden so far in the frame, in triangles.
     earned: f32,
-    /// Cost in triangles of the occluders drawn on loans that objects found hidden have not paid back yet.
+    /// Cost in triangles of the occluders that were drawn on loan (beyond the credit), less what objects
+    /// found hidden since have paid back.
     debt: f32,
     /// Work in triangles that the frame may still spend.
     limit: f32,
@@ -139,8 +140,8 @@ impl Budget {
         2.0 * TEST_WORK * objects as f32 <= self.limit
     }
 
-    /// Records that `objects` more objects were found hidden. Their worth pays back loans first; the rest is
-    /// added to the credit.
+    /// Records that `objects` more objects were found hidden. Their worth first pays back loans (for
+    /// occluders drawn beyond the credit); the rest is added to the credit.
     pub(super) fn earn(&mut self, objects: f32) {
         let earned = self.worth(objects);
         let paid_back = self.debt.min(earned);

@@ -49,8 +49,8 @@ pub(super) const MIN_BEHIND: f32 = 256.0;
 /// Distance, in radii of a mesh (half the diagonal of its bounds), within which an eye is near the middle of
 /// the mesh. If the estimate of the share of the view that a near mesh covers is too small, the share is
 /// estimated again triangle by triangle. At `2 r` from the middle of a wall of length `2 r`, along the wall,
-/// the near end is half as far as the middle, so farther away the two estimates differ by at most a factor of
-/// about 2.
+/// the near end is half as far as the middle. From farther away the two estimates differ by at most a factor
+/// of about 2.
 const NEAR_RADII: f32 = 2.0;
 
 /// Number of triangles whose solid angles can be estimated in the time of drawing one triangle.

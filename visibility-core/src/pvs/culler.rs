@@ -263,8 +263,8 @@ pub struct PvsCuller<S> {
     /// lane counts as visible from the viewcells in `entered`. In an inner node: whether such an object is
     /// below.
     masks: Vec<u64>,
-    /// Layout of the scene that `masks` was made for. `NONE` if `masks` must be made again whatever the
-    /// layout is, since `seen` has changed.
+    /// Layout of the scene (assignment of objects to lanes) that `masks` was made for. `NONE` if `masks` must
+    /// be made again whatever the layout is, since `seen` has changed.
     masks_layout: Stamp,
     /// Indices of the objects that were changed or inserted since the [`ScenePvs`] was made: the PVS says
     /// nothing about these.

@@ -1,6 +1,6 @@
-//! The log of changes of a scene. Structures that derive state from a scene read the log to update that state
-//! in time proportional to the number of changes (after the design of VISAPI, whose visibility modules keep
-//! the scene and are notified of changes).
+//! The log of changes of a scene. Structures that derive state from a scene read the log, and update their
+//! state in time proportional to the number of changes. The design follows VISAPI, whose visibility modules
+//! keep the scene and are notified of changes.
 
 use crate::ObjectId;
 use crate::serial::{is_same_range, next_range};

@@ -72,10 +72,11 @@ impl Scene {
         self.ranged
     }
 
-    /// Returns the [HLOD parent](Self::set_hlod_parent) that stands in for an object from the begin of the
-    /// parent's draw range on, and the parent's bounds, from which the end of the object's own range is
-    /// measured. `None` if there is none, or if the parent cannot stand in: it is never culled, is not on all
-    /// of the object's layers, or its bounds do not contain those of the object.
+    /// Returns the HLOD parent that stands in for an object, and the parent's bounds. The parent is drawn
+    /// instead of the object from the begin of the parent's draw range on, and the end of the object's own
+    /// range is measured from the parent's bounds. `None` if there is no parent, or if the parent cannot
+    /// stand in: it is never culled, is not on all of the object's layers, or its bounds do not contain those
+    /// of the object.
     pub fn stand_in(&self, id: ObjectId) -> Option<(ObjectId, Aabb)> {
         let above = self.tree.substitute(self.slot(id).ok()?)?;
         let bounds = self.tree.bounds[above.node()].get(above.lane());
@@ -141,9 +142,8 @@ impl Scene {
     ///
     /// The parent's bounds must contain those of its children (for the levels of a single thing, give the
     /// parent a box around all of them), and the parent must be on all layers that its children are on. A
-    /// child for which this does not hold, because it has moved away or was put on another layer, is drawn as
-    /// if it had no parent, and so are the children of a parent that is never culled. The children of a
-    /// removed parent have no parent.
+    /// child that has moved out of these bounds, or is on another layer, is drawn as if it had no parent. So
+    /// are the children of a parent that is never culled. The children of a removed parent have no parent.
     ///
     /// Takes time in proportion to the number of parents above `parent`. Moving a parent takes time in
     /// proportion to the number of its children.

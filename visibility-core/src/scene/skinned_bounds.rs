@@ -112,7 +112,7 @@ impl SkinnedBounds {
     /// inverse bind matrix.
     ///
     /// The box is improper, so that the object is never culled, if `bones` lacks the matrix of a joint with a
-    /// weight, if the image of a bone's box is not finite, and for a mesh without vertices. A vertex whose
+    /// weight, if the image of a bone's box is not finite, or if the mesh has no vertices. A vertex whose
     /// weights sum to 0 is taken to be at the origin, where skinning puts it.
     pub fn bounds<T: ToAffine>(&self, bones: &[T]) -> Aabb {
         let improper = Aabb::new(Vec3::NAN, Vec3::NAN);

@@ -7,13 +7,13 @@ use core::fmt;
 use glam::{DMat4, DVec3};
 
 impl fmt::Display for View {
-    /// Writes the camera that the clip matrix stands for: the eye and the directions ahead and up in the
-    /// world, the field of view in width and height, the distances of the near and far planes from the eye
-    /// (for parallel views, along the direction of view from the origin that the matrix is relative to), the
-    /// depth convention, and layers and clip planes if any are set. Numbers are rounded to four digits or a
-    /// thousandth. "left-handed" is written if the directions right, up and ahead of the picture are
-    /// left-handed axes: correct in a world of left-handed axes; in a right-handed world, the picture is
-    /// mirrored.
+    /// Writes the camera that the clip matrix stands for: the eye, and the directions ahead and up in the
+    /// world; the field of view in width and height; the distances of the near and far planes; the depth
+    /// convention; and layers and clip planes if any are set. Distances are measured from the eye or, for
+    /// parallel views, along the view direction from the origin of the matrix. Numbers are rounded to four
+    /// digits or a thousandth. "left-handed" is written if the directions right, up and ahead of the picture
+    /// are left-handed axes. That is correct in a world of left-handed axes; in a right-handed world, the
+    /// picture is mirrored.
     ///
     /// ```
     /// use visibility_core::{glam::DVec3, Pose, View};

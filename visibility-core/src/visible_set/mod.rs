@@ -66,7 +66,7 @@ pub struct VisibleSet {
     /// Masks indexed by node: bit i tells whether lane i is in the set (leaves) or has something in the set
     /// below it (inner nodes). Masks of nodes whose bit in the parent is 0 are stale and must not be read.
     words: Vec<u64>,
-    /// Layout of the scene that `words` belongs to.
+    /// Layout of the scene (assignment of objects to lanes) that `words` belongs to.
     layout: Stamp,
     /// If true, the set holds every object on `layers` and `words` is ignored.
     everything: bool,

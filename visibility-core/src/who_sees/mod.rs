@@ -25,9 +25,9 @@ use alloc::vec::Vec;
 
 /// Cells that cover a level, and the cells that are seen from each. Cells are numbered from 0.
 ///
-/// Each answer must be conservative: if a line of sight runs from a point of the reach A to a point of the
-/// reach B, and both answers for A and B are known, then [`seen_from`](Self::seen_from) A gives one of the
-/// cells that [`cells_of`](Self::cells_of) B gives.
+/// Each answer must be conservative. If a line of sight runs from a point of reach A to a point of reach B,
+/// then [`seen_from`](Self::seen_from) of A must give one of the cells that [`cells_of`](Self::cells_of) of B
+/// gives, unless one of the two answers is unknown (false).
 pub trait SightCells {
     /// Returns the number of cells.
     fn cell_count(&self) -> usize;

@@ -129,9 +129,9 @@ pub(super) struct Fit {
     pub(super) size: f64,
 }
 
-/// Fits a cone to facets whose errors are at most `doubt`. `None` without facets, if the normals do not fit
-/// into a cone of 83 degrees around one axis, if the ellipse would be too wide, if no apex is found, or if
-/// `doubt` is too large or NaN. On `None` the caller uses an open cone, which culls nothing.
+/// Fits a cone to facets whose errors are at most `doubt`. `None` if there are no facets, if the normals do
+/// not fit into a cone of 83 degrees around one axis, if the ellipse would be too wide, if no apex is found,
+/// or if `doubt` is too large or NaN. On `None` the caller uses an open cone, which culls nothing.
 ///
 /// Cost: some 0.5 microseconds a facet.
 pub(super) fn fit(facets: &[Facet], doubt: Doubt) -> Option<Fit> {
@@ -239,9 +239,9 @@ impl Ellipse {
         Self { center: mean, direction: longer.normalize_or(DVec2::X), axes }
     }
 
-    /// Returns the ellipse scaled so that it contains `points`, the projections of unit normals onto the
-    /// gnomonic plane (the plane at distance 1 along the cone's axis), and the projections of all unit
-    /// normals that differ from these by at most `slack`.
+    /// Returns the ellipse scaled so that it contains `points` and their errors: `points` are the projections
+    /// of unit normals onto the gnomonic plane (the plane at distance 1 along the cone's axis), and the true
+    /// normals differ from these by at most `slack`.
     ///
     /// Let `c` be the component of a unit normal along the cone's axis and `p` its projection, so that
     /// `c = (1 + |p|^2)^-1/2`. If the normal is off by `slack`, its projection is within
@@ -319,10 +319,10 @@ struct Apex<'a> {
 }
 
 impl Apex<'_> {
-    /// Returns the distance by which the point `p` must be moved along the search direction (against the axis
-    /// for side 0, along the axis for side 1) to be behind all planes (side 0) or in front of them (side 1),
-    /// with errors of at most `doubt`. Negative if `p` may be moved the opposite way. A convex function of
-    /// `p`; NaN if a plane's height is NaN.
+    /// Returns how far the point `p` must be moved along the search direction: against the axis to be behind
+    /// all planes (side 0), or along the axis to be in front of all planes (side 1), with errors of at most
+    /// `doubt`. Negative if `p` may be moved the opposite way. A convex function of `p`; NaN if a plane's
+    /// height is NaN.
     fn depth(&self, p: DVec3, doubt: Doubt) -> f64 {
         let sign = if self.side == 0 { 1.0 } else { -1.0 };
         let mut depth = f64::NEG_INFINITY;

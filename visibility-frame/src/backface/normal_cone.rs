@@ -58,8 +58,8 @@ impl NormalCone {
     pub const OPEN: Self = Self { rows: [[0.0; 3]; 3], behind: [0.0; 3], ahead: [0.0; 3], margin: 0.0 };
 
     /// Returns the cone of a set of triangles. Triangles of exactly zero area are never seen and are ignored.
-    /// The cone is open without triangles, if a triangle is not finite or too thin for its normal to be
-    /// certain, or if some normal would deviate from the cone's axis by more than 83 degrees.
+    /// The cone is open if there are no triangles, if a triangle is not finite or too thin for its normal to
+    /// be certain, or if some normal would deviate from the cone's axis by more than 83 degrees.
     ///
     /// Cost: some 0.5 microseconds a triangle.
     pub fn from_triangles<'a>(triangles: impl IntoIterator<Item = &'a Triangle>) -> Self {

@@ -7,11 +7,11 @@
 //! The plane `n . q + d >= 0` is `(n . a, n . b, n . c) . p + (n . t + d) >= 0` in mesh coordinates, also for
 //! mirroring transforms. The normal is within `16u` of the view's own in each component, a product and two
 //! sums round by `3u`, and the division by the normal's length by `u`. So each component is off by at most
-//! `20u` of the sum of its terms' magnitudes, and so is the offset, where the sum with `d` rounds once more
-//! but the terms of `d` have fewer roundings. The code uses `32u`, which covers the rounding of the bound
-//! itself. Where terms cancel, as under a shear or far from the origin, such an error may exceed the length
-//! of the normal. Errors of the normal, times the greatest coordinate of the mesh, therefore count as errors
-//! of the offset. A product that underflows loses less than the least normal number.
+//! `20u` of the sum of its terms' magnitudes. The same holds for the offset: the sum with `d` rounds once
+//! more, but the terms of `d` have fewer roundings. The code uses `32u`, which covers the rounding of the
+//! bound itself. Where terms cancel, as under a shear or far from the origin, such an error may exceed the
+//! length of the normal. Errors of the normal, times the greatest coordinate of the mesh, therefore count as
+//! errors of the offset. A product that underflows loses less than the least normal number.
 //!
 //! # Eye
 //! The eye `e` is at `A^-1 (e - t)`. The rows of the inverse are `b x c`, `c x a` and `a x b` over the

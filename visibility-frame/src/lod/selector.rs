@@ -40,9 +40,9 @@ pub struct Lod {
 /// The levels of an object are divided by sizes in pixels, from large to small: with `[200.0, 50.0]`, level 0
 /// is for 200 pixels and more, level 1 for 50 and more, level 2 for all below. Without sizes the level is 0.
 /// The level of an object that was visible in the frame before changes only when its size passes a limit by
-/// more than the [hysteresis](Self::with_hysteresis), and not before a cross-fade in progress has ended, so
-/// that a trembling camera causes no flicker. An object that has just become visible gets the level of its
-/// size, without a fade.
+/// more than the [hysteresis](Self::with_hysteresis), so that a trembling camera causes no flicker. It does
+/// not change during a cross-fade. An object that has just become visible gets the level of its size, without
+/// a fade.
 ///
 /// # Cost
 /// About 20 ns per visible object. Memory: 24 bytes per object index and 24 bytes per visible object.

@@ -84,21 +84,21 @@ impl Motion {
     }
 }
 
-/// State of a mover, which tells whether the mover's bounds in the scene are exact or a motion volume, and
-/// when the mover is due.
+/// State of a mover: whether its bounds in the scene are exact or a motion volume, and when it is due. The
+/// caller must set the exact bounds of a mover that is due.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum State {
     /// The element of the list `movers` holds no mover.
     Free,
-    /// The mover is due in the next frame, the first since it was inserted. Its region is relative to the
-    /// scene's origin in that frame, whatever the origin is now.
+    /// The caller must set the mover's exact bounds in the next frame, the first since it was inserted. Its
+    /// region is relative to the scene's origin in that frame, whatever the origin is now.
     Inserted,
-    /// The mover is due in the next frame, and its bounds may be wrong until then: its volume was seen, its
-    /// bounds were set from outside, or the origin moved.
+    /// The caller must set the mover's exact bounds in the next frame. The bounds may be wrong until then:
+    /// the volume was seen, bounds were set from outside, or the origin moved.
     New,
-    /// The mover is due in the present frame: its bounds are exact once the caller has set them.
+    /// The caller must set the mover's bounds in the present frame; they are exact once that is done.
     Active,
-    /// The mover is due in the present frame and visible in it. Used within `end_frame` only.
+    /// Like `Active`, and the mover is visible in the present frame. Used within `end_frame` only.
     Visible,
     /// The mover was hidden in the last frame. At the start of the next frame its bounds in the scene are
     /// replaced by its motion volume, a box that contains it for some frames.
@@ -240,7 +240,7 @@ impl MotionVolumes {
         }
     }
 
-    /// Adds an object as a mover, or replaces its motion. The mover is due in the next frame.
+    /// Adds an object as a mover, or replaces its motion. The mover's exact bounds are due in the next frame.
     pub fn insert(&mut self, id: ObjectId, motion: Motion) {
         if self.places.len() <= id.index() {
             self.places.resize(id.index() + 1, NONE);
@@ -365,7 +365,8 @@ impl MotionVolumes {
     }
 
     /// Gives a mover that was hidden in the frame at time `last` a motion volume that holds beyond the
-    /// present frame. Returns false if no such volume is known: the mover is then due.
+    /// present frame. Returns false if no such volume is known: the caller must then set the mover's bounds
+    /// in this frame.
     fn enter_volume(&mut self, scene: &Scene, place: u32, last: f64) -> bool {
         let mover = &mut self.movers[place as usize];
         let Ok(bounds) = scene.bounds(mover.id) else { return false };
@@ -419,8 +420,8 @@ impl MotionVolumes {
         }
     }
 
-    /// Makes every mover due whose bounds were set, or may have been, since the scene was last read, and
-    /// removes those that the scene no longer contains.
+    /// Makes every mover due, so that the caller sets its exact bounds, whose bounds were set since the scene
+    /// was last read, or may have been. Removes movers that the scene no longer contains.
     ///
     /// Volumes, exact bounds of this frame and regions are in scene coordinates. After the origin was set
     /// they stand for other places in the world, even where the scene still holds equal numbers.
@@ -444,7 +445,8 @@ impl MotionVolumes {
                     }
                 }
             }
-            // The log does not list all changes: a mover is due unless the scene still has its volume.
+            // The log does not list all changes: every mover whose bounds are no longer its volume is made
+            // due.
             Changes::Everything => {
                 for place in 0..self.movers.len() {
                     let (Mover { id, volume, .. }, state) = (self.movers[place], self.status[place].state);
@@ -467,14 +469,14 @@ impl MotionVolumes {
         }
     }
 
-    /// Makes an object due in the next frame if it is a mover.
+    /// Makes an object due if it is a mover: the caller must set its exact bounds in the next frame.
     fn activate_object(&mut self, id: ObjectId) {
         if let Some(&place) = self.places.get(id.index()).filter(|&&place| place != NONE) {
             self.activate(place);
         }
     }
 
-    /// Makes a mover due in the next frame, with an unchanged span.
+    /// Makes a mover due, with an unchanged span: the caller must set its exact bounds in the next frame.
     fn activate(&mut self, place: u32) {
         let state = &mut self.status[place as usize].state;
         match *state {

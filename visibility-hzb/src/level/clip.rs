@@ -1,4 +1,4 @@
-//! Cutting of outlines, by the near plane and where they leave the guard band.
+//! Cutting of outlines: by the near plane, and where they leave the guard band around the picture.
 
 use super::edges::Edges;
 use super::frame::LevelFrame;
@@ -66,9 +66,9 @@ impl ClipScratch {
         core::mem::swap(&mut self.edges, &mut self.cut);
     }
 
-    /// Cuts the outline of the flat polygon in `edges` by the near plane and the guard band, and pushes what
-    /// is left to `out`. Returns an upper bound on the error of its points in pixels, and the least and the
-    /// greatest `w` (infinity and 0 if nothing is left).
+    /// Cuts the outline of the flat polygon in `edges` by the near plane and the guard band (the part of the
+    /// screen beyond which outlines are cut), and pushes what is left to `out`. Returns an upper bound on the
+    /// error of its points in pixels, and the least and the greatest `w` (infinity and 0 if nothing is left).
     #[inline(always)]
     pub(super) fn clip(&mut self, frame: &LevelFrame, out: &mut Edges) -> [f64; 3] {
         self.cut(4, frame.least_near);

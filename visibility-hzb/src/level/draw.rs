@@ -247,8 +247,8 @@ fn is_inside_clip_planes(level: &PreparedLevel, frame: &LevelFrame, cluster: &Oc
     if frame.clip_planes.as_slice().is_empty() {
         return true;
     }
-    // The faces of a polygon may lie outside the box around its outline by up to the thickness of the
-    // polygon's slab.
+    // The faces of a polygon may lie outside the box around its outline by up to the thickness of its slab,
+    // the layer that holds its vertices.
     let Aabb { min, max } = cluster.bounds;
     let sides = [min.as_dvec3() - level.thickness, max.as_dvec3() + level.thickness];
     let side = |corner: usize, axis: usize| sides[corner >> axis & 1][axis];
@@ -328,8 +328,8 @@ fn draw_polygon(
             (nearest_w, most_w) = (least(least_w[a], nearest_w), greatest(own_most_w[a], most_w));
             continue;
         }
-        // An edge that the near plane or the guard band may cut is cut in `f64`, from the vertices
-        // themselves.
+        // An edge that the near plane or the guard band around the picture may cut is cut in `f64`, from the
+        // vertices themselves.
         let flatten = *flattened.get_or_insert_with(|| !is_beyond_window(frame, polygon, far));
         let end = |at: usize| {
             let mut p = level.level.vertices()[first + at].as_dvec3();
@@ -365,7 +365,8 @@ fn draw_polygon(
         return false;
     }
     let plane = depth_plane(frame, polygon.normal, middle, radius, far);
-    // A face may lie behind its outline by up to the thickness of the slab.
+    // A face may lie behind its outline by up to the thickness of the polygon's slab, the layer that holds
+    // its vertices.
     let floor = if frame.perspective {
         down((1.0 / (most_w + frame.object.error[2] + 2.0 * thickness * frame.w_per_metre)) * (1.0 - 1e-7))
     } else {
@@ -398,9 +399,9 @@ fn may_be_seen(simd: Simd, frame: &LevelFrame, tiles: &Tiles, bounds: [f32; 4], 
     !frame.perspective || simd.rectangle_may_be_seen(tiles, &rectangle, 1.0 / (BARELY_NEARER * w))
 }
 
-/// Returns the coordinate, along a polygon's normal, of the side of its slab that is away from the eye.
-/// `None` if the polygon does not occlude from the side on which the eye is, if the eye is in the slab, or if
-/// rays may meet the slab before the near plane.
+/// Returns the coordinate, along a polygon's normal, of the far side of its slab: the side away from the eye
+/// of the layer that holds its vertices. `None` if the polygon does not occlude from the side on which the
+/// eye is, if the eye is in the slab, or if rays may meet the slab before the near plane.
 #[inline(always)]
 fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<f64> {
     let [low, high] = polygon.extent;
@@ -422,8 +423,8 @@ fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<f64> {
     (seen && (beside > thickness + margin || is_beyond_window(frame, polygon, far))).then_some(far)
 }
 
-/// Returns 1 if the eye is in front of a polygon's slab, -1 if behind it. `far` is the coordinate along
-/// `normal` of the slab's far side.
+/// Returns 1 if the eye is in front of a polygon's slab (the layer that holds its vertices), -1 if behind it.
+/// `far` is the coordinate along `normal` of the slab's far side.
 #[inline(always)]
 fn eye_side(frame: &LevelFrame, normal: DVec3, far: f64) -> f64 {
     let along = normal.dot(frame.eye);
@@ -431,9 +432,10 @@ fn eye_side(frame: &LevelFrame, normal: DVec3, far: f64) -> f64 {
     if front { 1.0 } else { -1.0 }
 }
 
-/// Returns whether the eye's window is certainly on the eye's side of a polygon's slab. `far` is the
-/// coordinate of the slab's far side. Then all points of the slab in the picture are beyond the distance at
-/// which outlines are cut.
+/// Returns whether the eye's window (a rectangle across the picture, see [`LevelFrame::window`]) is certainly
+/// on the eye's side of a polygon's slab (the layer that holds its vertices). `far` is the coordinate of the
+/// slab's far side. If true, all points of the slab in the picture are beyond the distance at which outlines
+/// are cut.
 #[inline(always)]
 fn is_beyond_window(frame: &LevelFrame, polygon: &OccluderPolygon, far: f64) -> bool {
     let (normal, anchor) = (polygon.normal, frame.projection.anchor);
@@ -455,7 +457,8 @@ fn faces_eye(frame: &LevelFrame, polygon: &OccluderPolygon, middle: DVec3, radiu
     // Square of the sine of the greatest angle between the normal and those of faces.
     let sine_squared = 1.0 - polygon.min_cosine * polygon.min_cosine + 1e-12;
     let along = polygon.normal.dot(frame.eye);
-    // Height of the eye above the slab, and an upper bound on its distance from points of faces.
+    // Height of the eye above the polygon's slab (the layer that holds its vertices), and an upper bound on
+    // its distance from points of the polygon's faces.
     let (height, distance) = if frame.perspective {
         (along - high, (frame.eye - middle).length() + radius + 2.0 * (high - low))
     } else {

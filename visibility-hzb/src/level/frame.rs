@@ -14,7 +14,7 @@ use visibility_core::{Aabb, View};
 pub(super) const MAX_ERROR_PX: f32 = 1.0 / 64.0;
 
 /// Maximum distance in pixels by which an outline may move on the screen when its vertices move within the
-/// polygon's slab. Polygons that exceed it are not drawn.
+/// polygon's slab (the layer that holds its vertices). Polygons that exceed it are not drawn.
 pub(super) const MAX_BEND_PX: f64 = 1.0 / 64.0;
 
 /// Unit round-off of `f32`.
@@ -47,13 +47,13 @@ pub(crate) struct LevelFrame {
     /// Clip planes of the view.
     pub(super) clip_planes: ViewPlanes,
     /// Distance beyond the near plane, in the unit of clip space, at which outlines are cut. If a point of a
-    /// polygon's plane is beyond this distance, all points of the polygon's slab on the same ray are beyond
-    /// the near plane.
+    /// polygon's plane is beyond this distance, all points of its slab (the layer that holds its vertices) on
+    /// the same ray are beyond the near plane.
     pub(super) least_near: f64,
     /// Clip coordinate `w` at which outlines are cut: the remaining points have at least this `w`.
     pub(super) least_w: f64,
-    /// In a parallel view, the greatest thickness of a polygon's slab whose outline may be moved into one
-    /// plane to be cut, in metres.
+    /// Greatest thickness in metres, in a parallel view, of a polygon's slab (the layer that holds its
+    /// vertices) at which the outline may be moved into one plane before it is cut.
     pub(super) most_flattened: f64,
     /// The eye's *window*: four points, relative to the anchor, on rays beside the corners of the buffer, at
     /// a distance at which outlines are not cut. All points in the picture that are nearer than the cut lie
@@ -114,8 +114,8 @@ impl LevelFrame {
         let side = projection.size[0].max(projection.size[1]);
         let pixels_per_metre = x.length().max(y.length()) + side * w.length();
         // Along the ray through a pixel, the distance beyond the near plane is linear in `w`, and equals the
-        // constant of its row at the eye. A polygon whose slab is no thicker than the eye's distance from it
-        // is met at no less than half the `w` of its plane.
+        // constant of its row at the eye. A polygon whose slab (the layer that holds its vertices) is no
+        // thicker than the eye's distance from it is met at no less than half the `w` of its plane.
         let most_flattened = MAX_BEND_PX * projection.rows[2].constant.abs() / pixels_per_metre;
         let least_near = if perspective {
             projection.near.constant.abs() + projection.near.error

@@ -42,7 +42,7 @@ pub struct PreparedLevel {
     /// Bounds on the magnitudes of x, y and z relative to `origin`, in metres. They hold for all vertices,
     /// and for all points as far from a polygon's middle as its vertices.
     pub(crate) reach: DVec3,
-    /// Greatest thickness of a polygon's slab in metres.
+    /// Greatest thickness in metres of a polygon's slab, the layer that holds its vertices.
     pub(crate) thickness: f64,
     /// Boxes of clusters, [`WIDTH`] at a time.
     pub(crate) clusters: Vec<BoxLanes>,

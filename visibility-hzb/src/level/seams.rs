@@ -24,9 +24,9 @@ pub(crate) struct Seams {
     met: Vec<u32>,
     /// Depth keys of the polygons drawn so far in the frame, in their order.
     polygons: Vec<TileKeys>,
-    /// Pieces of the present window: for each, the index of its edge in the frame, and the pixels that the
-    /// edge comes near, one word for each row of pixels from the top. It is not yet known whether any of
-    /// these pixels count.
+    /// Pieces of the present window (64 columns of a row of tiles): for each, the index of its edge in the
+    /// frame, and the pixels that the edge comes near, one word for each row of pixels from the top. It is
+    /// not yet known whether any of these pixels count.
     window: Vec<(u32, [u64; SIDE])>,
 }
 
@@ -52,7 +52,7 @@ struct Piece {
 }
 
 impl Seams {
-    /// Removes all pieces, and prepares for a frame of levels that have `edges` edges in all.
+    /// Removes the pieces of all seams, and prepares for a frame of levels that have `edges` edges in all.
     pub(super) fn begin_frame(&mut self, edges: usize) {
         for edge in self.met.drain(..) {
             self.last[edge as usize] = NO_PIECE;
@@ -69,15 +69,16 @@ impl Seams {
         self.polygons.push(*keys);
     }
 
-    /// Adds the pixels near a shared edge of the polygon to the window.
+    /// Adds the pixels near a shared edge of the polygon to the present window (64 columns of a row of
+    /// tiles).
     #[inline(always)]
     pub(super) fn add(&mut self, edge: u32, near: &[u64; SIDE]) {
         self.window.push((edge, *near));
     }
 
-    /// Ends the window whose leftmost tile has index `first` in the buffer. Only its tiles in the mask `open`
-    /// count. `near_two` are the pixels that two or more edges of the polygon come near, `wound` the pixels
-    /// whose centres the polygon winds round an odd number of times.
+    /// Ends the window (64 columns of a row of tiles) whose leftmost tile has index `first` in the buffer.
+    /// Only its tiles in the mask `open` count. `near_two` are the pixels that two or more edges of the
+    /// polygon come near, `wound` the pixels whose centres the polygon winds round an odd number of times.
     #[inline(always)]
     pub(super) fn finish_window(
         &mut self,

@@ -63,8 +63,9 @@ pub(crate) struct FacePlaneSetup {
 }
 
 /// Bounds of one box's depth key by its faces, one lane for each face. In lane `i` the linear function
-/// `slope[0][i] x + slope[1][i] y + constant[i]` of pixel coordinates `x` and `y` is an upper bound on the
-/// depth key if `upper[i]` is 0, the negative of a lower bound if `lower[i]` is 0, and else unused.
+/// `slope[0][i] x + slope[1][i] y + constant[i]` of pixel coordinates `x` and `y` bounds the depth key: it is
+/// an upper bound if `upper[i]` is 0, and the negative of a lower bound if `lower[i]` is 0. Other lanes are
+/// unused.
 pub(crate) struct BoxFacePlanes {
     /// Change of each face's bound (on a depth key or its negative): `slope[0]` for each pixel to the right,
     /// `slope[1]` for each pixel downwards.

@@ -11,7 +11,7 @@ use crate::rounding::up;
 /// Width and height of a block, in tiles: one texel of a level of the pyramid.
 const BLOCK: u32 = 1 << BLOCK_LEVEL;
 
-/// Level of the pyramid whose texels are blocks, counted from the tiles.
+/// Level of the pyramid whose texels are blocks of 8 x 8 tiles. Level 0 is the tiles.
 const BLOCK_LEVEL: usize = 3;
 
 /// A box that may meet more than 1 / `LARGE_SHARE` of the buffer's tiles is not tested by its faces. Most

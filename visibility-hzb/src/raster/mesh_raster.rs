@@ -57,10 +57,11 @@ pub(crate) struct MeshScratch {
     /// [`ObjectProjection::near_limit`], the distance at which geometry is cut.
     screen: Vec<ScreenVertex>,
     /// Side of each triangle that is drawn: positive for the front, negative for the back, 0 if the triangle
-    /// is not drawn. The magnitude is the number of the triangle's sheet, from 1 on.
+    /// is not drawn. The magnitude is the number of the triangle's sheet (group of triangles connected by
+    /// inner edges), from 1 on.
     facing: Vec<i8>,
-    /// Scratch of [`number_sheets`]: for each triangle an earlier one of its sheet, or itself if there is
-    /// none.
+    /// Scratch of [`number_sheets`]: for each triangle, an earlier triangle of its sheet (group of triangles
+    /// connected by inner edges), or itself if there is none.
     earlier: Vec<u32>,
 }
 
@@ -76,17 +77,18 @@ const MIN_OPEN_TRIANGLE_SIZE_PX: f64 = 64.0;
 /// apply.
 const MIN_OPEN_EDGES: usize = 32;
 
-/// Least ratio of the depth keys of the nearest and the farthest vertex of a mesh that is drawn sheet by
-/// sheet. In a mesh that is shallower from the eye, farther sheets lower the depth keys of nearer ones by
-/// little.
+/// Least ratio of the depth keys of the nearest and the farthest vertex of a mesh whose sheets (groups of
+/// connected triangles) are drawn one by one. In a mesh that is shallower from the eye, farther sheets hardly
+/// lower the depth keys of nearer ones.
 const MIN_SHEET_DEPTH_RATIO: f32 = 1.5;
 
-/// Greatest number of triangles of a mesh that is drawn sheet by sheet: finding the sheets takes time for
-/// each edge.
+/// Greatest number of triangles of a mesh whose sheets (groups of connected triangles) are drawn one by one:
+/// finding the sheets takes time for each edge.
 const MAX_SHEET_TRIANGLES: usize = 256;
 
-/// Greatest number of sheets that are drawn one by one. A mesh of more sheets is drawn as one: most of its
-/// sheets are small, and each takes time for all triangles and edges of the mesh.
+/// Greatest number of sheets (groups of connected triangles) that are drawn one by one. A mesh with more
+/// sheets is drawn as one mesh: most of its sheets are small, and each would take time for all triangles and
+/// edges.
 const MAX_SHEETS: i8 = 8;
 
 /// Relative tolerance of the test whether a closed mesh is seen from outside: the signed areas of its
@@ -158,8 +160,8 @@ pub(crate) fn draw_mesh(
     // In a parallel view the ratio of depth keys says little. With or without sheets, the result is
     // conservative.
     let farthest = || screen[..mesh.positions.len()].iter().fold(f32::INFINITY, |far, v| least(v.far, far));
-    // A mesh whose near and far parts differ much in depth is drawn sheet by sheet, so that the far sheet
-    // does not lower the depth keys of the near one.
+    // If near and far parts of a mesh differ much in depth, its sheets (groups of connected triangles) are
+    // drawn one by one, so that a far sheet does not lower the depth keys of a near one.
     let has_sheets = mesh.triangles.len() <= MAX_SHEET_TRIANGLES
         && uncut
         && vertex_bounds.greatest >= f64::from(MIN_SHEET_DEPTH_RATIO * farthest());
@@ -227,9 +229,9 @@ pub(crate) fn draw_mesh(
     up(vertex_bounds.greatest)
 }
 
-/// Multiplies the facings of drawn triangles, 1 or -1, by the numbers of their sheets, from 1 on in the order
-/// of their first triangles. Returns the number of sheets. If there are more than [`MAX_SHEETS`], leaves the
-/// facings as they are and returns 1.
+/// Multiplies the facings of drawn triangles, 1 or -1, by the numbers of their sheets (groups of connected
+/// triangles), from 1 on in the order of their first triangles. Returns the number of sheets. If there are
+/// more than [`MAX_SHEETS`], leaves the facings as they are and returns 1.
 fn number_sheets(mesh: &OccluderTriangles, facing: &mut [i8], earlier: &mut Vec<u32>) -> i8 {
     earlier.clear();
     earlier.extend(0..facing.len() as u32);

@@ -4,12 +4,12 @@
 use super::screen_projection::{ObjectProjection, ScreenProjection};
 use crate::vector::{cross, dot, less, point};
 
-/// Returns the coefficients `[p, q, r]` of the plane `p x + q y + r` in pixel coordinates that is the depth
-/// key of the triangle with corners `a`, `b` and `c`, lowered by its error bound. Cramer's rule gives the
-/// plane from the homogeneous coordinates of the three corners. `certain` bounds the absolute error of the
-/// corners' determinant ([`determinant_error`](ObjectProjection::determinant_error)), `products` that of
-/// their cross products ([`cross_error`](ObjectProjection::cross_error)). All coefficients are NaN if that
-/// determinant is not certain to differ from zero.
+/// Returns the depth key of the triangle with corners `a`, `b` and `c` as a plane `p x + q y + r` in pixel
+/// coordinates, lowered by its error bound: the coefficients `[p, q, r]`. Cramer's rule gives the plane from
+/// the homogeneous coordinates of the three corners. `certain` bounds the absolute error of the corners'
+/// determinant ([`determinant_error`](ObjectProjection::determinant_error)), `products` that of their cross
+/// products ([`cross_error`](ObjectProjection::cross_error)). All coefficients are NaN if that determinant is
+/// not certain to differ from zero.
 #[inline(always)]
 pub(crate) fn plane(
     [a, b, c]: [&[f64; 5]; 3],

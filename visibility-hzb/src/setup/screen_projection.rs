@@ -179,8 +179,8 @@ impl ObjectProjection {
     }
 
     /// Returns an upper bound on the absolute error of the determinant of three points (`x`, `y`, `w`) of the
-    /// object within the `reach` (greatest coordinates) given to `project_object`, or of a point and two
-    /// differences of points.
+    /// object, or of a point and two differences of points. The points must be within the `reach` (greatest
+    /// coordinates) given to `project_object`.
     ///
     /// Let `e` be the error bounds (`error`) and `S` the bounds on magnitudes (`size`) of the points' values,
     /// and `u` the unit round-off 2^-53. The determinant is a sum of six products of three values each.

@@ -203,9 +203,9 @@ impl ScreenShape {
     }
 }
 
-/// Returns the coefficients `[p, q, r]` of a plane `p column + q row + r` over tile columns and rows whose
-/// value is, for each tile, at most the least value of the plane `a x + b y + c` (pixel coordinates) in the
-/// tile. `size` is the width and height of the buffer in pixels.
+/// Returns a plane `p column + q row + r` over tile columns and rows, as coefficients `[p, q, r]`. Its value
+/// for a tile is at most the least value of the plane `a x + b y + c` (pixel coordinates) in that tile.
+/// `size` is the width and height of the buffer in pixels.
 ///
 /// In `f32`, with `u = 2^-24`, three coefficients, two products and two sums are rounded: `4u` of the sum of
 /// magnitudes at most, and `8u` are taken off. A plane that might overflow in the buffer, or has a NaN
