@@ -420,8 +420,8 @@ impl MotionVolumes {
         }
     }
 
-    /// Makes every mover due, so that the caller sets its exact bounds, whose bounds were set since the scene
-    /// was last read, or may have been. Removes movers that the scene no longer contains.
+    /// Makes a mover due (the caller must set its exact bounds) if its bounds were set, or may have been,
+    /// since the scene was last read. Removes movers that the scene no longer contains.
     ///
     /// Volumes, exact bounds of this frame and regions are in scene coordinates. After the origin was set
     /// they stand for other places in the world, even where the scene still holds equal numbers.
