@@ -21,7 +21,7 @@ pub trait Jobs {
     fn run(&self, count: usize, job: &(dyn Fn(usize) + Sync));
 }
 
-/// A job system without threads: jobs run one after the other where they are needed.
+/// A job system without threads: jobs run one after the other on the calling thread.
 ///
 /// ```
 /// use visibility_core::jobs::{Jobs, OneThread};

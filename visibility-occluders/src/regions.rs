@@ -16,7 +16,7 @@ const MIN_COSINE: f64 = 0.85;
 pub(crate) struct Region {
     /// Range of the region's faces in [`Regions::members`], half-open.
     pub(crate) members: [u32; 2],
-    /// Unit normal of the slab.
+    /// Unit normal of the two planes between which the faces lie.
     pub(crate) normal: DVec3,
     /// Least and greatest coordinate along `normal` of the region's vertices, as computed, in metres.
     pub(crate) extent: [f64; 2],
@@ -63,7 +63,7 @@ impl Region {
     }
 
     /// Replaces the `normal` by the mean of the normals of `members`, weighted by area, if that makes the
-    /// slab thinner.
+    /// layer that holds the faces thinner.
     fn fit(&mut self, faces: &Faces, members: &[Member]) {
         let mean = members.iter().fold(DVec3::ZERO, |sum, member| {
             let face = &faces.faces[member.face as usize];

@@ -7,7 +7,7 @@
 //! the credit may be drawn on a *loan*: objects found hidden pay loans back before they add to the credit.
 //! The objects *behind* an occluder are those that it may hide: all objects not found hidden so far.
 //!
-//! The budget never knows the time. It counts work in *triangles*, the cost of drawing one triangle of an
+//! The budget does not measure time. It counts work in *triangles*, the cost of drawing one triangle of an
 //! occluder: with the z-buffer about a tenth of a microsecond. The same frame therefore spends the same on
 //! every machine.
 
@@ -199,18 +199,18 @@ const OTHER_DIRECTION: f64 = 0.866;
 /// turned, or when many more objects are in view, as after a step back from a wall.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Experience {
-    /// Number of frames in a row that did not pay.
+    /// Number of frames in a row whose search for hidden objects did not pay.
     losses: u32,
     /// Loss of the last frame that searched, in triangles: its work, less the worth of the objects found
-    /// hidden, less the work saved by the frames left out since. Frames are left out only while the loss is
-    /// positive.
+    /// hidden, less the work saved by the frames that skipped the search since. Frames skip it only while the
+    /// loss is positive.
     debt: f32,
-    /// Number of frames left out in a row.
+    /// Number of frames in a row that skipped the search.
     left_out: u32,
-    /// Number of objects in view in the last frame that was not left out.
+    /// Number of objects in view in the last frame that searched.
     objects: usize,
-    /// Direction of the camera in the last frame that was not left out, as a unit vector; zero if that was a
-    /// parallel view.
+    /// Direction of the camera in the last frame that searched, as a unit vector; zero if that was a parallel
+    /// view.
     forward: DVec3,
 }
 
@@ -257,7 +257,7 @@ const MAX_LEFT_OUT: u32 = 32;
 pub(super) struct LeafSampling {
     /// Number of tested leaves in a row in which no object was hidden.
     misses: u32,
-    /// Number of leaves left out since the last tested one.
+    /// Number of leaves not tested since the last tested leaf.
     left_out: u32,
 }
 

@@ -297,8 +297,8 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
 /// distance of one metre; for a parallel view at any distance.
 ///
 /// Normalized device coordinates `x / w` grow by `|X| / |W|` for each metre across, at a distance of one
-/// metre, where `X` and `W` are the linear parts of the rows of the clip matrix. The view is 2 x 2 units of
-/// them. In a parallel view `w` is constant.
+/// metre, where `X` and `W` are the linear parts of the rows of the clip matrix. The view is 2 units wide and
+/// 2 units high in these coordinates. In a parallel view `w` is constant.
 fn share_per_area(view: &View, eye: &Eye, origin: DVec3) -> f32 {
     let clip = view.clip_from(origin);
     let [x, y, w] = [0, 1, 3].map(|row| clip.row(row));

@@ -57,7 +57,8 @@ impl SceneCursor {
     }
 
     /// Returns whether scene coordinates that were read at the cursor are still the same points of the world:
-    /// `scene` is the scene that the cursor read last, and its origin was not set since, to whatever point.
+    /// `scene` is the scene that the cursor read last, and its origin was not set since, not even to the same
+    /// point.
     pub fn is_at_origin_of(self, scene: &Scene) -> bool {
         scene.log.is_origin_of(self.revision)
     }

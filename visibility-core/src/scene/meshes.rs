@@ -15,7 +15,7 @@ pub(super) struct Meshes {
 
 #[derive(Clone, Debug)]
 struct Slot {
-    /// `None` in a free slot.
+    /// Occluder mesh in the slot; `None` in a free slot.
     mesh: Option<OccluderMesh>,
     /// Generation of the present mesh, or of the next one in a free slot.
     generation: u32,

@@ -41,7 +41,7 @@ pub struct SkinnedBounds {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum SkinError {
-    /// Positions, joints and weights are not equally many.
+    /// The slices of positions, joints and weights differ in length.
     Lengths,
     /// A weight of this vertex is negative, NaN or infinite.
     Weight(usize),

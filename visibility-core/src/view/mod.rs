@@ -37,7 +37,7 @@ use glam::{DMat4, DVec3};
 
 /// A point of view: the frustum of one camera, its eye and its layers. A `View` knows nothing of the scene.
 ///
-/// Half a kilobyte, `Copy`, and cheap to make anew each frame.
+/// A view takes half a kilobyte, is `Copy`, and is cheap to make anew each frame.
 ///
 /// ```
 /// use visibility_core::{glam::Mat4, view::Depth, View};

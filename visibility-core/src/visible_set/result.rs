@@ -148,7 +148,7 @@ impl VisibleSet {
     /// is not finished or has no list yet. A list is made by [`ids`](Self::ids), by a method that sorts, by a
     /// culler that orders the set, and in a set that records [changes](Self::with_changes).
     ///
-    /// Needs no scene: a render thread can read a listed set while the scene changes.
+    /// This function needs no scene: a render thread can read a listed set while the scene changes.
     ///
     /// ```
     /// use visibility_core::{Aabb, Scene, VisibleSet};
@@ -170,9 +170,9 @@ impl VisibleSet {
     /// otherwise in the order of the hierarchy, with objects that are never culled last. Makes no list.
     pub fn iter<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = ObjectId> + 'a {
         let (is_current, is_result) = (self.is_of_layout(scene), self.is_result_of(scene));
-        // The iterator chains several sources, of which one is not empty: the list as it is (`whole`), the
-        // list without objects that have left the set or the scene (`part`), the masks of the present nodes
-        // (`walk`), or the masks of earlier nodes (`old`).
+        // The iterator chains several sources: the list as it is (`whole`), the list without objects that
+        // have left the set or the scene (`part`), the masks of the present nodes (`walk`), and the masks of
+        // earlier nodes (`old`). All of these but one are empty.
         let (mut whole, mut part, mut walk, mut unculled): (&[ObjectId], &[ObjectId], _, _) =
             (&[], &[], None, None);
         let (mut old, mut own_unculled) = (None, None);

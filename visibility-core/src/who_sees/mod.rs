@@ -93,7 +93,7 @@ pub struct WhoSees {
     rows: Vec<u64>,
     /// Set of the targets that every observer counts as seeing.
     unplaced: Bits,
-    /// The cells that hold a target.
+    /// Cells that at least one target may be in.
     occupied: Bits,
     /// Indexed by cell: start of the cell's targets in `targets_by_cell`. One more entry holds the end of the
     /// last cell's targets.

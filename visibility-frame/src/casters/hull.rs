@@ -1,11 +1,11 @@
-//! The planes around the convex hull of a volume and a light, which bound all segments from points of the
-//! volume to the light.
+//! The planes around the convex hull of a volume and a light. The hull contains every segment from a point of
+//! the volume to the light.
 //!
 //! Let the volume be where all planes `A . p >= 0`. Here `A . p` stands for `normal . p + offset` of a plane
 //! `A`, and for a light `L` at infinity, `A . L` for `normal . direction`. A plane bounds the hull of volume
 //! and light if both are on its inner side. Such planes are
 //!
-//! - the planes of the volume with the light on the inner side, `A . L >= 0`, and
+//! - each plane `A` of the volume that has the light on its inner side, `A . L >= 0`, and
 //! - for each of these and each `B` with `B . L < 0`, the plane `C = (-B . L) A + (A . L) B`. As a sum of `A`
 //!   and `B` with non-negative weights, it has the whole volume on its inner side, and `C . L = 0`: it goes
 //!   through the light and the edge in which `A` and `B` meet, the silhouette of the volume as the light sees

@@ -75,7 +75,7 @@ use visibility_core::{Aabb, Accuracy, CullStats, Culler, Scene, View, VisibleSet
 /// No shadow is lost, because occluders are chosen from the set: each is drawn into the map itself, or is
 /// hidden by others that are drawn into it. Required are
 /// - one set for each shadow map: each cascade, each face of a cube;
-/// - a set without objects that cast no shadow, hence the light's view with the layers of casters;
+/// - a set of shadow casters only, hence a view of the light on the layers of casters;
 /// - a light's view that begins before all casters. Casters before its near plane are removed, even if the
 ///   engine would clamp their depth;
 /// - a shadow map of the surfaces nearest to the light. A map of back faces alone loses shadows inside solid

@@ -94,8 +94,8 @@ impl PixelScale {
 }
 
 /// Returns the magnitudes of the components of the cross product of two rows of a matrix, each rounded up.
-/// The elements of the rows are off by `3u`, a product of two elements by `7u`, and the difference of two
-/// products by `8u` of the sum of the products' magnitudes. The code adds `16u`.
+/// With `u = 2^-53`, the elements of the rows are off by `3u`, a product of two elements by `7u`, and the
+/// difference of two products by `8u` of the sum of the products' magnitudes. The code adds `16u`.
 fn cross_above(a: DVec3, b: DVec3) -> DVec3 {
     let part = |i: usize, j: usize| {
         let (first, second) = (a[i] * b[j], a[j] * b[i]);

@@ -349,7 +349,7 @@ impl MotionVolumes {
     /// Objects that are not due, or no movers, may be among them: such movers are due in the next frame.
     ///
     /// # Errors
-    /// The errors of [`Scene::set_bounds_batch`]; nothing is changed then.
+    /// Returns the errors of [`Scene::set_bounds_batch`], and then changes nothing.
     pub fn set_bounds_batch(
         &mut self,
         scene: &mut Scene,

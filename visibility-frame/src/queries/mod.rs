@@ -15,8 +15,8 @@
 //! that is [never culled](visibility_core::Object::never_cull) is found by its bounds, like all objects.
 //!
 //! # Cost
-//! Time in proportion to the nodes that the shape crosses and the objects found. No query allocates once the
-//! caller's buffer has grown.
+//! A query takes time in proportion to the nodes that its shape crosses and the objects found. No query
+//! allocates once the caller's buffer has grown.
 
 mod nearest;
 mod ray;

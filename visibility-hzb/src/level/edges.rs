@@ -54,7 +54,7 @@ impl Edges16 {
     }
 }
 
-/// The edges of one outline, as pushed and as drawn.
+/// The edges of one outline, as they were added and as they are drawn.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Edges {
     /// Ends of each edge: column and row of one end, then of the other, [`WIDTH`] edges at a time.

@@ -20,7 +20,7 @@ pub(crate) struct Seams {
     pieces: Vec<Piece>,
     /// For each edge of all levels, the index of its last piece; [`NO_PIECE`] for an edge without pieces.
     last: Vec<u32>,
-    /// Indices in the frame of the edges that have pieces, each once.
+    /// Indices in the frame of the edges that have a piece, each once.
     met: Vec<u32>,
     /// Depth keys of the polygons drawn so far in the frame, in their order.
     polygons: Vec<TileKeys>,

@@ -29,11 +29,11 @@ fn bits_from(column: i32) -> u64 {
 /// `j`-th column from the left.
 #[derive(Default)]
 pub(super) struct Window {
-    /// Pixels that an edge comes near.
+    /// Pixels of the window that at least one edge comes near.
     pub(super) near: [u64; SIDE],
-    /// Pixels that two edges or more come near.
+    /// Pixels of the window that at least two edges come near.
     pub(super) near_two: [u64; SIDE],
-    /// Pixels whose centres have an odd number of edges to their left.
+    /// Pixels of the window whose centres have an odd number of edges to their left.
     pub(super) odd: [u64; SIDE],
 }
 

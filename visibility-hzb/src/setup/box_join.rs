@@ -4,8 +4,8 @@
 //! # Why it is sound
 //! Two boxes of one transform that share a whole face, exactly equal in all coordinates, are together one
 //! box, point for point. A line of sight that enters that box enters one of the two, through an outer side.
-//! So the box hides exactly what the two hide. A box that is shifted without rounding counts as a box in
-//! scene coordinates; nothing else is rounded here.
+//! So the box hides exactly what the two hide from an eye outside, and no more than they from an eye inside.
+//! A box that is shifted without rounding counts as a box in scene coordinates; nothing else is rounded here.
 
 use alloc::vec::Vec;
 use visibility_core::Aabb;
@@ -28,7 +28,7 @@ pub(crate) struct OccluderBox {
     pub(crate) is_replaced: bool,
 }
 
-/// A face in the table.
+/// A face of a box, as an entry of the hash table that finds boxes that abut.
 #[derive(Clone, Copy, Debug)]
 struct Face {
     /// Hash of the face's coordinates and of its box's transform.
@@ -41,7 +41,7 @@ impl Face {
     const NONE: Self = Self { hash: 0, number: 0 };
 }
 
-/// The boxes of a frame, joined as far as they abut.
+/// The boxes of a frame. Boxes that share a whole face are joined into one.
 #[derive(Clone, Debug)]
 pub(crate) struct BoxJoin {
     /// Boxes of the frame in the order in which they were added or joined.

@@ -31,8 +31,8 @@ impl Group {
         &self.nodes[..self.count]
     }
 
-    /// Inserts a node into the group by descending nearness. If the group is full, its least near node is
-    /// dropped, which may be the new one.
+    /// Inserts a node into the group by descending nearness. If the group is full, its node of least nearness
+    /// is dropped, which may be the new one.
     fn insert_by_nearness(&mut self, node: u32, nearness: f32) {
         let mut at = self.count;
         while at > 0 && self.nearness[at - 1] < nearness {
