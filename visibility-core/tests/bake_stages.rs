@@ -91,7 +91,7 @@ fn stages_follow_one_another_each_in_the_order_of_ranks() {
     assert_eq!(whole, Bake::new(Sums::new()).run(), "a bake in one run has the same rows");
     let mut bake = Bake::new(Sums::new());
     for number in 0..200 {
-        // `pause` lets only a few items of each round begin.
+        // Stops each round after a few items.
         let begun = AtomicUsize::new(0);
         bake.advance_unless(|| begun.fetch_add(1, Relaxed) > number % 5, || false);
         bake = Bake::resume(Sums::new(), &bake.save()).unwrap();

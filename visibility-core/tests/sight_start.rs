@@ -102,8 +102,8 @@ impl Camera {
                     });
                     row(normal, sum(side.constant, camera.w.constant, camera.near.constant))
                 }
-                // A clip plane in front of the eye, or across a parallel view, by less than the rounding
-                // error. A corner of the picture meets the plane far away.
+                // A clip plane less than the rounding error in front of the eye, or across a parallel view. A
+                // corner of the picture meets the plane far away.
                 (2, Some(line)) if far_off == 0 => {
                     let (across, turn) = (cross(line.direction, random_whole(rng, 9)), random_whole(rng, 3));
                     // Scales the normal to the largest whole numbers that `f64` holds exactly.
@@ -157,7 +157,8 @@ impl Camera {
     fn line(&self, a: i128, b: i128) -> Option<Line> {
         let (x, y, w) = (self.x.normal, self.y.normal, self.w.normal);
         if self.is_parallel() {
-            // Along the edge of the sides, in the sense that crosses the near plane inwards.
+            // The ray runs along the edge in which the side planes meet, in the sense that crosses the near
+            // plane inwards.
             let along = cross(x, y);
             let inwards = dot(along, self.near.normal).signum();
             let square = dot(along, along);

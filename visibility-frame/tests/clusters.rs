@@ -115,7 +115,8 @@ fn a_cluster_with_a_corner_in_view_is_listed_and_one_clear_of_a_plane_is_not() {
             assert!(found, "{camera:?} {transform:?} {p}");
             seen += 1;
         }
-        // Distance of the box outside the view, in units of what `f32` boxes and `f64` transforms can decide.
+        // Distance of the box outside the view, in multiples of the rounding error of `f32` boxes and `f64`
+        // transforms.
         let worst = clip_planes(camera.depth).iter().fold(0.0f64, |worst, plane| {
             let (n, d) = camera.coefficients(plane);
             let local_n = DVec3::from_array(axes.map(|axis| n.dot(axis)));

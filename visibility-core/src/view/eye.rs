@@ -36,8 +36,8 @@ pub(super) fn eye_of(m: &DMat4, depth: Depth) -> Eye {
     if eye.w != 0.0 && position.is_finite() {
         return Eye::Point(position);
     }
-    // The rays of a parallel projection run along the null direction. Of its two senses, the one in which
-    // depth grows (shrinks, if reversed) points away from the viewer.
+    // The rays of a parallel projection run along the direction that the three rows map to zero. Of its two
+    // senses, the one in which depth grows (shrinks, if reversed) points away from the viewer.
     let scale = eye.truncate().abs().max_element();
     let direction = (eye.truncate() / scale).normalize_or_zero();
     let depth = m.row(2).truncate().dot(direction) * if depth.is_reversed() { -1.0 } else { 1.0 };

@@ -54,7 +54,7 @@ use leaf_walk::{LeafWalk, lanes_on_layers};
 /// // The result stays the same when the scene changes.
 /// scene.insert(Aabb::from_arrays([7.0, 0.0, 0.0], [8.0, 1.0, 1.0]));
 /// assert_eq!(visible.ids(&scene), [id]);
-/// // Once listed, the result can be read on another thread meanwhile.
+/// // While the scene changes, another thread can read a listed result.
 /// std::thread::scope(|scope| {
 ///     scope.spawn(|| visible.listed().into_iter().flatten().for_each(|id| println!("draw object {id}")));
 ///     scene.insert(Aabb::from_arrays([8.0, 0.0, 0.0], [9.0, 1.0, 1.0]));

@@ -22,8 +22,8 @@ fn at_a_price_of_nothing_nothing_is_drawn() {
     assert_eq!(pipeline.stages().nth(1).unwrap().1.occluders, 0, "occluders drawn");
 }
 
-/// A wall of 12 triangles that covers a fiftieth of the view, before three boxes. At a price of 1 it is too
-/// expensive, even though 256 objects are assumed behind it.
+/// A wall of 12 triangles that covers a fiftieth of the view, before three boxes. At a price of one triangle
+/// per object, the wall is too expensive, even though 256 objects are assumed behind it.
 #[test]
 fn an_occluder_is_drawn_if_what_it_may_hide_is_worth_its_cost() {
     let mut scene = Scene::new();
@@ -284,7 +284,7 @@ fn the_thousandth_occluder_takes_more_of_the_limit_than_the_first() {
         let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::new(min, min + 0.1)) });
         scene.set_mesh(id, mesh, Affine3A::from_translation(min)).unwrap();
     }
-    // The objects that the fog hides pay for all occluders.
+    // Hiding the objects in the fog is worth the cost of all occluders.
     scene.insert_batch((0..4000).map(|i| {
         let y = (i % 64) as f32 - 32.0;
         Aabb::from_arrays([110.0, y, (i / 64) as f32 - 32.0], [111.0, y + 0.5, (i / 64) as f32 - 31.5])

@@ -221,7 +221,8 @@ impl Ellipse {
             let mut sum = 0.0;
             for (p, weight) in points.iter().zip(&mut weights) {
                 let d = *p - moments.mean;
-                // The true squared distance, with the plane lifted into space, is one more than this.
+                // Adding 1 treats the points as points of space with third coordinate 1, for which the method
+                // fits ellipsoids around the origin.
                 *weight *= 1.0 + (xx * d.x * d.x + 2.0 * xy * d.x * d.y + yy * d.y * d.y);
                 sum += *weight;
             }

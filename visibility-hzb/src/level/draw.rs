@@ -324,7 +324,7 @@ fn draw_polygon(
             let shared =
                 if partner != NO_EDGE && seams_are_bare { first_edge.saturating_add(edge) } else { NO_EDGE };
             edges.push([x[a], y[a]], [x[b], y[b]], shared);
-            // The other end counts with the edge that begins there.
+            // End `b` is counted as the beginning of another edge.
             (nearest_w, most_w) = (least(least_w[a], nearest_w), greatest(own_most_w[a], most_w));
             continue;
         }

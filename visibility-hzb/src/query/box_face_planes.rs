@@ -110,7 +110,7 @@ impl FacePlaneSetup {
         if !projection.perspective {
             return faces;
         }
-        // Columns of the adjugate belong to `x`, `y` and 1.
+        // Columns of the adjugate matrix: the coefficients of pixel coordinates `x` and `y`, and of 1.
         let columns =
             [products(y.linear, w.linear), products(w.linear, x.linear), products(x.linear, y.linear)];
         let mut determinant = 0.0;

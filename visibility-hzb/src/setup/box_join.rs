@@ -236,7 +236,8 @@ mod tests {
                 let mut other = beside;
                 other.min[axis] += min;
                 other.max[axis] += max;
-                // The joined box's opposite side matters too: only a whole face joins.
+                // Boxes are joined only at a whole face that both have, so nothing but the side of `other`
+                // opposite that face may change.
                 let is_whole = axis == 0 && min == 0.0;
                 assert_eq!(apart(other, Affine3A::IDENTITY, false), !is_whole, "axis {axis}: {min} {max}");
             }

@@ -151,7 +151,7 @@ impl ScreenShape {
             let y = -c / b;
             let half = if coverage == Coverage::Sampled { 0.5 } else { 0.0 };
             if b == 0.0 && c >= 0.0 {
-                // Otherwise all points satisfy the bound.
+                // With `a` and `b` zero and `c` not negative, all points satisfy the bound.
             } else if b == 0.0 || y.is_nan() {
                 end = 0.0;
             } else if b > 0.0 {

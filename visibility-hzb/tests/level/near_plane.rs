@@ -133,8 +133,8 @@ fn a_peak_through_the_near_plane_leaves_a_hole() {
         let level = level(&triangles, LevelSettings::default().with_bulge(0.5));
         assert_eq!(level.polygons().len(), 1, "two-sided: {two_sided}: the four slopes are one polygon");
         let mut hzb = Hzb::new(64, 64).unwrap().with_min_polygon_area(16.0).with_level(level, DVec3::ZERO);
-        // The near plane is nearer than the peak, then cuts it: with the outline beyond the guard band, and
-        // within it.
+        // The near plane is in front of the peak, or cuts the peak: once with the outline beyond the guard
+        // band, once within.
         for (height, near, angle, is_whole) in
             [(3.0, 0.2, 0.8, true), (0.35, 0.15, 0.8, false), (0.35, 0.15, 2.0, false)]
         {

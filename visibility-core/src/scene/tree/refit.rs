@@ -88,7 +88,7 @@ fn fetch(moved: &[(ObjectId, Aabb)], positions: &[u32; FAN_OUT]) {
     let mut sum = 0;
     for &position in positions {
         if let Some((_, bounds)) = moved.get(position as usize) {
-            // The ends of a box may lie in two cache lines.
+            // Reads both ends of the box, since they may lie in two cache lines.
             sum ^= bounds.min.x.to_bits() ^ bounds.max.z.to_bits();
         }
     }

@@ -112,8 +112,8 @@ impl Tree {
     /// child nodes. After `Some(0)` objects may still have changed lanes. `None` if nothing was changed.
     pub(in crate::scene) fn regroup(&mut self, group: &Group, merge: bool) -> Option<usize> {
         let nodes = group.nodes();
-        // Collects the contents of all nodes of the group, numbered by member and lane, and the present sum
-        // of sizes.
+        // Collects the contents of all nodes of the group, numbered by member and lane, and the sum of the
+        // sizes of the nodes' boxes before the change.
         let mut boxes = [Aabb::EMPTY; FAN_OUT * GROUP];
         let mut centers = [Vec3A::ZERO; FAN_OUT * GROUP];
         let mut order = [0u64; FAN_OUT * GROUP];
@@ -136,7 +136,7 @@ impl Tree {
         while wanted > 1 && count <= (wanted - 1) * MERGE_FILL {
             wanted -= 1;
         }
-        // A trial: divide the contents anew, and compare the sum of sizes before anything is written.
+        // A trial: divides the contents anew, and compares the sums of box sizes before anything is written.
         let mut pieces = [(0, 0, Aabb::EMPTY); GROUP];
         let (mut done, mut start, mut after) = (0, 0, 0.0);
         pack(&mut order[..count], &centers, wanted, &mut |piece| {
