@@ -70,7 +70,7 @@ fn pipeline() -> Pipeline {
     Pipeline::new().with(FrustumCuller::new()).with(Wall)
 }
 
-/// Counts over a run of frames.
+/// Numbers of movers, summed over the frames of a run.
 #[derive(Default)]
 struct Outcome {
     updates: usize,

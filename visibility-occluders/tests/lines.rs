@@ -106,7 +106,7 @@ fn hits(line: &Line, triangles: &[LevelTriangle]) -> Option<Vec<i32>> {
     triangles.iter().map(of).collect()
 }
 
-/// Tests whether all corners of a triangle are in the slab of a polygon.
+/// Tests whether all corners of a triangle are in the layer that holds a polygon's faces, its slab.
 fn is_in_slab(polygon: &OccluderPolygon, triangle: &LevelTriangle) -> bool {
     triangle.corners.iter().all(|p| {
         let along = polygon.normal.dot(p.as_dvec3());

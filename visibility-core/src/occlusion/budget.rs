@@ -191,11 +191,11 @@ const MORE_IN_VIEW: usize = 2;
 const OTHER_DIRECTION: f64 = 0.866;
 
 /// Balance of the past frames of a culler: whether the search for hidden objects pays. A frame *pays* if the
-/// objects that it found hidden are worth at least the work spent on it. A frame *left out* searches nothing:
-/// all of its objects stay visible.
+/// objects that it found hidden are worth at least the work spent on it. A frame that is *left out* skips the
+/// search: all of its objects stay visible.
 ///
-/// After [`MAX_LOSSES`] frames in a row that did not pay, as in a bird's-eye view, frames are left out. A
-/// frame searches again when the frames left out have saved the work spent in vain, when the camera has
+/// After [`MAX_LOSSES`] frames in a row that did not pay, as in a bird's-eye view, frames skip the search. A
+/// frame searches again when the skipped searches have saved the work spent in vain, when the camera has
 /// turned, or when many more objects are in view, as after a step back from a wall.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Experience {

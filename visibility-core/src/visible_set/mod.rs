@@ -99,7 +99,7 @@ enum Listing {
     /// The set is finished, and its list is not made. The masks, including those of the leaves outside the
     /// tree, hold the set for the layout that it was finished at, when the tree had the root `root`. By
     /// `token` the tree is read as it was then; `None` only while the set is being finished, on processors
-    /// without tokens.
+    /// without atomic counts.
     Unlisted { token: Option<Token>, root: u32 },
     /// The set is finished, and its list is the set, each object once. Until the layout changes, the masks
     /// hold the same objects, including the masks of the leaves outside the tree.

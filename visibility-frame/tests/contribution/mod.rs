@@ -48,7 +48,7 @@ fn distance(bounds: &Aabb, eye: Option<DVec3>) -> f64 {
     eye.clamp(bounds.min.as_dvec3(), bounds.max.as_dvec3()).distance(eye)
 }
 
-/// Brute force over one object: whether it is drawn, or `None` if it is too near to a limit to tell.
+/// Returns whether an object is drawn, by brute force. `None` if the object is too near to a limit to tell.
 fn is_drawn(scene: &Scene, id: ObjectId, camera: &Camera, rows: f64, least: f64) -> Option<bool> {
     let object = scene.object(id).unwrap();
     let range = scene.draw_range(id).unwrap();

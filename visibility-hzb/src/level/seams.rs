@@ -45,7 +45,8 @@ struct Piece {
     before: u32,
     /// Index of the polygon in [`Seams::polygons`].
     polygon: u32,
-    /// Pixels of open tiles that this edge of the polygon comes near, and no other edge of the polygon.
+    /// Pixels of [open tiles](super::open_tiles) that this edge of the polygon comes near, and no other edge
+    /// of the polygon.
     alone: [u64; SIDE],
     /// Pixels of `alone` whose centres the polygon winds round an odd number of times.
     odd: [u64; SIDE],

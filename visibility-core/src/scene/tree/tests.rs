@@ -14,7 +14,7 @@ struct Seen {
     height: u8,
     free: usize,
     unculled: usize,
-    /// Number of objects for which a parent stands in.
+    /// Number of objects whose HLOD parent may be drawn in their place.
     substituted: usize,
 }
 
@@ -149,8 +149,8 @@ fn check_lane_is_free(tree: &Tree, node: usize, lane: usize) {
     );
 }
 
-/// Asserts that the bounds of a leaf on size and draw distance cover the object in a lane. Returns whether a
-/// parent stands in for the object.
+/// Asserts that the bounds of a leaf on size and draw distance cover the object in a lane. Returns whether an
+/// HLOD parent may be drawn in place of the object.
 fn check_detail(scene: &Scene, leaf: usize, lane: usize, id: ObjectId) -> bool {
     let tree = scene.tree();
     let (range, parent) = (scene.draw_range(id).unwrap(), scene.hlod_parent(id).unwrap());
