@@ -24,7 +24,7 @@
 //!         self.0[item as usize] = found;
 //!         u64::from(item) + 1
 //!     }
-//!     // A number that was not looked at counts as one with all divisors.
+//!     // This baker counts a waiting number, which was not examined, as divisible by all smaller numbers.
 //!     fn finish(mut self, waiting: &[u32]) -> Vec<u32> {
 //!         for &item in waiting { self.0[item as usize] = item + 1 }
 //!         self.0
@@ -89,14 +89,13 @@ pub trait Baker: Sync {
     fn item_count(&self) -> usize;
 
     /// Returns the priority of an item within its stage; lower ranks are worked on first. A good rank is the
-    /// expected cost of the item. Each round takes the waiting items of least rank, and of equal ranks those
-    /// of least number.
-    /// The rank may change between rounds. The default is the item's number.
+    /// expected cost of the item. Each round takes the waiting items of lowest rank; among equal ranks, those
+    /// of lowest number. The rank may change between rounds. The default is the item's number.
     fn rank(&self, item: u32) -> u64 {
         item.into()
     }
 
-    /// Returns the stage of an item: an item is worked on when the results of all items of lower stages have
+    /// Returns the stage of an item: an item is worked on once the results of all items of lower stages have
     /// been merged. The stage may change between rounds, as when the baker puts items off, but an item must
     /// never come before an item whose result it needs. The default is one stage for all.
     fn stage(&self, item: u32) -> u32 {
@@ -169,11 +168,11 @@ impl<B: Baker> Bake<B> {
         self.advance_unless(|| false, || false)
     }
 
-    /// Works on the next round of items as [`advance`](Self::advance) does, until `pause` or `stop` returns
-    /// true: items of the round that no thread has begun by then stay waiting. After `pause`, items that were
-    /// begun are finished. After `stop`, items that were begun and for which [`Baker::work`] returns `None`
-    /// stay waiting too. The outcome of the whole bake stays the same if the baker's items do not use one
-    /// another's results; otherwise it may change.
+    /// Works on the next round of items like [`advance`](Self::advance), but ends early once `pause` or
+    /// `stop` returns true. Items of the round that no thread has begun by then stay waiting. After `pause`,
+    /// the items already begun are finished. After `stop`, an item already begun also stays waiting if its
+    /// [`Baker::work`] returns `None`. Stopping early does not change the outcome of the whole bake unless
+    /// items use one another's results.
     pub fn advance_unless(
         &mut self,
         pause: impl Fn() -> bool + Sync,
@@ -276,9 +275,8 @@ fn work_on_all<B: Baker>(
 
 /// Returns the results of the items of a round, in the order of `round`, computed on all threads of the
 /// current pool. `None` for an item that was not begun because `pause` or `stop` had returned true, and for
-/// one for which [`Baker::work`] returned `None`. Each thread takes the next item when its last is done.
-/// Items are taken from the end of the round, where the rank and thus the expected cost is greatest, so that
-/// no thread is left with a long item at the end.
+/// one for which [`Baker::work`] returned `None`. Idle threads take items from the end of the round, where
+/// rank and thus expected cost is greatest: the last items to run are the short ones.
 #[cfg(feature = "rayon")]
 fn work_on_all<B: Baker>(
     baker: &B,

@@ -162,8 +162,8 @@ impl Fingerprint {
     }
 }
 
-/// Returns the checksum of a whole file: the hash of all its bytes except the checksum field, bytes 32 to
-/// 40. Panics if `bytes` is shorter than [`HEADER_LENGTH`].
+/// Returns the checksum of a whole file: the hash of all its bytes except bytes `32..40`, the checksum field.
+/// Panics if `bytes` is shorter than [`HEADER_LENGTH`].
 fn checksum(bytes: &[u8]) -> u64 {
     let all = bytes[..32].iter().chain(&bytes[HEADER_LENGTH..]);
     all.fold(Fingerprint::new(), |hash, &byte| hash.with(byte.into())).value()
@@ -263,8 +263,8 @@ impl Writer {
     }
 }
 
-/// Reads the content of a file from its first byte to its last. Allocates no more memory than the bytes
-/// that are present require, whatever counts the content announces.
+/// Reads the content of a file from its first byte to its last. Allocates no more than the bytes present can
+/// fill, however large the counts are that the content states.
 #[derive(Clone, Debug)]
 pub struct Reader<'a> {
     all: &'a [u8],

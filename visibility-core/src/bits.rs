@@ -2,8 +2,7 @@
 
 use alloc::vec::Vec;
 
-/// A set of indices below a limit, one bit for each. The limit is the one asked for, rounded up to a multiple
-/// of 64.
+/// A set of indices below a limit, one bit for each. The limit is always a multiple of 64.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Bits(Vec<u64>);
 
@@ -123,7 +122,7 @@ impl Bits {
 }
 
 impl From<Vec<u64>> for Bits {
-    /// Makes the set whose [`words`](Self::words) are the given ones.
+    /// Makes a set from its [`words`](Self::words).
     fn from(words: Vec<u64>) -> Self {
         Self(words)
     }

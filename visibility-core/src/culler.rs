@@ -81,10 +81,10 @@ pub struct Lack {
 }
 
 impl Lack {
-    /// Reports what keeps cullers that use meshes from using the occluders of `scene`. Calls `each` with the
-    /// number of occluders without a mesh, with that of occluders whose mesh reaches out of their bounds, and
-    /// with that of objects that have an occluder mesh and are not flagged as occluders. There is no call for
-    /// a number that is 0. Takes constant time.
+    /// Reports occluders of `scene` that cullers cannot use. Calls `each` up to three times: with the number
+    /// of occluders without a mesh, of occluders whose mesh reaches out of their bounds, and of objects with
+    /// an occluder mesh that are not flagged as occluders. Numbers that are 0 are not reported. Takes
+    /// constant time.
     pub fn of_occluders(scene: &Scene, each: &mut dyn FnMut(Self)) {
         for (what, count) in [
             ("occluders without a mesh", scene.occluders_without_mesh()),

@@ -4,7 +4,8 @@
 //! is visible: their last bit may differ between platforms, and visibility results must not.
 
 /// Returns the tangent of an angle in radians. The last bit may differ between platforms, so decisions need a
-/// margin. For crates without the standard library: from `std`, or from `libm` without it.
+/// margin. Uses `std` if that feature is on, otherwise `libm`: for crates that work without the standard
+/// library.
 ///
 /// ```
 /// assert_eq!(visibility_core::geometry::tan(0.0), 0.0);
@@ -19,7 +20,8 @@ pub fn tan(x: f64) -> f64 {
 }
 
 /// Returns the square root, rounded to the nearest `f64` on every platform, as IEEE 754 demands; NaN for
-/// negative numbers. For crates without the standard library: from `std`, or from `libm` without it.
+/// negative numbers. Uses `std` if that feature is on, otherwise `libm`: for crates that work without the
+/// standard library.
 ///
 /// ```
 /// assert_eq!(visibility_core::geometry::sqrt(2.25), 1.5);

@@ -141,7 +141,7 @@ impl ConvexVolume {
     }
 
     /// Returns a mask of the lanes whose box is certainly on the inner side of a plane, the side that its
-    /// normal points to. Nothing below these boxes needs a test against that plane. The plane has the number
+    /// normal points to. Descendants of these boxes need no test against that plane. The plane has the number
     /// `plane` modulo [`MAX_PLANES`]. Bit i of the mask stands for lane i. Undecided lanes are 0. If the
     /// volume has no plane of this number, all lanes are 0.
     #[inline]
@@ -185,8 +185,8 @@ impl ConvexVolume {
     }
 }
 
-/// The number `known` of this test is a mask of planes, bit i for plane i: those that the node is not known
-/// to be wholly on the inner side of. Only these are tested.
+/// `known` of this walk is a mask of planes, bit i for plane i: the planes that the node may cross. Only
+/// these planes are tested.
 impl NodeTest for ConvexVolume {
     /// Indexed by plane: a mask of the lanes whose boxes are wholly on the inner side of the plane, bit i for
     /// lane i. 0 for planes that were not tested, and in leaves.

@@ -21,7 +21,7 @@ pub trait Jobs {
     fn run(&self, count: usize, job: &(dyn Fn(usize) + Sync));
 }
 
-/// A job system without threads: jobs run one after the other where they are needed.
+/// A job system without threads: jobs run one after the other on the calling thread.
 ///
 /// ```
 /// use visibility_core::jobs::{Jobs, OneThread};
@@ -80,7 +80,7 @@ pub fn for_each_part<T: Send + Sync, const COUNT: usize>(
     #[cfg(target_has_atomic = "ptr")]
     {
         let parts = parts.map(|part| AtomicRefCell::new(Some(part)));
-        // Who comes first takes the part. A cell is borrowed only while its part is taken.
+        // Only the first call for a part takes the part. Its cell is borrowed only while the part is taken.
         let run = |index: usize| {
             let part = parts.get(index).and_then(|cell| cell.try_borrow_mut().ok()?.take());
             part.into_iter().for_each(&work);

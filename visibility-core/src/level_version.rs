@@ -29,18 +29,18 @@ pub fn level_version(scene: &Scene) -> u64 {
     version_of(scene.origin(), scene.ids().filter_map(object))
 }
 
-/// Returns an object as it counts in a level and its bake, with its occluder mesh and the mesh's transform:
-/// not as an occluder, and without a mesh, unless it is [always drawn](Scene::is_always_drawn). `None` for an
-/// unknown object.
+/// Returns an object in the form that counts for a level and its bake, with its occluder mesh and the mesh's
+/// transform. Unless it is [always drawn](Scene::is_always_drawn), it counts as no occluder and has no mesh.
+/// `None` for an unknown object.
 pub fn level_object(scene: &Scene, id: ObjectId) -> Option<(Object, Option<(&OccluderMesh, Affine3A)>)> {
     let mut object = scene.object(id).ok()?;
     object.occluder &= scene.is_always_drawn(id);
     Some((object, scene.occluder(id).filter(|_| object.occluder)))
 }
 
-/// Returns the [version](level_version()) of a level of which no scene is in memory. `origin` is the origin
-/// of its scene in the world. `objects` are the index and the [hash](object_hash) of each object, by
-/// ascending index.
+/// Returns the [version](level_version()) of a level whose scene is not in memory. `origin` is the origin of
+/// its scene in the world. `objects` are the index and the [hash](object_hash) of each object, by ascending
+/// index.
 pub fn version_of(origin: DVec3, objects: impl IntoIterator<Item = (u32, u64)>) -> u64 {
     let with = |hash: Fingerprint, (index, content): (u32, u64)| hash.with(index).with_u64(content);
     objects.into_iter().fold(Fingerprint::new().with_dvec3(origin), with).value()
@@ -56,7 +56,7 @@ pub fn object_hash<'a>(
     let triangles = triangles.into();
     let flags =
         u32::from(object.never_cull) | u32::from(object.occluder) << 1 | u32::from(object.one_sided) << 2;
-    // A level that is made of a scene leaves out occluders that are see-through.
+    // A see-through flag counts for occluders only: a level made of a scene has no see-through occluders.
     let flags = flags | u32::from(object.occluder && object.see_through) << 3;
     let hash = Fingerprint::new().with_vec3(object.bounds.min).with_vec3(object.bounds.max);
     let hash = hash.with(object.layers).with(object.cost).with(flags).with(triangles.len() as u32);
@@ -149,7 +149,7 @@ mod tests {
             scene.set_draw_range(id, DrawRange { end: 9.0, ..DrawRange::ALWAYS }).unwrap();
         });
         assert_eq!([parent, child, ranged], [none; 3], "HLOD parent, child, object with a draw range");
-        // What hides nothing may have any range.
+        // The draw range of an object that is no occluder is not part of the version.
         let target = hash(|scene, id| {
             scene.set_occluder(id, false).unwrap();
             let other = insert(scene);

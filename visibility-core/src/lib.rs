@@ -33,8 +33,8 @@
 //! - No allocation per frame once buffers have grown, no panic on any input.
 //!
 //! # Features
-//! `std` (default) chooses SIMD at run time. Without it, `libm` is needed for a few elementary functions.
-//! `bytemuck` makes [`Aabb`] and [`ObjectId`] `Pod`, and glam's vectors and matrices too.
+//! Feature `std` (default) chooses SIMD at run time. Without it, `libm` is needed for a few elementary
+//! functions. Feature `bytemuck` makes [`Aabb`] and [`ObjectId`] `Pod`, and glam's vectors and matrices too.
 #![no_std]
 #![warn(missing_debug_implementations)]
 extern crate alloc;

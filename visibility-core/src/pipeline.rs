@@ -140,9 +140,9 @@ impl Pipeline {
     }
 
     /// Culls like [`cull`](Self::cull), on the threads of the engine's own [job system](Jobs). The answer is
-    /// the same bit for bit with any job system and any number of threads. Pays for large scenes and for
-    /// occlusion maps with much to draw; several views are best culled one a thread, with
-    /// [`cull`](Self::cull).
+    /// the same bit for bit with any job system and any number of threads. Worth its overhead for large
+    /// scenes and for occlusion maps with many occluders. Several views are best culled with
+    /// [`cull`](Self::cull), one view per thread.
     ///
     /// ```
     /// use visibility_core::{jobs::Jobs, FrustumCuller, Pipeline};
@@ -207,11 +207,11 @@ impl Pipeline {
         self.stages.iter().map(|(culler, stats)| (culler.name(), *stats))
     }
 
-    /// Calls `each` with the name of a stage and what the stage [lacks](Culler::for_each_lack) to cull
-    /// `scene`, such as "occluders without a mesh: 12". Calls `each` with the name "pipeline" for what no
-    /// stage can mend: objects that are never culled because their bounds are NaN or inverted, though they
-    /// are not flagged as never culled, and objects with draw ranges if no stage follows draw ranges. Does
-    /// not call `each` if nothing is lacking.
+    /// Calls `each` with the name of a stage and each thing that the stage [lacks](Culler::for_each_lack) to
+    /// cull `scene`, such as "occluders without a mesh: 12". Calls `each` with the name "pipeline" for
+    /// problems that no stage can solve: objects that are never culled only because their bounds are NaN or
+    /// inverted, and objects with draw ranges if no stage follows draw ranges. Does not call `each` if
+    /// nothing is lacking.
     ///
     /// Takes up to a millisecond, and time in proportion to the number of objects that are never culled. For
     /// overlays and logs, once in a while rather than every frame.
@@ -260,8 +260,8 @@ impl Pipeline {
     }
 
     /// Makes later calls of `cull` use the view of the last frame and ignore the view passed to them, so that
-    /// an engine can draw from elsewhere what this view culled. Objects are culled with their current bounds.
-    /// Does nothing before the first frame.
+    /// an engine can look at this view's visible objects from another viewpoint. Objects are culled with
+    /// their current bounds. Does nothing before the first frame.
     pub fn freeze(&mut self) {
         self.frozen = self.last;
     }

@@ -29,7 +29,7 @@ use crate::{Accuracy, CullStats, Scene, VisibleSet, pvs::Viewcell};
 /// let near = scene.insert(Aabb::from_arrays([5.0, 0.0, 0.0], [6.0, 1.0, 1.0]));
 /// let far = scene.insert(Aabb::from_arrays([500.0, 0.0, 0.0], [501.0, 1.0, 1.0]));
 /// let mut visible = VisibleSet::new();
-/// // All objects of the layers of a view; `fill` asks for no more of it.
+/// // All objects on the layers of a view. `fill` reads only the layers of the view.
 /// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
 /// visible.fill(&scene, &View::perspective(pose, 1.0, 1.0, 0.1, 10.0)?);
 /// Within(100.0).cull(&scene, &Viewcell::from_box(DVec3::ZERO, DVec3::ONE), &mut visible);
@@ -37,8 +37,8 @@ use crate::{Accuracy, CullStats, Scene, VisibleSet, pvs::Viewcell};
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub trait RegionCuller {
-    /// Returns the accuracy that the culler guarantees with its present settings. It is conservative if no
-    /// object is removed to which an unobstructed segment runs from some point of the viewcell.
+    /// Returns the accuracy that the culler guarantees with its present settings. Conservative means that an
+    /// object stays if an unobstructed segment runs to it from some point of the viewcell.
     fn accuracy(&self) -> Accuracy;
 
     /// Removes from `visible`, which holds the candidates, the objects that this culler finds hidden from all

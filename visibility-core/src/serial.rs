@@ -2,8 +2,8 @@
 
 use core::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
-/// Last range number handed out by [`next_range`]. Counted apart from serials, because structures may take a
-/// serial in every frame and would use up the ranges.
+/// Last range number handed out by [`next_range`]. Separate from the counter of serials, which may advance in
+/// every frame and would use up the ranges.
 static LAST_RANGE: AtomicUsize = AtomicUsize::new(0);
 static LAST_SCENE: AtomicUsize = AtomicUsize::new(0);
 static LAST_SERIAL: AtomicUsize = AtomicUsize::new(0);

@@ -143,7 +143,8 @@ fn any_outside<const WIDTH: usize>(
     for chunk in 0..FAN_OUT / WIDTH {
         let [x0, y0, z0, x1, y1, z1] =
             core::array::from_fn(|row| &boxes.coordinates[row].as_chunks::<WIDTH>().0[chunk]);
-        // Least upper bound, over the planes, of the signed distance of each box; negative for a box outside.
+        // For each box, the least of its upper bounds on the signed distance from the planes; negative if the
+        // box is outside a plane.
         let mut least = [0.0f32; WIDTH];
         let mut rest = active & ((1 << MAX_PLANES) - 1);
         while rest != 0 {

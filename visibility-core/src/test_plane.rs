@@ -44,7 +44,7 @@ pub(crate) struct TestPlane {
 const MARGIN: f64 = 4.0 * f32::EPSILON as f64;
 
 impl TestPlane {
-    /// A plane that every box is inside of, for unused elements of arrays.
+    /// A plane that has every box on its inner side, for unused elements of arrays.
     pub(crate) const EVERYTHING_INSIDE: Self =
         Self { high: [0.0; 3], low: [0.0; 3], offset: f32::INFINITY, greatest: [true; 3] };
 

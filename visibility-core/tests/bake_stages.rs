@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use visibility_core::bake::{Bake, Baker};
 use visibility_core::binary_format::{FormatError, Reader, Writer};
 
-/// Sums numbers: an item of a stage finds the sum of all items of the stage before and its own number.
+/// A baker of sums: the result of an item is its own number plus the sum of the results of the stage before.
 #[derive(Clone)]
 struct Sums {
     done: Vec<Option<u32>>,
@@ -91,7 +91,7 @@ fn stages_follow_one_another_each_in_the_order_of_ranks() {
     assert_eq!(whole, Bake::new(Sums::new()).run(), "a bake in one run has the same rows");
     let mut bake = Bake::new(Sums::new());
     for number in 0..200 {
-        // A few items of each round are begun.
+        // Stops each round after a few items.
         let begun = AtomicUsize::new(0);
         bake.advance_unless(|| begun.fetch_add(1, Relaxed) > number % 5, || false);
         bake = Bake::resume(Sums::new(), &bake.save()).unwrap();

@@ -157,8 +157,8 @@ fn stages_report_what_they_lack() {
     assert!(lacks(&Scene::new()).is_empty(), "an empty scene lacks nothing");
 }
 
-/// Tests what an occlusion stage says of a scene without occluders, and of meshes without the flag of one,
-/// through all that changes their number.
+/// Tests that an occlusion stage reports a scene without occluders and meshes of objects that are not flagged
+/// as occluders, through all changes of their number.
 #[test]
 fn an_occlusion_stage_reports_a_scene_without_occluders_and_meshes_without_the_flag() {
     let mut scene = Scene::new();
@@ -193,7 +193,8 @@ fn an_occlusion_stage_reports_a_scene_without_occluders_and_meshes_without_the_f
     assert!(lacks(&scene).is_empty(), "no object is left");
 }
 
-/// Tests that a pipeline reports bounds that are no box, however the object got them, and no others.
+/// Tests that a pipeline reports objects with improper bounds (NaN or inverted), however they got them, and
+/// no other objects.
 #[test]
 fn a_pipeline_reports_bounds_that_are_no_box() {
     let pipeline = Pipeline::new().with(FrustumCuller::new());
@@ -217,7 +218,7 @@ fn a_pipeline_reports_bounds_that_are_no_box() {
     let all: Vec<_> = scene.ids().map(|id| (id, cube(10.0, 0.0))).collect();
     scene.set_bounds_batch(&all).unwrap();
     assert!(lacks(&scene).is_empty(), "all bounds were mended");
-    // Infinite boxes, and objects that are never culled, are no mistake.
+    // Infinite bounds and objects flagged as never culled are legitimate and not reported.
     scene.insert(Aabb::from_arrays([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]));
     scene.insert(Object { never_cull: true, ..Object::new(cube(0.0, 0.0)) });
     scene.insert(Object { never_cull: true, ..Object::new(nan) });
@@ -247,7 +248,7 @@ fn a_pvs_stage_reports_an_eye_outside_all_viewcells() {
     assert!(cull_at(&scene, 0.5).is_empty(), "the eye is back in the viewcell");
 }
 
-/// Tests that a shared map issues no queries, and that the culler's own does.
+/// Tests that a shared map issues no queries, while the map of the culler does.
 #[test]
 fn only_the_owner_of_a_map_asks_its_device() {
     let mut map = HardwareQueries::new(Counter::default(), LateAnswers::Visible);

@@ -190,14 +190,14 @@ fn clip_matrices_of_any_magnitude_show_the_same() {
     let mut rng = Random(7);
     let mut touching = 0;
     for _ in 0..300 {
-        // Elements with few bits, so that none is lost at the lower end of the range of `f64`.
+        // Elements have few bits, so that none is lost at the lower end of the range of `f64`.
         let (camera, base) = cancelling_camera(&mut rng, 4.0, power_of_two(-16));
         let exponents = [rng.between(-8, 4); 3];
         let boxes = boxes_near_planes(&mut rng, &camera, &base, exponents);
         let in_view: Vec<bool> = boxes.iter().map(|bounds| camera.sees_a_corner(bounds)).collect();
         let (scene, ids) = scene_of(&camera, &boxes);
         for exponent in [-1050, -1030, -1000, -500, 0, 500, 900] {
-            // In two steps, since the power itself may be outside the range of `f64`.
+            // The power is applied in two steps, since it may itself be outside the range of `f64`.
             let half = power_of_two(exponent / 2);
             let scaled = Camera { matrix: camera.matrix.map(|x| x * half * half), ..camera.clone() };
             let Some(view) = view_of(&scaled) else { continue };
@@ -246,7 +246,7 @@ fn boxes_that_bound_nothing_are_always_visible() {
         let exponents = [rng.between(-30, 30); 3];
         let (camera, _) = random_camera(&mut rng, exponents);
         let Some(view) = view_of(&camera) else { continue };
-        // Without and with other objects, which give the hierarchy more levels.
+        // With 0 to 200 other objects, which give the hierarchy more levels.
         let others = (0..rng.below(3) * 100).map(|i| Aabb::from_arrays([i as f32; 3], [i as f32 + 0.5; 3]));
         let (scene, ids) = scene_of(&camera, &boxes.iter().copied().chain(others).collect::<Vec<_>>());
         let visible = cull(&scene, &view);
@@ -284,8 +284,8 @@ fn boxes_clear_of_a_plane_by_sixteen_error_bounds_are_hidden() {
     let mut rng = Random(11);
     let (mut total, mut close) = (0, 0);
     for case in 0..600 {
-        // Scales from 1e-15 to 1e15: one for all boxes of a view, or one for each box with the eye at the
-        // origin.
+        // Scales from 1e-15 to 1e15: either one scale for all boxes of a view, or a scale of its own for each
+        // box, with the eye at the origin.
         let wild = case % 2 == 0;
         let exponent = rng.between(-50, 50);
         let depth = rng.pick(&DEPTHS);

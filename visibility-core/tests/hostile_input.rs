@@ -18,7 +18,7 @@ fn any64(rng: &mut Random) -> f64 {
     match rng.below(4) {
         0 => rng.pick(&special) * rng.pick(&[1.0, -1.0]),
         1 => rng.range(-2.0, 2.0),
-        // Finite, of any magnitude.
+        // A finite number of any magnitude.
         2 => f64::from_bits(rng.bits() & !(1 << 62)) * rng.pick(&[1.0, 1e150, 1e300]),
         _ => rng.bits64(),
     }

@@ -39,7 +39,7 @@ fn view(random: &mut Random) -> View {
     View::perspective(pose, 1.2, 1.6, 0.1, far).unwrap().with_layers(1 + random.below(3) as u32)
 }
 
-/// Hides what is on one side of a slab, and finds boxes on the other side wholly visible.
+/// A map that hides boxes beyond x = 20 and finds boxes before x = 0 wholly visible.
 struct Slab;
 
 impl OcclusionMap for Slab {
@@ -87,7 +87,8 @@ fn answer(
 fn the_answer_does_not_depend_on_the_job_system() {
     let mut random = Random(41);
     let (mut left, mut hidden) = (0, 0);
-    // A scene without a tree, one leaf, one subtree, several subtrees; a million objects have one level more.
+    // Tests a scene without a tree, one leaf, one subtree, and several subtrees; a million objects would have
+    // one level more.
     for count in [0, 30, 3000, 40_000, 300_000] {
         let scene = scene(&mut random, count);
         let make = || {

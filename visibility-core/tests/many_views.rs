@@ -254,7 +254,7 @@ fn a_union_holds_what_either_set_holds() {
             expected,
             "objects that appear are those of the union"
         );
-        // Cullers can continue from a union.
+        // Cullers can go on with a set that is a union.
         let view = random_view(&mut rng).with_layers(u32::MAX);
         FrustumCuller::new().cull(&scene, &view, &mut both);
         let in_view = ids(&scene, &cull(&scene, &view));
@@ -288,7 +288,7 @@ fn a_union_with_an_unfinished_set_of_another_layout_holds_everything_on_the_laye
             "the first object is kept, the one on other layers is not"
         );
     }
-    // A finished set stays what it was.
+    // Tests a clone of a finished set: the union holds its objects as they were.
     let mut both = finished.clone();
     both.union(&scene, &new);
     assert_eq!(both.count(&scene), 0, "objects of a finished set with an empty one");
@@ -298,7 +298,8 @@ fn a_union_with_an_unfinished_set_of_another_layout_holds_everything_on_the_laye
     assert_eq!(both.count(&scene), 3, "a set that was never filled holds all objects");
 }
 
-/// Tests that eight cullers on threads find the same sets as one after another, each with layers of its own.
+/// Tests that eight cullers on threads, each with its own layers, find the same sets as when run one after
+/// another.
 #[test]
 fn eight_cullers_on_threads_find_what_they_find_alone() {
     let mut rng = Random(6);

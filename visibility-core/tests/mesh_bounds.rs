@@ -8,7 +8,7 @@ use visibility_core::{
 };
 use visibility_testing::{PlainMap, Random};
 
-/// The house of the mesh, in its own coordinates.
+/// Box of the house's mesh, in mesh coordinates.
 const LOCAL: Aabb = Aabb::from_arrays([0.0; 3], [8.0, 8.0, 10.0]);
 const HOUSE: Aabb = Aabb::from_arrays([40.0, 0.0, 0.0], [48.0, 8.0, 10.0]);
 const CAR: Aabb = Aabb::from_arrays([20.0, 3.0, 0.0], [24.0, 5.0, 1.5]);
@@ -21,7 +21,7 @@ fn street() -> (Scene, [ObjectId; 2]) {
     (scene, [house, car])
 }
 
-/// Returns what a pipeline shows of the street, and what it lacks.
+/// Returns which of the given objects a pipeline shows, and the lacks that the pipeline reports.
 fn shown(scene: &Scene, ids: [ObjectId; 2]) -> ([bool; 2], Vec<String>) {
     let pose = Pose::look_at(DVec3::new(-10.0, 4.0, 1.7), DVec3::new(40.0, 4.0, 1.7), DVec3::Z);
     let view = View::perspective(pose, 1.0, 1.6, 0.1, f64::INFINITY).unwrap();
@@ -64,7 +64,7 @@ fn a_mesh_whose_transform_was_forgotten_hides_nothing() {
     );
     scene.set_mesh(ids[0], mesh, Affine3A::from_translation(HOUSE.min)).unwrap();
     assert_eq!(shown(&scene, ids), ([true; 2], vec![]), "a mesh in its place is not reported");
-    // One object would not be worth the occluder.
+    // 200 objects behind the house, since hiding a single one would not be worth drawing the occluder.
     let behind = scene.insert_batch([Aabb::from_arrays([60.0, 3.0, 4.0], [61.0, 5.0, 6.0]); 200]);
     assert_eq!(shown(&scene, [ids[0], behind[0]]).0, [true, false], "the house hides what is behind it");
     scene.set_mesh(ids[0], mesh, Affine3A::IDENTITY).unwrap();
@@ -83,8 +83,8 @@ fn a_mesh_whose_transform_was_forgotten_hides_nothing() {
     );
 }
 
-/// Local bounds and mesh are compared in local coordinates, where no transform can part them, in whichever
-/// order they are set.
+/// With local bounds, mesh and bounds are compared in local coordinates, since a transform moves both. They
+/// may be set in either order.
 #[test]
 fn a_mesh_outside_local_bounds_hides_nothing_until_they_hold_it() {
     let far = Affine3A::from_rotation_translation(Quat::from_rotation_z(0.5), Vec3::new(40.0, 0.0, 0.0));
@@ -96,7 +96,7 @@ fn a_mesh_outside_local_bounds_hides_nothing_until_they_hold_it() {
     assert!(scene.occluder(house).is_some(), "the bounds follow from the mesh's own box");
     scene.set_transforms_batch(&[(house, Affine3A::IDENTITY)]).unwrap();
     assert!(scene.occluder(house).is_some(), "a transform of mesh and bounds keeps the occluder");
-    // Another shape takes the mesh away; a mesh that is too large for it does not count.
+    // New local bounds take the mesh away. A mesh that reaches out of the local bounds hides nothing.
     scene.set_local_bounds(house, Aabb::new(LOCAL.min, LOCAL.max - 1.0)).unwrap();
     assert_eq!(
         (scene.occluders_outside_bounds(), scene.occluders_without_mesh()),
@@ -118,7 +118,8 @@ fn a_mesh_outside_local_bounds_hides_nothing_until_they_hold_it() {
     assert!(scene.occluder(sky).is_some(), "infinite bounds hold any mesh");
 }
 
-/// Triangles that a transform was forgotten for are refused, before anything is made from them.
+/// Triangles given without their transform, outside the object's bounds, are refused before a mesh is made
+/// from them.
 #[test]
 fn triangles_outside_the_bounds_are_refused() {
     let (mut scene, ids) = street();
@@ -138,7 +139,7 @@ fn triangles_outside_the_bounds_are_refused() {
         triangles(HOUSE.min)[..].into(),
         "the triangles that were set before"
     );
-    // Rounding on each side, of the box and of the corners, is no fault; 16 times as much is.
+    // Rounding of the box and of the corners is tolerated; a distance of 16 times as much is refused.
     for axis in Vec3::AXES {
         for (sign, side) in [(-1.0f32, HOUSE.min), (1.0, HOUSE.max)] {
             if side.dot(axis) == 0.0 {
@@ -167,9 +168,8 @@ fn triangles_outside_the_bounds_are_refused() {
     assert!(scene.occluder(unknown).is_none(), "a box that bounds nothing holds no mesh");
 }
 
-/// Bounds as programs compute them hold their mesh: around the vertices as placed in `f64` and rounded to the
-/// nearest, and as middle plus half extent. The same bounds moved or shrunk by some times the rounding do
-/// not.
+/// Bounds computed in `f64` and rounded to nearest, or as middle plus half extent, contain their mesh. The
+/// same bounds, moved or shrunk by some times the rounding error, do not.
 #[test]
 fn bounds_computed_to_the_nearest_hold_their_mesh_and_others_do_not() {
     let mut random = Random(38);
@@ -202,7 +202,7 @@ fn bounds_computed_to_the_nearest_hold_their_mesh_and_others_do_not() {
         assert!(is_used(nearest) && is_used(halved), "{nearest:?}: {transform:?}");
         let f32_image = Aabb::from_points(mesh.positions().iter().map(|&p| transform.transform_point3(p)));
         rounded += usize::from(f32_image != nearest && nearest.union(&f32_image) != nearest);
-        // 16 error bounds, of 16 roundings of the numbers that are summed.
+        // Distance of 16 error bounds, each of 16 roundings of the summed magnitudes.
         let reach = mesh.bounds().min.abs().max(mesh.bounds().max.abs()).as_dvec3().element_sum();
         let clear = (reach + max.abs().max(min.abs()).max_element() + center.as_dvec3().abs().max_element())
             * (16.0 * 16.0 * f64::from(f32::EPSILON) * 0.5);

@@ -1,5 +1,5 @@
-//! Tests that occluder meshes can be removed: a world that streams for long does not grow, and no id names
-//! another mesh than its own.
+//! Tests that occluder meshes can be removed: a world that streams for long does not take more and more
+//! memory, and no id names a mesh other than its own.
 
 use std::collections::HashMap;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
@@ -73,7 +73,7 @@ fn unload(scene: &mut Scene, sector: &Sector, order: u32) {
     }
 }
 
-/// Streams sectors, eight at a time, with a camera that culls, for so many steps. Asserts that neither the
+/// Streams sectors, eight at a time, with a camera that culls, for `steps` steps. Asserts that neither the
 /// number of meshes and of their indices nor the bytes of scene, pipeline and result grow after the start.
 fn stream(steps: u32) {
     let mut scene = Scene::new();
@@ -97,7 +97,7 @@ fn stream(steps: u32) {
             assert!(live <= greatest + greatest / 8, "{live} bytes in step {step}, {greatest} at first");
         }
         if step >= 8 {
-            // Four meshes that were added and one that was prepared, for each sector.
+            // Each of the eight sectors has four meshes that were added and one that was prepared.
             assert_eq!(scene.mesh_count(), 8 * 5, "step {step}");
         }
         let of_sector = &sectors[sectors.len() - 1].meshes;
@@ -122,7 +122,7 @@ fn a_world_that_streams_for_a_million_steps_does_not_grow() {
     stream(1_000_000);
 }
 
-/// Tests ids, counts and what each object hides with against a map of lists, under random calls.
+/// Tests under random calls that mesh ids, user counts and the mesh of each object agree with a simple model.
 #[test]
 fn an_id_names_its_own_mesh_or_none() {
     let mut random = Random(3);
@@ -170,7 +170,7 @@ fn an_id_names_its_own_mesh_or_none() {
                     if random.one_in(2) {
                         scene.remove(objects.swap_remove(at).0).unwrap();
                     } else {
-                        // Another box: the object loses its mesh.
+                        // New bounds take the mesh away from the object.
                         let (id, mesh) = &mut objects[at];
                         scene.set_bounds(*id, Aabb::from_arrays([0.0; 3], [8.0; 3])).unwrap();
                         scene.set_bounds(*id, bounds).unwrap();
@@ -178,7 +178,8 @@ fn an_id_names_its_own_mesh_or_none() {
                     }
                 }
                 7 if random.one_in(8) => {
-                    // The copy has the same ids, and those of the original stay valid nowhere else.
+                    // A clone of the scene has meshes under the same ids. No other scene knows the ids of the
+                    // original.
                     let (copy, mut other) = (scene.clone(), Scene::new());
                     assert!(
                         ids.iter().all(|&id| other.remove_mesh(id).is_err()),

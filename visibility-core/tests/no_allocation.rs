@@ -13,7 +13,8 @@ use visibility_testing::allocations::{ALLOCATIONS, LIVE};
 use visibility_testing::cameras::circling;
 use visibility_testing::{Octree, Random};
 
-/// A world in which a sequence of moves is repeated: objects step to and fro, some of them across the world.
+/// A world in which a sequence of moves is repeated: objects step back and forth, some of them across the
+/// world.
 struct World {
     scene: Scene,
     /// New bounds of the moved objects, for each frame of the sequence.
@@ -230,7 +231,7 @@ fn occlusion_allocates_nothing_once_warm() {
     assert_eq!(ALLOCATIONS.get() - before, 0, "allocations in 150 warm frames");
 }
 
-/// Tests a culler by a PVS that enters other viewcells, and leaves them all, while objects move.
+/// Tests a PVS culler whose eye enters other viewcells, and leaves all of them, while objects move.
 #[test]
 fn a_pvs_allocates_nothing_once_warm() {
     let mut world = World::new(20_000, 100, false);

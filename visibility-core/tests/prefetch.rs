@@ -72,7 +72,7 @@ fn objects_are_listed_when_steps_along_the_path_first_see_them() {
     for round in 0..30 {
         let (scene, sets, rows) = random_sets(&mut random);
         let eye = random.vector(6.0) + 6.0;
-        // Along an axis too, and on the boundaries of viewcells.
+        // Random paths, paths along an axis, and paths along boundaries of viewcells.
         let (eye, velocity) = match round % 3 {
             0 => (eye, random.vector(4.0)),
             1 => (eye, DVec3::Y * 3.0),
@@ -99,7 +99,7 @@ fn objects_are_listed_when_steps_along_the_path_first_see_them() {
                 (Some(arrival), first) => {
                     let time = arrival.seconds;
                     assert!(first.is_none_or(|first| time <= first + 1e-12), "{id} late: {time}, {first:?}");
-                    // The viewcell is there at that time, and none was before.
+                    // A viewcell reached at that time sees the object, and none reached before does.
                     assert!(is_seen(time, 1e-9), "{id} is not seen at {time}");
                     assert!(!is_seen((time - 1e-6).max(0.0), 0.0), "{id} is seen before {time}");
                 }
@@ -111,7 +111,7 @@ fn objects_are_listed_when_steps_along_the_path_first_see_them() {
         };
         let leaves = times.iter().copied().find(|time| !is_inside(time));
         match leaves {
-            // A gap that the path grazes may lie between two steps.
+            // The small steps may miss a gap that the path only grazes.
             None => assert!(covered > 0.0, "round {round}: the path stays inside, but no second is covered"),
             Some(leaves) => assert!(
                 covered <= leaves && (leaves == 0.0 || covered > 0.0),
@@ -173,7 +173,7 @@ fn a_path_along_a_slanted_face_reaches_the_viewcell_wherever_rounding_may_say_so
         let found = prefetch.search(&sets, start, along, 0.0, 2.0).first().map(|arrival| arrival.seconds);
         let mut times = (0..=200).map(|i| f64::from(i) / 100.0);
         let first = times.find(|&time| cell.contains(start + along * time));
-        // Where the path begins in the box, the object may be visible at once.
+        // Leaves out paths that begin within the viewcell's box: the object may be visible at once.
         if let Some(first) = first.filter(|_| along.abs().max_element() > 0.6) {
             assert!(found.is_some_and(|found| found <= first), "{found:?}, {first}");
             reached += 1;

@@ -43,7 +43,7 @@ impl Twice {
 }
 
 /// Returns the value of a sum of clip matrix rows, times `factor`, at `point`, which is relative to `origin`:
-/// in double precision of `f64`, as the reference for error bounds.
+/// in twice the precision of `f64`, as the reference for error bounds.
 fn exact(rows: &[DVec4], factor: f64, view: &View, origin: DVec3, point: DVec3) -> Twice {
     let mut value = Twice(0.0, 0.0);
     for row in rows {
@@ -108,8 +108,8 @@ fn rows_are_within_their_error_of_the_exact_value() {
         let scale = |random: &mut Random| 10f64.powi((random.fine_unit() * 12.0) as i32 - 3);
         let vector =
             |random: &mut Random| DVec3::from_array([(); 3].map(|()| random.fine_unit() * 2.0 - 1.0));
-        // Far from the view's origin the constant rounds, far from the scene's origin the anchor does, and
-        // far from the eye the products do.
+        // The greatest error is that of the constant far from the view's origin, of the anchor far from the
+        // scene's origin, and of the products far from the eye.
         let (local, view_origin, origin, reach) = match case % 4 {
             0 => (vector(&mut random) * scale(&mut random), DVec3::ZERO, DVec3::ZERO, 0.0),
             1 => {
@@ -141,12 +141,12 @@ fn the_eye_is_within_its_error_of_the_exact_one() {
     let (mut found, mut off) = (0, 0);
     for case in 0..4000 {
         let most = if case % 2 == 0 { 9_000_000.0 } else { 90.0 };
-        // With a difference of origins that rounds, and with none.
+        // In one case of four, origins far apart, whose difference is rounded.
         let far = if case % 4 == 1 { 1e9 } else { 0.0 };
         let [view_origin, origin] =
             [(); 2].map(|()| DVec3::from_array([(); 3].map(|()| random.fine_unit() * far)));
         let mut whole = |most: f64| ((random.fine_unit() * 2.0 - 1.0) * most).round();
-        // Rows and an eye of whole numbers, so that the matrix has exactly this eye.
+        // Rows and eye are whole numbers, so that the matrix has exactly this eye.
         let eye = DVec3::new(whole(most), whole(most), whole(most));
         let rows = [(); 4].map(|()| DVec3::new(whole(1e6), whole(1e6), whole(1e6)));
         let mut rows = rows.map(|row| row.extend(-row.dot(eye)));
@@ -177,7 +177,7 @@ fn the_direction_of_a_parallel_view_is_within_its_error_of_the_exact_one() {
     let mut off = 0;
     for _ in 0..4000 {
         let mut whole = || ((random.fine_unit() * 2.0 - 1.0) * 1e5).round();
-        // The exact cross product of whole numbers, and a depth row that grows along it.
+        // `along` is an exact cross product of whole numbers, and the depth row grows along it.
         let [a, b] = [(); 2].map(|()| DVec3::new(whole(), whole(), whole()));
         let along = a.cross(b);
         if along == DVec3::ZERO {

@@ -41,8 +41,8 @@ fn viewcells_are_found_as_by_looking_at_each() {
     }
 }
 
-/// Tests points beside the plane between two viewcells, by exact fractions. The plane has whole coefficients,
-/// of different length in the two viewcells, and is far from the origin.
+/// Tests points beside the plane between two viewcells, by exact fractions. The plane has whole-number
+/// coefficients, of different length in the two viewcells, and is far from the origin.
 #[test]
 fn a_point_is_in_the_viewcells_that_it_is_exactly_in() {
     let mut state = 7;
@@ -56,7 +56,7 @@ fn a_point_is_in_the_viewcells_that_it_is_exactly_in() {
         if normal == [0; 3] {
             continue;
         }
-        // Along the plane by multiples of 1/16, and off the plane by multiples of 2^-20.
+        // Points are moved along the plane by multiples of 1/16, and off the plane by multiples of 2^-20.
         let across: [i64; 3] = core::array::from_fn(|i| {
             let (j, k) = ((i + 1) % 3, (i + 2) % 3);
             normal[j] * r[k] - normal[k] * r[j]
@@ -234,7 +234,7 @@ fn an_eye_that_a_clip_plane_cuts_away_sees_everything() {
     let mut culler = PvsCuller::new(&shared);
     let eye = DVec3::new(1e6 + 2.0, 5.0, 0.5);
     let view = View::perspective(Pose::look_at(eye, eye + DVec3::X, DVec3::Z), 2.0, 2.0, 0.1, 1e3).unwrap();
-    // Clip planes relative to the eye: 6 m ahead, or 1 m behind.
+    // A clip plane 6 m ahead of the eye, where view rays begin in the next room, or 1 m behind the eye.
     for (start, expected) in [(6.0, 10), (-1.0, 5)] {
         let view = view.with_clip_planes(&[Plane::through(DVec3::X * start, DVec3::X)]).unwrap();
         let mut visible = VisibleSet::new();
@@ -262,7 +262,7 @@ fn an_oblique_near_plane_that_not_all_lines_of_sight_meet_sees_everything() {
     let rooms =
         [0.0, 4.0].map(|x| Viewcell::from_box(DVec3::new(x, 0.0, 0.0), DVec3::new(x + 4.0, 8.0, 3.0)));
     let shared = ScenePvs::new(&scene, pvs, Viewcells::new(rooms), [(here, 0), (there, 1)]);
-    // Looks along x at 90 degrees; relative to the eye, x = -Y, y = Z, w = X.
+    // The camera looks along x with a field of view of 90 degrees; relative to the eye, x = -Y, y = Z, w = X.
     let rows = [
         DVec4::new(0.0, -1.0, 0.0, 0.0),
         DVec4::new(0.0, 0.0, 1.0, 0.0),
@@ -356,7 +356,7 @@ fn nothing_is_hidden_in_a_view_that_does_not_show_an_occluder_of_the_pvs() {
     let (mut scene, ids, pvs, viewcells) = world();
     scene.set_occluder(ids[0], true).unwrap();
     scene.set_layers(ids[0], 0b01).unwrap();
-    // An object on no layer is drawn in no view, so that it hid nothing in any bake.
+    // An object on no layer is drawn in no view, so no bake can have used it as an occluder.
     scene.set_occluder(ids[2], true).unwrap();
     scene.set_layers(ids[2], 0).unwrap();
     let shared = ScenePvs::new(&scene, pvs, viewcells, ids.iter().copied().zip(0..));
@@ -375,7 +375,7 @@ fn nothing_is_hidden_in_a_view_that_does_not_show_an_occluder_of_the_pvs() {
     }
 }
 
-/// A viewcell with a plane that is none contains no point, so its PVS says nothing of any eye.
+/// A viewcell with a NaN plane contains no point, so its PVS says nothing about any eye.
 #[test]
 fn nothing_is_hidden_from_a_viewcell_with_a_plane_that_is_nan() {
     let (scene, ids, pvs, viewcells) = world();

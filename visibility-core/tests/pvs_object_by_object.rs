@@ -1,4 +1,4 @@
-//! Tests that the PVS culler leaves just the objects that a look at each object leaves, through changes of
+//! Tests that the PVS culler keeps the same objects as a test of each object by itself, through changes of
 //! the scene, rebuilds, other viewcells, other sets and other scenes; and that its work follows what is seen.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -11,13 +11,13 @@ use visibility_core::{
 };
 use visibility_testing::Random;
 
-/// Viewcells: cubes of `SIDE` metres in a row along x, from the origin on.
+/// Number of viewcells: cubes of `SIDE` metres in a row along x, from the origin on.
 const CELLS: usize = 6;
 const SIDE: f64 = 10.0;
 /// Distance of the near plane in metres.
 const NEAR: f64 = 0.1;
 
-/// A set, what it was made of, and all that has changed in its scene since.
+/// A PVS prepared for a scene, the data that it was made from, and all changes of the scene since.
 struct Set {
     shared: Arc<ScenePvs>,
     rows: Vec<Vec<u32>>,
@@ -25,7 +25,7 @@ struct Set {
     /// Targets of each object that was given any.
     targets: BTreeMap<ObjectId, Vec<u32>>,
     changed: BTreeSet<ObjectId>,
-    /// The origin of the scene was moved, which is a change of all objects.
+    /// Whether the origin of the scene was moved, which counts as a change of all objects.
     is_void: bool,
     made: SceneCursor,
     followed: SceneCursor,
@@ -108,7 +108,7 @@ fn change(scene: &mut Scene, rng: &mut Random) {
             0 => drop(scene.insert(object)),
             1 => scene.remove(id).unwrap(),
             2 => {
-                // The index of the removed object is used again.
+                // The new object gets the index of the removed one.
                 scene.remove(id).unwrap();
                 scene.insert(object);
             }
@@ -132,8 +132,8 @@ fn change(scene: &mut Scene, rng: &mut Random) {
     }
 }
 
-/// Returns a view and the viewcells in which its lines of sight begin, which is on the near plane: one
-/// viewcell, or two that the near plane is in; `None` for an eye or a near plane outside of all.
+/// Returns a view, and the viewcells in which its lines of sight begin on the near plane: one viewcell, or
+/// two if the near plane crosses a border. `None` for an eye or a near plane outside all viewcells.
 fn random_view(rng: &mut Random) -> (View, Option<Vec<usize>>) {
     let cell = rng.below(CELLS);
     let border = SIDE * (cell + 1) as f64;
@@ -170,7 +170,7 @@ fn run(seed: u64, count: usize, frames: usize) -> (usize, usize) {
         })
         .collect();
     let mut live = PvsCuller::new(worlds[0].sets[0].shared.clone());
-    // Which world is drawn, and the world and number of the set that the culler holds.
+    // Index of the world that is drawn, and indices of the world and of the set that the culler holds.
     let (mut at, mut given) = (0, (0, 0));
     let (mut view, mut cells) = random_view(&mut rng);
     let (mut hidden, mut mixed) = (0, 0);
@@ -185,7 +185,7 @@ fn run(seed: u64, count: usize, frames: usize) -> (usize, usize) {
             19 => worlds[given.0].sets[given.1] = Set::new(&worlds[given.0].scene, &mut rng),
             20 => worlds[1 - at].scene = worlds[at].scene.clone(),
             21 => {
-                // A copy takes the place of the scene, and counts as another.
+                // A clone replaces the scene, and counts as another scene.
                 let copy = worlds[at].scene.clone();
                 worlds[at].scene = copy;
             }
@@ -212,7 +212,7 @@ fn run(seed: u64, count: usize, frames: usize) -> (usize, usize) {
             let shows = |id: &ObjectId| shows_all || set.shows(&scene.object(*id).unwrap(), *id, cells);
             start.iter().copied().filter(shows).collect()
         };
-        // The culler after the frustum, and by itself.
+        // The culler runs after a frustum culler, or alone.
         let is_alone = rng.one_in(2);
         let mut visible = VisibleSet::new();
         visible.fill(scene, &view);
@@ -224,7 +224,8 @@ fn run(seed: u64, count: usize, frames: usize) -> (usize, usize) {
         let (seen, expected) = (ids_of(&visible, scene), expect(&start, cells.as_deref()));
         let lost: Vec<_> = expected.difference(&seen).collect();
         assert!(lost.is_empty(), "seed {seed}, frame {frame}: hides {lost:?}");
-        // The log of the scene may not reach back to the bake, for a culler that was elsewhere meanwhile.
+        // The log of the scene may no longer reach back to the bake, if the culler has followed another scene
+        // meanwhile.
         if seen != start || set.made.peek(scene) != Changes::Everything {
             let more: Vec<_> = seen.difference(&expected).collect();
             assert!(more.is_empty(), "seed {seed}, frame {frame}: keeps {more:?}");
@@ -252,8 +253,8 @@ fn what_is_left_is_what_a_look_at_each_object_leaves() {
     }
 }
 
-/// Tests that a frame visits the nodes of what is seen, whatever the scene holds besides, and that a culler
-/// that just entered a viewcell visits no more.
+/// Tests that a frame visits only nodes with visible objects, whatever else the scene contains, and that a
+/// culler that has just entered a viewcell visits no more.
 #[test]
 fn nodes_visited_follow_what_is_seen() {
     let mut scene = Scene::new();
@@ -282,10 +283,10 @@ fn nodes_visited_follow_what_is_seen() {
     for (x, seen) in [(5.0, 30), (5.0, 30), (15.0, 1), (5.0, 30)] {
         let (visible, nodes) = frame(&scene, x);
         assert_eq!(visible, seen, "x {x}: objects that the viewcell sees");
-        // Root, inner node and leaf at most for each object.
+        // At most the root, and one inner node and one leaf for each object.
         assert!(nodes <= 1 + 2 * seen, "{nodes} nodes for {seen} objects");
     }
-    // One object that moves is one object more.
+    // A changed object counts as one more object that is seen.
     let at = scene.bounds(ids[70_000]).unwrap();
     scene.set_bounds(ids[70_000], at).unwrap();
     assert_eq!(frame(&scene, 5.0).0, 31, "objects visible after one has moved");

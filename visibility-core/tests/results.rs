@@ -34,8 +34,8 @@ fn random_scene(rng: &mut Random, count: usize) -> Scene {
     scene
 }
 
-/// Tests that a result that is kept without being listed, while another is culled in every frame, keeps one
-/// content of each node, and reads it.
+/// A result that is kept without being listed, while another result is culled in every frame, makes the scene
+/// keep one content of each node at most, and is read as it was culled.
 #[test]
 fn what_a_scene_keeps_for_an_old_result_does_not_grow() {
     let mut rng = Random(10);
@@ -62,7 +62,8 @@ fn what_a_scene_keeps_for_an_old_result_does_not_grow() {
     assert_eq!(kept.ids(&scene), expected, "the objects of the old result");
 }
 
-/// Tests the tracker's case: one spawn, or one call of `maintain`, between culling and drawing.
+/// Regression test: one spawn, or one call of `maintain`, between culling and drawing leaves the result
+/// unchanged.
 #[test]
 fn a_spawn_or_maintenance_between_culling_and_drawing_leaves_the_result_as_it_was() {
     let mut rng = Random(1);
@@ -142,13 +143,13 @@ const CHANGES: [(&str, Change); 11] = [
     ("rebuild", |scene, _| scene.rebuild()),
 ];
 
-/// Returns the objects of a result, in its order, from a copy: the result itself stays unlisted if it is.
+/// Returns the objects of a result in its order. Reads a clone, so that an unlisted result stays unlisted.
 fn listed(scene: &Scene, visible: &VisibleSet) -> Vec<ObjectId> {
     visible.clone().ids(scene).to_vec()
 }
 
-/// Tests every change of a scene, by itself and in random sequences, under results in every order, listed
-/// before the changes and not.
+/// Tests every change of a scene, by itself and in random sequences, on results in every order, some listed
+/// before the changes and some not.
 #[test]
 fn results_survive_every_change_of_the_scene() {
     let mut rng = Random(2);
@@ -186,7 +187,7 @@ fn results_survive_every_change_of_the_scene() {
             removed += list.len() - left.len();
             assert_reads(&scene, &visible, &left, name);
             assert_eq!(visible.listed(), (round % 8 < 4).then_some(&list[..]), "{name}");
-            // A copy that takes in the change holds the same, in the same order.
+            // A clone that is finished after the change holds the same objects in the same order.
             let mut copy = visible.clone();
             copy.finish(&scene);
             assert_reads(&scene, &copy, &left, name);
@@ -201,7 +202,7 @@ fn results_survive_every_change_of_the_scene() {
             let culled: BTreeSet<_> = left.iter().copied().filter(|id| !unculled(id)).collect();
             assert!(copied.is_superset(&culled), "{name}");
         }
-        // The next frame has taken in everything.
+        // The next frame takes all changes into account.
         pipeline.cull(&scene, &view, &mut visible);
         let mut fresh = VisibleSet::new();
         pipeline.cull(&scene, &view, &mut fresh);
@@ -224,7 +225,7 @@ fn results_of_several_frames_survive_side_by_side() {
             let at = rng.below(results.len() + 1);
             match rng.below(5) {
                 0 | 1 => {
-                    // Reuses a set, or makes one.
+                    // Takes a set from the results for reuse, or makes a new one.
                     let mut set = match results.get_mut(at) {
                         Some((set, ..)) => core::mem::take(set),
                         None => VisibleSet::new(),
@@ -268,8 +269,8 @@ fn results_of_several_frames_survive_side_by_side() {
     assert!(outdated > 300, "too easy: {outdated}");
 }
 
-/// Tests that what the scene keeps for results that are not listed is bounded by these results, and goes
-/// with them.
+/// Tests that the memory which a scene keeps for unlisted results is bounded by these results, and freed with
+/// them.
 #[test]
 fn what_a_scene_keeps_for_results_goes_with_them() {
     let mut rng = Random(9);
@@ -281,7 +282,8 @@ fn what_a_scene_keeps_for_results_goes_with_them() {
         }
         scene.maintain(50);
     };
-    // Both: the memory after many frames without a result, and with three.
+    // Greatest memory of the scene over many frames: `[0]` if every result is listed, `[1]` with three
+    // unlisted results.
     let mut greatest = [0; 2];
     let (mut pipeline, mut sets) = (frustum(), [(); 3].map(|_| VisibleSet::new()));
     for (keeps, greatest) in greatest.iter_mut().enumerate() {
@@ -303,8 +305,7 @@ fn what_a_scene_keeps_for_results_goes_with_them() {
     assert!(scene.memory() <= without + without / 50, "{} of {without}", scene.memory());
 }
 
-/// Tests the tracker's case: cullers called one by one, then a list of the result, without a call of
-/// `finish`.
+/// Regression test: cullers called one by one, then the list of the result, without a call of `finish`.
 #[test]
 fn no_order_of_calls_leaves_a_list_empty() {
     let mut scene = Scene::new();
@@ -340,7 +341,8 @@ fn no_order_of_calls_leaves_a_list_empty() {
     }
 }
 
-/// Tests that unions of results older than the scene hold the objects of both, and what is never culled.
+/// Tests that unions of results older than the scene hold the objects of both results, and the objects that
+/// are never culled.
 #[test]
 fn unions_of_results_survive_changes_too() {
     let mut rng = Random(3);
@@ -356,7 +358,7 @@ fn unions_of_results_survive_changes_too() {
             frustum().cull(&scene, &view, set);
             expected.extend(set.iter(&scene));
             if round % 3 > 0 {
-                // The second change, if any, comes after both sets.
+                // A change after each set: the second comes after both sets were culled.
                 rng.pick(&CHANGES).1(&mut scene, &mut rng);
             }
         }
@@ -464,7 +466,7 @@ fn bits_are_those_of_the_listed_indices() {
             );
             assert!(bits.iter().all(|&word| word == 7), "unchanged");
         }
-        // Spawns after culling ask for no more.
+        // Spawns after culling do not raise the number of words needed.
         scene.insert_batch((0..100).map(|_| random_box(&mut rng)));
         for len in [needed, needed + 3] {
             let mut bits = vec![u32::MAX; len];

@@ -73,7 +73,7 @@ fn random_box(rng: &mut Random, kind: usize) -> Aabb {
             if rng.one_in(8) {
                 return Aabb::from_arrays(a, b);
             }
-            // Mostly with min <= max, because inverted boxes are never tested.
+            // Mostly with min <= max, because the kernel never tests inverted boxes.
             Aabb::from_arrays(
                 core::array::from_fn(|i| a[i].min(b[i])),
                 core::array::from_fn(|i| a[i].max(b[i])),
@@ -147,7 +147,7 @@ fn box_at_the_limit(rng: &mut Random, camera: &Camera) -> Aabb {
 
 #[test]
 fn the_answers_are_those_of_every_other_platform() {
-    // Boxes from integers, by operations that IEEE 754 fixes to the last bit.
+    // Boxes are made from integers, by operations that IEEE 754 fixes to the last bit.
     let mut rng = Random(2024);
     let mut hash = FNV_START;
     for (matrix, depth) in MATRICES {
@@ -161,10 +161,10 @@ fn the_answers_are_those_of_every_other_platform() {
         let view = View::from_clip_from_world(matrix, depth).unwrap();
         let mut visible = VisibleSet::new();
         Pipeline::new().with(FrustumCuller::new()).cull(&scene, &view, &mut visible);
-        // Hashes membership by id, which does not depend on the order of the hierarchy,
+        // Membership by id, which does not depend on the order of the hierarchy, is hashed first.
         let answers: Vec<u8> = ids.iter().map(|&id| visible.contains(&scene, id).into()).collect();
         hash = fnv(hash, &answers);
-        // and then the ids in drawing order, which does.
+        // The ids in drawing order, which does depend on the hierarchy, are hashed next.
         for id in visible.iter(&scene) {
             hash = fnv(hash, &(id.index() as u32).to_le_bytes());
         }

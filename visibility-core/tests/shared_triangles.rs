@@ -1,4 +1,5 @@
-//! Tests of triangles that objects share: placed as copies would be, and prepared once.
+//! Tests of triangles that objects share: they are placed where copies would be, and prepared as occluders
+//! once.
 
 use visibility_core::glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, Vec3};
 use visibility_core::scene::{SharedTriangles, Triangle};
@@ -75,8 +76,8 @@ fn triangles_outside_of_the_bounds_are_refused_where_they_are_placed() {
     assert_eq!(scene.triangles(id).unwrap(), mesh.view(), "a refused call changes nothing");
 }
 
-/// Bounds that were computed from the transform in `f64` hold the triangles although their transform is
-/// rounded, also where coordinates on an axis are far less than those on another, or a corner is at 0.
+/// Bounds computed from the transform in `f64` contain the triangles although their transform is rounded.
+/// Also tested where coordinates on one axis are far smaller than on another, and with a corner at 0.
 #[test]
 fn bounds_computed_in_f64_hold_placed_triangles() {
     let mut random = Random(3);
@@ -94,7 +95,7 @@ fn bounds_computed_in_f64_hold_placed_triangles() {
         let mut scene = Scene::new();
         let id = scene.insert(bounds);
         assert_eq!(scene.set_triangles(id, placed.clone()), Ok(()), "{round}: {far} m");
-        // A tenth of a millimetre is no rounding of a few metres.
+        // A distance of 0.1 mm is more than the rounding error of a few metres.
         scene.set_bounds(id, Aabb::new(bounds.min, bounds.max - Vec3::Z * 1e-4)).unwrap();
         assert!(scene.set_triangles(id, placed).is_err(), "{round}: {far} m");
     }
@@ -137,7 +138,8 @@ fn objects_with_the_same_triangles_share_one_prepared_mesh() {
             "{id}: the translation of its transform"
         );
     }
-    // One-sided and two-sided objects with the same triangles have two meshes, of which one has no backs.
+    // One-sided and two-sided objects with the same triangles get two prepared meshes, of which one is
+    // one-sided.
     let mut scene = Scene::new();
     for i in 0..10 {
         place(&mut scene, &mesh, at(i), i % 2 == 0);
@@ -153,7 +155,7 @@ fn objects_with_the_same_triangles_share_one_prepared_mesh() {
         );
     }
     let ids: Vec<_> = scene.ids().collect();
-    // A mesh with backs hides what is seen through the backs of what is drawn from its front alone.
+    // A two-sided mesh would hide objects that are visible through the undrawn backs of a one-sided object.
     for (&id, one_sided) in ids.iter().zip([true, false].into_iter().cycle()) {
         scene.set_one_sided(id, true).unwrap();
         assert_eq!(
@@ -166,8 +168,8 @@ fn objects_with_the_same_triangles_share_one_prepared_mesh() {
     assert_eq!(scene.mesh_count(), 0, "the meshes go with the last object");
 }
 
-/// A mesh far from its own origin, which a transform brings near, would be placed by rounded products that
-/// are much larger than the coordinates: off by centimetres, also where the transform itself is not rounded.
+/// A mesh far from its own origin that a transform brings near. Products rounded to `f32` would be much
+/// larger than the coordinates and misplace it by centimetres, even if the transform itself were exact.
 #[test]
 fn rounding_never_moves_an_occluder() {
     for (far, shares) in [(0.0, true), (2.0, true), (1e5, false), (1e6, false)] {
@@ -240,8 +242,8 @@ fn a_shared_mesh_goes_with_the_triangles() {
     );
 }
 
-/// Each of several transforms that are given together is kept in `f32` or `f64` as it is alone. Known boxes
-/// hold all corners.
+/// Transforms that are given together are each kept in `f32` or `f64`, as if given alone. Known boxes hold
+/// all corners.
 #[test]
 fn transforms_given_together_place_as_each_does() {
     let mut random = Random(11);
@@ -252,7 +254,7 @@ fn transforms_given_together_place_as_each_does() {
                 let turn = DQuat::from_rotation_z(random.unit() * 6.0);
                 let scale = DVec3::new(1.0 + random.unit(), 1.0, if i % 3 == 0 { -1.0 } else { 1.0 });
                 let at = random.vec3(-50.0, 50.0).as_dvec3();
-                // One of the meshes far from its origin stays there.
+                // All meshes far from their own origin are moved back near it, except number 7.
                 let back = turn * (scale * -f64::from(far)) * if i == 7 { 0.0 } else { 1.0 };
                 DAffine3::from_scale_rotation_translation(scale, turn, at + back)
             })

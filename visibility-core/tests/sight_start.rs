@@ -79,7 +79,7 @@ impl Camera {
             }
             // An oblique near plane, as for mirrors; the eye may be on either side.
             2 => row(random_whole(rng, 20), i128::from(rng.between(-20, 2))),
-            // Nearly parallel to the picture, but slightly oblique.
+            // A near plane that is slightly oblique.
             _ => {
                 let turn = random_whole(rng, 3);
                 let normal = core::array::from_fn(|i| 9 * w.normal[i] + turn[i]);
@@ -92,7 +92,7 @@ impl Camera {
             let grazed = camera.line(rng.pick(&[-8, 8]), rng.pick(&[-8, 8]));
             let clip = match (rng.below(4), grazed) {
                 (0, _) => row(random_whole(rng, 20), i128::from(rng.between(-30, 30))),
-                // Keeps an edge of the picture on the near plane, and little else.
+                // A clip plane that keeps one edge of the picture on the near plane, and little else.
                 (1, _) => {
                     let (side, sign) = (rng.pick(&[camera.x, camera.y]), rng.pick(&[-1, 1]));
                     let (more, most) = (i128::from(rng.between(1, 5)), i128::from(rng.between(1, 5)));
@@ -102,16 +102,16 @@ impl Camera {
                     });
                     row(normal, sum(side.constant, camera.w.constant, camera.near.constant))
                 }
-                // In front of the eye, or across a parallel view, by less than the rounding error; a corner
-                // of the picture meets the plane far away.
+                // A clip plane less than the rounding error in front of the eye, or across a parallel view. A
+                // corner of the picture meets the plane far away.
                 (2, Some(line)) if far_off == 0 => {
                     let (across, turn) = (cross(line.direction, random_whole(rng, 9)), random_whole(rng, 3));
-                    // As large as `f64` holds exactly.
+                    // Scales the normal to the largest whole numbers that `f64` holds exactly.
                     let most = across.iter().fold(1, |most: i128, n| most.max(n.abs()));
                     let times = (1i128 << 51) / most;
                     row(core::array::from_fn(|i| across[i] * times + turn[i]), -1)
                 }
-                // Through the eye.
+                // A clip plane through the eye.
                 _ => row(random_whole(rng, 20), 0),
             };
             if clip.normal != [0; 3] {
@@ -157,7 +157,8 @@ impl Camera {
     fn line(&self, a: i128, b: i128) -> Option<Line> {
         let (x, y, w) = (self.x.normal, self.y.normal, self.w.normal);
         if self.is_parallel() {
-            // Along the edge of the sides, in the sense that crosses the near plane inwards.
+            // The ray runs along the edge in which the side planes meet, in the sense that crosses the near
+            // plane inwards.
             let along = cross(x, y);
             let inwards = dot(along, self.near.normal).signum();
             let square = dot(along, along);

@@ -13,7 +13,7 @@ struct Mesh<const N: usize> {
 }
 
 impl<const N: usize> Mesh<N> {
-    /// Makes a random mesh of which the weights of each vertex sum to about `sum`.
+    /// Makes a random mesh in which the weights of each vertex sum to about `sum`.
     fn new(rng: &mut Random, vertices: usize, bones: usize, sum: f32) -> Self {
         let mut mesh = Self { positions: Vec::new(), joints: Vec::new(), weights: Vec::new() };
         for _ in 0..vertices {

@@ -1,4 +1,5 @@
-//! Tests that objects hide from where they are, however they moved: bounds, meshes, triangles and ids.
+//! Tests that objects occlude from their present place, however they were moved: bounds, meshes, triangles
+//! and ids.
 
 use visibility_core::glam::{Affine3A, DVec3, EulerRot, Mat3A, Quat, Vec3};
 use visibility_core::{
@@ -132,7 +133,7 @@ fn transforms_move_bounds_and_mesh_together() {
         assert_eq!(scene.occluder(wall).unwrap().1, away, "way {how}: the mesh has moved");
         move_by(&mut scene, wall, Affine3A::IDENTITY, how);
         assert!(!is_visible(&scene, behind) && is_visible(&scene, wall), "it hides where it is again");
-        // A mesh given anew moves the bounds as well.
+        // Setting a mesh again, with another transform, moves the bounds as well.
         let mesh = scene.add_mesh(OccluderMesh::cuboid(&WALL).unwrap());
         scene.set_mesh(wall, mesh, away).unwrap();
         assert!(is_visible(&scene, behind), "way {how}: the new mesh is out of the way");
@@ -189,7 +190,7 @@ fn a_local_box_that_changes_takes_the_mesh_away() {
     assert!(!is_visible(&scene, behind), "the same box");
     scene.set_local_bounds(wall, ASIDE).unwrap();
     assert!(is_visible(&scene, behind) && !scene.has_mesh(wall), "another local box takes the mesh away");
-    // Triangles stay behind if the first local box is elsewhere.
+    // A first local box that is elsewhere takes the prepared mesh away, since the triangles do not move.
     let (mut scene, wall, behind) = with_prepared_mesh();
     scene.set_local_bounds(wall, ASIDE).unwrap();
     assert!(
@@ -224,7 +225,7 @@ fn transforms_that_cannot_be_are_errors_and_change_nothing() {
         "a batch with an object without local bounds"
     );
     assert!(!is_visible(&scene, behind) && scene.revision() == revision, "refused calls change nothing");
-    // Bounds in scene coordinates end the local ones.
+    // Setting bounds in scene coordinates removes the local bounds.
     scene.set_bounds(wall, ASIDE).unwrap();
     assert_eq!(scene.local_bounds(wall), None, "bounds in scene coordinates end the local ones");
     assert_eq!(
@@ -232,7 +233,7 @@ fn transforms_that_cannot_be_are_errors_and_change_nothing() {
         Err(SceneError::NoLocalBounds(wall)),
         "a transform after the local bounds ended"
     );
-    // Local boxes that are no boxes: the object is never culled.
+    // Improper and infinite local boxes: the object is never culled.
     for local in [Aabb::EMPTY, Aabb::new(Vec3::NAN, Vec3::ONE), Aabb::new(Vec3::ZERO, Vec3::INFINITY)] {
         scene.set_local_bounds(wall, local).unwrap();
         scene.set_transform(wall, shift).unwrap();
@@ -240,8 +241,8 @@ fn transforms_that_cannot_be_are_errors_and_change_nothing() {
     }
 }
 
-/// Tests random moves by every function against one transform after the other, with removed objects and
-/// batches of every size: the bounds are those of the local box, the mesh is at the object's transform.
+/// Tests random moves by every function, in batches of every size and with removed objects, against single
+/// transforms: bounds are those of the local box, and the mesh is at the object's transform.
 #[test]
 fn random_transforms_place_bounds_and_meshes() {
     let mut rng = Random(11);
@@ -350,7 +351,8 @@ fn ids_of_another_scene_are_unknown() {
         assert_eq!(scene.set_local_bounds(id, local), Err(unknown), "{id} is of another scene");
         assert_eq!(scene.set_transform(id, Affine3A::IDENTITY), Err(unknown), "{id} is of another scene");
         assert_eq!(scene.remove(id), Err(unknown), "{id} is of another scene");
-        // In a clone, ids of before the clone are valid, and those of new objects are its own.
+        // A clone of a scene knows the ids made before it was cloned; ids made later belong to one of the two
+        // scenes.
         let (mut copy, old) = (scene.clone(), scene.ids().next().unwrap());
         let (new, other) = (copy.insert(local), scene.insert(local));
         assert!(
@@ -381,7 +383,7 @@ fn contains_image(bounds: &Aabb, transform: &Affine3A, corner: Vec3, axis: usize
     terms(bounds.min[axis]) >= 0 && terms(bounds.max[axis]) <= 0
 }
 
-/// Tests random boxes and transforms, and ones whose terms cancel up to their last bits, against exact
+/// Tests random boxes and transforms, and transforms whose terms cancel up to their last bits, against exact
 /// arithmetic.
 #[test]
 fn transformed_boxes_contain_the_exact_image() {

@@ -251,7 +251,7 @@ fn an_unfinished_set_of_another_layout_holds_everything_on_its_layers() {
             change(&mut scene, &ids);
             let on_layers = set_of(scene.ids().filter(|&id| scene.object(id).unwrap().layers & 3 != 0));
             if count == 60 && name == "teleport" {
-                continue; // A single block is nobody's part.
+                continue; // 60 objects share one leaf, so no slot changes.
             }
             assert_eq!(read(&scene, &visible), on_layers, "after {name}");
             // Cullers that are called without `fill` then start from everything too.
@@ -271,7 +271,7 @@ fn maintenance_that_moves_objects_makes_unfinished_sets_stale() {
     for _ in 0..60 {
         let mut scene = Scene::new();
         let ids = scene.insert_batch((0..500).map(|_| random_box(&mut rng)));
-        // Blocks with few objects left are merged.
+        // Maintenance merges leaves in which few objects are left.
         let (gone, ids) = ids.split_at(rng.below(500));
         scene.remove_batch(gone).unwrap();
         let view = looking_at(rng.vector(1.0));
@@ -310,7 +310,8 @@ fn a_turning_camera_is_told_what_appears_and_what_vanishes() {
             scene.remove(gone).unwrap();
             removed_while_visible += usize::from(before.contains(&gone));
             if !rng.one_in(3) {
-                // Often in view, so that an index is visible in both frames, but for two different objects.
+                // New objects are often in view, so that an index is visible in both frames, but for two
+                // different objects.
                 let p = if rng.one_in(2) { (target * 30.0).as_vec3() } else { rng.vector(100.0).as_vec3() };
                 ids.push(scene.insert(at(p.x, p.y, p.z)));
                 reused_while_visible +=

@@ -1,5 +1,5 @@
-//! `WhoSees` reports each pair that the cells of its level do not exclude, whatever movers and levels were
-//! before.
+//! Tests that `WhoSees` reports exactly the pairs that the cells of its level do not exclude, whatever movers
+//! and levels earlier calls had.
 
 use visibility_core::bits::Bits;
 use visibility_core::glam::DVec3;
@@ -12,7 +12,7 @@ use visibility_testing::allocations::ALLOCATIONS;
 /// Number of unit boxes along x, y and z.
 const SIDES: [i64; 3] = [6, 5, 2];
 
-/// Unit boxes, of which some are missing, in any order, with the boxes that each sees.
+/// A level of unit boxes in any order, of which some are missing, with the boxes that each box sees.
 struct Level {
     boxes: Vec<[i64; 3]>,
     rows: Vec<Vec<u32>>,
@@ -46,7 +46,7 @@ impl Level {
             return None;
         }
         let mut cells = Vec::new();
-        // A reach that touches the side of a box is beyond it by the rounding.
+        // A reach that touches the side of a box may be beyond that side, by rounding.
         let range = |axis: usize| low[axis].ceil() as i64 - 1..=high[axis].floor() as i64;
         for x in range(0) {
             for y in range(1) {
@@ -64,7 +64,7 @@ impl Level {
     }
 }
 
-/// Returns a box in the level for the most part, with corners on a grid of quarters.
+/// Returns the reach of a random mover, mostly inside the level, with corners at multiples of 1/4.
 fn mover(rng: &mut Random) -> Reach {
     let mut side = |axis: usize| {
         let low = rng.below(4 * SIDES[axis] as usize) as f64 / 4.0;
@@ -96,7 +96,7 @@ fn answers_are_those_of_each_pair() {
     for tick in 0..120 {
         let which = usize::from(tick % 40 > 30);
         let level = &levels[which];
-        // Most targets stay where they are, some go, come, or change places.
+        // Most targets stay where they are. Some are added, removed, moved or exchanged.
         targets.resize_with(rng.below(200), || mover(&mut rng));
         for target in &mut targets {
             if rng.one_in(5) {

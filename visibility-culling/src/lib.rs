@@ -2,9 +2,9 @@
 //!
 //! This crate bundles the family of `visibility` crates into one dependency. The types that every program
 //! needs are at the root: the [`Scene`], the [`View`], the [`Pipeline`] of cullers and the [`VisibleSet`]
-//! that the pipeline narrows down. What an engine does around culling is here too: [levels of detail](lod),
-//! [casters], [backface], [clusters], [motion], [queries], [draw lists](draw_list). Each further family of
-//! cullers is a module behind a feature of the same name.
+//! that the pipeline narrows down. Helpers around culling are here too: [levels of detail](lod), [casters],
+//! [backface], [clusters], [motion], [queries], [draw lists](draw_list). Each further family of cullers is a
+//! module behind a feature of the same name.
 //!
 //! # Which culler for which scene
 //!
@@ -37,7 +37,7 @@
 //! let ids = scene.insert_batch(boxes);
 //! let mut pipeline = Pipeline::new().with(FrustumCuller::new());
 //! let mut visible = VisibleSet::new();
-//! // Each frame: say what moved, cull, draw.
+//! // Each frame: report moved objects, cull, draw.
 //! scene.set_bounds(ids[7], Aabb::from_arrays([7.1, 0.0, 0.0], [7.6, 1.0, 1.0]))?;
 //! let pose = Pose::look_at(DVec3::new(-1.0, 0.5, 0.5), DVec3::new(1.0, 0.5, 0.5), DVec3::Z);
 //! let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, 50.0)?;
@@ -45,8 +45,8 @@
 //! assert!(visible.contains(&scene, ids[7]) && !visible.contains(&scene, ids[99]));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
-//! The [`guide`] goes on from here, chapter by chapter, with all features: `guide::first_engine` is your
-//! first engine in 15 minutes, `guide::wrong_picture` is for when the picture is empty or wrong.
+//! The [`guide`] continues from here, chapter by chapter, with all features: `guide::first_engine` leads to a
+//! first engine in 15 minutes, `guide::wrong_picture` helps when the picture is empty or wrong.
 #![no_std]
 
 pub mod guide;
@@ -54,7 +54,7 @@ pub mod guide;
 pub use visibility_core::*;
 pub use visibility_frame::*;
 
-/// Bakes in rounds over threads, and, behind the feature `bake`, from a level to a file.
+/// Bakes in rounds over threads and, with the feature `bake`, bakes from a level to a file.
 pub mod bake {
     #[cfg(feature = "bake")]
     pub use visibility_bake::*;

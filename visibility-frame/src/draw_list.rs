@@ -92,9 +92,9 @@ pub struct DrawList {
     /// Scratch: the key of each object in the upper half and the object's index in the lower, in the order
     /// given.
     keyed: Vec<u64>,
-    /// Scratch, in one of two uses. If objects are counted by key: indexed by key, first the number of
-    /// objects with the key, then the position in `instances` of the next one. If objects are sorted by
-    /// comparison: the index of each object, in the order given.
+    /// Scratch with one of two meanings. If objects are counted by key, indexed by key: first the number of
+    /// objects with the key, then the position in `instances` of the next object with the key. If objects are
+    /// sorted by comparison: the index of each object, in the order given.
     places: Vec<u32>,
 }
 
@@ -121,9 +121,11 @@ impl DrawList {
             greatest = greatest.max(key);
             keyed.push(u64::from(key) << 32 | id.index() as u64);
         });
-        // Keys much greater than the number of objects would take a large table of counts.
+        // A counting sort by a key much greater than the number of objects would take a large table of
+        // counts.
         if greatest as usize / 4 > keyed.len() + 64 {
-            // Objects of a group keep their order: words with a position are sorted, not words with an index.
+            // Each word sorted has a key and a position in `ids` instead of an object index, so that objects
+            // of a group keep their order.
             places.clear();
             places.extend(keyed.iter().map(|&keyed| keyed as u32));
             for (keyed, position) in keyed.iter_mut().zip(0..) {

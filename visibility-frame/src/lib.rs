@@ -33,14 +33,14 @@
 //! pipeline.cull(&scene, &view, &mut visible);
 //! let meshes = [7, 4, 7]; // by object index
 //! list.group(visible.iter(&scene), |id| meshes[id.index()]);
-//! // The third object is smaller than two pixels.
+//! // Only two objects are drawn: the third is smaller than two pixels.
 //! assert!(list.groups().iter().map(|group| (group.key, group.count)).eq([(4, 1), (7, 1)]));
 //! # Ok::<(), visibility_core::view::ViewError>(())
 //! ```
 //!
 //! # Features
-//! `std` (default) chooses SIMD at run time. Without it, `libm` is needed for a few elementary functions.
-//! `bytemuck` makes the [draw commands](draw_list) `Pod`.
+//! Feature `std` (default) chooses SIMD at run time. Without it, `libm` is needed for a few elementary
+//! functions. Feature `bytemuck` makes the [draw commands](draw_list) `Pod`.
 #![no_std]
 #![warn(missing_debug_implementations)]
 extern crate alloc;

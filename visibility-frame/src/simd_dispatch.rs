@@ -1,9 +1,9 @@
 //! The kernels of the crate, compiled for several instruction sets, one of which is chosen at run time: 64
 //! cones against an eye, and 64 boxes against a least size.
 //!
-//! This is the only module with `unsafe` code: that of the macro, which calls functions compiled for
-//! instructions that the rest of the program does not assume. Core finds out which instruction sets the
-//! processor has ([`Simd`](visibility_core::simd::Simd)).
+//! This is the only module with `unsafe` code, in the macro that calls functions compiled for instructions
+//! which the rest of the program does not assume. Core finds out which instruction sets the processor has
+//! ([`Simd`](visibility_core::simd::Simd)).
 
 use crate::backface::{Cones64, SplitEye, inside_cones};
 use crate::lod::{SizeTest, small_boxes};

@@ -44,7 +44,7 @@ fn side_of([a, b, c]: [DVec3; 3], towards: [Sum; 3]) -> i32 {
         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
         let one = product(&difference(b, j), &difference(c, k));
         let two = product(&difference(b, k), &difference(c, j));
-        // A component may have 16 terms; with an eye from `exact_eye`, 64.
+        // A component may have 16 terms, or 64 with an eye from `exact_eye`.
         let component = compress(plus(&one, &minus(&two)));
         terms.extend(component.iter().flat_map(|&x| along.iter().map(move |&y| (x, y))));
     }
@@ -99,8 +99,8 @@ fn point(rng: &mut Random, size: f64) -> Vec3 {
     rng.vector(size).as_vec3()
 }
 
-/// Returns the 40 triangles of a bent sheet of size `scale` around `place`, similar to modelled surfaces: the
-/// normals lie on an arc or a cap.
+/// Returns the 40 triangles of a bent sheet of size `scale` around `place`, similar to modelled surfaces,
+/// with normals on an arc or a cap of the unit sphere.
 fn patch(rng: &mut Random, scale: f64, place: DVec3) -> Vec<Triangle> {
     let bend = [rng.range(-2.0, 2.0), rng.range(-2.0, 2.0) * f64::from(u8::from(rng.one_in(2)))];
     let frame = DMat3::from_cols(rng.vector(1.0), rng.vector(1.0), rng.vector(1.0));
@@ -123,7 +123,7 @@ fn eyes(rng: &mut Random, triangles: &[Triangle], scale: f64, count: usize) -> V
             1 => Eye::Point(center + far_vector(rng, scale, 0, 12)),
             2 => Eye::Direction(rng.vector(1.0).normalize()),
             _ => {
-                // On the plane of a triangle, up to rounding.
+                // An eye on the plane of a triangle, up to rounding.
                 let [a, b, c] = rng.pick(triangles).map(|p| p.as_dvec3());
                 let (s, t) = (rng.range(-9.0, 9.0) / 3.0, rng.range(-9.0, 9.0) / 7.0);
                 Eye::Point(a + (b - a) * s + (c - a) * t)
@@ -182,8 +182,8 @@ fn no_front_is_in_a_cluster_that_is_said_to_be_back() {
     assert!(said_so.iter().all(|&n| n > 3000), "{said_so:?}");
 }
 
-/// Returns pairs of eyes on both sides of limits between a cone's answers, found by bisection to about the
-/// precision of `f64`.
+/// Returns pairs of eyes on both sides of the boundary between two answers of a cone, found by bisection to
+/// about the precision of `f64`.
 fn at_the_limit(rng: &mut Random, cone: &NormalCone, scale: f64, place: DVec3) -> Vec<Eye> {
     let mut found = Vec::new();
     for _ in 0..4 {
@@ -224,8 +224,8 @@ fn eyes_that_cross_the_plane_of_a_slope_are_told_apart_in_time() {
     let mut told = 0;
     for round in 0..6000 {
         let scale = power_of_two(rng.between(-30, 30));
-        // In turn: far from the origin, where f32 is coarse; with an eye so far away that the apex does not
-        // matter; and with directions.
+        // Three cases in turn: far from the origin, where f32 is coarse; with an eye so far away that the
+        // apex does not matter; with directions.
         let (place, far) = [(20, 4), (8, 24), (0, 4)][round % 3];
         let at = far_vector(&mut rng, scale, -4, place);
         let eye = at + far_vector(&mut rng, scale, -2, far);
@@ -258,7 +258,7 @@ fn transformed_cones_are_right_for_any_transform() {
     let mut rng = Random(4);
     let (mut mirrored, mut decided, mut open) = (0, [0; 3], 0);
     for round in 0..1500 {
-        // Small integers and powers of two, so that transformed corners are exact.
+        // The coordinates are small integers and powers of two, so that transformed corners are exact.
         let place = DVec3::from_array(core::array::from_fn(|_| f64::from(rng.between(-64, 64))));
         let triangles = patch(&mut rng, 8.0, place);
         let triangles: Vec<Triangle> =
@@ -388,8 +388,8 @@ fn hostile_triangles_neither_panic_nor_lie() {
     assert_eq!(with([Vec3::NAN, Vec3::ONE, Vec3::ZERO]), Facing::Undecided, "a corner that is NaN");
     assert_eq!(with([Vec3::INFINITY, Vec3::ONE, Vec3::ZERO]), Facing::Undecided, "a corner at infinity");
     assert_eq!(with([Vec3::ZERO, Vec3::Y, Vec3::X]), Facing::Undecided, "all directions");
-    // So thin that the computed normal is unreliable. Its front faces the eye, so the triangle must not be
-    // culled.
+    // The triangle is so thin that its computed normal is unreliable. Its front faces the eye, so it must not
+    // be culled.
     let thin = [Vec3::ZERO, Vec3::new(1.0, 1.0, 1.0), Vec3::new(1e10, 1e10, 1e10_f32.next_up())];
     assert_ne!(exact_side(&thin, &Eye::Point(DVec3::X)), 0, "the thin triangle is not edge-on");
     let cone = NormalCone::from_triangles(&[thin]);
@@ -476,7 +476,7 @@ fn any_camera_hides_only_what_its_matrix_sees_from_behind() {
         let exponents = [rng.between(-8, 8); 3];
         let (mut camera, _) = random_camera(&mut rng, exponents);
         if rng.one_in(3) {
-            // Nearly dependent rows, which make the eye ill-conditioned.
+            // Rows that are nearly linearly dependent make the position of the eye ill-conditioned.
             let (x, y, off) =
                 (rng.range(-1.0, 1.0), rng.range(-1.0, 1.0), power_of_two(rng.between(-46, -20)));
             for column in 0..4 {
@@ -497,7 +497,7 @@ fn any_camera_hides_only_what_its_matrix_sees_from_behind() {
                 let away = sign(&compress(along)) * if camera.depth.is_reversed() { -1.0 } else { 1.0 };
                 return core::array::from_fn(|i| product(&eye[i], &vec![-away]));
             }
-            // eye / w - (a + shift), times the magnitude of w.
+            // The difference eye / w - (a + shift), times the magnitude of w.
             let w = sign(&eye[3]);
             core::array::from_fn(|i| {
                 let back = product(&eye[3], &compress(vec![-a[i], -shift[i]]));

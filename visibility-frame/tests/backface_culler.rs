@@ -60,14 +60,14 @@ fn a_scene_under_random_changes_hides_backs_only() {
             match rng.below(3) {
                 0 => scene.remove(objects.swap_remove(which).0).unwrap(),
                 1 => {
-                    // A new triangle at a new place.
+                    // Replaces the triangle by another at a new place.
                     let (id, old) = &mut objects[which];
                     *old = triangle(&mut rng);
                     scene.set_bounds(*id, Aabb::from_points(*old)).unwrap();
                     scene.set_triangles(*id, [*old]).unwrap();
                 }
                 _ => {
-                    // The triangle with opposite winding, at the same place.
+                    // Reverses the winding of the triangle, at the same place.
                     let (id, old) = &mut objects[which];
                     old.swap(1, 2);
                     scene.set_triangles(*id, [*old]).unwrap();
@@ -160,7 +160,8 @@ fn an_open_cone_that_was_set_stays_until_the_object_changes() {
     let (mut scene, mut culler) = (Scene::new(), BackfaceCuller::new());
     let id = insert(&mut scene, floor);
     let below = view_from(DVec3::new(0.3, 0.2, -5.0));
-    // The object is drawn as its triangles are not, by a shader that moves them, say.
+    // The caller's open cone must count although the triangles have a cone: a shader may move the triangles,
+    // for instance.
     culler.set(&scene, id, NormalCone::OPEN).unwrap();
     culler.sync(&scene);
     assert!(cull(&mut culler, &scene, &below).contains(&scene, id), "the caller's cone is open");
@@ -212,7 +213,7 @@ fn opposite_scenes() -> ([Scene; 2], ObjectId, [View; 2]) {
 
 #[test]
 fn cones_of_one_scene_hide_nothing_in_another() {
-    // In both orders: the scene made later has the greater revisions.
+    // Tests both orders: the scene made later has the greater revisions.
     for order in [[0, 1], [1, 0]] {
         let (scenes, id, views) = opposite_scenes();
         let [a, b] = order.map(|i| &scenes[i]);

@@ -11,7 +11,7 @@ use visibility_testing::cameras::{
     Camera, DEPTHS, power_of_two, projection, random_camera, random_projection,
 };
 
-/// A view by its parameters, from which points in view are computed without the crate's code.
+/// A view given by its parameters, from which points in view are computed without the crate's code.
 #[derive(Clone, Copy, Debug)]
 struct Eye {
     turn: DQuat,
@@ -88,7 +88,7 @@ fn random_light(rng: &mut Random, eye: &Eye) -> Light {
         }
         _ => {
             let toward_light = match rng.below(3) {
-                // In a plane of the view, up to rounding.
+                // A light that shines along a plane of the view, up to rounding.
                 0 => eye.point(0.0, rng.unit(), eye.far) - eye.point(0.0, rng.unit(), eye.near),
                 1 => eye.turn.inverse() * rng.pick(&[DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_Z]),
                 _ => rng.vector(1.0),
@@ -170,7 +170,7 @@ fn shoot(
 ) -> Shadows {
     let mut sum = Shadows { kept: 0, needed: 0, all: boxes.len(), rays: rays.len() };
     for (bounds, &id) in boxes.iter().zip(ids) {
-        // The box is shrunk by more than the rounding of rays.
+        // The box is shrunk by more than the rounding error of the rays.
         let slack = (bounds.min.abs().max(bounds.max.abs()).as_dvec3() + 1e3) * 1e-12;
         let (min, max) = (bounds.min.as_dvec3() + slack, bounds.max.as_dvec3() - slack);
         let hit = rays.iter().find(|&&(p, ray)| hits(min, max, p, ray));
@@ -240,7 +240,7 @@ fn in_a_town_at_most_a_third_of_what_is_kept_is_not_needed() {
     ];
     for (light, least_culled) in lights.into_iter().zip([0.8, 0.6, 0.97, 0.97]) {
         let eye = Eye {
-            // Forward, the third axis, along x; up along z.
+            // The camera looks along x, with z up; its third axis points forward.
             turn: DQuat::from_mat3(&visibility_core::glam::DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X))
                 .inverse(),
             place: DVec3::new(-50.0, 3.0, 2.0),
@@ -283,7 +283,7 @@ fn corners_exactly_on_segments_from_the_edges_of_the_view_are_kept() {
         let Ok(view) = View::from_clip_from_world(camera.matrix, depth) else { continue };
         let inverse = DMat4::from_cols_array(&camera.matrix).inverse();
         let infinite = case % 2 == 0;
-        // A direction or a position with one decimal digit.
+        // Light directions and positions have at most one decimal digit.
         let light = grid(match rng.below(4) {
             0 => rng.vector(0.0) + rng.pick(&[DVec3::X, DVec3::NEG_Y, DVec3::Z]),
             1 => inverse.project_point3(rng.vector(0.9)).clamp_length_max(500.0),
@@ -298,7 +298,7 @@ fn corners_exactly_on_segments_from_the_edges_of_the_view_are_kept() {
             let (x, y, z) = (place(), place(), rng.range(0.001, 0.999));
             let p = grid(inverse.project_point3(DVec3::new(x, y, z)));
             if p.is_nan() || p.abs().max_element() > 1e4 || !camera.sees(p) {
-                // Any other box, so that there is something to cull.
+                // A box anywhere, so that there is something to cull.
                 boxes.push(rng.small_box(30.0));
                 continue;
             }
@@ -361,7 +361,8 @@ fn blockers_are_kept_however_far_along_an_axis_they_are() {
             if !p.is_finite() || !camera.sees(p.as_dvec3()) {
                 continue;
             }
-            // So far that the light is beyond the box: rounding the far end moves it along the ray only.
+            // The blocker is so far away that the light is beyond the box; rounding the far end moves it only
+            // along the ray.
             let mut q = p;
             q[axis] += (toward_light[axis] * power_of_two(rng.between(20, 60))) as f32;
             boxes.push(Aabb::new(q, q));
@@ -404,7 +405,8 @@ fn blockers_are_kept_where_the_light_runs_along_planes_of_the_view() {
             continue;
         };
         assert!(camera.sees(DVec3::ZERO), "the origin is in view of {camera:?}");
-        // Sometimes a thin wedge of it: two nearly opposite planes, whose sum cancels almost completely.
+        // In some cases the view is a thin wedge: two nearly opposite planes, whose sum cancels almost
+        // completely.
         let thin = integers(&mut rng, 1000) * 67108864.0 + integers(&mut rng, 1000);
         let wedge = [thin, integers(&mut rng, 3) - thin].map(|normal| Plane::new(normal, 0.0));
         let view = match view.with_clip_planes(&wedge) {
@@ -483,8 +485,8 @@ fn casters_are_the_same_on_all_instructions_and_wherever_the_origins_are() {
                 "{simd:?} finds other casters of {light:?}"
             );
         }
-        // Everything is moved by whole metres, which rounds a little in `f64`; no box hit before the move may
-        // be culled after.
+        // Scene and view are moved by whole metres, which rounds a little in `f64`. No box hit before the
+        // move may be culled after it.
         let away = rng.vector(1e6).round();
         scene.set_origin(away).unwrap();
         let moved = match light {
@@ -501,8 +503,8 @@ fn casters_are_the_same_on_all_instructions_and_wherever_the_origins_are() {
     assert!(kept > 1000, "too easy: {kept}");
 }
 
-/// Tests culling with a box of receivers: only shadows on receivers count, and every blocker of these is
-/// kept.
+/// Tests culling with a box of receivers: only shadows on the receivers count, and every blocker of such a
+/// shadow is kept.
 #[test]
 fn receivers_leave_fewer_casters_and_no_blocker_out() {
     let mut rng = Random(5);
@@ -531,13 +533,14 @@ fn receivers_leave_fewer_casters_and_no_blocker_out() {
     assert!(fewer * 2 < more && needed * 2 > fewer && needed > 100, "{fewer} of {more}, {needed} needed");
 }
 
-/// Tests that a box of receivers is not taken for another place of equal numbers, wherever the origin moves.
+/// Tests that a box of receivers belongs to the origin that it was given for: after a move of the origin,
+/// equal numbers are another place.
 #[test]
 fn receivers_are_of_the_origin_that_they_were_given_for() {
     let sun = Light::Directional { toward_light: DVec3::Z };
     let pose = Pose::look_at(DVec3::new(-20.0, 0.0, 1.0), DVec3::new(0.0, 0.0, 1.0), DVec3::Z);
     let view = View::perspective(pose, 1.0, 1.0, 0.1, 100.0).unwrap();
-    // Over the ground around the middle of the world, in shadow from a lamp at a height of 5 m.
+    // Receivers on the ground around the origin of the world, under a lamp at a height of 5 m.
     let (lamp, ground) = ([DVec3::new(-0.5, -0.5, 5.0), DVec3::new(0.5, 0.5, 5.5)], [-3.0, 3.0]);
     let mut scene = Scene::new();
     let id = scene.insert(Aabb::from_world(lamp[0], lamp[1], DVec3::ZERO));
@@ -597,8 +600,8 @@ fn the_range_of_a_light_is_a_ball_and_its_cone_a_cone() {
     assert_eq!(kept(spot(0.5)), [true, false, false, false], "a cone of 0.5 rad");
     assert_eq!(kept(spot(1.1)), [true, false, true, false], "a cone of 1.1 rad");
     assert_eq!(kept(spot(1.6)), [true, false, true, true], "a cone wider than a half-space");
-    // Lit points exactly at the light's range, in exact numbers. An object at such a point may be the only
-    // blocker of its own shadow.
+    // Lit points exactly at the light's range, in numbers without rounding. An object at such a point may be
+    // the only blocker of its own shadow.
     let mut scene = Scene::new();
     let touching =
         [[3.0, 4.0, 12.0], [13.0, 0.0, 0.0], [12.0, -4.0, 3.0], [0.0, 5.0, -12.0], [-4.0, -3.0, -12.0]];
@@ -676,7 +679,7 @@ fn hostile_lights_and_views_do_no_harm() {
         culled += 5 - casters.count(&scene);
     }
     assert!(culled > 1000, "too easy: {culled}");
-    // An empty scene.
+    // Hostile input also meets an empty scene.
     let culler = CasterCuller::new(Light::Directional { toward_light: DVec3::Z }).unwrap();
     let view = View::from_clip_from_world(DMat4::IDENTITY, Depth::ZeroToOne).unwrap();
     assert_eq!(cull(&Scene::new(), &view, culler).count(&Scene::new()), 0, "casters of an empty scene");

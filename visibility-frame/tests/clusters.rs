@@ -72,7 +72,7 @@ fn a_cluster_with_a_corner_in_view_is_listed_and_one_clear_of_a_plane_is_not() {
     let mut rng = Random(1);
     let (mut seen, mut clear, mut dropped) = (0, 0, 0);
     for _ in 0..60_000 {
-        // Sizes from a trillionth to a trillion.
+        // Scales from a trillionth to a trillion.
         let scale = rng.between(-40, 40);
         let exponents = [0; 3].map(|_| scale + rng.between(-4, 4));
         let (mut camera, base) = random_camera(&mut rng, exponents);
@@ -115,7 +115,8 @@ fn a_cluster_with_a_corner_in_view_is_listed_and_one_clear_of_a_plane_is_not() {
             assert!(found, "{camera:?} {transform:?} {p}");
             seen += 1;
         }
-        // How far the box is outside, in units of what `f32` boxes and `f64` transforms can decide.
+        // Distance of the box outside the view, in multiples of the rounding error of `f32` boxes and `f64`
+        // transforms.
         let worst = clip_planes(camera.depth).iter().fold(0.0f64, |worst, plane| {
             let (n, d) = camera.coefficients(plane);
             let local_n = DVec3::from_array(axes.map(|axis| n.dot(axis)));
@@ -157,8 +158,8 @@ fn to_f64(v: Integers) -> DVec3 {
     DVec3::from_array(v.map(|x| x as f64))
 }
 
-/// Tests cones with integers, in which all of mesh, transform and eye are exact, and with powers of two times
-/// integers: eyes within a few units of the plane of a triangle, under transforms that are almost flat.
+/// Tests cones with integers, and with integers times powers of two, so that mesh, transform and eye are
+/// exact: eyes within a few units of the plane of a triangle, under transforms that are almost flat.
 #[test]
 fn a_front_facing_triangle_in_view_is_listed_under_any_transform() {
     let mut rng = Random(2);
@@ -190,13 +191,13 @@ fn a_front_facing_triangle_in_view_is_listed_under_any_transform() {
         let [a, b, c]: [Integers; 3] = placed;
         let (ab, ac) = (minus(b, a), minus(c, a));
         let scale = power_of_two(rng.between(-20, 20));
-        // A view of the triangle, and on which side of its plane the eye is.
+        // A view of the triangle, and the side of the triangle's plane on which its eye is.
         let (view, side) = if rng.one_in(4) {
             let axis = rng.below(3);
             let sign = if rng.one_in(2) { 1 } else { -1 };
             let mut along = [0; 3];
             along[axis] = sign;
-            // Twice as wide as anything that is placed.
+            // A window twice as wide as any placed triangle.
             let size = 1.0 / (scale * 2e8);
             let unit = [DVec3::X, DVec3::Y, DVec3::Z];
             let rows =
@@ -246,8 +247,8 @@ fn a_front_facing_triangle_in_view_is_listed_under_any_transform() {
     assert!(fronts > 50_000 && dropped * 2 > backs, "{fronts} {backs} {dropped}");
 }
 
-/// Returns the clusters of a sphere of radius 1, of which each is a grid of two by two quads: the corners of
-/// their triangles, counter-clockwise from outside.
+/// Returns the clusters of a sphere of radius 1, each a grid of two by two quads, as the corners of its
+/// triangles, counter-clockwise from outside.
 fn sphere(rings: usize, sectors: usize) -> Vec<Vec<[Vec3; 3]>> {
     let at = |ring: usize, sector: usize| {
         let (up, around) = (
@@ -275,8 +276,8 @@ fn mesh_of(clusters: &[Vec<[Vec3; 3]>]) -> ClusterMesh {
     }))
 }
 
-/// Tests meshes of one to three levels with all stages at once: by brute force over the triangles of each
-/// cluster, in `f64` and with a margin.
+/// Tests meshes of one to three levels with planes, cones and map together, against brute force over the
+/// triangles of each cluster in `f64`, with a margin.
 #[test]
 fn instances_of_a_sphere_list_what_faces_the_view_and_little_else() {
     let mut rng = Random(3);
@@ -429,7 +430,8 @@ fn what_cannot_be_decided_is_listed() {
     ] {
         assert_eq!(listed(&view, &scene, &ClusterInstance::new(&mesh, transform)), all, "{transform:?}");
     }
-    // At the ends of `f32`, transforms are still decided or listed, never dropped in front of the eye.
+    // With scales at the ends of the range of `f32`, transforms are still decided or listed, never dropped in
+    // front of the eye.
     for scale in [1e-38, 1e-30, 1e30, 1e38] {
         let ahead = Affine3A { translation: Vec3A::X * 5.0, ..Affine3A::from_scale(Vec3::splat(scale)) };
         assert!(
@@ -437,7 +439,7 @@ fn what_cannot_be_decided_is_listed() {
             "a sphere 5 m ahead, of scale {scale}"
         );
     }
-    // A cluster without a usable box, among others that are out of view.
+    // A cluster without a usable box must be listed, although all others are out of view.
     let unit = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
     let floor = NormalCone::from_triangles(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]);
     for odd in [

@@ -5,7 +5,8 @@ use visibility_core::{Aabb, Scene};
 use visibility_frame::draw_list::{DrawGroup, DrawIndexedIndirect, DrawList};
 use visibility_testing::Random;
 
-/// Tests groups against a map of lists, with few, many, sparse and extreme keys, in one list after another.
+/// Tests groups against a map from keys to lists, with few, many, sparse and extreme keys, reusing one draw
+/// list.
 #[test]
 fn draw_lists_group_as_a_map_of_lists_does() {
     let mut rng = Random(7);

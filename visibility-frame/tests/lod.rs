@@ -1,4 +1,4 @@
-//! Tests of the selector of levels of detail: levels by size, hysteresis, cross-fades, and what it forgets.
+//! Tests of the selector of levels of detail: levels by size, hysteresis, cross-fades, and resets.
 
 use visibility_core::glam::DVec3;
 use visibility_core::scene::DrawRange;
@@ -6,7 +6,7 @@ use visibility_core::{Aabb, ObjectId, Pipeline, Pose, Scene, View, VisibleSet, v
 use visibility_frame::lod::{Lod, LodSelector, PixelScale};
 use visibility_testing::Random;
 
-/// Sizes in pixels that divide the levels of all objects here.
+/// Sizes in pixels that divide the levels of all objects of this file.
 const SIZES: &[f32] = &[400.0, 100.0, 25.0];
 
 /// Returns a view from a point on the x axis, along it. With pictures of 1000 rows, an object of one metre
@@ -64,7 +64,7 @@ fn levels_follow_the_size_in_pixels() {
     }
     let mut world = World::new(LodSelector::new(1000.0));
     assert_eq!(world.see(&view_from(0.0)), steady(0), "the eye is at the pole");
-    // A parallel view of ten metres: 100 pixels per metre, wherever the eye is.
+    // A parallel view ten metres high has 100 pixels per metre, wherever the eye is.
     let parallel = |x: f64, height: f64| {
         let pose = Pose::look_at(DVec3::X * x, DVec3::X * (x + 1.0), DVec3::Z);
         View::orthographic(pose, Window::centered(height, height), 0.0, 1e6).unwrap()
@@ -91,7 +91,8 @@ fn a_switch_fades_from_one_level_to_the_other() {
         [(1, 2, 0.0), (1, 2, 25.0), (1, 2, 50.0), (1, 2, 75.0), (2, 2, 100.0), (2, 2, 100.0)],
         "previous level, level and percent of the fade, by frame"
     );
-    // During a fade the level stays; then it goes where the size is, over several levels at once.
+    // During a fade the level stays. Afterwards it changes to that of the size, even across several levels at
+    // once.
     assert_eq!(world.frame(200.0).level, 1, "the fade begins: the level it began with");
     assert_eq!(
         (world.frame(1000.0).level, world.frame(10.0).level),
@@ -103,7 +104,7 @@ fn a_switch_fades_from_one_level_to_the_other() {
         (1, 3),
         "after the fade the level jumps to the size"
     );
-    // Without a fade, at once.
+    // Without fades, the level changes at once.
     let mut world = World::new(LodSelector::new(1000.0).with_fade(0.0));
     world.frame(200.0);
     assert_eq!(world.frame(10.0), steady(3), "without a fade the level switches at once");
@@ -151,7 +152,7 @@ fn an_object_that_becomes_visible_does_not_fade() {
         "a pole that is not in the set has no level"
     );
     assert_eq!(world.frame(10.0), steady(3), "the pole is back, and does not fade");
-    // A reset, a clone of the scene, another object with the same index.
+    // A reset, a clone of the scene and another object with the same index have no earlier level.
     world.lods.reset();
     assert!(world.lods.lod(world.pole).is_none(), "a reset forgets the level");
     assert_eq!(world.frame(1000.0), steady(0), "the first frame after a reset");
@@ -189,8 +190,8 @@ fn opacity_follows_the_draw_range() {
     );
 }
 
-/// Tests many objects in random motion against brute force: a level is among those that the hysteresis
-/// admits, and does not change without need.
+/// Tests many objects in random motion against brute force: each level is allowed by the hysteresis, and
+/// changes only when it must.
 #[test]
 fn levels_of_many_objects_are_within_the_hysteresis_of_their_size() {
     let mut rng = Random(2);

@@ -1,5 +1,4 @@
-//! Tests of motion volumes: no mover that an up-to-date scene would show is missing, held against a scene
-//! with exact bounds in each frame.
+//! Tests of motion volumes: no mover is missing that a scene with exact bounds in each frame would show.
 
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::scene::DrawRange;
@@ -32,7 +31,7 @@ impl Culler for Wall {
     }
 }
 
-/// A mover on a circle in the plane z = 0, with an exact place at every time.
+/// A mover on a circle in the plane z = 0, whose exact position is known at every time.
 #[derive(Clone, Copy)]
 struct Orbit {
     center: DVec3,
@@ -71,7 +70,7 @@ fn pipeline() -> Pipeline {
     Pipeline::new().with(FrustumCuller::new()).with(Wall)
 }
 
-/// What a run of frames came to.
+/// Numbers of movers, summed over the frames of a run.
 #[derive(Default)]
 struct Outcome {
     updates: usize,
@@ -79,7 +78,8 @@ struct Outcome {
     shown: usize,
 }
 
-/// Runs `frames` frames from `first` on. Each frame is held against `exact`, whose bounds are all set.
+/// Runs `frames` frames from `first` on. Each frame is compared with the scene `exact`, in which all bounds
+/// are exact.
 fn run(
     orbits: &mut [(ObjectId, Orbit)],
     scene: &mut Scene,
@@ -146,7 +146,7 @@ fn no_mover_is_seen_too_late_and_most_updates_are_saved() {
     let share = outcome.updates as f64 / (600.0 * 900.0);
     assert!(share < 0.35, "{share} of all updates are made");
     assert!(outcome.shown > 10_000 && outcome.seen > 500, "{} {}", outcome.shown, outcome.seen);
-    // At least the visible movers are updated or found seen.
+    // Each visible mover was updated or found seen, in each frame.
     assert!(
         outcome.updates + outcome.seen >= outcome.shown,
         "{} updated, {} found seen, {} shown",
@@ -167,7 +167,7 @@ fn teleports_other_scenes_and_time_that_jumps_lose_no_mover() {
             *orbit = Orbit { radius: orbit.radius, speed: orbit.speed, ..Orbit::random(&mut other) };
             scene.set_bounds(*id, orbit.at(time)).unwrap();
             if frame % 2 == 0 {
-                // From here on the scene's log tells nothing of the teleport.
+                // After this, the scene's log no longer lists the teleport.
                 scene.set_origin(DVec3::ZERO).unwrap();
             }
         }
@@ -208,7 +208,7 @@ fn movers_without_a_volume_are_due_in_every_frame() {
     }
     assert_eq!(counts[..3], [100; 3], "movers of unknown or infinite speed are due in each frame");
     assert!(counts[3] < 20 && counts[4] < 20 && counts[5] == 0, "{counts:?}");
-    // Time that is NaN or stands still, removed objects and movers.
+    // Times that are NaN or stand still, while objects and movers are removed.
     for time in [f64::NAN, 100.0, 100.0, f64::INFINITY, f64::INFINITY, -5.0] {
         volumes.begin_frame(&mut scene, time, &mut due);
         assert!(due.len() >= 3, "time {time}: {} movers are due", due.len());
@@ -243,7 +243,7 @@ fn frames_allocate_nothing_once_warm() {
         if frame == 1200 {
             before = ALLOCATIONS.get();
         }
-        // The same motion again and again, on a clock that runs on.
+        // Repeats the same motion while the clock runs on.
         let time = f64::from(frame) / 60.0;
         volumes.begin_frame(&mut scene, time, &mut due);
         for &id in &due {
@@ -294,7 +294,7 @@ fn volumes_hold_at_the_greatest_speed() {
 fn volumes_outlast_frames_in_which_most_objects_move() {
     for through_volumes in [false, true] {
         let (mut scene, mut volumes) = (Scene::new(), MotionVolumes::new());
-        // Two of three are before the eye, one is behind it.
+        // Of three movers, two are in front of the eye and one is behind it.
         let at = |index: usize, time: f64| {
             let x = if index.is_multiple_of(3) { -1000.0 } else { 10.0 };
             let center = DVec3::new(x + time.sin(), 0.0, 0.0);
@@ -309,7 +309,7 @@ fn volumes_outlast_frames_in_which_most_objects_move() {
             volumes.begin_frame(&mut scene, time, &mut due);
             hidden_due += due.iter().filter(|id| id.index().is_multiple_of(3)).count();
             let mut moved: Vec<_> = due.iter().map(|&id| (id, at(id.index(), time))).collect();
-            // From hidden to hidden: nothing but the call below tells of the teleport.
+            // The mover is hidden before and after: only the call below reveals the teleport.
             let teleported = (ids[3], Aabb::from_arrays([-1500.0; 3], [-1499.0; 3]));
             if frame == 150 {
                 assert!(!due.contains(&ids[3]), "the teleport would be one of a due mover");
@@ -336,7 +336,8 @@ fn volumes_outlast_frames_in_which_most_objects_move() {
     }
 }
 
-/// A mover behind the camera that the movement of the origin does not touch: its place in the world stays.
+/// A mover behind the camera stays in its place in the world while the origin moves past it: it must be due
+/// and visible.
 #[test]
 fn a_mover_behind_a_moved_origin_is_due_and_visible() {
     let world = DVec3::new(-500.0, 0.0, 0.0);
@@ -364,14 +365,15 @@ fn a_mover_behind_a_moved_origin_is_due_and_visible() {
     assert_eq!(due, [mover], "the visible mover is due");
 }
 
-/// A region is of the origin that it was given for: a volume is not cut off where the region was.
+/// A region belongs to the origin that it was given for: after a move of the origin, it must not restrict
+/// volumes.
 #[test]
 fn regions_do_not_outlast_the_origin() {
     let mut scene = Scene::new();
     let at = |x: f64, origin: DVec3| Aabb::from_world(DVec3::X * x, DVec3::X * x + 1.0, origin);
     let mover = scene.insert(at(-500.0, DVec3::ZERO));
     let mut volumes = MotionVolumes::new();
-    // Between -530 and -470, relative to the origin that the region is given for.
+    // The region is from -530 to -470 along x, relative to the origin that it is given for.
     let region = |origin: DVec3| Aabb::from_world(DVec3::X * -530.0 - 9.0, DVec3::X * -470.0 + 9.0, origin);
     volumes.insert(mover, Motion::new(1.0).within(region(DVec3::ZERO)));
     let (mut pipeline, mut visible) = (Pipeline::new().with(FrustumCuller::new()), VisibleSet::new());
@@ -392,10 +394,10 @@ fn regions_do_not_outlast_the_origin() {
         updates
     };
     run(&mut volumes, &mut scene, 0..15);
-    // The numbers of the mover are still within those of the region, which ends 4 m ahead of it now.
+    // The coordinates of the mover are still within those of the region, which now ends 4 m ahead of it.
     scene.set_origin(DVec3::X * -20.0).unwrap();
     run(&mut volumes, &mut scene, 15..33);
-    // A region that is given after the origin has moved counts, though the scene was not seen there yet.
+    // A region given after the origin has moved counts, even before the next frame.
     scene.set_origin(DVec3::ZERO).unwrap();
     volumes.insert(mover, Motion::new(f32::INFINITY).within(region(DVec3::ZERO)));
     assert!(
@@ -404,13 +406,13 @@ fn regions_do_not_outlast_the_origin() {
     );
 }
 
-/// Movers with places in `f64` world coordinates, in scenes whose origin moves between any two calls.
+/// Movers with positions in `f64` world coordinates, in scenes whose origin moves between any two calls.
 struct MovedOrigin {
     scene: Scene,
     volumes: MotionVolumes,
-    /// Place in the world at time 0, velocity, and whether the mover has a region.
+    /// Id, position in the world at time 0, velocity, and whether the mover has a region.
     movers: Vec<(ObjectId, DVec3, DVec3, bool)>,
-    /// Whether the origin has moved since the movers that were due last were listed.
+    /// Whether the origin has moved since due movers were last listed.
     is_moved: bool,
 }
 
@@ -419,8 +421,8 @@ impl MovedOrigin {
         [place + velocity * time - 0.5, place + velocity * time + 0.5]
     }
 
-    /// Moves the origin in one of several ways, or does nothing. Numbers of bounds stay as they are unless
-    /// the bounds are set: then to the place in the world, or to the numbers that they have already.
+    /// Moves the origin in one of several ways, or does nothing. Bounds keep their coordinates unless they
+    /// are set: then to the mover's place in the world, or to equal coordinates.
     fn disturb(&mut self, rng: &mut Random, time: f64) {
         if !rng.one_in(12) {
             return;
@@ -431,9 +433,9 @@ impl MovedOrigin {
                 let far = rng.pick(&[20.0, 20.0, 2000.0]);
                 self.scene.set_origin(old + rng.vector(far)).unwrap();
             }
-            // An amount that loses bits of both numbers.
+            // The origin moves by an amount that rounds both origin and coordinates.
             1 => self.scene.set_origin(old + rng.vector(1e-4) + rng.pick(&[0.0, 1e7, -1e7])).unwrap(),
-            // There and back, with the bounds of some movers set in between.
+            // The origin moves there and back, and the bounds of some movers are set in between.
             2 => {
                 self.scene.set_origin(old + rng.vector(500.0)).unwrap();
                 self.set_some(rng, time);
@@ -443,14 +445,14 @@ impl MovedOrigin {
                 self.scene = self.scene.clone();
                 self.scene.set_origin(rng.vector(300.0)).unwrap();
             }
-            // The numbers of all movers are set as they are: the world has moved.
+            // All movers are set to their old coordinates: the world moves along.
             4 => {
                 self.scene.set_origin(rng.vector(300.0)).unwrap();
                 let same: Vec<_> =
                     self.movers.iter().map(|&(id, ..)| (id, self.scene.bounds(id).unwrap())).collect();
                 self.scene.set_bounds_batch(&same).unwrap();
             }
-            // Numbers are set so that the world stays.
+            // Coordinates are set so that all movers keep their places in the world.
             _ => {
                 self.scene.set_origin(rng.vector(300.0)).unwrap();
                 let shift = (old - self.scene.origin()).as_vec3();
@@ -461,7 +463,7 @@ impl MovedOrigin {
             }
         }
         if rng.one_in(2) {
-            // A caller that gives new regions after the move, relative to the new origin.
+            // The caller gives new regions after the move, relative to the new origin.
             self.insert_movers(time);
         }
         self.is_moved = true;
@@ -489,7 +491,7 @@ impl MovedOrigin {
         }
     }
 
-    /// Sets the due movers.
+    /// Sets the exact bounds of the due movers.
     fn set(&mut self, due: &[ObjectId], time: f64, through_volumes: bool) {
         let origin = self.scene.origin();
         let of = |id: &ObjectId| self.movers.iter().find(|mover| mover.0 == *id).unwrap();
@@ -522,7 +524,7 @@ fn run_moved_origins(seed: u64, frames: usize) -> (usize, usize) {
     };
     for _ in 0..20 {
         let (place, has_region) = (rng.vector(200.0), rng.one_in(3));
-        // In 1,000 frames a mover with a region covers less than the 40 m to the sides of the region.
+        // In 1,000 frames a mover with a region moves by less than the 40 m to the sides of the region.
         let velocity = rng.vector(1.0) * rng.pick(if has_region { &[0.0, 1.0] } else { &[1.0, 10.0] });
         let [low, high] = MovedOrigin::at(place, velocity, 0.0);
         let id = world.scene.insert(Aabb::from_world(low, high, DVec3::ZERO));
@@ -574,8 +576,8 @@ fn movers_are_within_their_bounds_wherever_the_origin_moves_in_long_runs() {
     }
 }
 
-/// A mover behind the camera that may come near, but stays beyond the begin of its draw range: it is visible
-/// as soon as the camera turns to it.
+/// A mover behind the camera whose volume could come near, but which stays beyond the begin of its draw
+/// range: it is visible as soon as the camera turns to it.
 #[test]
 fn no_volume_is_nearer_than_the_begin_of_a_draw_range() {
     let mut scene = Scene::new();

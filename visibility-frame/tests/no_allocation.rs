@@ -17,7 +17,7 @@ use visibility_testing::Random;
 use visibility_testing::allocations::ALLOCATIONS;
 use visibility_testing::cameras::circling;
 
-/// Runs `frames` frames over 20,000 objects, of which `moves` move to and fro in a sequence of 16 frames.
+/// Runs `frames` frames over 20,000 objects, of which `moves` move back and forth in a sequence of 16 frames.
 /// `frame` returns what it has drawn. Asserts that the frames after the first third allocate nothing.
 fn check_frames(frames: usize, moves: usize, mut frame: impl FnMut(&mut Scene, usize) -> usize) {
     let mut rng = Random(1);
@@ -42,7 +42,7 @@ fn check_frames(frames: usize, moves: usize, mut frame: impl FnMut(&mut Scene, u
     assert!(drawn > 0, "nothing was drawn");
 }
 
-/// Tests what is made of results: order by index, bits, groups and commands.
+/// Tests the uses of a result: order by index, bits, groups and commands.
 #[test]
 fn results_allocate_nothing_once_warm() {
     let (mut visible, mut list) = (VisibleSet::new(), DrawList::new());
@@ -52,7 +52,7 @@ fn results_allocate_nothing_once_warm() {
         pipeline.cull(scene, &circling(number), &mut visible);
         visible.sort_by_index(scene);
         visible.write_bits(scene, &mut bits).unwrap();
-        // Few keys and sparse keys in turns.
+        // Few keys and sparse keys alternate.
         let spread = if number % 2 == 0 { 1 } else { 1 << 20 };
         list.group(visible.iter(scene), |id| id.index() as u32 % 50 * spread);
         commands.clear();

@@ -30,7 +30,8 @@ fn random_object(rng: &mut Random) -> Object {
     Object { layers, never_cull: rng.one_in(50), ..Object::new(bounds) }
 }
 
-/// Objects on `layers` for which `touches` holds, and all with improper bounds, by a plain loop.
+/// Returns, by a plain loop, the objects on `layers` for which `touches` is true and all objects with
+/// improper bounds.
 fn plain(scene: &Scene, layers: u32, touches: impl Fn(&Aabb) -> bool) -> Vec<ObjectId> {
     let is_found = |id: &ObjectId| {
         let object = scene.object(*id).unwrap();
@@ -119,7 +120,7 @@ fn queries_find_what_plain_loops_find_under_random_changes() {
             })
             .collect();
         query.in_convex(&ConvexVolume::new(Simd::best(), &planes), &mut found);
-        // Infinite bounds give NaN in the plain loop, which counts as inside.
+        // Infinite bounds give NaN in the plain loop and count as inside.
         let inside = |b: &Aabb, slack: f64| {
             !planes.iter().any(|p| {
                 let far =
@@ -132,8 +133,8 @@ fn queries_find_what_plain_loops_find_under_random_changes() {
         assert!(contains_all(&plain(&scene, layers, |b| inside(b, 1e-3)), &found_ids), "{planes:?}");
         counts[2] += found.len();
 
-        // Whole directions with few bits: the plain loop decides as exact arithmetic does, up to ties in
-        // divisions, which are checked in another test.
+        // Directions are whole numbers with few bits, so that the plain loop is exact but for ties in
+        // divisions, which another test covers.
         let direction = rng.vector(2.0).round().as_vec3();
         let end = if rng.one_in(2) { f32::INFINITY } else { 20.25 };
         let Ok(ray) = Ray::new(center, direction, end) else { continue };
@@ -183,7 +184,7 @@ fn queries_find_what_plain_loops_find_under_random_changes() {
     assert!(counts.iter().all(|&count| count > 1000), "{counts:?}");
 }
 
-/// Tests whether `some` are all in `all`, which is sorted.
+/// Tests whether all of `some` are in `all`, which is sorted.
 fn contains_all(all: &[ObjectId], some: &[ObjectId]) -> bool {
     some.iter().all(|id| all.binary_search(id).is_ok())
 }
@@ -192,8 +193,8 @@ fn grown(b: &Aabb, by: f32) -> Aabb {
     Aabb::new(b.min - by, b.max + by)
 }
 
-/// Tests spheres around random `f32` points that exactly touch a corner of a box: found at every scale. A
-/// sphere with a radius smaller by 16 error bounds does not touch it.
+/// Tests spheres around random `f32` points that exactly touch a corner of a box: the box is found at every
+/// scale. A sphere with a radius smaller by 16 error bounds does not touch it.
 #[test]
 fn spheres_decide_at_every_scale() {
     let mut rng = Random(11);
@@ -240,7 +241,7 @@ fn rays_through_edges_hit_at_every_scale() {
         let direction =
             if rng.one_in(4) { direction * rng.pick(&[Vec3::X, Vec3::Y, Vec3::ONE]) } else { direction };
         let Ok(ray) = Ray::new(origin, direction, f32::INFINITY) else { continue };
-        // The product is exact in f64; the rest that the sum loses is known exactly.
+        // The product is exact in f64, and the part that the sum loses is known exactly.
         let t = f64::from((f64::from(scale) * rng.range(0.0, 8.0)) as f32);
         let (o, step) = (origin.as_dvec3(), direction.as_dvec3() * t);
         let p = o + step;
@@ -248,7 +249,7 @@ fn rays_through_edges_hit_at_every_scale() {
         let rest = (o - (p - virtual_step)) + (step - virtual_step);
         let side = |up| Vec3::from_array(std::array::from_fn(|i| next(p[i], rest[i], up)));
         let (low, high) = (side(false), side(true));
-        // One corner of the box is as near to the ray's point as f32 can come: p is in the box.
+        // One corner of the box is the nearest `f32` point to the ray's point, so p is in the box.
         let size = rng.vec3(0.0, 1.0) * scale;
         let up: [bool; 3] = std::array::from_fn(|_| rng.one_in(2));
         let min = Vec3::from_array(std::array::from_fn(|i| if up[i] { low[i] } else { low[i] - size[i] }));
@@ -264,7 +265,7 @@ fn rays_through_edges_hit_at_every_scale() {
             "case {case}: the distance {} is not rounded up",
             hits[0].distance
         );
-        // A box moved off the ray across an axis along which the ray does not run.
+        // A box moved away from the ray along an axis on which the ray's direction is zero.
         if let Some(axis) = (0..3).find(|&axis| direction[axis] == 0.0) {
             let mut off = Vec3::ZERO;
             off[axis] = 2.0 * (max[axis] - min[axis]).max(1e-6 * scale);
@@ -395,7 +396,7 @@ fn queries_allocate_nothing_once_warm() {
 fn of_objects_hit_at_the_same_distance_the_least_id_is_first() {
     let mut rng = Random(21);
     let mut scene = Scene::new();
-    // A wall of tiles that overlap, in random order.
+    // A wall of overlapping tiles, in random order.
     let tile = |rng: &mut Random| {
         let min = Vec3::new(rng.below(3) as f32, rng.below(60) as f32, rng.below(60) as f32);
         Aabb::new(min, min + 2.0)

@@ -1,6 +1,6 @@
 //! Tests of shadow views with occlusion from the light. A caster culler for the camera's view, then a frustum
-//! culler and an occlusion culler for the light's view leave casters that throw every shadow that all casters
-//! throw. The oracle shoots segments from points in view to the light.
+//! culler and an occlusion culler for the light's view leave enough casters for every shadow in view. The
+//! oracle shoots segments from points in view to the light.
 
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::view::Window;
@@ -13,7 +13,7 @@ use visibility_testing::{PlainMap, Random};
 
 /// Layer of the objects that cast shadows.
 const CASTERS: u32 = 1;
-/// Layer of the objects that do not, though they hide what is behind them from a camera.
+/// Layer of the objects that cast no shadows, though they hide objects behind them from a camera.
 const OTHERS: u32 = 2;
 
 /// Returns whether the segment from `p` to `p + ray` meets the box, enlarged by `by` metres on each side.
@@ -27,7 +27,8 @@ fn hits(bounds: &Aabb, by: f64, p: DVec3, ray: DVec3) -> bool {
     enter <= leave
 }
 
-/// Returns boxes of many sizes, walls among them, all occluders, a quarter of which cast no shadows.
+/// Returns a scene of boxes of many sizes, walls among them: all are occluders, and a quarter cast no
+/// shadows.
 fn town(rng: &mut Random) -> (Scene, Vec<(ObjectId, Aabb)>) {
     let (mut scene, mut casters) = (Scene::new(), Vec::new());
     for i in 0..400 {

@@ -41,7 +41,7 @@ impl Swapped for Backface {
     }
 }
 
-/// Contribution by size alone; ranges and parents, whose hysteresis is memory, are below.
+/// Contribution culler without ranges and parents, whose hysteresis depends on earlier frames (tested below).
 struct Contribution;
 
 impl Swapped for Contribution {
@@ -73,8 +73,8 @@ fn contribution() {
     hold(&Contribution, 300);
 }
 
-/// Tests that the hysteresis of draw ranges belongs to one scene: what was beyond a limit there is not so in
-/// a clone, which has the same ids.
+/// Tests that the hysteresis of draw ranges belongs to one scene: it does not carry over to a clone, which
+/// has the same ids.
 #[test]
 fn hysteresis_of_ranges_is_of_one_scene() {
     let mut scene = Scene::new();

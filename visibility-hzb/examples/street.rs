@@ -1,5 +1,5 @@
-//! A walk down a street of a generated town. For each step it prints the number of objects in the frustum,
-//! the number of those that houses do not hide, and the culling time. At the end it prints the z-buffer as
+//! A walk down a street of a generated town. Each step prints the number of objects in the frustum, the
+//! number of objects that houses do not hide, and the culling time. At the end, the z-buffer is printed as
 //! text.
 //!
 //! `cargo run --release -p visibility-hzb --example street`
@@ -25,7 +25,7 @@ fn house(row: i32, column: i32) -> Aabb {
 /// Builds the town's scene: houses as occluders, and twelve small objects around each house.
 ///
 /// # Errors
-/// Returns the error of a mesh or transform that the library rejects. These houses cause none.
+/// The error type stands for meshes and transforms that the library rejects. These houses cause no error.
 fn town() -> Result<Scene, Box<dyn Error>> {
     let mut scene = Scene::new();
     for (row, column) in (-BLOCKS..BLOCKS).flat_map(|row| (-BLOCKS..BLOCKS).map(move |column| (row, column)))

@@ -34,33 +34,32 @@ use visibility_core::{
 };
 use visibility_occluders::LevelOccluders;
 
-/// Maximum number of triangles of a mesh that is drawn by its outline if it looks convex from the eye. Up to
-/// this number, finding out whether it looks convex costs less than drawing the triangles.
+/// Maximum number of triangles of a mesh that is tested for looking convex from the eye, in order to be drawn
+/// by its outline. Up to this number, the test costs less than drawing the triangles.
 const MAX_OUTLINE_TRIANGLES: usize = 24;
 
-/// Divisor of the triangles of convex parts in the cost of an occluder: six of them cost as much as one
-/// triangle of other meshes, since convex parts are drawn by their outlines. The 12 triangles of a box cost
-/// as much as two.
+/// Divisor in the cost of an occluder: six triangles of convex parts count as one triangle of other meshes,
+/// since convex parts are drawn by their outlines. A box with 12 triangles counts as two.
 const OUTLINE_COST_DIVISOR: usize = 6;
 
-/// Number of occluders found hidden by the tiles but not by the (older) pyramid after which the pyramid is
-/// updated between flushes. From this number on, the update costs less than it saves.
+/// Number of occluders found hidden by the tiles but missed by the older pyramid, after which the pyramid is
+/// updated even between flushes. From this number on, the update costs less than it saves.
 const MAX_PYRAMID_MISSES: usize = 32;
 
-/// Default of [`Hzb::with_min_polygon_area`], in pixels of the buffer. If drawing an object takes as long as
-/// the occlusion culler assumes, smaller polygons cost more than what they hide in all real levels measured
-/// but one.
+/// Default of [`Hzb::with_min_polygon_area`], in pixels of the buffer. In all real levels measured but one,
+/// smaller polygons cost more than the objects that they hide are worth by the default price of the occlusion
+/// culler.
 const MIN_POLYGON_AREA: f32 = 128.0;
 
 /// A hierarchical z-buffer: an [`OcclusionMap`] of tiles of 8 x 8 pixels with a pyramid of least depth keys
 /// above.
 ///
 /// The size of the buffer is independent of that of the rendered picture; its aspect ratio should be that of
-/// the view. Until the first [`begin`](OcclusionMap::begin) it hides nothing. Occluders that a [clip
+/// the view. Until the first [`begin`](OcclusionMap::begin) the buffer hides nothing. Occluders that a [clip
 /// plane](View::with_clip_planes) cuts are not drawn.
 ///
-/// Memory is 4 bytes for each pixel, 32 KiB, and 48 bytes for each convex occluder that a frame draws, for a
-/// box at most 192 more. It is kept from frame to frame. A frame allocates only if it draws more convex
+/// Memory is 32 KiB, 4 bytes for each pixel, and 48 bytes for each convex occluder that a frame draws (at
+/// most 240 for a box). It is kept from frame to frame. A frame allocates only if it draws more convex
 /// occluders, or a larger mesh, than any frame before.
 ///
 /// ```
@@ -192,10 +191,11 @@ impl Hzb {
         Self { coverage, ..self }
     }
 
-    /// Sets how many pixels of the buffer a polygon of a [level](Self::with_level) must cover to be drawn, by
-    /// an estimate for its middle; close to the eye smaller ones may be drawn too. 128 by default. With 32, 1
-    /// to 8 % fewer objects are reported in most levels, and a quarter fewer in a village with many small
-    /// walls, for 1.02 to 2.3 times the time. Below 0 or NaN counts as 0.
+    /// Sets the least area of a polygon of a [level](Self::with_level) that is drawn, in pixels of the
+    /// buffer: 128 by default. The area is estimated at the polygon's middle, and close to the eye smaller
+    /// polygons may be drawn too. With 32 pixels, most levels report 1 to 8 % fewer objects, and a village
+    /// with many small walls a quarter fewer, for 1.02 to 2.3 times the time. A negative number or NaN counts
+    /// as 0.
     #[must_use]
     pub fn with_min_polygon_area(self, pixels: f32) -> Self {
         Self { min_polygon_area: pixels.max(0.0), ..self }
@@ -203,8 +203,8 @@ impl Hzb {
 
     /// Sets the occluders of a level, which are drawn at the beginning of each frame. Their positions are
     /// relative to `origin`, a point of the world, wherever the scene's origin is later. They hide as their
-    /// triangles would, so a level must not contain what moves or opens; that stays an
-    /// [occluder](visibility_core::Object::occluder) of the scene. The occluders of objects that the level
+    /// triangles would, so a level must not contain parts that move or open; those stay
+    /// [occluders](visibility_core::Object::occluder) of the scene. The occluders of objects that the level
     /// [was made of](LevelOccluders::objects) are not drawn again. A view that shares no layer with one of
     /// the level's [masks](LevelOccluders::layers) leaves the level out, and draws the occluders of its
     /// objects like any others. Replaces all earlier levels; [`add_level`](Self::add_level) keeps them.
@@ -237,16 +237,16 @@ impl Hzb {
 
     /// Adds the occluders of another level, such as a sector of a world that is streamed. From the next
     /// [`begin`](OcclusionMap::begin) on the clusters of all levels are drawn, the nearest first. Each level
-    /// is drawn by itself: where one ends at another, pixels along the border may stay bare. Adding a level
-    /// that is there already changes nothing.
+    /// is drawn by itself, so pixels along the border between two levels may stay uncovered. Adding the same
+    /// level twice changes nothing.
     ///
-    /// An engine that streams keeps its [`HzbCuller`](crate::HzbCuller), reaches the z-buffer by `map_mut`,
-    /// and runs the culler after the cullers of earlier stages
+    /// An engine that streams sectors keeps its [`HzbCuller`](crate::HzbCuller), changes the z-buffer through
+    /// `map_mut`, and runs the culler after the cullers of earlier stages
     /// ([`Culler::cull`](visibility_core::Culler::cull)).
     ///
-    /// Takes next to no time. [`PreparedLevel::new`] takes time in proportion to the sector and may run on
-    /// any thread, so that an engine prepares one sector a frame or beside its frames. A frame takes some 40
-    /// ns for each level out of view.
+    /// Adding takes next to no time. [`PreparedLevel::new`] takes time in proportion to the sector and may
+    /// run on any thread, so an engine can prepare one sector per frame, or on another thread. A frame takes
+    /// some 40 ns for each level out of view.
     ///
     /// ```
     /// use std::sync::Arc;
@@ -261,7 +261,7 @@ impl Hzb {
     /// let prepared = prepared.join().unwrap();
     /// let mut hzb = Hzb::default();
     /// hzb.add_level(prepared.clone());
-    /// // Frames later the player has left the sector.
+    /// // Some frames later, the player has left the sector.
     /// assert!(hzb.remove_level(&prepared));
     /// # Ok::<(), visibility_occluders::LevelOccludersError>(())
     /// ```
@@ -271,8 +271,9 @@ impl Hzb {
         }
     }
 
-    /// Removes a level that [`add_level`](Self::add_level) has added, and returns whether it was there. From
-    /// the next [`begin`](OcclusionMap::begin) on it hides nothing. Its memory is freed with the last `Arc`.
+    /// Removes a level that [`add_level`](Self::add_level) has added, and returns whether the level was
+    /// there. From the next [`begin`](OcclusionMap::begin) on, the level hides nothing. Its memory is freed
+    /// with the last `Arc`.
     pub fn remove_level(&mut self, level: &Arc<PreparedLevel>) -> bool {
         let count = self.levels.len();
         self.levels.retain(|own| !Arc::ptr_eq(own, level));
@@ -353,7 +354,7 @@ impl Hzb {
 
     /// Returns whether an occluder may cover pixels that are not covered by nearer occluders yet, judged by
     /// the axis-aligned box around the occluder. `bounds` are in the occluder's own coordinates, which
-    /// `transform` maps to the scene. Undecided counts as true.
+    /// `transform` maps to the scene. True if undecided.
     fn may_be_around(&self, bounds: &Aabb, transform: &Affine3A) -> bool {
         let around = BoxQueue::around(bounds, transform);
         let ([x0, y0, z0], [x1, y1, z1]) = (around.min.to_array(), around.max.to_array());
@@ -379,8 +380,8 @@ impl Hzb {
         let first_added = self.join.boxes.len();
         let mut numbers = [usize::MAX; WIDTH];
         for i in 0..count {
-            // A box that the near plane may cut stays by itself. It hides little, but its neighbour's side
-            // towards it hides.
+            // A box that the near plane may cut is not joined. It hides little itself, but its neighbour's
+            // side that faces it occludes.
             let queue = &self.queue;
             if seen >> i & 1 != 0 && queue.projected.known[i] && queue.projected.uncut[i] {
                 numbers[i] = self.join.add(&queue.bounds[i], &queue.transforms[i], queue.two_sided[i]);
@@ -443,13 +444,13 @@ impl Hzb {
     }
 
     /// Draws a mesh: by its outline if it is `convex` or looks convex from the eye, else by its triangles.
-    /// `bounds` contains all vertices, in the mesh's own coordinates; `transform` maps these to the scene.
+    /// `bounds` contains all vertices, in the mesh's own coordinates, which `transform` maps to the scene.
     fn draw_mesh(&mut self, mesh: &OccluderTriangles, bounds: &Aabb, transform: &Affine3A, convex: bool) {
         let Some((object, facing)) = project_object(&self.projection, bounds, transform) else { return };
         let (projection, coverage, convex_scratch) =
             (&self.projection, self.coverage, &mut self.convex_scratch);
-        // A convex outline is cheaper to fill than a contour. Whether a mesh looks convex takes every pair of
-        // an edge and a vertex, which pays for few triangles only.
+        // Filling a convex outline is cheaper than filling a contour. The test whether a mesh looks convex
+        // compares every edge with every vertex, so it pays for few triangles only.
         let convex = convex || mesh.triangles.len() == 1;
         if convex || mesh.triangles.len() <= MAX_OUTLINE_TRIANGLES {
             match self.simd.convex_shape(
@@ -470,7 +471,7 @@ impl Hzb {
                 ShapeResult::DrawAsMesh => {}
             }
         }
-        // Any other mesh: its contour, with the depths of its triangles.
+        // Any other mesh is filled by its contour, with the depth keys of its triangles.
         let (mesh_scratch, contour_tiles, tiles) =
             (&mut self.mesh_scratch, &mut self.contour_tiles, &mut self.tiles);
         let greatest = self.simd.draw_mesh(
@@ -606,8 +607,9 @@ impl OcclusionMap for Hzb {
         Some(self)
     }
 
-    /// Reports occluders without a usable mesh. Without a [level](Hzb::with_level) that has polygons, also
-    /// reports a scene without occluders, and boxes whose neighbours leave a seam.
+    /// Reports occluders without a usable mesh. If no [level](Hzb::with_level) has polygons, also reports a
+    /// scene without occluders, and occluders that leave a seam of uncovered pixels where a neighbour
+    /// continues them.
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
         Lack::of_occluders(scene, each);
         if self.levels.iter().all(|prepared| prepared.level.polygons().is_empty()) {

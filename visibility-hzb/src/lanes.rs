@@ -20,7 +20,7 @@ pub(crate) fn greatest<T: PartialOrd>(a: T, b: T) -> T {
 }
 
 /// Returns the integer nearest to `x`, ties to even. The magnitude of `x` must be below 2^22; else, and for
-/// NaN, the result is meaningless. Much faster than a cast, which must saturate.
+/// NaN, the result is meaningless. This is much faster than a cast, which must saturate.
 #[inline(always)]
 pub(crate) fn round_to_i32(x: f32) -> i32 {
     (x + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32
@@ -40,7 +40,7 @@ pub(crate) fn bits(bytes: &[u8; WIDTH]) -> u32 {
 /// NaN.
 #[inline(always)]
 pub(crate) fn of_all(lanes: &[f32; WIDTH], pick: impl Fn(f32, f32) -> f32) -> f32 {
-    // By halves, which takes the time of four steps, not of sixteen that wait for one another.
+    // Reduces by halves, in four dependent steps instead of sixteen.
     let mut halves = *lanes;
     let mut half = WIDTH / 2;
     while half > 0 {

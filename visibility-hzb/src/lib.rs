@@ -3,11 +3,11 @@
 //!
 //! [`Hzb`] is an [`OcclusionMap`](visibility_core::OcclusionMap): occluders are drawn into it, boxes are
 //! tested against it. [`HzbCuller`] is core's occlusion culler over that map, which draws and tests from
-//! front to back, for a pipeline after the frustum. [`Hom`] and [`HomCuller`] are the same for occlusion
-//! maps, which can be told to ignore small holes. (Greene, Kass and Miller, "Hierarchical Z-Buffer
-//! Visibility", 1993; Zhang, Manocha, Hudson and Hoff, "Visibility Culling using Hierarchical Occlusion
-//! Maps", 1997; Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough
-//! Applications", 2003, section 6.)
+//! front to back; it follows the frustum culler in a pipeline. [`Hom`] and [`HomCuller`] are the same for
+//! hierarchical occlusion maps, which can be set to ignore small holes. (Greene, Kass and Miller,
+//! "Hierarchical Z-Buffer Visibility", 1993; Zhang, Manocha, Hudson and Hoff, "Visibility Culling using
+//! Hierarchical Occlusion Maps", 1997; Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for
+//! Walkthrough Applications", 2003, section 6.)
 //!
 //! ```
 //! use visibility_core::glam::{Affine3A, DVec3};
@@ -33,29 +33,28 @@
 //! ```
 //!
 //! # Why nothing visible is hidden
-//! - A pixel counts as covered only if all of its square is, up to the corners, whatever rounding does. A
+//! - A pixel counts as covered only if its whole square is covered, corners included, despite all rounding. A
 //!   covered pixel holds the farthest depth that the occluder can have in the pixel. Boxes and other convex
 //!   solids are drawn by their outlines (proof in `setup/screen_shape.rs`), meshes of any form by the rule in
 //!   `raster/mesh_raster.rs`, occluders of a level by that in `level/mod.rs`. Tests cast rays through the
 //!   corners of covered pixels.
-//! - A box is hidden only if every pixel that it can meet, rounded outwards, holds something strictly nearer
-//!   than the nearest point of the box, rounded nearer.
-//! - So the size of the buffer changes time and tightness, never correctness. 512 x 288 is a good size for a
-//!   picture of any size; a larger buffer hides more.
+//! - A box is hidden only if every pixel that it can meet, rounded outwards, holds an occluder strictly
+//!   nearer than the nearest point of the box, rounded nearer.
+//! - So the size of the buffer affects time and tightness, never correctness. 512 x 288 is a good size for
+//!   pictures of any size; a larger buffer hides more.
 //!
-//! [`Coverage::Sampled`] gives up the first of these guarantees: a pixel counts as covered if its centre is,
-//! so the accuracy is *approximate*.
+//! [`Coverage::Sampled`] gives up the first guarantee: a pixel counts as covered if its centre is covered, so
+//! the accuracy is *approximate*.
 //!
 //! # Cost
-//! - A box or another convex occluder takes some 20 ns if it is out of view or hidden by nearer ones, else
-//!   100 to 300 ns, and a few more for each tile of its outline. So occluders should come roughly from front
-//!   to back, as the driver adds them.
+//! - A box or another convex occluder takes some 20 ns if it is out of view or hidden by nearer ones,
+//!   otherwise 100 to 300 ns, plus a few nanoseconds for each tile of its outline. So occluders should come
+//!   roughly from front to back, as the driver adds them.
 //! - The occluders of a level ([`Hzb::with_level`]), which are made of its triangles beforehand, take about a
 //!   quarter of that time. They hide more, since pixels along edges that two objects share are covered too.
-//!   Those of several levels, such as sectors of a world that is streamed, are drawn together
-//!   ([`Hzb::add_level`]).
+//!   Several levels, such as sectors of a world that is streamed, are drawn together ([`Hzb::add_level`]).
 //! - Other meshes take about 100 ns a triangle. Meshes that consist of boxes
-//!   ([`OccluderMesh::parts`](visibility_core::OccluderMesh::parts)) take as long as these.
+//!   ([`OccluderMesh::parts`](visibility_core::OccluderMesh::parts)) take as long as these boxes.
 //! - 64 boxes are tested in 100 to 200 ns.
 //!
 //! # How the code is laid out
@@ -70,8 +69,8 @@
 //! # Features
 //! - `std` (default) finds out at run time which vector instructions the processor has.
 //! - `libm` stands in for `std` in the few functions that core needs.
-//! - `papers` adds `DepthEstimate`, coarser depth of occlusion maps; it loses on every scene measured
-//!   (`docs/papers.md` in the repository).
+//! - `papers` adds `DepthEstimate`, the coarser depth estimates of occlusion maps. They lose on every scene
+//!   measured (`docs/papers.md` in the repository).
 #![no_std]
 #![warn(missing_debug_implementations)]
 // Index loops over lanes compile to vector instructions. Negated comparisons make the treatment of NaN

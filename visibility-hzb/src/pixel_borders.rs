@@ -1,5 +1,6 @@
-//! Tests of all places where a range of real numbers becomes pixels, rows, tiles or words of masks: on, just
-//! before and just after each border and quarter of a pixel, against integers.
+//! Tests of all code that turns a range of real numbers into pixels, rows, tiles or words of masks: on, just
+//! before and just after each border and quarter of a pixel, against integers. Ends of ranges have integer
+//! *ranks*, of which `UNIT` make a pixel.
 
 use crate::buffer::pyramid::Pyramid;
 use crate::buffer::tile_layout::{Rectangle, SIDE, mask};
@@ -24,11 +25,12 @@ use visibility_testing::{End, UNIT, ends, ends_f32};
 /// Width and height of the buffer in pixels: three tiles by two.
 const SIZE: [usize; 2] = [24, 16];
 
-/// Greatest distance in ranks from the border of a pixel within which margins may decide either way: less
-/// than a quarter of a pixel.
+/// Greatest distance from the border of a pixel, in ranks (`UNIT` ranks are a pixel), within which margins
+/// may decide either way. Less than a quarter of a pixel.
 const HAIR: i64 = 2;
 
-/// Returns whether a closed range holds all of a pixel, with both of its ends moved inwards by some ranks.
+/// Returns whether a closed range contains a whole pixel after both of its ends are moved inwards by
+/// `inwards` ranks (`UNIT` ranks are a pixel).
 fn holds([low, high]: [i64; 2], pixel: usize, inwards: i64) -> bool {
     let start = UNIT * pixel as i64;
     low + inwards <= start && start + UNIT <= high - inwards
@@ -40,13 +42,13 @@ fn meets([low, high]: [i64; 2], pixel: usize) -> bool {
     low < start + UNIT && high > start && low <= high
 }
 
-/// Returns whether a closed range meets a pixel or its border, or nearly does.
+/// Returns whether a closed range meets a pixel or its border, or comes within [`HAIR`] of it.
 fn touches([low, high]: [i64; 2], pixel: usize) -> bool {
     let start = UNIT * pixel as i64;
     low - HAIR <= start + UNIT && high + HAIR >= start
 }
 
-/// Checks that the covered pixels of a column or row are all that the range holds, but for a hair.
+/// Checks that the covered pixels of a column or row are those that the range contains, up to [`HAIR`].
 fn check_covered(tiles: &Tiles, axis: usize, across: usize, range: [i64; 2], what: &str) {
     for pixel in 0..SIZE[axis] {
         let at = if axis == 0 { [pixel, across] } else { [across, pixel] };
@@ -59,14 +61,14 @@ fn check_covered(tiles: &Tiles, axis: usize, across: usize, range: [i64; 2], wha
     }
 }
 
-/// Calls `each` with all pairs of ends from before the first border to behind the last of an axis, inverted
-/// and empty ones among them.
+/// Calls `each` with all pairs of ends from before the first border of an axis to beyond its last, including
+/// inverted and empty ranges.
 fn for_each_range(axis: usize, mut each: impl FnMut(&End<f64>, &End<f64>)) {
     let all = ends(-1, SIZE[axis] as i32 + 1);
     all.iter().for_each(|low| all.iter().for_each(|high| each(low, high)));
 }
 
-/// Half-planes on both sides of a shape, upright and at a slope of 1 or a half, and level ones.
+/// Tests half-planes on both sides of a shape: vertical, at slopes of 1 and 1/2, and horizontal.
 #[test]
 fn shapes_cover_the_pixels_between_their_ends() {
     let size = SIZE.map(|side| side as f64);
@@ -90,7 +92,7 @@ fn shapes_cover_the_pixels_between_their_ends() {
                 tiles.clear();
                 fill_shape(&shape, &mut tiles);
                 for across in [0, 1, 7, 8, 15] {
-                    // The worst heights of the row, in ranks times the slope.
+                    // Columns by which the slope moves the upper and the lower border of the row, in ranks.
                     let at = |y: usize| twice_slope * UNIT / 2 * y as i64;
                     let (top, bottom) = (at(across), at(across + 1));
                     let range = [low.rank + top.max(bottom), high.rank + top.min(bottom)];
@@ -101,7 +103,7 @@ fn shapes_cover_the_pixels_between_their_ends() {
     }
 }
 
-/// A half-plane with a NaN coefficient leaves no pixel, on whichever side it is.
+/// A half-plane with a NaN coefficient leaves no pixel in the shape, on whichever side it is.
 #[test]
 fn edges_that_are_not_numbers_leave_no_pixel() {
     let size = SIZE.map(|side| side as f64);
@@ -123,7 +125,7 @@ fn edges_that_are_not_numbers_leave_no_pixel() {
     }
 }
 
-/// Contours of one rectangle, without slack: the winding numbers and the pixels near an edge together leave
+/// Tests the contour of one rectangle, without slack: winding numbers and pixels near an edge together leave
 /// out every pixel that an edge enters.
 #[test]
 fn contours_cover_the_pixels_between_their_ends() {
@@ -197,7 +199,7 @@ fn boxes_meet_the_pixels_of_their_rectangle() {
                 for pixel in 0..SIZE[axis] {
                     let is_in = (first..end).contains(&(pixel as u32));
                     assert!(is_in || !meets(range, pixel), "axis {axis}: {range:?} meets {pixel}");
-                    // A box in the last pixel gets the one before it, too.
+                    // A box in the last pixel may also meet the pixel before it.
                     let is_near =
                         touches(range, pixel) || pixel + 2 == SIZE[axis] && touches(range, pixel + 1);
                     assert!(!is_in || is_near, "axis {axis}: {range:?} is far from {pixel}");
@@ -252,12 +254,12 @@ fn masks_hold_the_pixels_of_rectangles() {
     }
 }
 
-/// A picture that is covered but for one pixel: a rectangle is hidden if and only if the pixel is not in it,
-/// by every way to ask.
+/// In a picture that is covered except for one pixel, a rectangle is hidden if and only if it does not
+/// contain that pixel, by every function that tests rectangles.
 #[test]
 fn rectangles_are_hidden_unless_the_only_hole_is_in_them() {
     let mut coarsely = 0;
-    // Five tiles by two, and the other way around: the last ones reach beyond the picture.
+    // Pictures of five tiles by two, and of two by five, whose last tiles extend beyond the picture.
     for [width, height] in [[37, 9], [9, 37]] {
         let (columns, lines) = (ranges(width), ranges(height));
         let holes = (0..height).flat_map(|y| (0..width).map(move |x| [x, y]));

@@ -1,4 +1,4 @@
-//! Random numbers for tests, the same on every machine.
+//! Random numbers for tests, equal on every machine.
 
 /// Returns a generator of random numbers. Each call returns a number in the half-open range between its two
 /// arguments.

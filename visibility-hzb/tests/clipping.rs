@@ -57,7 +57,7 @@ fn project(view: &View, size: [usize; 2], Face { corners, one_sided }: &Face) ->
             DVec3::new(x * size[0] as f64, y * size[1] as f64, nearness)
         })
         .collect();
-    // Facing is decided by the position of the eye, not on the screen.
+    // Facing is decided by the position of the eye in space, not on the screen.
     let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
     let front = match view.eye(DVec3::ZERO) {
         visibility_core::view::Eye::Point(eye) => (eye - corners[0]).dot(normal) > 0.0,
@@ -113,7 +113,7 @@ fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, what: &str) -> usize {
             if low.x > corner.x + 1.0 || low.y > corner.y + 1.0 || high.x < corner.x || high.y < corner.y {
                 continue;
             }
-            // Only the part of the triangle that is at least as near as the stored depth key counts.
+            // Keeps the part of the triangle that is at least as near as the stored depth key.
             let enough = stored - 1e-7 * stored.abs() - 1e-12;
             let near = clip(triangle, |p| p.z - enough, |a, b, t| a + (b - a) * t);
             let flat: Vec<DVec2> = near.iter().map(|p| p.truncate()).collect();

@@ -1,4 +1,5 @@
-//! Occluders that surround the eye hide what is behind them: corners, courtyards, rooms and boxes.
+//! Tests that occluders which surround the eye hide the objects behind them: corners, courtyards, rooms and
+//! boxes.
 
 use crate::common::{Occluder, Ray, covered_pixels, draw, faces};
 use visibility_core::glam::{Affine3A, Quat, Vec3};
@@ -17,8 +18,8 @@ fn occlusion_maps_are_filled_by_what_surrounds_the_eye() {
     assert_most_hidden(&|_| Box::new(OcclusionCuller::new(Hom::default())), 9, [0.13, 0.02]);
 }
 
-/// From within a closed box no pixel is bare, however near its sides the eye is, and no pixel is farther than
-/// its depth key says.
+/// Tests from inside a closed box that every pixel is covered, however near the eye is to its sides, and that
+/// no pixel is farther than its depth key says.
 #[test]
 fn no_pixel_is_bare_in_a_closed_box() {
     let mut random = Random(3);

@@ -1,5 +1,5 @@
-//! Boxes that reach the plane of the eye, beside the eye: hidden where an occluder covers all that the
-//! picture shows of them.
+//! Boxes that reach the plane of the eye, beside the eye, are hidden if an occluder covers the whole part of
+//! them that is in the picture.
 
 use crate::common::boxes::assert_hidden;
 use crate::common::{Occluder, convention, draw, faces};
@@ -9,9 +9,9 @@ use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View};
 use visibility_hzb::Hzb;
 use visibility_testing::Random;
 
-/// A wall beside the eye, to the right, high or low, and boxes behind it that begin behind the eye. Some are
-/// around the eye instead, or have it on a face. View rays to points of a hidden box meet the wall first.
-/// Nearly all are hidden that the wall covers.
+/// A wall stands beside the eye: to the right, above or below. Boxes behind it begin behind the eye; some
+/// surround the eye instead, or have the eye on a face. View rays to points of a hidden box must meet the
+/// wall first, and nearly all boxes that the wall covers must be hidden.
 #[test]
 fn boxes_beside_the_eye_are_hidden_behind_a_wall() {
     let mut random = Random(17);
@@ -36,7 +36,7 @@ fn boxes_beside_the_eye_are_hidden_behind_a_wall() {
         let right = if is_around_eye && random.one_in(2) { eye.x as f32 } else { left + 3.0 };
         let far = Vec3::new(right, random.range(1.0, 60.0) as f32, 1.0);
         let bounds = Aabb::new(near, far);
-        // Where the last ray to the box that passes the wall's plane does so, seen from above.
+        // Position, seen from above, at which the last ray to the box passes the plane of the wall.
         let passes = eye.y + (f64::from(far.y) - eye.y) * (2.3 - eye.x) / (f64::from(near.x) - eye.x);
         let is_behind = !is_around_eye && top == 40.0 && passes + 1.0 < f64::from(wall_end);
         behind += u64::from(is_behind);
@@ -47,7 +47,7 @@ fn boxes_beside_the_eye_are_hidden_behind_a_wall() {
         }
     }
     println!("{hidden} hidden, {missed} of {behind} behind the wall are not, {rays} rays");
-    // In the smallest picture a pixel is wide.
+    // Some boxes are missed, since a pixel of the smallest picture is wide.
     assert!(missed * 8 < behind, "{missed} of {behind} boxes behind the wall are not hidden");
     assert!(rays > 10_000, "{rays} rays prove little");
 }

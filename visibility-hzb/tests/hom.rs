@@ -56,7 +56,7 @@ fn run(views: u64, seed: u64) {
                 if estimate == DepthEstimate::NoBackground {
                     assert_eq!(hzb.test(bounds), Occlusion::Hidden, "round {round}: the z-buffer shows it");
                 }
-                // Rays leave out extreme occluders.
+                // Rays are cast only if there are no extreme occluders, for which they are too imprecise.
                 if coverage == Coverage::Conservative && occluders.len() == plain {
                     let what = format!("round {round}, {estimate:?}");
                     let own = assert_hidden(&mut random, &view, size, bounds, &all, &what);
@@ -138,10 +138,10 @@ fn a_hole_of_one_pixel_in_a_wall_shows_what_is_behind() {
             for level in 0..=top {
                 let opacity = hom.opacity(level, hole_x >> level, hole_y >> level).unwrap();
                 assert!(opacity < 1.0, "{size:?}, level {level}: {opacity}");
-                // An average stored in eight bits would have rounded this opacity to 1.
+                // An average stored in eight bits would round this opacity to 1.
                 rounded_away += u32::from((opacity * 255.0).round() == 255.0);
             }
-            // Boxes behind the whole picture, and behind some pixels around the hole.
+            // Boxes behind the whole picture, and boxes behind some pixels around the hole.
             let (half_width, half_height) = (width / 2.0, height / 2.0);
             for reach in [1.0, 3.0, 9.0, 40.0, 200.0, 9000.0f32] {
                 let (left, right) = ((x - reach).max(0.0), (x + 1.0 + reach).min(width));
@@ -152,7 +152,7 @@ fn a_hole_of_one_pixel_in_a_wall_shows_what_is_behind() {
                 );
                 assert_ne!(hom.test(&behind), Occlusion::Hidden, "{size:?}, {estimate:?}, {reach}");
             }
-            // Without the hole, the same boxes are hidden, else the test would prove nothing.
+            // With the hole closed, the same boxes must be hidden, or the test would prove nothing.
             hom.add(&wall(size, [x - 1.0, x + 2.0], [y - 1.0, y + 2.0]).unwrap(), &Affine3A::IDENTITY);
             hom.flush();
             let all = Aabb::from_arrays(
@@ -331,7 +331,7 @@ fn the_answers_are_pinned() {
             hash = (hash ^ answer).wrapping_mul(0x0100_0000_01b3);
         }
     }
-    // The hash is the same on every processor, with every instruction set. It changes with the rule of which
-    // boxes are hidden.
+    // The hash is the same on every processor and instruction set. It changes only if the rule of which boxes
+    // are hidden changes.
     assert_eq!((hidden, hash), (1458, 0xc658_72e4_9d07_8f94), "{hash:#x}");
 }

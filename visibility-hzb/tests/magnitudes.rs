@@ -1,5 +1,5 @@
 //! Scenes of any scale, from 1e-15 to 1e15, with ratios of far to near plane up to 1e9: boxes that are
-//! clearly hidden or clearly visible are decided so. Clip matrices of any factor.
+//! clearly hidden or clearly visible are decided correctly. Clip matrices may have any factor.
 
 use crate::common::{occluder, view};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
@@ -64,8 +64,8 @@ fn scenes_of_any_size_are_decided_alike() {
     }
 }
 
-/// A factor of the clip matrix has no meaning. A power of two multiplies without rounding, so not even depths
-/// change.
+/// A factor of the clip matrix changes no answer. A power of two multiplies without rounding, so it does not
+/// even change depth keys.
 #[test]
 fn a_clip_matrix_times_any_factor_gives_the_same_answers() {
     let mut random = Random(43);

@@ -1,4 +1,4 @@
-//! A wall of panels hides as a wall of one piece does.
+//! Tests that a wall of panels hides the same objects as a wall of one piece.
 
 use visibility_core::glam::{Affine3A, DVec3, Quat, Vec3};
 use visibility_core::scene::Triangle;
@@ -9,7 +9,8 @@ use visibility_core::{
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_testing::Random;
 
-/// Returns the bounds of an object, a box of its own coordinates under a transform.
+/// Returns the scene bounds of an object: the box `bounds`, in the object's own coordinates, under a
+/// transform.
 fn around(bounds: &Aabb, transform: &Affine3A) -> Aabb {
     Aabb::from_points(bounds.corners().map(|corner| transform.transform_point3(corner)))
 }
@@ -43,7 +44,7 @@ fn add_wall(scene: &mut Scene, panels: &[Aabb], transform: Affine3A, is_one_mesh
     }
 }
 
-/// Adds 50 boxes of 2 m and 200 of .3 m that stand behind the wall.
+/// Adds 50 boxes of 2 m and 200 boxes of 0.3 m behind the wall, and returns them.
 fn add_things(scene: &mut Scene, transform: &Affine3A) -> Vec<ObjectId> {
     let mut random = Random(77);
     let sizes = [2.0_f32; 50].into_iter().chain([0.3; 200]);
@@ -62,7 +63,7 @@ fn seen(scene: &Scene, view: &View) -> Vec<ObjectId> {
     visible.iter(scene).collect()
 }
 
-/// Returns the objects reported from a point 10 m before the wall, `back` metres farther away.
+/// Returns the objects reported from a point `10 + back` metres before the wall.
 fn reported(scene: &Scene, transform: &Affine3A, back: f32) -> Vec<ObjectId> {
     let [eye, target] =
         [-back, 10.0].map(|x| transform.transform_point3(Vec3::new(x, 0.13, 0.07)).as_dvec3());
@@ -89,8 +90,8 @@ fn a_wall_of_panels_hides_all_that_is_behind_it() {
     }
 }
 
-/// A panel that is taken out, or whose side is moved by a millimetre, leaves a gap through which things are
-/// seen.
+/// Tests that a panel which is removed, or whose side is moved by a millimetre, leaves a gap through which
+/// objects are visible.
 #[test]
 fn a_gap_between_panels_hides_nothing() {
     for is_taken_out in [true, false] {
@@ -105,7 +106,7 @@ fn a_gap_between_panels_hides_nothing() {
         };
         let mut scene = Scene::new();
         add_wall(&mut scene, &boxes, Affine3A::IDENTITY, false);
-        // The eye looks straight through the gap at a thing 10 m behind.
+        // The eye looks straight through the gap at an object 10 m behind it.
         let eye = Affine3A::from_translation(Vec3::new(0.0, y - 0.13, 0.5 - 0.07));
         let thing_at = |y: f32| Aabb::from_arrays([20.0, y - 0.05, 0.45], [20.1, y + 0.05, 0.55]);
         let [behind, beside] = [y, y - 2.0].map(|y| scene.insert(thing_at(y)));
@@ -115,8 +116,8 @@ fn a_gap_between_panels_hides_nothing() {
     }
 }
 
-/// The near plane of a parallel view cuts the first of three boxes in a row. The second still hides what is
-/// behind the row.
+/// The near plane of a parallel view cuts the first of three boxes in a row. The second still hides the
+/// objects behind the row.
 #[test]
 fn a_row_that_the_near_plane_cuts_hides_from_its_second_box_on() {
     let mut scene = Scene::new();

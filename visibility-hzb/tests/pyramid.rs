@@ -52,7 +52,7 @@ fn updates_leave_nothing_out() {
                 let half = within(&mut random, [0.1; 3], [3.0, 12.0, 9.0]);
                 let mut mesh = OccluderMesh::cuboid(&Aabb::new(-half, half)).unwrap();
                 if random.range(0.0, 1.0) < 0.5 {
-                    // Without one of its sides, the box is drawn as a mesh.
+                    // Without one of its sides, the mesh is no longer a box, and is drawn as a mesh.
                     mesh = OccluderMesh::from_indexed(mesh.positions(), &mesh.triangles()[2..]).unwrap();
                 }
                 let turn = Quat::from_rotation_z(random.range(0.0, 6.3) as f32);

@@ -28,7 +28,8 @@ pub(crate) fn check(faces: &[Face], view: &View, hzb: &Hzb, random: &mut Random,
     let [mut samples, mut pixels] = [0; 2];
     for (column, row, stored) in covered_pixels(hzb) {
         pixels += 1;
-        // Pixels whose neighbours hold the same depth key say little, so only one in eight is tested.
+        // Pixels whose neighbours hold the same depth key say little, so only one in eight of these is
+        // tested.
         let lonely = column == 0
             || row == 0
             || [(column - 1, row), (column + 1, row), (column, row - 1), (column, row + 1)]
@@ -82,7 +83,8 @@ pub(crate) fn sheets(random: &mut Random) -> Vec<Occluder> {
             .map(|k| {
                 let [i, j] = [k % (cells + 1), k / (cells + 1)].map(|k| k as f32 / cells as f32 - 0.5);
                 let up = random.fine_range(-height, height) as f32;
-                // A folded sheet runs to and fro, so that folds are seen; other sheets are nearly flat.
+                // A folded sheet goes back and forth in depth, so that folds are seen; other sheets are
+                // nearly flat.
                 let across = if folded { (k % (cells + 1) % 2) as f32 * 4.0 + up - 2.0 } else { i * 5.0 };
                 middle + Vec3::new(across, j * 5.0, if folded { i * 2.0 } else { up })
             })
@@ -124,7 +126,7 @@ fn covered_pixels_are_covered_and_no_farther_than_they_say() {
             occluders = sheets(&mut random);
         } else if random.below(2) == 0 {
             occluders = room(&mut random);
-            // Views along an axis, in which some edges are level and some upright.
+            // Views along an axis, in which some edges are horizontal and some vertical.
             if random.below(3) == 0 {
                 let eye = random.vec3(-1.0, 1.0).as_dvec3() - 4.0 * DVec3::X;
                 let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);

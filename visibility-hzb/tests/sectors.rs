@@ -30,14 +30,14 @@ fn pixels(hzb: &Hzb) -> Vec<u32> {
     at.map(|(column, row)| hzb.depth_key(column, row).to_bits()).collect()
 }
 
-/// Sectors come and go before each frame. Rays through covered pixels meet a triangle of a sector that is
-/// there, no farther than the pixel says.
+/// Before each frame, sectors are added and removed. Rays through covered pixels meet a triangle of a present
+/// sector, no farther than the pixel's depth key.
 #[test]
 fn pixels_are_covered_by_the_sectors_that_are_there() {
     let mut random = Random(41);
     let (mut cast, mut covered, mut several) = (0, 0, 0);
     while cast < 1_500_000 {
-        // Sectors of the same level, so that they have borders in common.
+        // All sectors are parts of one level, so that they have borders in common.
         let all = triangles(&mut random);
         if all.is_empty() {
             continue;
@@ -82,8 +82,8 @@ fn pixels_are_covered_by_the_sectors_that_are_there() {
     assert!(covered > 1000 && several > 40, "{covered} pixels, {several} frames with several sectors");
 }
 
-/// Many sectors overlap in the picture, more than a tile keeps apart. The nearest clusters of all are drawn
-/// first, so that the pixels are the same in whatever order the sectors were added.
+/// Many sectors overlap in the picture, more than a tile has layers. The nearest clusters of all sectors are
+/// drawn first, so the pixels do not depend on the order in which sectors were added.
 #[test]
 fn the_order_of_adding_makes_no_difference() {
     let mut random = Random(42);
@@ -114,8 +114,8 @@ fn the_order_of_adding_makes_no_difference() {
     assert_eq!(differ, 20, "rounds in which half of the sectors covers other pixels");
 }
 
-/// A sector whose middle is out of view hides where it is in view, whatever the origins of the sector and of
-/// the scene are; through a culler, too.
+/// A sector whose middle is out of view hides objects behind its part in view, whatever the origins of sector
+/// and scene are. Tested with the map alone and through a culler.
 #[test]
 fn a_sector_hides_wherever_origins_are() {
     let view = view(DVec3::ZERO, DVec3::X);
@@ -150,8 +150,8 @@ fn a_sector_hides_wherever_origins_are() {
     }
 }
 
-/// An engine that streams for hours has as much memory at the end as at the start, and answers as a new
-/// z-buffer does.
+/// After thousands of sectors were added and removed, a z-buffer uses as much memory as at the start, and
+/// answers as a new z-buffer does.
 #[test]
 fn ten_thousand_sectors_that_come_and_go_leave_no_memory() {
     let mut random = Random(43);
@@ -177,13 +177,13 @@ fn ten_thousand_sectors_that_come_and_go_leave_no_memory() {
             hzb.begin(&views[number % 2], DVec3::ZERO);
             hzb.flush();
         }
-        // The same sectors are there again after 105 steps.
+        // Every 105 steps the same sectors are present, so memory can be compared.
         if number % 1050 == 0 {
             live.push(LIVE.get());
         }
     }
     assert!(live[1..].iter().all(|&bytes| bytes == live[1]), "{live:?}");
-    // A level that is there already is not there twice.
+    // Adding a level that is present already does not add it a second time.
     let before = LIVE.get();
     (0..1000).for_each(|_| hzb.add_level(there[0].clone()));
     assert_eq!(LIVE.get(), before, "adding a level that is there takes memory");
@@ -206,14 +206,14 @@ fn ten_thousand_sectors_that_come_and_go_leave_no_memory() {
     );
 }
 
-/// Sectors are prepared beside the frames, on another thread.
+/// Tests that sectors can be prepared on another thread, beside the frames.
 #[test]
 fn prepared_levels_go_from_thread_to_thread() {
     fn is_shared<T: Send + Sync>() {}
     is_shared::<PreparedLevel>();
 }
 
-/// Bytes of a file that is read can be drawn, whoever wrote them.
+/// Tests that a level loaded from forged bytes is drawn without panic, or refused when loaded.
 #[test]
 fn forged_files_are_drawn_or_refused() {
     let mut random = Random(44);
@@ -247,8 +247,8 @@ fn forged_files_are_drawn_or_refused() {
     assert!(refused > 100, "{refused} are refused");
 }
 
-/// Pixels along an edge are covered by the two triangles of one level that share it, not by one of them and a
-/// triangle of another level, whose edges have the same numbers there.
+/// Pixels along an edge are covered by two triangles of one level that share the edge, never by a triangle of
+/// that level together with a triangle of another level whose edge has the same index.
 #[test]
 fn edges_of_one_level_are_not_those_of_another() {
     let mut random = Random(43);
@@ -271,8 +271,8 @@ fn edges_of_one_level_are_not_those_of_another() {
     assert!(covered > 400_000, "{covered} pixels are covered, expected more");
 }
 
-/// A level with a wall on layer 1 and a far one on layer 2. Only views of both layers are sure to draw all of
-/// it; others draw the mesh of the wall that they show.
+/// A level with a near wall on layer 1 and a far wall on layer 2. Only views of both layers draw the level;
+/// other views draw the mesh of the wall that they show.
 #[test]
 fn a_level_hides_only_in_views_that_show_all_of_it() {
     let mut scene = Scene::new();

@@ -1,4 +1,5 @@
-//! Meshes whose near side hides although their far side, which faces the eye too, lies behind what is hidden.
+//! Meshes whose near side occludes although their far side, which also faces the eye, lies behind the hidden
+//! objects.
 
 use crate::common::{Occluder, draw};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
@@ -6,13 +7,14 @@ use visibility_core::scene::Triangle;
 use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View, occlusion::Occlusion};
 use visibility_hzb::Hzb;
 
-/// Returns a garage of thick walls as one closed mesh. It is open towards +x, from -5 to 5 along all axes.
+/// Returns a garage of thick walls as one closed mesh. It is open towards +x, and extends from -5 to 5 along
+/// all axes.
 fn garage() -> OccluderMesh {
     let [outer, inner] = [
         Aabb::from_arrays([-5.0; 3], [5.0; 3]).corners(),
         Aabb::from_arrays([-4.7; 3], [5.0, 4.7, 4.7]).corners(),
     ];
-    // The last two triangles are the side of +x.
+    // The last two triangles of a box are its +x side, which is left open.
     let walls = &OccluderMesh::CUBOID[..10];
     let mut triangles: Vec<Triangle> = walls.iter().map(|t| t.map(|i| outer[i as usize])).collect();
     triangles.extend(walls.iter().map(|&[a, b, c]| [a, c, b].map(|i| inner[i as usize])));

@@ -54,7 +54,7 @@ fn run(views: u64, seed: u64) {
                 continue;
             }
             hidden += 1;
-            // Rays leave out extreme occluders.
+            // Rays are cast only if there are no extreme occluders, for which they are too imprecise.
             if occluders.len() == plain {
                 let what = format!("round {round}");
                 rays += assert_hidden(&mut random, &view, size, bounds, &all, &what);

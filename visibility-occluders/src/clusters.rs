@@ -13,10 +13,10 @@ pub(crate) struct Item {
     pub(crate) edges: usize,
 }
 
-/// Sorts `items` so that those of a cluster are adjacent, and calls `each` with the range of every cluster,
-/// half-open, counted from `first`, the index of the first item. A cluster has at most `max_edges` edges, or
-/// a single polygon. Sets of polygons are halved by their middles, along the axis in which the middles extend
-/// farthest, until they are small enough: n log n steps.
+/// Sorts `items` so that the items of each cluster are adjacent, and calls `each` with the half-open range of
+/// every cluster, counted from `first`, the index of the first item. A cluster has at most `max_edges` edges,
+/// or a single polygon. Larger sets of polygons are halved by their middles, along the axis in which the
+/// middles extend farthest. Takes n log n steps.
 pub(crate) fn divide(items: &mut [Item], max_edges: usize, first: usize, each: &mut impl FnMut([usize; 2])) {
     let edges: usize = items.iter().map(|item| item.edges).sum();
     if edges <= max_edges || items.len() <= 1 {

@@ -9,12 +9,12 @@ use visibility_core::glam::{DVec3, Vec3};
 pub struct LevelTriangle {
     /// Corners in metres relative to `Scene::origin`, counter-clockwise seen from the front.
     pub corners: [Vec3; 3],
-    /// True if the triangle is drawn, and so hides, from both sides; false if it is drawn from its front
+    /// True if the triangle is drawn, and so occludes, from both sides; false if it is drawn from its front
     /// only.
     pub two_sided: bool,
 }
 
-/// A flat face: a triangle, with further corners on its sides where neighbours end.
+/// A flat face: a triangle, with additional corners where neighbours' corners lie on its sides.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Face {
     /// Range of the face's corners in [`Faces::corners`], half-open.
@@ -23,7 +23,7 @@ pub(crate) struct Face {
     pub(crate) normal: DVec3,
     /// Area in square metres.
     pub(crate) area: f64,
-    /// True if the face hides what lies behind it from both of its sides, false if only from its front.
+    /// True if the face occludes from both of its sides, false if only from its front.
     pub(crate) two_sided: bool,
 }
 
@@ -51,14 +51,15 @@ pub(crate) struct Side {
     pub(crate) forward: bool,
 }
 
-/// Returns the sides at open edges, which belong to a single face. `sides` are all sides, sorted by edge.
+/// Returns the sides at open edges (edges of only one face). `sides` are all sides, sorted by edge.
 pub(crate) fn open_sides(sides: &[Side]) -> impl Iterator<Item = Side> {
     sides.chunk_by(|a, b| a.edge == b.edge).filter(|same| same.len() == 1).map(|same| same[0])
 }
 
 impl Faces {
     /// Welds triangles. Triangles that have no area or are not finite are left out. Of triangles with the
-    /// same three vertices one is kept. It is two-sided if any of them is, or if they have both orientations.
+    /// same three vertices only one is kept: a two-sided triangle if any of them is two-sided, or if they
+    /// have both orientations.
     pub(crate) fn weld(triangles: &[LevelTriangle]) -> Self {
         let is_finite = |t: &&LevelTriangle| t.corners.iter().all(|p| p.is_finite());
         let triangles: Vec<&LevelTriangle> = triangles.iter().filter(is_finite).collect();
@@ -76,13 +77,13 @@ impl Faces {
             }
             welded.vertices.push(Vec3::from_array(same[0].0.map(f32::from_bits)));
         }
-        // Triangles with the same vertices lie next to each other once sorted; the first of them stays.
+        // After sorting, triangles with the same vertices are adjacent; the first of them stays.
         let mut order: Vec<([u32; 3], bool, u32)> = Vec::with_capacity(triangles.len());
         for (number, t) in (0..).zip(welded.corners.as_chunks::<3>().0) {
             let mut sorted = *t;
             sorted.sort_unstable();
             let [a, b, c] = *t;
-            // An even permutation of the sorted vertices runs the same way round.
+            // An even permutation of the sorted vertices has the same orientation.
             let even = [[a, b, c], [b, c, a], [c, a, b]].contains(&sorted);
             order.push((sorted, even, number));
         }

@@ -22,11 +22,11 @@ const NORMAL_ERROR: f64 = 1e-9;
 pub enum LevelFileError {
     /// The bytes are damaged, or are not those of a level's occluders.
     Format(FormatError),
-    /// The occluders were made from another version of the level, or the file does not say from which.
+    /// The occluders were made from another version of the level, or the file has no version.
     OtherVersion {
-        /// Version from which the occluders were made. `None` if the file does not say.
+        /// Version of the level that the occluders were made from. `None` if the file has none.
         made_from: Option<u64>,
-        /// Version of the level that the file was asked for.
+        /// Version of the level that the caller asked for.
         level: u64,
     },
 }
@@ -79,7 +79,7 @@ impl LevelOccluders {
     /// let file = level.to_bytes();
     /// let read = LevelOccluders::from_bytes(&file, Some(level_version(&scene)))?;
     /// assert_eq!(read.with_objects_of(&scene, |_| true), level);
-    /// // The wall is glass now: the file is of an earlier version.
+    /// // After the wall has become glass, the file is of an earlier version of the level.
     /// scene.set_occluder(wall, false)?;
     /// let refused = LevelOccluders::from_bytes(&file, Some(level_version(&scene)));
     /// assert!(matches!(refused, Err(LevelFileError::OtherVersion { .. })));
@@ -119,11 +119,11 @@ impl LevelOccluders {
     }
 
     /// Reads the file of a level's occluders. `level` is the [version](visibility_core::level_version()) of
-    /// the level that they are for, by which a file from before an edit is refused; `None` if it is not
-    /// known, which is the caller's risk: occluders of another level hide what is visible.
+    /// the level that they are for: a file from before an edit is refused. With `None` the version is not
+    /// checked, at the caller's risk: occluders of another level hide visible objects.
     ///
-    /// All numbers are checked, so that bytes that pass can be drawn, whoever wrote them. Memory is at most
-    /// some four times the bytes.
+    /// All numbers are checked, so that any bytes that pass the checks can be drawn without panic. Memory is
+    /// at most about four times the number of bytes.
     ///
     /// # Errors
     /// [`LevelFileError::Format`] if the bytes are damaged or are not such a file.
@@ -143,7 +143,7 @@ impl LevelOccluders {
             *count = usize::try_from(reader.u64()?).unwrap_or(usize::MAX);
         }
         report.area_left_out = f64::from_bits(reader.u64()?);
-        // A forged count is refused by `reader`, which has no such bytes left.
+        // A forged count is refused by `reader`, which has fewer bytes left.
         let mask_count = reader.u32()? as usize;
         let layers = reader.u32s(mask_count)?;
         let vertex_count = reader.u32()? as usize;
@@ -199,13 +199,14 @@ fn read_clusters(mut numbers: &[u8], vertices: &[Vec3], shapes: &[u64]) -> Read 
     let mut shapes = shapes
         .chunks_exact(SHAPE_NUMBERS)
         .map(|shape| [0, 1, 2, 3, 4, 5, 6].map(|i| f64::from_bits(shape[i])));
-    // For each vertex of a cluster, the edges of a polygon that begin there less those that end there.
+    // For each vertex of a cluster: the number of edges of a polygon that begin there, less the number that
+    // end there.
     let mut balance: Vec<i64> = Vec::new();
     let mut first_vertex = 0;
     while !numbers.is_empty() {
         let mut number = || take_number(&mut numbers).ok_or("a number ends too early or is too large");
         let (vertex_count, polygon_count) = (number()?, number()?);
-        // Clusters take the vertices in turn.
+        // Clusters take consecutive ranges of the vertices.
         let end_vertex = vertices.len() as u32;
         let end_vertex = if vertex_count <= end_vertex - first_vertex {
             first_vertex + vertex_count
@@ -249,7 +250,7 @@ fn read_clusters(mut numbers: &[u8], vertices: &[Vec3], shapes: &[u64]) -> Read 
                 balance[edge[1] as usize] -= 1;
                 edges.push(edge.map(|vertex| first_vertex + vertex));
             }
-            // As many edges begin as end at every vertex: the outline consists of closed loops.
+            // At every vertex as many edges must begin as end: then the outline consists of closed loops.
             if edges[first..].as_flattened().iter().any(|&v| balance[(v - first_vertex) as usize] != 0) {
                 return Err("an outline is not closed");
             }

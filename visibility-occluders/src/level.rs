@@ -1,4 +1,4 @@
-//! The occluders of a level: their settings, their making and their parts.
+//! The occluders of a level: settings, construction, and their polygons and clusters.
 
 use crate::clusters::{Item, divide};
 use crate::faces::{Faces, LevelTriangle, open_sides};
@@ -29,33 +29,35 @@ impl Default for LevelSettings {
 }
 
 impl LevelSettings {
-    /// Sets how far a polygon's vertices may be off its plane, as a fraction of the greatest coordinate.
-    /// 4.8e-7 by default, some roundings of a coordinate to `f32`. Greater values give fewer polygons, each
-    /// of which counts as farther away by as much as its vertices are off. Below 0 or NaN counts as 0.
+    /// Sets the greatest distance of a polygon's vertices from its plane, as a fraction of the greatest
+    /// coordinate. 4.8e-7 by default, some roundings of a coordinate to `f32`. Greater values give fewer
+    /// polygons, but each polygon counts as farther away by the distance of its vertices from its plane. A
+    /// negative number or NaN counts as 0.
     pub fn with_flatness(self, flatness: f64) -> Self {
         Self { flatness: flatness.max(0.0), ..self }
     }
 
-    /// Sets how far a polygon's vertices may be off the plane of its first face, as a share of the square
-    /// root of its area, where that is more than the [flatness](Self::with_flatness). 0.03 by default, which
-    /// gives terrain and curved walls a half to a third of the polygons that 0 gives. Greater values give
-    /// fewer polygons. Each counts as farther away by as much as its vertices are off, and hides nothing from
-    /// an eye within that distance. Below 0 or NaN counts as 0.
+    /// Sets the greatest distance of a polygon's vertices from the plane of its first face, as a fraction of
+    /// the square root of the polygon's area. Applies where it exceeds the [flatness](Self::with_flatness).
+    /// 0.03 by default, which gives terrain and curved walls a half to a third of the polygons that 0 gives.
+    /// Greater values give fewer polygons. Each polygon counts as farther away by the distance of its
+    /// vertices from its plane, and hides nothing from an eye within that distance. A negative number or NaN
+    /// counts as 0.
     pub fn with_bulge(self, bulge: f64) -> Self {
         Self { bulge: bulge.max(0.0), ..self }
     }
 
     /// Sets the least share of the area of all polygons that is kept, from 0 to 1. The smallest polygons are
-    /// left out. 0.98 by default: most of the polygons are so small that they have only hundredths of the
-    /// area together.
+    /// left out. 0.98 by default, since most polygons are so small that together they have only some
+    /// hundredths of the area.
     pub fn with_kept_area(self, share: f64) -> Self {
         Self { kept_area: share.clamp(0.0, 1.0), ..self }
     }
 
     /// Sets the maximum number of edges of a cluster of more than one polygon. 96 by default. A polygon of
-    /// several faces is divided if it has more edges, not counting vertices in the middle of straight lines.
-    /// The setting hardly changes the number of hidden objects, and it changes the time of a frame by a few
-    /// per cent.
+    /// several faces is divided if it has more edges than that, not counting vertices in the middle of
+    /// straight lines. The setting hardly changes the number of hidden objects, and it changes the time of a
+    /// frame by a few per cent.
     pub fn with_max_cluster_edges(self, edges: usize) -> Self {
         Self { max_cluster_edges: edges, ..self }
     }
@@ -77,7 +79,7 @@ pub struct OccluderPolygon {
     pub min_cosine: f64,
     /// Range of the polygon's edges in [`LevelOccluders::edges`], half-open.
     pub edges: [u32; 2],
-    /// True if the polygon hides from both sides, false if from its front only.
+    /// True if the polygon occludes from both sides, false if from its front only.
     pub two_sided: bool,
 }
 
@@ -95,19 +97,19 @@ pub struct OccluderCluster {
     pub area: f64,
 }
 
-/// Counts of the steps by which the occluders of a level were made.
+/// Counts of triangles, edges and polygons at the steps of making the occluders of a level.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 #[non_exhaustive]
 pub struct LevelReport {
     /// Number of triangles given.
     pub triangles: usize,
-    /// Number of triangles without those that have no area, and without repeated ones.
+    /// Number of triangles left after removing triangles without area and repeated triangles.
     pub faces: usize,
-    /// Number of edges of a single face, after welding.
+    /// Number of open edges (edges of only one face) after welding.
     pub open_edges: usize,
-    /// Number of vertices inserted into edges that they lie on.
+    /// Number of vertices inserted into edges on which they lie.
     pub t_junctions: usize,
-    /// Number of edges of a single face, after T-junctions were resolved.
+    /// Number of open edges (edges of only one face) after T-junctions were resolved.
     pub open_edges_left: usize,
     /// Number of polygons found.
     pub polygons: usize,
@@ -149,17 +151,16 @@ const MAX_TRIANGLES: usize = (u32::MAX / 4) as usize;
 
 /// The occluders of a level: polygons made of its opaque, static triangles, in clusters.
 ///
-/// A line that meets no edge goes through a polygon if the polygon's outline winds round the line. It then
-/// goes through a triangle of the level within the polygon's [extent] along the normal: nothing is hidden
-/// that the triangles do not hide. The winding number is positive for a line that comes from the front of all
-/// the polygon's faces.
+/// If a polygon's outline winds round a line that meets no edge, the line passes through a triangle of the
+/// level, within the polygon's [extent] along the normal. So polygons hide nothing that the triangles do not
+/// hide. The winding number is positive for a line that comes from the front of all the polygon's faces.
 ///
 /// [extent]: OccluderPolygon::extent
 ///
 /// ```
 /// use visibility_core::glam::Vec3;
 /// use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
-/// // A wall of two rectangles that meet in a T-junction.
+/// // A wall of two rectangles of different width, which meet in a T-junction.
 /// let quad = |[y0, y1]: [f32; 2], [z0, z1]: [f32; 2]| {
 ///     let [a, b, c, d] = [[y0, z0], [y1, z0], [y1, z1], [y0, z1]].map(|[y, z]| Vec3::new(5.0, y, z));
 ///     [[a, b, c], [a, c, d]].map(|corners| LevelTriangle { corners, two_sided: true })
@@ -184,8 +185,9 @@ pub struct LevelOccluders {
 }
 
 impl LevelOccluders {
-    /// Makes the occluders of a level from its triangles. The order of the triangles decides between equals
-    /// only. Takes some microseconds a triangle, and 200 bytes a triangle while it works.
+    /// Makes the occluders of a level from its triangles. The order of the triangles matters only where
+    /// alternatives are equally good. Takes some microseconds a triangle, and 200 bytes a triangle while it
+    /// works.
     ///
     /// # Errors
     /// [`LevelOccludersError::TooManyTriangles`] for more than 1,073,741,823 triangles.
@@ -204,8 +206,8 @@ impl LevelOccluders {
         report.open_edges_left = open_sides(&sides).count();
         let magnitude = faces.vertices.iter().fold(Vec3::ZERO, |most, v| most.max(v.abs()));
         let flatness = settings.flatness * f64::from(magnitude.max_element());
-        // Nearly flat regions of faces become polygons. The smallest are left out, as they cost more than
-        // they hide.
+        // Nearly flat regions of faces become polygons. The smallest are left out, since drawing them costs
+        // more than they hide.
         let mut regions = Regions::find(&faces, &sides, flatness, settings.bulge);
         divide_regions(&mut regions, &faces, settings.max_cluster_edges);
         report.polygons = regions.regions.len();
@@ -240,11 +242,11 @@ impl LevelOccluders {
     /// Makes the occluders of a scene's level, from the triangles ([`Scene::set_triangles`]) of objects that
     /// are flagged as occluders, are [always drawn](Scene::is_always_drawn), are on a layer, are not
     /// see-through and for which `stands_still` returns true. Triangles of
-    /// [one-sided](visibility_core::Object::one_sided) objects hide from their front alone. Positions are
+    /// [one-sided](visibility_core::Object::one_sided) objects occlude from their front alone. Positions are
     /// relative to [`Scene::origin`]. The occluders have the [version](level_version()) of the scene.
     ///
     /// # Errors
-    /// As [`new`](Self::new).
+    /// The errors of [`new`](Self::new).
     pub fn of_scene(
         scene: &Scene,
         stands_still: impl FnMut(ObjectId) -> bool,
@@ -333,14 +335,14 @@ impl LevelOccluders {
     }
 
     /// Returns the objects whose triangles are in the level: those that it was [made of](Self::of_scene), or
-    /// [set](Self::with_objects_of). None without either.
+    /// [set](Self::with_objects_of). Empty if neither was called.
     pub fn objects(&self) -> &[ObjectId] {
         &self.objects
     }
 
     /// Returns the [layer masks](visibility_core::Object::layers) of the objects that the level was [made
-    /// of](Self::of_scene), each mask once, none of them 0. A level hides only in a view that shares a layer
-    /// with each mask, since in any other view some of its objects are not drawn. Empty for occluders made of
+    /// of](Self::of_scene), each mask once, none of them 0. A level is used only in views that share a layer
+    /// with every mask, since any other view does not draw some of its objects. Empty for occluders made of
     /// triangles alone, which hide in every view.
     pub fn layers(&self) -> &[u32] {
         &self.layers
@@ -354,7 +356,7 @@ impl LevelOccluders {
     }
 
     /// Returns the version of the level that the occluders were made from: [`level_version`](level_version())
-    /// of the scene, or the number given to [`with_version`](Self::with_version). `None` without either.
+    /// of the scene, or the number given to [`with_version`](Self::with_version). `None` if there is neither.
     pub fn version(&self) -> Option<u64> {
         self.version
     }
@@ -377,8 +379,8 @@ fn objects_of(
     })
 }
 
-/// Sorts regions by area, greatest first, and leaves out the last ones as long as those kept have at least
-/// the given share of the area of all. Returns the area left out.
+/// Sorts regions by area, greatest first, and removes regions from the end as long as the remaining ones have
+/// at least the fraction `share` of the total area. Returns the area removed.
 fn leave_out_smallest(regions: &mut Vec<&Region>, share: f64) -> f64 {
     regions.sort_by(|a, b| b.area.total_cmp(&a.area));
     let all: f64 = regions.iter().map(|region| region.area).sum();

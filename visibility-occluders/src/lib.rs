@@ -1,11 +1,11 @@
-//! Occluders of a level: what the world is made of, as few large pieces.
+//! Occluders of a level: the surfaces of a level as few large polygons.
 //!
-//! Objects are what is drawn, and mostly too many and too small to hide anything: a wall of a game's level is
-//! made of dozens, each with open edges, so that no pixel along a seam counts as covered. [`LevelOccluders`]
-//! takes all opaque, static triangles of a level at once. It welds corners at equal positions, resolves
-//! T-junctions, joins neighbours that are flat together, or nearly so, into polygons with one outline, leaves
-//! out the smallest, and puts the others in clusters. What the polygons hide, the triangles hide: nothing is
-//! moved or closed.
+//! Most objects of a level are too small and too many to be good occluders. A wall of a game's level is made
+//! of dozens of pieces with open edges, so that no pixel along a seam between pieces counts as covered.
+//! [`LevelOccluders`] takes all opaque, static triangles of a level at once. It welds corners at equal
+//! positions, resolves T-junctions, joins neighbours that are flat together, or nearly so, into polygons with
+//! one outline each, leaves out the smallest polygons, and puts the others into clusters. The polygons hide
+//! only what the triangles hide: no vertex is moved and no gap is closed.
 #![no_std]
 #![warn(missing_debug_implementations)]
 #![forbid(unsafe_code)]

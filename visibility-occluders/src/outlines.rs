@@ -10,11 +10,11 @@ use visibility_core::glam::Vec3;
 pub(crate) type OutlineEdge = [u32; 2];
 
 /// Returns the outline of a region: the sides of its faces, without those that cancel out. An edge that is
-/// run through n times more often in one direction than in the other is listed n times.
+/// traversed n times more often in one direction than in the other is listed n times.
 ///
-/// The outline is the boundary of the sum of all faces, so that its winding number about a line is the number
-/// of faces that the line goes through from front to back, less the number of those that it goes through from
-/// back to front. Faces that overlap count each.
+/// The outline is the boundary of the sum of all faces. So its winding number about a line is the number of
+/// faces that the line passes through from front to back, less the number that it passes through from back to
+/// front. Each of several overlapping faces counts.
 pub(crate) fn outline(faces: &Faces, regions: &Regions, region: &Region) -> Vec<OutlineEdge> {
     let mut sides: Vec<([u32; 2], bool)> = Vec::new();
     for member in &regions.members[region.members[0] as usize..region.members[1] as usize] {
@@ -35,7 +35,7 @@ pub(crate) fn outline(faces: &Faces, regions: &Regions, region: &Region) -> Vec<
     edges
 }
 
-/// A vertex where exactly one edge of an outline ends and one begins.
+/// A vertex at which exactly one edge of an outline ends and exactly one begins.
 #[derive(Clone, Copy)]
 struct Passage {
     vertex: u32,
@@ -44,15 +44,15 @@ struct Passage {
     edges: [u32; 2],
 }
 
-/// Removes vertices in the middle of straight lines: an outline goes on past a vertex that lies, exactly,
-/// between its two neighbours, unless another outline shares the edge on one side of the vertex only. So
-/// outlines that share an edge share it afterwards too. Returns the number of vertices removed, counted by
-/// outline.
+/// Removes vertices in the middle of straight lines. A vertex is removed from an outline if it lies exactly
+/// between its two neighbours, unless another outline shares the edge on only one side of the vertex. So
+/// outlines that share an edge before also share it afterwards. Returns the number of vertices removed,
+/// counted for each outline.
 pub(crate) fn straighten(vertices: &[Vec3], outlines: &mut [Vec<OutlineEdge>]) -> usize {
-    // All edges of all outlines; an edge that was joined to the one before has `alive` false.
+    // All edges of all outlines. `alive` is false for an edge that was joined to the edge before it.
     let mut edges: Vec<OutlineEdge> = outlines.iter().flatten().copied().collect();
     let mut alive = alloc::vec![true; edges.len()];
-    // Ends and starts of all edges: vertex, outline, edge, and whether the edge begins at the vertex.
+    // Both ends of all edges: vertex, outline, whether the edge begins at the vertex, and index of the edge.
     let mut ends: Vec<(u32, u32, bool, u32)> = Vec::with_capacity(edges.len() * 2);
     let mut edge = 0;
     for (outline, of) in (0..).zip(outlines.iter()) {
@@ -63,7 +63,8 @@ pub(crate) fn straighten(vertices: &[Vec3], outlines: &mut [Vec<OutlineEdge>]) -
     }
     ends.sort_unstable();
     let mut passages: Vec<Passage> = Vec::new();
-    // The ends at each vertex that an outline passes once: their range, and that of the passages.
+    // Vertices that an outline passes exactly once: the range of the ends at the vertex, and the range of the
+    // passages.
     let mut candidates: Vec<[usize; 4]> = Vec::new();
     let mut first_end = 0;
     for at_vertex in ends.chunk_by(|a, b| a.0 == b.0) {
@@ -93,8 +94,8 @@ pub(crate) fn straighten(vertices: &[Vec3], outlines: &mut [Vec<OutlineEdge>]) -
                 let own = neighbours(&passages[i]);
                 own == [a, b] || own == [b, a]
             }));
-            // Edges at the vertex that lead to one of the two neighbours: two for each of these passages, if
-            // no other outline has one.
+            // Number of edges at the vertex that lead to one of the two neighbours: two for each of these
+            // passages, unless another outline has such an edge too.
             let mut shared = 0;
             for passage in &passages[first..end] {
                 shared += neighbours(passage).iter().filter(|&&n| n == a || n == b).count();
@@ -115,9 +116,9 @@ pub(crate) fn straighten(vertices: &[Vec3], outlines: &mut [Vec<OutlineEdge>]) -
                 let end = edges[after as usize][1];
                 edges[before as usize][1] = end;
                 alive[after as usize] = false;
-                // The outline does not pass the vertex any more.
+                // The outline no longer passes this vertex.
                 passages[i].edges = [after, after];
-                // At the end of the joined edge, the edge that ends there is another one now.
+                // At the far end of the joined edge, the edge that ends there is now `before`.
                 if let Ok(next) = passages.binary_search_by_key(&(end, outline), |p| (p.vertex, p.outline)) {
                     passages[next].edges[0] = before;
                 }

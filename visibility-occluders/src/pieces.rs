@@ -1,5 +1,5 @@
-//! Regions of many edges, divided into pieces: a wide floor with a hundred corners would cost as much to draw
-//! from any of its rooms.
+//! Division of regions with many edges into pieces: a wide floor with a hundred corners would otherwise cost
+//! as much to draw from each of its rooms.
 
 use crate::faces::Faces;
 use crate::outlines::{outline, straighten};

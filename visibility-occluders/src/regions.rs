@@ -7,21 +7,22 @@ use visibility_core::glam::DVec3;
 
 /// Least cosine of the angle between the normals of a region's first face and of any other face in it. The
 /// angle is less than half a right angle, so that all faces are on the front side of a mean of their normals.
-/// Wider angles join few faces more.
+/// Wider angles would join few more faces.
 const MIN_COSINE: f64 = 0.85;
 
-/// Faces that are connected through edges, face alike, and lie within a slab.
+/// Faces that are connected through edges, face the same way, and lie in a slab: a thin layer between two
+/// parallel planes.
 #[derive(Clone, Debug)]
 pub(crate) struct Region {
     /// Range of the region's faces in [`Regions::members`], half-open.
     pub(crate) members: [u32; 2],
-    /// Unit normal of the slab.
+    /// Unit normal of the two planes between which the faces lie.
     pub(crate) normal: DVec3,
     /// Least and greatest coordinate along `normal` of the region's vertices, as computed, in metres.
     pub(crate) extent: [f64; 2],
     /// Sum of the areas of the faces in square metres.
     pub(crate) area: f64,
-    /// Least cosine of the angle between `normal` and the normals of the faces, as turned in the region.
+    /// Least cosine of the angle between `normal` and the normals of the faces, as oriented in the region.
     pub(crate) min_cosine: f64,
     /// True if all faces are two-sided, false if none is.
     pub(crate) two_sided: bool,
@@ -46,8 +47,7 @@ pub(crate) struct Regions {
 }
 
 impl Region {
-    /// Computes the fields that follow from the `normal`, the faces and their turns: extent, area, least
-    /// cosine.
+    /// Computes extent, area and least cosine from the `normal` and the faces with their orientations.
     pub(crate) fn measure(&mut self, faces: &Faces, members: &[Member]) {
         (self.extent, self.area) = ([f64::INFINITY, f64::NEG_INFINITY], 0.0);
         self.min_cosine = 1.0;
@@ -63,7 +63,7 @@ impl Region {
     }
 
     /// Replaces the `normal` by the mean of the normals of `members`, weighted by area, if that makes the
-    /// slab thinner.
+    /// layer that holds the faces thinner.
     fn fit(&mut self, faces: &Faces, members: &[Member]) {
         let mean = members.iter().fold(DVec3::ZERO, |sum, member| {
             let face = &faces.faces[member.face as usize];
@@ -79,19 +79,19 @@ impl Region {
 }
 
 impl Member {
-    /// Returns the normal of the member's face, as turned in the region.
+    /// Returns the normal of the member's face, as oriented in the region.
     fn normal(&self, face: &Face) -> DVec3 {
         if self.turned { -face.normal } else { face.normal }
     }
 }
 
 impl Regions {
-    /// Grows regions from the largest faces on. A face joins a region if it shares an edge with it, is close
-    /// to the plane of the region's first face, hides from the same sides, and faces the same way up to
-    /// [`MIN_COSINE`]. Close is within `flatness` metres, or within `bulge` times the square root of the
-    /// region's area. `sides` are all sides of the faces, sorted by edge.
+    /// Grows regions, beginning with the largest faces. A face joins a region if it shares an edge with it,
+    /// is close to the plane of the region's first face, occludes from the same sides, and faces the same way
+    /// up to [`MIN_COSINE`]. Close means within `flatness` metres, or within `bulge` times the square root of
+    /// the region's area. `sides` are all sides of the faces, sorted by edge.
     pub(crate) fn find(faces: &Faces, sides: &[Side], flatness: f64, bulge: f64) -> Self {
-        // For each corner, the first of the sides at the edge that begins at the corner.
+        // Indexed by corner: the first of the sides at the edge that begins at the corner.
         let mut first_of_edge = alloc::vec![0u32; faces.corners.len()];
         let mut at = 0;
         for same in sides.chunk_by(|a, b| a.edge == b.edge) {
@@ -103,7 +103,7 @@ impl Regions {
             let edge = sides[first].edge;
             sides[first..].iter().take_while(move |side| side.edge == edge)
         };
-        // The largest faces begin regions: their planes are the surest.
+        // Regions begin with the largest faces, whose planes are the most certain.
         let mut order: Vec<u32> = (0..faces.faces.len() as u32).collect();
         order.sort_by(|&a, &b| {
             faces.faces[b as usize].area.total_cmp(&faces.faces[a as usize].area).then(a.cmp(&b))
@@ -126,7 +126,7 @@ impl Regions {
             };
             let plane = region.normal.dot(faces.at(faces.corners_of(&faces.faces[seed as usize])[0]));
             let mut next = first;
-            // Breadth first, from the seed outwards.
+            // Breadth-first search from the region's first face.
             while let Some(&member) = found.members.get(next) {
                 next += 1;
                 let face = &faces.faces[member.face as usize];
@@ -158,15 +158,15 @@ impl Regions {
     }
 }
 
-/// Returns whether the face of `side` must be turned to continue a region. It shares an edge with the
-/// region's face `member`, whose side of the edge is `own`. `None` if it cannot continue the region: its
-/// normal is too far from the region's, it would run through the edge in the same direction as `member`, or
-/// it hides from other sides.
+/// Returns whether the face of `side` must be turned over to continue a region. It shares an edge with the
+/// region's face `member`, whose side of the edge is `own`. `None` if the face cannot continue the region:
+/// its normal is too far from the region's, it would traverse the edge in the same direction as `member`, or
+/// it occludes from other sides.
 fn turn(faces: &Faces, region: &Region, member: Member, own: &Side, side: &Side) -> Option<bool> {
     let face = &faces.faces[side.face as usize];
     let cosine = face.normal.dot(region.normal);
     let turned = cosine < 0.0;
-    // Neighbours run through their edge in opposite directions, once turned.
+    // Neighbours, once turned, must traverse their common edge in opposite directions.
     let is_opposite = (own.forward != member.turned) != (side.forward != turned);
     (cosine.abs() >= MIN_COSINE
         && is_opposite

@@ -1,8 +1,8 @@
 //! T-junctions: vertices that lie exactly on an edge of another face are inserted into that edge, so that
 //! both faces share the edge's parts.
 //!
-//! A vertex that lies on an edge but for rounding is not inserted. Between it and the edge there is a gap,
-//! however narrow, through which something may be seen.
+//! A vertex that lies on an edge only up to rounding is not inserted: objects may be visible through the gap
+//! between vertex and edge, however narrow it is.
 
 use crate::faces::{Faces, Side};
 use alloc::vec::Vec;
@@ -25,7 +25,7 @@ pub(crate) fn is_between(a: Vec3, b: Vec3, p: Vec3) -> bool {
 
 /// A tree of boxes over points, which finds the points along a segment.
 struct PointTree {
-    /// Indices of the points. Those of a node are adjacent.
+    /// Indices of the points. The points of a node are adjacent.
     points: Vec<u32>,
     /// Box around the points of each node: least and greatest coordinates. The children of node `i` are
     /// `2 i + 1` and `2 i + 2`, each with half of its points.
@@ -58,7 +58,7 @@ impl PointTree {
         self.divide(2 * node + 2, [first + middle, end], positions);
     }
 
-    /// Calls `each` with every point whose leaf the segment from `a` to `b` may meet.
+    /// Calls `each` with the points of every leaf whose box the segment from `a` to `b` may meet.
     fn along(&self, a: Vec3, b: Vec3, each: &mut impl FnMut(u32)) {
         self.search(0, [0, self.points.len()], [a, b].map(Vec3::as_dvec3), each);
     }
@@ -89,7 +89,7 @@ fn is_apart([a, b]: [DVec3; 2], [low, high]: [DVec3; 2]) -> bool {
         half.z * along.x.abs() + half.x * along.z.abs(),
         half.x * along.y.abs() + half.y * along.x.abs(),
     );
-    // Rounding is some 2^-50 of the products in `across`; a point too many is tested exactly later.
+    // Rounding is about 2^-50 of the products in `across`. A point found needlessly is tested exactly later.
     let rounding = 1e-14 * along.abs().max_element() * (from.abs() + half).max_element();
     across.cmpgt(reach + rounding).any()
 }
@@ -97,12 +97,12 @@ fn is_apart([a, b]: [DVec3; 2], [low, high]: [DVec3; 2]) -> bool {
 /// Inserts into each edge the vertices that lie on it. `sides` are the sides of the faces, sorted by edge,
 /// before the call. Returns the number of corners inserted. Takes some microseconds for an edge.
 ///
-/// Edges that two faces share are taken too: closed pieces that stand side by side, as those of a kit do,
-/// have no others.
+/// Edges that two faces share are included: closed pieces of a modular kit, side by side, have no other
+/// edges.
 pub(crate) fn insert_t_junctions(faces: &mut Faces, sides: &[Side]) -> usize {
     let tree = PointTree::new((0..faces.vertices.len() as u32).collect(), &faces.vertices);
     let at = |vertex: u32| faces.vertices[vertex as usize];
-    // For each vertex found: the corner that the side starts at, and the place along the side to sort by.
+    // For each vertex found: the corner at which the side starts, and the vertex.
     let mut found: Vec<(u32, u32)> = Vec::new();
     let mut between: Vec<u32> = Vec::new();
     for same in sides.chunk_by(|a, b| a.edge == b.edge) {
@@ -113,7 +113,7 @@ pub(crate) fn insert_t_junctions(faces: &mut Faces, sides: &[Side]) -> usize {
                 between.push(vertex);
             }
         });
-        // Points of one line are in order along the axis in which the line is longest.
+        // Points of one line are sorted along the axis in which the line is longest.
         let axis = (b - a).abs().max_position();
         between.sort_unstable_by(|&p, &q| at(p)[axis].total_cmp(&at(q)[axis]));
         if b[axis] < a[axis] {

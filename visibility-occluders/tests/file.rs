@@ -1,16 +1,16 @@
-//! The file of a level's occluders: it holds all of them, is refused for another version of the level, and
-//! forged bytes are refused or drawn, in memory that their size allows.
+//! Tests of the file of a level's occluders: it holds all of them, it is refused for another version of the
+//! level, and forged bytes are either refused or drawn, with memory in proportion to their number.
 
 use visibility_core::glam::Vec3;
 use visibility_core::{Aabb, Object, ObjectId, Scene, level_version};
 use visibility_occluders::{LevelFileError, LevelOccluders, LevelSettings, LevelTriangle};
 use visibility_testing::{NOT_ALWAYS_DRAWN, Random, forge_counts, mend_header};
 
-/// Number of bytes of the header, the report after it and the number of layer masks.
+/// Number of bytes of a file before its layer masks: the header, the report, and the number of layer masks.
 const FRONT: usize = 40 + 64 + 4;
 
-/// Returns the occluders of a few rectangles, some of them holed by a missing triangle, in clusters of a few
-/// edges.
+/// Returns the occluders of a few rectangles, some of them with a hole where a triangle is missing, in
+/// clusters of a few edges.
 fn sample(two_sided: bool) -> LevelOccluders {
     let mut random = Random(5);
     let mut triangles = Vec::new();
@@ -70,7 +70,7 @@ fn a_file_of_another_version_is_refused_with_both() {
     assert!(LevelOccluders::from_bytes(&file, None).is_ok(), "a caller without a version reads any level");
 }
 
-/// Returns the problem that is found in a file with `bytes` written at an offset.
+/// Returns the problem that is reported for a file with `bytes` written at offset `at`.
 fn problem(level: &LevelOccluders, at: usize, bytes: &[u8]) -> String {
     let mut file = level.to_bytes();
     file[at..at + bytes.len()].copy_from_slice(bytes);
@@ -83,7 +83,8 @@ fn content_that_cannot_be_drawn_is_refused() {
     let level = sample(true);
     let vertices = FRONT + 4;
     let shapes = vertices + 12 * level.vertices().len() + 4;
-    // The numbers of the first cluster: its vertices, its polygons; edges, sides and vertices of the first.
+    // Offset of the first cluster's numbers: its vertices and polygons, then edges, sides and vertices of the
+    // first polygon.
     let numbers = shapes + 56 * level.polygons().len() + 8;
     let [nan, two] = [f64::NAN, 2.0].map(f64::to_le_bytes);
     for (at, bytes, said) in [
@@ -112,14 +113,14 @@ fn content_that_cannot_be_drawn_is_refused() {
         let found = problem(&level, at, bytes);
         assert!(found.contains(said), "byte {at}: {found}, not {said}");
     }
-    // An outline that does not end where it began.
+    // An outline whose end is not its beginning.
     let first = level.edges()[0];
     let other = if first[1] == first[0] + 1 { first[0] + 2 } else { first[0] + 1 };
     assert!(
         problem(&level, numbers + 5, &[other as u8]).contains("an outline is not closed"),
         "an outline that ends at {other} instead of its first vertex"
     );
-    // A vertex, or a polygon, of no cluster.
+    // A vertex, or a polygon, that belongs to no cluster.
     for (count, bytes) in [(FRONT, 12), (FRONT + 4, 56)] {
         let mut file = LevelOccluders::default().to_bytes();
         file[count] = 1;
@@ -139,12 +140,12 @@ fn forged_bytes_take_no_more_memory_than_their_size_allows() {
         all += 1;
         read += usize::from(LevelOccluders::from_bytes(&file, None).is_ok());
     });
-    // Positions, areas and reports may be any numbers.
+    // Some forged files are read: positions, areas and report counts may have any value.
     assert!(read > 0 && read < all, "{read} of {all}");
 }
 
-/// Objects that are not drawn, or not always, are in no level. An edit that takes one out of the level
-/// changes the level's version, and the file holds the layers of all others.
+/// Objects that are never drawn, or not always, are in no level. An edit that removes an object from the
+/// level changes the level's version, and the file holds the layers of all remaining objects.
 #[test]
 fn a_level_is_made_of_what_is_always_drawn() {
     let mut scene = Scene::new();

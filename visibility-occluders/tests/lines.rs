@@ -1,5 +1,5 @@
-//! The occluders of random levels against lines, in whole numbers: a line goes through a polygon of the level
-//! if and only if it goes through a triangle that the polygon was made of.
+//! Tests of the occluders of random levels against lines, in whole numbers: a line passes through a polygon
+//! of the level if and only if it passes through a triangle that the polygon was made of.
 
 use visibility_core::glam::Vec3;
 use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle, OccluderPolygon};
@@ -40,7 +40,7 @@ impl Line {
         (first != [0; 3]).then(|| Self { from, along, across: [first, cross(along, first)] })
     }
 
-    /// Returns the point's coordinates seen along the line, which is the origin.
+    /// Returns the point's two coordinates across the line, in a view along the line, which is the origin.
     fn image(&self, p: Point) -> [i128; 2] {
         self.across.map(|axis| dot(axis, minus(p, self.from)))
     }
@@ -62,8 +62,8 @@ impl Line {
 }
 
 /// Returns the triangles of a wall: rectangles between whole multiples of 8 in a plane across an axis or
-/// slanted, in rows of random lengths, so that corners end on the sides of neighbours. Some walls are bumpy:
-/// neighbours still share their corners.
+/// slanted, in rows of random lengths, so that corners end on the sides of neighbours. Some walls are bumpy,
+/// with corners that neighbours still share.
 fn wall(random: &mut Random, triangles: &mut Vec<LevelTriangle>) {
     let (axis, slant) = (random.below(3), random.between(-1, 1) as f32);
     let place = 8.0 * random.between(-8, 8) as f32;
@@ -81,7 +81,7 @@ fn wall(random: &mut Random, triangles: &mut Vec<LevelTriangle>) {
         let mut u = -6;
         while u < 6 {
             let end = u + random.between(1, 4);
-            // Some corners are a little off the row, so that gaps and overlaps stay.
+            // Some corners are moved a little off the row, which leaves gaps and overlaps.
             let low =
                 if random.one_in(8) { at(u, row) + Vec3::from_array([0.0, 1.0, 1.0]) } else { at(u, row) };
             let [b, c, d] = [at(end, row), at(end, row + 1), at(u, row + 1)];
@@ -97,7 +97,7 @@ fn wall(random: &mut Random, triangles: &mut Vec<LevelTriangle>) {
     }
 }
 
-/// Returns the windings of all triangles about a line: 1, -1 or 0. `None` if the line meets an edge.
+/// Returns the winding number of each triangle about a line: 1, -1 or 0. `None` if the line meets an edge.
 fn hits(line: &Line, triangles: &[LevelTriangle]) -> Option<Vec<i32>> {
     let of = |t: &LevelTriangle| {
         let [a, b, c] = t.corners.map(whole);
@@ -106,7 +106,7 @@ fn hits(line: &Line, triangles: &[LevelTriangle]) -> Option<Vec<i32>> {
     triangles.iter().map(of).collect()
 }
 
-/// Tests whether all corners of a triangle are in the slab of a polygon.
+/// Tests whether all corners of a triangle are in the layer that holds a polygon's faces, its slab.
 fn is_in_slab(polygon: &OccluderPolygon, triangle: &LevelTriangle) -> bool {
     triangle.corners.iter().all(|p| {
         let along = polygon.normal.dot(p.as_dvec3());
@@ -114,8 +114,9 @@ fn is_in_slab(polygon: &OccluderPolygon, triangle: &LevelTriangle) -> bool {
     })
 }
 
-/// Returns the sign of a polygon's windings, as [`Line::winding`] counts them, about a line that certainly
-/// comes from the back of all the polygon's faces, 1, or from their front, -1. 0 for other lines.
+/// Returns the sign that a polygon's winding number, as [`Line::winding`] counts, must have about a line: 1
+/// if the line certainly comes from the back of all the polygon's faces, -1 if from their front. 0 for other
+/// lines.
 fn side(polygon: &OccluderPolygon, line: &Line) -> i32 {
     let along = Vec3::from_array(line.along.map(|x| x as f32)).as_dvec3().normalize();
     let sine = (1.0 - polygon.min_cosine * polygon.min_cosine).max(0.0).sqrt();
@@ -151,7 +152,7 @@ fn trial(seed: u64, levels: usize) -> [usize; 2] {
                 let winding = line.winding(edges.iter().map(|edge| edge.map(|v| vertices[v as usize])));
                 let Some(winding) = winding else { continue };
                 let of_polygon = triangles.iter().zip(&hits).filter(|(t, _)| is_in_slab(polygon, t));
-                // A one-sided polygon hides only where a triangle has its front.
+                // A one-sided polygon may occlude only where a triangle shows its front.
                 let like =
                     of_polygon.filter(|(_, hit)| polygon.two_sided || hit.signum() == winding.signum());
                 let like: i32 = like.map(|(_, hit)| hit.abs()).sum();
@@ -161,7 +162,7 @@ fn trial(seed: u64, levels: usize) -> [usize; 2] {
                 bent += usize::from(winding != 0 && polygon.extent[1] - polygon.extent[0] > 0.1);
                 covered += winding.abs();
             }
-            // Equal triangles are one polygon.
+            // Triangles with the same corners become one polygon, so they are counted once.
             let mut distinct: Vec<[Point; 3]> = Vec::new();
             for (t, _) in triangles.iter().zip(&hits).filter(|(_, hit)| **hit != 0) {
                 let mut corners = t.corners.map(whole);
@@ -171,7 +172,7 @@ fn trial(seed: u64, levels: usize) -> [usize; 2] {
             distinct.sort_unstable();
             distinct.dedup();
             let all = distinct.len() as i32;
-            // A line may go through a polygon that is not flat from the front and from the back.
+            // A line may pass through a polygon that is not flat once from the front and once from the back.
             let missed = all - covered;
             let is_right = missed == 0 || bulge > 0.0 && missed > 0 && missed % 2 == 0;
             assert!(is_right, "level {number}: {covered} of {all} triangles along {:?}", line.along);

@@ -1,4 +1,5 @@
-//! Walls as kits and editors make them: rows of panels, copies, sheets for both sides.
+//! Tests of walls as modular kits and editors make them: rows of panels, copies, and separate sheets for both
+//! sides.
 
 use visibility_core::glam::Vec3;
 use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
@@ -56,7 +57,7 @@ fn copies_and_signs_of_zero_make_no_difference() {
     }
     assert_eq!(made(&copies).edges(), made(&wall).edges(), "edges with and without copies");
     assert!(!made(&copies).polygons()[0].two_sided, "copies of a one-sided wall are one-sided");
-    // A copy that faces the other way closes the back.
+    // A copy that faces the other way closes the wall's back.
     for t in wall {
         let [a, b, c] = t.corners;
         copies.push(LevelTriangle { corners: [a, c, b], ..t });

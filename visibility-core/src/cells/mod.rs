@@ -126,8 +126,8 @@ impl CellGraph {
             ends.iter().for_each(|cell| first[cell.index()] += 1);
             all.push(Portal { polygon, cells: ends, plane });
         }
-        // Counts become ends; filling from the back turns ends into starts, with each cell's portals in
-        // ascending order.
+        // Prefix sums turn each cell's portal count into the end of its list. Filling every list from its end
+        // then lowers the ends to starts, and leaves the portals of each cell in ascending order.
         let mut sum = 0;
         for count in &mut first {
             sum += *count;
@@ -210,7 +210,7 @@ impl CellGraph {
     }
 
     /// Replaces the object lists of all cells. Each pair puts an object into a cell; an object may be in
-    /// several cells. Pairs may come in any order and repeatedly. Time is that of sorting the pairs.
+    /// several cells. Pairs may come in any order, and repeatedly. Time is O(n log n) in the number of pairs.
     ///
     /// # Errors
     /// [`CellGraphError::UnknownObjectCell`] if a pair names a cell that does not exist,

@@ -118,8 +118,8 @@ fn portals_that_are_on_no_boundary_are_named() {
         cell: CellId(cell),
         distance,
     };
-    // The portal ends short of the first body, reaches out of the first into the second, lies in the middle
-    // of a body, and joins two bodies that do not touch.
+    // Four misplaced portals: 0.25 m inside the first body, 0.25 m inside the third, in the middle of the
+    // second, and between two bodies that do not touch.
     assert_eq!(
         check(3.75, 8.0, [1, 2]),
         Err(off(0, 0, 0.25)),
@@ -143,8 +143,8 @@ fn portals_that_are_on_no_boundary_are_named() {
     );
     let few = CellGraph::new(3, []).unwrap().validate_bodies(&bodies[..2], 1e-6);
     assert_eq!(few, Err(CellGraphError::Bodies { cells: 3, bodies: 2 }), "bodies are missing");
-    // The portal lies in a side of the body's box, but not in a face of what a slanting plane leaves of the
-    // box.
+    // The portal lies in a side of the body's bounding box, but a slanted plane of the body cuts that side
+    // off.
     let mut slanted = bodies.clone();
     slanted[0].planes.push(crate::geometry::Plane::new(DVec3::new(-2.0, -2.0, 0.0), 8.0));
     let graph = CellGraph::new(3, [(door(4.0), [CellId(0), CellId(1)])]).unwrap();
@@ -181,7 +181,8 @@ fn objects_are_found_by_cell() {
     assert!(graph.stamp() != stamp && graph == before, "equal content may have another stamp");
 }
 
-/// Returns a graph of two cells and one portal, and what turning does to it: the portal's normal afterwards.
+/// Makes a graph of two cells and one portal and lets `turn_portals` wind the portal. Returns the portal's
+/// normal afterwards, or the error.
 fn turn(polygon: ConvexPolygon, bodies: [&crate::pvs::Viewcell; 2]) -> Result<DVec3, CellGraphError> {
     let mut graph = CellGraph::new(2, [(polygon, [CellId(0), CellId(1)])]).unwrap();
     let (before, stamp) = (graph.clone(), graph.stamp());
@@ -201,7 +202,8 @@ fn bodies_on_the_two_sides_of_a_portal_turn_it() {
         |polygon: &ConvexPolygon| ConvexPolygon::new(polygon.vertices().iter().rev().copied()).unwrap();
     let west = body([-4.0, -2.0, -2.0], [0.0, 2.0, 2.0]);
     let east = body([0.0, -2.0, -2.0], [4.0, 2.0, 2.0]);
-    // In the wall between two bodies that do not touch; around a body; without an end; and no bodies at all.
+    // Bodies that alone do not decide: one in front of the portal with a gap, one around the portal, an
+    // infinite, an inverted and a NaN body.
     let far_west = body([-4.0, -2.0, -2.0], [-0.5, 2.0, 2.0]);
     let court = body([-9.0; 3], [9.0; 3]);
     let endless = body([f64::NEG_INFINITY; 3], [f64::INFINITY; 3]);
@@ -222,7 +224,7 @@ fn bodies_on_the_two_sides_of_a_portal_turn_it() {
             assert_eq!(turned(second, first), no_sides, "{first:?}, {second:?}");
         }
     }
-    // Bodies that reach across the plane by less than what portal and body may be misplaced by still decide.
+    // A body that reaches across the portal's plane by no more than the tolerance still decides the winding.
     let across = |by: f64| body([-4.0, -2.0, -2.0], [by, 2.0, 2.0]);
     assert_eq!(
         turn(door(0.0), [&across(1e-6), &court]),
@@ -240,8 +242,9 @@ fn bodies_on_the_two_sides_of_a_portal_turn_it() {
     assert_eq!(few, Err(CellGraphError::Bodies { cells: 3, bodies: 1 }), "bodies are missing");
 }
 
-/// Boxes of slanted bodies reach across the plane of a slanted portal: their planes decide. Far from the
-/// origin as well, where coordinates are rounded to a few millionths of the portal's size.
+/// Portal and bodies are slanted, so the bodies' bounding boxes reach across the portal's plane, and only the
+/// bodies' own planes decide. Also tested far from the origin, where coordinates are rounded to a few
+/// millionths of the portal's size.
 #[test]
 fn planes_of_bodies_decide_where_their_boxes_do_not() {
     let normal = DVec3::new(1.0, 2.0, 0.5);
@@ -268,11 +271,12 @@ fn planes_of_bodies_decide_where_their_boxes_do_not() {
             assert!(turn(polygon(), [&body(-1.0, 0.1), &body(1.0, -0.1)]).is_err(), "both reach across");
         }
     }
-    // A body that touches the plane with a corner alone, between its box and a plane across it.
+    // This body touches the portal's plane with one corner only, where its slanted plane meets a side of its
+    // box.
     let mut wedge = crate::pvs::Viewcell::from_box(DVec3::splat(-4.0), DVec3::splat(4.0));
     wedge.planes.push(crate::geometry::Plane::new(DVec3::new(-1.0, -0.5, 0.0), -2.0));
     let all = crate::pvs::Viewcell::from_box(DVec3::splat(-9.0), DVec3::splat(9.0));
-    // Where x + y / 2 <= -2 and y >= -4, x is at most 0.
+    // In the wedge, x + y / 2 <= -2 and y >= -4, so x is at most 0.
     assert_eq!(
         turn(door(0.0), [&wedge, &all]),
         Ok(DVec3::X),

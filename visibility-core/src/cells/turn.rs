@@ -1,9 +1,9 @@
 //! Which way the polygon of a portal must be wound, as the bodies of its cells decide.
 //!
 //! A line of sight that passes a portal crosses its plane from the side of one cell to the side of the other.
-//! A portal that is wound the wrong way is passed by no such line, and everything behind it would be hidden.
-//! A body that lies on one side of the plane decides which side is its cell's: all lines that enter or leave
-//! the convex cell through the portal cross the plane there, whatever the other cell looks like.
+//! No such line passes a portal that is wound the wrong way, so everything behind it would be hidden. A
+//! cell's body that lies on one side of the plane shows which side belongs to that cell: all lines that enter
+//! or leave the convex cell through the portal cross the plane there, whatever the other cell looks like.
 
 use super::{CellGraph, CellGraphError, Portal, PortalId};
 use crate::geometry::Plane;
@@ -82,30 +82,33 @@ fn is_wound_wrong(portal: &Portal, [first, second]: [&Viewcell; 2], tolerance: f
         radius = radius.max((v - anchor).length());
         magnitude = magnitude.max(v.abs().element_sum());
     }
-    // Vertices are rounded: 32 times 2^-53, for those that were turned and moved in `f64`.
+    // 16 epsilon is 32 roundings of 2^-53: enough for vertices that were rotated and moved in `f64`.
     let error = tolerance + defect + 16.0 * f64::EPSILON * magnitude;
-    // Vertices that err by `error` turn the vector of the area by half the perimeter times `error` at most,
-    // and the perimeter of a convex figure is at most pi times its diameter, which is at most twice `radius`:
-    // the plane is tilted by less than 4 `radius` `error` over the area.
+    // Vertices off by `error` change the area vector by at most half the perimeter times `error`. The
+    // perimeter of a convex polygon is at most pi times its diameter, and the diameter at most 2 `radius`. So
+    // the plane tilts by less than 4 `radius` `error` / area.
     let tilt = 4.0 * radius * error / polygon.area();
     let beyond = |body: &Viewcell, normal: DVec3| {
         let reach = body.min.abs().max(body.max.abs()) + anchor.abs();
-        // The body may be misplaced as well. Six roundings of 2^-53 for each of three coordinates.
+        // `2.0 * error` covers a misplaced body as well as a misplaced portal. `noise` covers six roundings
+        // of 2^-53 in each of three coordinates.
         let noise = 32.0 * f64::EPSILON * reach.element_sum();
         let excess = greatest(body, normal, anchor) - (2.0 * error + tilt * reach_from(body, anchor) + noise);
-        // NaN comes from bodies that bound nothing.
+        // The excess is NaN for a body that is infinite or NaN: such a body lies on no side.
         if excess.is_nan() { f64::INFINITY } else { excess }
     };
-    // How far the bodies surely may reach across the plane, `[0]` as wound and `[1]` turned: at most 0 for a
-    // body that is on its side.
+    // Distance in metres by which a body certainly reaches across the plane: `[0]` with the portal as wound,
+    // `[1]` with it turned. At most 0 for a body that may lie on its own side.
     let along = [plane.normal, -plane.normal];
     let a = along.map(|n| beyond(first, n));
     let b = along.map(|n| beyond(second, -n));
-    // One of the bodies decides, and the other is at least in part on the other side.
+    // A winding fits if one body lies on its own side of the plane, and the other body at least partly on the
+    // opposite side.
     let fits = |i: usize| a[i] <= 0.0 && (b[i] <= 0.0 || b[1 - i] > 0.0) || b[i] <= 0.0 && a[1 - i] > 0.0;
     match [fits(0), fits(1)] {
         [false, false] => None,
-        // A sliver whose plane is hardly known allows both ways: the bodies reach less far across in one.
+        // Both windings fit a sliver, whose plane is hardly known. The better one has the body that reaches
+        // least far across the plane.
         [true, true] => Some(a[1].min(b[1]) < a[0].min(b[0])),
         [as_wound, _] => Some(!as_wound),
     }

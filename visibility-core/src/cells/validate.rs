@@ -11,9 +11,9 @@ impl CellGraph {
     /// the extent of the map divided by that of its smallest portal.
     ///
     /// Visibility through portals is conservative only for a graph whose portals are where its cells have
-    /// openings, with normals into their second cells. This check finds many graphs that are not so, but not
-    /// all: a cell with one portal passes, whichever way the portal is wound. Where the bodies of the cells
-    /// are known, [`turn_portals`](Self::turn_portals) winds the portals rightly, and
+    /// openings, with normals into their second cells. This check finds many faulty graphs, but not all: a
+    /// cell with one portal passes, whichever way the portal is wound. Where the bodies of the cells are
+    /// known, [`turn_portals`](Self::turn_portals) winds the portals rightly, and
     /// [`validate_bodies`](Self::validate_bodies) checks that they lie in the faces of the bodies. Time is
     /// proportional to the sum over all cells of the squared number of portals. NaN distances pass.
     ///

@@ -92,8 +92,8 @@ impl Aabb {
     }
 
     /// Returns the squared diagonal of the box in square metres; an axis with `min > max` or NaN counts as 0.
-    /// Computed in `f64`: the result never overflows, and is never less than that of a box inside this one,
-    /// in spite of rounding.
+    /// Computed in `f64`: the result never overflows, and despite rounding is never less than the result for
+    /// a box inside this one.
     pub fn diagonal_squared(&self) -> f64 {
         let side = |axis: usize| {
             let side = f64::from(self.max[axis]) - f64::from(self.min[axis]);
@@ -103,17 +103,17 @@ impl Aabb {
     }
 
     /// Returns the smallest box that contains `self` and `other`. Where a coordinate of `self` or `other` is
-    /// NaN, the coordinate of the result is unspecified: NaN, or that of the box without NaN.
+    /// NaN, the coordinate of the result is unspecified: NaN, or the coordinate of the box without NaN.
     #[must_use]
     pub fn union(&self, other: &Self) -> Self {
         Self::new(self.min.min(other.min), self.max.max(other.max))
     }
 
     /// Returns a box that certainly contains the image of this box under `transform`: every point of the box,
-    /// mapped without rounding. On the axis with matrix row `(a, b, c)` and translation `t`, a side of the
-    /// result is farther out than that of the smallest such box by less than a millionth of the sum
-    /// `|t| + |a min.x| + |a max.x| + |b min.y| + |b max.y| + |c min.z| + |c max.z|`. A rotated box has the
-    /// bounds of its image, which are larger than the image.
+    /// mapped without rounding. On the axis with matrix row `(a, b, c)` and translation `t`, the result
+    /// exceeds the smallest such box on each side by less than a millionth of the sum `|t| + |a min.x| + |a
+    /// max.x| + |b min.y| + |b max.y| + |c min.z| + |c max.z|`. A rotated box has the bounds of its image,
+    /// which are larger than the image.
     ///
     /// The identity returns the box unchanged. An improper box is returned unchanged. A NaN in `transform`,
     /// or an infinite side of the box that `transform` multiplies by 0, makes an improper box. Sides beyond
@@ -140,7 +140,8 @@ impl Aabb {
             let (a, b) = (*column * min, *column * max);
             low += a.min(b);
             high += a.max(b);
-            // Both are added, also because the sum is NaN if one of them is, unlike their maximum.
+            // The two magnitudes are added, where their maximum would do, because the sum is NaN if either is
+            // NaN.
             size += a.abs() + b.abs();
         }
         // With u = 2^-24: each product errs by u of its magnitude and each of the three additions by u of its

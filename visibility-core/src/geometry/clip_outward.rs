@@ -10,8 +10,8 @@ use smallvec::SmallVec;
 pub(crate) type Corners = SmallVec<[DVec3; 16]>;
 
 /// Returns the corners, in order, of the part of a convex polygon that is in a half-space. The half-space is
-/// that on the side to which the normal of `plane` points, with its boundary moved by `margin` metres against
-/// that unit normal.
+/// the side that the unit normal of `plane` points to, with its boundary moved by `margin` metres against the
+/// normal.
 ///
 /// A positive margin enlarges the half-space, a negative margin shrinks it. Corners on the moved boundary are
 /// kept. The result is empty if all corners are outside.

@@ -72,14 +72,14 @@ impl fmt::Display for PolygonError {
 impl core::error::Error for PolygonError {}
 
 /// Least area of a polygon, as a fraction of its squared size (see [`ConvexPolygon::TOLERANCE`]): 90 times
-/// the round-off of `f64`. Rounding changes the area vector of a polygon of some ten vertices by less than 20
-/// times it.
+/// the round-off of `f64`. Rounding changes the area vector of a polygon of about ten vertices by less than
+/// 20 round-offs.
 const AREA_ROUNDING: f64 = 1e-14;
 
 impl ConvexPolygon {
-    /// Greatest distance that a vertex may have from the polygon's plane, and by which it may be beyond the
-    /// line of an edge, outside the polygon. Given as a fraction of the polygon's size, which is its greatest
-    /// extent from the first vertex along an axis.
+    /// Greatest distance of a vertex from the polygon's plane, and greatest distance of a vertex outside the
+    /// line of an edge. Both are fractions of the polygon's size: its greatest extent from the first vertex
+    /// along an axis.
     pub const TOLERANCE: f64 = 1e-6;
 
     /// Makes a polygon of vertices in order around the boundary, clockwise or counter-clockwise. Collinear

@@ -125,7 +125,7 @@ mod tests {
         let mut random = visibility_testing::Random(1);
         let mut random = || {
             let state = random.bits();
-            // Up to 2^20 in units of 2^-26: 46 bits, so that a product has 92.
+            // Random values are multiples of 2^-26 below 2^20 and thus have 46 bits, so a product has 92.
             ((state >> 17) as i64 - (1 << 46)) >> (state % 40)
         };
         for _ in 0..10_000 {
@@ -136,7 +136,7 @@ mod tests {
                 i128::from(a - b) << 54,
                 "the difference of {x} and {y}, in units of 2^-80"
             );
-            // The product in units of 2^-52.
+            // The exact product in units of 2^-52, for comparison.
             assert_eq!(
                 exact(DoubleDouble::product(x, y)),
                 (i128::from(a) * i128::from(b)) << 28,
@@ -152,7 +152,7 @@ mod tests {
 
     #[test]
     fn products_of_long_numbers_keep_their_digits() {
-        // (1 + 2^-60) (1 - 2^-60) = 1 - 2^-120.
+        // The exact product is (1 + 2^-60) (1 - 2^-60) = 1 - 2^-120.
         let tiny = 2f64.powi(-60);
         let p = DoubleDouble { hi: 1.0, lo: tiny }.times(DoubleDouble { hi: 1.0, lo: -tiny });
         assert_eq!((p.hi, p.lo), (1.0, 0.0), "a product whose rest is below the last digit");

@@ -12,8 +12,8 @@ const U: f64 = f64::EPSILON / 2.0;
 /// An oriented plane in the coordinate space of the points that are tested against it, usually in metres. It
 /// stands for the closed half-space of the points `p` with `normal . p + offset >= 0`.
 ///
-/// The normal may have any length except where distances in metres are wanted. Classification works with a
-/// normal of any length. A plane with a NaN classifies every shape as `Crossing`.
+/// The normal may have any length; distances are in metres only for a unit normal. A plane with a NaN
+/// classifies every shape as `Crossing`.
 ///
 /// ```
 /// use visibility_core::{geometry::Plane, glam::DVec3};
@@ -56,8 +56,8 @@ impl Plane {
     /// [`error_bound`](Self::error_bound), however thin the polygon is. The normal is summed in
     /// [`DoubleDouble`] numbers: in `f64` the rounding of a cross product turns the normal of a triangle by
     /// `u` times the ratio of length to height, with `u = 2^-53`. Here that ratio is multiplied by `2^-100`,
-    /// which is below `u / 4` for ratios up to `2^45`. Rounding a component to `f64` and dividing by the
-    /// length changes each component by `2 u` of itself, and all by a common factor that turns nothing. The
+    /// which is below `u / 4` for ratios up to `2^45`. Rounding the normal to `f64` and dividing by its
+    /// length changes each component by `2 u` of itself; a common factor does not turn the normal. The
     /// difference of two points has components of at most twice their magnitude `m`, so the turned normal
     /// moves the plane by at most `4 u |n| . m`: less than one error bound. The roundings of the offset and
     /// of the distance are one error bound each.
@@ -219,7 +219,8 @@ mod tests {
         let (mut thin, mut worst) = (0, 0.0f64);
         for scale in [1e-140, 1e-6, 1.0, 1e6, 1e140] {
             for _ in 0..5000 {
-                // Integers below 2^50: all differences, multiples and sums of the points are exact.
+                // Coordinates are integers below 2^50, so differences, multiples and sums of the points are
+                // exact.
                 let whole = |random: &mut Random, size: f64| random.fine_vector(size).round();
                 let (a, u) = (whole(&mut random, 1e13), whole(&mut random, 1e10));
                 let v = u * random.between(-9, 9) as f64 + whole(&mut random, 2.0);
@@ -270,7 +271,7 @@ mod tests {
                 "a vertex with coordinates of {broken}"
             );
         }
-        // A bow tie: two areas that cancel out.
+        // A bow tie has no plane: its two halves have opposite area vectors.
         assert_eq!(Plane::from_polygon(&[DVec3::ZERO, x + y, x, y]), None, "two areas that cancel out");
         let square = [DVec3::ZERO, x, x + y, y].map(|p| p + DVec3::Z);
         assert_eq!(

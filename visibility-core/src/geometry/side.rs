@@ -62,7 +62,7 @@ impl Side {
 /// ```
 /// use visibility_core::{geometry::{Plane, PolygonSide, SidePlane}, glam::DVec3};
 /// let plane = SidePlane::new(Plane::new(DVec3::Z, 0.0), DVec3::ONE);
-/// // One corner touches: all of it is in front.
+/// // The plane touches one corner of the polygon, so the polygon counts as in front.
 /// assert_eq!(plane.side_of_polygon(&[DVec3::ZERO, DVec3::Z, DVec3::ONE]), PolygonSide::Front);
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
@@ -250,7 +250,8 @@ mod tests {
         for _ in 0..10_000 {
             let whole = |v: DVec3| v.round();
             let [u, v] = [whole(point(&mut random, 1e6)), whole(point(&mut random, 1e6))];
-            // Coordinates are below 2^41: exact, as are their differences. The products are not exact.
+            // Coordinates are integers below 2^41, so they and their differences are exact. Their products
+            // are not.
             let [a, b, c, p] = core::array::from_fn(|_| {
                 u * random.fine_range(-1e5, 1e5).round() + v * random.fine_range(-1e5, 1e5).round()
             });
@@ -292,7 +293,7 @@ mod tests {
                 worst = worst.max(plane.plane.signed_distance(cut).abs() / plane.margin);
             }
         }
-        // The margin is at most 50 times what is needed.
+        // The error bound is at most 50 times the worst error seen.
         assert!(worst > 0.02, "{worst}");
     }
 

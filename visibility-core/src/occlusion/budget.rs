@@ -7,7 +7,7 @@
 //! the credit may be drawn on a *loan*: objects found hidden pay loans back before they add to the credit.
 //! The objects *behind* an occluder are those that it may hide: all objects not found hidden so far.
 //!
-//! The budget never knows the time. It counts work in *triangles*, the cost of drawing one triangle of an
+//! The budget does not measure time. It counts work in *triangles*, the cost of drawing one triangle of an
 //! occluder: with the z-buffer about a tenth of a microsecond. The same frame therefore spends the same on
 //! every machine.
 
@@ -23,10 +23,10 @@ const INITIAL_CREDIT: f32 = 2048.0;
 /// search ends early in frames of real levels.
 const TEST_WORK: f32 = 0.1;
 
-/// An occluder can be paid from the credit, whatever is behind it, if it costs at most this number of
-/// triangles plus the worth of all objects found hidden so far in the frame. A costlier occluder must cost at
-/// most half of what hiding all objects behind it is worth, or be drawn on a [loan](LOAN_SAFETY). So a frame
-/// of few objects draws no mesh that costs as much as hiding all of them is worth.
+/// An occluder can be paid from the credit, whatever is behind it, if its cost is at most this number of
+/// triangles plus the worth of all objects found hidden in the frame. A costlier occluder must cost at most
+/// half of what hiding all objects behind it is worth, or be drawn on a [loan](LOAN_SAFETY). So a frame of
+/// few objects draws no mesh that costs as much as hiding all of them is worth.
 const UNPROVEN_COST: f32 = 512.0;
 
 /// An occluder that costs more than the search may still spend can be drawn on a *loan*. The worth of the
@@ -34,11 +34,11 @@ const UNPROVEN_COST: f32 = 512.0;
 /// loans not paid back yet.
 const LOAN_SAFETY: f32 = 4.0;
 
-/// Greatest share of the work that the search may still spend which an occlusion map may spend on occluders
-/// that the map draws by itself.
+/// Share of the search's remaining work that an occlusion map may spend, at most, on occluders that it draws
+/// by itself.
 const OWN_SHARE: f32 = 0.75;
 
-/// A search was in vain if all objects found hidden in the frame are worth at most this share of
+/// A search was in vain if the worth of all objects found hidden in the frame is at most this share of
 /// [`INITIAL_CREDIT`].
 const NEARLY_NOTHING: f32 = 0.25;
 
@@ -53,11 +53,13 @@ pub(super) struct Budget {
     credit: f32,
     /// Earnings: the price times the number of objects found hidden so far in the frame, in triangles.
     earned: f32,
-    /// Cost in triangles of the occluders drawn on loans that objects found hidden have not paid back yet.
+    /// Cost in triangles of the occluders that were drawn on loan (beyond the credit), less what objects
+    /// found hidden since have paid back.
     debt: f32,
     /// Work in triangles that the frame may still spend.
     limit: f32,
-    /// Part of `limit` that the search for occluders must leave for the tests of objects after the search.
+    /// Part of `limit`, in triangles of work, that the search for occluders must leave for testing objects
+    /// after it.
     reserve: f32,
     /// Work of this frame so far, in triangles.
     spent: f32,
@@ -90,7 +92,7 @@ impl Budget {
     }
 
     /// Returns whether the search has spent its credit and found nearly nothing hidden (see
-    /// [`NEARLY_NOTHING`]), as in the view of a bird.
+    /// [`NEARLY_NOTHING`]), as in a bird's-eye view.
     pub(super) fn is_spent_in_vain(&self) -> bool {
         self.price > 0.0 && self.credit <= 0.0 && self.earned <= NEARLY_NOTHING * INITIAL_CREDIT
     }
@@ -115,9 +117,9 @@ impl Budget {
     }
 
     /// Returns the work in triangles that an occlusion map may spend on occluders that the map draws by
-    /// itself. It is the lesser of two bounds: the worth of the `objects` objects that may be found hidden,
-    /// and the part [`OWN_SHARE`] of the work that the search may still spend. With a price of 0 only the
-    /// second bound counts.
+    /// itself. The result is the lesser of two bounds: the worth of hiding `objects` objects, and
+    /// [`OWN_SHARE`] of the work that the search may still spend. With a price of 0 only the second bound
+    /// counts.
     pub(super) fn for_own_occluders(&self, objects: f32) -> f32 {
         let worth = if self.price > 0.0 { self.worth(objects) } else { f32::INFINITY };
         worth.min(OWN_SHARE * (self.limit - self.reserve))
@@ -138,8 +140,8 @@ impl Budget {
         2.0 * TEST_WORK * objects as f32 <= self.limit
     }
 
-    /// Records that `objects` more objects were found hidden. Their worth pays back loans first; the rest is
-    /// added to the credit.
+    /// Records that `objects` more objects were found hidden. Their worth first pays back loans (for
+    /// occluders drawn beyond the credit); the rest is added to the credit.
     pub(super) fn earn(&mut self, objects: f32) {
         let earned = self.worth(objects);
         let paid_back = self.debt.min(earned);
@@ -148,18 +150,18 @@ impl Budget {
         self.credit += earned - paid_back;
     }
 
-    /// Returns whether an occluder can be paid. `cost` is in triangles, `share` the part of the view that the
-    /// occluder covers, 0 to 1, and `behind` the worth of all objects behind it. An occluder is paid from the
-    /// credit, or on a loan if what it is expected to hide is worth [much more](LOAN_SAFETY) than its cost
-    /// and the open loans. So no occluder is too expensive for what lies behind it.
+    /// Returns whether the budget allows to draw an occluder. `cost` is in triangles, `share` the part of the
+    /// view that the occluder covers, 0 to 1, and `behind` the worth of all objects behind it. An occluder is
+    /// paid from the credit, or on a loan if what it is expected to hide is worth [much more](LOAN_SAFETY)
+    /// than its cost and the open loans.
     pub(super) fn can_pay(&self, cost: f32, share: f32, behind: f32) -> bool {
         let is_in_proportion = cost <= UNPROVEN_COST + self.earned || 2.0 * cost <= behind;
         let is_on_loan = LOAN_SAFETY * (cost + self.debt) <= behind * share;
         cost <= self.limit - self.reserve && (cost <= self.credit && is_in_proportion || is_on_loan)
     }
 
-    /// Spends `cost`, in triangles, for an occluder that [can be paid](Self::can_pay): on a loan if `cost`
-    /// exceeds the credit.
+    /// Spends `cost`, in triangles, on drawing an occluder that [the budget allows](Self::can_pay). If `cost`
+    /// exceeds the credit, the occluder is drawn on a loan.
     pub(super) fn pay(&mut self, cost: f32) {
         if cost > self.credit {
             self.debt += cost;
@@ -169,51 +171,53 @@ impl Budget {
     }
 }
 
-/// After this number of frames in a row that did not pay, frames are left out: see [`Experience`].
+/// Number of frames in a row whose search for hidden objects cost more than it was worth, after which the
+/// search is skipped in some frames: see [`Experience`].
 const MAX_LOSSES: u32 = 8;
 
-/// Work, in triangles, that a frame saves for each object in view if it does not search for hidden objects:
-/// some three times what frustum culling takes (measured).
+/// Work, in triangles, that a frame saves for each object in view if it skips the search for hidden objects:
+/// about three times the work of frustum culling (measured).
 const PAID_BACK: f32 = 0.02;
 
-/// Greatest number of frames in a row that do not search for hidden objects.
+/// Greatest number of frames in a row that skip the search for hidden objects.
 const MAX_FRAMES_LEFT_OUT: u32 = 64;
 
-/// A frame searches again if at least this many times as many objects are in view as in the last frame that
-/// searched.
+/// A frame searches for hidden objects again if it has at least this many times as many objects in view as
+/// the last frame that searched.
 const MORE_IN_VIEW: usize = 2;
 
-/// Cosine of 30 degrees: a frame searches again if the camera has turned by more since the last frame that
-/// searched.
+/// Cosine of 30 degrees: a frame searches for hidden objects again if the camera has turned by more since the
+/// last frame that searched.
 const OTHER_DIRECTION: f64 = 0.866;
 
 /// Balance of the past frames of a culler: whether the search for hidden objects pays. A frame *pays* if the
-/// objects that it found hidden are worth at least the work spent on it. A frame *left out* searches nothing:
-/// all of its objects stay visible.
+/// objects that it found hidden are worth at least the work spent on it. A frame that is *left out* skips the
+/// search: all of its objects stay visible.
 ///
-/// Where [`MAX_LOSSES`] frames in a row did not pay, as in the view of a bird, frames are left out until
-/// they have saved what the last one spent in vain, or the camera sees something else: it has turned, or many
-/// more objects are in view, as where one steps back from a wall. Then a frame tries again.
+/// After [`MAX_LOSSES`] frames in a row that did not pay, as in a bird's-eye view, frames skip the search. A
+/// frame searches again when the skipped searches have saved the work spent in vain, when the camera has
+/// turned, or when many more objects are in view, as after a step back from a wall.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Experience {
-    /// Number of frames in a row that did not pay.
+    /// Number of frames in a row whose search for hidden objects did not pay.
     losses: u32,
-    /// Work of the last frame that was not left out, less the worth of the objects that it found hidden and
-    /// what the frames left out since have saved. Frames are left out only while it is positive.
+    /// Loss of the last frame that searched, in triangles: its work, less the worth of the objects found
+    /// hidden, less the work saved by the frames that skipped the search since. Frames skip it only while the
+    /// loss is positive.
     debt: f32,
-    /// Number of frames left out in a row.
+    /// Number of frames in a row that skipped the search.
     left_out: u32,
-    /// Number of objects in view in the last frame that was not left out.
+    /// Number of objects in view in the last frame that searched.
     objects: usize,
-    /// Direction of the camera in the last frame that was not left out, as a unit vector; zero if that was a
-    /// parallel view.
+    /// Direction of the camera in the last frame that searched, as a unit vector; zero if that was a parallel
+    /// view.
     forward: DVec3,
 }
 
 impl Experience {
-    /// Returns whether the next frame is left out. `objects` is the number of objects in view; the camera
-    /// looks along `forward`, of any length, zero in parallel views. After false, the caller must
-    /// [`record`](Self::record) the frame.
+    /// Returns whether the next frame skips the search for hidden objects. `objects` is the number of objects
+    /// in view. `forward` is the camera's direction, of any length, or zero in parallel views. After false,
+    /// the caller must [`record`](Self::record) the frame.
     pub(super) fn leaves_out(&mut self, objects: usize, forward: DVec3) -> bool {
         let forward = forward.normalize_or_zero();
         let is_alike = objects < MORE_IN_VIEW * self.objects
@@ -229,8 +233,8 @@ impl Experience {
         is_left_out
     }
 
-    /// Records a frame that was not left out: what it spent from its `budget`, and the number `hidden` of
-    /// objects that it found hidden.
+    /// Records a frame that searched for hidden objects: the `budget` it spent from, and the number `hidden`
+    /// of objects that it found hidden.
     pub(super) fn record(&mut self, budget: &Budget, hidden: usize) {
         self.debt = budget.spent() - budget.worth(hidden as f32);
         self.losses = if self.debt > 0.0 { self.losses.saturating_add(1) } else { 0 };
@@ -246,14 +250,14 @@ const MAX_LEFT_OUT: u32 = 32;
 
 /// Choice of the leaves whose objects are tested after a search that was [in vain](Budget::is_spent_in_vain).
 ///
-/// [`MAX_MISSES`] leaves in a row without a hidden object are tested, and then fewer and fewer: one of two,
-/// one of three, down to one of 33. A hidden object in a tested leaf makes the choice begin anew. Objects in
-/// leaves left out stay visible.
+/// First, [`MAX_MISSES`] leaves without a hidden object are tested in a row; then fewer and fewer: one of
+/// two, one of three, down to one of 33. A hidden object in a tested leaf starts the sequence again. Objects
+/// in untested leaves stay visible.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LeafSampling {
     /// Number of tested leaves in a row in which no object was hidden.
     misses: u32,
-    /// Number of leaves left out since the last tested one.
+    /// Number of leaves not tested since the last tested leaf.
     left_out: u32,
 }
 

@@ -9,9 +9,10 @@ impl OccluderMesh {
     /// the transform and the planes are relative to the scene's origin. True without planes; false where the
     /// mesh touches a plane, where rounding cannot decide, and for a non-finite transform.
     ///
-    /// [`OcclusionMap::add`](crate::OcclusionMap::add) asks this of every occluder, with the
-    /// [`clip_planes_from`](crate::View::clip_planes_from) of the view: what a clip plane cuts away is not
-    /// drawn and must not hide. Cost: constant per plane, since the corners of the mesh's bounds are tested.
+    /// [`OcclusionMap::add`](crate::OcclusionMap::add) calls this for every occluder, with the
+    /// [`clip_planes_from`](crate::View::clip_planes_from) of the view: parts that a clip plane cuts away are
+    /// not drawn and must not hide anything. Takes constant time per plane, since only the corners of the
+    /// mesh's bounds are tested.
     ///
     /// ```
     /// use visibility_core::glam::{Affine3A, DVec3, Vec3};
@@ -38,9 +39,9 @@ impl OccluderMesh {
             let corner = DVec3::select(normal.cmpge(DVec3::ZERO), min, max);
             let distance = normal.dot(corner) + n.dot(translation) + plane.plane.offset;
             // Each term `n_i axis_ji corner_j` is rounded at most eight times by products and sums, and the
-            // normal is within 16u of its own: 32u of the sum of magnitudes covers both and the rounding of
-            // that sum. A product that underflows loses at most the least normal number, in mesh coordinates
-            // times the corner's.
+            // normal errs by at most 16u of itself. 32u of the sum of magnitudes covers both, and the
+            // rounding of that sum. A product that underflows loses at most the least normal number, times
+            // the corner's coordinate.
             let underflow = 16.0 * f64::MIN_POSITIVE * (1.0 + corner.abs().element_sum());
             let sizes = DVec3::from(axes.map(|axis| n.abs().dot(axis.abs())));
             let size = sizes.dot(corner.abs()) + n.abs().dot(translation.abs()) + plane.plane.offset.abs();

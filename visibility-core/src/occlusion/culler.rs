@@ -1,9 +1,10 @@
-//! The driver: selects and draws occluders, then walks a hierarchy of boxes and drops what the map hides.
+//! The driver: selects and draws occluders, then walks a hierarchy of boxes and drops the objects that the
+//! map hides.
 //!
-//! A hidden node drops all objects below it without further tests. A node that nothing in the map can hide
-//! keeps all of them. Only the nodes in between are opened (Cohen-Or, Chrysanthou, Silva and Durand, "A
-//! Survey of Visibility for Walkthrough Applications", 2003, section 6: all image-space methods "place a
-//! hierarchy on the scene").
+//! If a node is hidden, all objects below it are dropped without further tests. If no occluder in the map
+//! covers any part of a node, all objects below it are kept. Only the children of other nodes are tested
+//! (Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough Applications", 2003,
+//! section 6: all image-space methods "place a hierarchy on the scene").
 
 use super::budget::{Budget, Experience, LeafSampling};
 use super::selection::{MIN_BEHIND, OccluderSearch, Queue, objects_of};
@@ -15,8 +16,8 @@ use crate::walk::{Block, BoxHierarchy, Child, IsOfScene, NodeTest, SceneHierarch
 use crate::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, scene::SceneCursor};
 
 /// Default [price](OcclusionCuller::with_price): the number of occluder triangles that may be drawn for each
-/// object that they are expected to hide. Measured: with larger prices, frames of some scenes took more than
-/// 1.2 times as long as with the best choice of occluders for that scene.
+/// object that they are expected to hide. With larger prices, frames of some scenes took over 1.2 times as
+/// long as with the best choice of occluders (measured).
 const DEFAULT_PRICE: u32 = 24;
 
 /// Default bound on the work of a frame, in triangles: some milliseconds, more than an engine has to spare.
@@ -30,17 +31,18 @@ const DEFAULT_WORK_LIMIT: u32 = 1 << 15;
 ///
 /// # Cost
 /// Occluders are drawn nearest first, and only if they are expected to hide enough objects for their
-/// [price](Self::with_price). Hidden nodes and occluders are skipped. Work is counted in triangles, with the
-/// z-buffer about a tenth of a microsecond each, and is paid by the objects found hidden: it is proportional
-/// to the nodes and occluders that are seen, plus at most a constant for occluders that turn out to hide
-/// nothing. A frame that has spent this constant and found nearly nothing hidden backs off: it tests the
-/// objects of fewer and fewer leaves of the hierarchy and reports the others.
+/// [price](Self::with_price). Hidden nodes and occluders are skipped. Work is counted in triangles (about 0.1
+/// microseconds each with the z-buffer). Each object found hidden allows more work. The work of a frame is
+/// proportional to the nodes and occluders that are seen, plus at most a constant for occluders that turn out
+/// to hide nothing. A frame that has spent this constant and found nearly nothing hidden backs off: it tests
+/// the objects of fewer and fewer leaves of the hierarchy and reports the others.
 /// [`with_work_limit`](Self::with_work_limit) bounds the work of a frame altogether.
 ///
-/// After eight frames in a row that did not pay, whole frames are left out: their objects stay visible. No
-/// more are left out when 64 in a row were, when they have saved what was spent in vain, when the camera has
-/// turned by 30 degrees, or when twice as many objects are in view. Otherwise the answer depends on scene,
-/// set, view and settings alone, unless the map itself remembers earlier frames.
+/// After eight frames in a row whose work was worth more than the objects found hidden, whole frames are left
+/// out: their objects stay visible. Frames are tested again after 64 left out in a row, once these have saved
+/// the work spent in vain, once the camera has turned by 30 degrees, or once twice as many objects are in
+/// view. Otherwise the answer depends on scene, set, view and settings alone, unless the map itself remembers
+/// earlier frames.
 ///
 /// ```
 /// # use visibility_core::{
@@ -102,8 +104,8 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
 
     /// Sets how many triangles of occluders, as [`OcclusionMap::cost`] counts them, may be drawn for each
     /// object that they are expected to hide. 24 by default. A lower price saves time where objects are cheap
-    /// to draw, but fewer objects are hidden. With 0 no occluder of the scene is drawn, for maps that are
-    /// filled otherwise.
+    /// to draw, but fewer objects are hidden. With 0 the culler draws no occluder of the scene: for maps that
+    /// the caller fills.
     #[must_use]
     pub fn with_price(self, triangles_per_object: u32) -> Self {
         Self { price: triangles_per_object, ..self }
@@ -120,8 +122,8 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         Self { work_limit: triangles, ..self }
     }
 
-    /// Returns the occlusion map, with the occluders of the last frame still in it. Empty after a frame that
-    /// was left out.
+    /// Returns the occlusion map, with the occluders of the last frame still in it. The map is empty if the
+    /// last frame skipped the search for hidden objects.
     pub fn map(&self) -> &M {
         &self.map
     }
@@ -150,7 +152,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         self.scene = SceneCursor::at(scene);
         let (objects, origin) = (visible.count(scene), scene.origin());
         let mut budget = Budget::new(self.price, self.work_limit);
-        // A map that answers later must be asked in every frame.
+        // A map with delayed answers, as from a graphics card, must be tested in every frame.
         let at_once = self.map.answers_at_once();
         let learns = self.price > 0 && at_once;
         if learns && self.experience.leaves_out(objects, view.clip_from(origin).row(3).truncate()) {
@@ -161,7 +163,8 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         let own = self.map.begin_within(view, origin, most, jobs);
         budget.spend_outside_search(own);
         let mut stats = CullStats::default();
-        // What the map's own occluders hide needs no search.
+        // Occluders that the map drew by itself can already hide objects: test these before the search for
+        // more.
         let is_tested = own > 0.0 && at_once && H::IS_OF_SCENE;
         if is_tested {
             self.map.flush();
@@ -178,7 +181,8 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
             let kind = match (is_all_tested, budget.is_spent_in_vain() && at_once) {
                 (true, _) => SweepKind::Count,
                 (false, true) => SweepKind::Sampled,
-                // A map that answers later must be asked about every leaf, or it would never learn of some.
+                // A map with delayed answers must be tested with every leaf: it learns only of boxes that it
+                // is asked about.
                 (false, false) => SweepKind::All,
             };
             stats += walk.stats;
@@ -202,7 +206,8 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     ) -> CullStats {
         if let Some(jobs) = jobs
             && H::IS_OF_SCENE
-            // Sampling and a limit on work make each test depend on those before it.
+            // With sampling or a limit on work, each test depends on the tests before it, so the sweep runs
+            // on one thread.
             && matches!(kind, SweepKind::First | SweepKind::All)
             && let objects = visible.count(scene)
             && budget.can_test(objects)
@@ -226,13 +231,13 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum SweepKind {
     /// All nodes and leaves, before the search for occluders. Objects found hidden add to the search's
-    /// credit. Once the credit is spent in vain, only some of the leaves.
+    /// credit. Once the credit is spent in vain, only some of the leaves are tested.
     First,
     /// All nodes and leaves that are left after the search.
     All,
     /// All nodes, but only some of the leaves.
     Sampled,
-    /// No object: the walk counts the objects that are left.
+    /// No box: the walk only counts the objects that are left.
     Count,
 }
 
@@ -303,7 +308,7 @@ impl<M: OcclusionMap> Sweep<'_, M> {
             if is_sampled && !self.sampling.tests_next() {
                 return candidates;
             }
-            // All boxes of the block in one call. A sweep that only counts asks the map for nothing.
+            // One call tests all boxes of the block. A counting sweep tests none.
             let answer = if self.kind != SweepKind::Count {
                 walk.stats.tests += u64::from(candidates.count_ones());
                 self.budget.spend_tests(candidates.count_ones());
@@ -314,13 +319,13 @@ impl<M: OcclusionMap> Sweep<'_, M> {
             if is_sampled {
                 self.sampling.record(answer.hidden != 0);
             }
-            // Hidden objects pay for more occluders: the budget grows by what this sweep saved.
+            // Objects found hidden before the search add their worth to the budget for occluders.
             if self.kind == SweepKind::First {
                 let hidden = lanes(answer.hidden).map(|lane| objects_of(walk, block.child(lane)));
                 self.budget.earn(hidden.sum());
             }
-            // Below a box that the map has found visible, tests go on only for nodes: a whole node whose box
-            // is certainly visible, or any node once the limit of work is reached, is taken without tests.
+            // Descend into nodes that are not hidden. A node that is certainly visible as a whole, and any
+            // node once the limit of work is reached, keeps its objects without tests.
             let mut mask = candidates & !answer.hidden;
             for lane in lanes(mask & !objects) {
                 let Child::Node(child) = block.child(lane) else { continue };
@@ -339,15 +344,15 @@ impl<M: OcclusionMap> Sweep<'_, M> {
 /// Value of `known` in [`HiddenTest`] for a node that occluders may hide: its children must be tested.
 const UNDECIDED: u32 = 1;
 
-/// The test of the walk after the search, for several threads. Its number `known` for a node is
-/// [`UNDECIDED`], or 0 if no occluder hides any part of the node.
+/// The test of the walk after the search, for several threads. `known` of a node is [`UNDECIDED`], or 0 if no
+/// occluder hides any part of the node.
 struct HiddenTest<'a> {
     map: &'a (dyn OcclusionMap + Sync),
 }
 
 impl NodeTest for HiddenTest<'_> {
-    /// Mask of the lanes whose boxes no occluder hides any part of, bit i for lane i: nothing below them
-    /// needs a test.
+    /// Mask of the boxes of which no occluder hides any part, bit i for lane i. Their descendants need no
+    /// test.
     type Found = u64;
 
     fn test(&self, block: &Block<'_>, candidates: u64, _: u32, stats: &mut CullStats) -> (u64, u64) {

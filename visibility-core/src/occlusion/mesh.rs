@@ -91,7 +91,7 @@ pub struct OccluderMesh {
     cuboid: bool,
     /// True if back faces occlude too, false if only front faces do.
     two_sided: bool,
-    /// Separate convex solids of the mesh and, last, the remaining triangles. Empty for a single piece.
+    /// Separate convex solids of the mesh and, last, the remaining triangles. Empty if the mesh is not split.
     pub(super) parts: Vec<OccluderMesh>,
     /// Number of triangles that belong to convex solids. Stored, since it is read for each occluder in each
     /// frame.
@@ -120,8 +120,8 @@ impl OccluderMesh {
         [1, 7, 5],
     ];
 
-    /// Reads every cache line of the mesh that the choice of occluders needs, so that they are in the cache.
-    /// The result is a mixture of what was read, without meaning, so that no read is optimized away.
+    /// Reads all that the choice of occluders needs of the mesh, to bring it into the cache. The result is a
+    /// meaningless mixture of the values read; using it keeps the compiler from removing the reads.
     pub(crate) fn fetched(&self) -> u32 {
         let sizes = self.triangles.len() ^ self.solid_triangles;
         sizes as u32 ^ self.bounds.min.x.to_bits() ^ self.facing[0].to_bits() ^ self.facing[5].to_bits()
@@ -212,7 +212,7 @@ impl OccluderMesh {
     }
 
     /// Returns the number of triangles that belong to convex solids: all triangles of a convex mesh,
-    /// otherwise the triangles of its convex [`parts`](Self::parts). 0 without convex solids.
+    /// otherwise the triangles of its convex [`parts`](Self::parts). 0 if the mesh has no convex solid.
     ///
     /// ```
     /// use visibility_core::{Aabb, OccluderMesh};
@@ -332,13 +332,13 @@ pub(super) fn join(triangles: &[[u32; 3]]) -> (Vec<Edge>, Vec<[u32; 3]>) {
             });
         }
     }
-    // Sides of one edge are then neighbours, whichever way each triangle runs along it.
+    // The sort brings the sides of one edge together, in whichever direction each triangle runs along it.
     sides.sort_unstable_by_key(|s| (s.low, s.high, s.triangle));
     let mut edges = Vec::with_capacity(sides.len() / 2);
     let mut triangle_edges = alloc::vec![[0; 3]; triangles.len()];
     for group in sides.chunk_by(|a, b| (a.low, a.high) == (b.low, b.high)) {
-        // Two triangles that run along the edge in opposite directions continue each other. Any other group,
-        // of one, of three or more, or of two in the same direction, is taken as separate open edges.
+        // Two triangles that traverse the edge in opposite directions share it. In any other group (one
+        // triangle, three or more, or two in the same direction), each triangle gets an open edge of its own.
         let joined = group.len() == 2 && group[0].backwards != group[1].backwards;
         for (position, side) in group.iter().enumerate() {
             if position == 0 || !joined {
@@ -355,7 +355,7 @@ pub(super) fn join(triangles: &[[u32; 3]]) -> (Vec<Edge>, Vec<[u32; 3]>) {
 /// Tests whether a closed mesh is a convex solid that faces outwards. The test takes quadratic time, so
 /// meshes of more than 256 triangles count as not convex.
 ///
-/// Rounding of vertices may have put some in front of faces by a few steps of `f32`. Such dents are tolerated
+/// Rounding may have moved some vertices in front of faces by a few steps of `f32`. Such dents are tolerated
 /// only if they are small beside the mesh: each face must have a vertex behind it at four times the tolerated
 /// distance. In a smaller mesh, no vertex may be in front of a face, as far as `f64` can tell, and at least
 /// one vertex must be behind each face.
@@ -505,7 +505,7 @@ mod tests {
         assert!(dented.is_closed(), "moving a vertex opens no edge");
         let mut p = cube().positions().to_vec();
         p.push(Vec3::new(0.0, 1.5, 3.5));
-        // The top face, split at a point pushed inwards.
+        // The top face of the cube is replaced by four triangles around a point pushed inwards.
         let mut triangles: Vec<_> =
             cube().triangles().iter().filter(|t| !t.iter().all(|i| *i >= 4)).copied().collect();
         triangles.extend([[4, 5, 8], [5, 7, 8], [7, 6, 8], [6, 4, 8]]);

@@ -48,7 +48,7 @@ impl OccluderMesh {
     /// [`MeshError::TooMany`], [`MeshError::Vertex`] (vertex `3 * triangle + corner`), or
     /// [`MeshError::NoTriangle`] if no triangle has an area.
     pub fn from_triangles(triangles: &[Triangle]) -> Result<Self, MeshError> {
-        // Indices that wrap are never used: so many vertices are refused below.
+        // Indices may wrap around here. `from_indexed` refuses that many vertices before using an index.
         let indices: Vec<[u32; 3]> = (0..triangles.len() as u32)
             .map(|i| 3u32.wrapping_mul(i))
             .map(|first| [first, first.wrapping_add(1), first.wrapping_add(2)])

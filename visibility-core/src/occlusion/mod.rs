@@ -1,10 +1,10 @@
 //! Occlusion culling: a trait for maps to which occluders are added and against which boxes are tested, and
 //! the one culler that drives such maps.
 //!
-//! A z-pyramid, an opacity map, an occlusion tree, a set of shadow frusta and hardware occlusion queries have
-//! this interface in common (Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough
-//! Applications", 2003, sections 5 and 6). Each implements [`OcclusionMap`]. [`OcclusionCuller`] chooses
-//! occluders, walks the hierarchy and removes hidden objects.
+//! A z-pyramid, an opacity map, an occlusion tree, a set of shadow frusta and hardware occlusion queries
+//! share one interface: add occluders, test boxes (Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of
+//! Visibility for Walkthrough Applications", 2003, sections 5 and 6). Each implements [`OcclusionMap`].
+//! [`OcclusionCuller`] chooses occluders, walks the hierarchy and removes hidden objects.
 
 mod budget;
 mod clip_planes;
@@ -111,11 +111,11 @@ pub trait OcclusionMap {
     /// As [`begin`](Self::begin), for a map that [draws](Self::draws) occluders by itself, nearest first.
     /// Draws on the threads of a job system if there is one. `_work` is about the greatest work to be spent,
     /// in triangles, the unit of the [price](OcclusionCuller::with_price) of hiding an object. If it is 0,
-    /// negative or NaN, no occluder is drawn. What is not drawn hides nothing in the frame. Returns the work
-    /// spent.
+    /// negative or NaN, no occluder is drawn. Occluders that are not drawn hide nothing in this frame.
+    /// Returns the work spent.
     ///
-    /// What the map holds does not depend on the job system or its number of threads. Without a job system,
-    /// the map may hold something else within the [accuracy](Self::accuracy). The default calls
+    /// The content of the map does not depend on the job system or its number of threads. Without a job
+    /// system, the content may differ within the [accuracy](Self::accuracy). The default calls
     /// [`begin`](Self::begin) and returns 0; a map that wraps another passes on `begin`, `begin_within` and
     /// `draws`.
     fn begin_within(&mut self, view: &View, origin: DVec3, _work: f32, _jobs: Option<&dyn Jobs>) -> f32 {
@@ -140,15 +140,16 @@ pub trait OcclusionMap {
     }
 
     /// Returns whether an object is part of a level that the map draws by itself when a frame
-    /// [begins](Self::begin). Its occluder is then never added to the map, even in a frame whose work is
-    /// spent before the map comes to draw the object. False by default.
+    /// [begins](Self::begin). The culler then never adds the object's occluder to the map, even in a frame
+    /// whose work runs out before the map draws the object. False by default.
     fn draws(&self, object: ObjectId) -> bool {
         let _ = object;
         false
     }
 
-    /// Returns whether tests take the occluders into account that were flushed in the same frame. If not, as
-    /// with a device that answers frames later, the driver adds all occluders before it tests the first box.
+    /// Returns whether a test takes into account the occluders flushed earlier in the same frame. If false,
+    /// as for a device that answers some frames later, the driver adds all occluders before it tests the
+    /// first box.
     fn answers_at_once(&self) -> bool {
         true
     }
@@ -167,15 +168,16 @@ pub trait OcclusionMap {
         Occlusion64::of_each(candidates, |lane| self.test(&boxes.get(lane)))
     }
 
-    /// Tests a box like [`test`](Self::test), on behalf of the culler that owns the map. Maps that remember
-    /// answers or send queries to a device do so here. The default calls [`test`](Self::test).
+    /// Tests a box like [`test`](Self::test), but may change the map: maps that remember answers or send
+    /// queries to a device do so here. Called by the culler that owns the map. The default calls
+    /// [`test`](Self::test).
     fn test_mut(&mut self, bounds: &Aabb) -> Occlusion {
         self.test(bounds)
     }
 
-    /// Tests boxes like [`test_64`](Self::test_64), on behalf of the culler that owns the map. The default
-    /// calls [`test_64`](Self::test_64). A map that implements [`test_mut`](Self::test_mut) implements this
-    /// too.
+    /// Tests boxes like [`test_64`](Self::test_64), but may change the map, as [`test_mut`](Self::test_mut)
+    /// may: a map that implements one of the two implements both. The default calls
+    /// [`test_64`](Self::test_64).
     fn test_64_mut(&mut self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
         self.test_64(boxes, candidates)
     }
@@ -186,10 +188,10 @@ pub trait OcclusionMap {
         None
     }
 
-    /// Calls `each` for what the occluders of `scene` lack for this map, as
+    /// Calls `each` with each reason why occluders of `scene` are of no use to this map, as
     /// [`Culler::for_each_lack`](crate::Culler::for_each_lack) does for a culler. The default reports
-    /// occluders without a usable mesh, meshes without the flag of an occluder, and a scene without
-    /// occluders. A map with occluders of its own does not report the last of these three.
+    /// occluders without a usable mesh, meshes of objects that are not flagged as occluders, and a scene
+    /// without occluders. A map with occluders of its own does not report a scene without occluders.
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
         Lack::of_no_occluder(scene, each);
         Lack::of_occluders(scene, each);

@@ -1,10 +1,10 @@
 //! Decomposition of meshes into separate convex solids, such as furniture and buildings made of boxes.
 //!
-//! A convex solid is drawn by its silhouette alone, and one solid's silhouette does not reduce what another
-//! solid behind it occludes. Solids are found once, when a mesh is made. First, boxes are found whose 12
-//! triangles are listed consecutively, as most tools write them: touching boxes share edges, so they cannot
-//! be separated by their edges. Then the remaining triangles are grouped into pieces joined along edges, and
-//! each piece that is a convex solid is taken.
+//! A convex solid is drawn by its silhouette alone, and separate solids occlude independently of one another.
+//! Solids are found once, when a mesh is made. First, boxes are found whose 12 triangles are listed
+//! consecutively, as most tools write them: touching boxes share edges, so they cannot be separated by their
+//! edges. Then the remaining triangles are grouped into pieces joined along edges, and each piece that is a
+//! convex solid is taken.
 
 use super::mesh::{OccluderMesh, join};
 use alloc::vec::Vec;

@@ -29,14 +29,14 @@ impl Default for Preparation {
 }
 
 impl Preparation {
-    /// Sets which triangles are slivers, and so dropped, since they cover no whole pixel: those whose height,
-    /// measured from their longest side, is at most this fraction of that side's length. 0 keeps all
-    /// triangles with an area. 1e-3 by default.
+    /// Sets the threshold for slivers, 1e-3 by default. A triangle is dropped if its height over its longest
+    /// side is at most `sliver` times that side's length, since it would cover no whole pixel. 0 keeps all
+    /// triangles with an area.
     pub fn with_sliver(self, sliver: f32) -> Self {
         Self { sliver, ..self }
     }
 
-    /// Sets the least area of a triangle that is kept, as a fraction of that of the largest triangle. 0 by
+    /// Sets the least area of a kept triangle, as a fraction of the area of the largest triangle. 0 by
     /// default.
     pub fn with_min_area(self, min_area: f32) -> Self {
         Self { min_area, ..self }
@@ -81,10 +81,10 @@ impl Scene {
     /// [triangles](Scene::set_triangles), removes the mesh. The next call makes a mesh from triangles set
     /// since.
     ///
-    /// Objects without [local bounds](Scene::set_local_bounds) whose triangles are
-    /// [placed](crate::scene::SharedTriangles::placed) share one mesh, and have the transform of the
-    /// triangles. Each gets a mesh of its own where that transform is kept in `f64`, or where the object's
-    /// bounds do not contain the mesh so placed.
+    /// Objects share one mesh, placed by the transform of their triangles, if the triangles are
+    /// [placed](crate::scene::SharedTriangles::placed) instances and the objects have no [local
+    /// bounds](Scene::set_local_bounds). An object gets a mesh of its own if that transform is kept in `f64`,
+    /// or if the placed mesh would reach out of the object's bounds.
     pub fn prepare_occluders(&mut self, preparation: &Preparation) -> usize {
         let ids: Vec<_> = self.ids().collect();
         let mut shared: HashMap<(usize, bool), Option<MeshId>> = HashMap::new();
@@ -95,8 +95,8 @@ impl Scene {
                 continue;
             };
             let sides = preparation.with_two_sided(preparation.two_sided && !object.one_sided);
-            // Instances of one mesh share the prepared mesh, keyed by the address of the triangles and the
-            // sides they are seen from.
+            // Instances of one mesh share the prepared mesh. The key is the address of the triangles and
+            // whether they are one-sided.
             let placed = triangles.rounded_transform().filter(|_| self.local_bounds(id).is_none());
             if let Some(transform) = placed {
                 let key = (triangles.mesh_address(), sides.two_sided);
@@ -125,7 +125,7 @@ impl Scene {
                 made += 1;
             }
         }
-        // A mesh goes with the last of the objects that have it.
+        // A removed mesh is freed together with the last object that uses it.
         for mesh in shared.into_values().flatten() {
             let _ = self.remove_mesh(mesh);
         }

@@ -1,7 +1,7 @@
 //! Hardware occlusion queries of the engine as an occlusion map. The graphics card answers some frames late.
 //!
-//! The card compares boxes with the depth buffer that it has drawn (Cohen-Or, Chrysanthou, Silva and Durand,
-//! "A Survey of Visibility for Walkthrough Applications", 2003, sections 6.4 and 6.5: the HP
+//! The graphics card compares boxes with the depth buffer that it has drawn (Cohen-Or, Chrysanthou, Silva and
+//! Durand, "A Survey of Visibility for Walkthrough Applications", 2003, sections 6.4 and 6.5: the HP
 //! occlusion-culling test, and Meissner et al.). Waiting for an answer would stall the card, so answers are
 //! collected when they arrive.
 
@@ -94,10 +94,9 @@ impl LateAnswers {
 #[derive(Debug)]
 pub struct HardwareQueries<D> {
     late: LateAnswers,
-    /// Number of frames begun so far: the present frame has this number.
+    /// Number of frames begun so far, which is also the number of the present frame.
     frame: u64,
-    /// Number of the first of the consecutive frames, up to the present one, with the same view and the same
-    /// occluders.
+    /// Number of the first frame since which view and occluders have been the same in all frames.
     since: u64,
     view: Option<View>,
     /// Origin that the boxes of all questions are relative to; NaN before the first frame.
@@ -163,22 +162,22 @@ impl<D: QueryDevice> HardwareQueries<D> {
         self.view = None;
     }
 
-    /// Returns the result for a box that no query decides: an improper one, or one that reaches the near
-    /// plane or a clip plane. `None` for all others.
+    /// Returns the result for a box that needs no query: visible if it is not finite, partially visible if it
+    /// reaches the near plane or a clip plane. `None` for all other boxes.
     fn decided(&self, bounds: &Aabb) -> Option<Occlusion> {
         if !bounds.is_finite() {
             return Some(Occlusion::Visible);
         }
-        // A box that reaches such a plane is clipped when it is drawn. The remaining part may lie behind
-        // walls that the box as a whole is not behind.
+        // A plane that crosses the box clips it when it is drawn. The remaining part may be hidden by walls
+        // that do not hide the whole box.
         let is_whole = |plane: &ViewPlane| plane.contains_box(bounds);
         let unclipped = self.near.is_some_and(|near| is_whole(&near))
             && self.clip_planes.is_some_and(|planes| planes.as_slice().iter().all(is_whole));
         (!unclipped).then_some(Occlusion::Partial)
     }
 
-    /// Returns the result that the newest answer for a box, as [`Question::answer`] has it, gives in the
-    /// present frame. Visible for `None`, a box without an answer.
+    /// Returns the result of a test in the present frame, given the box's newest [answer](Question::answer).
+    /// Visible for `None`, a box without an answer.
     fn judge(&self, answer: Option<(u64, bool)>) -> Occlusion {
         match answer {
             Some((about, true)) if self.counts(about) => Occlusion::Hidden,
@@ -204,8 +203,8 @@ impl<D: QueryDevice> State<D> {
         self.questions[*self.indices.get(&key(bounds))?].answer
     }
 
-    /// Collects the answers that have arrived and forgets boxes without a query for more than
-    /// [`MAX_IDLE_FRAMES`] frames.
+    /// Collects the answers that have arrived. Forgets boxes whose newest query is more than
+    /// [`MAX_IDLE_FRAMES`] frames old.
     fn listen(&mut self, frame: u64) {
         let Self { device, indices, questions, free } = self;
         device.answers(&mut |query, passed| {
@@ -278,7 +277,7 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
         self.frame += 1;
         self.drawn = [Fingerprint::new(), self.drawn[0]];
         if self.origin != origin {
-            // Boxes of equal coordinates are other boxes now.
+            // The origin has moved, so boxes of equal coordinates are now other boxes.
             self.reset();
             self.origin = origin;
         }
@@ -325,7 +324,7 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
     fn reset(&mut self) {
         self.view = None;
         for question in &mut self.state.questions {
-            // Answers to queries under way will be ignored.
+            // The new serial number makes the map ignore answers to queries still under way.
             *question = Question {
                 serial: question.serial.wrapping_add(1),
                 under_way: false,

@@ -1,5 +1,5 @@
-//! Occluders that are parts of one wall, each a mesh of its own. A z-buffer fills only pixels that a single
-//! occluder covers altogether, so the pixels along the seam between two occluders stay unfilled.
+//! Occluders that are parts of one wall, each a mesh of its own. A z-buffer fills only pixels that one
+//! occluder covers altogether, so pixels crossed by the common edge (the seam) of two occluders stay empty.
 
 use crate::geometry::Containment;
 use crate::scene::{FAN_OUT, Scene, lanes};
@@ -10,11 +10,11 @@ use crate::{Aabb, ObjectId};
 /// is inspected.
 const MAX_INSPECTED: usize = 256;
 
-/// Returns how many occluders of `scene` continue in another occluder beside them, as the panels of a wall or
-/// the tiles of a floor do: their boxes have the same thinnest axis and the same extent along it, and meet
-/// end to end along another, up to a thousandth of their size. Inspects all occluders if there are at most
-/// 256, otherwise every second, third or n-th one, so the result is at most 256. Takes some microseconds for
-/// each occluder inspected.
+/// Counts the occluders of `scene` that another occluder continues, as with the panels of a wall or the tiles
+/// of a floor: the two boxes have the same thinnest axis and the same extent along it, and meet end to end
+/// along another axis, up to a thousandth of their size. Inspects all occluders if there are at most 256,
+/// otherwise every second, third or n-th one, so the result is at most 256. Takes some microseconds for each
+/// occluder inspected.
 ///
 /// ```
 /// use visibility_core::{glam::Affine3A, occlusion::occluders_with_seams, Aabb, Object, OccluderMesh, Scene};

@@ -1,18 +1,18 @@
 //! Selection of the occluders of a frame: nearest first, as long as drawing them pays.
 //!
-//! A priority queue holds nodes and occluders by distance, so that boxes come front to back (Greene, Kass and
-//! Miller, "Hierarchical Z-Buffer Visibility", 1993). Each box is tested against the occluders drawn so far:
-//! a hidden node yields no occluders, and a hidden occluder is not drawn. The search therefore visits what is
-//! seen, however many occluders the frustum holds.
+//! A priority queue holds nodes and occluders by distance, so that boxes are visited front to back (Greene,
+//! Kass and Miller, "Hierarchical Z-Buffer Visibility", 1993). Each box is tested against the occluders drawn
+//! so far: a hidden node yields no occluders, and a hidden occluder is not drawn. The search therefore visits
+//! what is seen, however many occluders the frustum holds.
 //!
 //! Drawing has a price. An occluder that covers a share `s` of the view hides about `s * n` of the `n`
-//! objects that wait behind it, if these are spread evenly over the view. It is drawn if its cost in
-//! triangles is at most `price * s * n`. (The share is the area facing the eye over the squared distance, as
-//! in Coorg and Teller, "Real-Time Occlusion Culling for Models with Large Occluders", 1997. That formula is
-//! for occluders that are small from the eye. From within a room, a courtyard or beside a long wall, the
-//! triangles are looked at one by one if the formula says no.) In addition, all work is paid from a
-//! [`Budget`], which each object found hidden raises by the price: where nothing is hidden, as seen by a
-//! bird, the search ends after its initial credit.
+//! objects behind it, if these are spread evenly over the view. It is drawn if its cost in triangles is at
+//! most `price * s * n`. The share is the area facing the eye over the squared distance (Coorg and Teller,
+//! "Real-Time Occlusion Culling for Models with Large Occluders", 1997). This formula underestimates an
+//! occluder near the eye, such as the walls of the room or courtyard around it, so a nearby mesh that it
+//! rejects is estimated triangle by triangle. All work is also paid from a [`Budget`]. Each object found
+//! hidden raises the budget by the price; in a bird's-eye view, where nothing is hidden, the search ends
+//! after the initial credit.
 
 use super::budget::Budget;
 use super::{OccluderMesh, Occlusion, OcclusionMap};
@@ -26,38 +26,38 @@ use alloc::collections::BinaryHeap;
 use core::cmp::{Ordering, Reverse};
 use glam::{Affine3A, DVec3, DVec4, Vec3};
 
-/// Number of occluders added between two flushes. With a larger number, more occluders are drawn that others
-/// already hide; with a smaller one, the map is flushed too often (measured with the z-buffer).
+/// Number of occluders added between two flushes. A larger number draws more occluders that others already
+/// hide; a smaller one flushes the map too often (measured with the z-buffer).
 const BATCH: u32 = 8;
 
-/// After this number of occluders in a frame, each further one takes [`LATER_WORK`] in addition. Levels draw
+/// Number of occluders in a frame after which each further one costs [`LATER_WORK`] in addition. Levels draw
 /// some hundreds.
 const MANY_OCCLUDERS: u64 = 1024;
 
 /// Extra work in triangles of each occluder after the first [`MANY_OCCLUDERS`] of a frame: among thousands of
-/// small occluders, such as voxels, finding, testing and choosing one takes a microsecond (measured). It
-/// counts against the limit of the frame, not against what the search may spend.
+/// small occluders, such as voxels, finding, testing and choosing one takes a microsecond (measured). This
+/// work counts against the limit of the frame, not against the credit of the search.
 const LATER_WORK: f32 = 8.0;
 
-/// Number of objects that an unopened leaf counts as: those of a full leaf.
+/// Number of objects assumed in a leaf that the search has not opened: a full leaf.
 const OBJECTS_PER_LEAF: u32 = 64;
 
 /// Least number of objects that an occluder is taken to have behind it, so that a scene of few objects is
 /// culled as tightly as a large one (measured).
 pub(super) const MIN_BEHIND: f32 = 256.0;
 
-/// If the eye is within this distance of the middle of a mesh, and the estimate from the middle is too small,
-/// the share of the view that the mesh covers is estimated triangle by triangle. In radii of the mesh, which
-/// are halves of its bounds' diagonal. At `2 r` from the middle of a wall of length `2 r`, along the wall,
-/// the near end is half as far as the middle: from there on the two estimates differ by a factor of no more
-/// than about 2.
+/// Distance, in radii of a mesh (half the diagonal of its bounds), within which an eye is near the middle of
+/// the mesh. If the estimate of the share of the view that a near mesh covers is too small, the share is
+/// estimated again triangle by triangle. At `2 r` from the middle of a wall of length `2 r`, along the wall,
+/// the near end is half as far as the middle. From farther away the two estimates differ by at most a factor
+/// of about 2.
 const NEAR_RADII: f32 = 2.0;
 
-/// Number of triangles whose solid angles are estimated in the time in which one is drawn.
+/// Number of triangles whose solid angles can be estimated in the time of drawing one triangle.
 const ESTIMATED_PER_DRAWN: f32 = 4.0;
 
-/// Greatest number of triangles of a mesh whose solid angles are computed for an estimate. Of a larger mesh
-/// only every second, third or n-th triangle is used, and counts for those left out.
+/// Greatest number of triangles of a mesh whose solid angles are computed for an estimate. Of a larger mesh,
+/// only every second, third or n-th triangle is used and stands for those between.
 const MAX_ESTIMATED: usize = 2048;
 
 /// A node or an occluder that waits in the queue of [`OccluderSearch`].
@@ -65,7 +65,7 @@ const MAX_ESTIMATED: usize = 2048;
 pub(super) struct Waiting {
     /// Distance of `bounds` from the eye, as [`distance_key`] measures it. The queue has the least first.
     distance_key: f32,
-    /// Number of flushes of the frame up to the last test of `bounds`.
+    /// Number of flushes that the frame had made when `bounds` was last tested.
     tested: u32,
     child: Child,
     /// Estimated number of objects below a node; 1 for an object.
@@ -112,7 +112,7 @@ pub(super) struct OccluderSearch<'a, M> {
     depth_row: DVec4,
     clip_planes: ViewPlanes,
     queue: &'a mut Queue,
-    /// Budget of the frame's work. What the search leaves of it is for the walk after the search.
+    /// Budget of the frame's work. The walk after the search uses what the search leaves.
     budget: Budget,
     /// Share of the view that one square metre covers, facing the eye at a distance of one metre; in a
     /// parallel view at any distance. May be NaN or infinite for a degenerate view.
@@ -163,7 +163,7 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
         self.queue.clear();
         let begins = self.budget.has_credit();
         if begins {
-            // The map may begin the frame with occluders of its own.
+            // The map may have begun the frame with occluders of its own: make them take effect.
             self.flush();
             self.open(walk, None);
         }
@@ -184,7 +184,7 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
         let tests_all = H::IS_OF_SCENE && walk.is_current() && self.map.answers_at_once();
         let is_all_tested =
             walk.stats.occluders == 0 && (self.is_tested || begins && tests_all && self.queue.is_empty());
-        // The walk that follows counts what is left.
+        // The walk after the search counts the objects left in the set.
         walk.stats.visible = 0;
         (self.budget, is_all_tested)
     }
@@ -207,8 +207,8 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
             self.flush();
         }
         walk.visit(node, |walk, block, candidates| {
-            // Children hidden by the occluders drawn so far are dropped with all below them. A map that
-            // answers frames later, as a graphics card does, cannot tell yet.
+            // Children hidden by the occluders drawn so far are dropped with all below them. A map with
+            // delayed answers, as from a graphics card, cannot tell yet.
             let hidden = if self.map.answers_at_once() && !self.is_tested {
                 self.budget.spend_tests(candidates.count_ones());
                 walk.stats.tests += u64::from(candidates.count_ones());
@@ -227,8 +227,7 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
             if let Some((_, ids)) = block.leaf() {
                 walk.scene().fetch_occluders(ids, occluders);
             }
-            // The budget of work earns by the objects that are hidden; `undecided` counts those that still
-            // may be.
+            // Objects found hidden add to the budget. Objects not found hidden yet add to `undecided`.
             self.budget.earn((hidden & objects).count_ones() as f32);
             self.undecided += (found & objects).count_ones() as f32;
             for lane in lanes(hidden & !objects) {
@@ -244,7 +243,8 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
                 let tested = self.flushes;
                 self.queue.push(Reverse(Waiting { distance_key, tested, child, objects, bounds }));
             }
-            // In another hierarchy, dropping a node means listing all objects below it: once is enough.
+            // Hidden nodes are dropped here only in the scene's own hierarchy. In another hierarchy, dropping
+            // a node means listing all objects below it, which the walk after the search does once.
             if H::IS_OF_SCENE { found } else { candidates }
         });
     }
@@ -258,7 +258,7 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
         let cost = self.map.cost(mesh) as f32;
         let worth = self.budget.worth(self.undecided.max(MIN_BEHIND));
         let behind = self.budget.worth(self.undecided);
-        // In a degenerate view a share may be NaN, which counts as the whole view.
+        // In a degenerate view a share may be NaN; `min` turns it into 1, the whole view.
         let share = |angle: f32| (angle * self.share_per_area).min(1.0);
         let pays = |budget: &Budget, share: f32| cost <= worth * share && budget.can_pay(cost, share, behind);
         let is_worth_it = pays(&self.budget, share(solid_angle(mesh, transform, &self.eye)))
@@ -297,8 +297,8 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
 /// distance of one metre; for a parallel view at any distance.
 ///
 /// Normalized device coordinates `x / w` grow by `|X| / |W|` for each metre across, at a distance of one
-/// metre, where `X` and `W` are the linear parts of the rows of the clip matrix. The view is 2 x 2 units of
-/// them. In a parallel view `w` is constant.
+/// metre, where `X` and `W` are the linear parts of the rows of the clip matrix. The view is 2 units wide and
+/// 2 units high in these coordinates. In a parallel view `w` is constant.
 fn share_per_area(view: &View, eye: &Eye, origin: DVec3) -> f32 {
     let clip = view.clip_from(origin);
     let [x, y, w] = [0, 1, 3].map(|row| clip.row(row));
@@ -309,24 +309,25 @@ fn share_per_area(view: &View, eye: &Eye, origin: DVec3) -> f32 {
     (x.truncate().length() * y.truncate().length() / (4.0 * w_squared)) as f32
 }
 
-/// Returns the solid angle in steradians that a mesh covers at most, as seen from the eye; for a parallel
-/// view the area in square metres that faces the eye. 0 if `transform` is degenerate.
+/// Returns an estimate of the solid angle in steradians that a mesh covers, as seen from the eye; for a
+/// parallel view of the area in square metres that faces the eye. 0 if `transform` is degenerate.
 ///
-/// An estimate from the middle of the mesh: up to 1.7 times too large where parts of the mesh face away from
-/// the axes or cover each other, and of no use [near](is_near) the mesh.
+/// The estimate is made from the middle of the mesh. It is up to 1.7 times too large where parts of the mesh
+/// face away from the axes or cover each other, and useless for an eye [near](is_near) the mesh.
 fn solid_angle(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye) -> f32 {
     let center = transform.transform_point3(mesh.bounds().center());
     let (direction, distance_squared) = match eye {
         Eye::Point(eye) => {
             let d = eye.as_vec3() - center;
-            // No nearer than the mesh's own size: the formula is for occluders that are small from the eye.
+            // The squared distance counts as at least that of the mesh's radius: the formula holds for
+            // occluders that are small from the eye.
             let size = radius_squared(mesh, transform).max(f32::MIN_POSITIVE);
             (d.normalize_or_zero(), d.length_squared().max(size))
         }
         Eye::Direction(along) => (-along.as_vec3(), 1.0),
     };
-    // Areas are known for the untransformed mesh: the direction is turned back instead, and the result scaled
-    // as areas are.
+    // Projected areas are stored for the untransformed mesh, so the direction is taken into mesh coordinates
+    // and the resulting area is scaled.
     let inverse = transform.matrix3.inverse();
     let scale = transform.matrix3.determinant().abs();
     let turned: Vec3 = (inverse * glam::Vec3A::from(direction)).into();
@@ -344,7 +345,7 @@ fn radius_squared(mesh: &OccluderMesh, transform: &Affine3A) -> f32 {
 }
 
 /// Tests whether the eye is in or near the bounds of a mesh: within [`NEAR_RADII`]. The middle of the mesh
-/// then says little about what the mesh covers. False for parallel views, for which no mesh is near, and NaN.
+/// then says little about what the mesh covers. False for parallel views and for NaN.
 fn is_near(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye) -> bool {
     let Eye::Point(eye) = eye else { return false };
     let center = transform.transform_point3(mesh.bounds().center());
@@ -352,11 +353,11 @@ fn is_near(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye) -> bool {
     eye.as_vec3().distance_squared(center) <= limit
 }
 
-/// Returns the sum of the solid angles in steradians of the triangles of a mesh that occlude, as seen from
-/// the eye of a perspective view: of the triangles that show their fronts or, if the mesh is two-sided, the
-/// greater of their sum and the sum of those that show their backs. Triangles wholly behind the eye, where
-/// `depth_row` is negative at all corners, do not count. Triangles that cover each other are counted
-/// repeatedly. 0 for a parallel view.
+/// Returns the sum of the solid angles in steradians of the occluding triangles of a mesh, as seen from the
+/// eye of a perspective view. A one-sided mesh occludes by the triangles that show their fronts; a two-sided
+/// mesh counts by its fronts or by its backs, whichever sum is greater. Triangles wholly behind the eye,
+/// where `depth_row` is negative at all corners, do not count. Overlapping triangles are counted repeatedly.
+/// 0 for a parallel view.
 fn solid_angle_by_triangles(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye, depth_row: DVec4) -> f32 {
     let Eye::Point(eye) = eye else { return 0.0 };
     let mirrored = transform.matrix3.determinant() < 0.0;

@@ -35,9 +35,9 @@ pub struct ScenePvs {
     never_hidden: Vec<ObjectId>,
     /// Indices of the objects that hide others by the PVS.
     occluders: Bits,
-    /// Layer masks of these objects, each mask once.
+    /// Distinct layer masks of the objects that hide others by the PVS.
     occluder_layers: Vec<u32>,
-    /// The revision of the scene for which this value was made. Objects that change later are visible.
+    /// Revision of the scene for which this value was made. Objects that changed later count as visible.
     cursor: SceneCursor,
     /// Whether the PVS is known to be of this scene: it was compared, or the caller promises it.
     is_checked: bool,
@@ -49,15 +49,17 @@ impl ScenePvs {
     /// own target number, or the number of a cell that contains the object. An object is visible if any of
     /// its targets is visible. An object is never hidden if it has no target, has a target that is not below
     /// [`Pvs::target_count`], or changes in the scene later. Pairs of unknown objects are ignored. Time is
-    /// that of sorting the pairs.
+    /// O(n log n) in the number of pairs.
     ///
-    /// What hides others must stay as it is, and be drawn. If the targets are
-    /// [objects](PvsTargets::Objects), the occluders of the scene count as what hides: all that are flagged
-    /// so, on any layer. [`with_occluders`](Self::with_occluders) names others. Cells are hidden by none.
+    /// The objects by which the PVS hides others (its occluders) must stay unchanged and be drawn. If the
+    /// targets are [objects](PvsTargets::Objects), these are all objects of the scene that are flagged as
+    /// occluders, on any layer, unless [`with_occluders`](Self::with_occluders) names others. If the targets
+    /// are cells, the PVS has no occluders.
     ///
     /// The caller promises that the PVS is of this scene as it is now: nothing is compared, not even the
-    /// [`source`](Pvs::source) of the PVS. A wall with a new door, whose box is as before, has another PVS.
-    /// Call [`unchecked`](Self::unchecked) for bytes whose scene is not known for certain.
+    /// [`source`](Pvs::source) of the PVS. For example, a new door in a wall changes the PVS, though the
+    /// wall's box stays the same. Call [`unchecked`](Self::unchecked) for bytes whose scene is not known for
+    /// certain.
     pub fn new(
         scene: &Scene,
         pvs: Pvs,
@@ -82,7 +84,7 @@ impl ScenePvs {
         objects.push((None, next as u32));
         let never_hidden = scene.ids().filter(|id| objects[id.index()].0.is_none()).collect();
         let targets = pairs.iter().map(|&(_, target)| target).collect();
-        // The same pairs by target, so that the objects of a seen target are one range.
+        // The same pairs sorted by target, so that the objects that have one target are contiguous.
         let mut by_target: Vec<_> = pairs.into_iter().map(|(id, target)| (target, id)).collect();
         by_target.sort_unstable();
         let known = by_target.partition_point(|&(target, _)| (target as usize) < pvs.target_count());
@@ -107,10 +109,10 @@ impl ScenePvs {
         made.with_occluders(scene, occluders)
     }
 
-    /// Replaces the objects that hide others by the PVS. Once one of them changes in the scene, as a wall
-    /// that is taken away, nothing is hidden any more; and nothing is hidden in a view that shows one of them
-    /// on none of its layers. `scene` is that of [`new`](Self::new), as it was then. Unknown objects are
-    /// ignored.
+    /// Names the objects by which the PVS hides others, in place of the occluders that [`new`](Self::new)
+    /// chose. Nothing is hidden any more once one of them changes in the scene (a wall is taken away), and in
+    /// views whose layers leave out one of them. `scene` is the scene given to [`new`](Self::new), unchanged
+    /// since. Unknown objects are ignored.
     #[must_use]
     pub fn with_occluders(mut self, scene: &Scene, occluders: impl IntoIterator<Item = ObjectId>) -> Self {
         self.occluders = Bits::new(scene.index_limit());
@@ -126,8 +128,8 @@ impl ScenePvs {
         self
     }
 
-    /// Returns the value for a PVS that may be of another scene, or of an earlier state of this one. Its
-    /// cullers hide as before, but are [approximate](Accuracy::Approximate), and say so as a
+    /// Marks the PVS as possibly made from another scene, or from an earlier state of this one. Its cullers
+    /// hide objects as before, but are [approximate](Accuracy::Approximate) and report this as a
     /// [lack](Culler::for_each_lack).
     #[must_use]
     pub fn unchecked(self) -> Self {
@@ -149,8 +151,8 @@ impl ScenePvs {
         &self.viewcells
     }
 
-    /// Returns the greatest target of an object that may be hidden, plus 1; the bits of greater targets are
-    /// not needed.
+    /// Returns the greatest target of an object that may be hidden, plus 1: bits of the PVS from this number
+    /// on are not needed.
     pub(super) fn target_limit(&self) -> usize {
         self.target_limit
     }
@@ -183,8 +185,8 @@ impl ScenePvs {
     }
 }
 
-/// Returns how many of the pairs, sorted by target, have a target below `target`. Time is logarithmic in that
-/// number.
+/// Returns the number of pairs, sorted by target, with a target below `target`. Time is logarithmic in the
+/// number of pairs.
 fn count_below(pairs: &[(u32, ObjectId)], target: u32) -> usize {
     let is_below = |&(of, _): &(u32, ObjectId)| of < target;
     let mut end = 1;
@@ -195,7 +197,7 @@ fn count_below(pairs: &[(u32, ObjectId)], target: u32) -> usize {
 }
 
 /// Hides objects that the PVS excludes for all viewcells in which lines of sight of the view begin.
-/// Conservative if the PVS is; approximate if nobody knows whether it is [of this
+/// Conservative if the PVS is; approximate if the PVS is [not known to be of this
 /// scene](ScenePvs::unchecked).
 ///
 /// Lines of sight begin on the near plane, since nothing nearer is drawn. The near plane of an eye close to a
@@ -203,18 +205,18 @@ fn count_below(pairs: &[(u32, ObjectId)], target: u32) -> usize {
 /// planes and parallel views are handled by [`View::for_each_sight_start`]. If that function cannot decide,
 /// or if lines of sight begin outside all viewcells, every object counts as visible.
 ///
-/// An object that changes in the scene counts as visible. Once an
-/// [occluder](ScenePvs::with_occluders) of the PVS changes, and in views that show one of them on none of
-/// their layers, every object counts as visible.
+/// An object that changes in the scene counts as visible. Every object counts as visible once an
+/// [occluder](ScenePvs::with_occluders) of the PVS changes, and in views whose layers leave out one of these
+/// occluders.
 ///
 /// A culler holds the state of one view. The [`ScenePvs`] is shared, by reference or by `Arc`. In a scene
 /// other than the one that the [`ScenePvs`] was made for, a clone included, every object counts as visible.
 ///
 /// A frame takes a few nanoseconds for each block of 64 objects that has an object both in the set and seen
-/// from the viewcells, and no time for other blocks. Where the view enters other viewcells, and where the
-/// [layout](Scene::layout) of the scene has changed, the frame first makes a mask of what is seen: a few
-/// nanoseconds for each object that is seen from the viewcells (in the frustum or not), is never hidden, or
-/// has changed, and as much for every thousand other objects.
+/// from the viewcells, and no time for other blocks. A frame in which the view enters other viewcells, or the
+/// [layout](Scene::layout) of the scene has changed, first makes new masks. That takes a few nanoseconds for
+/// each object that is seen from the viewcells (in the frustum or not), is never hidden, or has changed, and
+/// as much for every thousand other objects.
 ///
 /// ```
 /// use visibility_core::{
@@ -261,19 +263,19 @@ pub struct PvsCuller<S> {
     /// lane counts as visible from the viewcells in `entered`. In an inner node: whether such an object is
     /// below.
     masks: Vec<u64>,
-    /// Layout of the scene that `masks` was made for. `NONE` if `masks` must be made again whatever the
-    /// layout is, since `seen` has changed.
+    /// Layout of the scene (assignment of objects to lanes) that `masks` was made for. `NONE` if `masks` must
+    /// be made again whatever the layout is, since `seen` has changed.
     masks_layout: Stamp,
     /// Indices of the objects that were changed or inserted since the [`ScenePvs`] was made: the PVS says
     /// nothing about these.
     changed: Bits,
     /// Whether lines of sight of the last frame began outside all viewcells.
     is_outside: bool,
-    /// True if an occluder of the PVS has changed since the [`ScenePvs`] was made, or if it is unknown which
-    /// objects have: the scene is another one, or its change log overflowed. Every object then counts as
-    /// visible. False if `changed` names exactly the changed objects.
+    /// True if an occluder of the PVS has changed since the [`ScenePvs`] was made, or if the changes are
+    /// unknown: the scene is another one, or its change log overflowed. Every object then counts as visible.
+    /// False if `changed` names exactly the changed objects.
     lost: bool,
-    /// Whether the last view showed an occluder of the PVS on none of its layers.
+    /// Whether the layers of the last view left out an occluder of the PVS.
     is_without_occluders: bool,
     cursor: SceneCursor,
 }
@@ -323,9 +325,9 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
         }
         let mut changes = self.cursor.follow(scene);
         if changes == Changes::Everything {
-            // Another scene, or an overflow of the change log since the last frame. The cursor of the
-            // `ScenePvs` may still reach back far enough. Masks of this layout stay right: all that changed
-            // since the `ScenePvs` was made is added to them again.
+            // This culler's cursor is of another scene, or the change log overflowed since the last frame.
+            // The cursor of the `ScenePvs` may still be covered by the log. Masks of the present layout stay
+            // valid: all objects changed since the `ScenePvs` was made are added to them again.
             changes = shared.cursor.peek(scene);
             self.lost = changes == Changes::Everything;
             self.changed.clear();
@@ -379,8 +381,8 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
             }
         };
         self.entering.clear();
-        // Lines of sight start on the near plane, whose corners may lie in other viewcells than the eye: the
-        // visible set is the union over all viewcells that the starts reach.
+        // Lines of sight start on the near plane, whose corners may lie in other viewcells than the eye. The
+        // visible set is the union over all viewcells that contain starts.
         let mut covered = true;
         let known = view.for_each_sight_start(anchor, |corners, error| {
             covered &= viewcells.reached(corners, anchor, error, &mut self.reached);
@@ -391,8 +393,8 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
         self.is_outside = known && !covered;
         let layers = &self.shared.borrow().occluder_layers;
         self.is_without_occluders = layers.iter().any(|layers| layers & view.layers() == 0);
-        // A start outside all viewcells may see anything, and after too many changes of the scene, or of what
-        // hides, nothing is known: then all objects stay.
+        // Every object stays if a line of sight starts outside all viewcells, if the scene has changed too
+        // often, or if an occluder of the PVS has changed or is not shown.
         let idle = !known || !covered || self.lost || self.is_without_occluders;
         let is_new = !self.is_entered || self.entering != self.entered;
         if idle {

@@ -8,13 +8,13 @@
 //!   (`u32` each).
 //! - For each 16th viewcell from the first on, the offset of its row from the first row, in bytes (`u32`),
 //!   and once more the end of the last row.
-//! - The rows. A row begins with the number of its bytes that follow. Then comes a byte, its form: the sum of
-//!   1 if the row is stored as a difference from another row, and of 2 if its list is in bits. A row stored
-//!   as a difference has a number next: how many viewcells before this one the viewcell of the other row is.
-//!   Its list is the symmetric difference from that row, which may itself be stored as a difference, and so
-//!   on up to four times. Then the list of targets: as bits, target `t` in bit `t % 8` of byte `t / 8`; or as
-//!   runs, alternating lengths: of targets that are not in the row, of targets that are, and so on. Targets
-//!   after the last run or bit are not in the row.
+//! - The rows. A row begins with the number of bytes that follow. Next is its form, one byte: bit 0 is set if
+//!   the row is stored as a difference from another row, bit 1 if its list is stored as bits. A difference
+//!   next has a number: how many viewcells the viewcell of the other row is before this one. Its list has the
+//!   targets that are in exactly one of the two rows. The other row may itself be a difference, in a chain of
+//!   at most four. Then comes the list. As bits, target `t` is bit `t % 8` of byte `t / 8`. As runs, the list
+//!   alternates the lengths of runs of absent and of present targets, absent first. Targets after the last
+//!   run or bit are absent.
 //! - After the last row nothing, or eight bytes: a hash of what the PVS was made from
 //!   ([`source`](Pvs::source)).
 //! - Numbers and lengths take [7 bits a byte](crate::binary_format::push_number).
@@ -55,7 +55,7 @@ pub enum PvsTargets {
 ///
 /// ```
 /// use visibility_core::pvs::{Pvs, PvsTargets, ViewcellId};
-/// // Three viewcells; the third sees what the second sees, and target 70 too.
+/// // Three viewcells. The third sees what the second sees, and target 70.
 /// let rows = [vec![0], vec![0, 1, 2, 3], vec![0, 1, 2, 3, 70]];
 /// let before = |viewcell: ViewcellId| viewcell.0.checked_sub(1).map(ViewcellId);
 /// let pvs = Pvs::new(PvsTargets::Objects, 100, &rows, before)?;
@@ -113,8 +113,8 @@ impl Pvs {
     /// and below `target_count`.
     ///
     /// `neighbours` returns viewcells whose rows are probably similar to the row of a given viewcell, as
-    /// bases for a differential row. Viewcells with numbers not below that of the given viewcell, and unknown
-    /// viewcells, are ignored. Time is linear in the lengths of the rows and of the neighbours' rows.
+    /// bases for a differential row. Only viewcells with a lower number than the given one are used; others
+    /// are ignored. Time is linear in the lengths of the rows and of the neighbours' rows.
     ///
     /// # Errors
     /// - [`PvsError::Target`] if a row is not strictly ascending, or has a target that is not below
@@ -133,13 +133,13 @@ impl Pvs {
         check_rows(rows, target_count)?;
         // Offset of each block of rows in `bytes`, and the end of the last row.
         let (mut starts, mut bytes) = (Vec::new(), Vec::new());
-        // By row, the number of other rows that it takes to read it.
+        // For each row, the number of other rows that must be read to decode it.
         let mut depths = alloc::vec![0u8; rows.len()];
         let (mut best, mut trial) = (Vec::new(), Vec::new());
         let offset = |bytes: &[u8]| u32::try_from(bytes.len()).map_err(|_| PvsError::Size);
         for (viewcell, row) in rows.iter().enumerate() {
             let row = row.as_ref();
-            // The row by itself, in runs or in bits, whichever is shorter.
+            // First candidate: the row stored by itself, as runs or as bits, whichever is shorter.
             best.clear();
             best.push(0);
             write_runs(row.iter().copied(), &mut best);
@@ -149,8 +149,8 @@ impl Pvs {
             if trial.len() < best.len() {
                 core::mem::swap(&mut trial, &mut best);
             }
-            // The differences from rows of neighbours, of which the shortest form is kept. The chain of
-            // differences is short, since reading a row reads all of its chain.
+            // Other candidates: the row as a difference from each neighbour's row. The shortest is kept.
+            // Chains of differences are kept short, since decoding a row reads its whole chain.
             for base in neighbours(ViewcellId(viewcell as u32)) {
                 if base.index() >= viewcell || depths[base.index()] >= DEPTH {
                     continue;
@@ -197,8 +197,9 @@ impl Pvs {
         Self { bytes: writer.finish(), stamp: Stamp::new() }
     }
 
-    /// Returns the hash of what the PVS was made from. `None` if it [has none](Self::with_source): then
-    /// nobody can tell whether it was made from a given graph or scene in its present state.
+    /// Returns the hash of what the PVS was made from. `None` if the PVS has [no such
+    /// hash](Self::with_source): then it is unknown whether the PVS was made from the present state of a
+    /// graph or scene.
     pub fn source(&self) -> Option<u64> {
         let bytes = self.bytes.get(self.rows_end()..)?;
         Some(u64::from_le_bytes(bytes.try_into().ok()?))
@@ -209,8 +210,8 @@ impl Pvs {
         &self.bytes
     }
 
-    /// Returns the stamp that identifies the content. A clone has the same stamp; the same bytes loaded twice
-    /// have two stamps.
+    /// Returns the stamp that identifies the content. A clone has the same stamp. Loading the same bytes
+    /// twice gives two different stamps.
     pub fn stamp(&self) -> Stamp {
         self.stamp
     }
@@ -225,7 +226,7 @@ impl Pvs {
         self.word(16) as usize
     }
 
-    /// Returns the number of targets, seen or not.
+    /// Returns the number of targets, whether or not any viewcell sees them.
     pub fn target_count(&self) -> usize {
         self.word(20) as usize
     }

@@ -1,4 +1,5 @@
-//! Prefetch: the objects that become visible along a path of the eye, in the order in which they do.
+//! Prefetch: the objects that become visible along a path of the eye, in the order in which they become
+//! visible.
 //!
 //! Based on: the prediction of viewcells ahead in Thomas Funkhouser, Carlo Sequin and Seth Teller,
 //! "Management of Large Amounts of Data in Interactive Building Walkthroughs", 1992.
@@ -9,9 +10,9 @@ use alloc::vec::Vec;
 use glam::DVec3;
 
 /// Margin for rounding by which each bound of a viewcell is moved outwards, as a fraction of the greatest
-/// absolute coordinate of path and viewcell. It covers four roundings. Those of the moved bound, of its
-/// distance from the start of the path, and of the caller's own point of the path are at most `EPSILON` of
-/// that coordinate each. That of the quotient is `EPSILON` of a distance of at most twice that coordinate.
+/// absolute coordinate of path and viewcell. The margin covers four roundings. The moved bound, its distance
+/// from the start of the path, and the caller's own point of the path err by at most `EPSILON` of that
+/// coordinate each. The quotient errs by `EPSILON` of a distance of at most twice that coordinate.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
 /// An object that becomes visible along a path.
@@ -40,7 +41,7 @@ pub struct Arrival {
 ///     5.0, 5.0)));
 /// let sets = ScenePvs::new(&scene, pvs, Viewcells::new(rooms), [(here, 0), (there, 1)]);
 /// let mut prefetch = Prefetch::new();
-/// // From x = 6 at 2 metres a second the second room is 2 seconds away.
+/// // The eye moves at 2 metres a second from x = 6, so it reaches the second room in 2 seconds.
 /// let ahead = prefetch.search(&sets, DVec3::new(6.0, 0.0, 0.0), DVec3::X * 2.0, 0.0, 10.0);
 /// assert_eq!((ahead.len(), ahead[0].object), (1, there));
 /// assert!((ahead[0].seconds - 2.0).abs() < 1e-9);
@@ -55,7 +56,7 @@ pub struct Prefetch {
     /// First and last parameter (0 to 1) of each part of the path on which the eye is in some viewcell.
     inside: Vec<[f64; 2]>,
     /// Indexed by target: parameter (0 to 1) of the path at which the target is first seen; infinity if it is
-    /// not.
+    /// never seen.
     first: Vec<f64>,
     seen: Vec<u64>,
     row: Vec<u64>,
@@ -70,19 +71,18 @@ impl Prefetch {
     }
 
     /// Returns the objects that are not visible now, and become visible within `seconds` while an eye at
-    /// `eye` (metres in world space) moves with `velocity` (metres a second). They are in the order in which
-    /// they become visible, and of equal times in the order of [index](ObjectId::index).
+    /// `eye` (metres in world space) moves with `velocity` (metres a second). Sorted by the time at which
+    /// they become visible, then by [index](ObjectId::index).
     ///
-    /// A viewcell counts as reached when the eye is within `reach` metres of it along each axis: the distance
-    /// at which lines of sight begin, such as that of the corners of the near plane, or 0. An object is
-    /// listed no later than a [`PvsCuller`](super::PvsCuller) shows it. Objects that the PVS never hides are
-    /// not listed; those that changed in the scene since the [`ScenePvs`] was made are listed as if they had
-    /// not. While the eye is outside all viewcells every object counts as visible, which the list does not
-    /// tell: see [`covered_seconds`](Self::covered_seconds).
+    /// A viewcell counts as reached when the eye is within `reach` metres of it along each axis. `reach` is
+    /// the distance from the eye at which lines of sight begin, such as that of the corners of the near
+    /// plane, or 0. An object is listed no later than a [`PvsCuller`](super::PvsCuller) shows it. Objects
+    /// that the PVS never hides are not listed. Changes of objects since the [`ScenePvs`] was made are not
+    /// taken into account. While the eye is outside all viewcells every object counts as visible, though not
+    /// listed: see [`covered_seconds`](Self::covered_seconds).
     ///
     /// Empty for numbers that are not finite, and for negative `reach` or `seconds`. Time is linear in the
-    /// number of objects, and in the bytes of the rows of the viewcells reached and the number of targets for
-    /// each.
+    /// number of objects and, for each viewcell reached, in the bytes of its row and the number of targets.
     pub fn search(
         &mut self,
         sets: &ScenePvs,
@@ -107,7 +107,7 @@ impl Prefetch {
         self.seen.clear();
         for &(part, viewcell) in &self.reached {
             if !pvs.write_first_bits(viewcell, sets.target_limit(), &mut self.row) {
-                // The PVS does not know the viewcell, and hides nothing from it.
+                // A viewcell unknown to the PVS: every target counts as visible from it.
                 self.row.fill(u64::MAX);
             }
             self.seen.resize(self.row.len(), 0);
@@ -175,13 +175,13 @@ struct Path {
 
 impl Path {
     /// Returns the first and the last `t` at which the point of the path is within `reach` of a box along
-    /// each axis. `None` if there is none. Errs towards a longer part.
+    /// each axis. `None` if the path misses the box. Rounding can only make the part longer.
     fn part_in_box(&self, min: DVec3, max: DVec3, reach: f64) -> Option<[f64; 2]> {
         let (mut from, mut to) = (0.0f64, 1.0f64);
         for axis in 0..3 {
             let (start, step) = (self.start[axis], self.step[axis]);
-            // Distances to the sides, positive inside. Each side is moved by its own margin, since the other
-            // may be infinite.
+            // Signed distances from the two sides of the box, positive inside. Each side has a margin of its
+            // own, since the other side may be infinite.
             for (side, height, slope) in
                 [(min[axis], start - min[axis], step), (max[axis], max[axis] - start, -step)]
             {
@@ -193,12 +193,12 @@ impl Path {
     }
 
     /// Returns the first and the last `t` at which the point of the path is within `reach` of a viewcell
-    /// along each axis, `None` if there is none: as [`part_in_box`](Self::part_in_box) does for a box.
+    /// along each axis, like [`part_in_box`](Self::part_in_box). `None` if the path misses the viewcell.
     fn part_in_cell(&self, cell: &Viewcell, reach: f64) -> Option<[f64; 2]> {
         let [mut from, mut to] = self.part_in_box(cell.min, cell.max, reach)?;
         let magnitude = self.start.abs() + self.step.abs() + reach;
         for plane in &cell.planes {
-            // The greatest height above the plane within reach.
+            // Upper bound on the height above the plane of all points within `reach` of the path's start.
             let more = reach * plane.normal.abs().element_sum() + 4.0 * plane.error_bound(magnitude);
             let height = plane.signed_distance(self.start) + more;
             (from, to) = cut([from, to], height, plane.normal.dot(self.step))?;
@@ -207,8 +207,8 @@ impl Path {
     }
 }
 
-/// Returns the part of a range of the parameter `t` in which `height + t * slope` is at least 0. `None` if no
-/// part is. If a number is NaN, the range is not cut.
+/// Returns the part of a range of the parameter `t` in which `height + t * slope` is at least 0. `None` if
+/// this is empty. If a number is NaN, returns the whole range.
 fn cut([from, to]: [f64; 2], height: f64, slope: f64) -> Option<(f64, f64)> {
     let root = -height / slope;
     let (from, to) = if slope > 0.0 {

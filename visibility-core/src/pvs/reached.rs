@@ -11,12 +11,12 @@ use alloc::vec::Vec;
 use glam::DVec3;
 use smallvec::SmallVec;
 
-/// Greatest number of tests of a piece of a polygon with a viewcell before the coverage test gives up. They take
-/// some milliseconds.
+/// Greatest number of tests of a piece of a polygon with a viewcell before the coverage test gives up. They
+/// take some milliseconds.
 const MAX_TESTS: u32 = 1 << 14;
 
-/// Greatest number of pieces of a polygon, cut off by viewcells, that wait at once to be covered by others. They
-/// take some 26 KB of the stack.
+/// Greatest number of pieces of a polygon, cut off by viewcells, that wait at once to be covered by other
+/// viewcells. The pieces take some 26 KB of the stack.
 const MAX_LEFT: usize = 64;
 
 /// Margin for rounding, in units of the sum of the greatest absolute coordinates of the anchor (`a`) and of
@@ -56,7 +56,7 @@ impl Viewcells {
         reached.clear();
         let reach = min.abs().max(max.abs()).max_element();
         let margin = error + ROUNDING * (reach + anchor.abs().max_element());
-        // Also refuses NaN, which `min` and `max` ignore.
+        // Refuses NaN corners too, which `min` and `max` above ignore.
         if !(margin < f64::INFINITY && corners.iter().all(|corner| corner.is_finite())) {
             return false;
         }
@@ -76,10 +76,11 @@ impl Viewcells {
 
 /// Tests whether the viewcells in `by` cover the convex polygon `whole`, relative to `anchor`, except for gaps
 /// up to twice `margin` (metres) wide. Each viewcell in turn takes its part of a piece of the polygon; the
-/// parts beyond its faces are pieces that are left to the next viewcells. A viewcell of which a face is not
-/// known takes no part. Returns false after [`MAX_TESTS`], and if more than [`MAX_LEFT`] pieces are left.
+/// parts beyond the viewcell's faces are pieces that are left to the next viewcells. A viewcell with a face
+/// that is not known takes no part. Returns false after [`MAX_TESTS`] tests, and if more than [`MAX_LEFT`]
+/// pieces are left.
 fn is_covered(whole: &[DVec3], by: &[ViewcellId], all: &[Viewcell], anchor: DVec3, margin: f64) -> bool {
-    // Pieces not yet covered, each with the place in `by` of the first viewcell that it is not yet tested with.
+    // Pieces not yet covered, each with the place in `by` of the first viewcell not yet tested with it.
     let mut left: SmallVec<[(Corners, usize); MAX_LEFT]> = SmallVec::new();
     left.push((Corners::from_slice(whole), 0));
     let mut tests = MAX_TESTS;

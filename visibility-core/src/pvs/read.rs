@@ -6,8 +6,7 @@ use crate::binary_format::{FormatError, HEADER_LENGTH, Reader, take_number};
 use crate::stamp::Stamp;
 use alloc::vec::Vec;
 
-/// Length in bytes of the number that [`Pvs::source`] returns, which follows the last row in files that have
-/// it.
+/// Length in bytes of the hash that [`Pvs::source`] returns, stored after the last row of a PVS that has one.
 const SOURCE_BYTES: usize = 8;
 
 impl Pvs {
@@ -97,8 +96,8 @@ impl Pvs {
     /// sees target `t`. Returns false, with all bits clear, for an unknown viewcell. Time is linear in the
     /// bytes of the row and in the number of words.
     ///
-    /// `words` gets a bit for each target. Their [number](Self::target_count) is not bounded by the bytes of
-    /// the PVS, which may be forged: compare it with what you know before you ask for bits.
+    /// `words` gets one bit per target. Forged bytes of a PVS may state a huge [number of
+    /// targets](Self::target_count): compare that number with the expected one before calling this function.
     pub fn write_bits(&self, viewcell: ViewcellId, words: &mut Vec<u64>) -> bool {
         self.write_first_bits(viewcell, self.target_count(), words)
     }
@@ -115,9 +114,9 @@ impl Pvs {
     }
 
     /// Replaces `words` by the union of the rows of several viewcells, one bit per target as in
-    /// [`write_bits`](Self::write_bits). An unknown viewcell sees all targets. Without viewcells no bit is
-    /// set. `row` is scratch memory. Time is linear in the bytes of the rows and, for each viewcell, in the
-    /// number of words.
+    /// [`write_bits`](Self::write_bits). An unknown viewcell sees all targets. No bit is set if `viewcells`
+    /// is empty. `row` is scratch memory. Time is linear in the bytes of the rows and, for each viewcell, in
+    /// the number of words.
     pub fn write_union(&self, viewcells: &[ViewcellId], words: &mut Vec<u64>, row: &mut Vec<u64>) {
         self.write_first_union(viewcells, self.target_count(), words, row);
     }
@@ -160,8 +159,8 @@ struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
-    /// Splits the bytes of a viewcell's row. `None` if its first byte, the form, is missing or unknown, or if
-    /// the row is a difference from a row other than that of a viewcell with a lower number.
+    /// Splits the bytes of a viewcell's row. `None` if the first byte, the row's form, is missing or unknown,
+    /// or if the row is a difference from a row that does not come before it.
     fn new(viewcell: ViewcellId, bytes: &'a [u8]) -> Option<Self> {
         let (&form, mut list) = bytes.split_first()?;
         let base = match form & DIFFERS {

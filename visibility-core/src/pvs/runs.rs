@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 /// Appends the runs of a strictly ascending row: alternating lengths of absent and of present numbers,
 /// beginning with absent ones (maybe 0) and ending with present ones.
 pub(super) fn write_runs(row: impl Iterator<Item = u32>, out: &mut Vec<u8>) {
-    // The half-open present run being read, and the end of the run before it.
+    // `start..end` is the run of present numbers being collected, `before` the end of the run before it.
     let (mut start, mut end, mut before) = (0, 0, 0);
     let mut flush = |start: u32, end: u32| {
         push_number(start - before, out);

@@ -26,7 +26,8 @@ fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
 #[test]
 fn rows_next_to_each_other_are_stored_as_differences() {
     let pvs = sample();
-    // Four bytes: form 1, one viewcell back, a run of 33 absent numbers and a run of one present number.
+    // Four bytes follow the count: form 1 (a difference), from one viewcell back, a run of 33 absent targets,
+    // a run of one present target.
     assert!(pvs.bytes.ends_with(&[4, 1, 1, 33, 1]), "the last row is stored as a difference");
     assert!(
         !pvs.sees(ViewcellId(3), 33) && pvs.sees(ViewcellId(2), 33) && pvs.sees(ViewcellId(3), 36),
@@ -53,14 +54,15 @@ fn the_form_of_a_stored_set_stays() {
         bytes.extend(content);
         bytes
     };
-    // Row 0 in bits; then the difference from row 0 in runs, in which 299 are left out and one follows.
+    // Row 0 as bits, then row 1 as its difference from row 0, in runs: 299 absent targets, one present.
     let short = [&[0, 0, 0, 0, 10, 0, 0, 0][..], &[3, 2, 0x56, 5], &[5, 1, 1, 0xab, 2, 1]];
     assert_eq!(
         pvs.as_bytes(),
         stored(&short.concat()),
         "the bytes that version 3 has written since it exists"
     );
-    // Row 0 in runs: one is left out, two follow, and so on; and the difference in bits.
+    // Row 0 as runs (one absent target, two present, and so on), then row 1 as its difference from row 0, in
+    // bits.
     let long =
         [&[0, 0, 0, 0, 53, 0, 0, 0][..], &[11, 0, 1, 2, 1, 1, 1, 1, 1, 1, 1, 1], &[40, 3, 1], &[0; 37], &[8]];
     let long = Pvs::from_bytes(stored(&long.concat())).unwrap();
@@ -197,7 +199,7 @@ fn rows_differ_from_rows_that_differ_up_to_a_depth() {
             "{number}"
         );
     }
-    // Eight whole rows in bits, 44 bytes each, and 32 differences.
+    // Eight rows stored by themselves as bits, 44 bytes each, and 32 rows stored as differences.
     assert!(pvs.bytes.len() < HEADER_LENGTH + 4 * 4 + 8 * 47 + 32 * 7, "{}", pvs.bytes.len());
 
     // Row 0 has target 0; each later row differs from the one before by one target.
@@ -220,15 +222,15 @@ fn rows_differ_from_rows_that_differ_up_to_a_depth() {
     );
 }
 
-/// A row for each range of targets, and one for each range left out, in both forms: around the borders of
-/// bytes and words.
+/// Rows with every range of targets, and rows with every range left out, stored as runs and as bits: covers
+/// all borders of bytes and words.
 #[test]
 fn ranges_are_read_as_they_were_written() {
     const COUNT: u32 = 130;
     for step in [1, 2] {
         let mut rows = Vec::new();
         for (start, end) in (0..COUNT).flat_map(|start| (start..=COUNT).map(move |end| (start, end))) {
-            // Every second number takes the form of bits.
+            // With step 2, every second target of the range, the row is stored as bits.
             let is_in = |x: &u32| (start..end).contains(x) && (x - start).is_multiple_of(step);
             rows.push((0..COUNT).filter(is_in).collect::<Vec<u32>>());
             rows.push((0..COUNT).filter(|x| !is_in(x)).collect());

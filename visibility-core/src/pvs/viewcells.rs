@@ -53,7 +53,7 @@ impl Viewcell {
         in_box(p, self.min, self.max) && self.planes.iter().all(|plane| plane.signed_distance(p) >= 0.0)
     }
 
-    /// Returns whether [`faces`](Self::faces) leaves out no plane.
+    /// Returns whether [`faces`](Self::faces) yields a plane for every face.
     pub(crate) fn has_all_faces(&self) -> bool {
         self.planes.iter().all(|plane| plane.normalized().is_some())
     }
@@ -215,14 +215,15 @@ impl Viewcells {
 
     /// Appends the numbers of the viewcells that may touch the box from `min` to `max` in world space, as
     /// [`for_each_touching`](Self::for_each_touching) finds them. Returns whether these cover the box: each
-    /// point of it is in one of the viewcells without planes. False for a box with a NaN. Compares
-    /// coordinates, and computes none. Time is that of the search, and in proportion to the square of the
-    /// number of viewcells found.
+    /// point of it is in one of the viewcells without planes. False for a box with a NaN. Exact, since it
+    /// only compares coordinates. Takes the time of the search, plus time quadratic in the number of
+    /// viewcells found.
     pub fn cover(&self, min: DVec3, max: DVec3, found: &mut Vec<u32>) -> bool {
         let start = found.len();
         self.for_each_touching(min, max, |cell| found.push(cell.0));
         let found = &found[start..];
-        // Parts of the box that the viewcells from a place in `found` on must cover.
+        // Parts of the box not covered yet, each with the index in `found` of the first viewcell that may
+        // still cover it.
         let mut parts: SmallVec<[(DVec3, DVec3, usize); 8]> = smallvec::smallvec![(min, max, 0)];
         while let Some((mut low, mut high, first)) = parts.pop() {
             let is_of_use = |&cell: &u32| {
@@ -232,7 +233,7 @@ impl Viewcells {
             let Some(at) = found[first..].iter().position(is_of_use) else { return false };
             let next = first + at + 1;
             let cell = &self.cells[found[next - 1] as usize];
-            // What lies beside the viewcell is left to those after it.
+            // The parts of the box beside this viewcell must be covered by the viewcells after it.
             for axis in 0..3 {
                 if low[axis] < cell.min[axis] {
                     let mut part = high;
@@ -266,7 +267,7 @@ mod tests {
                 )
             })
             .collect();
-        // Cut off one corner: what is left is where x + y <= 3.5.
+        // Cuts off one corner of the fourth viewcell: x + y <= 3.5 remains.
         cells[3].planes.push(Plane::new(DVec3::new(-1.0, -1.0, 0.0), 3.5));
         let viewcells = Viewcells::new(cells);
         let touching = |min: [f64; 3], max: [f64; 3]| {

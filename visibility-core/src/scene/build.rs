@@ -1,5 +1,6 @@
 //! Bulk loading of the hierarchy: objects are sorted along a space-filling curve and packed into leaves of
-//! 64. Nodes are packed likewise, level by level (Kamel and Faloutsos, "On Packing R-trees", 1993).
+//! `FAN_OUT` objects. Nodes are packed likewise, level by level (Kamel and Faloutsos, "On Packing R-trees",
+//! 1993).
 
 use super::boxes64::{Boxes64, FAN_OUT, lanes};
 use super::curve::Curve;
@@ -78,7 +79,8 @@ impl Tree {
             }
         }
         self.clear();
-        // Objects without a slot cannot stand in for others while the leaves are measured.
+        // Unculled objects lose their slots first: an object without a slot is not taken for an HLOD parent
+        // while the leaves are measured.
         unculled.iter().for_each(|(_, payload)| self.slots[payload.id.index()] = Slot::NONE);
         self.fill(&objects, generations);
         for (bounds, payload) in &unculled {
@@ -93,7 +95,8 @@ impl Tree {
     fn fill(&mut self, objects: &[Entry], generations: &[u32]) {
         let curve = Curve::through(objects.iter().map(|entry| entry.bounds.center()), objects.len());
         // The curve position and the entry's number share one word, so that sorting moves only words. The
-        // number takes the lowest bits of the position; a million objects leave more than 14 bits per axis.
+        // number replaces the lowest bits of the position; with a million objects, more than 14 bits per axis
+        // remain.
         let bits = usize::BITS - objects.len().leading_zeros();
         let key = |(number, entry): (usize, &Entry)| {
             curve.code(entry.bounds.center()) >> bits << bits | number as u64
@@ -105,13 +108,14 @@ impl Tree {
         let number = |key: u64| (key & ((1 << bits) - 1)) as usize;
         let mut taken = [Entry::NONE; FAN_OUT];
         for chunk in order.chunks(FAN_OUT) {
-            // A loop that only loads, so that the processor can wait for many cache misses at once.
+            // This loop does nothing but load, so that the processor can wait for many cache misses at once.
             for (entry, &key) in taken.iter_mut().zip(chunk) {
                 *entry = objects[number(key)];
             }
             self.push_leaf(&taken[..chunk.len()], generations);
         }
-        // An object is measured by its parent, which may be in any leaf.
+        // The size of an object is measured by its HLOD parent, which may be in any leaf: all leaves must be
+        // filled before.
         (0..leaves).for_each(|leaf| self.measure_leaf(leaf));
         let mut level: Vec<u32> = (0..leaves as u32).collect();
         let mut height = 0;

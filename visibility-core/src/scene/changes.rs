@@ -1,6 +1,6 @@
-//! The log of changes of a scene. Structures that derive state from a scene read the log to update that state
-//! in time proportional to the number of changes (after the design of VISAPI, whose visibility modules keep
-//! the scene and are notified of changes).
+//! The log of changes of a scene. Structures that derive state from a scene read the log, and update their
+//! state in time proportional to the number of changes. The design follows VISAPI, whose visibility modules
+//! keep the scene and are notified of changes.
 
 use crate::ObjectId;
 use crate::serial::{is_same_range, next_range};
@@ -34,7 +34,8 @@ pub(crate) struct ChangeLog {
     /// The revision before the change that `entries[0]` records; without entries, the present revision.
     start: u64,
     entries: Vec<ObjectId>,
-    /// The revision right after the origin last moved; the first revision of the scene if it never did.
+    /// The revision right after the origin last moved; the first revision of the scene if the origin never
+    /// moved.
     moved: u64,
 }
 

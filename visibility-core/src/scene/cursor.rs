@@ -57,7 +57,8 @@ impl SceneCursor {
     }
 
     /// Returns whether scene coordinates that were read at the cursor are still the same points of the world:
-    /// `scene` is the scene that the cursor read last, and its origin was not set since, to whatever point.
+    /// `scene` is the scene that the cursor read last, and its origin was not set since, not even to the same
+    /// point.
     pub fn is_at_origin_of(self, scene: &Scene) -> bool {
         scene.log.is_origin_of(self.revision)
     }
@@ -89,7 +90,7 @@ mod tests {
             Changes::Everything,
             "all is new to the start, even in an empty scene"
         );
-        // The scene's log does not reach back past a change of the origin.
+        // After a change of the origin, the scene's log covers no earlier revision.
         a.set_origin(glam::DVec3::ONE).unwrap();
         assert_eq!(cursor.peek(&a), Changes::Everything, "another origin changes all objects");
         assert!(cursor.is_in(&a), "the cursor stays in its scene when the origin moves");

@@ -38,12 +38,12 @@ impl Scene {
     /// `ContributionCuller` of `visibility-frame` hides by them: a pipeline without one draws every object,
     /// and says so in [`Pipeline::for_each_lack`](crate::Pipeline::for_each_lack).
     ///
-    /// An object with a draw range hides nothing in answers for [many frames](Self::is_always_drawn). A
-    /// culler of frames takes it for an occluder as long as it is in the set, so a `ContributionCuller` must
-    /// run before.
+    /// Draw ranges and occlusion: bakes and other answers for [many frames](Self::is_always_drawn) take no
+    /// object with a draw range for an occluder. A culler of frames takes it for one as long as it is in the
+    /// set, so a `ContributionCuller` must run before.
     ///
-    /// For two levels of detail of one thing set an [HLOD parent](Self::set_hlod_parent) too: ranges alone
-    /// leave distances at which neither is drawn where the bounds of the levels differ.
+    /// For two levels of detail of one thing set an [HLOD parent](Self::set_hlod_parent) too. With ranges
+    /// alone, there are distances at which neither level is drawn if their bounds differ.
     ///
     /// Takes logarithmic time, and time in proportion to the number of children for an [HLOD
     /// parent](Self::set_hlod_parent). Whole nodes are culled by the new range after
@@ -72,10 +72,11 @@ impl Scene {
         self.ranged
     }
 
-    /// Returns the [HLOD parent](Self::set_hlod_parent) that stands in for an object from the begin of the
-    /// parent's draw range on, and the parent's bounds, from which the end of the object's own range is
-    /// measured. `None` if there is none, or if the parent cannot stand in: it is never culled, is not on all
-    /// of the object's layers, or its bounds do not contain those of the object, which has moved away.
+    /// Returns the HLOD parent that stands in for an object, and the parent's bounds. The parent is drawn
+    /// instead of the object from the begin of the parent's draw range on, and the end of the object's own
+    /// range is measured from the parent's bounds. `None` if there is no parent, or if the parent cannot
+    /// stand in: it is never culled, is not on all of the object's layers, or its bounds do not contain those
+    /// of the object.
     pub fn stand_in(&self, id: ObjectId) -> Option<(ObjectId, Aabb)> {
         let above = self.tree.substitute(self.slot(id).ok()?)?;
         let bounds = self.tree.bounds[above.node()].get(above.lane());
@@ -84,8 +85,8 @@ impl Scene {
 
     /// Returns the object in a lane of a leaf. `None` beyond the last leaf or lane. For cullers that walk the
     /// hierarchy, which know the leaf and the lane of an object.
-    // Always: a call passes the object through memory, and a test of a million draw ranges takes 1.3 to 1.8
-    // of the time.
+    // `inline(always)`: a call would return the object through memory, and a test of a million draw ranges
+    // takes 1.3 to 1.8 times as long.
     #[inline(always)]
     pub fn detail_at(&self, leaf: usize, lane: usize) -> Option<DetailedObject> {
         let id = *self.tree.ids.get(leaf)?.get(lane)?;
@@ -113,8 +114,9 @@ impl Scene {
     /// Returns whether an object is drawn at every distance: it has no [draw range](Self::set_draw_range), no
     /// [HLOD parent](Self::set_hlod_parent) and no children. False for an unknown object.
     ///
-    /// Any other object is absent from some frames, so it must not hide in an answer for many frames. Bakes,
-    /// levels, region cullers and [`level_version`](crate::level_version()) take it for no occluder.
+    /// Any other object is absent from some frames, so it must not be an occluder in an answer for many
+    /// frames. Bakes, levels, region cullers and [`level_version`](crate::level_version()) do not use it as
+    /// an occluder.
     pub fn is_always_drawn(&self, id: ObjectId) -> bool {
         self.contains(id) && self.tree.detail(id.index()) == Detail::NONE
     }
@@ -133,16 +135,15 @@ impl Scene {
     /// parents, with a greater `begin`.
     ///
     /// The [draw range](Self::set_draw_range) of the parent says from which distance on the parent is drawn:
-    /// at distances less than its `begin` its children are drawn, from there on the parent, never both. The
-    /// distance is that to the parent's bounds, also for the `end` of a child's own range. A child needs no
-    /// range of its own. If it has one whose `end` is less than the parent's `begin`, neither is drawn
+    /// at distances less than its `begin` its children are drawn, from its `begin` on the parent, never both.
+    /// Distances are those of the parent's bounds, also for the `end` of a child's own range. A child needs
+    /// no range of its own. If it has one whose `end` is less than the parent's `begin`, neither is drawn
     /// between these two distances.
     ///
     /// The parent's bounds must contain those of its children (for the levels of a single thing, give the
     /// parent a box around all of them), and the parent must be on all layers that its children are on. A
-    /// child for which this does not hold, because it has moved away or was put on another layer, is drawn as
-    /// if it had no parent, and so are the children of a parent that is never culled. The children of a
-    /// removed parent have no parent.
+    /// child that has moved out of these bounds, or is on another layer, is drawn as if it had no parent. So
+    /// are the children of a parent that is never culled. The children of a removed parent have no parent.
     ///
     /// Takes time in proportion to the number of parents above `parent`. Moving a parent takes time in
     /// proportion to the number of its children.

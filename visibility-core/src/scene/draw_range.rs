@@ -1,4 +1,4 @@
-//! Draw ranges, and what else the scene stores of objects with levels of detail.
+//! Draw ranges, and the other data that the scene stores for levels of detail.
 
 use core::num::NonZeroU32;
 

@@ -34,8 +34,8 @@ pub struct Maintenance {
 /// waits until their overlap is at least this multiple of the overlap at that attempt.
 const RETRY_FACTOR: f32 = 1.5;
 /// Decay of the overlap that the next attempt waits for (see [`RETRY_FACTOR`]). Each inspection of a node
-/// without an attempt multiplies that overlap by this factor, so that a node whose surroundings have changed
-/// is tried again after a while.
+/// that makes no attempt multiplies that overlap by this factor, so that a node whose surroundings have
+/// changed is tried again after a while.
 const RETRY_DECAY: f32 = 0.97;
 /// Greatest number of occupied lanes, of 64, at which a node is merged with its nearest neighbours if they
 /// have free lanes.
@@ -50,7 +50,7 @@ impl Tree {
         let mut done = Maintenance::default();
         while done.budget_used < budget {
             let Some(node) = queue.pop() else { break };
-            // The node may have been freed since.
+            // The node may have been freed since it was queued.
             if self.occupied[node as usize] == 0 || self.is_unculled_leaf(node as usize) {
                 continue;
             }
@@ -58,9 +58,9 @@ impl Tree {
             // Cheap work first: bounds as tight as they can be without moving objects.
             self.tighten(node);
             self.lower(node);
-            // Redistributing nodes costs more. It is tried if neighbours overlap more than when it last
-            // failed, or if few objects are left in the node. The limit decays, so that a place that has
-            // changed is tried again.
+            // Redistributing nodes costs more. It is tried if neighbours overlap more than at the last failed
+            // attempt, or if few objects are left in the node. The limit decays, so that a node whose
+            // surroundings have changed is tried again.
             let mut group = self.neighbours(node);
             group.truncate(1 + (budget - done.budget_used) / REGROUP_COST);
             let sparse = self.occupied[node as usize].count_ones() <= MERGE_BELOW;
@@ -75,7 +75,8 @@ impl Tree {
             if let Some(moved) = self.regroup(&group, sparse) {
                 *layout += 1;
                 done.rehomed += if leaves { moved } else { 0 };
-                // The nodes above have new bounds below them, and may overlap less now.
+                // The children of the nodes above have new bounds and may overlap less now, so the nodes
+                // above are queued.
                 for &node in group.nodes() {
                     queue.remove_regrouped(node as usize);
                     if let Some(above) = self.parent(node) {

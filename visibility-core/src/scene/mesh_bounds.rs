@@ -34,8 +34,8 @@ pub(super) fn is_any_outside(triangles: Triangles<'_>, bounds: &Aabb) -> bool {
         let [least, greatest] = widened(bounds, p.abs() + Vec3A::from(moved));
         p.cmplt(least).any() || p.cmpgt(greatest).any()
     };
-    // A coordinate plus or minus its slack grows with the coordinate: where neither end of a box is outside,
-    // no point of the box is.
+    // On each axis, a coordinate plus or minus its slack grows with the coordinate. So if neither corner of a
+    // box is outside, no point of the box is.
     let is_inside = |known: Aabb| !outside(known.min) && !outside(known.max);
     bounds.is_proper() && !known.is_some_and(is_inside) && triangles.iter().flatten().any(outside)
 }
@@ -46,7 +46,7 @@ pub(super) fn is_any_outside(triangles: Triangles<'_>, bounds: &Aabb) -> bool {
 ///
 /// With u = 2^-24: the image of a vertex errs by less than 4.1 u of `size`, as `Aabb::transformed` derives.
 /// The bounds were computed elsewhere, to the nearest: two roundings of a side (middle plus half extent), or
-/// those of a transform, on numbers of at most `size`, and one where the side is kept: less than 9 u of
+/// those of a transform, on numbers of at most `size`, and one when the side is stored: less than 9 u of
 /// `size` and the side. In all less than 14 u; 16 u are taken. An underflow loses at most the least normal
 /// number, up to eight times. An infinite side admits everything.
 fn widened(bounds: &Aabb, size: Vec3A) -> [Vec3A; 2] {

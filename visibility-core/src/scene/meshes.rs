@@ -1,11 +1,11 @@
-//! The occluder meshes of a scene, each in a slot with the number of objects that have it. By the generation
-//! of a slot, the id of a removed mesh differs from that of a later mesh in the same slot.
+//! The occluder meshes of a scene, each in a slot with the number of objects that have it. The generation of
+//! a slot distinguishes the ids of meshes that are in the slot one after another.
 
 use super::MeshId;
 use crate::OccluderMesh;
 use alloc::vec::Vec;
 
-/// The occluder meshes of a scene, in slots: the index of a mesh's id is that of its slot.
+/// The occluder meshes of a scene, in slots. The index of a mesh's id is the index of its slot.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Meshes {
     slots: Vec<Slot>,
@@ -15,7 +15,7 @@ pub(super) struct Meshes {
 
 #[derive(Clone, Debug)]
 struct Slot {
-    /// `None` in a free slot.
+    /// Occluder mesh in the slot; `None` in a free slot.
     mesh: Option<OccluderMesh>,
     /// Generation of the present mesh, or of the next one in a free slot.
     generation: u32,

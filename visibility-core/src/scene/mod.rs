@@ -45,7 +45,7 @@ use placement::Placements;
 use queue::Queue;
 use tree::{Payload, Scratch};
 
-/// Batches of at least 1 / `MANY` of all objects are moved in one pass over the hierarchy.
+/// Batches of at least 1 / `MANY` of all objects are moved in one pass over the whole hierarchy.
 const MANY: usize = 2;
 
 /// The store of objects: bounds, layers, costs, flags, triangles and occluder meshes, in a hierarchy of
@@ -97,8 +97,8 @@ pub struct Scene {
     outside: usize,
     /// Number of objects that have a mesh and are not flagged as occluders.
     unflagged: usize,
-    /// Generation of the first object of each index: a number of this scene, so that ids of other scenes are
-    /// unknown here.
+    /// Generation of the first object of each index. Differs from scene to scene, so that ids of other scenes
+    /// are rejected.
     first_generation: u32,
     free: Vec<u32>,
     /// Number of objects whose layer mask is not `u32::MAX`.
@@ -337,7 +337,8 @@ impl Scene {
                 self.tree.insert_entry(entry, &self.generations);
             }
         }
-        // The log holds a quarter of the objects. Readers of a longer one would be as quick from the start.
+        // The log holds at most a quarter of all objects. After a larger batch, readers may as well start
+        // from the beginning.
         if ChangeLog::is_too_much(ids.len(), self.generations.len()) {
             self.log.invalidate();
         } else {
@@ -390,13 +391,13 @@ impl Scene {
     }
 
     /// Sets the bounds of an object, relative to the scene's origin, after it has moved or changed its shape.
-    /// Equal bounds say that mesh and triangles are as before: an object that has turned within its box needs
-    /// [`set_transform`](Self::set_transform), or its triangles and mesh anew.
+    /// If the bounds are equal to the present ones, mesh and triangles stay: for an object that has turned
+    /// within its box, call [`set_transform`](Self::set_transform), or set its triangles and mesh again.
     ///
     /// If `bounds` differ from the present bounds, the object's [mesh](Self::set_mesh) and
-    /// [triangles](Self::set_triangles) are removed, since they would go on hiding other objects where the
-    /// object was before. Its [local bounds](Self::set_local_bounds) are removed too. Set them again after
-    /// the bounds, or move the object by [`set_transform`](Self::set_transform), which moves bounds and mesh
+    /// [triangles](Self::set_triangles) are removed, since they would hide other objects from the object's
+    /// old place. Its [local bounds](Self::set_local_bounds) are removed too. Set them again after the
+    /// bounds, or move the object by [`set_transform`](Self::set_transform), which moves bounds and mesh
     /// together.
     ///
     /// # Errors
@@ -484,7 +485,7 @@ impl Scene {
                 self.move_object(self.tree.slots[id.index()], *id, bounds);
             }
             if !self.tree.details.is_empty() {
-                // An object may have been measured by a parent that moved after it.
+                // A child may have been measured by an HLOD parent that moved later in the batch.
                 moved.iter().for_each(|&(id, _)| self.raise_children(id));
             }
             return;
@@ -492,8 +493,8 @@ impl Scene {
         for (some, slots) in moved.chunks(32).zip(scratch.slots.chunks(32)) {
             self.tree.fetch(slots);
             for ((id, bounds), &slot) in some.iter().zip(slots) {
-                // A previous object of the batch got another slot, which may have changed the slots of
-                // others.
+                // An earlier object of the batch may have got another slot, and changed the slots of other
+                // objects.
                 let slot = if self.layout == layout { slot } else { self.tree.slots[id.index()] };
                 self.move_object(slot, *id, bounds);
             }
@@ -525,8 +526,8 @@ impl Scene {
         Ok(())
     }
 
-    /// Sets whether an object may be used as an occluder, that is, may hide other objects: `occluder` true,
-    /// it may; false, it hides nothing.
+    /// Sets whether an object may be used as an occluder. With `occluder` true the object may hide other
+    /// objects; with false it hides nothing.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.

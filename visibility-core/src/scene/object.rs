@@ -145,14 +145,14 @@ pub struct Object {
     /// Whether the object is opaque and may hide others. False by default, because a transparent object used
     /// as an occluder hides visible objects.
     pub occluder: bool,
-    /// Whether objects behind the object are drawn through it: glass, blended and alpha-tested surfaces. Such
-    /// an object must not be an occluder: cullers read [`occluder`](Self::occluder) alone, and only the
-    /// makers of levels leave out an occluder that is see-through. A judge that draws the
-    /// [triangles](crate::Scene::set_triangles) reads this too, since an opaque object that is no occluder
-    /// still covers pixels. False by default.
+    /// Whether objects behind the object are drawn through it: glass, blended and alpha-tested surfaces.
+    /// False by default. Such an object must not be an [`occluder`](Self::occluder): cullers read that flag
+    /// alone; only code that makes levels also leaves out see-through occluders. Reference renderers of the
+    /// [triangles](crate::Scene::set_triangles) read this flag too, since an opaque object that is no
+    /// occluder still covers pixels.
     pub see_through: bool,
     /// Whether the object's [triangles](crate::Scene::set_triangles) are drawn from their front alone, as
-    /// with backface culling: from behind they are neither seen nor in the way. False by default: triangles
+    /// with backface culling: from behind they are invisible and occlude nothing. False by default: triangles
     /// of unknown orientation are drawn from both sides.
     pub one_sided: bool,
 }

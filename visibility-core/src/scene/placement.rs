@@ -20,11 +20,10 @@ pub(super) struct Placement {
 /// The occluder mesh of an object.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlacedMesh {
-    /// Index of the mesh in [`Meshes`](super::meshes::Meshes). It stands for the same mesh as long as the
-    /// object has it.
+    /// Index of the mesh in [`Meshes`](super::meshes::Meshes), valid as long as the object has the mesh.
     pub(super) index: u32,
     pub(super) origin: MeshOrigin,
-    /// Whether the mesh lies within the object's bounds. It hides nothing otherwise.
+    /// Whether the mesh lies within the object's bounds. A mesh that reaches out of them hides nothing.
     pub(super) is_inside: bool,
 }
 
@@ -36,8 +35,8 @@ pub(super) enum MeshOrigin {
     /// The mesh was made from [`SharedTriangles`](super::SharedTriangles). It is placed by the transform of
     /// the triangles, and removed with the triangles.
     Placed,
-    /// The mesh was made from the object's triangles in scene coordinates, has no transform, and is removed
-    /// with them.
+    /// The mesh was made from the object's triangles in scene coordinates. It has no transform and is removed
+    /// with the triangles.
     InScene,
 }
 

@@ -13,7 +13,7 @@ use glam::Vec3;
 
 /// The boxes of a skinned mesh's bones, from which the bounds of the mesh follow in any pose.
 ///
-/// Made once for a mesh; each frame costs one transformed box for each bone.
+/// Made once for a mesh. Each pose then costs one transformed box per bone.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, Vec3}, scene::SkinnedBounds};
@@ -41,7 +41,7 @@ pub struct SkinnedBounds {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum SkinError {
-    /// Positions, joints and weights are not equally many.
+    /// The slices of positions, joints and weights differ in length.
     Lengths,
     /// A weight of this vertex is negative, NaN or infinite.
     Weight(usize),
@@ -99,9 +99,9 @@ impl SkinnedBounds {
         }
         // The step to the neighbouring f32 covers the rounding of the sum in f64 and of the conversion.
         let sums = [(least as f32).next_down().max(0.0), (greatest as f32).next_up()];
-        // With u = 2^-24: of a vertex computed in f32, each term is a product of weight, coefficient and
-        // coordinate, rounded twice, and then goes through at most N + 2 additions, in either order of
-        // blending: N + 4 roundings, with one more for each of `bounds` below and second-order terms.
+        // With u = 2^-24: each term of a vertex skinned in `f32` is a product of weight, coefficient and
+        // coordinate, rounded twice. It then goes through at most N + 2 additions, whether matrices or points
+        // are blended. The rest of N + 8 covers rounding in `bounds` below and second-order terms.
         Ok(Self { bones, sums, rounding: (N as f32 + 8.0) * 0.5 * f32::EPSILON })
     }
 
@@ -111,9 +111,9 @@ impl SkinnedBounds {
     /// skinning matrix of each bone, from the mesh's bind pose to the pose: the bone's matrix times its
     /// inverse bind matrix.
     ///
-    /// Improper, so that the object is never culled, if `bones` lacks the matrix of a joint with a weight, if
-    /// the image of a bone's box is not finite, and for a mesh without vertices. A vertex whose weights sum
-    /// to 0 is taken to be at the origin, where skinning puts it.
+    /// The box is improper, so that the object is never culled, if `bones` lacks the matrix of a joint with a
+    /// weight, if the image of a bone's box is not finite, or if the mesh has no vertices. A vertex whose
+    /// weights sum to 0 is taken to be at the origin, where skinning puts it.
     pub fn bounds<T: ToAffine>(&self, bones: &[T]) -> Aabb {
         let improper = Aabb::new(Vec3::NAN, Vec3::NAN);
         let Some(bones) = bones.get(..self.bones.len()) else { return improper };

@@ -40,7 +40,7 @@ impl Scene {
     pub fn set_local_bounds(&mut self, id: ObjectId, local: Aabb) -> Result<(), SceneError> {
         self.slot(id)?;
         if self.placements.mesh(id.index).is_some_and(|mesh| mesh.origin == MeshOrigin::Placed) {
-            // Its transform is that of triangles, not the object's.
+            // A prepared mesh has the transform of the triangles, not that of the object.
             self.drop_prepared_mesh(id.index);
         }
         let placement = self.placements.get_or_insert(id.index);
@@ -121,7 +121,7 @@ impl Scene {
     /// ```
     ///
     /// # Errors
-    /// Those of [`set_transform`](Self::set_transform), for the first object of `moved` that has one.
+    /// The errors of [`set_transform`](Self::set_transform), for the first object of `moved` that has one.
     pub fn set_transforms_batch<T: ToAffine>(&mut self, moved: &[(ObjectId, T)]) -> Result<(), SceneError> {
         let mut scratch = core::mem::replace(&mut self.tree.scratch, Scratch::EMPTY);
         let slots = moved.iter().map(|(id, transform)| self.slot_with_local(*id, &transform.to_affine()));
@@ -170,7 +170,7 @@ impl Scene {
     }
 
     /// Removes the mesh, the triangles and the local box of an object if `bounds` differ from its present
-    /// bounds: these would no longer fit the object.
+    /// bounds: all three would no longer fit the object.
     pub(super) fn forget_place(&mut self, id: ObjectId, bounds: &Aabb) {
         if self.placements.get(id.index).is_none()
             && self.placements.mesh(id.index).is_none()
@@ -186,7 +186,7 @@ impl Scene {
         }
     }
 
-    /// Removes the transform and the local box of an object, and takes its mesh from it.
+    /// Removes the transform, the local box and the mesh of an object.
     pub(super) fn remove_placement(&mut self, index: u32) {
         self.placements.remove(index);
         if let Some(mesh) = self.placements.mesh(index) {
@@ -231,7 +231,7 @@ impl Scene {
         is_within(mesh, transform, &bounds)
     }
 
-    /// Finds out anew whether the mesh of an object lies within the object's bounds: in local coordinates if
+    /// Checks again whether the mesh of an object lies within the object's bounds: in local coordinates if
     /// the object has a local box, which moves together with the mesh, otherwise in scene coordinates. Does
     /// nothing for an object without a mesh.
     fn check_mesh(&mut self, index: u32) {
@@ -249,9 +249,9 @@ impl Scene {
         }
     }
 
-    /// Counts an object among those that lack something to be occluders (`is_added` true), or takes it out of
-    /// the count (false). Such an object has the flag but no mesh, has both but the mesh reaches out of its
-    /// bounds, or has a mesh but not the flag. Does nothing for any other object.
+    /// Adds an object to the counts of unusable occluders (`is_added` true) or takes it out of them (false).
+    /// These count flagged objects without a mesh, flagged objects whose mesh reaches out of their bounds,
+    /// and objects with a mesh that are not flagged. Does nothing for any other object.
     pub(super) fn count_occluder(&mut self, index: u32, is_added: bool) {
         let is_flagged = self.tree.payload(self.tree.slots[index as usize]).occluder;
         let count = match (self.placements.mesh(index), is_flagged) {
@@ -336,9 +336,9 @@ impl Scene {
     /// Removes a mesh that [`add_mesh`](Self::add_mesh) stored. The id names no mesh from now on, and a later
     /// mesh may reuse its index with another generation.
     ///
-    /// Objects that have the mesh keep it, and hide others with it, until they get another or lose it: the
-    /// memory is freed with the last of them, at once if there is none. A level that streams removes meshes
-    /// and objects in any order; a mesh for one object alone can be removed right after
+    /// Objects that have the mesh keep it, and hide others with it, until they get another or lose it. The
+    /// memory is freed with the last such object, or at once if there is none. A level that streams removes
+    /// meshes and objects in any order; a mesh for one object alone can be removed right after
     /// [`set_mesh`](Self::set_mesh).
     ///
     /// ```
@@ -384,7 +384,7 @@ impl Scene {
     /// shut a door, switching that flag is enough and takes constant time. Everything that the mesh covers
     /// must also be covered by the object as drawn, or visible objects are hidden. The only check of this is
     /// whether the mesh lies within the object's bounds, up to rounding; it takes at most time linear in the
-    /// number of vertices. A mesh that does not lie so, such as one whose transform was forgotten, [hides
+    /// number of vertices. A mesh outside the bounds, such as one given without its transform, [hides
     /// nothing](Self::occluders_outside_bounds).
     ///
     /// # Errors
@@ -436,8 +436,8 @@ impl Scene {
         self.flagged_occluder(id)
     }
 
-    /// Returns what [`occluder`](Self::occluder) does, for an object that is in the scene and flagged as an
-    /// occluder. `None` if it has no mesh, or its mesh was not found to be within its bounds.
+    /// Returns the same as [`occluder`](Self::occluder) for an object that is known to be in the scene and
+    /// flagged as an occluder. `None` if the object has no mesh, or its mesh is not within its bounds.
     pub(crate) fn flagged_occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, Affine3A)> {
         let mesh = self.placements.mesh(id.index).filter(|mesh| mesh.is_inside)?;
         Some((self.meshes.at(mesh.index)?, self.mesh_transform(id.index, mesh)))
@@ -488,16 +488,16 @@ impl Scene {
     }
 
     /// Returns the number of objects that have an occluder mesh and are not flagged as occluders, so that the
-    /// mesh hides nothing: [`set_occluder`](Self::set_occluder) was forgotten, or a door is open. Takes
-    /// constant time.
+    /// mesh hides nothing, as for an open door or where [`set_occluder`](Self::set_occluder) was forgotten.
+    /// Takes constant time.
     pub(crate) fn unflagged_meshes(&self) -> usize {
         self.unflagged
     }
 
     /// Returns the number of objects that are flagged as occluders and have a mesh that reaches out of their
-    /// bounds by more than rounding. Such a mesh hides nothing: it is not where the object is, so that it
-    /// would hide visible objects, the object itself among them. Most often the transform given to
-    /// [`set_mesh`](Self::set_mesh) is that of another object or none. Takes constant time.
+    /// bounds by more than rounding. Such a mesh is not where its object is and would hide visible objects,
+    /// even its own; it is not used. The usual cause is a wrong or missing transform in
+    /// [`set_mesh`](Self::set_mesh). Takes constant time.
     ///
     /// ```
     /// use visibility_core::{glam::{Affine3A, Vec3}, Aabb, Object, OccluderMesh, Scene};

@@ -37,7 +37,7 @@ enum Source {
     InScene(Arc<Mesh>),
     /// A mesh, and the index of the rounded transform that places it.
     Rounded(Arc<Instances>, u32),
-    /// A mesh, and the transform that places it, for which `f32` is not precise enough.
+    /// A mesh, and a transform kept in `f64` because `f32` is not precise enough for it.
     Exact(Arc<(Arc<Mesh>, DAffine3)>),
 }
 
@@ -140,8 +140,8 @@ impl SharedTriangles {
     }
 
     /// Returns the smallest box around the triangles in scene coordinates, [empty](Aabb::EMPTY) without
-    /// triangles, NaN if a coordinate is. Takes constant time for triangles without a transform, otherwise
-    /// visits all.
+    /// triangles, NaN if a coordinate is NaN. Takes constant time for triangles without a transform,
+    /// otherwise visits all.
     pub fn bounds(&self) -> Aabb {
         match &self.source {
             Source::InScene(mesh) => mesh.bounds,
@@ -159,15 +159,15 @@ impl SharedTriangles {
         size_of::<Mesh>() + size_of_val(&self.mesh().triangles[..])
     }
 
-    /// Returns the address of the mesh, by which objects that share it are told from others.
+    /// Returns the address of the mesh in memory, equal for all objects that share the mesh.
     pub(crate) fn mesh_address(&self) -> usize {
         Arc::as_ptr(self.mesh()).addr()
     }
 }
 
 impl Instances {
-    /// Returns the mesh placed by `transform`, whose rounded form is at `index` of `transforms`: by the
-    /// rounded one where [that is precise enough](can_be_rounded).
+    /// Returns the mesh placed by `transform`. If that is [precise enough](can_be_rounded), the rounded
+    /// transform at `index` of `transforms` is used.
     fn placed(self: &Arc<Self>, index: u32, transform: &DAffine3) -> SharedTriangles {
         let source = if can_be_rounded(transform, &self.mesh.bounds) {
             Source::Rounded(self.clone(), index)
@@ -185,12 +185,11 @@ fn rounded(transform: &DAffine3) -> Affine3 {
 
 /// Returns whether a transform may be [rounded] for a mesh with the given box. On each axis, rounding must
 /// move vertices by at most `4 u` (`u = 2^-24`) times the greatest coordinate of the box's image on that
-/// axis, so that bounds computed from the transform as it was given still hold the triangles, up to rounding.
-/// A box around the mesh's origin always allows that: on each axis its image has a coordinate of a third of
-/// `size` or more.
+/// axis. Bounds computed from the exact transform then still contain the triangles, up to rounding. A
+/// transform can always be rounded for a box that contains the mesh's origin.
 ///
-/// A placed mesh is computed in `f32`, so the terms that coordinates are the sum of must not be much larger
-/// than the image either: at most 4 times. False if the rounded transform is not finite.
+/// Placing in `f32` adds terms that may cancel, so the sum of their magnitudes must be at most 4 times the
+/// greatest coordinate of the image. Returns false if the rounded transform is not finite.
 fn can_be_rounded(transform: &DAffine3, mesh_bounds: &Aabb) -> bool {
     let rounded = rounded(transform);
     let of_mesh = mesh_bounds.min.abs().max(mesh_bounds.max.abs()).as_dvec3();
@@ -302,8 +301,8 @@ impl<'a> Triangles<'a> {
     }
 
     /// Returns a box around the triangles in scene coordinates, if one is known without visiting them: for
-    /// [`SharedTriangles`], unless their transform is kept in `f64`. It is the smallest for triangles without
-    /// a transform, and otherwise the box around the image of the mesh's box. NaN if a coordinate is.
+    /// [`SharedTriangles`], unless their transform is kept in `f64`. Without a transform this is the smallest
+    /// box, otherwise the box around the image of the mesh's box. NaN if a coordinate is NaN.
     pub fn known_bounds(&self) -> Option<Aabb> {
         let bounds = self.mesh_bounds?;
         Some(self.transform.map_or(*bounds, |transform| bounds.transformed(&rounded(&transform).into())))

@@ -7,13 +7,13 @@ use core::fmt;
 use glam::{DMat4, DVec3};
 
 impl fmt::Display for View {
-    /// Writes the camera that the clip matrix stands for: the eye and the directions ahead and up in the
-    /// world, the field of view in width and height, the distances of the near and far planes from the eye
-    /// (for parallel views, along the direction of view from the origin that the matrix is relative to), the
-    /// depth convention, and layers and clip planes if any are set. Numbers are rounded to four digits or a
-    /// thousandth. "left-handed" is written if the directions right, up and ahead of the picture are
-    /// left-handed axes: correct in a world of left-handed axes; in a right-handed world, the picture is
-    /// mirrored.
+    /// Writes the camera that the clip matrix stands for: the eye, and the directions ahead and up in the
+    /// world; the field of view in width and height; the distances of the near and far planes; the depth
+    /// convention; and layers and clip planes if any are set. Distances are measured from the eye or, for
+    /// parallel views, along the view direction from the origin of the matrix. Numbers are rounded to four
+    /// digits or a thousandth. "left-handed" is written if the directions right, up and ahead of the picture
+    /// are left-handed axes. That is correct in a world of left-handed axes; in a right-handed world, the
+    /// picture is mirrored.
     ///
     /// ```
     /// use visibility_core::{glam::DVec3, Pose, View};
@@ -30,8 +30,8 @@ impl fmt::Display for View {
         let Some(edges) = Edges::new(self) else {
             return write!(f, "a view whose matrix cannot be inverted");
         };
-        // Directions of the picture from the middles of its edges, since the matrix need not be one that this
-        // crate made.
+        // The directions up and right are found from the middles of the picture's edges, since the caller's
+        // matrix may have any form.
         let up = (edges.top - edges.bottom).normalize_or(DVec3::Z);
         let right = (edges.right - edges.left).normalize_or(DVec3::X);
         let (ahead, planes) = match self.eye(DVec3::ZERO) {
@@ -39,7 +39,8 @@ impl fmt::Display for View {
                 let local = eye - self.origin;
                 let row = self.clip_from_local.row(3).truncate();
                 let ahead = row.normalize_or_zero();
-                // Angles between the edges, seen along the edges: the window may be off the axis.
+                // Angle between opposite edges of the picture as seen from the eye, projected along the other
+                // pair of edges: also right for an off-centre window.
                 let angle = |a: DVec3, b: DVec3, along: DVec3| {
                     let [a, b] = [a - local, b - local].map(|ray| ray.reject_from_normalized(along));
                     short(a.angle_between(b).to_degrees())
@@ -111,7 +112,7 @@ impl Edges {
     }
 }
 
-/// Returns a number rounded to four digits, at most three of them after the point, without zeros at its end.
+/// Returns a number rounded to four digits, at most three of them after the point, without trailing zeros.
 /// Magnitudes from 10,000 on keep all digits before the point; magnitudes below a thousandth have two digits
 /// and an exponent.
 fn short(x: f64) -> String {
@@ -121,7 +122,7 @@ fn short(x: f64) -> String {
         size if size < 1000.0 => 1,
         _ => 0,
     };
-    // A near plane of less than a millimetre needs more.
+    // Three decimals cannot show a near plane of less than a millimetre, so an exponent is written.
     let text = if x.abs() < 1e-3 && x != 0.0 { format!("{x:.1e}") } else { format!("{x:.decimals$}") };
     match text.contains('.') && !text.contains('e') {
         true => text.trim_end_matches('0').trim_end_matches('.').into(),

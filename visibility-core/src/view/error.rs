@@ -37,7 +37,7 @@ pub enum ViewError {
         /// Name of the parameter, such as `"near"`.
         name: &'static str,
         /// Value of the parameter as given: radians for an angle, metres for a distance. For `"width"` and
-        /// `"height"`, the difference of the window's edges.
+        /// `"height"`, the distance between the window's edges.
         value: f64,
     },
 }

@@ -36,8 +36,8 @@ pub(super) fn eye_of(m: &DMat4, depth: Depth) -> Eye {
     if eye.w != 0.0 && position.is_finite() {
         return Eye::Point(position);
     }
-    // The rays of a parallel projection run along the null direction. Of its two senses, the one in which
-    // depth grows (shrinks, if reversed) points away from the viewer.
+    // The rays of a parallel projection run along the direction that the three rows map to zero. Of its two
+    // senses, the one in which depth grows (shrinks, if reversed) points away from the viewer.
     let scale = eye.truncate().abs().max_element();
     let direction = (eye.truncate() / scale).normalize_or_zero();
     let depth = m.row(2).truncate().dot(direction) * if depth.is_reversed() { -1.0 } else { 1.0 };
@@ -63,8 +63,8 @@ pub(super) fn eye_error(m: &DMat4, eye_from_view: Eye, view_origin: DVec3, origi
         Eye::Direction(_) => {
             let length = eye.truncate().length();
             let direction = eye.truncate() / length;
-            // Length and quotient round by 6u at most, a fraction of the 16u of each component's terms, which
-            // the factor 2 counts twice.
+            // Length and quotient round by at most 6u. The factor 2 covers this, since it doubles the 16u of
+            // each component's terms.
             let error = 2.0 * error.truncate().length() / length;
             // The depth row decides which of the two senses points away from the viewer. If its product with
             // the direction is within the error, or NaN, the direction is unknown.
@@ -78,7 +78,8 @@ pub(super) fn eye_error(m: &DMat4, eye_from_view: Eye, view_origin: DVec3, origi
             let off = (error.truncate() + position.abs() * error.w) / eye.w.abs();
             let sums = position.abs() + view_origin.abs() + origin.abs();
             let error = 1.01 * off.length() + 8.0 * U * sums.element_sum();
-            // The quotient's error is linear in the error of the divisor only where the latter is small.
+            // The error of the quotient is linear in the error of the divisor only if the divisor's error is
+            // small.
             let is_certain = eye.w.abs() > 1024.0 * size.w * (16.0 * U) && error.is_finite();
             if is_certain { error } else { f64::INFINITY }
         }

@@ -37,7 +37,7 @@ use glam::{DMat4, DVec3};
 
 /// A point of view: the frustum of one camera, its eye and its layers. A `View` knows nothing of the scene.
 ///
-/// Half a kilobyte, `Copy`, and cheap to make anew each frame.
+/// A view takes half a kilobyte, is `Copy`, and is cheap to make anew each frame.
 ///
 /// ```
 /// use visibility_core::{glam::Mat4, view::Depth, View};
@@ -91,8 +91,8 @@ impl View {
             clip_planes: [Plane::new(DVec3::ZERO, 0.0); MAX_CLIP_PLANES],
             clip_count: 0,
         };
-        // Nearer surfaces are told by w, or by depth where w is constant. A parallel view with varying w
-        // would have neither.
+        // Cullers tell which surface is nearer by `w`, or by depth if `w` is constant. A parallel view with
+        // varying `w` allows neither.
         let is_parallel = matches!(view.eye(DVec3::ZERO), Eye::Direction(_));
         if is_parallel && matrix.0.row(3).truncate() != DVec3::ZERO {
             return Err(ViewError::NoCamera);

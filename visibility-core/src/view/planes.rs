@@ -104,9 +104,9 @@ impl ViewPlanes {
         let (n, offset) = (plane.normal / scale, plane.offset / scale);
         let moved = Plane::new(n, n.x * shift.x + n.y * shift.y + n.z * shift.z + offset);
         let Some(unit) = moved.normalized() else { return };
-        // The shift is rounded once, and so are normal and offset by scaling; then each product and partial
+        // The shift is rounded once, and so are normal and offset by scaling. Then each product and partial
         // sum rounds once more, as in `Plane::error_bound`, and the division by the length rounds all: 8u of
-        // the sum of magnitudes, and 2u more for products of roundings and for that sum's own.
+        // the sum of magnitudes. Another 2u covers products of roundings and the rounding of that sum.
         let size = n.abs().dot(shift.abs()) + offset.abs();
         let error = 5.0 * f64::EPSILON * size / n.length() + f64::MIN_POSITIVE;
         if error.is_finite() && self.count < MAX_PLANES {
@@ -119,8 +119,8 @@ impl ViewPlanes {
 
 impl View {
     /// Returns this view further restricted to the inner side, `normal . p + offset >= 0`, of the given
-    /// planes: those of a mirror, of a portal, or a section through a model. They replace the view's former
-    /// clip planes; an empty slice removes these.
+    /// planes, such as the plane of a mirror, the sides of a portal, or a section through a model. They
+    /// replace the view's former clip planes; an empty slice removes these.
     ///
     /// Planes are relative to the view's [origin](Self::origin), in metres, as the clip matrix is; normals
     /// may have any length. [`relative_to`](Self::relative_to) moves planes and matrix together, so it should
@@ -140,7 +140,7 @@ impl View {
     /// use visibility_core::{geometry::Plane, glam::DVec3, Pose, View};
     /// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     /// let view = View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY)?;
-    /// // Only what is at least 4 m ahead: behind a mirror, say.
+    /// // Only objects at least 4 m ahead, as for a view through a mirror at that distance.
     /// let behind = view.with_clip_planes(&[Plane::through(DVec3::new(4.0, 0.0, 0.0), DVec3::X)])?;
     /// assert_eq!(behind.planes(DVec3::ZERO).as_slice().len(), 6);
     /// # Ok::<(), visibility_core::view::ViewError>(())
@@ -191,8 +191,8 @@ impl View {
         let (near, far) = self.depth.rows(z, w);
         let shift = origin - self.origin;
         let mut planes = ViewPlanes::NONE;
-        // An infinite far plane is left out because the convention says so: what rounding leaves of it in the
-        // matrix would be a plane at a random angle.
+        // An infinite far plane is left out because the convention says so: rounding may leave some other
+        // plane in the matrix, at a random angle.
         for (slot, row) in (0..).zip([w + x, w - x, w + y, w - y, near].into_iter().chain(far)) {
             planes.push(slot, Plane::new(row.truncate(), row.w), shift);
         }

@@ -58,9 +58,9 @@ pub struct ClipRow {
 }
 
 impl ClipRow {
-    /// Returns the value at a point, in metres relative to the anchor, and a bound on the absolute error of
-    /// that value. The bound allows for one rounding of each of the point's coordinates, as of a difference
-    /// of two points.
+    /// Returns the value at a point, in metres relative to the anchor (the eye of a perspective view), and a
+    /// bound on the absolute error of that value. The bound allows for one rounding of each of the point's
+    /// coordinates, as of a difference of two points.
     #[inline]
     pub fn at(&self, point: DVec3) -> (f64, f64) {
         let (l, p) = (self.linear, point);
@@ -138,34 +138,37 @@ impl ViewProjection {
     }
 
     /// Returns clip-space `x`, multiplied by the same power of two as [`w`](Self::w), as a function of points
-    /// relative to the anchor.
+    /// relative to the [anchor](Self::anchor): the eye in a perspective view.
     pub fn x(&self) -> ClipRow {
         self.row(self.rows[0])
     }
 
     /// Returns clip-space `y`, multiplied by the same power of two as [`w`](Self::w), as a function of points
-    /// relative to the anchor.
+    /// relative to the [anchor](Self::anchor): the eye in a perspective view.
     pub fn y(&self) -> ClipRow {
         self.row(self.rows[1])
     }
 
     /// Returns clip-space `w`, multiplied by a constant power of two, as a function of points relative to the
-    /// anchor: positive in front of the eye of a perspective view, constant for a parallel view.
+    /// [anchor](Self::anchor), which is the eye in a perspective view. Positive in front of the eye of a
+    /// perspective view, constant for a parallel view.
     pub fn w(&self) -> ClipRow {
         self.row(self.rows[3])
     }
 
-    /// Returns a function of points relative to the anchor that is positive beyond the near plane and 0 on
-    /// it. Its scale is arbitrary, so only the sign is meaningful.
+    /// Returns a function that is positive beyond the near plane and 0 on it, of points relative to the
+    /// [anchor](Self::anchor): the eye in a perspective view. Its scale is arbitrary, so only the sign is
+    /// meaningful.
     pub fn near(&self) -> ClipRow {
         let near = self.depth.rows(self.rows[2], self.rows[3]).0;
         self.row(near * scale_to_one(near))
     }
 
-    /// Returns the depth key times [`w`](Self::w) as a function of points relative to the anchor. Over a
-    /// plane, the depth key is linear in screen coordinates; along every view ray away from the eye, it
-    /// falls. For perspective views the key is `1 / w`, so the function is the constant 1. For parallel views
-    /// the key is clip depth, negated unless depth is [reversed](Depth::is_reversed).
+    /// Returns the depth key times [`w`](Self::w) as a function of points relative to the
+    /// [anchor](Self::anchor). Over a plane, the depth key is linear in screen coordinates. Along every view
+    /// ray it falls away from the eye. For perspective views the key is `1 / w`, so the function is the
+    /// constant 1. For parallel views the key is clip depth, negated unless depth is
+    /// [reversed](Depth::is_reversed).
     pub fn depth_key(&self) -> ClipRow {
         self.row(match (self.eye, self.depth.is_reversed()) {
             (Eye::Point(_), _) => DVec4::W,
@@ -175,8 +178,8 @@ impl ViewProjection {
     }
 
     /// Returns the pixel coordinates times [`w`](Self::w), column first, as functions of points relative to
-    /// the anchor. `width` and `height` are the size of the picture in pixels. Columns grow to the right and
-    /// rows downwards; the first pixel spans 0 to 1.
+    /// the [anchor](Self::anchor): the eye in a perspective view. `width` and `height` are the size of the
+    /// picture in pixels. Columns grow to the right and rows downwards; the first pixel spans 0 to 1.
     pub fn pixels(&self, width: f64, height: f64) -> [ClipRow; 2] {
         let [x, y, _, w] = self.rows;
         [self.row((x + w) * (0.5 * width)), self.row((w - y) * (0.5 * height))]

@@ -1,12 +1,13 @@
 //! Where the view rays of a view begin: computed here once for all users that need to know from which regions
 //! an eye sees.
 //!
-//! Nothing before the near plane is drawn, and nothing that a clip plane cuts away. So a view ray begins at
-//! its first point inside all of these planes: in the eye if the eye is inside all of them, otherwise on a
-//! plane that the ray crosses inwards. All view rays that cross such a plane meet it in the convex hull of
-//! the points in which the four edges of the view meet it, provided that all four do so in front of the eye.
-//! An oblique near plane, as of a mirror (Lengyel, "Oblique View Frustum Depth Projection and Clipping",
-//! 2005), need not meet all four edges. View rays then begin at any distance, and no bound is given.
+//! Surfaces nearer than the near plane are not drawn, nor are surfaces that a clip plane cuts away. So a view
+//! ray begins at its first point inside all of these planes: in the eye if the eye is inside all of them,
+//! otherwise on a plane that the ray crosses inwards. All view rays that cross such a plane meet it in the
+//! convex hull of the points in which the four edges of the view meet it, provided that all four do so in
+//! front of the eye. An oblique near plane, as of a mirror (Lengyel, "Oblique View Frustum Depth Projection
+//! and Clipping", 2005), need not meet all four edges. View rays then begin at any distance, and no bound is
+//! given.
 //!
 //! # Rounding
 //! The planes of a [`View`] are within stated errors of the exact ones. [`margin`] bounds the error of
@@ -93,7 +94,7 @@ impl SightPlanes {
         }
         let [left, right, bottom, top] = sides;
         let sides = [left?, right?, bottom?, top?];
-        // Without a front plane, view rays would seem to begin earlier than they do.
+        // If a start plane were missing, view rays would seem to begin nearer than they do.
         if start_planes.len() != 1 + view.clip_planes().len() {
             return None;
         }

@@ -170,7 +170,7 @@ fn views_say_what_camera_they_are() {
         format!("{eye}{words}, layers 0x5"),
         "an off-centre view without a far plane, on some layers"
     );
-    // With x exchanged, and other ranges of depth.
+    // Mirrored views (x negated) with other ranges of depth.
     let scaled = |depth, z: DVec3| {
         let rows = DMat4::from_cols_array_2d(&[
             [-1.0, 0.0, 0.0, 0.0],

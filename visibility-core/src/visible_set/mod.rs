@@ -31,12 +31,13 @@ use leaf_walk::{LeafWalk, lanes_on_layers};
 /// The masks belong to the [layout](Scene::layout) of the scene at the time of culling. As long as a finished
 /// set has no list, the scene keeps a copy of each node that it changes, 8 bytes per object of the node,
 /// until the set is listed, filled again or dropped. A set that was not finished, because its cullers were
-/// called without a pipeline, counts as holding every object on its layers once the layout has changed. Any
-/// set counts as that for another scene than the one it was culled for, a clone included.
+/// called without a pipeline, counts as holding every object on its layers once the layout has changed. For a
+/// scene other than the one it was culled for, a clone included, any set counts as holding every object on
+/// its layers.
 ///
 /// Objects that are never culled are always in the set if they are on the view's layers. Layers are 32 bits
-/// per object and view, because each bit more would be read for every block that a frame comes to. Finer
-/// groups are a [`Culler`](crate::Culler) that [retains](Self::retain) the objects of the groups shown.
+/// per object and view, because each bit more would be read for every block that a frame comes to. For finer
+/// groups, write a [`Culler`](crate::Culler) that [retains](Self::retain) the objects of the groups shown.
 ///
 /// ```
 /// use visibility_core::{Aabb, Pipeline, Scene, VisibleSet};
@@ -50,10 +51,10 @@ use leaf_walk::{LeafWalk, lanes_on_layers};
 /// pipeline.cull(&scene, &view, &mut visible);
 /// assert!(visible.contains(&scene, id));
 /// assert_eq!(visible.newly_visible().collect::<Vec<_>>(), [id]);
-/// // The result stays what it is when the scene changes.
+/// // The result stays the same when the scene changes.
 /// scene.insert(Aabb::from_arrays([7.0, 0.0, 0.0], [8.0, 1.0, 1.0]));
 /// assert_eq!(visible.ids(&scene), [id]);
-/// // Once listed, another thread can read it meanwhile.
+/// // While the scene changes, another thread can read a listed result.
 /// std::thread::scope(|scope| {
 ///     scope.spawn(|| visible.listed().into_iter().flatten().for_each(|id| println!("draw object {id}")));
 ///     scene.insert(Aabb::from_arrays([8.0, 0.0, 0.0], [9.0, 1.0, 1.0]));
@@ -65,7 +66,7 @@ pub struct VisibleSet {
     /// Masks indexed by node: bit i tells whether lane i is in the set (leaves) or has something in the set
     /// below it (inner nodes). Masks of nodes whose bit in the parent is 0 are stale and must not be read.
     words: Vec<u64>,
-    /// Layout of the scene that `words` belongs to.
+    /// Layout of the scene (assignment of objects to lanes) that `words` belongs to.
     layout: Stamp,
     /// If true, the set holds every object on `layers` and `words` is ignored.
     everything: bool,
@@ -78,7 +79,7 @@ pub struct VisibleSet {
     /// Numbers of the leaves outside the tree, which hold the objects that are never culled, as they were
     /// when the set was finished. Meaningful while the set is finished and not listed.
     unculled_leaves: Vec<u32>,
-    /// Scratch memory of one mask per node.
+    /// Scratch memory for walks: one mask per node.
     scratch_masks: Vec<u64>,
     /// Scratch memory: indices of objects that are to be dropped, or that are listed already.
     marked: Bits,
@@ -98,7 +99,7 @@ enum Listing {
     /// The set is finished, and its list is not made. The masks, including those of the leaves outside the
     /// tree, hold the set for the layout that it was finished at, when the tree had the root `root`. By
     /// `token` the tree is read as it was then; `None` only while the set is being finished, on processors
-    /// without tokens.
+    /// without atomic counts.
     Unlisted { token: Option<Token>, root: u32 },
     /// The set is finished, and its list is the set, each object once. Until the layout changes, the masks
     /// hold the same objects, including the masks of the leaves outside the tree.
@@ -131,7 +132,7 @@ impl VisibleSet {
         }
     }
 
-    /// Returns the set with a record, kept from now on, of which objects became
+    /// Returns the set with recording turned on: from now on it tells which objects became
     /// [visible](Self::newly_visible) and [hidden](Self::newly_hidden) since the frame before. This costs a
     /// few nanoseconds per visible object and frame.
     #[must_use]
@@ -181,7 +182,7 @@ impl VisibleSet {
     /// let pose = |y: f64| Pose::look_at(DVec3::new(0.0, y, 0.0), DVec3::new(9.0, y, 0.0), DVec3::Z);
     /// let eyes = [View::perspective(pose(0.03), 1.0, 1.0, 0.1, 100.0)?,
     ///     View::perspective(pose(-0.03), 1.0, 1.0, 0.1, 100.0)?];
-    /// // A pipeline and a set an eye, kept from frame to frame, and a set for both.
+    /// // One pipeline and one set per eye, kept from frame to frame, and one set for both eyes.
     /// let mut pipelines = [(); 2].map(|_| Pipeline::new().with(FrustumCuller::new()));
     /// let mut sets = [(); 2].map(|_| VisibleSet::new());
     /// let mut both = VisibleSet::new().with_changes();
@@ -506,7 +507,8 @@ impl VisibleSet {
         for &id in ids {
             let Some((leaf, lane)) = scene.leaf_of(id) else { continue };
             let is_new = if grown[leaf] != 0 {
-                // The leaf is in the new set, so all nodes above are in both sets: one word decides.
+                // The leaf has objects in the new set, so all nodes above it are in both sets, and the masks
+                // of the leaf decide.
                 let new = self.mask(scene, leaf) & !grown[leaf] & 1 << lane;
                 grown[leaf] |= new;
                 new != 0

@@ -148,7 +148,7 @@ impl VisibleSet {
     /// is not finished or has no list yet. A list is made by [`ids`](Self::ids), by a method that sorts, by a
     /// culler that orders the set, and in a set that records [changes](Self::with_changes).
     ///
-    /// Needs no scene: a render thread can read a listed set while the scene changes.
+    /// This function needs no scene: a render thread can read a listed set while the scene changes.
     ///
     /// ```
     /// use visibility_core::{Aabb, Scene, VisibleSet};
@@ -170,8 +170,9 @@ impl VisibleSet {
     /// otherwise in the order of the hierarchy, with objects that are never culled last. Makes no list.
     pub fn iter<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = ObjectId> + 'a {
         let (is_current, is_result) = (self.is_of_layout(scene), self.is_result_of(scene));
-        // Four sources, of which one is not empty: the list as it is, the list or the nodes as they were
-        // without what has left the set or the scene, and the masks.
+        // The iterator chains several sources: the list as it is (`whole`), the list without objects that
+        // have left the set or the scene (`part`), the masks of the present nodes (`walk`), and the masks of
+        // earlier nodes (`old`). All of these but one are empty.
         let (mut whole, mut part, mut walk, mut unculled): (&[ObjectId], &[ObjectId], _, _) =
             (&[], &[], None, None);
         let (mut old, mut own_unculled) = (None, None);
@@ -225,7 +226,7 @@ impl VisibleSet {
 
     /// Returns whether an object is in the set. False for an id that the scene does not know. Takes time in
     /// proportion to the height of the hierarchy; for a finished set, once the [layout](Scene::layout) of the
-    /// scene has changed, in proportion to the size of the set, so that many objects are better looked up in
+    /// scene has changed, in proportion to the size of the set. Many objects are better looked up in
     /// [bits](Self::write_bits).
     #[inline]
     pub fn contains(&self, scene: &Scene, id: ObjectId) -> bool {
@@ -241,7 +242,7 @@ impl VisibleSet {
 
     /// Writes the set as bits for a GPU: bit `i % 32` of word `i / 32` is 1 if the object with
     /// [index](ObjectId::index) `i` is in the set and still in the scene. All other bits of the slice become
-    /// 0. Takes a nanosecond per object of the set, and the time to fill the slice with 0. Makes no list.
+    /// zero. Takes a nanosecond per object of the set, and the time to clear the slice. Makes no list.
     ///
     /// ```
     /// use visibility_core::{Aabb, Scene, VisibleSet};

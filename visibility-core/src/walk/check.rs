@@ -1,4 +1,4 @@
-//! Whether a hierarchy keeps what [`BoxHierarchy`] asks of it.
+//! Check of a hierarchy against the rules of [`BoxHierarchy`].
 
 use super::{BoxHierarchy, Child};
 use crate::{Aabb, Scene};
@@ -38,7 +38,7 @@ use alloc::{collections::BTreeSet, vec};
 pub fn first_misplaced(scene: &Scene, hierarchy: &impl BoxHierarchy) -> Option<Child> {
     const EVERYWHERE: Aabb = Aabb::new(glam::Vec3::NEG_INFINITY, glam::Vec3::INFINITY);
     let (mut opened, mut misplaced) = (BTreeSet::new(), None);
-    // Nodes to open, each with what is within the boxes of the node and of all nodes above it.
+    // Nodes to open, each with the intersection of its own box and the boxes of all nodes above it.
     let mut waiting = vec![(None, EVERYWHERE)];
     while let Some((node, within)) = waiting.pop().filter(|_| misplaced.is_none()) {
         hierarchy.for_each_child(scene, node, &mut |child, bounds| {

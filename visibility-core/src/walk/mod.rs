@@ -311,7 +311,7 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
         self.scene
     }
 
-    /// Returns whether a second visit of a node has only those candidates that the first one kept. False if
+    /// Returns whether a second visit of a node has only the candidates that the first visit kept. False if
     /// the set was filled for another layout of the scene: each visit then begins with all objects on the
     /// set's layers.
     pub(crate) fn is_current(&self) -> bool {

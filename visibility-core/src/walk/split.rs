@@ -20,14 +20,15 @@ const PARTS: usize = 16;
 /// 1, the parents of leaves.
 const MAX_SUBTREE_LEVEL: u8 = 1;
 
-/// Value of `known` for a node below which nothing needs a test: all candidates there are kept.
+/// Value of `known` for a node whose descendants need no test: all candidates there are kept.
 const ACCEPTED: u32 = 0;
 
-/// A culler's test of 64 siblings, which threads share. What the tests of a node and of the nodes above it
-/// have shown is passed down as a number, `known`, whose meaning the culler defines; [`ACCEPTED`], 0, if
-/// nothing below the node needs a test.
+/// A culler's test of 64 siblings, which threads share. Results of tests are passed down to children as a
+/// number, `known`, whose meaning the culler defines. [`ACCEPTED`], 0, means that nothing below the node
+/// needs a test.
 pub(crate) trait NodeTest: Sync {
-    /// What the test of a block shows about the children that it keeps, for [`below`](Self::below).
+    /// Result of the test of a block for the children that it keeps. [`below`](Self::below) derives `known`
+    /// from it.
     type Found;
 
     /// Tests the `candidates` among the children of a node. `known` is the number that the tests above have
@@ -63,13 +64,14 @@ pub(crate) fn retain_on<T: NodeTest>(
         let mut scratch = core::mem::replace(&mut visible.split_scratch, SplitScratch::EMPTY);
         scratch.parts.resize_with(PARTS, Part::default);
         scratch.subtrees.clear();
-        // The upper levels on this thread. Nodes whose subtrees are small enough are put into `subtrees`.
+        // Tests the upper levels on this thread. Nodes whose subtrees are small enough are put into
+        // `subtrees`.
         let mut top = Top { scene, is_current, test, subtrees: &mut scratch.subtrees, stats };
         top.visit(visible, root, known);
         stats = top.stats;
         let (subtrees, set) = (&scratch.subtrees, &*visible);
-        // Part `index` takes every `PARTS`-th subtree: neighbours in the scene are about equally costly, so
-        // parts are, too.
+        // Part `index` takes every `PARTS`-th subtree. Subtrees that are neighbours in the scene cost about
+        // the same, so parts do, too.
         if let Some(parts) = scratch.parts.first_chunk_mut::<PARTS>() {
             let mut index = 0;
             let numbered = parts.each_mut().map(|part| {
@@ -103,7 +105,7 @@ pub(crate) fn retain_on<T: NodeTest>(
             stats += part.stats;
             stats.visible += before;
         }
-        // A subtree in which no object is left makes the nodes above it lose a child.
+        // Drops subtrees in which no object is left from the nodes above them.
         let mut next = 0;
         drop_empty(visible, scene, root, &scratch.parts, &mut next);
         visible.split_scratch = scratch;
@@ -155,7 +157,8 @@ impl<T: NodeTest> Top<'_, T> {
         }
     }
 
-    /// Adds all subtrees with candidates in and below a node to `subtrees`, as [`ACCEPTED`].
+    /// Adds all subtrees with candidates in and below a node to `subtrees`, with the number [`ACCEPTED`]:
+    /// their candidates are kept.
     fn keep(&mut self, visible: &mut VisibleSet, node: usize) {
         if self.scene.tree().levels[node] <= subtree_level(self.scene) {
             return self.subtrees.push((node as u32, ACCEPTED));

@@ -10,12 +10,12 @@ use crate::{Aabb, RegionCuller, Scene, VisibleSet};
 use alloc::vec::Vec;
 use glam::DVec3;
 
-/// Which viewcells see which: a bit for each ordered pair, computed ahead for a level that does not change.
-/// Cell-to-cell visibility as of S. Teller and C. Sequin, "Visibility Preprocessing for Interactive
+/// Which viewcells see which: one bit for each ordered pair, computed ahead for a level that does not change.
+/// Based on the cell-to-cell visibility of S. Teller and C. Sequin, "Visibility Preprocessing for Interactive
 /// Walkthroughs", 1991.
 ///
-/// A mover that is not wholly in viewcells sees and is seen by all, unless the viewcells are those of
-/// [portals](Self::of_portals), outside of which all is solid.
+/// A mover that is not wholly in viewcells sees and is seen by all others, unless the viewcells are those of
+/// [portals](Self::of_portals): then all space outside them is solid.
 #[derive(Clone, Debug)]
 pub struct ViewcellMatrix {
     stamp: Stamp,
@@ -23,23 +23,24 @@ pub struct ViewcellMatrix {
     rows: Vec<Bits>,
     /// `None` if the space outside the viewcells need not be solid.
     portals: Option<Portals>,
-    /// Cells of the mover at work.
+    /// Scratch: the cells of the mover that is being looked up.
     cells: Vec<u32>,
 }
 
-/// The openings between the viewcells, and the distance that both may be misplaced by.
+/// The openings between the viewcells, and the distance in metres by which viewcells and portals may be
+/// misplaced.
 #[derive(Clone, Debug)]
 struct Portals {
     tolerance: f64,
-    /// By viewcell, its neighbours, each with the corners of the box around the portal, widened by the
-    /// tolerance.
+    /// Indexed by viewcell: its neighbours, each with the corners of the box around the portal, widened by
+    /// the tolerance.
     neighbours: Vec<Vec<(u32, [DVec3; 2])>>,
 }
 
 impl ViewcellMatrix {
-    /// Makes the matrix of viewcells of which row `i` lists those that may be seen from anywhere in viewcell
-    /// `i`, at any point, in any order. Numbers that are no viewcell's are ignored. A viewcell without a row
-    /// sees all.
+    /// Makes the matrix from rows: row `i` lists, in any order, the viewcells of which some point may be seen
+    /// from some point of viewcell `i`. Numbers without a viewcell are ignored. A viewcell without a row sees
+    /// all viewcells.
     pub fn new<R: AsRef<[u32]>>(viewcells: Viewcells, rows: &[R]) -> Self {
         let count = viewcells.cells().len();
         let all = Bits::from(alloc::vec![u64::MAX; count.div_ceil(64)]);
@@ -54,8 +55,8 @@ impl ViewcellMatrix {
     /// Makes the matrix of the cells of a building, from the volumes of the cells in world space and the PVS
     /// that was computed of their graph. Outside the cells all is solid: no part of a mover is seen there,
     /// and no eye is there. Movers go from cell to cell through portals. Doors count as open. Portals and
-    /// volumes may be misplaced by `tolerance` metres; NaN and less than 0 count as 0. Lines that a bake has
-    /// left out as passing within its clearance of a portal's edge are left out here.
+    /// volumes may be misplaced by `tolerance` metres; NaN and less than 0 count as 0. Lines of sight within
+    /// the bake's clearance of a portal's edge, which the bake left out, are left out here too.
     ///
     /// `None` unless the targets of the PVS are cells, it names the graph as its [source](Pvs::source), and
     /// there are as many viewcells as cells.
@@ -92,12 +93,12 @@ impl ViewcellMatrix {
         })
     }
 
-    /// Makes the matrix of a scene, by a conservative culler that tests each viewcell's box as an object,
-    /// from each viewcell. With the feature `rayon` on all threads. What the scene has as occluders must stay
-    /// where it is.
+    /// Makes the matrix of a scene: for each viewcell, a conservative culler tests the boxes of all viewcells
+    /// as objects. Uses all threads with the feature `rayon`. The occluders of the scene must not move
+    /// afterwards.
     ///
-    /// Viewcells that walls cut see what is on either side, so fit them to rooms where you can, or take them
-    /// small.
+    /// A viewcell that a wall cuts sees both sides of the wall, so fit viewcells to rooms where possible, or
+    /// make them small.
     pub fn of_scene<C: RegionCuller + Default>(scene: &Scene, viewcells: Viewcells) -> Self {
         let mut scene = scene.clone();
         let origin = scene.origin();

@@ -4,8 +4,8 @@
 //! A mover is given as a [`Reach`]: the box that its body is in, and how far it may get until the answer is
 //! used. The level is given as [`SightCells`]: cells that cover its space, with what is seen from where. A
 //! target is reported unless all cells that its reach touches are hidden from all of the observer's reach.
-//! Pairs share the work: each target is put into its cells, and each observer visits the targets of the
-//! cells that it sees, so that time is in proportion to what is seen.
+//! Each target is put into its cells, and each observer visits only the targets in the cells that it sees, so
+//! that time is in proportion to what is seen.
 //!
 //! | level | type |
 //! |---|---|
@@ -23,42 +23,43 @@ use crate::bits::Bits;
 use crate::stamp::Stamp;
 use alloc::vec::Vec;
 
-/// Cells that cover a level, with what is seen from where. Cells are numbered from 0.
+/// Cells that cover a level, and the cells that are seen from each. Cells are numbered from 0.
 ///
-/// Each answer must be conservative: if a line of sight runs from a point of the reach A to a point of the
-/// reach B, and both answers for A and B are known, then [`seen_from`](Self::seen_from) A gives one of the
-/// cells that [`cells_of`](Self::cells_of) B gives.
+/// Each answer must be conservative. If a line of sight runs from a point of reach A to a point of reach B,
+/// then [`seen_from`](Self::seen_from) of A must give one of the cells that [`cells_of`](Self::cells_of) of B
+/// gives, unless one of the two answers is unknown (false).
 pub trait SightCells {
     /// Returns the number of cells.
     fn cell_count(&self) -> usize;
 
-    /// Returns a stamp of what [`cells_of`](Self::cells_of) depends on: it answers the same as long as the
-    /// stamp is the same.
+    /// Returns a stamp of the data that [`cells_of`](Self::cells_of) depends on. As long as the stamp is the
+    /// same, equal reaches get equal cells.
     fn stamp(&self) -> Stamp;
 
     /// Appends the cells that a mover may be in, all below [`cell_count`](Self::cell_count). Returns false if
-    /// it may be where no cell is: then every observer counts as seeing it, as if no cell was appended, or a
-    /// cell beyond the last. A
-    /// reach that is not [proper](Reach::is_proper) is never asked for.
+    /// the mover may be outside all cells: then every observer counts as seeing it, whatever cells were
+    /// appended. So does every observer if a cell is appended that does not exist. A reach that is not
+    /// [proper](Reach::is_proper) is never asked for.
     fn cells_of(&mut self, reach: &Reach, cells: &mut Vec<u32>) -> bool;
 
-    /// Adds to `seen`, whose limit is at least the number of cells, all cells of which some point may be seen
-    /// from some point that the mover may be at. Returns false if that is not known: then the observer counts
-    /// as seeing every target. A reach that is not [proper](Reach::is_proper) is never asked for.
+    /// Adds to the set `seen` every cell that may be seen, at least in part, from some point that the mover
+    /// may be at. The limit of `seen` is at least the number of cells. Returns false if the cells are not
+    /// known: then the observer counts as seeing every target. A reach that is not [proper](Reach::is_proper)
+    /// is never asked for.
     fn seen_from(&mut self, reach: &Reach, seen: &mut Bits) -> bool;
 }
 
-/// Finds and holds who sees whom: conservative. No observer's target is left out that a straight line
-/// reaches, from any point of the observer's reach to any point of the target's, past all that the
-/// [`SightCells`] know as opaque. Targets hide nothing from each other.
+/// Finds and holds which observers may see which targets. Conservative: a target is reported if a straight
+/// line runs from any point of the observer's reach to any point of the target's reach without crossing what
+/// the [`SightCells`] know as opaque. Targets hide nothing from each other.
 ///
 /// Keeps the cells of targets from call to call: a target that has the same number and the same reach as
 /// before is not looked up again.
 ///
 /// # Cost
-/// Each target is put into its cells, each observer asks for the cells that it sees, and each pair that is
-/// reported costs some nanoseconds for each cell that the target shares with the observer's view. Memory is a
-/// bit for each pair.
+/// Each target is put into its cells, each observer asks for the cells that it sees, and each reported pair
+/// costs some nanoseconds for each cell of the target that the observer sees. Memory is one bit for each
+/// pair.
 ///
 /// ```
 /// use visibility_core::glam::DVec3;
@@ -86,15 +87,17 @@ pub trait SightCells {
 pub struct WhoSees {
     target_count: usize,
     observer_count: usize,
-    /// Number of words of a row.
+    /// Number of 64-bit words in one observer's row of `rows`.
     words: usize,
-    /// For each observer a row of bits, one for each target, set if the observer may see it.
+    /// One row of bits per observer, one after another. Bit `t` of a row is set if the observer may see
+    /// target `t`.
     rows: Vec<u64>,
-    /// The targets that every observer counts as seeing, as a row.
+    /// Set of the targets that every observer counts as seeing.
     unplaced: Bits,
-    /// The cells that hold a target.
+    /// Cells that at least one target may be in.
     occupied: Bits,
-    /// First target of each cell in `targets_by_cell`, by cell; then the end of the last.
+    /// Indexed by cell: start of the cell's targets in `targets_by_cell`. One more entry holds the end of the
+    /// last cell's targets.
     first_target: Vec<u32>,
     targets_by_cell: Vec<u32>,
     /// Targets of this call, and of the call before.
@@ -102,7 +105,7 @@ pub struct WhoSees {
     before: Placed,
     /// Stamp of the level in which `placed` was found. `None` before the first call.
     stamp: Option<Stamp>,
-    /// The cells that the observer at work sees.
+    /// Scratch: the cells that the present observer sees.
     seen: Bits,
 }
 
@@ -136,8 +139,8 @@ impl WhoSees {
         Self::default()
     }
 
-    /// Finds for each observer which targets it may see, and replaces the answer before. Observers and
-    /// targets are numbered from 0, in the order given.
+    /// Finds which targets each observer may see, and replaces the former answer. Observers and targets are
+    /// numbered from 0, in the order given.
     ///
     /// A reach that is not [proper](Reach::is_proper), or is not in the cells, sees all targets and is seen
     /// by all observers.
@@ -166,7 +169,7 @@ impl WhoSees {
         }
     }
 
-    /// Lists the targets of each cell, and those without.
+    /// Lists the targets of each cell, and the targets that have no cell.
     fn place(&mut self, cells: &mut dyn SightCells, targets: &[Reach]) {
         core::mem::swap(&mut self.placed, &mut self.before);
         let Self { placed, before, .. } = self;
@@ -199,7 +202,8 @@ impl WhoSees {
             placed.ends.push(placed.cells.len() as u32);
         }
         placed.reaches.extend_from_slice(targets);
-        // Counts become ends; filling the lists from behind makes them starts.
+        // Prefix sums turn the number of targets of each cell into the end of its list. Filling each list
+        // from its end then lowers the ends to starts.
         let mut sum = 0;
         for first in &mut self.first_target {
             sum += *first;

@@ -1,5 +1,5 @@
-//! Tests of the cost of the occlusion driver: what is looked at, drawn and tested, and which frames are left
-//! out.
+//! Tests of the cost of the occlusion driver: how many objects it considers, draws and tests, and in which
+//! frames it skips the search for hidden objects.
 
 use super::{Street, along_x, pipeline, street, view_from, visible};
 use std::cell::Cell;
@@ -22,8 +22,8 @@ fn at_a_price_of_nothing_nothing_is_drawn() {
     assert_eq!(pipeline.stages().nth(1).unwrap().1.occluders, 0, "occluders drawn");
 }
 
-/// A wall of 12 triangles that covers a fiftieth of the view, before three boxes. At a price of 1 it is too
-/// expensive, even though as many as 256 objects are taken to wait behind it.
+/// A wall of 12 triangles that covers a fiftieth of the view, before three boxes. At a price of one triangle
+/// per object, the wall is too expensive, even though 256 objects are assumed behind it.
 #[test]
 fn an_occluder_is_drawn_if_what_it_may_hide_is_worth_its_cost() {
     let mut scene = Scene::new();
@@ -120,8 +120,8 @@ fn count(
     (in_view, stats, std::mem::replace(culler.map_mut(), Counting::new()))
 }
 
-/// In the street the first houses hide the city, whose size must not matter: neither are all occluders in the
-/// frustum looked at, nor all boxes tested.
+/// From a street, the first houses hide the rest of the city. The cost must not depend on the city's size:
+/// the driver considers few occluders and tests few boxes.
 #[test]
 fn the_cost_of_a_frame_follows_what_is_seen() {
     let street = (DVec3::new(-8.0, 3.0, 1.7), DVec3::new(100.0, 30.0, 1.7));
@@ -140,7 +140,7 @@ fn the_cost_of_a_frame_follows_what_is_seen() {
     }
 }
 
-/// A bird sees all roofs. No occluder hides anything, so only few are tried.
+/// A bird's-eye view of all roofs: no occluder hides anything, so only few are drawn.
 #[test]
 fn where_nothing_is_hidden_little_is_drawn() {
     let scene = city(450);
@@ -168,7 +168,7 @@ fn fine_wall() -> OccluderMesh {
             quad([d, c, b, a]);
         }
     }
-    // Sides between the two faces.
+    // Triangles of the sides between the wall's two faces.
     for column in 0..columns {
         let [a, b] = [column, column + 1];
         quad([at(20.0, a, 0), at(20.0, b, 0), at(21.0, b, 0), at(21.0, a, 0)]);
@@ -200,8 +200,8 @@ fn behind_one_mesh(count: usize) -> (Scene, usize) {
     (scene, triangles)
 }
 
-/// No first occluder is too expensive for what is there to hide: a mesh of 5,000 triangles is drawn before
-/// 20,000 objects, and not before 200, whose drawing costs less.
+/// Even the first occluder may be expensive if enough objects are behind it: a mesh of 5,000 triangles is
+/// drawn in front of 20,000 objects, but not of 200, which are cheaper to draw.
 #[test]
 fn an_expensive_mesh_is_drawn_before_many_objects() {
     for (count, left) in [(20_000, 1), (200, 201)] {
@@ -212,8 +212,8 @@ fn an_expensive_mesh_is_drawn_before_many_objects() {
     }
 }
 
-/// A frame keeps to its limit of work: no occluder that costs more, and no more boxes tested than it pays
-/// for.
+/// A frame keeps to its limit of work: it draws no occluder that costs more, and tests no more boxes than the
+/// limit pays for.
 #[test]
 fn a_limit_bounds_the_work_of_a_frame() {
     let (scene, triangles) = behind_one_mesh(20_000);
@@ -232,14 +232,14 @@ fn a_limit_bounds_the_work_of_a_frame() {
         let mut culler = OcclusionCuller::new(Counting::new()).with_work_limit(limit);
         let stats = culler.cull(&city, &view, &mut set);
         let work = culler.map().added as f64 * 12.0 + culler.map().tests.get() as f64 * 0.1;
-        // The last node is tested in full, and the last batch drawn.
+        // The limit may be exceeded by the last node tested and the last batch drawn.
         assert!(work <= f64::from(limit) + 20.0, "{work} of {limit}: {stats:?}");
         assert!(stats.tests >= last, "more work is of no use: {stats:?}");
         last = stats.tests;
     }
 }
 
-/// A map that takes an occluder for a triangle each, and hides all that is farther than 100 m.
+/// A map in which each occluder costs one triangle, and which hides all boxes farther than 100 m.
 struct Fog {
     added: u32,
 }
@@ -272,8 +272,8 @@ impl OcclusionMap for Fog {
     }
 }
 
-/// An occluder takes three triangles of the limit: it is tested again, looked at and drawn. From the 1025th
-/// on it takes eight more. A frame's occluders may take half of the limit.
+/// An occluder costs three triangles of the limit (tested again, considered, drawn), and eight more from the
+/// 1025th on. A frame's occluders may use half of the limit.
 #[test]
 fn the_thousandth_occluder_takes_more_of_the_limit_than_the_first() {
     let mut scene = Scene::new();
@@ -284,7 +284,7 @@ fn the_thousandth_occluder_takes_more_of_the_limit_than_the_first() {
         let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::new(min, min + 0.1)) });
         scene.set_mesh(id, mesh, Affine3A::from_translation(min)).unwrap();
     }
-    // What the fog hides pays for all.
+    // Hiding the objects in the fog is worth the cost of all occluders.
     scene.insert_batch((0..4000).map(|i| {
         let y = (i % 64) as f32 - 32.0;
         Aabb::from_arrays([110.0, y, (i / 64) as f32 - 32.0], [111.0, y + 0.5, (i / 64) as f32 - 31.5])
@@ -299,14 +299,15 @@ fn the_thousandth_occluder_takes_more_of_the_limit_than_the_first() {
         culler.cull(&scene, &along_x(), &mut set);
         culler.map().added
     };
-    // Tests of boxes take some as well.
+    // Tests of boxes count towards the limit too.
     assert_eq!(drawn(u32::MAX), 4000, "occluders drawn without a limit");
     assert!((700..=900).contains(&drawn(6 * 900)), "{}", drawn(6 * 900));
     let all = drawn(6 * 1024 + 22 * 1000);
     assert!((1950..=2024).contains(&all), "{all}");
 }
 
-/// A map that begins each frame with a wall of its own: what the wall hides is neither offered nor drawn.
+/// A map that begins each frame with a wall of its own: occluders hidden by this wall are neither considered
+/// nor drawn.
 #[test]
 fn occluders_behind_what_the_map_holds_already_are_not_looked_at() {
     struct Walled(Counting);
@@ -358,8 +359,8 @@ fn occluders_behind_what_the_map_holds_already_are_not_looked_at() {
     assert!(stats.tests < 200, "{stats:?}");
 }
 
-/// Frames from which nothing is hidden are left out after some, but never for long, and what was left out
-/// does not last: where frames pay, all are worked on, with the answers of a new culler.
+/// Frames whose search finds nothing hidden are skipped after a while, but never many in a row. Once
+/// searching pays again, every frame searches, with the answers of a new culler.
 #[test]
 fn frames_that_do_not_pay_are_left_out_for_a_while() {
     let scene = city(100);
@@ -384,12 +385,12 @@ fn frames_that_do_not_pay_are_left_out_for_a_while() {
     let left_out = frames.split(|&worked| worked).map(<[bool]>::len).max();
     assert!(left_out.is_some_and(|most| most <= 64), "{left_out:?} frames are left out in a row");
 
-    // A camera that turns by more than 30 degrees sees something else.
+    // A camera that turns by more than 30 degrees makes the culler search again.
     let alone = visible(&mut pipeline(), &scene, &street);
     for frame in 0..20 {
         assert_eq!(works(&mut kept, &street).1, alone, "frame {frame} of the street");
     }
-    // One that turns less does not, unless twice as many objects are in view.
+    // A camera that turns less makes it search again only if twice as many objects are in view.
     let low = view_from(DVec3::new(400.0, 300.0, 150.0), DVec3::new(580.0, 300.0, 0.0));
     let turned = view_from(DVec3::new(400.0, 300.0, 150.0), DVec3::new(580.0, 380.0, 0.0));
     (0..12).for_each(|_| drop(works(&mut kept, &low)));
@@ -404,8 +405,8 @@ fn frames_that_do_not_pay_are_left_out_for_a_while() {
     assert!(kept.stages().last().unwrap().1.tests > 0, "not forgotten");
 }
 
-/// The answer to a view does not depend on the frames before, as long as some pay: backing off within a frame
-/// is a matter of that frame.
+/// The answer for a view does not depend on earlier frames as long as some of them pay: sampling of leaves is
+/// decided within each frame.
 #[test]
 fn the_same_view_has_the_same_answer_after_any_frames() {
     let scene = city(100);
@@ -421,7 +422,7 @@ fn the_same_view_has_the_same_answer_after_any_frames() {
     }
 }
 
-/// Another hierarchy over the same objects: the nodes differ, what is looked at does not grow.
+/// Over another hierarchy of the same objects, with other nodes, the driver considers no more objects.
 #[test]
 fn over_another_hierarchy_the_cost_follows_what_is_seen_too() {
     let scene = city(200);

@@ -175,7 +175,7 @@ fn a_moving_camera_loses_nothing_unless_old_answers_are_trusted() {
     assert!(sum(&trusting) < sum(&safe), "and that is what it gains");
 }
 
-/// A graphics card to which every box is hidden.
+/// A graphics card that reports every box as hidden.
 struct HidesAll(Vec<u64>);
 
 impl QueryDevice for HidesAll {
@@ -190,7 +190,7 @@ impl QueryDevice for HidesAll {
     fn draw(&mut self, _: &OccluderMesh, _: &Affine3A) {}
 }
 
-/// The rest of a box that is clipped may be hidden where the box is not.
+/// The remaining part of a clipped box may be hidden although the whole box is not.
 #[test]
 fn boxes_that_the_near_plane_or_a_clip_plane_cuts_are_never_hidden() {
     let clip = Plane::through(DVec3::X * 10.0, DVec3::X);

@@ -156,7 +156,7 @@ fn an_occluder_moves_with_its_transform() {
     scene.set_mesh(wall, mesh, Affine3A::from_translation(away)).unwrap();
     let old = scene.bounds(wall).unwrap();
     scene.set_bounds(wall, Aabb::new(old.min + away, old.max + away)).unwrap();
-    // The wall itself is out of view.
+    // 502 objects are visible: all but the wall, which is out of view.
     assert_eq!(visible(&mut pipeline(), &scene, &along_x()).len(), 502, "the wall moved aside hides nothing");
 }
 

@@ -3,9 +3,9 @@
 //! Clustered backface culling (Johannsen and Carter, "Clustered backface culling", 1998) needs clusters with
 //! similar normals that are also close together. The mesh is bisected recursively. Each split minimizes the
 //! scatter of the two halves: the sum of squared distances from their means, in normals and in positions,
-//! where the size of the mesh counts as much as one radian. A split is along one of a few fixed directions,
-//! of normals or of positions. No split leaves fewer than [`MIN_CLUSTER`] triangles on a side, so only meshes
-//! of less than 64 triangles have a smaller cluster.
+//! where the size of the mesh counts as much as one radian. A split sorts the triangles by normal or by
+//! position along one of a few fixed directions. No split leaves fewer than [`MIN_CLUSTER`] triangles on a
+//! side, so only meshes of less than 64 triangles have a smaller cluster.
 
 use super::NormalCone;
 use alloc::vec::Vec;
@@ -114,7 +114,7 @@ pub fn cluster_mesh(positions: &[Vec3], indices: &[[u32; 3]]) -> Result<Vec<Clus
     while let Some(range) = pending.pop() {
         if range.len() > MAX_CLUSTER {
             let middle = range.start + scratch.split(&points, &mut order[range.clone()]);
-            // The stack takes the first half next.
+            // Pushed in this order, the first half is taken from the stack next.
             pending.push(middle..range.end);
             pending.push(range.start..middle);
         } else if !range.is_empty() {
@@ -184,7 +184,8 @@ impl Scratch {
     /// position of each triangle of the mesh.
     fn split(&mut self, points: &[[DVec3; 2]], members: &mut [u32]) -> usize {
         let count = members.len();
-        // Halves that are not too unequal keep the depth logarithmic.
+        // Each half has at least an eighth of the triangles, which keeps the depth of the recursion
+        // logarithmic.
         let least = MIN_CLUSTER.max(count / 8);
         let range = least..count - least + 1;
         let normals = DIRECTIONS.iter().map(|&d| (0, d));

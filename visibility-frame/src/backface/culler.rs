@@ -1,4 +1,4 @@
-//! A culler of objects whose back faces alone are turned to the eye.
+//! A culler of objects of which the eye sees only back faces.
 
 use super::split_eye::SplitEye;
 use super::{Cones64, NormalCone};
@@ -16,8 +16,8 @@ use visibility_core::{
 /// Removes objects of which the eye sees only back faces, in a scene whose objects are clusters of triangles.
 /// Conservative.
 ///
-/// Only [one-sided](visibility_core::Object::one_sided) objects may be removed, since the backs of others are
-/// drawn: these are always kept.
+/// Only [one-sided](visibility_core::Object::one_sided) objects can be removed. All others are kept, since
+/// their back faces are drawn.
 ///
 /// Each one-sided object has a [`NormalCone`], built from its triangles in the scene by
 /// [`sync`](Self::sync), or given by the caller to [`set`](Self::set). An object without a cone, or changed
@@ -71,7 +71,7 @@ struct Entry {
     /// Id of the object that the entry belongs to. An object with the same index but another generation has
     /// no cone.
     id: ObjectId,
-    /// `None` if the object has no cone, or has changed since it was made.
+    /// `None` if the object has no cone, or has changed since its cone was made.
     cone: Option<NormalCone>,
     /// Value of `BackfaceCuller::clock` when the entry last changed.
     changed: u64,
@@ -152,7 +152,7 @@ impl BackfaceCuller {
 
     /// Brings the cones up to date with the scene: builds the cone of each changed one-sided object that has
     /// triangles. Time is proportional to the number of changed objects. An object with a triangle outside
-    /// its bounds gets no cone, since its bounds were moved and its triangles were not.
+    /// its bounds gets no cone: its triangles do not follow its motion.
     pub fn sync(&mut self, scene: &Scene) {
         self.forget_changed(scene);
         match self.built.follow(scene) {

@@ -17,9 +17,9 @@ use visibility_core::scene::Triangle;
 
 /// Greatest error of a facet's unit normal, as the length of a difference of unit vectors, from all causes:
 /// `2^-17`. Covers
-/// - the normal of a triangle, which is refused where rounding may reach half of this,
+/// - the normal of a triangle; a triangle is refused if rounding of its normal may reach half of this bound,
 /// - the `f32` rows of a cone from which another cone is made (see `NormalCone::facets`),
-/// - the rounding of everything in this module in `f64`, less than `2^-40`.
+/// - the rounding of all `f64` computations in this module, less than `2^-40`.
 pub(super) const SLACK: f64 = 1.0 / 131072.0;
 
 /// Least cosine of the angle between a facet's normal and the axis of the fitted cone. Cones wider than 83
@@ -39,9 +39,10 @@ const MIN_AXIS: f64 = 1.0 / 512.0;
 pub(super) struct Facet {
     /// Unit normal, pointing to the side from which the front of the triangle is seen.
     pub(super) normal: DVec3,
-    /// Two points that bound the facet. The apex of the back-facing cone must be behind the plane through
+    /// Two points in the facet's plane. The apex of the back-facing cone must be behind the plane through
     /// `points[0]` with this normal; the apex of the front-facing cone must be in front of the plane through
-    /// `points[1]`. For a triangle both points are its first corner, for a cone its two apexes.
+    /// `points[1]`. For a triangle both points are its first corner; for a facet of a cone, the cone's two
+    /// apexes.
     pub(super) points: [DVec3; 2],
     /// Approximate extent of the triangle or cluster that the plane stands for, in units of the coordinates.
     pub(super) extent: f64,
@@ -86,8 +87,8 @@ impl Surface {
         let cross = p.cross(q);
         let (area, size) = (cross.length(), p.length() * q.length());
         if area == 0.0 {
-            // The zero is certain if no step was rounded: each difference is exact, and short enough for
-            // exact products.
+            // Zero is certain only if no step was rounded: each difference must be exact, and short enough
+            // for exact products.
             let exact = [(b, a, p), (c, a, q)].iter().all(|(x, y, d)| {
                 (0..3).all(|i| is_exact_difference(x[i], y[i], d[i]) && d[i].to_bits().trailing_zeros() >= 27)
             });
@@ -128,9 +129,9 @@ pub(super) struct Fit {
     pub(super) size: f64,
 }
 
-/// Fits a cone to facets whose errors are at most `doubt`. `None` without facets, if the normals do not fit
-/// into a cone of 83 degrees around one axis, if the ellipse would be too wide, if no apex is found, or if
-/// `doubt` is too large or NaN. On `None` the caller uses an open cone, which culls nothing.
+/// Fits a cone to facets whose errors are at most `doubt`. `None` if there are no facets, if the normals do
+/// not fit into a cone of 83 degrees around one axis, if the ellipse would be too wide, if no apex is found,
+/// or if `doubt` is too large or NaN. On `None` the caller uses an open cone, which culls nothing.
 ///
 /// Cost: some 0.5 microseconds a facet.
 pub(super) fn fit(facets: &[Facet], doubt: Doubt) -> Option<Fit> {
@@ -203,7 +204,7 @@ impl Ellipse {
         let circle = Self { center: DVec2::ZERO, direction: DVec2::X, axes: [1.0; 2] }.grown(points, slack);
         let ellipse = Self::least(points).grown(points, slack);
         let best = if ellipse.share() > circle.share() { ellipse } else { circle };
-        // False for NaN.
+        // The comparison is false for NaN.
         (best.axes[0].max(best.axes[1]) + best.center.length() < 15.0).then_some(best)
     }
 
@@ -220,7 +221,8 @@ impl Ellipse {
             let mut sum = 0.0;
             for (p, weight) in points.iter().zip(&mut weights) {
                 let d = *p - moments.mean;
-                // With the plane lifted into space, the squared distance is one more than this.
+                // Adding 1 treats the points as points of space with third coordinate 1, for which the method
+                // fits ellipsoids around the origin.
                 *weight *= 1.0 + (xx * d.x * d.x + 2.0 * xy * d.x * d.y + yy * d.y * d.y);
                 sum += *weight;
             }
@@ -228,8 +230,8 @@ impl Ellipse {
             moments = Moments::of(points, &weights);
         }
         let Moments { mean, xx, xy, yy } = moments;
-        // Eigenvectors of the covariance without trigonometry: the longer row is the eigenvector of the
-        // greater eigenvalue.
+        // Eigenvectors of the covariance matrix, without trigonometry: of the two candidate rows, the longer
+        // is the eigenvector of the greater eigenvalue.
         let (middle, half) = ((xx + yy) * 0.5, (xx - yy) * 0.5);
         let radius = DVec2::new(half, xy).length();
         let (one, two) = (DVec2::new(half + radius, xy), DVec2::new(xy, radius - half));
@@ -238,9 +240,9 @@ impl Ellipse {
         Self { center: mean, direction: longer.normalize_or(DVec2::X), axes }
     }
 
-    /// Returns the ellipse scaled so that it contains `points`, the projections of unit normals onto the
-    /// gnomonic plane (the plane at distance 1 along the cone's axis), and the projections of all unit
-    /// normals that differ from these by at most `slack`.
+    /// Returns the ellipse scaled so that it contains `points` and their errors: `points` are the projections
+    /// of unit normals onto the gnomonic plane (the plane at distance 1 along the cone's axis), and the true
+    /// normals differ from these by at most `slack`.
     ///
     /// Let `c` be the component of a unit normal along the cone's axis and `p` its projection, so that
     /// `c = (1 + |p|^2)^-1/2`. If the normal is off by `slack`, its projection is within
@@ -265,7 +267,7 @@ impl Ellipse {
     /// culls. The score is the mean, over directions around the ellipse, of one minus the sine of the cone's
     /// half angle there, divided by one plus the squared distance of the ellipse's centre from the origin.
     fn share(&self) -> f64 {
-        // A quarter of the ellipse suffices, by symmetry. Cosines of odd multiples of 9 degrees.
+        // Cosines of odd multiples of 9 degrees: by symmetry, a quarter of the ellipse suffices.
         const COSINES: [f64; 5] = [0.9877, 0.8910, core::f64::consts::FRAC_1_SQRT_2, 0.4540, 0.1564];
         let mut share = 0.0;
         for i in 0..5 {
@@ -288,7 +290,7 @@ struct Moments {
 impl Moments {
     fn of(points: &[DVec2], weights: &[f64]) -> Self {
         let mean = points.iter().zip(weights).map(|(&p, &w)| p * w).sum::<DVec2>();
-        // A small covariance in every direction makes the matrix invertible.
+        // A small covariance in every direction keeps the matrix invertible.
         let mut moments = Self { mean, xx: 1e-7, xy: 0.0, yy: 1e-7 };
         for (&p, &w) in points.iter().zip(weights) {
             let d = p - mean;
@@ -318,10 +320,10 @@ struct Apex<'a> {
 }
 
 impl Apex<'_> {
-    /// Returns the distance by which the point `p` must be moved along the search direction (against the axis
-    /// for side 0, along the axis for side 1) to be behind all planes (side 0) or in front of them (side 1),
-    /// with errors of at most `doubt`. Negative if `p` may be moved the opposite way. A convex function of
-    /// `p`; NaN if a plane's height is NaN.
+    /// Returns how far the point `p` must be moved along the search direction: against the axis to be behind
+    /// all planes (side 0), or along the axis to be in front of all planes (side 1), with errors of at most
+    /// `doubt`. Negative if `p` may be moved the opposite way. A convex function of `p`; NaN if a plane's
+    /// height is NaN.
     fn depth(&self, p: DVec3, doubt: Doubt) -> f64 {
         let sign = if self.side == 0 { 1.0 } else { -1.0 };
         let mut depth = f64::NEG_INFINITY;
@@ -329,7 +331,7 @@ impl Apex<'_> {
             let d = p - facet.points[self.side];
             let above = sign * facet.normal.dot(d) + (doubt.slack * d.length() + doubt.blur);
             let along = facet.normal.dot(self.axis);
-            // Not `max`, which would drop a NaN.
+            // Unlike `max`, this keeps a NaN.
             depth = if above <= depth * along { depth } else { above / along };
         }
         depth
@@ -378,8 +380,8 @@ impl Apex<'_> {
             if missing <= 0.0 {
                 return Some(apex.to_array());
             }
-            // Moves half as far again as needed, and at least as far as rounding to `f32` may have moved the
-            // apex.
+            // Moves the apex half as far again as needed, and at least as far as rounding to `f32` may have
+            // moved it.
             let rounding = f64::from(apex.abs().max_element()) * f64::from(f32::EPSILON);
             depth += missing * 1.5 + rounding * 0.25;
         }

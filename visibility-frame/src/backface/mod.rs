@@ -1,5 +1,5 @@
-//! Backface culling: objects and clusters of which the eye can only see back faces are hidden, if they are
-//! drawn one-sided.
+//! Backface culling of one-sided objects and clusters: those of which the eye can see only back faces are
+//! hidden.
 //!
 //! - [`facing`] decides for one triangle, with a bound on rounding.
 //! - A [`NormalCone`] decides for a cluster of triangles at once, from an eye or along a direction. It is

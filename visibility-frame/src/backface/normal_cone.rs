@@ -11,8 +11,8 @@ use visibility_core::{scene::Triangle, view::Eye};
 /// only front faces.
 ///
 /// The cone has an apex, so that it is valid for eyes at any distance, and an elliptic cross-section: see the
-/// [module](crate::backface). An *open* cone decides nothing. A cone whose normals deviate by more than 83
-/// degrees from every common axis is open. Coordinates are those of the triangles. Size: 64 bytes.
+/// [module](crate::backface). An *open* cone decides nothing. A cone is open if no axis is within 83 degrees
+/// of all normals. Coordinates are those of the triangles. Size: 64 bytes.
 ///
 /// # Representation
 /// Let `v` be the eye minus the apex `behind`, and `w` the product of the matrix `rows` with `v`. The eye
@@ -58,8 +58,8 @@ impl NormalCone {
     pub const OPEN: Self = Self { rows: [[0.0; 3]; 3], behind: [0.0; 3], ahead: [0.0; 3], margin: 0.0 };
 
     /// Returns the cone of a set of triangles. Triangles of exactly zero area are never seen and are ignored.
-    /// The cone is open without triangles, if a triangle is not finite or too thin for its normal to be
-    /// certain, or if some normal would deviate from the cone's axis by more than 83 degrees.
+    /// The cone is open if there are no triangles, if a triangle is not finite or too thin for its normal to
+    /// be certain, or if some normal would deviate from the cone's axis by more than 83 degrees.
     ///
     /// Cost: some 0.5 microseconds a triangle.
     pub fn from_triangles<'a>(triangles: impl IntoIterator<Item = &'a Triangle>) -> Self {
@@ -76,7 +76,8 @@ impl NormalCone {
 
     pub(super) fn new(fit: Option<Fit>) -> Self {
         let Some(Fit { rows, behind, ahead, size }) = fit else { return Self::OPEN };
-        // Lengths in units of the cluster's size, so that squares stay in the range of `f32` at any scale.
+        // Lengths are measured in units of the cluster's size, so that squares stay in the range of `f32` at
+        // any scale.
         let exponent = (size.to_bits() >> 52) as i64 - 1023;
         let scale = f64::from_bits(((1023 - exponent.clamp(-90, 90)) as u64) << 52);
         let greatest = rows.iter().map(|row| row.abs().max_element()).fold(0.0, f64::max);
@@ -117,8 +118,8 @@ impl NormalCone {
         }
     }
 
-    /// Returns the numbers that decide whether an eye sees only backs, in the order of [`inside`]: rows, apex
-    /// `behind`, margin. The apex `ahead` is left out.
+    /// Returns the numbers of the cone that decide whether an eye sees only backs, in the order of
+    /// [`inside`]: rows, apex `behind`, margin. The apex `ahead` is not among them.
     pub(super) fn numbers(&self) -> [f32; NUMBERS] {
         let [[a, b, c], [d, e, f], [g, h, i]] = self.rows;
         let [x, y, z] = self.behind;
@@ -134,17 +135,19 @@ impl NormalCone {
     /// through the apex `behind` is certain to see only backs. An eye in front of all 16 planes through the
     /// apex `ahead` is certain to see only fronts.
     fn facets(&self) -> impl Iterator<Item = Facet> {
-        // An eye behind all planes with normals `rows[2] + cos rows[0] + sin rows[1]`, for any angle, is in
-        // the cone. The rows were rounded by up to `6u` of the greatest element, which is at most 16 times as
-        // long as the part of these normals along the axis: 96u, less than `SLACK`. Planes with normals
-        // inside a polygon of normals follow from the planes of its corners.
+        // The cone holds every eye that is behind all planes with normals `rows[2] + cos(a) rows[0] + sin(a)
+        // rows[1]`, for all angles `a`. The rows were rounded by up to `6u` of the greatest element, which is
+        // at most 16 times as long as the part of these normals along the axis: 96u, less than `SLACK`. A
+        // polygon around the ellipse of normals suffices: an eye behind the planes of its corners is behind
+        // all planes.
         const COSINES: [f64; 5] =
             [1.0, 0.923_879_532_511_286_7, core::f64::consts::FRAC_1_SQRT_2, 0.382_683_432_365_089_8, 0.0];
-        // Slightly more than one over the cosine of half the angle between corners.
+        // The corners are moved outwards by slightly more than one over the cosine of half the angle between
+        // corners.
         const OUT: f64 = 1.019_591_2;
         let [x, y, z] = self.rows.map(|row| DVec3::from_array(row.map(f64::from)));
         let points = [self.behind, self.ahead].map(|p| DVec3::from_array(p.map(f64::from)));
-        // Rows are in units of one over the cluster's extent.
+        // Rows are scaled by one over the cluster's extent.
         let extent = 1.0 / z.length();
         (0..CORNERS).map(move |i| {
             let (c, s) = (COSINES[i % 4], COSINES[4 - i % 4]);
@@ -162,8 +165,8 @@ impl NormalCone {
     /// mirrored objects, so that the outside stays outside, add [`flipped`](Self::flipped). A transform that
     /// flattens, or is not finite, gives an open cone.
     ///
-    /// The result is some 2 % wider than the original. Transform the original cone each time, since repeated
-    /// transforms add up. Cost: some 15 microseconds.
+    /// The result is about 2 % wider than the original, and repeated transforms add up: always transform the
+    /// original cone. Cost: some 15 microseconds.
     ///
     /// ```
     /// use visibility_frame::backface::{Facing, NormalCone};
@@ -200,8 +203,8 @@ impl NormalCone {
         for Facet { normal: n, points, extent } in self.facets() {
             let normal = cofactors[0] * n.x + cofactors[1] * n.y + cofactors[2] * n.z;
             let length = normal.length();
-            // The uncertainty of the normals before the transform, as the cofactors stretch it, plus the
-            // rounding of the cofactors themselves.
+            // The error of the normals, as the cofactors stretch it, plus the rounding of the cofactors
+            // themselves.
             doubt.slack = doubt.slack.max((SLACK * norm + 64.0 * U) / length * 1.01 + SLACK * 0.125);
             for p in points {
                 let size = greatest * p.abs().element_sum() + transform.translation.abs().max_element();

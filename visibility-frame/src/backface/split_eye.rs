@@ -14,7 +14,7 @@ pub(crate) struct SplitEye {
     /// Factor by which the apex is multiplied before it is subtracted from the eye: 1 for an eye point, 0
     /// for a direction (parallel view).
     weight: f32,
-    /// Bound for the rounding and the uncertainty of the eye, to be multiplied by a cone's `margin`: `2u E +
+    /// Bound on the rounding and the uncertainty of the eye, to be multiplied by a cone's `margin`: `2u E +
     /// 2^-100 + 5 r / (32 u)`, derived at [`inside`]. Here `u = 2^-24`, `E` is the sum of the magnitudes of
     /// the eye's coordinates, and `r` the greatest distance of the true eye from this eye.
     blur: f32,
@@ -72,7 +72,8 @@ pub(crate) const NUMBERS: usize = 13;
 /// - The error of a component of `v` is at most `2u |v|` for two roundings, `u |low| <= u^2 E` for the
 ///   rounding of `low`, and `u^2 E` for the part of the eye that two `f32` cannot hold.
 /// - The error of a component of `w` is at most `3u s S` for its products and sums, `u s S` for the rounding
-///   of `rows`, `2u s S` for that of `v`, and `2u^2 s E`: together less than `6.1 u s S + 2.1 u^2 s E`.
+///   of `rows`, `2u s S` for the rounding of `v`, and `2u^2 s E`: together less than `6.1 u s S + 2.1 u^2 s
+///   E`.
 /// - The error of `w.z + |(w.x, w.y)|` is at most `1 + 2^1/2` times that: less than `15u s S + 6u^2 s E`. The
 ///   margin is `32u s (S + 2u E)`; the rounding of the margin itself is a millionth of it.
 /// - An eye that is off by `r` changes `w.z + |(w.x, w.y)|` by less than `4.2 s r`. The field
@@ -80,10 +81,10 @@ pub(crate) const NUMBERS: usize = 13;
 /// - Flushing of denormals changes components of `v` by up to `2^-126`, and the result by up to `2^-123 s`.
 ///   The term `2^-100` of the blur allows for `2^-119 s`. Flushing also changes products, by less than
 ///   `2^-122` without the factor `s`; the last `2^-50` allows for this, see the next item.
-/// - The code compares squares instead of lengths. This takes five more roundings, for which `16u` are
-///   available. Squares of numbers above `2^-50` are well above denormals. Squares of smaller components may
-///   be flushed, `2^-126` beside `2^-100`. With the `2^-122` of the previous item, `4u` of each side of the
-///   comparison remain, at least `2^-74`.
+/// - The code compares squares instead of lengths, which takes five more roundings; `16u` are available for
+///   these. Squares of numbers above `2^-50` are well above the denormals. Squares of smaller components may
+///   be flushed, which loses `2^-126` beside `2^-100`. With the `2^-122` of the previous item, `4u` of each
+///   side of the comparison remain, at least `2^-74`.
 /// - An overflow makes a side of a comparison infinite or NaN. The comparison then decides nothing, or
 ///   decides what is true anyway.
 #[inline(always)]
@@ -101,7 +102,7 @@ pub(super) fn inside<const WIDTH: usize>(cones: [&[f32; WIDTH]; NUMBERS], eye: &
         let size = ((x.abs() + y.abs()) + z.abs()) + blur;
         let depth = wz + margin[i] * size;
         let square = (wx * wx + wy * wy) * (1.0 + 8.0 * f32::EPSILON);
-        // False for NaN, and then the result is 0: not held.
+        // `outside` is false for NaN; the result is then 0, which means that the cone does not hold the eye.
         let outside = square < depth * depth;
         found[i] = if outside { depth + MIN_DEPTH } else { 0.0 };
     }
@@ -110,5 +111,5 @@ pub(super) fn inside<const WIDTH: usize>(cones: [&[f32; WIDTH]; NUMBERS], eye: &
 
 /// [`inside`] counts an eye as inside a cone only if the eye's `depth`, which is `w.z` plus the margin and
 /// negative inside, is below minus this number, `2^-50`. Squares of smaller depths come near the denormals,
-/// so such eyes count as outside.
+/// so eyes that close count as outside.
 const MIN_DEPTH: f32 = 1.0 / 1_125_899_906_842_624.0;

@@ -1,11 +1,11 @@
-//! The planes around the convex hull of a volume and a light, which bound all segments from points of the
-//! volume to the light.
+//! The planes around the convex hull of a volume and a light. The hull contains every segment from a point of
+//! the volume to the light.
 //!
 //! Let the volume be where all planes `A . p >= 0`. Here `A . p` stands for `normal . p + offset` of a plane
 //! `A`, and for a light `L` at infinity, `A . L` for `normal . direction`. A plane bounds the hull of volume
 //! and light if both are on its inner side. Such planes are
 //!
-//! - the planes of the volume with the light on the inner side, `A . L >= 0`, and
+//! - each plane `A` of the volume that has the light on its inner side, `A . L >= 0`, and
 //! - for each of these and each `B` with `B . L < 0`, the plane `C = (-B . L) A + (A . L) B`. As a sum of `A`
 //!   and `B` with non-negative weights, it has the whole volume on its inner side, and `C . L = 0`: it goes
 //!   through the light and the edge in which `A` and `B` meet, the silhouette of the volume as the light sees
@@ -13,7 +13,7 @@
 //!
 //! No other planes are needed (one step of the double description method: Motzkin, Raiffa, Thompson and
 //! Thrall, "The Double Description Method", 1953). Pairs of planes that meet in no edge give valid but
-//! redundant planes, so neither vertices nor edges need to be found. No special cases exist: infinite
+//! redundant planes, so neither vertices nor edges need to be found. There are no special cases: infinite
 //! volumes, lights in, behind or on a plane of the volume, and all kinds of cameras are treated alike.
 //! Leaving planes out is conservative: it keeps more casters.
 //!
@@ -43,7 +43,7 @@ pub(super) enum Source {
 }
 
 /// A plane with absolute error bounds for each component of its normal and for its offset: the exact plane is
-/// within these bounds of the stored one.
+/// within these bounds.
 #[derive(Clone, Copy)]
 struct RoundedPlane {
     plane: Plane,
@@ -69,12 +69,12 @@ const EPSILON: f64 = f64::EPSILON;
 impl Source {
     fn facet(&self, slot: u8, view_plane: &ViewPlane) -> Facet {
         let ViewPlane { plane, error: offset_error } = *view_plane;
-        // The normals of the exact planes are within 8 epsilon of these.
+        // Each component of the exact normal is within 8 epsilon of the stored one.
         let normal_error = plane.normal.abs() * (8.0 * EPSILON);
         // The light is rounded by half an epsilon when it is made relative to the scene; products and sums
-        // are rounded as in `Plane::error_bound`, by 3 epsilon. With the 8 of the normal that is 12 of the
-        // magnitudes. 16 also cover the rounding of that bound and of its use: `toward` below rounds distance
-        // and error three times each.
+        // are rounded by 3 epsilon, as in `Plane::error_bound`. With the 8 epsilon of the normal, that is 12
+        // of the magnitudes. 16 also cover the rounding of the bound itself and of its use: `toward` below
+        // rounds distance and error three times each.
         let (distance, size, shift) = match *self {
             Self::Direction(d) => {
                 (Plane::new(plane.normal, 0.0).signed_distance(d), plane.normal.abs().dot(d.abs()), 0.0)
@@ -130,13 +130,13 @@ impl Facet {
     fn toward(&self, other: &Self) -> RoundedPlane {
         let (a, b) = (other.error - other.distance, self.distance - self.error);
         let scale = a.max(b);
-        // More of `self` is always valid, and its weight must not underflow to zero.
+        // A larger share of `self` is always valid, and its weight must not underflow to zero.
         let (a, b) = ((a / scale).max(1e-200), b / scale);
         let (p, q) = (&self.plane, &other.plane);
         let normal = p.plane.normal * a + q.plane.normal * b;
         let offset = p.plane.offset * a + q.plane.offset * b;
-        // Two roundings each in addition to the errors of the planes. Components that cancel keep the errors
-        // of the terms.
+        // Each component is rounded twice, in addition to the errors of the planes. Where components cancel,
+        // the errors of both terms remain.
         let size = p.plane.normal.abs() * a + q.plane.normal.abs() * b;
         let offset_size = p.plane.offset.abs() * a + q.plane.offset.abs() * b;
         RoundedPlane {
@@ -155,11 +155,12 @@ impl RoundedPlane {
     /// or its error overflows.
     fn settle(&self, reach: DVec3) -> Option<ViewPlane> {
         let length = self.plane.normal.length();
-        // Below 1e-140, squares underflow: opposite planes of a volume without extent.
+        // Squares of lengths below 1e-140 underflow. Opposite planes of a volume without extent give such a
+        // normal.
         if length.is_nan() || length < 1e-140 {
             return None;
         }
-        // The divisions round normal, offset and errors once more each.
+        // The divisions round the normal, the offset and each error once more.
         let lost = self.normal_error + self.plane.normal.abs() * (4.0 * EPSILON);
         let error = (self.offset_error + self.plane.offset.abs() * (4.0 * EPSILON) + lost.dot(reach))
             / length

@@ -32,14 +32,14 @@ use visibility_core::{Aabb, Accuracy, CullStats, Culler, Scene, View, VisibleSet
 /// ([`View::with_layers`]).
 ///
 /// For lights with a range, objects farther from the light are removed too. For spot lights, objects outside
-/// the cone are removed, where the cone is approximated by a pyramid with eight sides. With
+/// the cone are removed, with the cone approximated by a pyramid with eight sides. With
 /// [receivers](Self::with_receivers), objects that cast no shadow on the receivers' box are removed.
 ///
 /// # Occlusion from the light
-/// A caster that the light cannot see adds nothing to a shadow map: whatever hides it is nearer to the light.
-/// An [`OcclusionCuller`](visibility_core::OcclusionCuller) with the light's own view removes such casters.
-/// The caster culler takes the camera's view, all other stages that of the light, so they are called one
-/// after another:
+/// A caster that the light cannot see adds nothing to a shadow map, since the surface that hides it is nearer
+/// to the light. An [`OcclusionCuller`](visibility_core::OcclusionCuller) with the light's own view removes
+/// such casters. The caster culler takes the camera's view, all other stages that of the light, so they are
+/// called one after another:
 ///
 /// ```
 /// # use visibility_core::{
@@ -62,7 +62,7 @@ use visibility_core::{Aabb, Accuracy, CullStats, Culler, Scene, View, VisibleSet
 /// let mut casters = CasterCuller::new(Light::Directional { toward_light })?;
 /// let mut occlusion = OcclusionCuller::new(map);
 /// let mut set = VisibleSet::new();
-/// // Each frame: the view that the shadow map is drawn from, with the layers of casters only.
+/// // Each frame: `light` is the view that the shadow map is drawn from, on the layers of casters only.
 /// let pose = Pose::look_at(toward_light * 200.0, DVec3::ZERO, DVec3::Y);
 /// let light = View::orthographic(pose, Window::centered(100.0, 100.0), 0.0, 400.0)?.with_layers(CASTERS);
 /// set.fill(&scene, &light);
@@ -73,27 +73,27 @@ use visibility_core::{Aabb, Accuracy, CullStats, Culler, Scene, View, VisibleSet
 /// ```
 ///
 /// No shadow is lost, because occluders are chosen from the set: each is drawn into the map itself, or is
-/// hidden by others that are. This asks for
+/// hidden by others that are drawn into it. Required are
 /// - one set for each shadow map: each cascade, each face of a cube;
-/// - a set without objects that cast no shadow, hence the light's view with the layers of casters;
-/// - a light's view that begins before all casters. Casters before its near plane are removed, also where the
+/// - a set of shadow casters only, hence a view of the light on the layers of casters;
+/// - a light's view that begins before all casters. Casters before its near plane are removed, even if the
 ///   engine would clamp their depth;
-/// - a map of the surfaces nearest to the light. One drawn from back faces alone loses shadows within solid
+/// - a shadow map of the surfaces nearest to the light. A map of back faces alone loses shadows inside solid
 ///   occluders.
 ///
 /// # Cost
-/// A walk of the hierarchy like that of the [`FrustumCuller`](visibility_core::FrustumCuller), against 8 to
-/// 12 planes instead of 6; a second walk over the remaining objects for spot lights and for receivers; 5 ns
-/// for each remaining object if the light has a range. Among 100 thousand objects, where the frustum of a
-/// camera takes 7 us, the sun takes 8 to 13 us and a lamp 8 to 11 us.
+/// One walk of the hierarchy like that of the [`FrustumCuller`](visibility_core::FrustumCuller), against 8 to
+/// 12 planes instead of 6. Spot lights and receivers take a second walk over the remaining objects, and a
+/// light with a range takes 5 ns for each remaining object. Among 100 thousand objects, where frustum culling
+/// of a camera takes 7 us, the sun takes 8 to 13 us and a lamp 8 to 11 us.
 ///
 /// ```
 /// use visibility_core::{glam::DVec3, Aabb, Pipeline, Pose, Scene, View, VisibleSet};
 /// use visibility_frame::casters::{CasterCuller, Light};
 /// let mut scene = Scene::new();
-/// // Behind the camera and above it, between the sun at its back and what it sees:
+/// // Behind the camera and above it, between the camera's view and the sun at its back:
 /// let tower = scene.insert(Aabb::from_arrays([-9.0, -1.0, 0.0], [-7.0, 1.0, 30.0]));
-/// // As far behind, but low.
+/// // As far behind the camera, but too low for its shadow to reach the view.
 /// let hut = scene.insert(Aabb::from_arrays([-40.0, -1.0, 0.0], [-38.0, 1.0, 3.0]));
 /// let pose = Pose::look_at(DVec3::new(0.0, 0.0, 2.0), DVec3::new(9.0, 0.0, 0.0), DVec3::Z);
 /// let view = View::perspective(pose, 0.7, 1.0, 0.1, 20.0)?;
@@ -112,7 +112,7 @@ pub struct CasterCuller {
     /// or so little less that the cone bounds nothing.
     tangent: Option<f64>,
     /// Box that contains all receivers of shadows, in metres, and the [`Scene::origin`] that it is relative
-    /// to. `None` if shadows count wherever in the view they fall.
+    /// to. `None` if all shadows in the view count.
     receivers: Option<(Aabb, DVec3)>,
 }
 
@@ -142,9 +142,10 @@ impl CasterCuller {
     }
 
     /// Restricts the culler to shadows that fall into the box `receivers`, in metres relative to `origin`,
-    /// which is [`Scene::origin`] as the box was measured. The box must contain everything that receives
-    /// shadows in the view. The restriction helps most if the view has no far plane and the sun is low. A box
-    /// that is improper or not finite removes it. It is ignored while the scene has another origin.
+    /// the [`Scene::origin`] at the time when the box was measured. The box must contain everything that
+    /// receives shadows in the view. The restriction helps most if the view has no far plane and the sun is
+    /// low. An improper or infinite box removes the restriction. The restriction is ignored while the scene
+    /// has another origin.
     pub fn set_receivers(&mut self, receivers: Aabb, origin: DVec3) {
         self.receivers = receivers.is_finite().then_some((receivers, origin));
     }
@@ -166,9 +167,9 @@ impl CasterCuller {
         Ok(())
     }
 
-    /// Returns the planes, with inward normals and relative to the scene's origin, around the region that
-    /// every caster whose shadow can fall into `view` meets. Their error bounds hold for points whose
-    /// coordinates have absolute values of at most `reach`, in metres.
+    /// Returns the planes, with inward normals and relative to the scene's origin, of a region that every
+    /// caster touches whose shadow can fall into `view`. Their error bounds hold for points whose coordinates
+    /// have absolute values of at most `reach`, in metres.
     fn planes(&self, scene: &Scene, view: &View, reach: DVec3) -> HullPlanes {
         let mut planes = HullPlanes::new();
         let source = match self.light {
@@ -215,8 +216,7 @@ impl Culler for CasterCuller {
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         let planes = self.planes(scene, view, reach(scene));
         let mut stats = CullStats::default();
-        // At least one pass, so that the set is brought to the layout of the scene and counted, even without
-        // planes.
+        // At least one pass, even without planes: it brings the set to the layout of the scene and counts it.
         for at_once in planes.chunks(MAX_PLANES).chain(planes.is_empty().then_some(&[][..])) {
             stats += ConvexVolume::new(self.simd, at_once).retain(scene, visible);
         }
@@ -258,15 +258,16 @@ fn sides(bounds: &Aabb) -> [ViewPlane; 6] {
 /// Tests whether a box may reach within `range` metres of the light, both relative to the scene's origin.
 /// Returns false only if the box is certainly farther away.
 ///
-/// The light is off by half an epsilon of its own size on each axis, and so is each difference; a square
-/// doubles the relative error, and sums add as much again. All terms are positive, so the slack of 16 epsilon
-/// of each is several times that. An overflow gives an infinite squared gap only if the box is that far away.
+/// Per axis, the light is off by half an epsilon of its own size, and so is each difference. A square doubles
+/// the relative error, and sums add as much again. All terms are positive, so the margin of 16 epsilon is
+/// several times that. An overflow gives an infinite squared gap only if the box is farther away than the
+/// range.
 fn is_within(bounds: &Aabb, light: DVec3, range: f64) -> bool {
     let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
     let slack = light.abs() * (4.0 * f64::EPSILON);
     let gap = ((min - light).max(light - max) - slack).max(DVec3::ZERO);
     let range = range * (1.0 + 16.0 * f64::EPSILON);
-    // Dividing first, so that neither squares nor ranges leave the range of `f64`.
+    // Divides first, so that neither squares nor ranges leave the range of `f64`.
     let gap = gap / range;
     let beyond = gap.x * gap.x + gap.y * gap.y + gap.z * gap.z > 1.0 + 16.0 * f64::EPSILON;
     !beyond

@@ -1,4 +1,5 @@
-//! The walk over the clusters of each visible instance: planes, cones and occlusion map in turn.
+//! The walk over the clusters of each visible instance: tests clusters against planes, then cones, then the
+//! occlusion map.
 
 use super::ClusterMesh;
 use super::local_view::{LocalView, Placement};
@@ -11,7 +12,7 @@ use visibility_core::simd::Simd;
 use visibility_core::view::{Eye, MAX_PLANES, ViewPlanes, ViewProjection};
 use visibility_core::{CullStats, ObjectId, OcclusionMap, Scene, View, VisibleSet};
 
-/// The mesh that an object is drawn with, and how.
+/// The mesh that an object is drawn with, its transform, and whether its back faces are drawn.
 ///
 /// ```
 /// use visibility_frame::clusters::{ClusterInstance, ClusterMesh};
@@ -27,7 +28,7 @@ pub struct ClusterInstance<'m> {
     /// Maps mesh coordinates to coordinates relative to the scene's origin. May mirror, shear and scale. All
     /// clusters are listed if the transform is flat or not finite.
     pub transform: Affine3A,
-    /// Whether back faces are drawn too, so that cones are not used. False by default.
+    /// Whether back faces are drawn too; normal cones are then not used. False by default.
     /// [`ClusterView::cull`] uses no cones either for an object that is not
     /// [one-sided](visibility_core::Object::one_sided).
     ///
@@ -72,7 +73,7 @@ pub struct VisibleCluster {
 /// # Cost
 /// Some 5 us for an instance of 1,000 clusters in view, half of which are listed. Planes and eye are
 /// transformed once for each instance; blocks of 64 clusters out of view cost nothing. The occlusion map is
-/// asked last, only for clusters that planes and cones left.
+/// tested last, only with clusters that planes and cones have left.
 ///
 /// ```
 /// use visibility_frame::clusters::{ClusterInstance, ClusterMesh, ClusterView, VisibleCluster};
@@ -90,7 +91,7 @@ pub struct VisibleCluster {
 ///     scene.insert(Object { one_sided: true, ..Object::new(bounds) })
 /// });
 ///
-/// // Each frame: cull objects, then the clusters of those that are left.
+/// // Each frame: cull objects, then the clusters of the remaining objects.
 /// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 100.0)?;
 /// let (mut visible, mut list) = (VisibleSet::new(), Vec::new());
 /// Pipeline::new().with(FrustumCuller::new()).cull(&scene, &view, &mut visible);
@@ -160,9 +161,9 @@ impl<'a> ClusterView<'a> {
     /// Appends the clusters that the view may see, of all instances in `visible`, to `list`. Clusters of an
     /// instance are adjacent, in no particular order; instances are in the order of the set.
     ///
-    /// `instances` returns what an object is drawn with. Nothing is listed for objects without clusters, for
-    /// which it returns `None`. For an object that is [never culled](visibility_core::Object::never_cull) or
-    /// has bounds that are not finite, all clusters are listed. Allocates only if `list` must grow.
+    /// `instances` returns the mesh and transform that an object is drawn with; for `None` nothing is listed.
+    /// For an object that is [never culled](visibility_core::Object::never_cull) or has bounds that are not
+    /// finite, all clusters are listed. Allocates only if `list` must grow.
     ///
     /// Returns the counters: `nodes` counts blocks of 64 clusters, `tests` the tests of boxes against planes
     /// and the map and of cones against the eye, and `visible` the clusters listed.
@@ -219,10 +220,10 @@ struct InstanceWalk<'m> {
 }
 
 impl InstanceWalk<'_> {
-    /// Tests the boxes and cones of a block, and passes what is left on to the blocks below, or at level 0,
-    /// whose lanes are clusters, to `each`. Boxes are tested against the planes in the mask `active`; all
-    /// other planes are known to have the whole block on their inner side. `map` is `None` if there is no
-    /// map, or if it hides no part of the block's box.
+    /// Tests the boxes and cones of a block. Lanes that pass are visited at the level below or, at level 0,
+    /// whose lanes are clusters, given to `each`. Boxes are tested against the planes in the mask `active`;
+    /// all other planes have the whole block on their inner side. `map` is `None` if there is no map, or if
+    /// it hides no part of the block's box.
     fn visit(
         &self,
         level: usize,
@@ -241,7 +242,8 @@ impl InstanceWalk<'_> {
             stats.tests += u64::from(mask.count_ones());
             mask &= !self.simd.inside_cones(self.mesh.cones(block), &self.view.eye);
         }
-        // `unhidden` are the children whose box the map found visible: below them it is not asked again.
+        // `unhidden` are the children whose box the map found wholly visible: their descendants are not
+        // tested against it.
         let mut unhidden = 0;
         if let Some(map) = map.filter(|_| mask != 0) {
             let (placed, known) = self.placed(boxes, mask);
@@ -256,7 +258,7 @@ impl InstanceWalk<'_> {
             lanes(mask).for_each(|lane| each(clusters[lane]));
             return;
         }
-        // A plane that contains a child needs no test below it.
+        // A child wholly on the inner side of a plane needs no test against that plane below it.
         let mut inside = [0; MAX_PLANES];
         for plane in lanes(active.into()) {
             inside[plane] = volume.inside(boxes, plane);

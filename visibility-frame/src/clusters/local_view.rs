@@ -7,24 +7,24 @@
 //! The plane `n . q + d >= 0` is `(n . a, n . b, n . c) . p + (n . t + d) >= 0` in mesh coordinates, also for
 //! mirroring transforms. The normal is within `16u` of the view's own in each component, a product and two
 //! sums round by `3u`, and the division by the normal's length by `u`. So each component is off by at most
-//! `20u` of the sum of its terms' magnitudes, and so is the offset, where the sum with `d` rounds once more
-//! but the terms of `d` have fewer roundings. The code uses `32u`, which covers the rounding of the bound
-//! itself. Where terms cancel, as under a shear or far from the origin, such an error exceeds the length of
-//! the normal: the errors of the normal count times the greatest coordinate of the mesh, as errors of the
-//! offset. A product that underflows loses less than the least normal number.
+//! `20u` of the sum of its terms' magnitudes. The same holds for the offset: the sum with `d` rounds once
+//! more, but the terms of `d` have fewer roundings. The code uses `32u`, which covers the rounding of the
+//! bound itself. Where terms cancel, as under a shear or far from the origin, such an error may exceed the
+//! length of the normal. Errors of the normal, times the greatest coordinate of the mesh, therefore count as
+//! errors of the offset. A product that underflows loses less than the least normal number.
 //!
 //! # Eye
 //! The eye `e` is at `A^-1 (e - t)`. The rows of the inverse are `b x c`, `c x a` and `a x b` over the
 //! determinant `a . (b x c)`.
 //! - A component of these cross products is the difference of two products of `f32`, which are exact in
 //!   `f64`: it is off by `u` of itself.
-//! - The determinant is a sum of three products of such a component: `u + u + 2u` of the sum of magnitudes.
+//! - The determinant is a sum of three products with such components: `u + u + 2u` of the sum of magnitudes.
 //!   The code uses `8u`.
 //! - A row times `e - t` adds the `u` of the difference: `5u`, and the quotient `u`. The code uses `8u`. The
 //!   error of the eye itself counts with the sum of the row's magnitudes.
-//! - A quotient is off by the error of the numerator, and of the denominator times the quotient, over the
-//!   exact determinant. That is at least `1 - 2^-10` of the computed one where the computed one is at least
-//!   `2^10` of its errors. A transform with a smaller determinant counts as flat.
+//! - A quotient is off by the error of the numerator, plus the error of the denominator times the quotient,
+//!   over the exact determinant. The exact determinant is at least `1 - 2^-10` of the computed one if the
+//!   computed one is at least `2^10` times its error. A transform with a smaller determinant counts as flat.
 
 use crate::backface::SplitEye;
 use visibility_core::frustum::ConvexVolume;
@@ -113,7 +113,8 @@ impl Placement {
             }
             Eye::Direction(along) => {
                 let (p, radius) = self.inverse(along, error);
-                // Only the direction counts. The quotients round by `u` of at most 1 each.
+                // A direction is scaled to its greatest component. The quotients round by `u` of at most 1
+                // each.
                 let length = p.abs().max_element();
                 let radius = radius / length * (1.0 + 16.0 * U) + 4.0 * U;
                 if radius < 1e-3 { SplitEye::around(-p / length, 0.0, radius) } else { SplitEye::UNKNOWN }

@@ -16,7 +16,7 @@ use visibility_core::scene::{Boxes64, FAN_OUT, morton_order};
 /// ```
 /// use visibility_core::glam::Vec3;
 /// use visibility_frame::{backface::cluster_mesh, clusters::ClusterMesh};
-/// // Clusters of this crate, or those of meshoptimizer: the box and the cone of each one's triangles.
+/// // Clusters of this crate or of meshoptimizer, each with the box and the cone of its triangles.
 /// let clusters = cluster_mesh(&[Vec3::ZERO, Vec3::X, Vec3::Y], &[[0, 1, 2]])?;
 /// let mesh = ClusterMesh::new(clusters.iter().map(|cluster| (cluster.bounds, cluster.cone)));
 /// assert_eq!(mesh.len(), 1);
@@ -27,11 +27,11 @@ pub struct ClusterMesh {
     /// Boxes of all levels, leaves first. Lane `i` of block `b` of a level holds the hull of block `64 b +
     /// i` of the level below; at the leaves, the box of a cluster.
     boxes: Vec<Boxes64>,
-    /// For each level, leaves first, the index in `boxes` of its first block. Empty without clusters.
+    /// Index in `boxes` of the first block of each level, leaves first. Empty without clusters.
     levels: Vec<usize>,
     /// Cones of the clusters, one block for each leaf block.
     cones: Vec<Cones64>,
-    /// For lane `i` of leaf block `b`, at `64 b + i`: the number of the cluster in the caller's order.
+    /// Number of each cluster in the caller's order: that of lane `i` of leaf block `b` is at `64 b + i`.
     clusters: Vec<u32>,
     /// Greatest magnitude of each coordinate of the finite boxes, in mesh units.
     reach: DVec3,

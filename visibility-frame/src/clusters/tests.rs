@@ -1,5 +1,6 @@
 //! Tests in exact arithmetic that the bounds on the rounding of planes and eye in mesh coordinates hold, and
-//! that they are needed. Tests of whole views show neither: the margins of the `f32` kernels are wider.
+//! that they are needed. Tests of whole views cannot show this, since the margins of the `f32` kernels are
+//! wider.
 
 use super::local_view::Placement;
 use visibility_core::geometry::Plane;
@@ -11,7 +12,7 @@ fn exact(v: Vec3A) -> [f64; 3] {
     v.to_array().map(f64::from)
 }
 
-/// Returns axes of one of three kinds: any, almost parallel, or of very different lengths.
+/// Returns axes of a random kind: arbitrary, almost parallel, or of very different lengths.
 fn random_axes(rng: &mut Random) -> [Vec3A; 3] {
     let mut axes = [(); 3].map(|()| rng.fine_vector(1.0));
     match rng.below(3) {
@@ -25,8 +26,8 @@ fn random_axes(rng: &mut Random) -> [Vec3A; 3] {
     axes.map(|axis| axis.as_vec3a())
 }
 
-/// Tests points within an error bound of a plane: which side of the enlarged half-space in mesh coordinates
-/// they are on against which side of the half-space in scene coordinates.
+/// Tests points within an error bound of a plane: a point of the half-space in scene coordinates must lie in
+/// the enlarged half-space in mesh coordinates.
 #[test]
 fn a_half_space_in_mesh_coordinates_holds_all_of_its_points() {
     let mut rng = Random(1);
@@ -40,7 +41,7 @@ fn a_half_space_in_mesh_coordinates_holds_all_of_its_points() {
         let p = rng.fine_vector(size).as_vec3a();
         let n = rng.fine_vector(1.0).normalize();
         let placed: DVec3 = (0..3).map(|j| axes[j].as_dvec3() * f64::from(p[j])).sum();
-        // As near to the point as rounding allows, or a few bounds away.
+        // The plane is placed as near to the point as rounding allows, or a few error bounds away.
         let size = n.abs().dot(placed.abs() + translation.as_dvec3().abs());
         let off = rng.pick(&[0.0, 0.0, 1.0, -1.0, 20.0, -20.0, 1e4]);
         let offset = -n.dot(placed + translation.as_dvec3()) + off * f64::EPSILON * size;
@@ -66,7 +67,7 @@ fn a_half_space_in_mesh_coordinates_holds_all_of_its_points() {
         };
         if in_scene >= 0 {
             assert!(local(error) >= 0, "{transform:?} {p} {given:?}");
-            // Without the bound, the point would be lost.
+            // Without the error bound, the point would be outside.
             outside += u32::from(local(0.0) < 0);
         }
         let length = DVec3::from_array(axes.map(|axis| n.dot(axis.as_dvec3()))).length();
@@ -85,7 +86,8 @@ fn to_vec(v: [i64; 3]) -> DVec3 {
     DVec3::from_array(v.map(|x| x as f64))
 }
 
-/// Tests eyes whose place in mesh coordinates is known, under integer transforms, many of them almost flat.
+/// Tests eyes whose exact position in mesh coordinates is known, under integer transforms, many of them
+/// almost flat.
 #[test]
 fn the_eye_in_mesh_coordinates_is_within_its_bound() {
     let mut rng = Random(2);
@@ -111,7 +113,7 @@ fn the_eye_in_mesh_coordinates_is_within_its_bound() {
         assert!(distance <= radius, "{transform:?} {eye}: {found} is off by {distance}, bound {radius}");
         off += u32::from(distance > radius / 32.0);
         loose += u32::from(distance == 0.0);
-        // An eye that is itself off by up to a thousandth on each axis.
+        // The given eye is off by up to a thousandth on each axis.
         let error = 1e-3;
         let wrong = eye - to_vec(translation) + DVec3::new(error, -error, error);
         let (found, radius) = placement.inverse(wrong, error);

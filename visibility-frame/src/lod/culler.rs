@@ -1,4 +1,4 @@
-//! The culler of objects that are too small, out of their draw range, or stood in for.
+//! The culler of objects that are too small, out of their draw range, or replaced by their HLOD parent.
 
 use super::eye_box::EyeBox;
 use super::{PixelScale, SizeTest};
@@ -9,32 +9,32 @@ use visibility_core::scene::{DetailBounds, DetailedObject, SceneCursor, lanes};
 use visibility_core::walk::{Child, SceneHierarchy, Walk};
 use visibility_core::{Aabb, Accuracy, CullStats, Culler, Scene, View, VisibleSet, simd::Simd};
 
-/// Width of the hysteresis at the ends of a draw range, as a fraction of the distance of the end: `begin`
-/// counts as that much nearer for an object that was beyond it, `end` as that much farther for one that was
-/// within it.
+/// Width of the hysteresis at the ends of a draw range, as a fraction of the distance of the end. An object
+/// that was beyond `begin` stays until it is nearer than `begin` by that fraction; an object within `end`
+/// stays until it is farther than `end` by that fraction.
 const HYSTERESIS: f64 = 0.05;
 
-/// Removes objects that contribute too little: that are smaller than a number of pixels, out of their [draw
-/// range](Scene::set_draw_range), or stood in for by an [HLOD parent](Scene::set_hlod_parent). The
+/// Removes objects that contribute too little: objects smaller than a number of pixels, out of their [draw
+/// range](Scene::set_draw_range), or replaced by an [HLOD parent](Scene::set_hlod_parent). The
 /// [module](super) defines size and distance. Objects that are never culled stay.
 ///
-/// In a pipeline it comes before the stages that hide objects behind others: an object that it removes is not
-/// drawn, so it must not have hidden anything.
+/// In a pipeline this culler comes before the stages that hide objects behind others: objects that it removes
+/// are not drawn, so they must not serve as occluders.
 ///
-/// Approximate: objects that it removes may be visible. The greater the limit, the more is removed. It never
-/// removes an object that is as large as the limit, in its range and not stood in for.
+/// Approximate: objects that it removes may be visible. The greater the pixel limit, the more is removed. It
+/// never removes an object that is as large as the limit, in its range and not replaced by a parent.
 ///
-/// A parent is drawn from its range's `begin` on, and its children nearer than that: exactly one of the two
-/// in every frame. Exceptions are objects that are too small, and children whose range ends nearer than the
-/// parent's begins. Both distances are that of the parent's box. The begin and the end of a range have a
-/// hysteresis of 5 %: an object that was drawn stays until the distance exceeds `end` by that share, and a
-/// parent that was drawn stays until the distance falls below `begin` by that share. So nothing flickers
-/// while the camera trembles. The answer depends on earlier frames only for distances within such a band.
+/// A parent is drawn from its range's `begin` on, and its children nearer than `begin`: exactly one of the
+/// two in every frame. Exceptions are objects that are too small, and children whose range ends nearer than
+/// the parent's begins. Both distances are those of the parent's box. The ends of a range have a hysteresis
+/// of 5 %: an object that was drawn stays until the distance exceeds `end` by that share, and a parent that
+/// was drawn stays until the distance falls below `begin` by that share. So nothing flickers while the camera
+/// trembles. The answer depends on earlier frames only for distances within 5 % of `begin` or `end`.
 ///
 /// # Cost
 /// A node without an object that is large enough and in range is dropped in one test. Objects of other leaves
-/// take a few nanoseconds each, and an object with a range or a parent some ten more. Of a million objects of
-/// like size, of which 1 % remain, 0.2 ms; where most leaves hold a large object, 4 ms. Memory: 2 bits for
+/// take a few nanoseconds each, and an object with a range or a parent some ten more. A million objects of
+/// like size, of which 1 % remain, take 0.2 ms; if most leaves hold a large object, 4 ms. Memory: 2 bits for
 /// each object index.
 ///
 /// ```
@@ -44,7 +44,7 @@ const HYSTERESIS: f64 = 0.05;
 /// let mut scene = Scene::new();
 /// let house = scene.insert(Aabb::from_arrays([300.0, 0.0, 0.0], [310.0, 10.0, 10.0]));
 /// let _cup = scene.insert(Aabb::from_arrays([300.0, 0.0, 20.0], [300.1, 0.1, 20.1]));
-/// // Pictures of 1080 rows; what is smaller than two pixels is not drawn.
+/// // For pictures of 1080 rows: objects smaller than two pixels are not drawn.
 /// let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(ContributionCuller::new(1080.0, 2.0));
 /// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
 /// let view = View::perspective(pose, 2.0, 1.5, 0.1, f64::INFINITY)?;
@@ -72,8 +72,8 @@ pub struct ContributionCuller {
 
 impl ContributionCuller {
     /// Makes a culler for pictures that are `picture_height` pixels high, which removes objects whose
-    /// [size](super) is less than `min_pixels` pixels. If one of the two is NaN, zero or negative, no object
-    /// is too small, and only draw ranges and HLOD parents count.
+    /// [size](super) is less than `min_pixels` pixels. If either argument is NaN, zero or negative, no object
+    /// is too small: objects are removed by draw ranges and HLOD parents only.
     pub fn new(picture_height: f64, min_pixels: f64) -> Self {
         Self {
             simd: Simd::best(),
@@ -104,8 +104,8 @@ impl ContributionCuller {
 
     /// Sets the point of the world that distances for draw ranges and HLOD parents are measured from, for
     /// later frames. `None`, the default, is the view's own eye; parallel views have none, and every distance
-    /// is then 0. Shadow maps take the eye of the main camera, so that what casts a shadow is what is drawn.
-    /// Sizes are always those in the view.
+    /// is then 0. For shadow maps, give the eye of the main camera, so that the objects that cast shadows are
+    /// those that are drawn. Sizes are always those in the view.
     pub fn set_distance_eye(&mut self, eye: Option<DVec3>) {
         self.distance_eye = eye;
     }
@@ -137,7 +137,7 @@ impl ContributionCuller {
         })
     }
 
-    /// Tests whether the object in a lane of a leaf is in its draw range and not stood in for.
+    /// Tests whether the object in a lane of a leaf is in its draw range and not replaced by a parent.
     fn is_drawn(&mut self, scene: &Scene, leaf: usize, lane: usize, frame: &Frame) -> bool {
         let Some(object) = scene.detail_at(leaf, lane) else { return true };
         let above =
@@ -146,8 +146,8 @@ impl ContributionCuller {
         let mut next = above(&object);
         if end.is_finite() {
             let end = if self.near.contains(index) { end * (1.0 + HYSTERESIS) } else { end };
-            // The end and the begin of the level that follows are measured alike: between boxes of different
-            // sizes would be distances at which neither is drawn.
+            // The end of this level and the begin of the next are measured to the same box, the parent's.
+            // Between boxes of different sizes there would be distances at which neither is drawn.
             let around = next.map_or(object.bounds, |above| above.bounds);
             let is_beyond = frame.eye.is_beyond(&around, end);
             self.near.set(index, !is_beyond);
@@ -158,7 +158,8 @@ impl ContributionCuller {
         if self.is_before(&object, frame) {
             return false;
         }
-        // One of the objects that stand in for one another is drawn: the last that is not too near, or this.
+        // Of an object and the chain of its parents exactly one is drawn: the last that is beyond its begin,
+        // or else the object.
         while let Some(stand_in) = next {
             if !self.is_before(&stand_in, frame) {
                 return false;
@@ -179,10 +180,10 @@ impl ContributionCuller {
     }
 }
 
-/// Data of a frame's test of sizes and distances.
+/// What a frame needs to test sizes and distances.
 struct Frame {
-    /// Test for objects that are too small. `None` if no object is: for a limit or a picture height that is
-    /// NaN, zero or negative.
+    /// Test for objects that are too small. `None` if no object is too small: the limit or the picture height
+    /// is NaN, zero or negative.
     size: Option<SizeTest>,
     eye: EyeBox,
 }

@@ -9,9 +9,9 @@ const U: f64 = f64::EPSILON / 2.0;
 
 /// Relative margin of the comparisons, greater than all rounding in them. With `u = 2^-53`: a gap between eye
 /// and box has one rounding, its square three, the sum of three squares five; the same holds for the squared
-/// diagonal; the products with the scale have one each, and the scale itself less than 40. These are 52u at
-/// most, and the margin is 8192u. Squares of `f32` coordinates neither overflow nor underflow in `f64`; the
-/// least normal number is added to the scale, in case that one underflows.
+/// diagonal; the products with the scale have one each, and the scale itself less than 40. Together at most
+/// 52u; the margin is 8192u. Squares of `f32` coordinates neither overflow nor underflow in `f64`; the least
+/// normal number is added to the scale, in case the scale underflows.
 pub(super) const MARGIN: f64 = 1.0 / (1u64 << 40) as f64;
 
 /// A box that certainly contains the point that distances are measured from, relative to the scene's origin.
@@ -39,14 +39,13 @@ impl EyeBox {
     /// Returns a box that contains all points within `error` metres of `point`, whose coordinates were
     /// rounded once. The box is rounded outwards.
     fn around(point: DVec3, error: f64) -> Self {
-        // The factors exceed the rounding of the point and those of the two sums.
+        // The factors cover the rounding of the point and of the two sums.
         let error = point.abs() * (4.0 * U) + DVec3::splat(error * (1.0 + 8.0 * U));
         Self { low: point - error, high: point + error }
     }
 
-    /// Returns the squared distance, in square metres, between this box and `bounds`, up to rounding. No
-    /// point of this box, so not the eye either, is nearer to `bounds`. 0 if the boxes touch or overlap, or
-    /// for NaN.
+    /// Returns the squared distance, in square metres, between this box and `bounds`, up to rounding. The
+    /// eye, a point of this box, is not nearer to `bounds`. 0 if the boxes touch or overlap, or for NaN.
     pub(super) fn gap_squared(&self, bounds: &Aabb) -> f64 {
         let gap = |axis: usize| {
             let below = f64::from(bounds.min[axis]) - self.high[axis];
@@ -74,7 +73,7 @@ impl EyeBox {
         if !(self.high - self.low).is_finite() {
             return distance > 0.0;
         }
-        // With low and high exchanged, gaps are at least those of any point of this box.
+        // With `low` and `high` exchanged, the gaps computed are those of this box's farthest points.
         let farthest = Self { low: self.high, high: self.low };
         farthest.gap_squared(bounds) < distance * distance * (1.0 - MARGIN)
     }

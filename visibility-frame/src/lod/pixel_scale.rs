@@ -17,7 +17,7 @@ const U: f64 = f64::EPSILON / 2.0;
 /// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
 /// let view = View::perspective(pose, 90f64.to_radians(), 1.5, 0.1, f64::INFINITY)?;
 /// let scale = PixelScale::new(&view, DVec3::ZERO, 1080.0);
-/// // Ten metres away, 1080 pixels are 20 metres.
+/// // At a distance of ten metres, the 1080 rows of the picture span 20 metres.
 /// let pole = Aabb::from_arrays([10.0, 0.0, 0.0], [10.0, 0.0, 2.0]);
 /// assert!((scale.diameter(&pole) - 108.0).abs() < 1e-9);
 /// assert_eq!(scale.distance(&pole), 10.0);
@@ -27,7 +27,7 @@ const U: f64 = f64::EPSILON / 2.0;
 pub struct PixelScale {
     eye: EyeBox,
     /// Square of the number of pixels that a metre covers at a distance of one metre (in parallel views, at
-    /// any distance). Rounding may make it too small, by less than [`MARGIN`] covers.
+    /// any distance). Rounding may make it too small, by less than [`MARGIN`].
     squared: f64,
     /// True for a parallel view, false for a perspective one.
     is_parallel: bool,
@@ -39,11 +39,12 @@ impl PixelScale {
     pub fn new(view: &View, origin: DVec3, picture_height: f64) -> Self {
         let projection = ViewProjection::new(view, origin);
         let (y, w) = (projection.y(), projection.w());
-        // Clip-space y over w changes by 2 over the height of the picture.
+        // `y / w` in clip space changes by 2 over the height of the picture.
         let half_height = if picture_height > 0.0 { 0.5 * picture_height } else { f64::NAN };
         let (slope_squared, is_parallel) = match projection.eye() {
-            // The slope of y over w, straight ahead at distance 1, is the part of the row of y across that of
-            // w, over the length of the latter: the length of their cross product over its square.
+            // Slope of `y / w` straight ahead at distance 1: the part of row `y` perpendicular to row `w`,
+            // over the length of row `w`. That is the length of their cross product over the squared length
+            // of row `w`.
             Eye::Point(_) => (
                 cross_above(y.linear, w.linear).length_squared()
                     / (w.linear.length_squared() * w.linear.length_squared()),
@@ -58,8 +59,8 @@ impl PixelScale {
         }
     }
 
-    /// Returns the diameter in pixels of the sphere around a box: infinite if the eye is in the box,
-    /// otherwise NaN for a picture height that is NaN, zero or negative.
+    /// Returns the diameter in pixels of the sphere around a box. Infinite if the eye is in the box;
+    /// otherwise NaN if the picture height is NaN, zero or negative.
     pub fn diameter(&self, bounds: &Aabb) -> f64 {
         sqrt(self.diameter_squared(bounds))
     }
@@ -93,8 +94,8 @@ impl PixelScale {
 }
 
 /// Returns the magnitudes of the components of the cross product of two rows of a matrix, each rounded up.
-/// The elements of the rows are off by `3u`, a product of two elements by `7u`, and the difference of two
-/// products by `8u` of the sum of the products' magnitudes. The code adds `16u`.
+/// With `u = 2^-53`, the elements of the rows are off by `3u`, a product of two elements by `7u`, and the
+/// difference of two products by `8u` of the sum of the products' magnitudes. The code adds `16u`.
 fn cross_above(a: DVec3, b: DVec3) -> DVec3 {
     let part = |i: usize, j: usize| {
         let (first, second) = (a[i] * b[j], a[j] * b[i]);

@@ -39,13 +39,13 @@ pub struct Lod {
 ///
 /// The levels of an object are divided by sizes in pixels, from large to small: with `[200.0, 50.0]`, level 0
 /// is for 200 pixels and more, level 1 for 50 and more, level 2 for all below. Without sizes the level is 0.
-/// The level of an object that was visible in the frame before changes only when its size is beyond a limit
-/// by the [hysteresis](Self::with_hysteresis), and not before a cross-fade in progress has ended; so a
-/// trembling camera does not make it flicker. An object that has just become visible gets the level of its
-/// size, without a fade.
+/// The level of an object that was visible in the frame before changes only when its size passes a limit by
+/// more than the [hysteresis](Self::with_hysteresis), so that a trembling camera causes no flicker. It does
+/// not change during a cross-fade. An object that has just become visible gets the level of its size, without
+/// a fade.
 ///
 /// # Cost
-/// About 20 ns per visible object, 24 bytes per object index and 24 bytes per visible object.
+/// About 20 ns per visible object. Memory: 24 bytes per object index and 24 bytes per visible object.
 ///
 /// ```
 /// use visibility_core::glam::DVec3;
@@ -55,7 +55,7 @@ pub struct Lod {
 /// let statue = scene.insert(Aabb::from_arrays([9.0, -1.0, -1.0], [11.0, 1.0, 1.0]));
 /// let mut pipeline = Pipeline::new().with(FrustumCuller::new());
 /// let (mut visible, mut lods) = (VisibleSet::new(), LodSelector::new(1080.0));
-/// // Each frame; the sizes usually belong to the object's mesh.
+/// // Each frame: the closure returns the level sizes of an object, usually those of its mesh.
 /// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
 /// let view = View::perspective(pose, 1.0, 1.5, 0.1, 100.0)?;
 /// pipeline.cull(&scene, &view, &mut visible);
@@ -74,9 +74,9 @@ pub struct LodSelector {
     distance_eye: Option<DVec3>,
     /// The scene that `states` belongs to.
     scene: SceneCursor,
-    /// Number of the last frame, by which `states` are dated; 1 before the first.
+    /// Number of the last frame; 1 before the first. Entries of `states` carry such numbers.
     frame: u64,
-    /// State of each object, by object index.
+    /// State of each object, indexed by object index.
     states: Vec<State>,
     selected: Vec<(ObjectId, Lod)>,
 }
@@ -154,7 +154,7 @@ impl LodSelector {
         Self { hysteresis: share.clamp(0.0, 0.9).max(0.0), ..self }
     }
 
-    /// Sets the duration of a cross-fade in seconds. 0, negative or NaN: levels change at once.
+    /// Sets the duration of a cross-fade in seconds. With 0, a negative number or NaN, levels change at once.
     #[must_use]
     pub fn with_fade(self, seconds: f32) -> Self {
         Self { fade_seconds: seconds, ..self }
@@ -174,10 +174,10 @@ impl LodSelector {
 
     /// Chooses the level of every object of `visible`, the set of this view's frame. `elapsed` is the time
     /// since the frame before in seconds, by which cross-fades advance; negative or NaN counts as 0. `sizes`
-    /// returns the sizes in pixels that divide an object's levels, of which the first 255 count; the level is
-    /// the number of sizes that the object is smaller than.
+    /// returns the sizes in pixels that divide an object's levels; only the first 255 count. The level is the
+    /// number of these sizes that exceed the object's size.
     ///
-    /// Never needs a [`reset`](Self::reset) for another scene: its objects get the levels of their sizes.
+    /// No [`reset`](Self::reset) is needed for another scene: its objects start at the levels of their sizes.
     pub fn select<'a>(
         &mut self,
         scene: &Scene,
@@ -202,7 +202,7 @@ impl LodSelector {
             let (size, sizes) = (scale.diameter_squared(&bounds), sizes(id));
             let level = |factor: f64| level_of(size, &sizes[..sizes.len().min(255)], factor);
             // An object that was selected in the frame before keeps its level within the hysteresis, and goes
-            // on with its fade. Any other one starts at the level of its size.
+            // on with its fade. Any other object starts at the level of its size.
             let state = &mut self.states[id.index()];
             if state.frame + 1 == self.frame && state.generation == id.generation() {
                 let levels = level(1.0 - self.hysteresis)..=level(1.0 + self.hysteresis);
@@ -212,8 +212,8 @@ impl LodSelector {
                 *state = State { generation: id.generation(), level, previous: level, ..State::NONE };
             }
             state.frame = self.frame;
-            // The draw range begins at the object's own bounds and ends at those of its stand-in, so that
-            // neither leaves a gap.
+            // The begin of the draw range is measured to the object's own bounds and the end to the bounds of
+            // its parent, so that no distance is left without either.
             state.opacity = match scene.draw_range(id) {
                 Ok(range) if range != DrawRange::ALWAYS => {
                     let around = scene.stand_in(id).map_or(bounds, |(_, around)| around);
@@ -228,8 +228,8 @@ impl LodSelector {
         });
     }
 
-    /// Returns what to draw of an object, for draw lists that ask by id. `None` if the object was not visible
-    /// in the last frame. Takes constant time.
+    /// Returns the level of detail to draw for an object, for draw lists that ask by id. `None` if the object
+    /// was not visible in the last frame. Takes constant time.
     ///
     /// ```
     /// use visibility_frame::draw_list::DrawList;
@@ -244,7 +244,7 @@ impl LodSelector {
     /// let view = View::perspective(pose, 1.0, 1.5, 0.1, 100.0)?;
     /// Pipeline::new().with(FrustumCuller::new()).cull(&scene, &view, &mut visible);
     /// lods.select(&scene, &view, &visible, 1.0 / 60.0, |_id| &[300.0]);
-    /// // One mesh with two levels: the key of a group is the level.
+    /// // One mesh with two levels: objects are grouped by level.
     /// let mut list = DrawList::new();
     /// list.group(visible.iter(&scene), |id| lods.lod(id).map_or(0, |lod| u32::from(lod.level)));
     /// assert_eq!(list.groups().iter().map(|group| group.count).collect::<Vec<_>>(), [1, 2]);
@@ -255,8 +255,8 @@ impl LodSelector {
         (state.frame == self.frame && state.generation == id.generation()).then(|| state.lod())
     }
 
-    /// Returns the visible objects of the last frame with what to draw of each, in the order of the visible
-    /// set.
+    /// Returns the visible objects of the last frame, each with the level to draw, in the order of the
+    /// visible set.
     pub fn selected(&self) -> &[(ObjectId, Lod)] {
         &self.selected
     }

@@ -25,8 +25,8 @@ impl SizeTest {
 
     /// For each box, returns -1 if it certainly has less than the least number of pixels, otherwise 0. The
     /// kernels collect the signs of these numbers in a mask. `rows` are the rows of [`Boxes64`] in their
-    /// order: min x, y, z, max x, y, z. For each box, does what [`is_small`](Self::is_small) does for the box
-    /// and its own diagonal, in the same order. Eight boxes at a time stay in registers.
+    /// order: min x, y, z, max x, y, z. Computes the same as [`is_small`](Self::is_small) for each box and
+    /// its own diagonal, with the operations in the same order. Eight boxes at a time stay in registers.
     #[inline(always)]
     fn small<const WIDTH: usize>(&self, rows: [&[f32; WIDTH]; 6]) -> [f32; WIDTH] {
         let mut result = [0.0; WIDTH];

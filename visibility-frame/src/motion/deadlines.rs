@@ -1,10 +1,10 @@
-//! The queue of the movers with volumes, by deadline.
+//! The queue of movers that have motion volumes, ordered by the deadline of each volume.
 
 use alloc::collections::BinaryHeap;
 use core::cmp::Ordering;
 
-/// A heap with the earliest deadline on top. An entry whose mover has lost its volume stays until the
-/// deadline, or until a push finds two entries for each mover in the heap.
+/// A heap with the earliest deadline on top. The entry of a mover that has lost its volume stays until its
+/// deadline, or until a push finds two or more entries per mover in the heap.
 #[derive(Clone, Debug)]
 pub(super) struct Deadlines {
     heap: BinaryHeap<Entry>,
@@ -18,7 +18,7 @@ struct Entry {
 
 impl Ord for Entry {
     fn cmp(&self, other: &Self) -> Ordering {
-        // Reversed: `BinaryHeap` has the greatest entry on top.
+        // The order is reversed, since `BinaryHeap` has the greatest entry on top.
         other.deadline.total_cmp(&self.deadline).then(other.place.cmp(&self.place))
     }
 }
@@ -63,8 +63,8 @@ impl Deadlines {
         self.heap.push(Entry { deadline, place });
     }
 
-    /// Removes the earliest deadline at which an existing volume ends, and returns the position of its mover
-    /// in the list of movers. `None` if no such deadline is before `time`. `is_current` is as for
+    /// Removes the earliest entry whose volume still exists and whose deadline is before `time`, and returns
+    /// the position of its mover in the list of movers. `None` if there is none. `is_current` is as for
     /// [`push`](Self::push).
     pub(super) fn pop_before(&mut self, time: f64, is_current: impl Fn(f64, u32) -> bool) -> Option<u32> {
         while self.heap.peek().is_some_and(|entry| entry.deadline < time) {

@@ -1,10 +1,10 @@
 //! Motion volumes: hidden movers that need no update until they may be seen.
 //!
-//! A mover that is hidden gets bounds that contain it for a span of time. While the span lasts and nothing of
-//! these bounds is seen, neither its animation nor the scene needs an update. (Sudarsky and Gotsman,
+//! A mover that is hidden gets bounds that contain it for a span of time. While the span lasts and these
+//! bounds stay hidden, neither its animation nor the scene needs an update. (Sudarsky and Gotsman,
 //! "Output-Sensitive Visibility Algorithms for Dynamic Scenes with Applications to Virtual Reality", 1996,
-//! who call them temporal bounding volumes. Spans adapt as there: one that ends unseen was too short, one
-//! whose volume is seen before its end was too long.)
+//! who call such bounds temporal bounding volumes. Spans adapt as in their paper: a span that ends while its
+//! volume is hidden was too short; a span whose volume is seen before its end was too long.)
 
 mod deadlines;
 
@@ -31,7 +31,7 @@ pub struct Motion {
     /// Box that the bounds never leave, relative to the scene's origin in the next call of
     /// [`begin_frame`](MotionVolumes::begin_frame); the infinite box if none is known. While a region does
     /// not contain the bounds, it is ignored. A region is dropped when the scene's origin is set, and in
-    /// another scene: [insert](MotionVolumes::insert) the mover again with a new one.
+    /// another scene; [insert](MotionVolumes::insert) the mover again with a new region.
     pub region: Aabb,
 }
 
@@ -43,7 +43,7 @@ impl Motion {
 
     /// Returns the motion restricted to a box that the object's bounds never leave.
     ///
-    /// The result of a builder must be used, here as everywhere:
+    /// The result of a builder must be used, as everywhere in this crate:
     /// ```
     /// # #![deny(unused_must_use)]
     /// # use visibility_core::Aabb;
@@ -66,9 +66,10 @@ impl Motion {
     fn volume(&self, bounds: &Aabb, time: f64) -> Option<Aabb> {
         let reach = f64::from(self.max_speed) * time;
         let known = bounds.is_finite() && reach >= 0.0;
-        // The caller rounds the bounds of both times to f32, by less than a step each: the first of a side of
-        // `bounds`, at most `f32::EPSILON` of it, the second of the result. The conversion here may round
-        // down to what the caller rounds up from: one step outwards. The second covers the sums in f64.
+        // The caller rounds the bounds at both times to f32, by less than one step each: a side of `bounds`
+        // by at most `f32::EPSILON` of itself, and the later bounds by a step of the result. The conversion
+        // here may round down the number that the caller rounds up, so one step outwards is taken for it, and
+        // a second for the sums in f64.
         let away = |x: f32, sign: f64| {
             (f64::from(x) + sign * (reach + f64::from(x.abs()) * f64::from(f32::EPSILON))) as f32
         };
@@ -83,26 +84,26 @@ impl Motion {
     }
 }
 
-/// State of a mover, which tells whether the mover's bounds in the scene are exact or a motion volume, and
-/// when the mover is due.
+/// State of a mover: whether its bounds in the scene are exact or a motion volume, and when it is due. The
+/// caller must set the exact bounds of a mover that is due.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum State {
     /// The element of the list `movers` holds no mover.
     Free,
-    /// The mover is due in the next frame, the first since it was inserted. Its region is relative to the
-    /// scene's origin there, whatever the origin is now.
+    /// The caller must set the mover's exact bounds in the next frame, the first since it was inserted. Its
+    /// region is relative to the scene's origin in that frame, whatever the origin is now.
     Inserted,
-    /// The mover is due in the next frame, and its bounds may be wrong until then: its volume was seen, its
-    /// bounds were set from outside, or the origin moved.
+    /// The caller must set the mover's exact bounds in the next frame. The bounds may be wrong until then:
+    /// the volume was seen, bounds were set from outside, or the origin moved.
     New,
-    /// The mover is due in the present frame: its bounds are exact once the caller has set them.
+    /// The caller must set the mover's bounds in the present frame; they are exact once that is done.
     Active,
-    /// The mover is due in the present frame and visible in it. Used within `end_frame` only.
+    /// Like `Active`, and the mover is visible in the present frame. Used within `end_frame` only.
     Visible,
     /// The mover was hidden in the last frame. At the start of the next frame its bounds in the scene are
     /// replaced by its motion volume, a box that contains it for some frames.
     Hidden,
-    /// The bounds contain the mover until its deadline.
+    /// The mover has a motion volume: its bounds in the scene contain it until its deadline.
     Volume,
 }
 
@@ -110,7 +111,7 @@ enum State {
 struct Mover {
     id: ObjectId,
     motion: Motion,
-    /// Length of the mover's next span, the time for which its next volume is to hold, in frames.
+    /// Number of frames for which the mover's next motion volume is to hold.
     span: f32,
     /// Last time at which the volume holds. Meaningful in the state `Volume`.
     deadline: f64,
@@ -122,12 +123,12 @@ struct Mover {
 #[derive(Clone, Copy, Debug)]
 struct Status {
     state: State,
-    /// Whether `MotionVolumes::active` lists the mover.
+    /// Whether the list `MotionVolumes::active` has the mover.
     is_listed: bool,
 }
 
-/// Returns a test of a deadline and a position in `movers`: whether the mover there has a volume now, with
-/// this deadline.
+/// Returns a function of a deadline and a position in `movers`, which tells whether the mover there has a
+/// motion volume now, with this deadline.
 fn is_volume(movers: &[Mover], status: &[Status]) -> impl Fn(f64, u32) -> bool {
     |deadline, place| {
         let place = place as usize;
@@ -135,12 +136,12 @@ fn is_volume(movers: &[Mover], status: &[Status]) -> impl Fn(f64, u32) -> bool {
     }
 }
 
-/// The movers of a scene, and the spans of time for which the bounds of the hidden ones hold.
+/// The movers of a scene, and the motion volumes of the hidden movers.
 ///
 /// Each frame has two calls. [`begin_frame`](Self::begin_frame) lists the movers whose bounds must be set;
-/// all others stay as they are. After culling, [`end_frame`](Self::end_frame) lists the movers that are seen
-/// by their volumes: the caller finds out where they are before it draws them. Visible movers are due in each
-/// frame.
+/// all others stay as they are. After culling, [`end_frame`](Self::end_frame) lists the movers whose volumes
+/// are visible: the caller computes their exact positions before it draws them. Visible movers are due in
+/// each frame.
 ///
 /// # What is promised
 /// No mover is hidden that would be visible with its exact bounds, as long as movers keep to their
@@ -152,15 +153,16 @@ fn is_volume(movers: &[Mover], status: &[Status]) -> impl Fn(f64, u32) -> bool {
 /// origin puts them until the next frame. Movers that the scene does not contain are removed.
 ///
 /// A mover with a [draw range](Scene::set_draw_range) that begins above 0 never gets a volume, so it is due
-/// in each frame: its volume could be too near to be drawn while the mover is not.
+/// in each frame: its volume could be nearer than `begin`, and so not drawn, while the mover itself is beyond
+/// `begin`.
 ///
 /// # Cost
 /// `begin_frame` takes `log n` time per hidden mover that gets a volume and per volume that ends, and
 /// constant time per due mover. `end_frame` takes time in proportion to the visible objects, the due movers
-/// and the changes of the scene. Nothing is spent on the other movers, unless more
-/// objects change in a frame than the scene's log lists one by one, a quarter of them: then every volume is
-/// compared with the scene, some 20 ns each. [`set_bounds_batch`](Self::set_bounds_batch) sets the due bounds
-/// without that. Nothing is allocated once the buffers have grown.
+/// and the changes of the scene. Other movers cost nothing, unless more objects change in a frame than the
+/// scene's log lists (a quarter of them): then every volume is compared with the scene, some 20 ns each.
+/// [`set_bounds_batch`](Self::set_bounds_batch) avoids this when it sets the due bounds. Nothing is allocated
+/// once the buffers have grown.
 ///
 /// ```
 /// use visibility_frame::motion::{Motion, MotionVolumes};
@@ -182,7 +184,7 @@ fn is_volume(movers: &[Mover], status: &[Status]) -> impl Fn(f64, u32) -> bool {
 ///     updates += due.len();
 ///     pipeline.cull(&scene, &view, &mut visible);
 ///     volumes.end_frame(&scene, &visible, &mut seen);
-///     // Here the movers in `seen` are placed, and `visible` is drawn.
+///     // Here the movers in `seen` are put into their exact positions, and `visible` is drawn.
 /// }
 /// assert!(updates < 10);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -212,7 +214,7 @@ pub struct MotionVolumes {
 /// Value of `places` for an object that is no mover.
 const NONE: u32 = u32::MAX;
 
-/// Least, first and greatest span, in frames: the time for which a motion volume is to hold.
+/// Least, first and greatest span: numbers of frames for which a motion volume is to hold.
 const SPANS: [f32; 3] = [2.0, 8.0, 4096.0];
 
 impl Default for MotionVolumes {
@@ -238,9 +240,9 @@ impl MotionVolumes {
         }
     }
 
-    /// Adds an object as a mover, or replaces its motion. The mover is due in the next frame.
-    /// [`ObjectId::PLACEHOLDER`] is ignored. The collection keeps 4 bytes for each index of objects up to the
-    /// greatest that was added.
+    /// Adds an object as a mover, or replaces its motion. The mover's exact bounds are due in the next frame.
+    /// [`ObjectId::PLACEHOLDER`] is ignored. The collection keeps 4 bytes for each index of an object up to
+    /// the greatest index that was added.
     pub fn insert(&mut self, id: ObjectId, motion: Motion) {
         if id == ObjectId::PLACEHOLDER {
             return;
@@ -248,7 +250,7 @@ impl MotionVolumes {
         if self.places.len() <= id.index() {
             self.places.resize(id.index() + 1, NONE);
         }
-        // The mover itself, or an object that had the index before and was removed from the scene.
+        // The mover is this object, or an earlier object with the same index that was removed from the scene.
         let old = self.places[id.index()];
         if old != NONE {
             self.release(old);
@@ -319,7 +321,7 @@ impl MotionVolumes {
             (0..self.movers.len() as u32).for_each(|place| self.activate(place));
         }
         while let Some(place) = self.deadlines.pop_before(time, is_volume(&self.movers, &self.status)) {
-            // The whole span went by unseen.
+            // The span ended and the volume was never seen: the next span is longer.
             let mover = &mut self.movers[place as usize];
             mover.span = (mover.span * 2.0).min(SPANS[2]);
             self.status[place as usize].state = State::Active;
@@ -341,7 +343,7 @@ impl MotionVolumes {
             is_due
         });
         self.active = active;
-        // All ids are in the scene, so nothing is refused.
+        // All ids are in the scene, so the call cannot fail.
         let _ = scene.set_bounds_batch(&self.moved);
         self.moved.clear();
         self.cursor = SceneCursor::at(scene);
@@ -352,7 +354,7 @@ impl MotionVolumes {
     /// Objects that are not due, or no movers, may be among them: such movers are due in the next frame.
     ///
     /// # Errors
-    /// The errors of [`Scene::set_bounds_batch`]; nothing is changed then.
+    /// Returns the errors of [`Scene::set_bounds_batch`], and then changes nothing.
     pub fn set_bounds_batch(
         &mut self,
         scene: &mut Scene,
@@ -367,16 +369,17 @@ impl MotionVolumes {
         Ok(())
     }
 
-    /// Gives a mover, which was hidden in the frame at time `last`, a motion volume that holds beyond the
-    /// present frame. Returns false if no such volume is known: the mover is then due.
+    /// Gives a mover that was hidden in the frame at time `last` a motion volume that holds beyond the
+    /// present frame. Returns false if no such volume is known: the caller must then set the mover's bounds
+    /// in this frame.
     fn enter_volume(&mut self, scene: &Scene, place: u32, last: f64) -> bool {
         let mover = &mut self.movers[place as usize];
         let Ok(bounds) = scene.bounds(mover.id) else { return false };
-        // A volume may be nearer than the begin of the range though the mover is not.
+        // A volume may be nearer than the begin of the draw range although the mover is not.
         if scene.draw_range(mover.id).is_ok_and(|range| range.begin > 0.0) {
             return false;
         }
-        // Spans that differ by up to a half keep movers that were hidden together from being due together.
+        // Spans are varied by up to a half, so that movers that were hidden together are not due together.
         let spread = f64::from(mover.id.index().wrapping_mul(0x9e37_79b9) as u32) / f64::from(u32::MAX);
         let deadline = last + self.frame_time * f64::from(mover.span) * (0.75 + 0.5 * spread);
         let Some(volume) = mover.motion.volume(&bounds, deadline - last) else { return false };
@@ -392,8 +395,8 @@ impl MotionVolumes {
     }
 
     /// Ends a frame after culling, before `visible` is drawn. Replaces the content of `seen` with the movers
-    /// in `visible` that were not due, whose volumes are seen: the caller finds out where these movers are.
-    /// `visible` must hold what any view of the frame shows: for several views the
+    /// in `visible` that were not due: their volumes are visible, so the caller must compute their exact
+    /// positions. `visible` must hold what any view of the frame shows: for several views the
     /// [`union`](VisibleSet::union) of their sets.
     pub fn end_frame(&mut self, scene: &Scene, visible: &VisibleSet, seen: &mut Vec<ObjectId>) {
         seen.clear();
@@ -422,11 +425,11 @@ impl MotionVolumes {
         }
     }
 
-    /// Makes every mover due whose bounds were set, or may have been, since the scene was last read, and
-    /// removes those that the scene no longer contains.
+    /// Makes a mover due (the caller must set its exact bounds) if its bounds were set, or may have been,
+    /// since the scene was last read. Removes movers that the scene no longer contains.
     ///
-    /// Volumes, the exact bounds of this frame and regions are in scene coordinates. After the origin was
-    /// set, their numbers stand for other places, even where the scene still holds equal numbers.
+    /// Volumes, exact bounds of this frame and regions are in scene coordinates. After the origin was set
+    /// they stand for other places in the world, even where the scene still holds equal numbers.
     fn take_changes(&mut self, scene: &Scene) {
         let is_placed = self.cursor.is_at_origin_of(scene);
         match self.cursor.follow(scene) {
@@ -447,7 +450,8 @@ impl MotionVolumes {
                     }
                 }
             }
-            // The log was too long to be kept: a mover is due unless the scene still has its volume.
+            // The log does not list all changes: every mover whose bounds are no longer its volume is made
+            // due.
             Changes::Everything => {
                 for place in 0..self.movers.len() {
                     let (Mover { id, volume, .. }, state) = (self.movers[place], self.status[place].state);
@@ -470,14 +474,14 @@ impl MotionVolumes {
         }
     }
 
-    /// Makes an object due in the next frame if it is a mover.
+    /// Makes an object due if it is a mover: the caller must set its exact bounds in the next frame.
     fn activate_object(&mut self, id: ObjectId) {
         if let Some(&place) = self.places.get(id.index()).filter(|&&place| place != NONE) {
             self.activate(place);
         }
     }
 
-    /// Makes a mover due in the next frame, with an unchanged span.
+    /// Makes a mover due, with an unchanged span: the caller must set its exact bounds in the next frame.
     fn activate(&mut self, place: u32) {
         let state = &mut self.status[place as usize].state;
         match *state {
@@ -497,7 +501,7 @@ mod tests {
     use visibility_core::glam::DVec3;
     use visibility_testing::Random;
 
-    /// Tests places that are exact in f64 and rounded to f32 by the caller, at both ends of a motion at
+    /// Tests positions that are exact in f64 and rounded to f32 by the caller, at both ends of a motion at
     /// exactly the greatest speed.
     #[test]
     fn a_volume_contains_the_rounded_bounds_at_its_end() {
@@ -511,7 +515,7 @@ mod tests {
             let bounds = |at: f64| Aabb::new(DVec3::splat(at).as_vec3(), DVec3::splat(at).as_vec3());
             let volume = Motion::new(speed).volume(&bounds(start), time).unwrap();
             for end in [start - f64::from(speed) * time, start + f64::from(speed) * time] {
-                // The caller rounds outwards here.
+                // The caller may also round outwards.
                 let end = Aabb::from_world(DVec3::splat(end), DVec3::splat(end), DVec3::ZERO);
                 assert!(
                     volume.contains_point(end.min) && volume.contains_point(end.max),

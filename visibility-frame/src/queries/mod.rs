@@ -15,8 +15,8 @@
 //! that is [never culled](visibility_core::Object::never_cull) is found by its bounds, like all objects.
 //!
 //! # Cost
-//! Time in proportion to the nodes that the shape crosses and the objects found. No query allocates once the
-//! caller's buffer has grown.
+//! A query takes time in proportion to the nodes that its shape crosses and the objects found. No query
+//! allocates once the caller's buffer has grown.
 
 mod nearest;
 mod ray;
@@ -102,7 +102,7 @@ impl<'a> SceneQuery<'a> {
         self.collect(volume, found)
     }
 
-    /// Replaces the content of `found` with the objects whose bounds `region` does not exclude.
+    /// Replaces the content of `found` with the objects whose bounds may touch `region`.
     pub(crate) fn collect(&self, region: &impl Region, found: &mut Vec<ObjectId>) -> CullStats {
         found.clear();
         let mut stats = CullStats::default();

@@ -54,8 +54,8 @@ impl Eq for Neighbor {}
 impl SceneQuery<'_> {
     /// Replaces the content of `nearest` with the `count` objects whose bounds are nearest to `point`,
     /// nearest first; all objects if there are fewer. `point` is relative to the scene's origin. Of objects
-    /// at equal computed distances, those with the least ids are taken. A NaN coordinate of `point` is at
-    /// distance 0 from everything.
+    /// at equal computed distances, those with the least ids are taken. On an axis with a NaN coordinate of
+    /// `point`, all distances count as 0.
     ///
     /// Takes time in proportion to the nodes nearer than the last object found, and `log count` per object
     /// tested there.
@@ -115,7 +115,7 @@ fn offer(heap: &mut BinaryHeap<Neighbor>, count: usize, candidate: Neighbor) {
 
 /// Returns the squared distances of a point from 64 boxes. Computed in `f64`, where squares of differences of
 /// `f32` numbers neither overflow nor underflow. Every step is monotone: the distance of a box is never less
-/// than that of a box around it. A NaN gap counts as 0.
+/// than the distance of a box that contains it. A NaN gap counts as 0.
 fn squared_distances(point: Vec3, boxes: &Boxes64) -> [f64; FAN_OUT] {
     let mut sums = [0.0; FAN_OUT];
     for axis in 0..3 {

@@ -27,13 +27,14 @@ use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy};
 /// times `1 + 8u`, so `enter` is never later and `exit` never earlier than in exact arithmetic: no hit is
 /// missed. In detail:
 ///
-/// - 2^-125 is taken from the difference for `enter` and added for `exit`: differences, and coordinates,
-///   below 2^-126 may be flushed to zero.
-/// - An inverse beyond the range of `f32` is the greatest number for `enter` and infinite for `exit`.
+/// - 2^-125 is taken from the difference for `enter` and added to it for `exit`, since differences, and
+///   coordinates, below 2^-126 may be flushed to zero.
+/// - An inverse beyond the range of `f32` is replaced by the greatest finite number for `enter` and by
+///   infinity for `exit`.
 /// - On an axis with `d = 0` coordinates are compared, which is exact. At least one axis has `|d| = 1`.
-/// - The product of 0 and infinity is NaN. It bounds nothing, since comparisons with NaN are false.
-/// - `enter` overflows only if `t >= 2^128 (1 - u)`, and the `exit` of a box that is hit then overflows too,
-///   since its margin is on the other side.
+/// - The product of 0 and infinity is NaN, which bounds nothing, since comparisons with NaN are false.
+/// - `enter` overflows only if `t >= 2^128 (1 - u)`. For a box that is hit, `exit` then overflows too, since
+///   its margin is on the other side.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Ray {
     origin: [f32; 3],
@@ -170,12 +171,13 @@ impl Eq for RayHit {}
 type Best = Option<(f32, ObjectId)>;
 
 impl SceneQuery<'_> {
-    /// Returns the first object along `ray` whose bounds the ray hits, or `None` if it hits none. Of objects
-    /// at equal computed distances, the one with the least id. Nodes are opened nearest first, and nodes
-    /// behind the first hit are not opened.
+    /// Returns the first object along `ray` whose bounds the ray hits, or `None` if it hits none. Among
+    /// objects at equal computed distances, the one with the least id is returned. Nodes are opened nearest
+    /// first, and nodes behind the first hit are not opened.
     ///
-    /// An object with improper bounds is hit at distance 0. A picker that wants triangles takes
-    /// [`all_hits`](Self::all_hits) and stops at the first hit that is farther than its nearest triangle.
+    /// An object with improper bounds is hit at distance 0. To pick triangles, go through
+    /// [`all_hits`](Self::all_hits) and stop at the first object that is farther than the nearest triangle
+    /// hit so far.
     pub fn first_hit(&self, ray: &Ray) -> Option<RayHit> {
         let mut best = None;
         let mut enter = [0.0; FAN_OUT];

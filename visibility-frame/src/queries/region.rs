@@ -8,7 +8,7 @@ use visibility_core::scene::{Boxes64, FAN_OUT, lanes};
 /// A part of space that 64 boxes are tested against. In the masks that it returns, bit i stands for lane i;
 /// lanes without a box may have any value.
 pub(crate) trait Region {
-    /// False if [`outside`](Self::outside) always returns 0, as for all of space.
+    /// False if [`outside`](Self::outside) always returns 0, as for the region of all space.
     const EXCLUDES: bool = true;
 
     /// Returns the lanes whose box certainly does not touch the region.
@@ -85,12 +85,12 @@ impl Region for BoxRegion {
 /// The squared distance `D` of a box is computed as the sum of the squares of three gaps. With `u = 2^-24`, a
 /// gap is a difference, rounded by `u` of itself; a square doubles that and adds `u`; two sums add `2u`. All
 /// terms are positive, so `D` is off by less than `6u` of itself, and by 2^-122 where gaps below 2^-125 are
-/// flushed to zero or rounded: if such gaps weigh in `D` at all, `D` is below 2^-150. A `D` that overflows
-/// stands for at least 2^128 (1 - 6u).
+/// flushed to zero or rounded: such gaps matter only if `D` is below 2^-150. A `D` that overflows stands for
+/// at least 2^128 (1 - 6u).
 ///
 /// - A box is outside if `D` exceeds `greatest`, the squared radius times `1 + 16u` plus 2^-122: `10u` are
-///   left for the conversion of the radius and of the sum to `f32`, which need `2u`. Too small a `D`
-///   (underflow) finds more.
+///   left for the conversion of the radius and of the sum to `f32`, which need `2u`. Where underflow makes
+///   `D` too small, more boxes are found.
 /// - A box is inside if `D` of its farthest corner is at most `least`, the squared radius times `1 - 16u`
 ///   minus 2^-122.
 pub(crate) struct SphereRegion {
@@ -113,7 +113,7 @@ impl SphereRegion {
         Self {
             center,
             greatest: (squared * (1.0 + MARGIN) + absolute) as f32,
-            // An infinite radius gives an infinite bound, which every finite box is within.
+            // An infinite radius gives an infinite bound, and every finite box is within that bound.
             least: (squared * (1.0 - MARGIN) - absolute) as f32,
         }
     }
@@ -155,7 +155,7 @@ pub(super) fn greater(a: f32, b: f32) -> f32 {
 /// Returns the mask of the lanes for which `test` holds; bit i stands for lane i.
 #[inline(always)]
 pub(super) fn mask_of(test: impl Fn(usize) -> bool) -> u64 {
-    // Bytes first, so that the comparisons compile to SIMD.
+    // Bytes are written first, since these comparisons compile to SIMD.
     let mut bits = [0u8; FAN_OUT];
     for (i, bit) in bits.iter_mut().enumerate() {
         *bit = u8::from(test(i));

@@ -1,5 +1,5 @@
-//! Tests of the contribution culler against brute force over all objects, in the terms of cameras rather than
-//! of clip matrices, and with other cullers.
+//! Tests of the contribution culler against brute force over all objects, with camera parameters rather than
+//! clip matrices, and with other cullers.
 
 mod size_limits;
 mod stand_ins;
@@ -17,7 +17,7 @@ use visibility_frame::lod::{ContributionCuller, PixelScale};
 use visibility_testing::Random;
 use visibility_testing::cameras::{DEPTHS, projection};
 
-/// Camera of a random kind, in the terms that the oracle reckons in.
+/// Random camera, by the parameters that the oracle computes with.
 struct Camera {
     view: View,
     /// Eye relative to the scene's origin; `None` for a parallel view.
@@ -48,7 +48,7 @@ fn distance(bounds: &Aabb, eye: Option<DVec3>) -> f64 {
     eye.clamp(bounds.min.as_dvec3(), bounds.max.as_dvec3()).distance(eye)
 }
 
-/// Brute force: whether an object is drawn, or `None` if it is too near a limit to tell.
+/// Returns whether an object is drawn, by brute force. `None` if the object is too near to a limit to tell.
 fn is_drawn(scene: &Scene, id: ObjectId, camera: &Camera, rows: f64, least: f64) -> Option<bool> {
     let object = scene.object(id).unwrap();
     let range = scene.draw_range(id).unwrap();
@@ -58,9 +58,9 @@ fn is_drawn(scene: &Scene, id: ObjectId, camera: &Camera, rows: f64, least: f64)
     let near = |a: f64, b: f64| a != b && (a - b).abs() <= 1e-9 * (a.abs() + b.abs()).min(f64::MAX);
     let mut undecided = near(pixels, least) || near(away, range.begin.into()) || near(away, range.end.into());
     let mut drawn = pixels >= least && away >= f64::from(range.begin);
-    // The end is measured from the box of the parent, if that stands in.
+    // The end of the range is measured to the box of the parent, if the parent can replace the object.
     let mut to_end = away;
-    // An object for which one of those above stands in is not drawn.
+    // An object is not drawn if one of its ancestors replaces it.
     let (mut below, mut next) = (object, scene.hlod_parent(id).unwrap());
     while let Some(parent) = next {
         let above = scene.object(parent).unwrap();
@@ -134,7 +134,7 @@ fn change(rng: &mut Random, scene: &mut Scene) {
             6 => scene.set_layers(id, rng.pick(&[u32::MAX, 1, 3])).unwrap(),
             7 => scene.set_never_cull(id, rng.one_in(2)).unwrap(),
             _ => {
-                // A few parents around everything, and parents of these.
+                // A few parents contain everything, and have parents of their own.
                 let parent = ids[rng.below(ids.len().min(8))];
                 if scene.contains(parent) && parent < id {
                     let half = Vec3::splat(rng.range(20.0, 300.0) as f32);
@@ -165,7 +165,7 @@ fn it_equals_brute_force_over_all_objects() {
         let count = [5, 300, 6000][seed as usize % 3];
         let mut scene = random_scene(&mut rng, count);
         if seed % 2 == 0 {
-            // Nodes whose objects all have ranges, so that they have bounds that can be wrong.
+            // Gives every object a range with an end, so that nodes have finite bounds, which could be wrong.
             for id in scene.ids().collect::<Vec<_>>() {
                 let end = rng.pick(&[20.0, 50.0, 50.0, 1e6]);
                 scene.set_draw_range(id, DrawRange { end, ..DrawRange::ALWAYS }).unwrap();
@@ -241,7 +241,7 @@ fn nodes_of_small_far_or_replaced_objects_are_dropped_unseen() {
         nodes(&scene, &mut ContributionCuller::new(1080.0, 0.0)) < 60,
         "nodes entered if objects are drawn up to 80 m"
     );
-    // One object without a range in each tenth node, then ranges in bounded steps instead of a rebuild.
+    // Without draw ranges, all nodes must be entered.
     for &id in ids.iter() {
         scene.set_draw_range(id, DrawRange::ALWAYS).unwrap();
     }
@@ -250,7 +250,7 @@ fn nodes_of_small_far_or_replaced_objects_are_dropped_unseen() {
         all,
         "nodes entered after all ranges were taken back"
     );
-    // Every cube of 250 m has a parent, which stands in for its objects from 100 m on.
+    // Every cube of 250 m has a parent, which replaces its objects from 100 m on.
     let cube = |at: Vec3| (at / 250.0).floor();
     let mut parents = std::collections::HashMap::new();
     for &id in &ids {
@@ -334,7 +334,7 @@ fn it_composes_with_other_cullers() {
     }
 }
 
-/// Tests that a pipeline says of draw ranges that no stage follows them.
+/// Tests that a pipeline reports draw ranges if none of its stages follows them.
 #[test]
 fn a_pipeline_reports_draw_ranges_that_it_does_not_follow() {
     let at = |y: f32| Aabb::from_arrays([10.0, y, 0.0], [11.0, y + 0.5, 1.0]);
@@ -353,7 +353,7 @@ fn a_pipeline_reports_draw_ranges_that_it_does_not_follow() {
     scene.set_draw_range(ids[0], DrawRange { end: 50.0, ..range }).unwrap();
     scene.set_draw_range(ids[1], DrawRange::ALWAYS).unwrap();
     scene.remove(ids[2]).unwrap();
-    scene.insert(at(9.0)); // in the place of the removed object, without its range
+    scene.insert(at(9.0)); // gets the index of the removed object, but not its range
     for scene in [&scene, &scene.clone()] {
         assert_eq!(
             lacks(scene, &without),

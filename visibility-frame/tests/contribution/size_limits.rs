@@ -1,4 +1,4 @@
-//! Tests of the contribution culler at its limit of size: objects exactly as large as the limit, far off the
+//! Tests of the contribution culler at its size limit: objects exactly as large as the limit, far off the
 //! axis and far away.
 
 use super::cull;
@@ -10,18 +10,19 @@ use visibility_frame::lod::ContributionCuller;
 use visibility_testing::Random;
 
 /// Tests the limit where it is exact: boxes and cameras in whole numbers, compared in integers. An object
-/// exactly as large as the limit stays; one that is smaller by a millionth goes.
+/// exactly as large as the limit stays; an object smaller by a millionth is removed.
 #[test]
 fn an_object_exactly_as_large_as_the_limit_stays() {
     let mut rng = Random(5);
     let mut ties = 0;
     for _ in 0..4000 {
-        // A window of 2 by 2 and pictures of 2 k rows: k pixels per metre at one metre.
+        // With a window of 2 by 2 and pictures of 2 k rows, a metre at a distance of one metre has k pixels.
         let (k, least) = (1 + rng.below(2000) as i128, 1 + rng.below(40) as i128);
         let pose = Pose { eye: DVec3::ZERO, right: DVec3::X, up: DVec3::Y, forward: DVec3::NEG_Z };
         let view =
             View::perspective_off_center(pose, Window::centered(1.0, 1.0), 0.1, f64::INFINITY).unwrap();
-        // The box of a segment along x that begins straight ahead: length a, at distance b; a k == b least.
+        // The box is a segment along x of length a that begins straight ahead at distance b, with a k == b
+        // least.
         let (a, b) = if rng.one_in(2) {
             let part = 1 + rng.below(30) as i128;
             (least * part, k * part)
@@ -37,7 +38,7 @@ fn an_object_exactly_as_large_as_the_limit_stays() {
         let seen = cull(&mut culler, &scene, &view).0.contains(&id);
         assert_eq!(seen, a * k >= b * least, "{a} m at {b} m with {k}: at least {least} pixels");
         ties += usize::from(a * k == b * least);
-        // In a parallel view of k pixels per metre the same box has exactly a k pixels, scaled.
+        // In a parallel view of k pixels per metre, the same box has exactly a k pixels, times the scale.
         let flat = View::orthographic(pose, Window::centered(1.0, 1.0), 0.0, 9.0).unwrap();
         let pixels = (a * k) as f64 * f64::from(scale);
         let mut in_flat = ContributionCuller::new(2.0 * k as f64, pixels);
@@ -83,8 +84,9 @@ fn a_picture_far_off_the_axis_does_not_lose_an_object() {
     }
 }
 
-/// Tests the margin for rounding of an eye far from the scene's origin, in numbers that `f64` cannot
-/// subtract: an object exactly as large as the limit, exactly at the begin or at the end of its range, stays.
+/// Tests the margin for rounding of an eye far from the scene's origin, in coordinates whose difference `f64`
+/// cannot represent: an object exactly as large as the limit, exactly at the begin or at the end of its
+/// range, stays.
 #[test]
 fn a_far_eye_does_not_lose_an_object() {
     let mut rng = Random(6);
@@ -102,7 +104,8 @@ fn a_far_eye_does_not_lose_an_object() {
         let terms = [f64::from(length), -f64::from(near), eye, -origin];
         let sign = visibility_testing::sign_of_sum(terms.map(|term| (term, 1.0)));
         for (number, range) in [
-            // One pixel per metre at one metre, and at least one: a segment stays up to its length away.
+            // One pixel per metre at a distance of one metre, and a limit of one pixel: a segment stays up to
+            // a distance of its own length.
             DrawRange::ALWAYS,
             DrawRange { begin: length, ..DrawRange::ALWAYS },
             DrawRange { end: length, ..DrawRange::ALWAYS },

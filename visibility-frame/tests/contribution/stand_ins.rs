@@ -63,8 +63,8 @@ fn exactly_one_of_a_parent_and_its_children_is_drawn() {
     assert!(drawn.iter().all(|&count| count > 5_000), "{drawn:?}");
 }
 
-/// Tests that two levels of one thing whose boxes differ are drawn one at a time, at every distance and by
-/// whatever way the eye comes, as long as one is the parent of the other.
+/// Tests that two levels of one thing with different boxes are drawn one at a time, at every distance and
+/// along any path of the eye, if one is the parent of the other.
 #[test]
 fn between_levels_of_different_boxes_nothing_is_missing() {
     // The box of the far level reaches a metre nearer to the eye.
@@ -73,7 +73,7 @@ fn between_levels_of_different_boxes_nothing_is_missing() {
     for (is_linked, has_end) in [(true, true), (true, false), (false, true)] {
         let mut scene = Scene::new();
         let [near, far] = boxes.map(|bounds| scene.insert(bounds));
-        // Something else in the way of the walk through the hierarchy.
+        // Other objects, so that the hierarchy has several nodes.
         scene.insert_batch((0..300).map(|i| Aabb::from_arrays([i as f32; 3], [i as f32 + 0.5; 3])));
         let end = if has_end { 128.0 } else { f32::INFINITY };
         scene.set_draw_range(near, DrawRange { end, margin: 10.0, ..DrawRange::ALWAYS }).unwrap();
@@ -109,7 +109,8 @@ fn between_levels_of_different_boxes_nothing_is_missing() {
         }
         assert_eq!(missing > 0, !is_linked, "ranges alone leave a gap of a metre");
     }
-    // Near levels at the far end of a block that is a level of them all: none is beyond its end.
+    // Near levels of detail at the far end of a block that is the parent of all: none of them is beyond its
+    // end.
     let mut scene = Scene::new();
     let block = scene.insert(Aabb::from_arrays([0.0, -5.0, 0.0], [200.0, 5.0, 20.0]));
     scene.set_draw_range(block, DrawRange { begin: 128.0, ..DrawRange::ALWAYS }).unwrap();
@@ -133,7 +134,8 @@ fn between_levels_of_different_boxes_nothing_is_missing() {
     assert_eq!((seen(129.0).len(), seen(129.0).contains(&block)), (1, true), "beyond, the block alone");
 }
 
-/// Tests that what trembles about a limit switches at most once, and that without memory it flickers.
+/// Tests that an object whose distance trembles around a limit switches at most once, and that it would
+/// flicker without hysteresis.
 #[test]
 fn a_trembling_camera_makes_nothing_flicker() {
     let mut rng = Random(9);
@@ -167,7 +169,7 @@ fn a_trembling_camera_makes_nothing_flicker() {
         }
     }
     assert!(switches[0] <= 3 && switches[1] > 50, "{switches:?}");
-    // Beyond the band the memory ends, and a reset forgets it.
+    // Distances outside the hysteresis band, and a reset, end the influence of earlier frames.
     let band = view_from(DVec3::new(2.0, 0.0, 0.0));
     cull(&mut live, &scene, &view_from(DVec3::new(-20.0, 0.0, 0.0)));
     assert!(cull(&mut live, &scene, &band).0.contains(&parent), "still beyond the lower limit");
@@ -194,7 +196,8 @@ fn children_whose_parent_cannot_stand_in_are_drawn() {
     let seen = |scene: &Scene, view: &View| cull(&mut ContributionCuller::new(1080.0, 0.0), scene, view).0;
     let is = |ids: &[ObjectId]| ids.iter().copied().collect::<BTreeSet<_>>();
     assert_eq!(seen(&scene, &view), is(&[parent]), "the parent stands in for the child");
-    // The child drives away, the parent shrinks, is on another layer, is never culled, is NaN, is removed.
+    // The child drives away; the parent shrinks, changes its layer, is never culled, becomes NaN, or is
+    // removed.
     let (home, far) =
         (scene.bounds(child).unwrap(), Aabb::from_arrays([105.0, 0.0, 9.5], [106.0, 1.0, 10.5]));
     scene.set_bounds(child, far).unwrap();
@@ -214,7 +217,7 @@ fn children_whose_parent_cannot_stand_in_are_drawn() {
     assert_eq!(seen(&scene, &view.with_layers(2)), is(&[child]), "a view of the child's layers alone");
     scene.set_layers(child, 1).unwrap();
     assert_eq!(seen(&scene, &view), is(&[parent]), "the child is on the parent's layer");
-    // The distance of another eye, as for a shadow map of the main camera.
+    // Distances are measured from another eye, as for a shadow map of the main camera.
     let light =
         View::orthographic(Pose::look_at(DVec3::Z, DVec3::X, DVec3::Z), Window::centered(9.0, 9.0), 0.0, 9.0);
     let light = light.unwrap();
@@ -230,8 +233,8 @@ fn children_whose_parent_cannot_stand_in_are_drawn() {
 /// Change of a scene, given a parent, its children and a box elsewhere.
 type Change = fn(&mut Scene, ObjectId, &[ObjectId], Aabb);
 
-/// Tests that nodes which were dropped because a parent stood in for all their objects are looked into again
-/// at once, whatever has happened to the parent.
+/// Tests that nodes dropped because a parent replaced all their objects are opened again at once after any
+/// change of the parent.
 #[test]
 fn nodes_of_children_whose_parent_has_changed_are_looked_into() {
     let whole = Aabb::from_arrays([490.0; 3], [530.0; 3]);

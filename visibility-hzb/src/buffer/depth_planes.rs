@@ -40,7 +40,7 @@ impl DepthPlanes {
     #[inline(always)]
     pub(crate) fn of(shape: &ScreenShape) -> Self {
         let [p, q, r, ..] = shape.planes;
-        // All three planes are copied whatever their number: a copy of known length is fast.
+        // Always copies three planes, whatever their number: a copy of known length is fast.
         Self { planes: [p, q, r], count: if shape.plane_count <= 3 { shape.plane_count } else { 0 } }
     }
 

@@ -108,8 +108,8 @@ impl Pyramid {
                         out,
                     );
                 }
-                // Element `row` held the range of a finer row that has been read already: rows `2 * row` and
-                // above are read before element `row` is written.
+                // Element `row` still holds the range of the finer row `row`. It can be overwritten, since
+                // finer rows up to `2 * row + 1` have been read already.
                 self.changed[row] = if changed[0] < changed[1] { changed } else { UNCHANGED };
             }
             (first_row, end_row) = (first, end);
@@ -270,7 +270,8 @@ mod tests {
         for size in [[100, 60], [24, 200], [64, 64]] {
             for _ in 0..60 {
                 let mut tiles = Tiles::new(size[0], size[1]);
-                // Most tiles are covered entirely, some of them nearer, and parts of tiles nearer still.
+                // Most tiles are covered entirely, some with a nearer depth key, and parts of some tiles with
+                // a still nearer one.
                 for tile in 0..tiles.columns * tiles.rows {
                     if random.below(40) > 0 {
                         tiles.cover(tile, u64::MAX, 1.0 + random.below(2) as f32, 0);

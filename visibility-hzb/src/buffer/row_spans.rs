@@ -1,4 +1,4 @@
-//! Pixel masks of tiles, made from the column range that a shape covers in each row of pixels.
+//! Pixel masks of tiles, made from the range of columns that a shape covers in each row of pixels.
 
 use super::tile_layout::SIDE;
 use crate::lanes::{WHOLE, WIDTH, greatest, least};

@@ -1,4 +1,4 @@
-//! Columns of tiles that are drawn apart, in a buffer of their own, and then copied.
+//! Copying of columns of tiles that were drawn apart, in a buffer of their own.
 
 use super::tiles::{Layers, Tiles, join};
 

@@ -21,8 +21,8 @@ pub(crate) struct Rectangle {
 }
 
 impl Rectangle {
-    /// Returns whether the rectangle is at most one pixel wide or at most one pixel high. If bounds of a
-    /// shape that are rounded outwards are so thin, the shape covers no pixel entirely.
+    /// Returns whether the rectangle is at most one pixel wide or at most one pixel high. A shape whose
+    /// bounds, rounded outwards, are that thin covers no pixel entirely.
     #[inline(always)]
     pub(crate) fn is_thin(&self) -> bool {
         self.columns[1] - self.columns[0] <= 1 || self.lines[1] - self.lines[0] <= 1

@@ -1,8 +1,8 @@
-//! The buffer: tiles of 8 x 8 pixels. A tile stores in a few layers which of its pixels are covered and how
-//! far away the covering occluders are at most.
+//! The buffer: tiles of 8 x 8 pixels. Each tile stores, in a few layers, which of its pixels are covered and
+//! how far away the covering occluders are at most.
 //!
 //! A tile has one depth key for all its pixels and up to [`LAYERS`] disjoint sets of pixels with a greater
-//! key each. That takes a fraction of the memory of a z-buffer. It is as tight in practice, since one
+//! key each. This layout takes a fraction of the memory of a z-buffer. It is as tight in practice, since one
 //! occluder mostly has one depth range in a tile. The idea is that of Andersson, Hasselgren and
 //! Akenine-Möller, "Masked Depth Culling for Graphics Hardware", 2015, with more layers, which are disjoint.
 
@@ -192,7 +192,8 @@ impl Tiles {
         if new == 0 {
             return;
         }
-        // Occluders are added roughly from front to back, so most fill pixels that are not covered yet.
+        // Occluders are added roughly from front to back, so most of them fill pixels that no layer covers
+        // yet.
         if new & taken == 0 && new | taken != u64::MAX && count < LAYERS {
             layers.masks[count] = new;
             layers.depth_key[count] = depth_key;
@@ -220,7 +221,7 @@ impl Tiles {
             for &(_, depth_key, _) in &all[..kept] {
                 raised = if depth_key < raised { depth_key } else { raised };
             }
-            // A layer no nearer than `tile_min` is useful only for its depth planes.
+            // A layer no nearer than `tile_min` is kept only for its depth planes.
             let mut left = 0;
             for i in 0..kept {
                 if all[i].1 > raised || all[i].2 != 0 {

@@ -2,14 +2,14 @@
 //!
 //! These are the three estimates of Zhang, Manocha, Hudson and Hoff ("Visibility Culling using Hierarchical
 //! Occlusion Maps", 1997), in depth keys (greater is nearer). Each estimate is, for every covered pixel, a
-//! lower bound on the depth key of an occluder that covers the pixel. So each is conservative on its own.
+//! lower bound on the depth key of an occluder that covers the pixel. So each estimate alone is conservative.
 //!
 //! [`DepthEstimate::Plane`] and [`DepthEstimate::Buffer`] use the farthest points of the boxes around
 //! occluders. An occluder whose screen rectangle is hidden pixel by pixel behind nearer occluders does not
-//! change these estimates. That is sound: of all occluders that cover a pixel, take the one whose nearest
-//! point is nearest. It cannot be hidden in that pixel, since an occluder that hides it there covers the
-//! pixel too and reaches nearer still. So for every covered pixel, at least one occluder that covers the
-//! pixel has been taken into the estimate.
+//! change these estimates. Leaving it out is sound. Of all occluders that cover a pixel, take the one whose
+//! nearest point is nearest. No other occluder can hide it in that pixel, since the other would cover the
+//! pixel too and reach nearer still. So for every covered pixel, at least one occluder that covers the pixel
+//! has been taken into the estimate.
 
 use super::opacity_pyramid::OpacityPyramid;
 use super::tile_range::TileRange;

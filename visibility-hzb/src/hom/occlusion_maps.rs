@@ -63,7 +63,8 @@ use visibility_core::{
 pub struct Hom {
     /// Z-buffer that draws occluders. Also holds the view's projection, by which boxes are projected.
     raster: Hzb,
-    /// Covered pixels, and for each texel of the coarser levels their number, as of the last flush.
+    /// Covered pixels, and the number of covered pixels in each texel of the coarser levels, as of the last
+    /// flush.
     opacity: OpacityPyramid,
     /// Lower bounds on the depth keys of the drawn occluders.
     boundary: DepthBoundary,
@@ -92,7 +93,7 @@ impl Hom {
         Hzb::new(width, height).map(Self::over)
     }
 
-    /// Creates maps that draw into `raster`, which must be empty.
+    /// Creates maps that draw into `raster`, which must hold no occluder.
     fn over(raster: Hzb) -> Self {
         let opacity = OpacityPyramid::new([raster.width(), raster.height()]);
         let boundary = DepthBoundary::new(&raster.tiles);

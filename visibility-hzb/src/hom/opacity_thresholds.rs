@@ -139,7 +139,7 @@ mod tests {
                 area,
                 "level {level}: pixels needed of {area} at a threshold of NaN"
             );
-            // The greatest number below one leaves nothing out either: it rounds to no fewer pixels than all.
+            // The greatest number below one is rounded up to a threshold of 1, so all pixels must be covered.
             assert_eq!(
                 Thresholds::from_tile_threshold(1.0f32.next_down()).need(level, area),
                 area,

@@ -218,7 +218,7 @@ mod tests {
     #[test]
     fn fine_texels_with_few_holes_count_as_opaque() {
         let mut tiles = Tiles::new(16, 16);
-        // All but one pixel of the first block of 2 x 2, and half of the second.
+        // Covers three pixels of the first block of 2 x 2, and two of the second.
         tiles.cover(0, 0b01 | 0b11 << SIDE | 0b11 << 2, 1.0, 0);
         let mut opacity = OpacityPyramid::new([16, 16]);
         opacity.update(&tiles, &TileRange([0, 1, 0, 1]));

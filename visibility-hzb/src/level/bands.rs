@@ -1,10 +1,10 @@
-//! The raster of levels, and drawing on several threads: each draws bands of the buffer.
+//! The raster of levels, and drawing it on several threads, each of which draws bands of the buffer.
 //!
-//! The clusters that may be seen are found once. A band is a fixed range of columns of tiles, and is drawn as
-//! if the buffer had no other columns, into tiles of its own, which are then copied to the buffer. Columns
-//! have less in common than rows have: a floor or a wall of a room is in most rows. A cluster that is hidden
-//! in a band is not drawn there, so a pixel of a band may keep a slightly farther depth key than if the
-//! buffer were drawn as a whole.
+//! The clusters that may be seen are found once. A band is a fixed range of tile columns. It is drawn into
+//! tiles of its own, as if the buffer had no other columns, and then copied to the buffer. Bands divide
+//! columns rather than rows, since more clusters would be in several bands of rows: a floor or a wall of a
+//! room is in most rows. A cluster that is hidden in a band is not drawn there, so a pixel of a band may keep
+//! a slightly farther depth key than if the buffer were drawn as a whole.
 
 use super::draw::{CANDIDATE_WORK, Candidate, LevelScratch, draw_candidates};
 use super::frame::LevelFrame;
@@ -17,9 +17,9 @@ use alloc::vec::Vec;
 use visibility_core::jobs::{Jobs, for_each_part};
 use visibility_core::simd::Simd;
 
-/// Number of bands. More bands would share the work among more threads, but clusters in several bands are set
-/// up in each (measured with all bands on one thread: two bands take 1.05 times as long as the whole buffer,
-/// four 1.25 times; two halves share the work better than a division at the clusters' median).
+/// Number of bands. More bands would share the work among more threads, but a cluster in several bands is set
+/// up in each. Measured with all bands on one thread, two bands take 1.05 times as long as the whole buffer,
+/// four 1.25 times. Two equal halves share the work better than a division at the clusters' median.
 const BANDS: usize = 2;
 
 /// The raster of levels, with its memory from frame to frame.
@@ -39,8 +39,7 @@ pub(crate) struct LevelRaster {
 struct Band {
     /// Half-open range of tile columns.
     columns: [usize; 2],
-    /// What drawing each level needs of the view, limited to the columns of the band. `None` for a level that
-    /// is not drawn.
+    /// View of each level, limited to the columns of the band. `None` for a level that is not drawn.
     frames: Vec<Option<LevelFrame>>,
     scratch: LevelScratch,
     /// Upper bound on the depth keys of the clusters drawn, and the work spent, in triangles.
@@ -69,8 +68,8 @@ impl LevelRaster {
                 draw_candidates(simd, levels, frames, candidates, left, scratch, tiles)
             }
             Some(jobs) => {
-                // A band is a range of columns of tiles. The first band draws into `tiles` itself, each other
-                // one into tiles of its own, so that threads share no memory that they write.
+                // A band is a range of tile columns. The first band is drawn into `tiles` itself, every other
+                // band into tiles of its own, so that no two threads write the same memory.
                 self.tiles.resize_with(BANDS - 1, || Tiles::new_like(tiles));
                 for (i, band) in self.bands.iter_mut().enumerate() {
                     band.columns = [i, i + 1].map(|i| tiles.columns * i / BANDS);
@@ -87,8 +86,8 @@ impl LevelRaster {
                     let (own, scratch) = (&band.frames, &mut band.scratch);
                     band.drawn = draw_candidates(simd, levels, own, candidates, left, scratch, tiles);
                 });
-                // The bands are disjoint, so copying the columns of each joins them, in any order of the
-                // threads.
+                // Bands are disjoint, so copying the columns of each gives the same buffer in whatever order
+                // the threads finish.
                 for (band, own) in self.bands[1..].iter().zip(&self.tiles) {
                     tiles.take_columns(own, band.columns);
                 }

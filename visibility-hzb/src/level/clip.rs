@@ -1,4 +1,4 @@
-//! Outlines that are cut: by the near plane, or where they leave the guard band.
+//! Cutting of outlines: by the near plane, and where they leave the guard band around the picture.
 
 use super::edges::Edges;
 use super::frame::LevelFrame;
@@ -17,14 +17,14 @@ type Point = [f64; 5];
 pub(super) struct End {
     /// The point in homogeneous screen coordinates.
     pub(super) point: Point,
-    /// Column and row of a plain vertex: one that no cut concerns, and that has the same column and row in
-    /// all outlines. `None` for any other vertex, and for an end that a cut has made.
+    /// Column and row of a plain vertex: a vertex that no cut affects, with the same column and row in all
+    /// outlines. `None` for any other vertex, and for an end that a cut has made.
     pub(super) plain: Option<[f32; 2]>,
 }
 
 impl End {
     /// Returns whether the end stays when the edge is cut: coordinate `of` (an index into `point`) is above
-    /// `limit`. True for a plain vertex, which no cut concerns.
+    /// `limit`. True for a plain vertex, which no cut affects.
     fn stays(&self, of: usize, limit: f64) -> bool {
         self.plain.is_some() || self.point[of] > limit
     }
@@ -41,9 +41,9 @@ pub(super) struct ClipScratch {
 
 impl ClipScratch {
     /// Cuts off the parts of a flat outline where value `of` of its points (an index into [`Point`]) is at
-    /// most `limit`. The points of the cut lie on one line. An edge along that line from each of them to the
-    /// first keeps the outline closed. Whether the number of edges to the left of a point is odd does not
-    /// change on the side of the line that is kept.
+    /// most `limit`. The points of the cut lie on one line. An edge along that line from each of these points
+    /// to the first keeps the outline closed. On the kept side of the line, the parity of the number of edges
+    /// to the left of a point does not change.
     #[inline(always)]
     fn cut(&mut self, of: usize, limit: f64) {
         self.cut.clear();
@@ -66,9 +66,9 @@ impl ClipScratch {
         core::mem::swap(&mut self.edges, &mut self.cut);
     }
 
-    /// Cuts the outline of the flat polygon in `edges` by the near plane and the guard band, and pushes what
-    /// is left to `out`. Returns an upper bound on the error of its points in pixels, and the least and the
-    /// greatest `w`: infinity and 0 if nothing is left.
+    /// Cuts the outline of the flat polygon in `edges` by the near plane and the guard band (the part of the
+    /// screen beyond which outlines are cut), and pushes what is left to `out`. Returns an upper bound on the
+    /// error of its points in pixels, and the least and the greatest `w` (infinity and 0 if nothing is left).
     #[inline(always)]
     pub(super) fn clip(&mut self, frame: &LevelFrame, out: &mut Edges) -> [f64; 3] {
         self.cut(4, frame.least_near);
@@ -92,16 +92,17 @@ impl ClipScratch {
     }
 }
 
-/// Pushes the part of an edge that is within the guard band: columns and rows of magnitude up to `guard`. Its
-/// part beyond the left side becomes an edge along that side, so that the same rows have an edge to their
-/// left. Parts above and below the band are dropped, since they change nothing in the picture. Of a part
-/// beyond the right side, `out` only notes that the outline reaches that side.
+/// Pushes the part of an edge that is within the guard band: columns and rows of magnitude up to `guard`. A
+/// part beyond the left side of the band is replaced by an edge along that side, so that the same rows have
+/// an edge to their left. Parts above and below the band are dropped, since they change no pixel. For a part
+/// beyond the right side, `out` only records that the outline reaches that side.
 ///
-/// Columns and rows beyond the guard band are off by a few roundings of themselves, as their error bound
-/// allows for. The row at which an edge passes the left side is the same number for both parts.
+/// Columns and rows beyond the guard band are off by a few roundings of themselves, which their error bound
+/// covers. The row at which an edge passes the left side is the same number for both parts.
 fn push_within(a: [f64; 2], b: [f64; 2], guard: f64, out: &mut Edges) {
     let (a, b) = if a[1] <= b[1] { (a, b) } else { (b, a) };
-    // An edge that lies in one row changes nothing there but marks pixels, as any other.
+    // Only edges above or below the band are dropped. A horizontal edge changes no parity, but pixels near it
+    // must be marked.
     if b[1] < -guard || a[1] > guard {
         return;
     }
@@ -113,7 +114,7 @@ fn push_within(a: [f64; 2], b: [f64; 2], guard: f64, out: &mut Edges) {
     let bottom = if b[1] > guard { at_row(guard) } else { b };
     let at_column = |column: f64| {
         let row = top[1] + (column - top[0]) * ((bottom[1] - top[1]) / (bottom[0] - top[0]));
-        // Rows may be NaN, as those of points that are too near the eye's plane.
+        // Rows are NaN for points too near the eye's plane.
         [column, least(greatest(row, top[1]), bottom[1])]
     };
     let as_f32 = |[x, y]: [f64; 2]| [x as f32, y as f32];
@@ -141,8 +142,8 @@ fn push_within(a: [f64; 2], b: [f64; 2], guard: f64, out: &mut Edges) {
 mod tests {
     use super::*;
 
-    /// Where two edges pass the right side of the guard band and meet beyond it, the rows between have but
-    /// one edge, at the left: only by what they say of the right side is the outline filled up to it.
+    /// Two edges leave the guard band at the right side and meet beyond it. The rows between them have only
+    /// one edge left, at the left, so the outline must record that it reaches the right side.
     #[test]
     fn an_edge_that_passes_the_right_side_says_so() {
         for (b, cut) in [([99.0, 5.0], false), ([101.0, 5.0], true), ([300.0, -40.0], true)] {
@@ -154,8 +155,8 @@ mod tests {
         }
     }
 
-    /// Points too near the eye's plane have columns and rows that are no numbers. Their polygon is not drawn
-    /// in the end, by its error.
+    /// Points too near the eye's plane have NaN columns and rows. Pushing their edges must not panic; the
+    /// error of such a polygon keeps it from being drawn.
     #[test]
     fn edges_to_points_that_are_no_numbers_are_pushed_without_panic() {
         let numbers = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 5.0, -200.0, 200.0];

@@ -25,8 +25,8 @@ use visibility_core::glam::DVec3;
 use visibility_core::simd::Simd;
 use visibility_occluders::{OccluderCluster, OccluderPolygon};
 
-/// Work of testing whether a cluster may be seen. Work is counted in triangles, the time that one takes: a
-/// tenth of a microsecond. This and the following works are measured.
+/// Work of testing whether a cluster may be seen. The unit of work is the time to draw one triangle, a tenth
+/// of a microsecond. This constant and the next three are measured.
 pub(super) const CANDIDATE_WORK: f32 = 0.05;
 
 /// Work of choosing the polygons of one cluster that are drawn, in triangles.
@@ -70,8 +70,8 @@ pub(crate) struct LevelScratch {
     seams: Seams,
     /// For each level the number of edges in levels before it.
     first_edges: Vec<u32>,
-    /// For each polygon of a cluster, the coordinate along its normal of the side of its slab (the layer that
-    /// holds its vertices) that is away from the eye. NaN for a polygon that is not drawn.
+    /// For each polygon of a cluster, the coordinate along its normal of the far side of its slab: the side
+    /// away from the eye of the thin layer that holds its vertices. NaN for a polygon that is not drawn.
     far_sides: Vec<f64>,
     /// Work spent in this frame, in triangles.
     work: f32,
@@ -149,7 +149,7 @@ pub(crate) fn find_candidates(
                         continue;
                     }
                     let nearest = if boxes.known[lane] { boxes.nearest[lane] } else { f32::INFINITY };
-                    // Depth keys of parallel views may be negative.
+                    // Maps the bits to ascending order, also for the negative depth keys of parallel views.
                     let ascending = nearest.to_bits() ^ ((nearest.to_bits() as i32 >> 31) as u32 | 1 << 31);
                     let cluster = (block * WIDTH + lane) as u32;
                     candidates.push(Candidate {
@@ -208,7 +208,7 @@ fn draw_cluster(
 }
 
 /// Chooses the polygons of cluster `index` that are worth drawing, and projects the cluster's vertices.
-/// Returns whether any polygon is worth it.
+/// Returns whether there are any.
 #[inline(always)]
 pub(crate) fn begin_cluster(
     level: &PreparedLevel,
@@ -247,7 +247,8 @@ fn is_inside_clip_planes(level: &PreparedLevel, frame: &LevelFrame, cluster: &Oc
     if frame.clip_planes.as_slice().is_empty() {
         return true;
     }
-    // The faces of a polygon may leave the box around its outline by the thickness of its slab.
+    // The faces of a polygon may lie outside the box around its outline by up to the thickness of its slab,
+    // the layer that holds its vertices.
     let Aabb { min, max } = cluster.bounds;
     let sides = [min.as_dvec3() - level.thickness, max.as_dvec3() + level.thickness];
     let side = |corner: usize, axis: usize| sides[corner >> axis & 1][axis];
@@ -266,9 +267,9 @@ fn worth_drawing(polygons: &Polygons, frame: &LevelFrame) -> u32 {
             facing += towards * polygons.normal[axis][i];
             squared += towards * towards;
         }
-        // A polygon covers `area * facing * pixels_per_area` over the cube of the distance: once for the
-        // length of `towards` in `facing`. Pixels times the distance are compared, and squared, which neither
-        // overflows nor vanishes for distances from 1e-18 to 1e18.
+        // A polygon covers `area * facing * pixels_per_area` over the cube of the distance: two powers for
+        // the distance, one for the length of `towards` in `facing`. Pixels times the distance are compared,
+        // and squared, which neither overflows nor vanishes for distances from 1e-18 to 1e18.
         let pixels = polygons.area[i] * facing * frame.pixels_per_area / squared;
         let radius = polygons.radius[i];
         let close = frame.perspective & (squared <= 4.0 * radius * radius);
@@ -305,8 +306,8 @@ fn draw_polygon(
     let far = far_sides[at];
     let first = cluster.vertices[0] as usize;
     let outline = polygon.edges[0] as usize..polygon.edges[1] as usize;
-    // Whether vertices of edges that may be cut are moved into the plane at `far`. `None` before such an
-    // edge.
+    // Whether the vertices of edges that may be cut are moved into the plane at `far`. `None` before the
+    // first such edge.
     let mut flattened = None;
     *work += POLYGON_WORK;
     edges.clear();
@@ -323,12 +324,12 @@ fn draw_polygon(
             let shared =
                 if partner != NO_EDGE && seams_are_bare { first_edge.saturating_add(edge) } else { NO_EDGE };
             edges.push([x[a], y[a]], [x[b], y[b]], shared);
-            // The other end begins another edge.
+            // End `b` is counted as the beginning of another edge.
             (nearest_w, most_w) = (least(least_w[a], nearest_w), greatest(own_most_w[a], most_w));
             continue;
         }
-        // An edge that the near plane or the guard band may cut is cut in `f64`, from the vertices
-        // themselves.
+        // An edge that the near plane or the guard band around the picture may cut is cut in `f64`, from the
+        // vertices themselves.
         let flatten = *flattened.get_or_insert_with(|| !is_beyond_window(frame, polygon, far));
         let end = |at: usize| {
             let mut p = level.level.vertices()[first + at].as_dvec3();
@@ -352,8 +353,8 @@ fn draw_polygon(
     if plain && !may_be_seen(simd, frame, tiles, edges.bounds, nearest_w) {
         return false;
     }
-    // The polygon's vertices lie in a slab about its plane. Where its outline may deviate from that of its
-    // faces by more than the slack allows, or the projection is too inexact, it must not be drawn.
+    // The polygon's vertices lie in a slab around its plane. The polygon must not be drawn if its outline may
+    // deviate from that of its faces by more than the slack, or if the projection is too inexact.
     let thickness = polygon.extent[1] - polygon.extent[0];
     let lanes = &level.polygons[level.first_polygons[index] as usize + at / WIDTH];
     let middle = DVec3::from([0, 1, 2].map(|axis| f64::from(lanes.middle[axis][at % WIDTH])));
@@ -364,13 +365,14 @@ fn draw_polygon(
         return false;
     }
     let plane = depth_plane(frame, polygon.normal, middle, radius, far);
-    // A face may be as far behind its outline as the slab is thick.
+    // A face may lie behind its outline by up to the thickness of the polygon's slab, the layer that holds
+    // its vertices.
     let floor = if frame.perspective {
         down((1.0 / (most_w + frame.object.error[2] + 2.0 * thickness * frame.w_per_metre)) * (1.0 - 1e-7))
     } else {
         f32::NEG_INFINITY
     };
-    // Tiles whose depth is already nearer than this polygon everywhere need no coverage.
+    // Tiles that are nearer than this polygon everywhere need no coverage.
     let Some(keys) = TileKeys::new(edges, frame, &DepthBound { plane, floor }, tiles) else {
         return false;
     };
@@ -384,8 +386,8 @@ fn draw_polygon(
 }
 
 /// Returns whether a polygon may cover pixels that are still empty or farther than the polygon. `bounds`
-/// (least column, least row, greatest column, greatest row, in pixels) hold the polygon, and `w` is the least
-/// clip coordinate `w` of its points. An estimate: it decides only what is drawn.
+/// (least column, least row, greatest column, greatest row, in pixels) contain the polygon, and `w` is the
+/// least clip coordinate `w` of its points. An estimate suffices, since it decides only what is drawn.
 fn may_be_seen(simd: Simd, frame: &LevelFrame, tiles: &Tiles, bounds: [f32; 4], w: f32) -> bool {
     let size = [(tiles.columns * SIDE) as f32, (tiles.rows * SIDE) as f32];
     let range = |axis: usize| {
@@ -397,9 +399,9 @@ fn may_be_seen(simd: Simd, frame: &LevelFrame, tiles: &Tiles, bounds: [f32; 4], 
     !frame.perspective || simd.rectangle_may_be_seen(tiles, &rectangle, 1.0 / (BARELY_NEARER * w))
 }
 
-/// Returns the coordinate, along a polygon's normal, of the side of its slab that is away from the eye.
-/// `None` if the polygon does not hide from the side on which the eye is, if the eye is in the slab, or if
-/// rays may meet the slab before the near plane.
+/// Returns the coordinate, along a polygon's normal, of the far side of its slab: the side away from the eye
+/// of the layer that holds its vertices. `None` if the polygon does not occlude from the side on which the
+/// eye is, if the eye is in the slab, or if rays may meet the slab before the near plane.
 #[inline(always)]
 fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<f64> {
     let [low, high] = polygon.extent;
@@ -416,12 +418,13 @@ fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<f64> {
     let front = along > high;
     let (far, beside) = if front { (low, along - high) } else { (high, low - along) };
     let seen = beside > margin && (polygon.two_sided || front);
-    // A ray meets a face at no less than half the distance of the far side, or beyond the window.
+    // Every ray then meets a face at no less than half the distance of the slab's far side, or beyond the
+    // window, and so beyond the near plane.
     (seen && (beside > thickness + margin || is_beyond_window(frame, polygon, far))).then_some(far)
 }
 
-/// Returns 1 if the eye is in front of a polygon's slab, -1 if behind it. `far` is the coordinate along
-/// `normal` of the slab's far side.
+/// Returns 1 if the eye is in front of a polygon's slab (the layer that holds its vertices), -1 if behind it.
+/// `far` is the coordinate along `normal` of the slab's far side.
 #[inline(always)]
 fn eye_side(frame: &LevelFrame, normal: DVec3, far: f64) -> f64 {
     let along = normal.dot(frame.eye);
@@ -429,9 +432,10 @@ fn eye_side(frame: &LevelFrame, normal: DVec3, far: f64) -> f64 {
     if front { 1.0 } else { -1.0 }
 }
 
-/// Returns whether the eye's window is certainly on the eye's side of a polygon's slab. `far` is the
-/// coordinate of the slab's far side. Then all points of the slab in the picture are beyond the distance at
-/// which outlines are cut.
+/// Returns whether the eye's window (a rectangle across the picture, see [`LevelFrame::window`]) is certainly
+/// on the eye's side of a polygon's slab (the layer that holds its vertices). `far` is the coordinate of the
+/// slab's far side. If true, all points of the slab in the picture are beyond the distance at which outlines
+/// are cut.
 #[inline(always)]
 fn is_beyond_window(frame: &LevelFrame, polygon: &OccluderPolygon, far: f64) -> bool {
     let (normal, anchor) = (polygon.normal, frame.projection.anchor);
@@ -453,7 +457,8 @@ fn faces_eye(frame: &LevelFrame, polygon: &OccluderPolygon, middle: DVec3, radiu
     // Square of the sine of the greatest angle between the normal and those of faces.
     let sine_squared = 1.0 - polygon.min_cosine * polygon.min_cosine + 1e-12;
     let along = polygon.normal.dot(frame.eye);
-    // Height of the eye above the slab, and an upper bound on its distance from points of faces.
+    // Height of the eye above the polygon's slab (the layer that holds its vertices), and an upper bound on
+    // its distance from points of the polygon's faces.
     let (height, distance) = if frame.perspective {
         (along - high, (frame.eye - middle).length() + radius + 2.0 * (high - low))
     } else {
@@ -468,7 +473,8 @@ fn depth_plane(frame: &LevelFrame, normal: DVec3, middle: DVec3, radius: f64, fa
     let axis = normal.abs().min_position();
     let across = normal.cross(DVec3::AXES[axis]).normalize_or_zero() * radius;
     let along = normal.cross(across);
-    // A point whose coordinate along the normal is to be `far` misses it by a few roundings.
+    // By rounding, a point whose coordinate along the normal should be `far` may miss that coordinate by a
+    // few roundings.
     let rounding = 16.0 * f64::EPSILON * (normal.abs().dot(middle.abs()) + far.abs() + radius);
     let foot = middle + normal * (far - eye_side(frame, normal, far) * rounding - normal.dot(middle));
     let corners = [foot, foot + across, foot + along].map(|p| frame.object.at(p.to_array()));

@@ -54,17 +54,17 @@ impl Edges16 {
     }
 }
 
-/// The edges of one outline, as pushed and as drawn.
+/// The edges of one outline, as they were added and as they are drawn.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Edges {
     /// Ends of each edge: column and row of one end, then of the other, [`WIDTH`] edges at a time.
     ends: Vec<[[f32; WIDTH]; 4]>,
-    /// As [`Edges16::shared`].
+    /// Index in the frame of each edge that two polygons share, as in [`Edges16::shared`].
     shared: Vec<[u32; WIDTH]>,
     /// Number of edges.
     count: usize,
-    /// Column up to which the outline reaches at the right at least, although edges there, beyond the guard
-    /// band, are left out. `None` if none is left out.
+    /// Column up to which the outline reaches at least at the right, if edges beyond the guard band there are
+    /// left out. `None` if no edge is left out.
     right: Option<f32>,
     /// Edges as drawn. Valid after [`finish`](Self::finish).
     pub(super) drawn: Vec<Edges16>,
@@ -83,15 +83,15 @@ impl Edges {
         self.right = None;
     }
 
-    /// Counts the outline as reaching the column `right`, for edges, or parts of edges, there that are not
-    /// pushed: without them the [bounds](Self::bounds) would end where pixels are covered.
+    /// Records that the outline reaches the column `right`, for edges there, or parts of edges, that are not
+    /// pushed. Without this the [bounds](Self::bounds) might exclude covered pixels.
     #[inline(always)]
     pub(super) fn reach(&mut self, right: f32) {
         self.right = Some(right);
     }
 
-    /// Returns whether edges, or parts of them, at the right are left out: then the outline may cover all
-    /// pixels up to there.
+    /// Returns whether edges, or parts of edges, at the right were left out. The outline may then cover all
+    /// pixels up to the right.
     #[inline(always)]
     pub(super) fn is_cut_at_right(&self) -> bool {
         self.right.is_some()
@@ -103,8 +103,8 @@ impl Edges {
     pub(super) fn push(&mut self, [ax, ay]: [f32; 2], [bx, by]: [f32; 2], shared: u32) {
         let lane = self.count % WIDTH;
         if lane == 0 {
-            // A lane that stays empty has its ends at one point: it crosses no row of pixel centres and is
-            // marked nowhere, since that point is beyond all rows.
+            // An empty lane has both ends at one point beyond all rows, so it crosses no row of pixel centres
+            // and marks no pixel.
             self.ends.push([[0.0; WIDTH], [f32::INFINITY; WIDTH], [0.0; WIDTH], [f32::INFINITY; WIDTH]]);
             self.shared.push([NO_EDGE; WIDTH]);
         }
@@ -130,7 +130,7 @@ impl Edges {
                 let (top, bottom) = if downwards { (ay[i], by[i]) } else { (by[i], ay[i]) };
                 let (low, high) = (least(x0, x1), greatest(x0, x1));
                 let height = bottom - top;
-                // False for the NaN of an empty lane, which has no width either.
+                // False for the NaN of an empty lane, whose width is NaN too.
                 let steep = height >= LEVEL_EDGE_PX;
                 out.x[i] = if steep { x0 } else { low };
                 out.slope[i] = if steep { (x1 - x0) / height } else { 0.0 };

@@ -1,5 +1,5 @@
-//! Fills an outline into tiles: the pixels whose centres it winds round an odd number of times and that it
-//! does not come near.
+//! Fills an outline into tiles. A pixel is filled if the outline winds round its centre an odd number of
+//! times and, for conservative coverage, stays away from the pixel.
 
 use super::edges::Edges;
 use super::open_tiles::{TileKeys, end_tile, first_tile, first_tiles};
@@ -15,15 +15,16 @@ use alloc::vec::Vec;
 /// Scratch memory of [`fill`].
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FillScratch {
-    /// Masks of the open tiles: for each row of tiles, one for each [`WIDTH`] columns.
+    /// Masks of the [open tiles](super::open_tiles) of the polygon: for each row of tiles, one mask for each
+    /// [`WIDTH`] columns.
     pub(super) open: Vec<u32>,
-    /// Edges of the outline that meet the row of tiles at work.
+    /// Edges of the outline that meet the row of tiles being filled.
     row: Vec<RowEdge>,
 }
 
-/// Covers the pixels of [open tiles](FillScratch::open) whose centres the outline `edges` winds round an odd
-/// number of times, and which it does not come within `slack` pixels of. Adds the polygon of the outline to
-/// `seams`. Returns whether a tile may have changed.
+/// Covers pixels of [open tiles](super::open_tiles): those whose centres the outline `edges` winds round an
+/// odd number of times, and which, for [`Coverage::Conservative`], are more than `slack` pixels away from all
+/// edges. Adds the polygon of the outline to `seams`. Returns whether a tile may have changed.
 #[inline(always)]
 pub(crate) fn fill(
     edges: &Edges,
@@ -45,7 +46,7 @@ pub(crate) fn fill(
         }
         let (base, of_row, top) = (row * tiles.columns, keys.of_row(row), (row * SIDE) as f32);
         let [left, right] = edges_of_row(edges, top, slack, sides, row_edges).map(|side| side / SIDE as f32);
-        // Two pixels more on each side than columns are rounded by.
+        // A margin of two pixels on each side, more than columns are rounded by.
         let (first_met, end) = (first_tile(left - 0.25), end_tile(right + 0.25, tiles.columns));
         for (column, open) in (x0..).step_by(WIDTH).zip(open) {
             let mut left_open = open

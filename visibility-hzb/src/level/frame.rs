@@ -10,11 +10,11 @@ use visibility_core::glam::{Affine3A, DMat3, DVec3, Vec3};
 use visibility_core::view::{Eye, ViewPlanes};
 use visibility_core::{Aabb, View};
 
-/// Maximum error of a vertex in pixels. Vertices with a greater one are projected anew in `f64`.
+/// Maximum error of a vertex in pixels. Vertices with a greater error are projected again in `f64`.
 pub(super) const MAX_ERROR_PX: f32 = 1.0 / 64.0;
 
-/// Maximum distance in pixels by which an outline moves on the screen if its vertices are moved within the
-/// polygon's slab. Polygons with a greater one are not drawn.
+/// Maximum distance in pixels by which an outline may move on the screen when its vertices move within the
+/// polygon's slab (the layer that holds its vertices). Polygons that exceed it are not drawn.
 pub(super) const MAX_BEND_PX: f64 = 1.0 / 64.0;
 
 /// Unit round-off of `f32`.
@@ -47,17 +47,17 @@ pub(crate) struct LevelFrame {
     /// Clip planes of the view.
     pub(super) clip_planes: ViewPlanes,
     /// Distance beyond the near plane, in the unit of clip space, at which outlines are cut. If a point of a
-    /// polygon's plane is beyond it, all points of the polygon's slab on the same ray are beyond the near
-    /// plane.
+    /// polygon's plane is beyond this distance, all points of its slab (the layer that holds its vertices) on
+    /// the same ray are beyond the near plane.
     pub(super) least_near: f64,
-    /// Clip coordinate `w` at which outlines are cut: what is left has at least this `w`.
+    /// Clip coordinate `w` at which outlines are cut: the remaining points have at least this `w`.
     pub(super) least_w: f64,
-    /// In a parallel view, the greatest thickness of a polygon's slab whose outline may be moved into one
-    /// plane to be cut, in metres.
+    /// Greatest thickness in metres, in a parallel view, of a polygon's slab (the layer that holds its
+    /// vertices) at which the outline may be moved into one plane before it is cut.
     pub(super) most_flattened: f64,
     /// The eye's *window*: four points, relative to the anchor, on rays beside the corners of the buffer, at
-    /// a distance at which outlines are not cut. All points in the picture nearer than the cut are in the
-    /// hull of the eye and the window. `None` if not all the rays reach that distance.
+    /// a distance at which outlines are not cut. All points in the picture that are nearer than the cut lie
+    /// in the convex hull of the eye and the window. `None` if not all the rays reach that distance.
     pub(super) window: Option<[DVec3; 4]>,
     /// Greatest magnitude in pixels of columns and rows of outlines: outlines are cut there.
     pub(super) guard: f64,
@@ -94,8 +94,8 @@ impl LevelFrame {
         min_polygon_area: f32,
     ) -> Option<Self> {
         let projection = ScreenProjection::new(view, level.origin, picture, size);
-        // All errors are bounded once for the frame, for points in a box that holds every polygon and the
-        // balls around them.
+        // Error bounds are computed once for the frame, for points in a box that contains every polygon and
+        // the balls around polygons.
         let reach = level.reach.to_array().map(up);
         let bounds = Aabb { min: -Vec3::from(reach), max: Vec3::from(reach) };
         let (object, _) = project_object(&projection, &bounds, &Affine3A::IDENTITY)?;
@@ -105,16 +105,17 @@ impl LevelFrame {
         let (eye, depth) = if perspective {
             (projection.anchor, w.length_squared())
         } else {
-            // The product of both rows would point backwards in a mirrored picture.
+            // The cross product of rows `x` and `y` would point backwards in a mirrored picture.
             let Eye::Direction(along) = view.eye(level.origin) else { return None };
             (along, projection.rows[2].constant * projection.rows[2].constant)
         };
-        // Upper bound on the pixels by which a point moves for a metre that it is moved, times its `w`.
+        // Upper bound on the distance in pixels that a point moves on the screen when it moves by a metre,
+        // times its `w`.
         let side = projection.size[0].max(projection.size[1]);
         let pixels_per_metre = x.length().max(y.length()) + side * w.length();
-        // Along the ray through a pixel, the distance beyond the near plane is linear in `w`, and has the
-        // constant of its row at the eye. A polygon whose slab is no thicker than the eye's distance from it
-        // is met at no less than half the `w` of its plane.
+        // Along the ray through a pixel, the distance beyond the near plane is linear in `w`, and equals the
+        // constant of its row at the eye. A polygon whose slab (the layer that holds its vertices) is no
+        // thicker than the eye's distance from it is met at no less than half the `w` of its plane.
         let most_flattened = MAX_BEND_PX * projection.rows[2].constant.abs() / pixels_per_metre;
         let least_near = if perspective {
             projection.near.constant.abs() + projection.near.error
@@ -122,7 +123,7 @@ impl LevelFrame {
             near.length() * level.thickness.min(most_flattened) * (2.0 / MIN_PARALLEL_COSINE)
         };
         let least_near = least_near * (1.0 + 1e-6) + 2.0 * object.near_limit();
-        // A `w` of at least 1,024 times its error: quotients by it err by a thousandth at most.
+        // A `w` of at least 1,024 times its error, so that quotients by `w` err by at most a thousandth.
         let least_w = 1024.0 * object.error[2];
         // A polygon's area in pixels, estimated from its area in square metres: it decides only whether the
         // polygon is worth drawing.
@@ -157,7 +158,8 @@ impl LevelFrame {
 
     /// Returns the frame for drawing the half-open range `columns` of tile columns alone.
     pub(super) fn of_columns(&self, columns: [usize; 2]) -> Self {
-        // What ends near the border is drawn on both sides of it, so that polygons that meet there do.
+        // One more tile column on each side, so that polygons which meet near the border are drawn on both
+        // sides of it.
         let around = [columns[0].saturating_sub(1), (columns[1] + 1).min(self.columns[1])];
         let sides = sides(&self.projection, around).map(|side| side.map(|value| value as f32));
         Self { sides, columns, ..self.clone() }
@@ -198,8 +200,8 @@ fn window(projection: &ScreenProjection, least_near: f64, least_w: f64) -> Optio
             distance - near.constant,
         );
         *point = columns.transpose().inverse() * wanted;
-        // Whatever rounding did, the point is where it should be, within half a pixel and a quarter of the
-        // distance. The comparisons are false for NaN.
+        // Checks that, despite rounding, the point is within half a pixel and a quarter of the distance of
+        // its intended place. The comparisons are false for NaN.
         let [x, y, w, near] = [x, y, w, near].map(|row| {
             let linear = DVec3::from(row.linear);
             let error = 8.0 * U * linear.abs().dot(point.abs()) + 2.0 * row.error;

@@ -1,5 +1,5 @@
-//! Open tiles of an outline: the tiles that the outline may come near and whose depth key is not as near
-//! already.
+//! Open tiles of a polygon: tiles within the bounds of its outline in which the polygon is clearly nearer
+//! than the tile's depth key.
 
 use super::edges::Edges;
 use super::frame::LevelFrame;
@@ -9,8 +9,8 @@ use crate::buffer::tiles::Tiles;
 use crate::lanes::{WHOLE, WIDTH, bits, greatest, least};
 use alloc::vec::Vec;
 
-/// Least ratio of a polygon's depth key to that of a tile for the polygon to be drawn there. A polygon that
-/// is barely nearer hides next to nothing more.
+/// Least ratio of a polygon's depth key to that of a tile for the polygon to be drawn in that tile. A polygon
+/// that is barely nearer hides next to nothing more.
 pub(super) const BARELY_NEARER: f32 = 1.05;
 
 /// Returns the whole number nearest to `x`, whose magnitude must be below 2^22.
@@ -40,8 +40,8 @@ pub(super) fn first_tiles(count: u32) -> u32 {
 
 /// Lower bounds on the depth keys of a polygon (greater is nearer).
 pub(crate) struct DepthBound {
-    /// Coefficients `[a, b, c]` of the least key in a tile: `a * column + b * row + c`, in tile columns and
-    /// tile rows.
+    /// Coefficients `[a, b, c]` of the polygon's least depth key in a tile: `a * column + b * row + c`, in
+    /// tile columns and tile rows.
     pub(super) plane: [f32; 3],
     /// Lower bound on the polygon's depth keys in all tiles.
     pub(super) floor: f32,
@@ -56,10 +56,10 @@ pub(crate) struct TileKeys {
     pub(super) rows: [usize; 2],
     /// Left, upper, right and lower side of the pixels that the outline may come near, in tiles.
     sides: [f32; 4],
-    /// Coefficients `[a, b, c]` of the least key in a whole tile: `a * column + b * row + c`, in tile columns
-    /// and tile rows.
+    /// Coefficients `[a, b, c]` of the polygon's least depth key in a whole tile: `a * column + b * row + c`,
+    /// in tile columns and tile rows.
     pub(super) plane: [f32; 3],
-    /// Constant of the same plane at single positions: the key at `x` and `y`, in tiles, is at least
+    /// Constant of the same plane at single positions: the depth key at `x` and `y`, in tiles, is at least
     /// `plane[0] * x + plane[1] * y + constant`.
     constant: f32,
     /// Lower bound on the polygon's depth keys in all tiles.
@@ -67,8 +67,8 @@ pub(crate) struct TileKeys {
 }
 
 impl TileKeys {
-    /// Returns the tiles of the frame's columns that an outline comes near: within the slack of its edges.
-    /// `None` if there are none.
+    /// Returns the tiles, within the frame's columns, that the bounds of an outline meet when widened by the
+    /// slack. `None` if there are none.
     #[inline(always)]
     pub(super) fn new(
         edges: &Edges,
@@ -78,16 +78,17 @@ impl TileKeys {
     ) -> Option<Self> {
         let [left, above, right, below] = edges.bounds;
         let slack = frame.slack;
-        // The pixels that the outline may come near, in tiles, which are exact numbers.
+        // Sides of the range of pixels that the outline may come near, in tiles. These numbers are exact.
         let low = |pixel: f32| nearest_whole(pixel - slack - 0.5) / SIDE as f32;
         let high = |pixel: f32| nearest_whole(pixel + slack + 0.5) / SIDE as f32;
         let sides @ [left, above, right, below] = [low(left), low(above), high(right), high(below)];
         let size = [tiles.columns as f32, tiles.rows as f32];
-        // False where there are no edges.
+        // The comparisons are false for an outline without edges.
         if !(left < size[0] && above < size[1] && right > 0.0 && below > 0.0) {
             return None;
         }
-        // All tiles that the outline may come near, so that polygons that share an edge agree on them.
+        // Contains all tiles that the outline may come near, so that polygons that share an edge agree on its
+        // tiles.
         let columns = [first_tile(left).max(frame.columns[0]), end_tile(right, frame.columns[1])];
         (columns[0] < columns[1]).then_some(Self {
             columns,
@@ -99,19 +100,19 @@ impl TileKeys {
         })
     }
 
-    /// Returns the terms of the least key that are the same for all tiles of a row: that of the row, and the
-    /// constant.
+    /// Returns the terms of the least depth key that are equal for all tiles of a row: that of the row, and
+    /// the constant.
     #[inline(always)]
     pub(super) fn of_row(&self, row: usize) -> f32 {
         let [_, above, _, below] = self.sides;
-        // The least key of the plane in a part of a tile is at a corner of that part.
+        // The least depth key of the plane in a part of a tile is at a corner of that part.
         let (upper, lower) = (row as f32, row as f32 + 1.0);
         let y = if self.plane[1] < 0.0 { least(lower, below) } else { greatest(upper, above) };
         y * self.plane[1] + self.constant
     }
 
-    /// Returns the least key of the polygon in the part of the tile at `column` that the outline may come
-    /// near. `of_row` are the terms of its row, see [`of_row`](Self::of_row).
+    /// Returns the least depth key of the polygon in the part of the tile at `column` that the outline may
+    /// come near. `of_row` are the terms that [`of_row`](Self::of_row) returns for the tile's row.
     #[inline(always)]
     pub(super) fn at(&self, column: f32, of_row: f32) -> f32 {
         let [left, _, right, _] = self.sides;
@@ -137,7 +138,7 @@ pub(crate) fn find_open_tiles(keys: &TileKeys, tiles: &Tiles, open: &mut Vec<u32
             let left = column as f32;
             for i in 0..WIDTH {
                 own[i] = keys.at(left + STEPS[i], of_row);
-                // Keys of parallel views may be negative.
+                // Depth keys of parallel views may be negative, so the first comparison is needed too.
                 is_open[i] = u8::from((own[i] > held[i]) & (own[i] > held[i] * BARELY_NEARER));
             }
             let mask = bits(&is_open) & first_tiles((end - column) as u32);

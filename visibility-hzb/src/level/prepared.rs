@@ -28,8 +28,8 @@ pub(crate) struct Polygons {
 /// The occluders of a level with their position in the world, ready for
 /// [`Hzb::add_level`](crate::Hzb::add_level).
 ///
-/// It can be prepared on any thread, shared by the z-buffers of several views, and kept while the level is
-/// not drawn. It takes about as much memory as the occluders themselves.
+/// A value can be prepared on any thread, shared by the z-buffers of several views, and kept while the level
+/// is not drawn. Memory is about that of the occluders themselves.
 #[derive(Clone, Debug)]
 pub struct PreparedLevel {
     /// Occluders of the level.
@@ -39,24 +39,26 @@ pub struct PreparedLevel {
     /// Middle of the box around all clusters, and distance of the box's corners from it, in metres. The
     /// middle is NaN without clusters.
     pub(crate) ball: (DVec3, f64),
-    /// Bounds on the magnitudes of x, y and z, relative to `origin`, in metres: those of all vertices, and of
-    /// all points as far from a polygon's middle as its vertices.
+    /// Bounds on the magnitudes of x, y and z relative to `origin`, in metres. They hold for all vertices,
+    /// and for all points as far from a polygon's middle as its vertices.
     pub(crate) reach: DVec3,
-    /// Greatest thickness of a polygon's slab in metres.
+    /// Greatest thickness in metres of a polygon's slab, the layer that holds its vertices.
     pub(crate) thickness: f64,
     /// Boxes of clusters, [`WIDTH`] at a time.
     pub(crate) clusters: Vec<BoxLanes>,
     /// Area of the largest polygon of each cluster in square metres, [`WIDTH`] clusters at a time.
     pub(crate) largest: Vec<[f32; WIDTH]>,
-    /// Boxes around the clusters of [`WIDTH`] elements of `clusters`, [`WIDTH`] at a time.
+    /// Boxes around groups of clusters: each lane has the box around the clusters of [`WIDTH`] elements of
+    /// `clusters`.
     pub(crate) groups: Vec<BoxLanes>,
     /// Polygons of all clusters, in lanes. Each cluster begins a new element.
     pub(crate) polygons: Vec<Polygons>,
-    /// For each cluster, the index of its first element of `polygons`; one more at the end.
+    /// Index of the first element of `polygons` of each cluster, and one more index at the end.
     pub(crate) first_polygons: Vec<u32>,
     /// Edges of all polygons, in the order in which `level` has them.
     pub(crate) edges: Vec<PreparedEdge>,
-    /// Objects whose triangles are in the level, by their index: [`ObjectId::PLACEHOLDER`] for others.
+    /// Indexed by object index: the object, if its triangles are in the level, otherwise
+    /// [`ObjectId::PLACEHOLDER`].
     pub(crate) objects: Vec<ObjectId>,
 }
 
@@ -101,8 +103,8 @@ impl PreparedLevel {
         let all = Aabb::from_points(all);
         let ball = (all.center().as_dvec3(), all.half_extent().as_dvec3().length());
         let groups = in_lanes(&groups);
-        // Polygons are stored in lanes of `WIDTH`, a cluster's own from a new group of lanes on: a test of
-        // facing and size then takes `WIDTH` polygons at once.
+        // Polygons are stored in lanes of `WIDTH`, and each cluster begins a new group of lanes, so that a
+        // test of facing and size takes `WIDTH` polygons at once.
         let (mut polygons, mut first_polygons) = (Vec::new(), Vec::new());
         let (mut reach, mut thickness) = (DVec3::ZERO, 0.0f64);
         let none = PreparedEdge { ends: [0; 2], partner: NO_EDGE };
@@ -167,7 +169,7 @@ impl PreparedLevel {
     }
 
     /// Returns whether the level may be in a view with the given [sides](super::sides) relative to `origin`.
-    /// An estimate: what is not in view need not be drawn.
+    /// An estimate suffices: a level that is wrongly left out only hides less.
     pub(crate) fn is_in_view(&self, sides: &[[f64; 5]; 5], origin: DVec3) -> bool {
         let (middle, radius) = self.ball;
         let [x, y, z] = (self.origin - origin + middle).to_array();
@@ -175,15 +177,17 @@ impl PreparedLevel {
     }
 }
 
-/// Greatest number of edges with which one edge is compared to find its partner, of those with equal ends
-/// that come before it. Bounds the time where many polygons have an edge in common.
+/// Greatest number of earlier edges with equal ends that an edge is compared with to find its partner. Bounds
+/// the time if many polygons have one edge in common.
 const MAX_AROUND: usize = 16;
 
-/// Finds for each edge the same edge of another polygon. The two polygons hide from the same sides, and run
-/// through the edge in opposite directions, so that they face the same way; two-sided polygons may also run
-/// in the same direction. Where more than two polygons meet, those whose normals differ least are partners.
+/// Finds for each edge the same edge of another polygon. The two polygons occlude from the same sides and
+/// traverse the edge in opposite directions, so that they face the same way; two-sided polygons may also
+/// traverse it in the same direction. Where more than two polygons meet, those whose normals differ least are
+/// partners.
 fn find_partners(level: &LevelOccluders, edges: &mut [PreparedEdge]) {
-    // Places of both ends, the lesser first, of the edges of all polygons, with the polygon.
+    // For each edge of each polygon: the positions of both ends, the lesser first, then the edge and the
+    // polygon.
     let mut sides: Vec<([[u32; 3]; 2], u32, u32)> = Vec::with_capacity(edges.len());
     let place = |edge: u32, end: usize| {
         let vertex = level.edges()[edge as usize][end];

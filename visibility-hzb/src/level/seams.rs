@@ -1,7 +1,8 @@
-//! Seams: the pixels along edges that two polygons share, of whatever clusters of a level.
+//! Seams: the pixels along edges that two polygons share, within one cluster or between clusters of a level.
 //!
-//! A polygon leaves a *piece* for each of its shared edges and each window that the edge comes near, or
-//! nearly. Once the other polygon has left its own, pieces of the same tiles are put together.
+//! In each window (64 columns of a row of tiles) that a shared edge comes near, or nearly, a polygon leaves a
+//! *piece*. Once the other polygon of the edge has left its pieces, pieces of the same tiles are put
+//! together.
 
 use super::open_tiles::TileKeys;
 use super::prepared::{NO_EDGE, PreparedEdge};
@@ -11,30 +12,30 @@ use crate::buffer::tiles::Tiles;
 use crate::lanes::least;
 use alloc::vec::Vec;
 
-/// Pixels along the shared edges of the polygons drawn in a frame, as each polygon by itself knows them.
+/// Pixels along the shared edges of the polygons drawn in a frame, recorded for each polygon by itself.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Seams {
-    /// Pieces of all shared edges of the polygons drawn so far in the frame, in the order in which they were
-    /// left.
+    /// Pieces of all shared edges of the polygons drawn so far in the frame, in the order in which the
+    /// polygons left them.
     pieces: Vec<Piece>,
-    /// For each edge of all levels the index of its last piece; [`NO_PIECE`] for an edge without.
+    /// For each edge of all levels, the index of its last piece; [`NO_PIECE`] for an edge without pieces.
     last: Vec<u32>,
-    /// Indices in the frame of the edges that have pieces, each once.
+    /// Indices in the frame of the edges that have a piece, each once.
     met: Vec<u32>,
     /// Depth keys of the polygons drawn so far in the frame, in their order.
     polygons: Vec<TileKeys>,
-    /// Pieces of the present window: for each, the index of its edge in the frame, and the pixels that the
-    /// edge comes near, one word for each row of pixels from the top. It is not yet known whether any of
-    /// these pixels count.
+    /// Pieces of the present window (64 columns of a row of tiles): for each, the index of its edge in the
+    /// frame, and the pixels that the edge comes near, one word for each row of pixels from the top. It is
+    /// not yet known whether any of these pixels count.
     window: Vec<(u32, [u64; SIDE])>,
 }
 
 /// Index that stands for no piece.
 const NO_PIECE: u32 = u32::MAX;
 
-/// What one of the two polygons that share an edge knows of the pixels along the edge, in one window of eight
-/// tiles side by side. Bit sets of pixels have one word for each row of pixels from the top; bit i is column
-/// i of the window.
+/// The part of a seam that one of the two polygons of a shared edge contributes in one window of eight tiles
+/// side by side. Bit sets of pixels have one word for each row of pixels from the top; bit i is column i of
+/// the window.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
     /// Index in the buffer of the leftmost tile of the window.
@@ -44,14 +45,15 @@ struct Piece {
     before: u32,
     /// Index of the polygon in [`Seams::polygons`].
     polygon: u32,
-    /// Pixels of open tiles that this edge of the polygon comes near, and no other edge of the polygon.
+    /// Pixels of [open tiles](super::open_tiles) that this edge of the polygon comes near, and no other edge
+    /// of the polygon.
     alone: [u64; SIDE],
     /// Pixels of `alone` whose centres the polygon winds round an odd number of times.
     odd: [u64; SIDE],
 }
 
 impl Seams {
-    /// Forgets all pieces, for a frame of levels with `edges` edges in all.
+    /// Removes the pieces of all seams, and prepares for a frame of levels that have `edges` edges in all.
     pub(super) fn begin_frame(&mut self, edges: usize) {
         for edge in self.met.drain(..) {
             self.last[edge as usize] = NO_PIECE;
@@ -61,22 +63,23 @@ impl Seams {
         self.polygons.clear();
     }
 
-    /// Begins the next polygon, whose depth keys are `keys`. Windows that are finished from now on are its
-    /// own.
+    /// Begins the next polygon, whose depth keys are `keys`. Windows finished from now on belong to this
+    /// polygon.
     #[inline(always)]
     pub(super) fn begin_polygon(&mut self, keys: &TileKeys) {
         self.polygons.push(*keys);
     }
 
-    /// Adds the pixels near a shared edge of the polygon to the window.
+    /// Adds the pixels near a shared edge of the polygon to the present window (64 columns of a row of
+    /// tiles).
     #[inline(always)]
     pub(super) fn add(&mut self, edge: u32, near: &[u64; SIDE]) {
         self.window.push((edge, *near));
     }
 
-    /// Ends the window whose leftmost tile has index `first` in the buffer. Only its tiles in the mask `open`
-    /// count. Two edges of the polygon or more come near the pixels `near_two`, and it winds round the
-    /// centres of the pixels `wound` an odd number of times.
+    /// Ends the window (64 columns of a row of tiles) whose leftmost tile has index `first` in the buffer.
+    /// Only its tiles in the mask `open` count. `near_two` are the pixels that two or more edges of the
+    /// polygon come near, `wound` the pixels whose centres the polygon winds round an odd number of times.
     #[inline(always)]
     pub(super) fn finish_window(
         &mut self,
@@ -127,7 +130,8 @@ impl Seams {
     #[inline(always)]
     fn cover_seam(&self, mut p: u32, mut q: u32, tiles: &mut Tiles) -> bool {
         let mut planes_index = 0;
-        // From the last windows to the first. The open tiles of a window end before the polygon's next one.
+        // Goes from the last windows to the first. The open tiles of a window end before the polygon's next
+        // window begins.
         while let (Some(a), Some(b)) = (self.pieces.get(p as usize), self.pieces.get(q as usize)) {
             let (first, pixels) = a.together(b);
             if pixels != [0; SIDE] {
@@ -154,12 +158,14 @@ impl Seams {
 }
 
 impl Piece {
-    /// Returns the pixels of the seam that pieces of its two polygons cover together. They are those of the
-    /// window that is farther to the right or below of the two: the index of its leftmost tile comes first.
+    /// Returns the pixels of a seam that two pieces, one of each polygon, cover together. They are pixels of
+    /// the window of the two that is farther to the right or below; the index of its leftmost tile comes
+    /// first.
     #[inline(always)]
     fn together(&self, other: &Self) -> (usize, [u64; SIDE]) {
         let (left, right) = if self.first <= other.first { (self, other) } else { (other, self) };
-        // Tiles of `left` beyond its row are not open, so that what begins in the next row shares none.
+        // `left` has no open tiles beyond the end of its row, so it shares none with a window in the next
+        // row.
         let beside = right.first - left.first;
         let mut pixels = [0; SIDE];
         if beside < SIDE as u32 {

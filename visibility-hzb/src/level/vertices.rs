@@ -12,11 +12,11 @@ use visibility_core::glam::Vec3;
 pub(super) struct Vertices {
     /// Columns and rows of the vertices in the picture, in pixels.
     pub(super) places: [Vec<f32>; 2],
-    /// Whether each vertex is plain: in the guard band and beyond the distance at which outlines are cut,
-    /// with an error of at most [`MAX_ERROR_PX`].
+    /// Whether each vertex is plain: in the guard band around the picture and beyond the distance at which
+    /// outlines are cut, with an error of at most [`MAX_ERROR_PX`].
     pub(super) plain: Vec<bool>,
-    /// Lower bounds on the clip coordinate `w` of the vertices, then upper bounds. They hold for plain
-    /// vertices.
+    /// Lower bounds on the clip coordinate `w` of the vertices, then upper bounds. Valid for plain vertices
+    /// only.
     pub(super) w: [Vec<f32>; 2],
     /// Upper bound on the error of plain vertices in pixels.
     pub(super) error: f32,

@@ -29,11 +29,11 @@ fn bits_from(column: i32) -> u64 {
 /// `j`-th column from the left.
 #[derive(Default)]
 pub(super) struct Window {
-    /// Pixels that an edge comes near.
+    /// Pixels of the window that at least one edge comes near.
     pub(super) near: [u64; SIDE],
-    /// Pixels that two edges or more come near.
+    /// Pixels of the window that at least two edges come near.
     pub(super) near_two: [u64; SIDE],
-    /// Pixels whose centres have an odd number of edges to their left.
+    /// Pixels of the window whose centres have an odd number of edges to their left.
     pub(super) odd: [u64; SIDE],
 }
 
@@ -44,7 +44,7 @@ impl Window {
     pub(super) fn new(row: &[RowEdge], left: i32, seams: &mut Seams) -> Self {
         let mut window = Self::default();
         for edge in row {
-            // A pixel more on each side than columns are rounded by.
+            // A margin of one pixel on each side, more than columns are rounded by.
             let [first, end] = edge.span;
             if first >= (left + WINDOW + 1) as f32 {
                 continue;
@@ -83,7 +83,7 @@ pub(super) struct RowEdge {
     step: [i32; SIDE],
     /// Least and greatest column that the edge comes near in any of the rows, up to rounding.
     span: [f32; 2],
-    /// As [`Edges16::shared`].
+    /// Index in the frame of an edge that two polygons share, as in [`Edges16::shared`].
     shared: u32,
 }
 

@@ -1,13 +1,13 @@
 //! The faces of a box as bounds on depth keys, linear on the screen.
 //!
-//! A screen rectangle around a box overestimates the box twice: its corners lie beside the box, and all of it
-//! counts as near as the nearest corner. But a box is six half-spaces, and each bounds the depth key `1 / w`
-//! of its points by a function that is linear on the screen (Kay and Kajiya, "Ray Tracing Complex Scenes",
-//! 1986, cut rays by slabs in this way). A half-space with the eye outside bounds the depth key from above,
-//! one with the eye inside from below. Where the least upper bound is below the greatest lower bound, no view
-//! ray meets the box. Elsewhere the box is no nearer than the upper bound. An occluder's depth plane is
-//! compared with each upper bound as a difference of two linear functions. So a floor seen at a grazing angle
-//! hides what lies below the floor everywhere.
+//! A screen rectangle around a box overestimates the box twice: its corners lie beside the box, and the whole
+//! rectangle counts as near as the box's nearest corner. But a box is six half-spaces, and each bounds the
+//! depth key `1 / w` of its points by a function that is linear on the screen (Kay and Kajiya, "Ray Tracing
+//! Complex Scenes", 1986, cut rays by slabs in this way). A half-space with the eye outside bounds the depth
+//! key from above; a half-space with the eye inside bounds it from below. Where the least upper bound is
+//! below the greatest lower bound, no view ray meets the box. Elsewhere the box is no nearer than the upper
+//! bound. An occluder's depth plane is compared with each upper bound as a difference of two linear
+//! functions. So a floor seen at a grazing angle hides what lies below the floor everywhere.
 //!
 //! # The error bound
 //! Let `M` be the 3 x 3 matrix of the linear parts of the projection's rows `x`, `y` and `w`, and `u` the
@@ -17,11 +17,11 @@
 //! themselves. So those of `C`, two products each, are off by less than `16u` of the sum `P` of the
 //! magnitudes of these products, and `D` by less than `32u` of the sum of magnitudes of its six products. On
 //! the plane of a face, where one coordinate of `q` is a constant `t`, the depth key is that coordinate of `C
-//! s`, divided by `D t`. The numerator is off by less than `64u` of `P s`, taken at the far corner of the
-//! picture, with scaling and evaluation (some `31u` up to a block of 64 pixels past that corner, where the
-//! picture is a quarter as wide). The denominator is off by less than `2 P e` plus `64u` of `t` times the six
-//! products, where half would do but for its own rounding and that of `t`. Half-spaces whose denominator is
-//! not twice as large as that error are left out, which only makes the box larger.
+//! s`, divided by `D t`. The numerator, with scaling and evaluation, is off by less than `64u` of `P s` at
+//! the far corner of the picture; some `31u` are needed, even a block of 64 pixels past that corner of a
+//! picture a quarter as wide. The denominator is off by less than `2 P e` plus `64u` of `t` times the six
+//! products; half of that would do but for the rounding of the bound and of `t`. Half-spaces whose
+//! denominator is not twice as large as that error are left out, which only makes the box larger.
 
 use crate::lanes::least;
 use crate::setup::screen_projection::{ScreenProjection, U};
@@ -63,8 +63,9 @@ pub(crate) struct FacePlaneSetup {
 }
 
 /// Bounds of one box's depth key by its faces, one lane for each face. In lane `i` the linear function
-/// `slope[0][i] x + slope[1][i] y + constant[i]` of pixel coordinates `x` and `y` is an upper bound on the
-/// depth key if `upper[i]` is 0, the negative of a lower bound if `lower[i]` is 0, and else unused.
+/// `slope[0][i] x + slope[1][i] y + constant[i]` of pixel coordinates `x` and `y` bounds the depth key: it is
+/// an upper bound if `upper[i]` is 0, and the negative of a lower bound if `lower[i]` is 0. Other lanes are
+/// unused.
 pub(crate) struct BoxFacePlanes {
     /// Change of each face's bound (on a depth key or its negative): `slope[0]` for each pixel to the right,
     /// `slope[1]` for each pixel downwards.
@@ -109,7 +110,7 @@ impl FacePlaneSetup {
         if !projection.perspective {
             return faces;
         }
-        // Columns of the adjugate belong to `x`, `y` and 1.
+        // Columns of the adjugate matrix: the coefficients of pixel coordinates `x` and `y`, and of 1.
         let columns =
             [products(y.linear, w.linear), products(w.linear, x.linear), products(x.linear, y.linear)];
         let mut determinant = 0.0;
@@ -173,10 +174,10 @@ impl BoxFacePlanes {
         lowest(&self.upper) < f64::INFINITY
     }
 
-    /// Returns, by face, whether the face's upper bound on the box's depth key is strictly below the plane `a
-    /// x + b y + c` in a whole rectangle. The plane is a function of pixel coordinates `x` and `y`; the
-    /// rectangle is given by its left, right, top and bottom in pixels. False for faces that are not upper
-    /// bounds. The difference of two planes is least at a corner of the rectangle.
+    /// Returns, for each face, whether the face's upper bound on the box's depth key is strictly below the
+    /// plane `a x + b y + c` in a whole rectangle. The plane is a function of pixel coordinates `x` and `y`;
+    /// the rectangle is given by its left, right, top and bottom in pixels. False for faces that are not
+    /// upper bounds. The difference of two planes is least at a corner of the rectangle.
     #[inline(always)]
     pub(crate) fn below(&self, [a, b, c]: [f64; 3], [left, right, top, bottom]: [f64; 4]) -> [bool; LANES] {
         let mut below = [false; LANES];
@@ -234,14 +235,14 @@ mod tests {
     use visibility_core::glam::{DMat3, DVec3};
     use visibility_core::{Pose, View};
 
-    /// Exact points on the faces of a box satisfy the computed bounds on its depth key, also where the eye is
-    /// almost in the plane of a face.
+    /// Tests that exact points on the faces of a box satisfy the computed bounds on its depth key, also where
+    /// the eye is almost in the plane of a face.
     #[test]
     fn bounds_hold_on_the_faces() {
         let mut random = random(5);
         let (mut above, mut below) = (0, 0);
         for trial in 0..20_000 {
-            // At the origin all rounding is that of the determinant.
+            // With the eye at the origin, only the determinant is rounded.
             let far = if trial % 2 == 0 { 0.0 } else { 10f64.powf(random(0.0, 6.0)) };
             let eye = DVec3::from_array([0; 3].map(|_| far * random(-1.0, 1.0)));
             let target = eye + DVec3::from_array([0; 3].map(|_| random(-1.0, 1.0)));
@@ -271,7 +272,7 @@ mod tests {
             let box_planes = faces.of_box(sides);
             for lane in 0..6 {
                 let axis = lane % 3;
-                // A point of the face that shows somewhere in the picture.
+                // A point of the face that is somewhere in the picture.
                 let side = f64::from(if lane < 3 { sides[axis + 3] } else { sides[axis] });
                 let (x, y) = (random(-1.0, 1.0), random(-1.0, 1.0));
                 let way = inverse * DVec3::new(x, y, 1.0);

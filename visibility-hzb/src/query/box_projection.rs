@@ -7,13 +7,12 @@
 //! `low` has at most the magnitude of the exact `d`, and `p - high` at most twice that magnitude. Rounding
 //! `low` and the two differences costs at most `4u |d|`. The value of a row with coefficients `a`, `b`, `c`
 //! is `((a d.x + b d.y) + c d.z) + constant`. Its coefficients, products and up to three sums are rounded
-//! once each: `5u` more of the terms' magnitudes, `9u` in all. `16u` of them are allowed, so it does no harm
-//! that the magnitudes, too, are rounded a few times. A quotient `q = x / w` of two such values with absolute
-//! errors `e_x` and `e_w` is off by `(e_x + |q| e_w) / w` to first order. `w` must exceed `8 e_w`, or else
-//! the box is left undecided; then the factor 1.25 covers higher orders. Only a quotient `q` inside the
-//! picture matters, so `|q|` is at most the size of the picture. A corner outside the picture that is
-//! computed to be outside never moves the clipped rectangle, and a corner outside that is computed to be
-//! inside is off by no more than that error.
+//! once each: `5u` more of the terms' magnitudes, `9u` in all. `16u` are allowed, which covers the rounding
+//! of the magnitudes too. A quotient `q = x / w` of two such values with absolute errors `e_x` and `e_w` is
+//! off by `(e_x + |q| e_w) / w` to first order. `w` must exceed `8 e_w`, or else the box is left undecided;
+//! then the factor 1.25 covers higher orders. Only a quotient `q` inside the picture matters, so `|q|` is at
+//! most the size of the picture. A corner outside the picture that is computed to be outside never moves the
+//! clipped rectangle, and a corner outside that is computed to be inside is off by no more than that error.
 
 use crate::buffer::tile_layout::Rectangle;
 use crate::lanes::{WIDTH, greatest, least, round_to_i32};
@@ -44,7 +43,7 @@ impl ScreenRow32 {
         let linear = row.linear.map(|a| a as f32);
         let constant_error = row.error + row.constant.abs() * f64::from(MARGIN);
         const MIN_NORMAL: f64 = f32::MIN_POSITIVE as f64;
-        // Losses to flushed denormals, of coordinates relative to the anchor and of products.
+        // Bound on losses to flushed denormals: of coordinates relative to the anchor, and of products.
         let tiny = MIN_NORMAL * (16.0 + 8.0 * row.linear.iter().map(|a| a.abs()).sum::<f64>());
         // A denormal coefficient may be flushed to zero, a loss of the coefficient times the greatest
         // difference of two coordinates. The largest coefficient of `w` is about 1, so no coefficient is
@@ -156,7 +155,7 @@ impl ScreenProjection32 {
             let (column, row) = (x[i] * over, y[i] * over);
             let size = greatest(column.abs(), row.abs());
             let off = (greatest(x_error[i], y_error[i]) + size * w_error[i]) * (1.25 * over) + MARGIN * size;
-            // False for NaN.
+            // `known` is false for NaN.
             let known = (w[i] > 8.0 * w_error[i]) & (off < f32::INFINITY);
             out.error[i] = if known { off } else { f32::INFINITY };
             (out.x[i], out.y[i]) = (column, row);
@@ -338,7 +337,7 @@ pub(crate) fn project<const N: usize>(
     let (mut unknown, mut any) = ([false; N], false);
     for i in 0..N {
         // The quotient x / w errs by the errors of x and of w, over the least `w`. The factor 1.25 allows for
-        // a computed `w` that is too large by up to an eighth, as `known` makes sure of.
+        // a computed `w` that is too large by up to an eighth, which `known` guarantees.
         let over = 1.25 / w_least[i];
         let x_margin = (x_error[i] + width * w_error[i]) * over + MARGIN * width;
         let y_margin = (y_error[i] + height * w_error[i]) * over + MARGIN * height;

@@ -84,7 +84,7 @@ fn decide<const N: usize>(
     let visible = (gather(&projected.inside) & gather(&before) | !proper) & lanes & !outside;
     let mut hidden = outside;
     let rest = lanes & !outside & !visible & gather(&projected.known) & gather(&behind);
-    // Most boxes are hidden by the first test. It is done for all of them, without branches, before any
+    // Most boxes are hidden by the first test, so it is made for all boxes, without branches, before any
     // second test.
     let mut left = rest;
     while left != 0 {
@@ -112,7 +112,7 @@ fn decide<const N: usize>(
             hidden |= 1 << i;
         }
     }
-    // Boxes that reach the plane of the eye, such as a wall beside a corridor or what is behind that wall.
+    // Boxes that reach the plane of the eye, such as a wall beside a corridor or objects behind that wall.
     let mut left = lanes & !outside & !visible & !gather(&projected.known);
     while left != 0 {
         let i = left.trailing_zeros() as usize % N;

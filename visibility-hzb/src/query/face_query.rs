@@ -11,27 +11,27 @@ use crate::rounding::up;
 /// Width and height of a block, in tiles: one texel of a level of the pyramid.
 const BLOCK: u32 = 1 << BLOCK_LEVEL;
 
-/// Level of the pyramid whose texels are blocks, counted from the tiles.
+/// Level of the pyramid whose texels are blocks of 8 x 8 tiles. Level 0 is the tiles.
 const BLOCK_LEVEL: usize = 3;
 
-/// A box that may meet more than one in this many of the buffer's tiles is not tested by its faces. Most such
-/// boxes are nodes of a hierarchy, whose children are tested anyway (measured: without a limit 1 to 3 % fewer
-/// objects are reported, for 1 to 4 % of the time).
+/// A box that may meet more than 1 / `LARGE_SHARE` of the buffer's tiles is not tested by its faces. Most
+/// such boxes are nodes of a hierarchy, whose children are tested anyway (measured: without this limit 1 to 3
+/// % fewer objects are reported, for 1 to 4 % more time).
 const LARGE_SHARE: usize = 8;
 
-/// Number of tiles that a box may meet and be tested by its faces, however few tiles the buffer has.
+/// Number of tiles up to which a box is tested by its faces, however few tiles the buffer has.
 const FEW_TILES: usize = 64;
 
 /// Width and height of a tile, in pixels.
 const STEP: u32 = SIDE as u32;
 
-/// The test of one box against the depth keys drawn so far, by bounds on the box's own from the planes of its
-/// faces.
+/// The test of one box against the depth keys drawn so far. The planes of the box's faces bound the depth key
+/// of the box.
 pub(crate) struct FaceTest<'a> {
     /// Bounds on the box's depth key by its faces.
     planes: BoxFacePlanes,
     tiles: &'a Tiles,
-    /// Pyramid above `tiles`. It may be older than the tiles: its minima are then farther away, and hide
+    /// Pyramid above `tiles`. It may be older than the tiles: its least depth keys are then farther and hide
     /// less.
     pyramid: &'a Pyramid,
     /// Pixels that the box may meet.
@@ -59,8 +59,9 @@ impl<'a> FaceTest<'a> {
         if tiles > most { None } else { Self::anywhere(query, rectangle, sides, nearest) }
     }
 
-    /// Prepares the test of a box that may meet any pixel and may reach the plane of the eye. Its faces tell
-    /// how near it is. `None` if the eye may be in the box, and otherwise as for [`new`](Self::new).
+    /// Prepares the test of a box that may meet any pixel and may reach the plane of the eye. Only the planes
+    /// of its faces bound its depth key. `None` if the eye may be in the box, and otherwise as for
+    /// [`new`](Self::new).
     #[inline(always)]
     pub(crate) fn at_eye(query: &BoxQuery<'a>, sides: [f32; 6]) -> Option<Self> {
         let [width, height] = query.projection.picture_size();
@@ -89,7 +90,7 @@ impl<'a> FaceTest<'a> {
         if (x1 - 1) / STEP - x0 / STEP < BLOCK && (y1 - 1) / STEP - y0 / STEP < BLOCK {
             return self.is_hidden_in(&self.rectangle);
         }
-        // The pixels in the middle of the blocks decide most visible boxes.
+        // The first pass tests only the pixels in the middle of the blocks, which decide most visible boxes.
         for closely in [false, true] {
             for y in y0 / SIZE..=(y1 - 1) / SIZE {
                 for first in (x0 / SIZE..=(x1 - 1) / SIZE).step_by(LANES) {
@@ -118,9 +119,9 @@ impl<'a> FaceTest<'a> {
         true
     }
 
-    /// Returns the mask of those of [`LANES`] squares side by side in which the box may show: the first has
-    /// its upper left corner at `left` and `top` and sides of `size`, in pixels. `least` are the least depth
-    /// keys in the squares.
+    /// Returns a mask of the squares, of [`LANES`] side by side, in which the box may be visible. The first
+    /// square has its upper left corner at `left` and `top` and sides of `size`, in pixels. `least` are the
+    /// least depth keys in the squares.
     #[inline(always)]
     fn open(&self, [left, top]: [u32; 2], size: u32, least: &[f32; LANES]) -> u32 {
         let [left, top, size] = [left, top, size].map(f64::from);
@@ -133,7 +134,8 @@ impl<'a> FaceTest<'a> {
         open
     }
 
-    /// Returns whether the box may show in the pixel at column `x` and row `y`, as far as its faces tell.
+    /// Returns whether the box may be visible in the pixel at column `x` and row `y`, by the bounds of its
+    /// faces.
     #[inline(always)]
     pub(crate) fn shows_at(&self, x: u32, y: u32) -> bool {
         let tile = (y / STEP) as usize * self.tiles.columns + (x / STEP) as usize;
@@ -199,9 +201,8 @@ impl<'a> FaceTest<'a> {
         (f64::from(most) >= least).then_some(most)
     }
 
-    /// Returns an upper and a lower bound on the box's depth key by its faces, limited to what is known
-    /// without them: the box has no greater key than `nearest`, and points in view have none below 0 in
-    /// perspective views.
+    /// Limits the upper and lower bound on the box's depth key that its faces give: the box has no greater
+    /// key than `nearest`, and in perspective views no point in view has a key below 0.
     #[inline(always)]
     fn limited(&self, [most, least]: [f64; 2]) -> [f64; 2] {
         let nearest = f64::from(self.nearest);

@@ -8,8 +8,8 @@ use crate::buffer::tiles::Tiles;
 use crate::lanes::{WIDTH, any_below};
 
 /// Returns whether box `i` of the projected boxes `seen` may be in view, wider and higher than a pixel, and
-/// not hidden by drawn occluders. Undecided counts as true. If false, an occluder within the box need not be
-/// drawn: it would cover no pixel, or only pixels that hold nearer occluders.
+/// not hidden by drawn occluders. True if undecided. If false, an occluder within the box need not be drawn:
+/// it would cover no pixel, or only pixels that hold nearer occluders.
 #[inline(always)]
 pub(crate) fn may_be_seen<const N: usize>(tiles: &Tiles, seen: &ProjectedBoxes<N>, i: usize) -> bool {
     let i = i % N;
@@ -38,7 +38,7 @@ pub(crate) fn boxes_not_hidden(
 }
 
 /// Returns whether a box, given by its least x, y, z and greatest x, y, z in scene coordinates, may be in
-/// view, wider and higher than a pixel, and not hidden by drawn occluders. Undecided counts as true.
+/// view, wider and higher than a pixel, and not hidden by drawn occluders. True if undecided.
 #[inline(always)]
 pub(crate) fn box_may_be_seen(projection: &ScreenProjection32, tiles: &Tiles, sides: [f32; 6]) -> bool {
     let mut boxes = [[0.0; 1]; 6];
@@ -55,7 +55,7 @@ pub(crate) fn rectangle_may_be_seen(tiles: &Tiles, rectangle: &Rectangle, depth_
     let [x0, x1] = [rectangle.columns[0] as usize / SIDE, (rectangle.columns[1] as usize).div_ceil(SIDE)];
     let [y0, y1] = [rectangle.lines[0] as usize / SIDE, (rectangle.lines[1] as usize).div_ceil(SIDE)];
     let x1 = x1.min(tiles.columns);
-    // Plain loops, since a closure handed to an iterator is compiled apart, for the baseline instruction set.
+    // Plain loops, since closures passed to iterators would be compiled for the baseline instruction set.
     for y in y0..y1.min(tiles.rows) {
         let base = y * tiles.columns;
         if any_below(&tiles.tile_min[base + x0..base + x1], depth_key) {

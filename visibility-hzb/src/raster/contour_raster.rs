@@ -1,9 +1,9 @@
 //! The coverage of one mesh, tile by tile, before it is merged with other meshes: the pixels that the mesh
 //! covers and a lower bound on its depth keys there.
 //!
-//! Triangles are not filled. All drawn triangles, turned to run in the same sense on the screen, wind once
-//! round each point that they cover. The contour is the sum of their directed edges, where opposite edges
-//! cancel. So the contour winds round a point as often as triangles cover the point (see
+//! Triangles are not filled. Each drawn triangle, oriented in the same sense on the screen, winds once round
+//! each point that it covers. The contour is the sum of their directed edges, where opposite edges cancel. So
+//! the contour winds round a point as often as triangles cover the point (see
 //! [`screen_shape`](crate::setup::screen_shape)). A contour edge that crosses a row of pixel centres changes
 //! the winding number of all pixels to its right. Sums along rows give the winding number everywhere. Work
 //! therefore grows with contours and tiles, not with triangles or pixels.
@@ -55,8 +55,8 @@ const QUARTERS: [u64; 4] = [0x0f0f_0f0f, 0xf0f0_f0f0, 0x0f0f_0f0f_0000_0000, 0xf
 /// Width and height of a quarter of a tile, in pixels.
 const HALF: usize = SIDE / 2;
 
-/// Flatness limit of a triangle: if the depth keys of its corners differ by no more than this fraction of the
-/// greatest of them, the whole triangle gets the depth key of its farthest corner.
+/// Flatness limit of a triangle: if the depth keys of its corners differ by at most this fraction of the
+/// greatest key, the whole triangle gets the depth key of its farthest corner.
 const FLAT: f32 = 0.001;
 
 /// Scratch for the coverage and depth that one mesh contributes: one [`ContourTile`] for each tile of the
@@ -91,13 +91,13 @@ pub(crate) struct ContourRaster<'a> {
     used: [usize; 4],
 }
 
-/// Returns the half-open range of the units (pixels, or quarters of tiles) that the interval from `low` to
-/// `high` meets, clipped to `0..size`. May begin one unit early if `low` is a whole number. If `high` is a
-/// whole number, may end before the unit that only touches `high`. `None` if the interval lies outside
-/// `0..size`, or if `low` or `high` is NaN.
+/// Returns the half-open range of units (pixels, or quarters of tiles) that the interval from `low` to `high`
+/// meets, clipped to `0..size`. If `low` is a whole number, the range may begin one unit early. If `high` is
+/// a whole number, the range may leave out the unit that only touches `high`. `None` if the interval lies
+/// outside `0..size`, or if `low` or `high` is NaN.
 #[inline(always)]
 fn range(low: f64, high: f64, size: f64) -> Option<[usize; 2]> {
-    // False for NaN.
+    // The comparison is false for NaN.
     if !(high >= 0.0 && low < size) {
         return None;
     }
@@ -106,7 +106,7 @@ fn range(low: f64, high: f64, size: f64) -> Option<[usize; 2]> {
 }
 
 /// 1.5 times 2^52. Adding it to an `f64` of magnitude below 2^31 leaves the nearest integer in the low 32
-/// bits of the sum. Much faster than a cast, which must saturate.
+/// bits of the sum. The sum is much faster than a cast, which must saturate.
 const WHOLE: f64 = 6_755_399_441_055_744.0;
 
 /// Returns the integer nearest to `x`, ties to even. The magnitude of `x` must be below 2^31.
@@ -222,8 +222,8 @@ impl<'a> ContourRaster<'a> {
         if !(first < width) {
             return;
         }
-        // The slope of a level edge is NaN or infinite. Columns are clamped to the ends of the edge, and no
-        // row of centres lies between its ends.
+        // The slope of a horizontal edge is NaN or infinite. Columns are clamped to the ends of the edge, and
+        // no row of centres lies between its ends.
         let slope = (b.x - a.x) / (b.y - a.y);
         let at = |y: f64| {
             let x = a.x + (y - a.y) * slope;
@@ -294,7 +294,7 @@ impl<'a> ContourRaster<'a> {
                     continue;
                 }
                 for quarter in 0..4 {
-                    // In a quarter without triangles, only rounding makes a winding number differ from zero.
+                    // A quarter without triangles has nonzero winding numbers by rounding only.
                     if parts[quarter] < f32::INFINITY {
                         tiles.cover(tile, covered & QUARTERS[quarter], parts[quarter], 0);
                     }

@@ -9,20 +9,20 @@
 //! the pixel's quarter of the tile. Then the mesh merges with other meshes: the greatest key wins.
 //!
 //! Drawn triangles that no inner edges connect are *sheets*, such as the outer side of a wall and the far
-//! side of the room behind it. In a deep mesh of few sheets each is drawn as a mesh of its own, so that the
-//! farther ones do not lower the depth keys of the nearer.
+//! side of the room behind it. In a deep mesh of few sheets, each sheet is drawn as a mesh of its own, so
+//! that farther sheets do not lower the depth keys of nearer ones.
 //!
 //! # Why it is sound
 //! Let no contour meet a pixel, and let one point of the pixel be in a drawn triangle. Walk from that point
 //! to any other point of the pixel. Where the walk leaves a drawn triangle it crosses an edge of the
 //! triangle, or the cut of the near plane. The crossed edge is no contour, so another drawn triangle begins
-//! there. So all of the pixel is covered, by triangles that meet the pixel, and their depths are all taken
-//! into account. The contour winds round a centre that it does not come near as often as drawn triangles
-//! cover the centre ([`ContourRaster`]). Rounding leaves the centre within a fraction of a pixel of a drawn
-//! triangle, and then a point of that triangle is in the pixel.
+//! there. So the whole pixel is covered by triangles that meet the pixel, and the depths of all of these are
+//! taken into account. The contour winds round a centre away from it as often as drawn triangles cover the
+//! centre ([`ContourRaster`]). Rounding leaves the centre within a fraction of a pixel of a drawn triangle,
+//! and then a point of that triangle is in the pixel.
 //!
 //! Let `x`, `y` and `w` of a corner beyond the near limit (the distance at which geometry is cut) be off by
-//! at most `e_x`, `e_y` and `e_w`. So a pixel coordinate `q = x / w` is off by `(e_x + |q| e_w) / w`, two
+//! at most `e_x`, `e_y` and `e_w`. Then a pixel coordinate `q = x / w` is off by `(e_x + |q| e_w) / w`, two
 //! roundings aside. The *slack* is twice the greatest such bound over the mesh; 32 units of round-off of the
 //! greatest coordinate are part of it. A point of a segment is off by no more than the ends of the segment,
 //! so contours are widened by the slack, and by `2^-20` of a pixel. Meshes whose slack exceeds a quarter of a
@@ -57,10 +57,11 @@ pub(crate) struct MeshScratch {
     /// [`ObjectProjection::near_limit`], the distance at which geometry is cut.
     screen: Vec<ScreenVertex>,
     /// Side of each triangle that is drawn: positive for the front, negative for the back, 0 if the triangle
-    /// is not drawn. The magnitude is the number of the triangle's sheet, from 1 on.
+    /// is not drawn. The magnitude is the number of the triangle's sheet (group of triangles connected by
+    /// inner edges), from 1 on.
     facing: Vec<i8>,
-    /// Scratch of [`number_sheets`]: for each triangle an earlier one of its sheet, or itself if there is
-    /// none.
+    /// Scratch of [`number_sheets`]: for each triangle, an earlier triangle of its sheet (group of triangles
+    /// connected by inner edges), or itself if there is none.
     earlier: Vec<u32>,
 }
 
@@ -76,21 +77,22 @@ const MIN_OPEN_TRIANGLE_SIZE_PX: f64 = 64.0;
 /// apply.
 const MIN_OPEN_EDGES: usize = 32;
 
-/// Least ratio of the depth keys of the nearest and the farthest vertex of a mesh that is drawn sheet by
-/// sheet. In a mesh that is shallower from the eye, farther sheets lower the depth keys of nearer ones by
-/// little.
+/// Least ratio of the depth keys of the nearest and the farthest vertex of a mesh whose sheets (groups of
+/// connected triangles) are drawn one by one. In a mesh that is shallower from the eye, farther sheets hardly
+/// lower the depth keys of nearer ones.
 const MIN_SHEET_DEPTH_RATIO: f32 = 1.5;
 
-/// Greatest number of triangles of a mesh that is drawn sheet by sheet: finding the sheets takes time for
-/// each edge.
+/// Greatest number of triangles of a mesh whose sheets (groups of connected triangles) are drawn one by one:
+/// finding the sheets takes time for each edge.
 const MAX_SHEET_TRIANGLES: usize = 256;
 
-/// Greatest number of sheets that are drawn one by one. A mesh of more sheets is drawn as one: most of its
-/// sheets are small, and each takes time for all triangles and edges of the mesh.
+/// Greatest number of sheets (groups of connected triangles) that are drawn one by one. A mesh with more
+/// sheets is drawn as one mesh: most of its sheets are small, and each would take time for all triangles and
+/// edges.
 const MAX_SHEETS: i8 = 8;
 
-/// Relative tolerance for telling that a closed mesh is seen from outside: the signed areas of its triangles
-/// on the screen then cancel, so that the magnitude of their sum is at most this fraction of the sum of their
+/// Relative tolerance of the test whether a closed mesh is seen from outside: the signed areas of its
+/// triangles on the screen then cancel, so that their sum has at most this fraction of the sum of their
 /// magnitudes.
 const OUTSIDE_TOLERANCE: f64 = 1e-6;
 
@@ -138,13 +140,13 @@ pub(crate) fn draw_mesh(
     let mut vertex_bounds = VertexBounds::NONE;
     project(mesh.positions, object, near_limit, scratch, &mut vertex_bounds);
     let MeshScratch { corners, screen, facing: drawn, earlier } = scratch;
-    // A mesh that the near plane cuts gets further corners on that plane, whose errors and depth keys count
+    // Where the near plane cuts a mesh, the cut points are further corners, whose errors and depth keys count
     // as well.
     let uncut = vertex_bounds.nearest > near_limit;
     if !uncut {
         bound_cuts(mesh, corners, object, near_limit, &mut vertex_bounds);
     }
-    // An eighth of a pixel: more slack would eat up the contour of most meshes.
+    // An eighth of a pixel: more slack would widen contours so far that most meshes cover little.
     if !(vertex_bounds.error <= 0.125) {
         return f32::NEG_INFINITY;
     }
@@ -155,10 +157,11 @@ pub(crate) fn draw_mesh(
     }
     let errors = [object.determinant_error(), object.cross_error(projection.size)];
     let marked = coverage == Coverage::Conservative;
-    // In a parallel view the ratio of depth keys tells little. Either answer is right.
+    // In a parallel view the ratio of depth keys says little. With or without sheets, the result is
+    // conservative.
     let farthest = || screen[..mesh.positions.len()].iter().fold(f32::INFINITY, |far, v| least(v.far, far));
-    // A mesh whose near and far parts differ much in depth is drawn sheet by sheet, so that the far sheet
-    // does not lower the depth keys of the near one.
+    // If near and far parts of a mesh differ much in depth, its sheets (groups of connected triangles) are
+    // drawn one by one, so that a far sheet does not lower the depth keys of a near one.
     let has_sheets = mesh.triangles.len() <= MAX_SHEET_TRIANGLES
         && uncut
         && vertex_bounds.greatest >= f64::from(MIN_SHEET_DEPTH_RATIO * farthest());
@@ -172,7 +175,8 @@ pub(crate) fn draw_mesh(
             continue;
         }
         let mut contours = ContourRaster::new(contour_tiles, tiles.columns, projection.size, slack);
-        // First the depth keys: of every tile that a triangle meets, the least of the triangle there.
+        // First the depth keys: each tile that a triangle meets is lowered to the least key of the triangle
+        // in the tile.
         for (t, &facing) in mesh.triangles.iter().zip(drawn.iter()) {
             if facing != sheet {
                 continue;
@@ -193,13 +197,13 @@ pub(crate) fn draw_mesh(
                 contours.contour(&a, &b, side, marked);
             }
         }
-        // Then the contour: the edges between a drawn and an undrawn triangle, each with the drawn side on a
-        // known hand.
+        // Then the contour: the edges between a drawn and an undrawn triangle, directed so that the drawn
+        // side is always on the same hand.
         for edge in mesh.edges {
             let left = i8::from(drawn[edge.left as usize] == sheet);
             let right = edge.right.map_or(0, |t| i8::from(drawn[t as usize] == sheet));
-            // Equal counts mean that the edge is inner (both triangles are drawn and run through it in
-            // opposite directions) or that neither triangle is drawn.
+            // Equal counts: the edge is inner (both triangles are drawn and traverse it in opposite
+            // directions), or neither triangle is drawn.
             if left == right {
                 continue;
             }
@@ -225,9 +229,9 @@ pub(crate) fn draw_mesh(
     up(vertex_bounds.greatest)
 }
 
-/// Multiplies the facings of drawn triangles, 1 or -1, by the numbers of their sheets, from 1 on in the order
-/// of their first triangles. Returns the number of sheets. If there are more than [`MAX_SHEETS`], leaves the
-/// facings as they are and returns 1.
+/// Multiplies the facings of drawn triangles, 1 or -1, by the numbers of their sheets (groups of connected
+/// triangles), from 1 on in the order of their first triangles. Returns the number of sheets. If there are
+/// more than [`MAX_SHEETS`], leaves the facings as they are and returns 1.
 fn number_sheets(mesh: &OccluderTriangles, facing: &mut [i8], earlier: &mut Vec<u32>) -> i8 {
     earlier.clear();
     earlier.extend(0..facing.len() as u32);
@@ -254,7 +258,7 @@ fn number_sheets(mesh: &OccluderTriangles, facing: &mut [i8], earlier: &mut Vec<
     let mut sheets = 0;
     for t in 0..facing.len() {
         if facing[t] != 0 {
-            // Triangles before this one have their numbers already.
+            // An earlier triangle of the sheet already has the sheet's number.
             let number = if earlier[t] == t as u32 { sheets + 1 } else { facing[earlier[t] as usize].abs() };
             sheets = sheets.max(number);
             facing[t] *= number;
@@ -281,7 +285,7 @@ fn project(
     vertex_bounds: &mut VertexBounds,
 ) {
     let MeshScratch { corners, screen, .. } = scratch;
-    // The vectors only grow. Elements of earlier meshes are overwritten.
+    // The vectors only grow; values of earlier meshes are overwritten.
     if corners.len() < positions.len() {
         corners.resize(positions.len(), [0.0; 5]);
         screen.resize(positions.len(), ScreenVertex::default());
@@ -292,7 +296,7 @@ fn project(
         let count = rest.len().min(LANES);
         let mut p = [[0.0; LANES]; 3];
         for i in 0..LANES {
-            // The remaining lanes repeat the last vertex.
+            // Remaining lanes repeat the last vertex.
             let position = &rest[if i < count { i } else { count - 1 }];
             (p[0][i], p[1][i], p[2][i]) =
                 (f64::from(position.x), f64::from(position.y), f64::from(position.z));
@@ -309,8 +313,8 @@ fn project(
         }
         let [x, y, w, n, near] = &values;
         let (mut sx, mut sy, mut far) = ([0.0; LANES], [0.0; LANES], [0.0f32; LANES]);
-        // Vertices before the near plane have no screen position: they count for `nearest` alone, which makes
-        // the caller cut.
+        // Vertices nearer than the near plane have no screen position. They count for `nearest` only, which
+        // makes the caller cut the mesh.
         let (mut error, mut most, mut nearest) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
         for i in 0..LANES {
             let known = near[i] > near_limit;
@@ -390,8 +394,8 @@ fn choose(
     let (mut fronts, mut backs) = (false, false);
     let back = if mesh.two_sided { -1 } else { 0 };
     if let Some(slack) = slack {
-        // In a mesh of mostly open edges, such as foliage, triangles stand alone and small ones would hide
-        // next to nothing. An edge that joins two triangles counts as a side of both.
+        // In a mesh of mostly open edges, such as foliage, triangles stand alone, and small ones hide next to
+        // nothing. The threshold counts an edge that joins two triangles as a side of both.
         let open = (2 * mesh.edges.len()).saturating_sub(3 * mesh.triangles.len());
         let smallest =
             if open >= mesh.triangles.len().max(MIN_OPEN_EDGES) { MIN_OPEN_TRIANGLE_SIZE_PX } else { 0.0 };
@@ -408,8 +412,8 @@ fn choose(
             (sum, magnitude) = (sum + area, magnitude + area.abs());
             drawn.push(turn);
         }
-        // From outside, a closed mesh shows as much area of backs as of fronts, all of it behind the fronts.
-        // So its backs need not be drawn.
+        // From outside, a closed mesh shows as much area of backs as of fronts, and all backs are behind
+        // fronts. So its backs need not be drawn.
         let outside = open == 0 && sum.abs() <= OUTSIDE_TOLERANCE * magnitude;
         return u8::from(fronts) | if backs && !outside { 2 } else { 0 };
     }
@@ -492,8 +496,8 @@ mod tests {
         Edge { vertices: [2, 0], left: 0, right: None },
     ];
 
-    /// Coordinates that are off by their whole error bound cover no pixel that the true triangle does not
-    /// cover entirely.
+    /// Tests that coordinates which are off by their whole error bound cover no pixel that the true triangle
+    /// leaves partly uncovered.
     #[test]
     fn coordinates_off_by_their_error_cover_no_bare_pixel() {
         let (mut random, mut pixels) = (random(11), 0);
@@ -510,7 +514,7 @@ mod tests {
             let object = projection.project_object(&Affine3A::IDENTITY, [10.0; 3]);
             let mut off = object;
             for axis in 0..2 {
-                // 0.05 pixels at a distance of 10 m.
+                // 0.5 is 0.05 pixels at a distance of 10 m.
                 off.error[axis] += 0.5;
                 off.constant[axis] += random(-0.5, 0.5);
             }
@@ -541,8 +545,8 @@ mod tests {
         assert!(pixels > 100_000, "{pixels} pixels are covered");
     }
 
-    /// A triangle that faces away is never drawn as a front, nor a front as a back, where screen coordinates
-    /// are off by up to half the slack.
+    /// Tests that a triangle which faces away is never drawn as a front, nor a front as a back, if screen
+    /// coordinates are off by up to half the slack.
     #[test]
     fn triangles_off_by_the_slack_keep_their_facing() {
         let mut random = random(12);
@@ -557,7 +561,7 @@ mod tests {
         for trial in 0..100_000 {
             let slack = random(0.0, 0.25);
             let vertex = |x: f64, y: f64| {
-                // Sixteen bits behind the point, so that the doubled area is exact in `f64`.
+                // Coordinates have sixteen fractional bits, so that the doubled area is exact in `f64`.
                 [x, y].map(|v| (v * 65536.0).floor_() / 65536.0)
             };
             let (length, height) = (random(0.0, 20.0), random(-1.0, 1.0));

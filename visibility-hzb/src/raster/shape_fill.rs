@@ -47,7 +47,7 @@ pub(crate) fn fill_shape(shape: &ScreenShape, tiles: &mut Tiles) -> bool {
     true
 }
 
-/// Ranges of tile columns that a shape meets and covers in each of eight rows of tiles.
+/// Ranges of tile columns that a shape meets, and that it covers entirely, in each of eight rows of tiles.
 struct Bands {
     /// Half-open range of the columns of tiles that the shape may meet, for each of the eight rows of tiles:
     /// `met[0][i]` is the first column in row `i`, `met[1][i]` the end. An end not after the first means that
@@ -190,7 +190,7 @@ fn fill_row(
         let depth_key = depths(shape, &offsets, column);
         let values = &mut tiles.tile_min[base + column..base + column + WIDTH];
         let depth_planes = &mut tiles.depth_planes_index[base + column..base + column + WIDTH];
-        // Tiles at or beyond `stop` keep their values.
+        // Tiles from `stop` on keep their values.
         let (limit, first_column) = (stop as f32, column as f32);
         let mut part = [0u8; WIDTH];
         for i in 0..WIDTH {
@@ -208,8 +208,8 @@ fn fill_row(
             let start = (row * SIDE) as i32;
             let lines =
                 lines_below(shape.lines[1] as i32 - start) & !lines_below(shape.lines[0] as i32 - start);
-            // Masks are made for two tiles at a time, all before any tile is covered, so that the latencies
-            // overlap.
+            // Masks are made for two tiles at a time, and all masks before any tile is covered, so that
+            // latencies overlap.
             let mut left = part;
             while left != 0 {
                 let first = left.trailing_zeros() as usize % WIDTH;
@@ -254,12 +254,12 @@ fn depths(shape: &ScreenShape, offsets: &[f32; MAX_PLANES], column: usize) -> [f
 mod tests {
     use super::*;
 
-    /// A depth plane whose coefficients or values overflow `f32` bounds nothing, whatever plane follows it:
-    /// the shape is drawn at its floor.
+    /// A depth plane whose coefficients or values overflow `f32` bounds nothing, whatever planes are added
+    /// after it: the shape is drawn at its floor.
     #[test]
     fn planes_that_overflow_bound_nothing_in_any_order() {
         let (size, finite) = ([64.0; 2], [0.0, 0.0, 50.0]);
-        // Infinity times column 0, infinity less infinity, and NaN.
+        // These planes give infinity times column 0, infinity less infinity, and NaN.
         let planes = [[1e39, 0.0, -1e40], [1e38 / 2.0, -1e38 / 2.0, -5.0], [0.0, 0.0, f64::NAN]];
         for plane in planes {
             for order in [[plane, finite], [finite, plane]] {

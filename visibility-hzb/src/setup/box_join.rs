@@ -1,21 +1,21 @@
 //! Joins occluder boxes that abut into larger boxes, as the panels of a wall, the tiles of a floor and voxels
-//! do. Along the seam between two of them no pixel is covered by either alone.
+//! do. Neither box alone covers the pixels along the seam between two boxes; the joined box does.
 //!
 //! # Why it is sound
 //! Two boxes of one transform that share a whole face, exactly equal in all coordinates, are together one
 //! box, point for point. A line of sight that enters that box enters one of the two, through an outer side.
-//! So the box hides exactly what the two hide. A box that is shifted without rounding counts as a box in
-//! scene coordinates; nothing else is rounded here.
+//! So the box hides exactly what the two hide from an eye outside, and no more than they from an eye inside.
+//! A box that is shifted without rounding counts as a box in scene coordinates; nothing else is rounded here.
 
 use alloc::vec::Vec;
 use visibility_core::Aabb;
 use visibility_core::glam::{Affine3A, Mat3A, Vec3};
 
 /// Number of slots of the table of faces, a power of 2. A face has two slots to choose from. If both are
-/// taken it replaces another face, and a pair that abuts there may be missed.
+/// taken, it replaces another face, and two boxes that abut at the replaced face may not be joined.
 const SLOTS: usize = 4096;
 
-/// A box that occludes: one that was added, or several that together are a box.
+/// A box that occludes: a box that was added, or a box formed by joining several.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct OccluderBox {
     /// Bounds in the box's own coordinates.
@@ -28,7 +28,7 @@ pub(crate) struct OccluderBox {
     pub(crate) is_replaced: bool,
 }
 
-/// A face in the table.
+/// A face of a box, as an entry of the hash table that finds boxes that abut.
 #[derive(Clone, Copy, Debug)]
 struct Face {
     /// Hash of the face's coordinates and of its box's transform.
@@ -41,13 +41,13 @@ impl Face {
     const NONE: Self = Self { hash: 0, number: 0 };
 }
 
-/// The boxes of a frame, joined as far as they abut.
+/// The boxes of a frame. Boxes that share a whole face are joined into one.
 #[derive(Clone, Debug)]
 pub(crate) struct BoxJoin {
     /// Boxes of the frame in the order in which they were added or joined.
     pub(crate) boxes: Vec<OccluderBox>,
     /// Hash table of the faces of `boxes`. A face is in the slot that its hash gives or in the slot beside
-    /// that. Faces of boxes that were replaced stay until others need their slots.
+    /// it. Faces of replaced boxes stay until other faces need their slots.
     faces: Vec<Face>,
 }
 
@@ -142,14 +142,14 @@ fn slots(hash: u32) -> [usize; 2] {
 /// Returns hashes of the six faces of a box: least and greatest along x, then y, then z. Equal faces of
 /// boxes with equal transforms have equal hashes.
 fn face_hashes(of: &OccluderBox) -> [u32; 6] {
-    /// Factors of the hash, odd numbers without a pattern: for each axis those of the least coordinate, of
-    /// the greatest, and of the one that a face lies at.
+    /// Factors of the hash, odd numbers without a pattern. For each axis: the factors of a box's least
+    /// coordinate, of its greatest coordinate, and of the coordinate of a face on that axis.
     const FACTORS: [[u64; 3]; 3] = [
         [0x9e37_79b9_7f4a_7c15, 0xbf58_476d_1ce4_e5b9, 0x94d0_49bb_1331_11eb],
         [0xd6e8_feb8_6659_fd93, 0xa076_1d64_78bd_642f, 0xe703_7ed1_a0b4_28db],
         [0x8ebc_6af0_9c88_c6e3, 0x5899_65cc_7537_4cc3, 0x1d8e_4e27_c47d_124f],
     ];
-    // Zeros of either sign are equal.
+    // Adding 0 makes zeros of either sign equal.
     let number = |x: f32| u64::from((x + 0.0).to_bits());
     let (min, max) = (of.bounds.min.to_array().map(number), of.bounds.max.to_array().map(number));
     let extents: [u64; 3] = core::array::from_fn(|axis| {
@@ -177,7 +177,7 @@ mod tests {
     use crate::random::random;
     use visibility_core::glam::Quat;
 
-    /// Returns the bounds of the boxes that no other has replaced.
+    /// Returns the bounds of the boxes that no joined box has replaced.
     fn left(join: &BoxJoin) -> Vec<Aabb> {
         join.boxes.iter().filter(|own| !own.is_replaced).map(|own| own.bounds).collect()
     }
@@ -203,7 +203,7 @@ mod tests {
                 "the joined box has the transform of its parts"
             );
         }
-        // One mesh that several objects have.
+        // Three objects that share one mesh and are shifted along x.
         let mut join = BoxJoin::new();
         for shift in [Vec3::ZERO, Vec3::X, Vec3::new(2.0, 0.0, 0.0)] {
             join.add(&cell(7, 0, 0), &Affine3A::from_translation(shift), true);
@@ -236,12 +236,13 @@ mod tests {
                 let mut other = beside;
                 other.min[axis] += min;
                 other.max[axis] += max;
-                // The far side of the other box is free.
+                // Boxes are joined only at a whole face that both have, so nothing but the side of `other`
+                // opposite that face may change.
                 let is_whole = axis == 0 && min == 0.0;
                 assert_eq!(apart(other, Affine3A::IDENTITY, false), !is_whole, "axis {axis}: {min} {max}");
             }
         }
-        // A shift of which a part is rounded away: the box ends a little beyond the other.
+        // The shift is rounded, so one box ends a little beyond the other.
         let far = Aabb::from_arrays([0.0, 1.0, 1.0], [1.0, 2.0, 2.0]);
         assert!(
             !apart(far, Affine3A::from_translation(Vec3::new(2.0, 0.0, 0.0)), false),
@@ -254,8 +255,8 @@ mod tests {
         );
     }
 
-    /// Whatever part of a lattice there is, in any order: each box that is left consists of boxes that were
-    /// added, and each of these is in one that is left.
+    /// Tests boxes of a part of a lattice, added in any order: each remaining box is a union of added boxes,
+    /// and each added box is in a remaining one.
     #[test]
     fn joined_boxes_are_the_boxes_that_were_added() {
         let mut random = random(5);

@@ -92,8 +92,8 @@ pub(crate) fn box_shape(
         return ShapeResult::Nothing;
     };
     let (min, max) = (bounds.min.to_array().map(f64::from), bounds.max.to_array().map(f64::from));
-    // The projection is linear before the division, so every corner is the first one plus a subset of three
-    // steps.
+    // The projection is linear before the division by w, so every corner is the first corner plus a subset of
+    // three steps.
     let base = object.at(min);
     let mut steps = [[0.0; 5]; 3];
     for axis in 0..3 {
@@ -101,8 +101,8 @@ pub(crate) fn box_shape(
             steps[axis][i] = object.linear[axis][i] * (max[axis] - min[axis]);
         }
     }
-    // The distance of the nearest corner from the near plane: of each step, only a part towards the eye
-    // counts.
+    // Lower bound on the near-plane distance of all corners: the first corner plus the negative parts of the
+    // three steps.
     let mut nearest = base[4];
     for step in &steps {
         nearest += if step[4] < 0.0 { step[4] } else { 0.0 };

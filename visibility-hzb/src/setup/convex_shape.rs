@@ -2,8 +2,8 @@
 //! plane for each drawn triangle.
 //!
 //! The shape is sound for any mesh (see [`screen_shape`](super::screen_shape)), but covers only the pixels on
-//! the inner side of every contour edge's line. For meshes that are not convex that is too little, so
-//! `mesh_raster.rs` draws them. Unlike boxes, meshes may cross the near plane: triangles are cut there, and
+//! the inner side of every contour edge's line. That is too little for meshes that are not convex, so
+//! `mesh_raster.rs` draws those. Unlike boxes, meshes may cross the near plane: triangles are cut there, and
 //! the cuts bound the shape.
 
 use super::depth_plane::plane;
@@ -58,7 +58,7 @@ pub(crate) fn convex_shape(
     }
     let uncut = nearest > near_limit;
 
-    // Screen bounds, unless the mesh comes too close to the plane of the eye.
+    // Screen bounds of the mesh, unless it comes too close to the plane of the eye.
     let around = if uncut { extent_of(corners, screen, object) } else { None };
     let (columns, lines) = match &around {
         Some(around) => match pixels(around, projection) {
@@ -79,10 +79,10 @@ pub(crate) fn convex_shape(
     };
     shape.begin(columns, lines, floor, around.map_or(f64::INFINITY, |around| around[5]));
 
-    // Fronts first. If no triangle faces the eye, the backs of a two-sided mesh are drawn. A closed mesh then
-    // surrounds the eye. The directions to its faces are no convex cone: the line of an edge behind the eye
-    // would cut away whole faces, and the plane of a face behind the eye would bound the depth of all others.
-    // So its triangles are drawn one by one.
+    // Fronts are tried first. If no triangle faces the eye, the backs of a two-sided mesh are drawn. If the
+    // mesh is closed, it then surrounds the eye. The directions to its faces are no convex cone: the line of
+    // an edge behind the eye would cut away whole faces, and the plane of a face behind the eye would bound
+    // the depth of all others. So its triangles are drawn one by one.
     let closed = || mesh.edges.iter().all(|edge| edge.right.is_some());
     for facing in [facing, -facing] {
         if choose(mesh, corners, drawn, facing, near_limit, object.determinant_error())
@@ -107,7 +107,7 @@ pub(crate) fn convex_shape(
 /// answer only chooses the cheaper way to draw, so rounding does no harm.
 #[inline(always)]
 fn looks_convex(mesh: &OccluderTriangles, screen: &[[f64; 3]], drawn: &[bool], facing: f64) -> bool {
-    // Vertices may lie this far beyond an edge's line or before a triangle's plane.
+    // Tolerances by which vertices may lie outside an edge's line or in front of a triangle's plane.
     /// Tolerance across the outline, in pixels: how far a vertex may lie outside the line of a contour edge
     /// for the mesh still to count as looking convex.
     const PIXELS: f64 = 0.1;
@@ -133,7 +133,7 @@ fn looks_convex(mesh: &OccluderTriangles, screen: &[[f64; 3]], drawn: &[bool], f
             return false;
         }
     }
-    // No vertex may be before the plane of a drawn triangle: a dent would be drawn as if it were filled.
+    // No vertex may be in front of the plane of a drawn triangle: a dent would be drawn as if it were filled.
     for (i, t) in mesh.triangles.iter().enumerate() {
         if !drawn[i] {
             continue;
@@ -209,7 +209,8 @@ fn outline(
         let left = drawn[edge.left as usize];
         let right = edge.right.is_some_and(|t| drawn[t as usize]);
         let [a, b] = edge.vertices.map(|i| point(&corners[i as usize]));
-        // An edge wholly nearer than the near plane bounds no drawn part. Keeping the edge loses little.
+        // An edge wholly nearer than the near plane bounds no drawn part of a triangle, but keeping it loses
+        // little.
         let room = match (left, right) {
             (true, false) => keep(shape, a, b),
             (false, true) => keep(shape, b, a),

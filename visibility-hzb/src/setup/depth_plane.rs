@@ -4,12 +4,12 @@
 use super::screen_projection::{ObjectProjection, ScreenProjection};
 use crate::vector::{cross, dot, less, point};
 
-/// Returns the coefficients `[p, q, r]` of the plane `p x + q y + r` in pixel coordinates that is the depth
-/// key of the triangle with corners `a`, `b` and `c`, lowered by its error bound. Cramer's rule gives the
-/// plane from the homogeneous coordinates of the three corners. `certain` bounds the absolute error of the
-/// corners' determinant ([`determinant_error`](ObjectProjection::determinant_error)), `products` that of
-/// their cross products ([`cross_error`](ObjectProjection::cross_error)). All coefficients are NaN if that
-/// determinant is not certain to differ from zero.
+/// Returns the depth key of the triangle with corners `a`, `b` and `c` as a plane `p x + q y + r` in pixel
+/// coordinates, lowered by its error bound: the coefficients `[p, q, r]`. Cramer's rule gives the plane from
+/// the homogeneous coordinates of the three corners. `certain` bounds the absolute error of the corners'
+/// determinant ([`determinant_error`](ObjectProjection::determinant_error)), `products` that of their cross
+/// products ([`cross_error`](ObjectProjection::cross_error)). All coefficients are NaN if that determinant is
+/// not certain to differ from zero.
 #[inline(always)]
 pub(crate) fn plane(
     [a, b, c]: [&[f64; 5]; 3],
@@ -20,8 +20,8 @@ pub(crate) fn plane(
     let (second, third) = (less(b, a), less(c, a));
     let normal = cross(point(&second), point(&third));
     let height = dot(normal, point(a));
-    // The facing of the triangle was decided by its area on the screen, whose sign is surer than that of this
-    // determinant.
+    // The triangle was chosen by the sign of its area on the screen, which is more certain than the sign of
+    // this determinant.
     let mut plane = [f64::NAN; 3];
     if !(height.abs() > certain) {
         return plane;

@@ -9,8 +9,9 @@
 //!   on the screen wherever `p` runs over a plane. The key is `1 / w` for perspective views, where `n` is 1.
 //!   For parallel views it is clip depth, negated unless depth is reversed.
 //!
-//! All points are relative to the *anchor*, which for a perspective view is the eye. So precision does not
-//! depend on where in the scene the camera is. The rows and their bounds are core's ([`ViewProjection`]).
+//! All points are relative to the *anchor*, which for a perspective view is the eye, so that precision does
+//! not depend on where in the scene the camera is. The rows and their error bounds come from core's
+//! [`ViewProjection`].
 
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::view::{ClipRow, ViewProjection};
@@ -44,8 +45,8 @@ impl From<ClipRow> for ScreenRow {
 pub(crate) struct ScreenProjection {
     /// Width and height of the buffer in pixels, a multiple of the tile size.
     pub(crate) size: [f64; 2],
-    /// Width and height in pixels of the picture: the part of the buffer that shows the view. `size` is this,
-    /// rounded up to whole tiles.
+    /// Width and height in pixels of the picture, the part of the buffer that shows the view. `size` is this
+    /// size rounded up to whole tiles.
     pub(crate) picture: [f64; 2],
     /// Rows (linear functions of a point) that give `x` and `y` (pixel coordinates times `w`), `w`, and `n`
     /// (depth key times `w`).
@@ -77,7 +78,8 @@ impl ScreenProjection {
         let near = projection.near().into();
         let anchor = projection.anchor();
         let perspective = matches!(projection.eye(), Eye::Point(_));
-        // Rows of pixels run downwards, which mirrors clip space. A normal towards the eye mirrors it back.
+        // Rows of pixels run downwards, which mirrors clip space; a normal towards the eye instead of away
+        // from it mirrors the sign back.
         let facing = projection.orientation();
         let size = size.map(|side| side as f64);
         let untransformed = ObjectProjection::default();
@@ -114,8 +116,8 @@ impl ScreenProjection {
             }
             object.constant[i] = l[0] * moved[0] + l[1] * moved[1] + l[2] * moved[2] + row.constant;
             object.size[i] = size;
-            // Each term passes at most nine roundings on its way into the sum. Each factor of a term brings
-            // one more.
+            // Each term passes at most nine roundings on its way into the sum, and each factor of a term
+            // brings one more.
             object.error[i] = 16.0 * U * size + row.error + f64::MIN_POSITIVE;
         }
         object
@@ -177,15 +179,15 @@ impl ObjectProjection {
     }
 
     /// Returns an upper bound on the absolute error of the determinant of three points (`x`, `y`, `w`) of the
-    /// object within the `reach` (greatest coordinates) given to `project_object`, or of a point and two
-    /// differences of points.
+    /// object, or of a point and two differences of points. The points must be within the `reach` (greatest
+    /// coordinates) given to `project_object`.
     ///
     /// Let `e` be the error bounds (`error`) and `S` the bounds on magnitudes (`size`) of the points' values,
     /// and `u` the unit round-off 2^-53. The determinant is a sum of six products of three values each.
-    /// Replacing one value by its error, in turn, gives at most two products for each value and pair of
-    /// others, so `2 (e_x S_y S_w + ...)` for each of the three points. Differences of points have twice the
+    /// Replacing one value at a time by its error gives at most two products for each value and pair of
+    /// others: `2 (e_x S_y S_w + ...)` for each of the three points. Differences of points have twice the
     /// error and twice the magnitude. The sums of the determinant round by a few units, which the errors
-    /// (`16u` of `S` at least) exceed. The factor 64 covers all that.
+    /// (`16u` of `S` at least) exceed. The factor 64 covers all of this.
     #[inline(always)]
     pub(crate) fn determinant_error(&self) -> f64 {
         let ([sx, sy, sw, ..], [ex, ey, ew, ..]) = (self.size, self.error);
@@ -260,9 +262,9 @@ mod tests {
         (0..3).fold(DoubleDouble::ZERO, |sum, i| sum.plus(a[i].times(b[i])))
     }
 
-    /// Projected values of points, determinants of three points, and lines through two points are within
-    /// their error bounds with the eye at the origin, where the rows of the projection have no error of their
-    /// own that could make up for too small a bound.
+    /// Tests that projected values of points, determinants of three points, and lines through two points are
+    /// within their error bounds. The eye is at the origin, so that the rows of the projection have no error
+    /// of their own, which could hide too small a bound.
     #[test]
     fn values_determinants_and_lines_are_within_their_errors() {
         let mut random = random(8);
@@ -306,8 +308,8 @@ mod tests {
         }
     }
 
-    /// Occluders under flat transforms are not drawn. Entries of the transforms have 22 bits, so that the
-    /// determinant is zero exactly but not when computed in `f64`.
+    /// Tests that occluders under flat transforms are not drawn. Entries of the transforms have 22 bits, so
+    /// that the exact determinant is zero but the one computed in `f64` is not.
     #[test]
     fn flat_transforms_have_no_front() {
         let mut random = random(9);

@@ -5,9 +5,9 @@
 //! Take any set of triangles that all run in the same sense on the screen. Their *contour* is the set of
 //! their directed edges that are not cancelled by the opposite edge of another triangle. If a point lies
 //! strictly to the left of the line of every contour edge, each edge sweeps a positive angle about the point.
-//! So the contour winds round the point at least once, and since all triangles wind in the same sense, at
-//! least one of them covers the point. The same holds on the sphere of directions about the eye: corners may
-//! lie behind the eye, and where triangles are cut at the near plane, the cuts join the contour. Nothing here
+//! So the contour winds round the point at least once. Since all triangles wind in the same sense, at least
+//! one of them covers the point. The same holds on the sphere of directions about the eye: corners may lie
+//! behind the eye, and where triangles are cut at the near plane, the cuts join the contour. Nothing here
 //! assumes a convex solid. For a convex solid, no pixel inside its outline is lost.
 //!
 //! A triangle that covers a point lies in its own depth plane. So the depth key there is at least the least
@@ -42,7 +42,7 @@ pub(crate) struct RowBound {
 impl RowBound {
     /// Rounds `slope` and `offset` of a bound to the nearest `f32`; the caller has moved `offset` inwards by
     /// more than that rounding. If a number overflows or is NaN, the slope becomes 0 and the offset becomes
-    /// `nothing`: an infinity (positive for a left bound, negative for a right one) with which no pixel
+    /// `nothing`: an infinity (positive for a left bound, negative for a right one) so that no pixel
     /// satisfies the bound.
     #[inline(always)]
     fn new(slope: f64, offset: f64, nothing: f32) -> Self {
@@ -146,12 +146,12 @@ impl ScreenShape {
     #[inline(always)]
     pub(crate) fn add_edge(&mut self, [a, b, c]: [f64; 3], size: [f64; 2], coverage: Coverage) -> bool {
         if a == 0.0 {
-            // A level edge bounds rows instead of columns.
+            // A horizontal edge bounds rows instead of columns.
             let (mut first, mut end) = (self.lines[0] as f64, self.lines[1] as f64);
             let y = -c / b;
             let half = if coverage == Coverage::Sampled { 0.5 } else { 0.0 };
             if b == 0.0 && c >= 0.0 {
-                // All points satisfy the bound.
+                // With `a` and `b` zero and `c` not negative, all points satisfy the bound.
             } else if b == 0.0 || y.is_nan() {
                 end = 0.0;
             } else if b > 0.0 {
@@ -180,7 +180,7 @@ impl ScreenShape {
             if self.rights == MAX_EDGES {
                 return false;
             }
-            // A NaN `a` comes here too, and covers no pixel.
+            // A NaN `a` also ends up here, and covers no pixel.
             let worst = if coverage == Coverage::Sampled { 0.5 * s + 0.5 } else { s.min(0.0) };
             self.right[self.rights] = RowBound::new(s, t + worst - slack, f32::NEG_INFINITY);
             self.rights += 1;
@@ -203,20 +203,20 @@ impl ScreenShape {
     }
 }
 
-/// Returns the coefficients `[p, q, r]` of a plane `p column + q row + r` over tile columns and rows whose
-/// value is, for each tile, at most the least value of the plane `a x + b y + c` (pixel coordinates) in the
-/// tile. `size` is the width and height of the buffer in pixels.
+/// Returns a plane `p column + q row + r` over tile columns and rows, as coefficients `[p, q, r]`. Its value
+/// for a tile is at most the least value of the plane `a x + b y + c` (pixel coordinates) in that tile.
+/// `size` is the width and height of the buffer in pixels.
 ///
 /// In `f32`, with `u = 2^-24`, three coefficients, two products and two sums are rounded: `4u` of the sum of
 /// magnitudes at most, and `8u` are taken off. A plane that might overflow in the buffer, or has a NaN
-/// coefficient, becomes negative infinity everywhere. So no value is NaN, and a minimum over planes needs no
-/// regard for NaN.
+/// coefficient, becomes negative infinity everywhere. So no value is NaN, and a minimum over planes need not
+/// consider NaN.
 #[inline(always)]
 pub(crate) fn tile_minimum_plane([a, b, c]: [f64; 3], size: [f64; 2]) -> [f32; 3] {
     let side = SIDE as f64;
     let worst = c + side * (a.min(0.0) + b.min(0.0));
     let most = a.abs() * (size[0] + side) + b.abs() * (size[1] + side) + c.abs();
-    // False for NaN. The factor leaves room for rounding.
+    // The comparison is false for NaN. The factor leaves room for rounding.
     if !(most < 0.5 * f64::from(f32::MAX)) {
         return [0.0, 0.0, f32::NEG_INFINITY];
     }

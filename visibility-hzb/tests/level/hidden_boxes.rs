@@ -1,5 +1,5 @@
-//! Tests of what objects a level hides in a scene: behind walls of many pieces, beside doors, within its
-//! work.
+//! Tests of the objects that a level hides in a scene: behind walls of many pieces, beside doors, and within
+//! a limit of work.
 
 use super::{cuboid, level, quad};
 use std::sync::Arc;
@@ -24,8 +24,8 @@ fn reported(triangles: &[LevelTriangle], boxes: &[Aabb], view: &View) -> usize {
     ids.iter().filter(|&&id| visible.contains(&scene, id)).count()
 }
 
-/// A wall of closed panels side by side, as kits have it, hides what one wall hides, whatever its panels'
-/// width.
+/// Tests that a wall of closed panels side by side, as modular kits have it, hides the same objects as one
+/// wall, whatever the panels' width.
 #[test]
 fn a_wall_of_panels_hides_what_one_wall_hides() {
     let boxes: Vec<Aabb> = (0..50)
@@ -49,9 +49,9 @@ fn a_wall_of_panels_hides_what_one_wall_hides() {
     }
 }
 
-/// A house of one mesh with thick walls hides what is in it, seen from the street: the far walls of the house
-/// hold no pixel of its front back. At the corner where three of its sides meet, a pixel stays bare, and what
-/// is behind that may be reported.
+/// Seen from the street, a house of one mesh with thick walls hides the objects inside: the far walls of the
+/// house do not make any pixel of its front farther. At the corner where three of its sides meet, a pixel
+/// stays uncovered, and objects behind that pixel may be reported.
 #[test]
 fn a_house_of_one_mesh_hides_what_is_in_it() {
     let wall = |low: [f32; 3], high: [f32; 3]| cuboid(&Aabb::from_arrays(low, high), false);
@@ -85,7 +85,7 @@ fn a_house_of_one_mesh_hides_what_is_in_it() {
     }
 }
 
-/// What a clip plane of the view cuts hides nothing.
+/// An occluder that a clip plane of the view cuts hides nothing.
 #[test]
 fn what_a_clip_plane_cuts_hides_nothing() {
     let triangles: Vec<LevelTriangle> = quad([
@@ -107,7 +107,8 @@ fn what_a_clip_plane_cuts_hides_nothing() {
     }
 }
 
-/// Beside a level, occluders that are not in it are drawn, and those in it are not drawn again.
+/// With a level, occluders of the scene that are not in the level are drawn too, and those in the level are
+/// not drawn again.
 #[test]
 fn a_door_beside_a_level_is_drawn_and_the_level_is_not_drawn_again() {
     let mut scene = Scene::new();
@@ -140,8 +141,8 @@ fn a_door_beside_a_level_is_drawn_and_the_level_is_not_drawn_again() {
     }
 }
 
-/// A wall of 10 by 10 pixels is drawn if that is no less than the least area asked for. What is no number
-/// asks for none.
+/// A wall of 10 by 10 pixels is drawn if its area is at least the required least area. A NaN least area
+/// counts as 0.
 #[test]
 fn polygons_below_the_least_area_are_not_drawn() {
     let [a, b, c, d] =
@@ -160,7 +161,8 @@ fn polygons_below_the_least_area_are_not_drawn() {
     }
 }
 
-/// A level is drawn nearest first as far as the work of a frame allows. What is not drawn hides nothing.
+/// A level is drawn nearest first, as far as the work of a frame allows. Clusters that are not drawn hide
+/// nothing.
 #[test]
 fn a_level_is_drawn_as_far_as_its_work_is_paid() {
     let wall = |i: usize| {
@@ -177,7 +179,7 @@ fn a_level_is_drawn_as_far_as_its_work_is_paid() {
         let spent = hzb.begin_within(&view, DVec3::ZERO, work, None);
         let pixels = (0..512).flat_map(|x| (0..288).map(move |y| (x, y)));
         let count = pixels.filter(|&(x, y)| hzb.depth_key(x, y) > f32::NEG_INFINITY).count();
-        // The last cluster is drawn as a whole: here one face.
+        // The limit may be exceeded by the last cluster, here of one face, which is drawn as a whole.
         assert!(spent <= work + 100.0, "{spent} of {work}");
         (count, spent)
     };
@@ -187,7 +189,8 @@ fn a_level_is_drawn_as_far_as_its_work_is_paid() {
     assert!(0 < some[0] && some.is_sorted() && some[3] <= all && some[0] < all, "{some:?} of {all}");
 }
 
-/// Tests that the z-buffer reports the occluders of a wall of panels, and not once a level joins them.
+/// Tests that the z-buffer reports the occluders of a wall of panels, and no longer does once a level joins
+/// them.
 #[test]
 fn seams_are_reported_unless_a_level_closes_them() {
     let mut scene = Scene::new();
@@ -197,8 +200,8 @@ fn seams_are_reported_unless_a_level_closes_them() {
         let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
         scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
     };
-    // Twelve panels of a wall. A floor that only touches them, and boxes on it: a house, its copy in the same
-    // place, one a hand away, and a wall that stands flush at a right angle.
+    // Twelve panels of a wall, a floor that only touches them, and boxes on the floor: a house, its copy in
+    // the same place, a box a hand away, and a wall that stands flush at a right angle.
     (0..12).for_each(|i| add([10.0, (i % 6) as f32 * 2.0, (i / 6) as f32 * 3.0], [0.2, 2.0, 3.0]));
     add([0.0, 0.0, -0.1], [10.2, 12.0, 0.1]);
     add([2.0, 2.0, 0.0], [2.0, 2.0, 3.0]);
@@ -225,7 +228,7 @@ fn seams_are_reported_unless_a_level_closes_them() {
         lacks(Hzb::default().with_level(level.clone(), DVec3::ZERO)).is_empty(),
         "a level closes the seams"
     );
-    // A level is occluders enough.
+    // With a level, a scene without occluders is not reported.
     let lack_of = |hzb: Hzb, scene: &Scene| {
         let mut count = 0;
         hzb.for_each_lack(scene, &mut |_| count += 1);

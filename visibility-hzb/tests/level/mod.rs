@@ -32,9 +32,9 @@ fn cuboid(bounds: &Aabb, inwards: bool) -> Vec<[Vec3; 3]> {
     triangles
 }
 
-/// Returns a floor of `cells` x `cells` squares around the origin, `size` metres wide, some of which are
-/// divided in two strips (T-junctions) or missing, or have a corner a little off the plane. Walls stand on
-/// some of their sides.
+/// Returns a floor of `cells` x `cells` squares around the origin, `size` metres wide, some of them divided
+/// into two strips (T-junctions), missing, or with a corner a little off the plane. Walls stand on some sides
+/// of the squares.
 fn ground(random: &mut Random, cells: usize, size: f32) -> Vec<[Vec3; 3]> {
     let step = size / cells as f32;
     let at = |i: usize, j: usize| Vec3::new(i as f32 * step - size * 0.5, j as f32 * step - size * 0.5, 0.0);
@@ -58,8 +58,8 @@ fn ground(random: &mut Random, cells: usize, size: f32) -> Vec<[Vec3; 3]> {
     triangles
 }
 
-/// Returns a bumpy ground around the origin, or one that is bent round an axis as the walls of towers and
-/// tunnels are: `cells` x `cells` quadrilaterals that share their corners, some of them missing.
+/// Returns a bumpy ground around the origin, or a surface bent round an axis like the wall of a tower or
+/// tunnel: `cells` x `cells` quadrilaterals that share their corners, some of them missing.
 fn bumpy(random: &mut Random, cells: usize, size: f32) -> Vec<[Vec3; 3]> {
     let bumps = random.fine_range(0.0, 1.5) as f32 * size / cells as f32;
     let turn = if random.one_in(2) { 0.0 } else { random.fine_range(-6.0, 6.0) as f32 / size };
@@ -83,8 +83,8 @@ fn bumpy(random: &mut Random, cells: usize, size: f32) -> Vec<[Vec3; 3]> {
         .collect()
 }
 
-/// Returns a random level: rooms, boxes that touch, sheets, grounds, curved walls. Triangles of the same
-/// level hide from one side or from both.
+/// Returns a random level: rooms, boxes that touch, sheets, grounds, curved walls. In one level, triangles
+/// occlude from one side or from both.
 pub(crate) fn triangles(random: &mut Random) -> Vec<LevelTriangle> {
     let mut out = Vec::new();
     let mut add = |random: &mut Random, triangles: Vec<[Vec3; 3]>| {
@@ -134,7 +134,7 @@ fn level(triangles: &[LevelTriangle], settings: LevelSettings) -> Arc<LevelOcclu
     Arc::new(LevelOccluders::new(triangles, settings).unwrap())
 }
 
-/// Returns a view from a place among the triangles: in the corner of a room, on the ground, beside a wall.
+/// Returns a view from a place among the triangles: in the corner of a room, on the ground, or beside a wall.
 /// Some pictures are mirrored.
 pub(crate) fn view_within(random: &mut Random, triangles: &[LevelTriangle]) -> View {
     let view = upright_view_within(random, triangles);
@@ -155,7 +155,7 @@ fn upright_view_within(random: &mut Random, triangles: &[LevelTriangle]) -> View
         if random.one_in(2) { random.direction() } else { b - a + normal * 0.1 * random.fine_unit() };
     let mut pose = Pose::look_at(eye, eye + towards.normalize_or(DVec3::X), random.direction());
     if random.one_in(4) {
-        // Along an axis, so that some edges are level and some upright.
+        // The camera looks along an axis, so that some edges are horizontal and some vertical.
         pose = Pose::look_at(eye, eye + random.pick(&[DVec3::X, DVec3::NEG_Y]), DVec3::Z);
     }
     let near = [1e-3, 0.02, 0.3][random.below(3)];
@@ -165,8 +165,8 @@ fn upright_view_within(random: &mut Random, triangles: &[LevelTriangle]) -> View
     }
     let view = View::perspective(pose, random.fine_range(0.3, 2.4), 1.6, near, f64::INFINITY).unwrap();
     if random.one_in(6) {
-        // A near plane that is tilted, as for mirrors: some points beyond it, beside the picture, are behind
-        // the eye.
+        // A tilted near plane, as for mirrors: some points beyond it, outside the picture, are behind the
+        // eye.
         let m = view.clip_from(view.origin());
         let [x, y, z, w] = [m.row(0), m.row(1), m.row(2), m.row(3)];
         let tilted = z + x * random.fine_range(-0.3, 0.3) + y * random.fine_range(-0.15, 0.15);
@@ -202,7 +202,7 @@ fn cast(seed: u64, samples: u64) {
         for _ in 0..4 {
             let view =
                 if random.one_in(3) { view(&mut random) } else { view_within(&mut random, &triangles) };
-            // The level stays where it is in the world, wherever the scene's origin is.
+            // The level stays in its place in the world, wherever the scene's origin is.
             let origin = if random.one_in(2) { shift } else { shift + random.vector(1e3) };
             let shifted = view.relative_to(view.origin() + shift).unwrap();
             if random.one_in(2) {
@@ -234,8 +234,9 @@ fn pixels_that_many_levels_cover_are_covered() {
     }
 }
 
-/// An edge that two polygons share ends exactly as far below the last row of pixels of a row of tiles as
-/// edges are near: the lower polygon does not reach these tiles, the upper one comes near the edge there.
+/// A shared edge ends exactly one slack below the last row of pixels of a row of tiles. The lower polygon
+/// does not reach these tiles, while the upper polygon comes near the edge there. The seam must not get a
+/// nearer depth key than its polygons have.
 #[test]
 fn a_shared_edge_beside_a_row_of_tiles_covers_nothing_nearer_than_its_polygons() {
     let row = 64.0 + 7.0 / 128.0;
@@ -259,15 +260,16 @@ fn a_shared_edge_beside_a_row_of_tiles_covers_nothing_nearer_than_its_polygons()
     assert!(pixels > 10_000, "{pixels} pixels are covered");
 }
 
-/// Walls so near to the eye that edges of theirs leave the guard band at the right, above and below: what is
-/// left of the outline ends far to the left of the pixels that the wall covers.
+/// Walls so near to the eye that their edges leave the guard band at the right, above and below. The
+/// remaining outline ends far to the left of the pixels that the wall covers, and must not make them nearer
+/// than the wall is.
 #[test]
 fn a_wall_that_leaves_the_guard_band_is_no_nearer_than_it_is() {
     let mut random = Random(47);
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     let (mut covered, mut whole) = (0, 0);
     for round in 0..300 {
-        // The wall extends to the right from near the axis of the view, mostly to beyond the guard band.
+        // The wall extends to the right from near the axis of the view, mostly beyond the guard band.
         let normal = DVec3::new(1.0, random.fine_range(-0.3, 0.3), random.fine_range(-0.3, 0.3)).normalize();
         let distance = random.fine_range(0.01, 0.1);
         let along = normal.cross(DVec3::Z).normalize() * distance;
@@ -281,7 +283,7 @@ fn a_wall_that_leaves_the_guard_band_is_no_nearer_than_it_is() {
             foot + along * left + above,
         ];
         let wall = quad(corners.map(|p| {
-            // On the plane, whatever the height.
+            // Moves the vertex into the wall's plane along the normal, whatever its height.
             (p - normal * (normal.dot(p) - distance)).as_vec3()
         }));
         let triangles: Vec<_> =

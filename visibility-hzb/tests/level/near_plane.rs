@@ -61,8 +61,8 @@ fn cast_beside_bumps(levels: usize, bumps: f64, tilt: f64, near: [f64; 3], setti
     covered
 }
 
-/// The eye between the faces of a polygon that is not quite flat sees through it: the polygon hides nothing.
-/// Nor does it so close to the polygon that a ray might meet a face before the near plane.
+/// An eye between the faces of a polygon that is not quite flat sees through it, so the polygon hides
+/// nothing. The same holds if the eye is so close that a ray might meet a face nearer than the near plane.
 #[test]
 fn a_polygon_around_the_eye_hides_nothing() {
     let flat = LevelSettings::default().with_flatness(0.01);
@@ -79,9 +79,9 @@ fn the_near_plane_cuts_faces_of_polygons_that_are_not_flat() {
     assert!(covered > 100_000, "{covered} pixels are covered");
 }
 
-/// The back of a ramp that is one polygon with the level ground beside it, which hides from its front alone,
-/// hides nothing from an eye above all of the ground. The ramp leads up to a terrace, and is seen past the
-/// terrace's near edge; or it rises towards the eye, wider than the ground behind it.
+/// A ramp and the level ground beside it are one polygon that occludes from its front alone. Seen from an eye
+/// above all of the ground, the back of the ramp hides nothing. The ramp leads up to a terrace, and is seen
+/// past the terrace's near edge; or it rises towards the eye, wider than the ground behind it.
 #[test]
 fn the_back_of_a_ramp_hides_nothing() {
     let corner = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
@@ -116,8 +116,8 @@ fn the_back_of_a_ramp_hides_nothing() {
     }
 }
 
-/// The peak of a low pyramid that is one polygon reaches through the near plane. All of the outline is beyond
-/// it.
+/// The peak of a low pyramid, which is one polygon, reaches through the near plane, while its whole outline
+/// is beyond that plane: the polygon must not be drawn.
 #[test]
 fn a_peak_through_the_near_plane_leaves_a_hole() {
     let at = |k: usize| {
@@ -133,7 +133,8 @@ fn a_peak_through_the_near_plane_leaves_a_hole() {
         let level = level(&triangles, LevelSettings::default().with_bulge(0.5));
         assert_eq!(level.polygons().len(), 1, "two-sided: {two_sided}: the four slopes are one polygon");
         let mut hzb = Hzb::new(64, 64).unwrap().with_min_polygon_area(16.0).with_level(level, DVec3::ZERO);
-        // The near plane above the peak, then through it, with an outline beyond the guard band and within.
+        // The near plane is in front of the peak, or cuts the peak: once with the outline beyond the guard
+        // band, once within.
         for (height, near, angle, is_whole) in
             [(3.0, 0.2, 0.8, true), (0.35, 0.15, 0.8, false), (0.35, 0.15, 2.0, false)]
         {

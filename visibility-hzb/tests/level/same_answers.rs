@@ -1,4 +1,4 @@
-//! Tests that instruction sets and job systems draw a level alike, and that warm frames allocate nothing.
+//! Tests that all instruction sets and job systems draw a level alike, and that warm frames allocate nothing.
 
 use super::{level, triangles, view_within};
 use crate::common::scene;
@@ -18,8 +18,8 @@ fn pixels(map: &Hzb, width: usize, height: usize) -> Vec<u32> {
 }
 
 /// A level that is drawn in bands gives the same pixels, and a pipeline the same objects, with any job
-/// system, and nearly the pixels of a level that is drawn as a whole. Occluders of the scene are drawn over
-/// it. A warm frame allocates nothing.
+/// system. The pixels are nearly those of a level drawn as a whole. Occluders of the scene are drawn over the
+/// level. A warm frame allocates nothing.
 #[test]
 fn job_systems_agree_and_bands_lose_next_to_nothing() {
     let mut random = Random(35);

@@ -1,7 +1,7 @@
 //! Keeps [`DetailBounds`] for every node, with which a culler by size or distance drops whole nodes.
 //!
-//! Like the boxes, these bounds are raised at once where an object is written, and tightened by
-//! [`maintain`](super::super::maintain) and by a rebuild: too high a bound only costs time.
+//! Like the boxes, these bounds are raised at once when an object is written, and tightened by
+//! [`maintain`](super::super::maintain) and by a rebuild. Too high a bound costs time but hides nothing.
 
 use super::detail_bounds::{DetailBounds, diagonals_squared};
 use super::{Slot, Tree};
@@ -18,8 +18,7 @@ impl Tree {
 
     /// Returns the slot of the HLOD parent that stands in for the object in a slot from the begin of the
     /// parent's draw range on. `None` if there is none, or if the parent cannot stand in: it is never culled,
-    /// is not on all of the object's layers, or its bounds do not contain those of the object, which has
-    /// moved away.
+    /// is not on all of the object's layers, or its bounds do not contain those of the object.
     #[inline]
     pub(crate) fn substitute(&self, slot: Slot) -> Option<Slot> {
         let parent = self.detail(self.ids[slot.node()][slot.lane()].index()).parent?;
@@ -38,17 +37,18 @@ impl Tree {
     fn draw_end(&self, slot: Slot) -> f32 {
         let end = self.detail(self.ids[slot.node()][slot.lane()].index()).range.end;
         let Some(above) = self.substitute(slot) else { return end };
-        // The parent is nearer than `begin`, and within `end`, while the object is drawn, and contains the
-        // object: no point of the object is farther from the nearest point of the parent than the parent's
-        // diagonal. The factor exceeds the roundings of the sum, of the root and to f32.
+        // While the object is drawn, the distance of its parent is at most the object's `end` and less than
+        // the parent's `begin`. The parent contains the object, so the object is at most the parent's
+        // diagonal farther away. The factor exceeds the rounding of the sum, of the root and of the
+        // conversion to `f32`.
         let begin = self.detail(self.ids[above.node()][above.lane()].index()).range.begin;
         let bounds = self.bounds[above.node()].get(above.lane());
         let diagonal = (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length();
         (((f64::from(end.min(begin)) + diagonal) * (1.0 + 1e-6)) as f32).next_up()
     }
 
-    /// Returns the bounds of a leaf or inner node on the size and the draw distance of the objects below,
-    /// computed from what the node holds now.
+    /// Returns bounds on the size and the draw distance of the objects below a leaf or inner node, computed
+    /// from the node's present content.
     pub(super) fn measured(&self, node: usize) -> DetailBounds {
         if self.levels[node] > 0 && !self.is_unculled_leaf(node) {
             let below = lanes(self.occupied[node]).map(|lane| self.detail_bounds[self.child(node, lane)]);

@@ -1,4 +1,4 @@
-//! Bounds on what a node holds: how large its objects are, and to which distance they are drawn.
+//! Bounds on the objects of a node: their size, and the distance up to which they are drawn.
 
 #[cfg(doc)]
 use crate::Aabb;
@@ -10,7 +10,8 @@ pub struct DetailBounds {
     /// Greatest squared diagonal of the boxes of the objects below, in square metres, as
     /// [`Aabb::diagonal_squared`] computes it.
     pub diagonal_squared: f64,
-    /// Greatest distance at which an object may still be drawn, in metres; infinite if one has no limit.
+    /// Greatest distance at which an object may still be drawn, in metres; infinite if an object has no
+    /// limit.
     pub end: f32,
 }
 

@@ -1,8 +1,9 @@
-//! Contents of nodes at earlier layouts, for results of frames that were not listed before the scene changed.
+//! Contents of nodes at earlier layouts, for results of frames whose ids are listed only after the scene has
+//! changed.
 //!
-//! A result holds one mask per node, and the ids behind its bits are those of the layout that it was culled
-//! at. A node is copied before its first change after such a layout: an undo log. Each result holds a clone
-//! of its layout's token, so that the log keeps a copy only as long as some result may read it.
+//! A result holds one mask per node; the ids that its bits stand for are those of the layout at culling. A
+//! node is copied before its first change after such a layout: an undo log. Each result holds a clone of its
+//! layout's token, so the log knows which copies some result may still read.
 
 use crate::ObjectId;
 use crate::scene::FAN_OUT;
@@ -14,7 +15,7 @@ use alloc::vec::Vec;
 #[cfg(target_has_atomic = "ptr")]
 pub(crate) type Token = alloc::sync::Arc<u64>;
 
-/// Processors without atomic counts have no tokens: results are listed at once.
+/// Processors without atomic counters have no tokens: the ids of results are then listed at once.
 #[cfg(not(target_has_atomic = "ptr"))]
 pub(crate) type Token = core::convert::Infallible;
 
@@ -27,7 +28,7 @@ pub(crate) struct History {
     /// Tokens of earlier states, oldest first, that results may hold.
     #[cfg(target_has_atomic = "ptr")]
     earlier: Vec<Token>,
-    /// A token that no result holds, for the next state.
+    /// Token that no result holds, kept for the next state.
     #[cfg(target_has_atomic = "ptr")]
     spare: Option<Token>,
     /// Copies of nodes, oldest first.
@@ -43,7 +44,7 @@ pub(crate) struct History {
 /// Content of a node at an earlier state of the scene.
 #[derive(Debug)]
 struct Copied {
-    /// Number of the state that the content is of: that of the last of `History::earlier` when the copy was
+    /// Number of the state that the content belongs to: the newest of `History::earlier` when the copy was
     /// made.
     state: u64,
     /// Number of the node's previous copy: what `newest` held for the node before this copy was made.
@@ -53,7 +54,7 @@ struct Copied {
 }
 
 impl Clone for History {
-    /// Returns an empty log: the copy of a scene has no results.
+    /// Returns an empty log: no result belongs to a cloned scene.
     fn clone(&self) -> Self {
         Self::default()
     }
@@ -124,8 +125,8 @@ impl History {
         self.newest[node] = self.dropped + self.copies.len() as u64;
     }
 
-    /// Returns the level and the ids of a node as they were at the state of a token. `None` if they have not
-    /// changed since, or without a token.
+    /// Returns the level and the ids of a node as they were at the state of a token. `None` if the node has
+    /// not changed since, or without a token.
     pub(super) fn at(&self, node: usize, token: Option<&Token>) -> Option<(u8, &[ObjectId; FAN_OUT])> {
         let state = **token?;
         let (mut number, mut content) = (self.newest(node), None);

@@ -265,7 +265,7 @@ impl Tree {
         self.slots[id.index()] = Slot::NONE;
         self.clear_lane(slot);
         if self.levels[slot.node()] == UNCULLED {
-            // Moves the leaf to the end of `unculled`, where the next insertion finds its free lane.
+            // Moves the leaf to the end of `unculled`, where the next insertion looks for a free lane.
             let (position, last) = (self.parents[slot.node()].0 as usize, self.unculled.len() - 1);
             self.parents[self.unculled[last] as usize] = Slot(position as u32);
             self.parents[slot.node()] = Slot(last as u32);

@@ -55,8 +55,8 @@ impl Tree {
         queue: &mut Queue,
     ) {
         let Scratch { slots, sorted, ends, leavers, .. } = scratch;
-        // Counting sort of the batch by leaf: counts, then starts, then positions in `moved` with the lane.
-        // `ends` is the end of each leaf's range afterwards.
+        // Counting sort of the batch by leaf: counts per leaf, then starts, then each object's position in
+        // `moved` with its lane. Afterwards `ends` holds the end of each leaf's range.
         ends.clear();
         ends.resize(self.node_count(), 0);
         for slot in slots.iter() {
@@ -86,12 +86,12 @@ impl Tree {
                 leavers.extend(leaf_batch.iter().map(|&word| word / FAN_OUT as u32));
                 continue;
             }
-            // `home` is the leaf's box in its parent, as of before. An object that goes far from it leaves
-            // the leaf.
+            // `home` is the leaf's box, as stored in its parent before the moves. An object that moves far
+            // from this box leaves the leaf.
             let above = self.parent(leaf as u32);
             let home = above.map(|above| self.bounds[above.node()].get(above.lane()));
-            // An object that the batch lists twice and that leaves once is not moved by the later element
-            // either: a bit per lane.
+            // Lanes of objects that must leave, one bit each. If the batch lists such an object twice, the
+            // later element must not move it either.
             let mut leaving = 0u64;
             for &word in leaf_batch {
                 let (position, lane) = (word / FAN_OUT as u32, word % FAN_OUT as u32);

@@ -62,9 +62,9 @@ impl Tree {
         self.tighten_all();
     }
 
-    /// Sets the bounds of all nodes above the leaves to the hulls of their contents, and their bounds on
-    /// details to what they hold, level by level. The boxes of the lanes that hold leaves must be right
-    /// already.
+    /// Level by level from the leaves up, sets the bounds of all inner nodes to the hulls of their contents,
+    /// and recomputes their bounds on size and draw distance. The boxes of the lanes that hold leaves must be
+    /// right already.
     fn tighten_all(&mut self) {
         let height = if self.root == NONE { 0 } else { self.levels[self.root as usize] };
         for level in 1..=height {
@@ -88,7 +88,7 @@ fn fetch(moved: &[(ObjectId, Aabb)], positions: &[u32; FAN_OUT]) {
     let mut sum = 0;
     for &position in positions {
         if let Some((_, bounds)) = moved.get(position as usize) {
-            // The ends of a box may lie in two cache lines.
+            // Reads both ends of the box, since they may lie in two cache lines.
             sum ^= bounds.min.x.to_bits() ^ bounds.max.z.to_bits();
         }
     }
@@ -96,8 +96,8 @@ fn fetch(moved: &[(ObjectId, Aabb)], positions: &[u32; FAN_OUT]) {
 }
 
 /// Returns whether every box, except in the lanes of the mask `free`, is finite and has its centre near
-/// `home`: [`is_far`] is false. `None` stands for all of space. A box that has not moved may be far: false
-/// then.
+/// `home`: [`is_far`] is false. `None` stands for all of space. The result may be false even if no box has
+/// moved, since an unmoved box may be far.
 fn all_stay(boxes: &Boxes64, free: u64, home: Option<&Aabb>) -> bool {
     let mut bad = [0u32; FAN_OUT];
     for axis in 0..3 {

@@ -31,8 +31,8 @@ impl Group {
         &self.nodes[..self.count]
     }
 
-    /// Inserts a node into the group by descending nearness. If the group is full, its least near node is
-    /// dropped, which may be the new one.
+    /// Inserts a node into the group by descending nearness. If the group is full, its node of least nearness
+    /// is dropped, which may be the new one.
     fn insert_by_nearness(&mut self, node: u32, nearness: f32) {
         let mut at = self.count;
         while at > 0 && self.nearness[at - 1] < nearness {
@@ -66,7 +66,8 @@ impl Tree {
         let Some(above) = self.parent(node) else { return Group::EMPTY };
         let home = self.bounds[above.node()].get(above.lane());
         let level = self.levels[node as usize];
-        // Ancestors of the node by height above it. These stay in the group whatever their nearness.
+        // The node and its ancestors, indexed by height above the node. Each stays in the group of its level
+        // whatever its nearness.
         let mut ancestors = [node; 16];
         let mut height = 0;
         let mut at = node;
@@ -111,7 +112,8 @@ impl Tree {
     /// child nodes. After `Some(0)` objects may still have changed lanes. `None` if nothing was changed.
     pub(in crate::scene) fn regroup(&mut self, group: &Group, merge: bool) -> Option<usize> {
         let nodes = group.nodes();
-        // Contents of all nodes of the group, numbered by member and lane, and the present sum of sizes.
+        // Collects the contents of all nodes of the group, numbered by member and lane, and the sum of the
+        // sizes of the nodes' boxes before the change.
         let mut boxes = [Aabb::EMPTY; FAN_OUT * GROUP];
         let mut centers = [Vec3A::ZERO; FAN_OUT * GROUP];
         let mut order = [0u64; FAN_OUT * GROUP];
@@ -129,12 +131,12 @@ impl Tree {
             }
             before += size(&hulls[member]);
         }
-        // As few nodes as hold the contents with some lanes to spare.
+        // Chooses the smallest number of nodes that hold the contents with some lanes to spare.
         let mut wanted = nodes.len();
         while wanted > 1 && count <= (wanted - 1) * MERGE_FILL {
             wanted -= 1;
         }
-        // A trial: divide the contents anew, and compare the sum of sizes before anything is written.
+        // A trial: divides the contents anew, and compares the sums of box sizes before anything is written.
         let mut pieces = [(0, 0, Aabb::EMPTY); GROUP];
         let (mut done, mut start, mut after) = (0, 0, 0.0);
         pack(&mut order[..count], &centers, wanted, &mut |piece| {

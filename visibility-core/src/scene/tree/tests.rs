@@ -14,7 +14,7 @@ struct Seen {
     height: u8,
     free: usize,
     unculled: usize,
-    /// Number of objects for which a parent stands in.
+    /// Number of objects whose HLOD parent may be drawn in their place.
     substituted: usize,
 }
 
@@ -149,8 +149,8 @@ fn check_lane_is_free(tree: &Tree, node: usize, lane: usize) {
     );
 }
 
-/// Asserts that the bounds of a leaf on size and draw distance cover the object in a lane. Returns whether a
-/// parent stands in for the object.
+/// Asserts that the bounds of a leaf on size and draw distance cover the object in a lane. Returns whether an
+/// HLOD parent may be drawn in place of the object.
 fn check_detail(scene: &Scene, leaf: usize, lane: usize, id: ObjectId) -> bool {
     let tree = scene.tree();
     let (range, parent) = (scene.draw_range(id).unwrap(), scene.hlod_parent(id).unwrap());
@@ -253,7 +253,8 @@ fn step(rng: &mut Random, scene: &mut Scene, ids: &mut Vec<ObjectId>, grow: usiz
     }
 }
 
-/// Gives objects a draw range with an end, mostly near: leaves have a finite bound only if all objects do.
+/// Gives objects a draw range with an end, mostly near. A leaf has a finite bound only if all its objects
+/// have such a range.
 fn limit(rng: &mut Random, scene: &mut Scene, ids: &[ObjectId]) {
     for &id in ids {
         let end = if rng.below(50) == 0 { 1e6 } else { 5.0 };
@@ -302,7 +303,8 @@ fn the_tree_stays_consistent_under_batches_and_churn() {
                 step(&mut rng, &mut scene, &mut ids, 0);
             }
             check(&scene, &mut seen);
-            // A few parents move before or after their children, most objects once.
+            // Batches of a few objects, which may move parents before or after their children, and batches of
+            // most objects at once.
             let moved: Vec<_> = (0..rng.pick(&[5, 1000]).min(ids.len()))
                 .map(|_| (ids[rng.below(ids.len())], random_bounds(&mut rng, 300.0)))
                 .collect();
