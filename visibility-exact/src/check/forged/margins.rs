@@ -104,7 +104,7 @@ fn node(p: &[DVec3], q: &[DVec3], near: Option<f64>) -> Sight {
     Sight { p: Polygon::new(p), q: Polygon::new(q), before_p: half, before_q: half, near }
 }
 
-/// Three edges that a line between corners of the two polygons passes on the given sides, by exact integers.
+/// Three edges that a line from P to Q passes on the given sides, by exact integers.
 #[test]
 fn corners_with_lines_are_refused() {
     let world = World::new(TARGET, &[]);
