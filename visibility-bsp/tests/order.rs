@@ -134,7 +134,7 @@ fn owners_that_come_and_go_leave_the_order_right() {
                 assert!((area - area_of(&polygons[owner])).abs() < 1e-9, "parts of {owner} are missing");
             }
         }
-        // Inserting and removing guests leaves the tree as it was.
+        // Inserting and then removing further owners leaves the tree as it was.
         let mut tree = BspTree::build((0..20).zip(polygons.iter().map(|p| &p[..]))).unwrap();
         for owner in 20..40 {
             tree.insert(owner, [&polygons[owner as usize][..]]).unwrap();

@@ -204,9 +204,9 @@ fn divisor(a: i128, b: i128) -> (i128, i128, i128) {
     (d, y, x - a.div_euclid(b) * y)
 }
 
-/// Returns a point with whole coordinates that is in front of the plane of a triangle with whole corners by
-/// the least possible amount (the determinant is 1), and projects near the triangle. `None` if there is no
-/// such point, or its coordinates exceed 2^24.
+/// Returns a point with whole coordinates that projects near a triangle with whole corners, and is in front
+/// of its plane by the least possible amount: the determinant is 1. `None` if there is no such point, or if
+/// its coordinates exceed 2^24.
 fn in_front_by_nothing(t: [[i128; 3]; 3]) -> Option<[i128; 3]> {
     let [u, v] = [1, 2].map(|k| [0, 1, 2].map(|i| t[k][i] - t[0][i]));
     let n = [0, 1, 2].map(|i| u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3]);
@@ -267,7 +267,8 @@ fn what_is_nearer_by_rounding_is_not_hidden() {
     assert!(cases > 400, "points before a triangle by rounding: {cases}");
 }
 
-/// Boxes with one corner in a side of the image up to rounding, and everything else outside of that side.
+/// Boxes with one corner exactly in a side of the image up to rounding. The rest of each box is outside that
+/// side.
 #[test]
 fn what_reaches_into_the_image_by_rounding_is_not_hidden() {
     let mut random = Random(37);

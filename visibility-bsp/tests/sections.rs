@@ -75,7 +75,8 @@ fn one_section_hides_what_no_face_does() {
     );
     for eye in [DVec3::new(-4.0, 0.0, 2.0), DVec3::new(-2.0, 3.0, 4.0)] {
         let view = towards(eye, DVec3::new(4.0, 0.0, 3.0), 0.1);
-        // Shadow frusta are chosen by regions, and no region contains this eye.
+        // The culler by shadow frusta is left out: its polygons are chosen for regions, and no region
+        // contains this eye.
         for mut culler in cullers(&scene, 1).into_iter().take(2) {
             assert!(hides(&scene, &view, &mut *culler, ids[0]), "{}", culler.name());
         }
@@ -84,7 +85,7 @@ fn one_section_hides_what_no_face_does() {
 
 #[test]
 fn what_is_before_the_section_within_a_solid_is_not_hidden() {
-    // The section's plane is at x = 4.125; the face in front of it is dropped for it.
+    // The section is in the plane x = 4.125. It replaces the face of the wall in front of it.
     let inside = Aabb::from_arrays([4.05, -1.0, 1.0], [4.1, 1.0, 2.0]);
     let (scene, ids) = scene_of(&HOUSE, &[inside]);
     let view = towards(DVec3::new(-4.0, 0.0, 2.0), DVec3::new(4.0, 0.0, 3.0), 0.1);
@@ -136,7 +137,7 @@ fn a_face_before_the_near_plane_does_not_hide() {
     let pose = Pose::look_at(eye, DVec3::new(9.0, 0.0, 1.0), DVec3::Z);
     nothing_hides(&HOUSE, &towards(eye, DVec3::new(9.0, 0.0, 1.0), 0.1), target);
     nothing_hides(&HOUSE, &View::orthographic(pose, window, 0.1, 50.0).unwrap(), target);
-    // A face that a user clip plane cuts away hides nothing either.
+    // A face that is removed by a clip plane of the view does not hide anything either.
     let eye = DVec3::new(0.0, 0.0, 1.0);
     let clip = Plane::new(DVec3::X, -4.06);
     let view = towards(eye, DVec3::new(9.0, 0.0, 1.0), 0.1).with_clip_planes(&[clip]).unwrap();
