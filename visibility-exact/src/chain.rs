@@ -144,26 +144,28 @@ impl Search<'_> {
         missed
     }
 
-    /// Returns whether certainly no segment from a point inside P to a point inside Q meets an edge.
+    /// Returns whether certainly no segment from a point inside the viewcell polygon P to a point inside the
+    /// target polygon Q meets an edge.
     pub(crate) fn edge_misses(&self, edge: &Edge, sight: &Sight, shaft: &Shaft) -> bool {
         if shaft.misses(&edge.ends) {
             return true;
         }
-        // Edges behind Q are not met, apart from corners of the target triangle, which are on the boundary of
-        // Q. P may hold points behind Q's plane by the error of heights, and segments from these points do
-        // meet the edge. The line between the centres of P and Q shows that other segments exist.
+        // Segments do not meet edges behind the target polygon Q, except at corners of the target triangle,
+        // which are on Q's boundary. By the error of heights, the viewcell polygon P may have points behind
+        // Q's plane, from which segments do meet the edge. The line between the centres of P and Q shows that
+        // other segments exist.
         let behind = |k: usize| edge.tags[k] < 3 || sight.before_q.height(edge.ends[k]) < -shaft.pad;
         let from_before = || sight.before_q.height(sight.p.center()) > 2.0 * shaft.pad;
         if (edge.tags[0] < 3 || edge.tags[1] < 3) && behind(0) && behind(1) && from_before() {
             return true;
         }
-        // An edge in one plane with P and Q, whose sides are all exactly 0, counts as met. The check refuses
-        // it too.
+        // An edge in one plane with the viewcell and target polygons, whose sides are all exactly 0, counts
+        // as met. The check of proofs refuses it too.
         matches!(signs(sight, edge, sight.side_error(self.delta)), POSITIVE | NEGATIVE)
     }
 
-    /// Returns whether a triangle certainly touches neither polygon P nor Q. At corners of the target
-    /// triangle it may touch the boundary of Q.
+    /// Returns whether a triangle certainly touches neither the viewcell polygon P nor the target polygon Q.
+    /// At corners of the target triangle it may touch the boundary of Q.
     pub(crate) fn apart(&self, corners: &[DVec3; 3], tags: [u8; 3], sight: &Sight) -> bool {
         let pad = self.pad();
         apart(corners, &sight.p, &sight.before_p, pad)
@@ -172,8 +174,8 @@ impl Search<'_> {
     }
 
     /// Returns the triangle that continues the surface across edge `k` of triangle `t`. Candidates occlude
-    /// for all points of P and continue the surface as seen along `line`; the one that folds back least is
-    /// taken. `None` without a candidate.
+    /// for all points of the viewcell polygon and continue the surface as seen along `line`; the one that
+    /// folds back least is taken. `None` without a candidate.
     fn next_across(
         &mut self,
         scratch: &ChainScratch,
@@ -280,7 +282,7 @@ impl Search<'_> {
             scratch.moved.push((vertex, position + shift));
         }
         // Second, the boundary with its corners moved. The strip between an old edge and the new edge counts
-        // as a part of the surface, so it must be apart from polygons P and Q as well.
+        // as a part of the surface, so it must be apart from the viewcell and target polygons as well.
         let pad = self.pad();
         for &t in &scratch.chain {
             for k in (0..3).filter(|&k| boundary(scratch, t, k)) {
@@ -378,8 +380,8 @@ fn strip(a: (u32, DVec3), b: (u32, DVec3), moved: &[(u32, DVec3)]) -> impl Itera
     [first, second].into_iter().filter(|t| t[0] != t[1] && t[1] != t[2] && t[2] != t[0])
 }
 
-/// Returns whether a triangle touches no point inside Q because it has one or two corners of the target
-/// triangle and its other corners are certainly on one side of Q's plane.
+/// Returns whether a triangle touches no point inside the target polygon because it has one or two corners of
+/// the target triangle and its other corners are certainly on one side of the polygon's `plane`.
 fn touches_from_one_side(corners: &[DVec3; 3], tags: [u8; 3], plane: &Half, pad: f64) -> bool {
     let others = || (0..3).filter(|&k| tags[k] == NO_CORNER).map(|k| plane.height(corners[k]));
     (1..3).contains(&others().count()) && (others().all(|h| h > pad) || others().all(|h| h < -pad))

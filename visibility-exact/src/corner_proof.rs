@@ -63,7 +63,8 @@ fn excludes(sight: &Sight, rows: [&Row; 3], delta: f64) -> bool {
     if !positive(middle) {
         return false;
     }
-    // The form is bilinear in the points of P and Q, so pairs of corners decide its sign.
+    // The form is bilinear in the points of the viewcell and target polygons, so pairs of corners decide its
+    // sign.
     let mut directions = [DVec3::ZERO; 64];
     let mut count = 0;
     for &p in sight.p.corners() {
@@ -137,7 +138,7 @@ mod tests {
                     .map(|x| x.normalize() * 1e-3);
                 Polygon::new(&[at - a - b, at + a - b, at + a + b, at - a + b])
             };
-            // The corner is halfway between P and Q, or close to P.
+            // The corner is halfway between the two polygons, or close to the viewcell's.
             let (p, q) = (quad(v - d / [1.0, 256.0][(round / 2 % 2) as usize]), quad(v + d));
             let half = Half { normal: DVec3::X, offset: 0.0 };
             let sight = Sight { p, q, before_p: half, before_q: half, near: None };

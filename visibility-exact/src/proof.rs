@@ -46,12 +46,12 @@ impl Proof {
 /// A node of a proof: a set of segments, and why all of them are blocked.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) enum Step {
-    /// A polygon is halved, and the nodes of its two halves follow. `of_p`: true if P is halved, false if Q
-    /// is. `across`: true if the shorter pair of opposite sides of a quadrilateral is halved, false if the
-    /// longer pair is. Other polygons are halved in one way only.
+    /// A polygon is halved, and the nodes of its two halves follow. `of_p`: true if the viewcell polygon is
+    /// halved, false if the target polygon is. `across`: true if the shorter pair of opposite sides of a
+    /// quadrilateral is halved, false if the longer pair is. Other polygons are halved in one way only.
     Halves { of_p: bool, across: bool },
-    /// P is cut by the plane of a one-sided triangle. Two nodes follow: that of the part of P in front of the
-    /// triangle, then that of the other part.
+    /// The viewcell polygon is cut by the plane of a one-sided triangle. Two nodes follow: that of the part
+    /// in front of the triangle, then that of the other part.
     Split { triangle: u32 },
     /// All segments cross this surface.
     Surface {
@@ -59,7 +59,8 @@ pub(crate) enum Step {
         /// Vertices of the surface's boundary that were moved outwards, by ascending vertex index, with their
         /// new positions in scene coordinates.
         moved: Box<[(u32, DVec3)]>,
-        /// Ends, on P and on Q, of a segment of the node that crosses the surface an odd number of times.
+        /// Ends, on the viewcell and target polygons, of a segment of the node that crosses the surface an
+        /// odd number of times.
         line: [DVec3; 2],
     },
     /// The node has no segment: with these weights of its dividing edges, the weighted sum of sides is

@@ -54,8 +54,8 @@ struct RowNode {
     /// Bound in metres on the error of each coordinate of a position, to be used for the sides of edges.
     delta: f64,
     rows: Vec<Row>,
-    /// For each of `rows`, the sides on which the lines between all pairs of corners of P and Q pass the
-    /// row's edge.
+    /// For each of `rows`, the sides on which the lines between all pairs of corners of the viewcell and
+    /// target polygons pass the row's edge.
     matrix: Matrix,
     /// Solution of the linear program of all rows. `None` until it is computed.
     solution: Option<Solution>,
@@ -194,8 +194,8 @@ impl Search<'_> {
         answer
     }
 
-    /// Halves P or Q of a node, and decides both halves. A way to halve that leaves one half without lines is
-    /// preferred.
+    /// Halves the viewcell polygon or the target polygon of a node, and decides both halves. A way to halve
+    /// that leaves one half without lines is preferred.
     fn halve_divided(&mut self, node: &RowNode, left: &mut u32, halvings: u32) -> Answer {
         if halvings >= self.budget.halvings {
             return Answer::Undecided;
@@ -264,8 +264,8 @@ impl Search<'_> {
         if total.is_nan() || total <= 0.5 {
             return None;
         }
-        // The weights belong to pairs of corners. The weighted means of the corners of P and of Q are the
-        // ends of a first segment.
+        // The weights belong to pairs of corners. The weighted means of the corners of the viewcell polygon
+        // and of the target polygon are the ends of a first segment.
         let mut line = self.segment(from / total, to / total);
         let satisfies = |line: Segment| {
             rows.iter().all(|row| {
@@ -342,7 +342,7 @@ impl Search<'_> {
     }
 
     /// Returns the loop around a convex occluder polygon, moved outwards by `grow` metres and cut off at the
-    /// planes of P and Q. `None` if `line` does not certainly pass inside the loop.
+    /// planes of the viewcell and target polygons. `None` if `line` does not certainly pass inside the loop.
     fn loop_around(&self, sight: &Sight, piece: u32, line: Segment, grow: f64) -> Option<Loop> {
         let around = self.triangles.piece(piece);
         let corners = around.ring.iter().zip(&around.positions);
@@ -350,12 +350,12 @@ impl Search<'_> {
         if grow > 0.0 {
             ring = grown(&ring, grow);
         }
-        // P lies exactly in its plane, a face of the viewcell: an occluder in this plane blocks the segments
-        // that leave through it. Points of Q lie off their plane by rounding: an occluder in this plane, such
-        // as the back of a card or the target box's own front, blocks nothing. Heights are wrong by less than
-        // delta, which the check allows for, so a height of 4 delta is certainly in front of the plane.
-        // Corners of the target triangle are in its plane; a loop of only such corners bounds nothing in
-        // front of it.
+        // The viewcell polygon lies exactly in its plane, a face of the viewcell: an occluder in this plane
+        // blocks the segments that leave through it. Points of the target polygon lie off their plane by
+        // rounding: an occluder in this plane, such as the back of a card or the target box's own front,
+        // blocks nothing. Heights are wrong by less than delta, which the check allows for, so a height of 4
+        // delta is certainly in front of the plane. Corners of the target triangle are in its plane; a loop
+        // of only such corners bounds nothing in front of it.
         let before_q = sight.cut_before_q(self.pad());
         ring = cut(ring, &sight.before_p, |half, corner| half.height(corner.0));
         ring = cut(ring, &before_q, |half, &(x, tag)| if tag == NO_CORNER { half.height(x) } else { 0.0 });

@@ -54,8 +54,8 @@ pub(crate) struct Budget {
 const DEPTH: u32 = 28;
 /// Number of halvings from which nodes are divided by occluder edges too, at every third level.
 const DIVIDE_FROM: u32 = 3;
-/// Greatest number of cuts of P by planes of one-sided triangles on the way to a node. Each cut rounds a
-/// corner four more times, which [`SceneTriangles::position_error`] allows for.
+/// Greatest number of cuts of the viewcell polygon by planes of one-sided triangles on the way to a node.
+/// Each cut rounds a corner four more times, which [`SceneTriangles::position_error`] allows for.
 pub(crate) const SPLITS: u32 = 8;
 /// Greatest number of triangles at each node from which surfaces are grown. The node's sample line crosses
 /// them.
@@ -90,8 +90,8 @@ pub(crate) struct Search<'a> {
     pub(crate) stats: SearchStats,
     /// Triangle from which the last surface that blocked a node was grown. The next node tries it first.
     pub(crate) hint: u32,
-    /// A one-sided triangle that blocks only for a part of P at the node at work, since P is on both sides of
-    /// its plane. [`NONE`] if there is none.
+    /// A one-sided triangle that blocks for only a part of the node's viewcell polygon, since the polygon is
+    /// on both sides of its plane. [`NONE`] if there is none.
     pub(crate) across: u32,
     /// Function that is called at each node. The search ends once it returns true.
     pub(crate) stop: &'a dyn Fn() -> bool,
@@ -182,7 +182,7 @@ impl<'a> Search<'a> {
         delta.is_some()
     }
 
-    /// Decides a node, which `depth` halvings and `splits` cuts of P have led to.
+    /// Decides a node, which `depth` halvings and `splits` cuts of the viewcell polygon have led to.
     fn node(&mut self, sight: &Sight, depth: u32, splits: u32) -> Answer {
         if self.used >= self.budget.nodes || self.must_stop() {
             return Answer::Undecided;
@@ -220,8 +220,8 @@ impl<'a> Search<'a> {
         if let Some(answer) = answer {
             return answer;
         }
-        // A one-sided triangle blocks only segments from its front. Where P is on both sides of the
-        // triangle's plane, P is cut along the plane.
+        // A one-sided triangle blocks only segments from its front. A viewcell polygon on both sides of the
+        // triangle's plane is cut along the plane.
         let triangle = self.across;
         if splits < SPLITS
             && triangle != NONE
@@ -295,8 +295,8 @@ impl<'a> Search<'a> {
         all
     }
 
-    /// Returns whether a triangle blocks segments from all points of P. Stores the triangle in
-    /// [`across`](Self::across) if it is one-sided and P is on both sides of its plane.
+    /// Returns whether a triangle blocks segments from all points of the viewcell polygon. Stores the
+    /// triangle in [`across`](Self::across) if it is one-sided and the polygon is on both sides of its plane.
     pub(crate) fn blocks(&mut self, sight: &Sight, t: u32) -> bool {
         let Some(front) = self.triangles.front(t) else { return true };
         let facing = sight.facing(front, self.clearance, self.pad());
@@ -367,8 +367,8 @@ pub(crate) fn best_halving(sight: &Sight, obstacle: Option<(Obstacle, Segment)>)
 }
 
 impl Sight {
-    /// Returns the node with one of its polygons halved: P if `of_p`, Q if not. For `across` see
-    /// [`Polygon::halves`](crate::polygon::Polygon::halves).
+    /// Returns the node with one of its polygons halved: the viewcell polygon if `of_p`, else the target
+    /// polygon. For `across` see [`Polygon::halves`](crate::polygon::Polygon::halves).
     pub(crate) fn halves(&self, of_p: bool, across: bool) -> [Self; 2] {
         if of_p {
             self.p.halves(across).map(|p| Self { p, ..*self })

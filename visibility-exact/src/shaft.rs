@@ -131,7 +131,7 @@ mod tests {
                 for part in [0.0, 0.25, 0.5, 1.0] {
                     assert!(!shaft.misses(&[x + (y - x) * part]), "{round}");
                 }
-                // A triangle that touches Q at a corner, from any side.
+                // A triangle that touches the target polygon at a corner, from any side.
                 let touching = [y, y + random.fine_vector(5.0), y + random.fine_vector(5.0)];
                 assert!(!search.apart(&touching, [NO_CORNER; 3], &sight), "{round}");
                 assert!(!apart(&touching, &q, &sight.before_q, search.pad()), "{round}");
@@ -145,7 +145,8 @@ mod tests {
     fn edges_in_the_plane_of_the_target_are_met() {
         let mut random = Random(11);
         for round in 0..500 {
-            // The viewcell sees the triangle through one face only, so that Q is the whole triangle.
+            // The viewcell sees the triangle through one face only, so that the target polygon is the whole
+            // triangle.
             let t: [Vec3; 3] = core::array::from_fn(|_| random.vec3(0.1, 0.9) + Vec3::X * 30.0);
             let triangles = prepared(t);
             let cell = CellBox { min: DVec3::ZERO, max: DVec3::ONE };
@@ -156,8 +157,8 @@ mod tests {
                 "{round}: the search begins"
             );
             let t = t.map(Vec3::as_dvec3);
-            // The edge passes through the middle of the opposite side, so it also crosses any part of Q that
-            // is left when Q is cut.
+            // The edge passes through the middle of the opposite side, so it also crosses any part of the
+            // target polygon that is left when the polygon is cut.
             let far = t[0] + ((t[1] - t[0]) + (t[2] - t[0])) * random.fine_range(0.6, 3.0);
             let edge = Edge { ends: [t[0], far], tags: [0, NO_CORNER] };
             for sight in crate::sight::sights(&triangles, &cell, target, 0.0, search.pad()).unwrap() {

@@ -11,8 +11,8 @@ use crate::sight::{Sight, Target, sights};
 use alloc::collections::BinaryHeap;
 use core::cmp::Ordering;
 
-/// A pair of parts of P and Q that is not proven blocked. Nodes are ordered by their share of all segments to
-/// the target.
+/// A part of a viewcell face with a part of a target face, between which segments are not proven blocked.
+/// Nodes are ordered by their share of all segments to the target.
 struct Node {
     share: f64,
     /// Number of the node in order of creation. It breaks ties between nodes with equal shares.

@@ -12,16 +12,17 @@ pub(crate) const NEGATIVE: u8 = 2;
 /// Bit in a set of signs: rounding leaves the sign of the side at some pair of corners undecided.
 pub(crate) const UNSURE: u8 = 4;
 
-/// Cases in which the side of an edge is exactly 0. In the first, the line ends at a corner of Q that is a
-/// mixture of the edge's ends. In the second, the line and the edge lie in one plane: P's plane, by which Q
-/// or an occluder may have been cut, or Q's plane, by which P or an occluder may have been cut.
+/// Cases in which the side of an edge is exactly 0. In the first, the line ends at a corner of the target
+/// polygon Q that is a mixture of the edge's ends. In the second, the line and the edge lie in one plane: the
+/// plane of the viewcell polygon P, by which Q or an occluder may have been cut, or Q's plane, by which P or
+/// an occluder may have been cut.
 pub(crate) struct Zeros {
     /// For each end of the edge, the number of the target triangle's corner that it is (0, 1 or 2), or 3 for
     /// none.
     tags: [u8; 2],
-    /// Whether both ends of the edge lie in P's plane.
+    /// Whether both ends of the edge lie in the viewcell polygon's plane.
     in_p: bool,
-    /// Whether both ends of the edge lie in Q's plane.
+    /// Whether both ends of the edge lie in the target polygon's plane.
     in_q: bool,
 }
 
@@ -33,8 +34,9 @@ impl Zeros {
         Self { tags: edge.tags, in_p, in_q: sight.is_in_plane_of_q(a) && sight.is_in_plane_of_q(b) }
     }
 
-    /// Returns whether the side is exactly 0 for the line from corner `p` of P to corner `q` of Q. Bit i of
-    /// `zero` is set if barycentric coordinate i of q in the target triangle is exactly 0.
+    /// Returns whether the side is exactly 0 for the line from corner `p` of the viewcell polygon to corner
+    /// `q` of the target polygon. Bit i of `zero` is set if barycentric coordinate i of q in the target
+    /// triangle is exactly 0.
     #[inline]
     pub(crate) fn hold(&self, sight: &Sight, p: DVec3, q: DVec3, zero: u8) -> bool {
         let [a, b] = self.tags;
@@ -45,9 +47,10 @@ impl Zeros {
     }
 }
 
-/// Returns the set of signs of an edge's side over all pairs of a corner of P and a corner of Q. Exact zeros
-/// are left out, since they lie on the boundary of P or Q: if all other pairs have one sign, the side has
-/// this sign for all points inside. Stops once both signs, or an undecided one, are found.
+/// Returns the set of signs of an edge's side over all pairs of a corner of the viewcell polygon and a corner
+/// of the target polygon. Exact zeros are left out, since they lie on the boundary of a polygon: if all other
+/// pairs have one sign, the side has this sign for all points inside. Stops once both signs, or an undecided
+/// one, are found.
 #[inline]
 pub(crate) fn signs(sight: &Sight, edge: &Edge, delta: f64) -> u8 {
     let mut found = 0;

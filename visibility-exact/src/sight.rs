@@ -87,11 +87,11 @@ pub(crate) fn position_error(
 /// Position of the viewcell polygon P relative to a one-sided triangle.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Facing {
-    /// All of P is in front of the triangle: it occludes for all points of P.
+    /// All of the viewcell polygon is in front of the triangle, which occludes for all points of the polygon.
     Before,
-    /// P is on both sides of the triangle's plane.
+    /// The viewcell polygon is on both sides of the triangle's plane.
     Across,
-    /// All of P is behind the triangle's plane, up to rounding.
+    /// All of the viewcell polygon is behind the triangle's plane, up to rounding.
     Behind,
 }
 
@@ -102,11 +102,11 @@ pub(crate) struct Sight {
     pub(crate) q: Polygon,
     /// Half-space outside the viewcell, beyond the face that holds `p`.
     pub(crate) before_p: Half,
-    /// Half-space in front of Q's plane, from which Q is seen.
+    /// Half-space in front of the target polygon's plane, from which the polygon is seen.
     pub(crate) before_q: Half,
-    /// Without a clearance `None`. With a clearance, the height in metres over Q's plane below which points
-    /// count as in the plane. The height is 0 if the plane is perpendicular to an axis, where heights are
-    /// exact, or does not meet P.
+    /// Without a clearance `None`. With a clearance, the height in metres over the target polygon's plane
+    /// below which points count as in the plane. The height is 0 if the plane is perpendicular to an axis,
+    /// where heights are exact, or does not meet the viewcell polygon.
     pub(crate) near: Option<f64>,
 }
 
@@ -115,26 +115,26 @@ impl Sight {
     /// `delta` is the bound on the error of computed positions.
     ///
     /// Without clearance the result is `delta`, since an answer must hold for all segments. With a clearance,
-    /// which is at least 64 errors, positions count as exact, but points near Q's plane are moved into the
-    /// plane, by less than the result. An answer may then miss only segments that have a neighbour within one
-    /// error.
+    /// which is at least 64 errors, positions count as exact, but points near the target polygon's plane are
+    /// moved into the plane, by less than the result. An answer may then miss only segments that have a
+    /// neighbour within one error.
     #[inline]
     pub(crate) fn side_error(&self, delta: f64) -> f64 {
         // Heights are computed with an error of half of `near`.
         self.near.map_or(delta, |near| 2.0 * near)
     }
 
-    /// Returns whether a point lies in Q's plane, exactly or within `near`.
+    /// Returns whether a point lies in the target polygon's plane, exactly or within `near`.
     #[inline]
     pub(crate) fn is_in_plane_of_q(&self, x: DVec3) -> bool {
         self.before_q.holds(x) || self.near.is_some_and(|near| self.before_q.height(x).abs() < near)
     }
 
-    /// Returns where P is relative to a one-sided triangle. `front` is the half-space in front of the
-    /// triangle, `c` the clearance. Heights have errors up to `pad` metres.
+    /// Returns where the viewcell polygon is relative to a one-sided triangle. `front` is the half-space in
+    /// front of the triangle, `c` the clearance. Heights have errors up to `pad` metres.
     ///
-    /// Without clearance an answer must hold for all segments, so P must certainly be in front of the
-    /// triangle. With a clearance, positions count as exact, and so do their heights over a plane that is
+    /// Without clearance an answer must hold for all segments, so the polygon must certainly be in front of
+    /// the triangle. With a clearance, positions count as exact, and so do their heights over a plane that is
     /// perpendicular to an axis: a segment that starts on such a plane does not cross it.
     pub(crate) fn facing(&self, front: &Half, c: f64, pad: f64) -> Facing {
         let heights = || self.p.corners().iter().map(|x| front.height(*x));
@@ -149,9 +149,9 @@ impl Sight {
         }
     }
 
-    /// Returns two copies with P cut by the plane of a one-sided triangle: first the part that is certainly
-    /// in front of the triangle, then the rest, which reaches a little in front of the plane. `None` if one
-    /// part has no area.
+    /// Returns two copies with the viewcell polygon cut by the plane of a one-sided triangle: first the part
+    /// that is certainly in front of the triangle, then the rest, which reaches a little in front of the
+    /// plane. `None` if one part has no area.
     pub(crate) fn split(&self, front: &Half, c: f64, pad: f64) -> Option<[Self; 2]> {
         let [near, far] = if c > 0.0 && front.axis().is_some() { [0.0; 2] } else { [2.0 * pad, 3.0 * pad] };
         let before = Half { offset: front.offset - near, ..*front };
@@ -160,9 +160,9 @@ impl Sight {
         Some([with(&before)?, with(&behind)?])
     }
 
-    /// Returns the half-space to which occluders in front of Q are cut. Its boundary is Q's plane if points
-    /// near that plane count as in it (`near` above 0), or if heights over the plane are exact. Otherwise its
-    /// boundary is `pad` metres in front of Q's plane.
+    /// Returns the half-space to which occluders in front of the target polygon are cut. Its boundary is the
+    /// polygon's plane if points near that plane count as in it (`near` above 0), or if heights over the
+    /// plane are exact. Otherwise its boundary is `pad` metres in front of the plane.
     pub(crate) fn cut_before_q(&self, pad: f64) -> Half {
         if self.near.is_some_and(|near| near > 0.0) { self.before_q } else { self.before_q.padded(-pad) }
     }
@@ -190,9 +190,9 @@ fn faces(min: DVec3, max: DVec3) -> impl Iterator<Item = (Polygon, Half)> {
     })
 }
 
-/// Returns the pairs of polygons P and Q between which all segments in question run, from the viewcell to the
-/// target. Cuts leave a margin of `pad` metres. Empty if the target cannot be seen or has no area. `None` if
-/// some viewpoints are over the plane of one of the target's faces, but none by more than the clearance.
+/// Returns the pairs of a viewcell polygon and a target polygon between which all segments in question run.
+/// Cuts leave a margin of `pad` metres. Empty if the target cannot be seen or has no area. `None` if some
+/// viewpoints are over the plane of one of the target's faces, but none by more than the clearance.
 pub(crate) fn sights(
     triangles: &SceneTriangles,
     cell: &CellBox,
@@ -203,15 +203,15 @@ pub(crate) fn sights(
     let mut all = Vec::new();
     let mut grazed = false;
     let mut add = |q: Polygon, before_q: Half| {
-        // Q is moved by c, so heights over Q's plane are c less than those over the target's plane. As c is
-        // at least 64 delta, c / 16 covers their errors: a viewcell that is flush with the target does not
-        // see it.
+        // The target polygon is the target's face moved by c, so heights over the polygon's plane are c less
+        // than those over the target's plane. As c is at least 64 delta, c / 16 covers their errors: a
+        // viewcell that is flush with the target does not see it.
         let highest = before_q.height(cell.farthest(&before_q));
         grazed |= c > 0.0 && highest > pad.max(c / 16.0) - c && highest <= pad;
         for (face, before_p) in faces(cell.min, cell.max) {
             let Some(q) = q.clip(&before_p) else { continue };
-            // With a clearance, viewpoints behind Q's plane are less than c over the target's plane, and are
-            // not asked about.
+            // With a clearance, viewpoints behind the target polygon's plane are less than c over the
+            // target's plane, and are not asked about.
             let behind = if c > 0.0 { before_q } else { before_q.padded(pad) };
             let Some(p) = face.clip(&behind) else { continue };
             let meets = before_q.axis().is_none() && p.corners().iter().any(|p| before_q.height(*p) < pad);

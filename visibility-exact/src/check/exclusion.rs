@@ -9,8 +9,8 @@ use alloc::vec::Vec;
 
 impl Check<'_> {
     /// Returns whether the weighted sum of the sides of all rows is certainly negative for all pairs of a
-    /// corner of P and a corner of Q. No line then passes every row's edge on the given side. Rows beyond the
-    /// weights do not count. False if a weight is negative.
+    /// corner of the viewcell polygon and a corner of the target polygon. No line then passes every row's
+    /// edge on the given side. Rows beyond the weights do not count. False if a weight is negative.
     ///
     /// Rounding, with U the unit round-off of `f64`: a term is a side, rounded to `f64`, times a weight, and
     /// wrong by 2 U of its magnitude. Each of the sums of n terms is wrong by U of the sum of their

@@ -101,7 +101,8 @@ impl Check<'_> {
                 Ok(())
             }
             Step::Split { triangle } => {
-                // The parts of P in front of and behind the triangle's plane. Both must be proven.
+                // The parts of the viewcell polygon in front of and behind the triangle's plane. Both must be
+                // proven.
                 let front = (*triangle as usize) < self.triangles.len() && self.splits < SPLITS;
                 let front = front.then(|| self.triangles.front(*triangle)).flatten();
                 let parts = front.and_then(|front| sight.split(front, self.clearance, 4.0 * self.delta));

@@ -8,10 +8,11 @@ use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
 impl Check<'_> {
-    /// Returns whether the corners of a loop are between the planes of P and Q, and within three clearances
-    /// of a convex polygon of occluding triangles. The same then holds for a flat surface inside the loop. At
-    /// least one corner must certainly be in front of Q's plane. Corners in Q's plane are allowed if they are
-    /// corners of the target triangle, or if their heights over the plane are exact or count as 0.
+    /// Returns whether the corners of a loop are between the planes of the viewcell polygon P and the target
+    /// polygon Q, and within three clearances of a convex polygon of occluding triangles. The same then holds
+    /// for a flat surface inside the loop. At least one corner must certainly be in front of Q's plane.
+    /// Corners in Q's plane are allowed if they are corners of the target triangle, or if their heights over
+    /// the plane are exact or count as 0.
     pub(super) fn is_on_piece(&self, sight: &Sight, number: u32, ring: &[Corner]) -> bool {
         let Some(triangles) = self.triangles.piece_triangles(number) else { return false };
         let corners: Vec<[DVec3; 3]> = triangles.iter().map(|&t| self.triangles.corners(t)).collect();
@@ -39,19 +40,20 @@ impl Check<'_> {
         });
         let reach = 3.0 * self.clearance + 2.0 * self.delta;
         let is_near = |x: DVec3| corners.iter().any(|t| distance(x, t) <= reach);
-        // Exactly in front of Q's plane, by one coordinate that is not rounded, or so close that the point
-        // counts as in the plane.
+        // Exactly in front of the target polygon's plane, by one coordinate that is not rounded, or so close
+        // that the point counts as in the plane.
         let in_front = |x: DVec3| {
             (sight.before_q.axis().is_some() && sight.before_q.height(x) >= 0.0)
                 || self.is_near_plane_of_q(sight, x)
         };
-        // P's plane is perpendicular to an axis, so the sign of a height over it is exact. An occluder behind
-        // the plane is inside the viewcell and blocks nothing, since segments start in front of it.
+        // The plane of the viewcell polygon is perpendicular to an axis, so the sign of a height over it is
+        // exact. An occluder behind the plane is inside the viewcell and blocks nothing, since segments start
+        // in front of it.
         let in_slab = |(x, tag): Corner| {
             sight.before_p.height(x) >= 0.0
                 && (tag.is_some() || sight.before_q.height(x) > 3.0 * self.delta || in_front(x))
         };
-        // A loop that lies in Q's plane blocks nothing.
+        // A loop that lies in the target polygon's plane blocks nothing.
         let leaves_plane = ring.iter().any(|(x, _)| sight.before_q.height(*x) > 3.0 * self.delta);
         let tags_hold = |(x, tag): Corner| {
             tag.is_none_or(|k| {

@@ -11,10 +11,11 @@ use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
 impl Check<'_> {
-    /// Returns, for each pair of a corner of P and a corner of Q, the side on which the line between them
-    /// passes an edge, with a bound on the side's error. The side is exactly 0 in three cases: the corner of
-    /// Q is a mixture of the edge's ends; all four points lie in P's or Q's plane, and that plane is
-    /// perpendicular to an axis; all four points count as in Q's plane. In other cases `side` computes it.
+    /// Returns, for each pair of a corner of the viewcell polygon P and a corner of the target polygon Q, the
+    /// side on which the line between them passes an edge, with a bound on the side's error. The side is
+    /// exactly 0 in three cases: the corner of Q is a mixture of the edge's ends; all four points lie in P's
+    /// or Q's plane, and that plane is perpendicular to an axis; all four points count as in Q's plane. In
+    /// other cases `side` computes it.
     pub(super) fn sides<'b>(
         &'b self,
         sight: &'b Sight,
@@ -45,21 +46,22 @@ impl Check<'_> {
 
     /// Returns the bound in metres, for each coordinate, on how far a given position may be from the position
     /// that sides are computed for. Without a clearance it is the error of positions; with one, the distance
-    /// by which points near Q's plane may be moved into the plane.
+    /// by which points near the target polygon's plane may be moved into the plane.
     pub(super) fn moved(&self, sight: &Sight) -> f64 {
         sight.near.map_or(self.delta, |near| 2.0 * near)
     }
 
-    /// Returns whether a point counts as in Q's plane: whether its distance from the plane is below 1.5
-    /// `near`. The search uses the limit `near`, with errors of up to half of it. False without clearance.
+    /// Returns whether a point counts as in the target polygon's plane: whether its distance from the plane
+    /// is below 1.5 `near`. The search uses the limit `near`, with errors of up to half of it. False without
+    /// clearance.
     pub(super) fn is_near_plane_of_q(&self, sight: &Sight, x: DVec3) -> bool {
         let Half { normal, offset } = sight.before_q;
         let height = dot(normal.to_array().map(D::from), x.to_array().map(D::from)).plus(D::from(offset));
         sight.near.is_some_and(|near| height.hi.abs() < 1.5 * near)
     }
 
-    /// Returns whether all segments pass an edge on one side. Segments to the boundary of Q may meet the edge
-    /// there.
+    /// Returns whether all segments pass an edge on one side. Segments to the boundary of the target polygon
+    /// may meet the edge there.
     pub(super) fn is_on_side(&self, sight: &Sight, edge: &[Corner; 2], sign: f64) -> bool {
         let mut some = false;
         let all = self.sides(sight, edge, quick_side).all(|(value, error)| {
@@ -70,9 +72,9 @@ impl Check<'_> {
     }
 
     /// Returns whether no segment meets an edge, by the sides on which segments pass it or by a plane that
-    /// separates it from both polygons. With `from_before`, segments that start behind Q's plane do not
-    /// count: by the error of heights, P holds points behind the plane, from which segments pass below
-    /// corners of the target.
+    /// separates it from both polygons. With `from_before`, segments that start behind the target polygon's
+    /// plane do not count: by the error of heights, the viewcell polygon has points behind the plane, from
+    /// which segments pass below corners of the target.
     pub(super) fn is_missed(&self, sight: &Sight, edge: &[Corner; 2], from_before: bool) -> bool {
         let ends = [edge[0].0, edge[1].0];
         let behind = |(x, tag): Corner| tag.is_some() || sight.before_q.height(x) < -3.0 * self.delta;
@@ -82,7 +84,8 @@ impl Check<'_> {
             || self.is_outside(sight, &ends)
     }
 
-    /// Returns whether a plane separates some points from the convex hull of P and Q.
+    /// Returns whether a plane separates some points from the convex hull of the viewcell and target
+    /// polygons.
     pub(super) fn is_outside(&self, sight: &Sight, points: &[DVec3]) -> bool {
         let (p, q) = (sight.p.corners(), sight.q.corners());
         let hull: Vec<DVec3> = p.iter().chain(q).copied().collect();
@@ -123,7 +126,8 @@ impl Check<'_> {
         gap([points, others].map(|points| range(points, &height))) > margin
     }
 
-    /// Returns whether the convex hull of three or four points touches neither P nor Q.
+    /// Returns whether the convex hull of three or four points touches neither the viewcell nor the target
+    /// polygon.
     ///
     /// If a plane separates two convex polytopes, one does that is parallel to a face of either or to a side
     /// of each. All of these are tried: every three of the points count as a face, every two as a side. The

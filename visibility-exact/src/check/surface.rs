@@ -26,11 +26,11 @@ impl Check<'_> {
             return false;
         }
         // Without clearance, surfaces may have corners of the target. The whole sample line must then be in
-        // front of Q's plane: by rounding, P and Q have points behind the plane, and a line from or to such a
-        // point could pass below these corners where other segments do not. The start is in front of the
-        // plane if its height is above the error of heights. The end is up to delta behind the plane, so it
-        // is moved by 1.25 delta, which is surely more. The end is still nearer to Q than triangles that are
-        // apart from Q, by 3 delta.
+        // front of the plane of the target polygon Q: by rounding, both polygons have points behind the
+        // plane, and a line from or to such a point could pass below these corners where other segments do
+        // not. The start is in front of the plane if its height is above the error of heights. The end is up
+        // to delta behind the plane, so it is moved by 1.25 delta, which is surely more. The end is still
+        // nearer to Q than triangles that are apart from Q, by 3 delta.
         let from_before = sight.before_q.height(line[0]) > 3.0 * self.delta;
         let lift = if self.clearance == 0.0 { 1.25 * self.delta } else { 0.0 };
         let line = [line[0], line[1] + sight.before_q.normal * lift];
@@ -43,7 +43,7 @@ impl Check<'_> {
             found.is_some()
         };
         // The boundary consists of the edges that belong to an odd number of the triangles. Each triangle
-        // must be clear of P and Q, and the line must certainly cross or miss it.
+        // must be clear of the viewcell and target polygons, and the line must certainly cross or miss it.
         for &t in surface {
             let (numbers, corners) = (all.vertices(t), all.corners(t));
             for k in 0..3 {
@@ -89,12 +89,13 @@ impl Check<'_> {
         is_odd
     }
 
-    /// Returns whether a triangle occludes for all points of P: it is two-sided, or P is before its front.
+    /// Returns whether a triangle occludes for all points of the viewcell polygon: it is two-sided, or the
+    /// polygon is before its front.
     ///
     /// The corners of a triangle run counter-clockwise as seen from its front. With a clearance, positions
-    /// count as exact. A corner of P may then also lie on the triangle's plane if that plane is perpendicular
-    /// to an axis, where heights are differences of one coordinate: segments from there do not cross the
-    /// plane.
+    /// count as exact. A corner of the polygon may then also lie on the triangle's plane if that plane is
+    /// perpendicular to an axis, where heights are differences of one coordinate: segments from there do not
+    /// cross the plane.
     pub(super) fn faces(&self, sight: &Sight, t: u32) -> bool {
         if self.triangles.front(t).is_none() {
             return true;
@@ -111,10 +112,11 @@ impl Check<'_> {
         sight.p.corners().iter().all(|&x| is_before(x, [a, b, c], slack) || is_on_plane(x))
     }
 
-    /// Returns whether a triangle touches Q at most at Q's boundary: its corners that are not the target's,
-    /// at least one, are all on one side of Q's plane, and the triangle is apart from P. `end` is the end of
-    /// the sample line, at most 3 delta from Q. A triangle in front of Q must have a plane farther from
-    /// `end`, so that lines to the points of Q near `end` cross the triangle as often as the sample line.
+    /// Returns whether a triangle touches the target polygon Q at most at Q's boundary: its corners that are
+    /// not the target's, at least one, are all on one side of Q's plane, and the triangle is apart from the
+    /// viewcell polygon. `end` is the end of the sample line, at most 3 delta from Q. A triangle in front of
+    /// Q must have a plane farther from `end`, so that lines to the points of Q near `end` cross the triangle
+    /// as often as the sample line.
     pub(super) fn touches_beside(
         &self,
         sight: &Sight,

@@ -111,9 +111,9 @@ fn proofs_with_a_changed_step_are_refused() {
     assert!(kinds[0] > 0 && kinds[1] > 0, "{kinds:?}");
 }
 
-/// Edges in the plane of P, where Q ends. Lines that start on both sides of the edge are not on one side of
-/// it. Where all lines start on one side, those to the end of Q do not matter. Likewise for edges in the
-/// plane of Q.
+/// Edges in the plane of the viewcell polygon, where the target polygon ends. Lines that start on both sides
+/// of the edge are not on one side of it. Where all lines start on one side, those to the end of the target
+/// polygon do not matter. Likewise for edges in the plane of the target polygon.
 #[test]
 fn edges_in_the_plane_of_a_face_divide_the_lines_that_start_around_them() {
     let (triangles, _) = hidden();
@@ -146,9 +146,9 @@ fn edges_in_the_plane_of_a_face_divide_the_lines_that_start_around_them() {
     }
 }
 
-/// Edges near tilted planes, which hold points only up to rounding. An edge in Q's plane beside Q, or behind
-/// the plane, does not divide the lines that start in front of the plane; an edge across Q or over the plane
-/// does.
+/// Edges near tilted planes, which hold points only up to rounding. An edge in the target polygon's plane
+/// that is beside the polygon, or an edge behind the plane, does not divide the lines that start in front of
+/// the plane; an edge across the polygon or over the plane does.
 #[test]
 fn edges_near_the_plane_of_a_face_are_in_it() {
     let (triangles, _) = hidden();
@@ -182,7 +182,7 @@ fn edges_near_the_plane_of_a_face_are_in_it() {
             [1.0, -1.0].iter().all(|&side| !check.is_on_side(&sight, &edge, side)),
             "an edge of which one end is in the plane"
         );
-        // If all corners of P and Q and the edge are in one plane, the lines pass the edge on no side.
+        // If the edge and all corners of both polygons are in one plane, the lines pass the edge on no side.
         let corners = [at(9.0, 0.0, 0.0), at(10.0, 0.0, 0.0), at(10.0, 4.0, 0.0)];
         let flat = Sight { p: Polygon::new(&corners), ..sight };
         let edge = [(at(2.0, -5.0, 0.0), None), (at(2.0, 9.0, 0.0), None)];

@@ -189,7 +189,7 @@ fn rows_end_with_their_loop() {
     let halves = Step::Halves { of_p: true, across: false };
     let steps = vec![halves.clone(), good.clone(), empty(&[1.0]), good.clone(), empty(&[1.0])];
     assert_eq!(world.proof(steps).check(&world.triangles), Ok(()), "the rows of each half hold");
-    // A wall that some lines of sight from one half of P pass by.
+    // A wall that some lines of sight from one half of the viewcell's face pass by.
     let world = World::new(TARGET, &[[[9.0, -300.0, -100.0], [9.0, -300.0, 1000.0], [9.0, 4.0, 4.0]]]);
     let world = World { shapes: world.shapes, ..World::new(TARGET, &[WALL]) };
     let steps = vec![halves, good, empty(&[1.0]), empty(&[1.0])];

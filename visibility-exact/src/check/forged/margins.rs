@@ -6,7 +6,8 @@ use super::*;
 #[test]
 fn edges_within_the_error_of_positions_are_not_passed() {
     let target = [[72.0, 2.0, 0.5], [72.0, 6.0, 0.5], [72.0, 4.0, 2.0]];
-    // The upper edge of the occluder touches the segments from P's upper side to the target's upper corner.
+    // The upper edge of the occluder touches the segments from the viewcell face's upper side to the target's
+    // upper corner.
     let mut world = World::new(target, &[HALF_WALL.map(|[x, y, z]| [x, y, z + 1.0])]);
     let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
     let line = [[8.0, 4.0, 4.0], [72.0, 4.0, 1.0]];
@@ -104,7 +105,8 @@ fn node(p: &[DVec3], q: &[DVec3], near: Option<f64>) -> Sight {
     Sight { p: Polygon::new(p), q: Polygon::new(q), before_p: half, before_q: half, near }
 }
 
-/// Three edges that a line from P to Q passes on the given sides, by exact integers.
+/// Three edges that a line from the viewcell's face to the target passes on the given sides, by exact
+/// integers.
 #[test]
 fn corners_with_lines_are_refused() {
     let world = World::new(TARGET, &[]);
@@ -128,7 +130,7 @@ fn corners_with_lines_are_refused() {
         let edges = [int(12), int(12), int(12)].map(|a| [a, a + int(9)]);
         let sight = node(&p, &q, None);
         let sides = |p: DVec3, q: DVec3| edges.map(|[a, b]| sign((q - p).dot((a - p).cross(b - p))));
-        // The line ends at a corner of Q or at the middle of a side of Q.
+        // The line ends at a corner of the target or at the middle of its side.
         let seen = sides(p[round % 2], (q[0] + q[round / 3 % 2]) * 0.5);
         let rows: [Divider; 3] =
             core::array::from_fn(|k| ([(edges[k][0], None), (edges[k][1], None)], seen[k]));

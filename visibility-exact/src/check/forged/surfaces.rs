@@ -14,8 +14,8 @@ fn triangles_that_do_not_occlude_are_refused() {
     );
 }
 
-/// Sample lines that are no segments of the node: they start behind or beside P, or end behind or beside Q,
-/// and cross a triangle there.
+/// Sample lines that are no segments of the node: they start behind or beside the viewcell polygon, or end
+/// behind or beside the target polygon, and cross a triangle there.
 #[test]
 fn lines_of_other_nodes_are_refused() {
     let behind = [[-4.0, -30.0, -30.0], [-4.0, 30.0, -30.0], [-4.0, 4.0, 90.0]];
@@ -35,8 +35,8 @@ fn lines_of_other_nodes_are_refused() {
     }
 }
 
-/// A surface through P or Q that is larger than all segments' cross-section: it blocks the segments to one
-/// part only.
+/// A surface through the viewcell polygon or the target polygon that is larger than all segments'
+/// cross-section: it blocks the segments to one part only.
 #[test]
 fn surfaces_that_cut_an_end_of_segments_are_refused() {
     // These triangles lie in the planes y - x = -4 and y - x = -76.
@@ -114,7 +114,8 @@ fn edges_from_a_corner_of_the_target_before_it_are_refused() {
     assert!(tried > 10, "{tried}");
 }
 
-/// A wall half a clearance before Q. Its edge, which crosses the middle of Q, moves behind Q.
+/// A wall half a clearance before the target polygon. Its edge, which crosses the polygon's middle, moves
+/// behind the polygon.
 #[test]
 fn strips_that_cut_an_end_of_segments_are_refused() {
     let wall = [[79.75, 4.0, -100.0], [79.75, 4.0, 100.0], [79.75, 200.0, 0.0]];
@@ -243,7 +244,8 @@ fn surfaces_at_a_corner_of_the_target_that_cut_it_are_refused() {
     world.refuses_surface(1, hidden, seen, "a surface through the target's corner");
 }
 
-/// A triangle from a corner of the target through P. It blocks only the segments from above.
+/// A triangle from a corner of the target through the viewcell polygon. It blocks only the segments from
+/// above.
 #[test]
 fn surfaces_at_the_target_that_cut_the_start_of_segments_are_refused() {
     let world = World::new(TARGET, &[[TARGET[2], [-64.0, -300.0, 2.0], [-64.0, 300.0, 2.0]]]);

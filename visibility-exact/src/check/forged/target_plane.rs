@@ -3,8 +3,9 @@
 
 use super::*;
 
-/// A target whose plane cuts the viewcell, and a plate that hangs from the target's front edge. P holds
-/// points behind the plane by less than the error of heights; a line from such a point passes under the edge.
+/// A target whose plane cuts the viewcell, and a plate that hangs from the target's front edge. The viewcell
+/// polygon has points behind the plane, by less than the error of heights; a line from such a point passes
+/// under the edge.
 #[test]
 fn lines_that_start_behind_the_plane_of_the_target_are_refused() {
     let [a, b, c] = [[16.0, 2.0, 2.25], [16.0, 6.0, 2.25], [80.0, 4.0, 4.25]];
