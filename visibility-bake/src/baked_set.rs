@@ -31,7 +31,7 @@ const TRIED: usize = 128;
 /// columns, each is compared with fewer than [`TRIED`] on either side, but with at least one.
 const WORK: usize = 1 << 31;
 
-/// Greatest index of an object plus 1 that the classes can store.
+/// Exclusive upper limit of the object indices that the classes can store.
 const INDEX_LIMIT: usize = 1 << 29;
 
 /// Greatest number of touching viewcells whose rows are tried as the base from which a viewcell's row is

@@ -356,7 +356,7 @@ mod tests {
                 "a walk to {far}"
             );
         }
-        // Boxes of half a metre, from the grid's origin at 0 over 2^25 m.
+        // Boxes of half a metre, in a cube of 2^25 m that begins at the grid's origin.
         let (grid, far) =
             (Grid::new(DVec3::ZERO, DVec3::splat(0.5)).unwrap(), DVec3::splat(f64::from(1 << 25)));
         assert_eq!(

@@ -600,7 +600,8 @@ mod tests {
         assert!(same > 50 && other > 20, "{same} the same, {other} not");
     }
 
-    /// With a limit of time, groups are swept at once and undivided, and may leave other objects.
+    /// With a limit of time, groups are swept at once and undivided, and may leave other objects than without
+    /// a limit.
     #[test]
     fn what_a_bake_with_a_limit_caches_answers_no_whole_bake() {
         let scene = town(&mut Random(80));

@@ -178,7 +178,7 @@ struct Memory {
     requests: u64,
     /// Tiles that are loaded, by their numbers.
     tiles: HashMap<u32, LoadedTile>,
-    /// Number of threads that work and do not wait.
+    /// Number of threads that are working, without those that wait for memory.
     running: usize,
 }
 

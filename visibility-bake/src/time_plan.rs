@@ -110,7 +110,7 @@ impl TimePlan {
         end.is_some_and(|end| self.now() >= end)
     }
 
-    /// Begins the work on an item, which ends when the result is dropped.
+    /// Marks that work on an item begins. The work ends when the returned value is dropped.
     pub(crate) fn begin(&self) -> Working<'_> {
         self.working.fetch_add(1, Relaxed);
         Working(self)

@@ -81,7 +81,8 @@ fn a_set_takes_the_memory_of_its_bytes_and_its_scene() {
         Err(_) => refused += 1,
     });
     assert!(read > 100 && refused > 100, "{read} read, {refused} refused");
-    // Callers may allocate arrays by the limit of indices. A file has a bit for each index, and at most 2^29.
+    // Callers may allocate arrays by the limit of indices. A file has a bit for each index, and at most 2^29
+    // bits.
     let whole = decompress_to_vec(&file[COMPRESSED..]).unwrap();
     let cases = [(12, 1, true), (64, 1, true), (65, 1, false), (65, 2, true), (u32::MAX, 1, false)];
     for (limit, words, is_read) in
@@ -150,8 +151,8 @@ fn a_set_of_many_objects_takes_a_small_multiple_of_its_content() {
     let mut file = [&file[..40], &length, &compress_to_vec(&content, 9)].concat();
     mend_header(&mut file, 0);
     assert!(file.len() < 4000, "{}", file.len());
-    // Twice the content, its classes once more, and four to eight bytes for each object to find repeated
-    // ones.
+    // Reading takes twice the content, its classes once more, and four to eight bytes for each object, to
+    // find objects that are in two classes.
     forge_counts(&[0], 0, 12 * content.len(), |_| {
         let set = BakedSet::from_bytes(&file).unwrap();
         drop(set.for_objects(&scene, [(id, 0), (id, count)]));

@@ -236,7 +236,7 @@ fn viewcells_along_a_walk_end_at_walls_and_floors() {
         "{cell:?}"
     );
     assert!(is_close(cell.max, [2.5, 3.0, 3.125]), "{cell:?}");
-    // A part on each side of the wall, in the same box and in the next, and a walk through the wall.
+    // Walks on either side of the wall and through it. Both sides are in the same box of the grid.
     let far = eye.with_x(3.5);
     assert_eq!(
         along(&[eye, eye + DVec3::Y * 1.5])[..],

@@ -217,7 +217,7 @@ fn a_viewcell_that_is_given_up_is_open_and_worked_on_again() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let asked = AtomicUsize::new(0);
     let count = |_: ()| asked.fetch_add(1, Ordering::Relaxed);
-    // After this, all groups and all viewcells are swept.
+    // After these two rounds, all groups and all viewcells are swept.
     let mut first = Bake::new(baker());
     for done in [10, 20] {
         pool.install(|| first.advance_unless(|| false, || count(()) == usize::MAX));
@@ -232,7 +232,7 @@ fn a_viewcell_that_is_given_up_is_open_and_worked_on_again() {
     pool.install(|| all.advance_unless(|| false, || count(()) == usize::MAX));
     let (all, steps) = (asked.swap(0, Ordering::Relaxed), all.progress().steps);
     assert!(all as u64 * 40 > steps, "{all} times asked in {steps} steps");
-    // The bake is stopped at the given call of the function, in the middle of a viewcell.
+    // The bake is stopped at the given call of the stop function, in the middle of a viewcell.
     for most in [1, 2, 3, all / 7, all / 3, all / 2, all / 10 * 9] {
         let mut bake = Bake::resume(baker(), &first.save()).unwrap();
         asked.store(0, Ordering::Relaxed);
@@ -564,7 +564,7 @@ fn files_are_read_for_their_scene_alone_and_damage_is_found() {
     assert!(matches!(set.for_scene(&scene), Err(BakedSetError::OtherScene)), "a scene with another box");
 }
 
-/// A set is used for a scene that has the objects in another order, in parts and among others.
+/// A set is used for a scene that has the objects in another order, several times and among other objects.
 #[test]
 fn sets_are_taken_for_objects_of_other_indices() {
     let (scene, cells) = street();

@@ -31,8 +31,7 @@ const GROUP: Budget = Budget { nodes: 50, divided: 0, halvings: 0 };
 const OBJECT: Budget = Budget { nodes: 1000, divided: 200, halvings: 12 };
 /// Budget of the search for one triangle of an object.
 const TRIANGLE: Budget = Budget { nodes: 1500, divided: 200, halvings: 12 };
-/// Search nodes for first looks at the triangles of one object. Once more are spent, no further triangle of
-/// the object gets a first look.
+/// Number of search nodes after which no further triangle of an object gets a first look.
 const ALL_TRIANGLES: u32 = 8000;
 /// Budget of a first look at each triangle of an object in a quick search, which gives up an object early.
 const QUICK: Budget = Budget { nodes: 400, ..TRIANGLE };
@@ -63,7 +62,7 @@ const SHARE: u32 = 2000;
 
 /// Costs of past searches in nodes. They decide whether a group is searched as thoroughly as a single object.
 ///
-/// Among houses along streets most groups are hidden as a whole, for the nodes of a few objects. In a
+/// Among houses along streets most groups are hidden as a whole, which costs the nodes of a few objects. In a
 /// building of many rooms groups seldom are hidden, and the nodes are lost. A group may therefore cost a part
 /// of what its objects are likely to cost, as long as groups of about its size have saved more nodes than
 /// they have cost.
@@ -386,8 +385,8 @@ impl<'a> CellQuery<'a> {
     }
 
     /// Computes a bound on the visible share of each object, and marks the object as hardly visible if the
-    /// bound is at most the share in the settings. Skips objects that aimed rays see more than twice as
-    /// often.
+    /// bound is at most the share in the settings. Skips an object if the part of its aimed rays that see it
+    /// is more than twice that share.
     fn hardly_visible(&mut self, objects: &[u32]) {
         for &object in objects {
             if self.search.must_stop() {

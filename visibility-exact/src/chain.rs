@@ -357,7 +357,8 @@ fn outwards(a: DVec3, b: DVec3, apex: DVec3) -> DVec3 {
 /// 2.5 c long, so edges at sharp corners move less than `c`. `sum` is the sum of the outward unit vectors of
 /// the corner's `count` edges.
 pub(crate) fn mitre(sum: DVec3, count: u32, c: f64) -> DVec3 {
-    // For two unit vectors o1 and o2, c (o1 + o2) / (1 + o1 . o2), and 1 + o1 . o2 = |o1 + o2|^2 / 2.
+    // For two unit vectors o1 and o2 the mitre is c (o1 + o2) / (1 + o1 . o2), and 1 + o1 . o2 = |o1 + o2|^2
+    // / 2.
     let length = sum.length();
     if length < 1e-3 {
         return DVec3::ZERO;

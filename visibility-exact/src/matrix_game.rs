@@ -21,8 +21,8 @@ pub(crate) enum Value {
     Open,
 }
 
-/// Greatest number of steps of the simplex method. In the second half, the first improving column is taken
-/// instead of the steepest, which prevents cycles.
+/// Greatest number of steps of the simplex method. After half of these steps, the first improving column is
+/// taken instead of the steepest, which prevents cycles.
 const STEPS: usize = 120;
 
 /// A matrix whose rows are pushed and popped like a stack. Each row belongs to an edge, each column to a pair

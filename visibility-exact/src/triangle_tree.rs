@@ -177,7 +177,7 @@ impl TriangleTree {
                 continue;
             }
             let (a, b) = ((min - p) * inverse, (max - p) * inverse);
-            // The segment does not move along this axis, and the test of the boxes above has decided there.
+            // The comparison of boxes above has decided the axes along which the segment does not move.
             let still = direction.abs().cmplt(DVec3::splat(1e-200));
             let enter = DVec3::select(still, DVec3::ZERO, a.min(b)).max_element().max(0.0);
             let leave = DVec3::select(still, DVec3::ONE, a.max(b)).min_element().min(1.0);

@@ -57,7 +57,8 @@ impl Map {
     }
 }
 
-/// Makes a viewcell and a terrace that rises away from it above its height, with a parapet at each floor.
+/// Makes a viewcell, and a terrace beside and above it: floors that rise with the distance, each with a
+/// parapet.
 fn map(number: u64) -> (Viewcell, Vec<Vec<Triangle>>) {
     let mut random = Random(number + 1);
     let grid = [1.0, 0.5, 0.0, 0.125][number as usize % 4];

@@ -119,9 +119,9 @@ fn a_target_nearer_than_the_clearance_is_not_hidden() {
     }
 }
 
-/// The top of a low viewcell is over a table top by less than the clearance, and its bottom is below it. The
-/// table is seen only at grazing angles, from viewpoints that are behind the table top once it is moved by
-/// the clearance.
+/// The top of a low viewcell is over a table top by less than the clearance, and its bottom is below the
+/// table top. The table is seen only at grazing angles, from viewpoints that are behind the table top once it
+/// is moved by the clearance.
 #[test]
 fn a_table_top_at_the_height_of_a_low_viewcell_is_not_hidden() {
     let at = |x: f64, y: f64| DVec3::new(x, y, 0.995);

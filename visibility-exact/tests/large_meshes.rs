@@ -88,8 +88,8 @@ fn no_segment_reaches_a_large_mesh_that_is_proven_hidden() {
     assert!(hidden >= 10 && seen >= 10, "{hidden} hidden, {seen} seen");
 }
 
-/// A wall of overlapping plates, 1,600 less one, and a sheet of triangles behind it. Boxes around large parts
-/// of the sheet cannot be decided.
+/// A wall of 40 by 40 overlapping plates, one of which is missing, and a sheet of triangles behind it. Boxes
+/// around large parts of the sheet cannot be decided.
 #[test]
 fn a_mesh_seen_through_a_missing_plate_is_not_hidden() {
     let square = |x: f64, y: f64, z: f64, size: f64| {

@@ -5,8 +5,8 @@ use visibility_core::{Accuracy, OccluderMesh, RegionCuller, VisibleSet};
 use visibility_exact::{Effort, ExactCuller, ExactSettings, SceneTriangles};
 use visibility_testing::SlotScene;
 
-/// Returns the number of targets seen, of targets behind closed screens, and of the latter how many are
-/// hidden.
+/// Returns three numbers: targets that a segment sees, targets behind closed screens, and hidden ones among
+/// the latter.
 fn search(numbers: std::ops::Range<usize>) -> [usize; 3] {
     let (mut seen, mut closed, mut hidden) = (0, 0, 0);
     for number in numbers {

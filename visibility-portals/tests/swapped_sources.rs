@@ -214,7 +214,7 @@ fn change(random: &mut Random, cells: &mut SceneCells, recipe: &mut Recipe) {
             recipe.doors[at].1 = passage;
         }
         2 if doors > 0 && recipe.mirrors.len() < 6 => {
-            // In the polygon of a door, facing the door's second cell.
+            // The mirror fills the polygon of a door and faces the door's second cell.
             let portal = &cells.graph().portals()[random.below(doors)];
             let (cell, polygon) = (portal.cells()[1], portal.polygon().clone());
             cells.add_mirror(cell, &polygon).unwrap();

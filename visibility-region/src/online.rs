@@ -167,9 +167,10 @@ struct Job {
     /// Direction that the next step sweeps, 0 to 5.
     next: usize,
     occluding: Bits,
-    /// For a viewcell: indices of the objects hidden from the wide box, except those that have changed since.
+    /// For a viewcell: indices of the objects hidden from the wide box around it, except those that changed
+    /// later.
     hidden: Bits,
-    /// Indices of the objects that have changed since the box was begun.
+    /// Indices of the objects that have changed since work on the box began.
     stale: Bits,
     /// Layout of the scene's hierarchy when the sweep of the present direction was begun, and, in `restarts`,
     /// how often a sweep was started again because the layout had changed.

@@ -135,8 +135,8 @@ impl<C: Culler> RegionCuller for ShrunkCuller<C> {
         self.points.iter_mut().for_each(|point| *point += scene.origin());
         // Sample points are within the box: sums are rounded, but not beyond the box's corners, which are
         // representable. An object beyond the box and nearer to a point than `near` is within these bounds.
-        // Twice the distance covers their rounding, unless the distance is less than a rounding; but then no
-        // number lies between.
+        // Twice `near` covers the rounding of the bounds, unless `near` is below the spacing of numbers
+        // there: then no number lies within `near` beyond the box.
         let (low, high) = (min - 2.0 * near, max + 2.0 * near);
         let meets =
             |bounds: &Aabb| bounds.min.as_dvec3().cmple(high).all() && low.cmple(bounds.max.as_dvec3()).all();

@@ -187,7 +187,7 @@ fn what_is_no_occluder_is_seen_and_seen_through() {
     let mut visible = VisibleSet::new();
     culler.cull(&scene, &cell, &mut visible);
     assert!(visible.contains(&scene, behind), "the wall stopped occluding");
-    // In a clone that is then changed, and again in the first scene.
+    // The tree is rebuilt for a clone that was changed, and again for the first scene.
     let mut clone = scene.clone();
     clone.set_occluder(wall, true).unwrap();
     let hides = |culler: &mut SamplingCuller, scene: &Scene| {

@@ -8,7 +8,7 @@ use visibility_region::VolumetricCuller;
 use visibility_region::{ConvexBlockersCuller, ExtendedProjectionCuller};
 use visibility_testing::{SlotScene, SlotSearch};
 
-/// Makes trials, and fails if a target is hidden though it is seen.
+/// Makes trials, and fails if the culler hides a target that a segment sees.
 fn search(culler: &mut dyn RegionCuller, first: usize, trials: usize) -> SlotSearch {
     assert_eq!(culler.accuracy(), Accuracy::Conservative, "the culler is conservative");
     let search = SlotScene::search(culler, 1, first, trials);
@@ -35,7 +35,8 @@ fn octrees_hide_nothing_that_is_seen_through_a_slot() {
     assert!(found.seen > 20, "{found:?}");
 }
 
-/// Makes `SLOT_TRIALS` trials, starting with number `SLOT_FIRST`, and prints the results.
+/// Makes trials and prints the results. The variables `SLOT_TRIALS` and `SLOT_FIRST` of the environment set
+/// their number and the first of them.
 fn search_long(culler: &mut dyn RegionCuller, trials: usize) {
     let number = |name: &str, other: usize| {
         std::env::var(name).ok().and_then(|value| value.parse().ok()).unwrap_or(other)

@@ -96,7 +96,7 @@ impl Grid {
     /// the rest of the box from the walks. The triangles of objects flagged as occluders are solid. Every
     /// point of a box within the [radius](CameraRange::radius) of the part of a walk in that box stays in the
     /// viewcell, also where the walk passes through a solid. The heights of the camera do not count. A radius
-    /// below a 40th of the longest side of a box counts as that.
+    /// below a 40th of the longest side of a box counts as a 40th.
     ///
     /// # Errors
     /// [`GridError::Count`] for more viewcells than [`LIMIT`](Grid::LIMIT), where a viewcell counts as often

@@ -262,7 +262,7 @@ impl Baker for SandwichBaker<'_> {
         let (place, stage) = self.place_and_stage(item);
         let of = self.groups.of[self.range.start + place];
         if stage <= SWEEP {
-            // Keeps the viewcells of a group together.
+            // Items are sorted by group, so that the viewcells of a group stay together.
             return u64::from(of);
         }
         let costs = self.costs[of as usize][stage as usize] / self.groups.cells[of as usize].len() as u64;
@@ -345,7 +345,8 @@ impl Baker for SandwichBaker<'_> {
                 let place = (cell as usize).checked_sub(self.range.start)?;
                 self.done.get(place).filter(|done| is_done(done))?.as_ref()
             });
-            // A bake that sweeps the whole group would find other results.
+            // Only complete results for a whole group are kept: a bake without a limit of time would find
+            // others.
             if let Some(found) = found.collect::<Option<Vec<&FoundCell>>>()
                 && let Some(first) = found.first()
                 && found.iter().all(|found| found.is_whole() && found.group.trace == first.group.trace)

@@ -14,7 +14,8 @@ fn prepared(triangles: impl IntoIterator<Item = [Vec3; 3]>) -> SceneTriangles {
 }
 
 /// Two slivers that share their longest side are joined if both are exactly in the plane x = y + z. They are
-/// not if the second is off this plane, though in the inexact plane that `f64` computes for the first.
+/// not joined if the second is off this plane, even if it is in the inexact plane that `f64` computes for the
+/// first.
 #[test]
 fn slivers_in_one_plane_are_one_piece() {
     let mut random = Random(7);

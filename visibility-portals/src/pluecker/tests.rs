@@ -57,7 +57,8 @@ fn edges_moved_by_less_than_the_clearance_are_still_passed() {
             let row = edge_row(&forth.edge(j), origin, unit);
             let across = it.direction.cross(edge.b - edge.a);
             let at = value(&row, origin, unit, it.point, it.direction);
-            // Proportional to the distance between the line and the edge after the edge was shifted.
+            // The expected value is proportional to the distance between the line and the edge after the edge
+            // was shifted.
             let moved = edge.shift.dot(across.normalize());
             let right = (clearance - moved) * across.length();
             assert!((at - right).abs() < 1e-12 && at > 0.0, "{at} {right}");
@@ -87,6 +88,6 @@ fn no_line_sees_less_of_a_portal_than_the_disc_around_it() {
             least = least.min(at / row.least);
         }
     }
-    // 2 pi c^2 of 6 c^2: the bound is nearly tight.
+    // The area row holds with 2 pi c^2 instead of 6 c^2, so its bound is nearly tight.
     assert!(least < 1.06, "{least}");
 }

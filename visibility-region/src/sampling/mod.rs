@@ -222,8 +222,8 @@ struct End {
 impl Search<'_> {
     fn run(&mut self, eyes: &Eyes<'_>, candidates: &[usize]) {
         let all = self.rays;
-        // Numbers of rays at which cubes, random rays and borders end. The remaining rays go to objects not
-        // found yet.
+        // Numbers of remaining rays at which the stages of cubes, of random rays and of borders end. The rest
+        // of the rays go to objects not found yet.
         let parts = [1, 2, 6].map(|eighths| all - all / 8 * eighths);
         self.cubes(eyes, parts[0]);
         while self.goes_on(parts[1]) {
@@ -346,7 +346,7 @@ impl Search<'_> {
         let edge = b - a;
         let along = |p: DVec3| (p - a).dot(edge) / edge.length_squared().max(f64::MIN_POSITIVE);
         let part = match self.random.below(4) {
-            // Up to a hundredth beyond the ends of the edge too, to pass the corners.
+            // The place may be a hundredth of the edge beyond its ends, so that rays pass the corners too.
             0 => self.random.unit() * 1.02 - 0.01,
             _ => along(near).clamp(-0.01, 1.01),
         };

@@ -190,7 +190,7 @@ mod tests {
             };
             counts[0] += usize::from(is_certain(middle + aside)) + usize::from(is_certain(middle - aside));
         }
-        // At the edge itself hardly anything is decided, and beside the edge nearly everything.
+        // Hardly any ray at the edge itself is decided, and nearly every ray beside it.
         assert!(counts[0] > 58_000 && counts[2] > 29_000, "{counts:?}");
     }
 }

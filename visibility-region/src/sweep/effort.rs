@@ -28,7 +28,8 @@ impl Effort {
     /// The effort for bakes, where a call may take long.
     pub(crate) const FULL: Self =
         Self { behind: 24, growth: 1.3, growing: 27, again: 6, max_triangles: 256, joins: true };
-    /// The effort for a viewcell around a moving eye. docs/online.md compares the times and results of both.
+    /// The effort for a viewcell around a moving eye. docs/online.md compares its times and results with
+    /// those of `FULL`.
     pub(crate) const QUICK: Self =
         Self { behind: 12, growth: 1.5, growing: 18, again: 2, max_triangles: 64, joins: false };
 }

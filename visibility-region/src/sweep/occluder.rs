@@ -88,7 +88,7 @@ impl<'a> Occluder<'a> {
             shape: Shape::Piece { surfaces, triangles, contour },
             rows: direction.rows,
             offset: -DVec3::from_array(direction.offset),
-            // The same bound as for a mesh, whose transform is the identity and does not round.
+            // The same bound as for a mesh that has the identity as its transform, which does not round.
             error: 16.0 * f64::EPSILON * far + direction.error,
             mirrored: false,
             bounds: direction.local_box(&piece.bounds),

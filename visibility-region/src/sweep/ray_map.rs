@@ -325,7 +325,7 @@ mod tests {
         }
     }
 
-    /// Compares with a test of every rectangle of the least size within `rect`, pixel by pixel.
+    /// Compares `may_hold` with a test of every rectangle of the least size within `rect`, pixel by pixel.
     #[test]
     fn a_rectangle_that_holds_no_covered_one_is_found_out_often() {
         let mut rng = Random(9);

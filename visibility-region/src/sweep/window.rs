@@ -178,7 +178,8 @@ impl Window {
             let Some(rim) = rims[lat].filter(|rim| low < rim.at && rim.at < high) else {
                 return [low, high];
             };
-            // One pixel is reserved for the shift.
+            // One pixel is reserved for moving the window so that the boundary between pixels is next to the
+            // rim.
             let pixel = (high - low) / (SIDE - 1) as f64;
             let side = if rim.exact.is_some() { -rim.inwards } else { rim.inwards };
             let boundary = (rim.at + side * BESIDE * pixel - low) / pixel;
