@@ -29,8 +29,8 @@ use visibility_region::ExtendedProjectionCuller;
 /// tiles below is opened. Each further sweep halves the limit.
 const COARSEST: f64 = 0.1;
 
-/// If the remaining objects that do not occlude yet weigh at most this much together, they count as visible
-/// without a further sweep.
+/// If the remaining objects that do not occlude yet have at most this weight together (triangles plus 4 per
+/// object), they count as visible without a further sweep.
 const FEW: u64 = 4096;
 
 /// A tile that a sweep has opened.
@@ -166,7 +166,7 @@ struct Around<'a> {
 
 impl Around<'_> {
     /// Sweeps until all tiles that are not hidden are opened. Returns false, without a result, if the weight
-    /// of the occluders exceeds `most`.
+    /// of the occluders (triangles plus 4 per object) exceeds `most`.
     fn sweep_all(&mut self, sweep: &mut ExtendedProjectionCuller, most: u64) -> Result<bool, LevelError> {
         self.open(What::Tile { tile: 0, parent: 0, child: 0 });
         let (mut portion, mut coarsest) = (self.level.first_weight, COARSEST);
@@ -250,8 +250,8 @@ impl Around<'_> {
         }
     }
 
-    /// Turns the nearest waiting objects into occluders, until the weight of the new occluders is at least
-    /// `portion`.
+    /// Turns the nearest waiting objects into occluders, until the weight of the new occluders (triangles
+    /// plus 4 per object) is at least `portion`.
     fn load(&mut self, portion: u64) {
         self.waiting.sort_by(|a, b| a.distance.total_cmp(&b.distance));
         let mut weight = 0;

@@ -32,8 +32,8 @@ const HEAD_WORDS: usize = 4;
 /// Number of words of a transform.
 const TRANSFORM_WORDS: usize = 12;
 
-/// Estimated memory in bytes per unit of weight of a loaded tile: for a triangle and its part of the occluder
-/// mesh.
+/// Estimated memory in bytes of a loaded tile per unit of weight (triangles plus 4 per object): for a
+/// triangle and its part of the occluder mesh.
 const BYTES_PER_WEIGHT: u64 = 300;
 
 /// Estimated memory in bytes that an object takes while the level is open: for its properties, the offset of

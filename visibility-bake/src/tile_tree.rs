@@ -11,11 +11,11 @@ use visibility_core::Aabb;
 use visibility_core::binary_format::Fingerprint;
 use visibility_core::glam::{DVec3, Vec3};
 
-/// Greatest [weight](ObjectFacts::weight) of a tile without children. A tile whose objects all have the same
-/// centre may exceed it.
+/// Greatest [weight](ObjectFacts::weight), triangles plus 4 per object, of a tile without children. A tile
+/// whose objects all have the same centre may exceed it.
 const LEAF: u64 = 128;
 
-/// Greatest weight of a level that is kept as a single tile.
+/// Greatest weight (triangles plus 4 per object) of a level that is kept as a single tile.
 const WHOLE: u64 = 1 << 18;
 
 /// Greatest number of times that a cell is halved. The first edge is about the greatest distance of its
@@ -35,7 +35,7 @@ pub(crate) struct Tile {
     pub children: Range<u32>,
     /// Objects of the tile, as a range of [`TileTree::order`].
     pub own: Range<u32>,
-    /// Sum of the weights of the tile's objects.
+    /// Sum of the weights (triangles plus 4) of the tile's objects.
     pub weight: u64,
     /// Hash of the data that opening the tile reveals: its objects in their order, and for each tile directly
     /// below, its bounds and whether it has tiles below.
@@ -58,8 +58,8 @@ impl TileTree {
         Self::with_leaves(objects, WHOLE, LEAF)
     }
 
-    /// Builds the tree of a level's objects. `whole` is the greatest weight of a level that is one tile,
-    /// `leaf` the greatest weight of a tile without children.
+    /// Builds the tree of a level's objects. `whole` is the greatest weight (triangles plus 4 per object) of
+    /// a level that is one tile, `leaf` the greatest weight of a tile without children.
     pub(crate) fn with_leaves(objects: &[ObjectFacts], whole: u64, leaf: u64) -> Self {
         let weight = objects.iter().map(ObjectFacts::weight).sum::<u64>();
         let leaf = if weight <= whole { u64::MAX } else { leaf };

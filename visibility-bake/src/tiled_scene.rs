@@ -15,22 +15,25 @@ use visibility_core::scene::{MeshId, Triangles};
 use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, RegionCuller, Scene, VisibleSet};
 use visibility_region::ExtendedProjectionCuller;
 
-/// Weight of the occluders in the first sweep from near to far. Each further sweep doubles it.
+/// Weight (triangles plus 4 per object) of the occluders in the first sweep from near to far. Each further
+/// sweep doubles it.
 const FIRST_WEIGHT: u64 = 8192;
 
-/// Greatest weight of the occluders in a sweep of several viewcells.
+/// Greatest weight (triangles plus 4 per object) of the occluders in a sweep of several viewcells.
 const MAX_WEIGHT: u64 = 1 << 19;
 
-/// Estimated memory in bytes per unit of weight of a scene for sweeps.
+/// Estimated memory in bytes of a scene for sweeps, per unit of weight (triangles plus 4 per object).
 const SWEEP_BYTES: u64 = 600;
 
-/// Estimated memory in bytes of a copy of a scene's prepared sweep, per unit of weight of the scene.
+/// Estimated memory in bytes of a copy of a scene's prepared sweep, per unit of the scene's weight (triangles
+/// plus 4 per object).
 const COPY_BYTES: u64 = 100;
 
-/// Estimated memory in bytes per unit of weight of a scene with triangles only.
+/// Estimated memory in bytes of a scene with triangles only, per unit of weight (triangles plus 4 per
+/// object).
 const TRIANGLE_BYTES: u64 = 200;
 
-/// Estimated memory in bytes of a search, per unit of weight of the searched objects.
+/// Estimated memory in bytes of a search, per unit of weight (triangles plus 4 per object) of its objects.
 const SEARCH_BYTES: u64 = 600;
 
 /// Number of triangles that the search for one viewcell may always copy, if the level is in memory. The
@@ -50,9 +53,11 @@ pub struct TiledScene<'a> {
     pub(crate) tree: TileTree,
     /// Greatest index of an object of the level plus 1.
     pub(crate) index_limit: usize,
-    /// Weight of the nearest tiles that are opened before the first sweep from near to far.
+    /// Least weight (triangles plus 4 per object) of the tiles that are opened before the first sweep from
+    /// near to far, and of the occluders in it.
     pub(crate) first_weight: u64,
-    /// Greatest weight of the occluders in a sweep of several viewcells, without a limit of time.
+    /// Greatest weight (triangles plus 4 per object) of the occluders in a sweep of several viewcells,
+    /// without a limit of time.
     pub(crate) most_weight: u64,
     /// Greatest number of triangles that the search for one viewcell may copy. For a level in memory, this is
     /// the greater of [`MAX_COPIED`] and the number of triangles of the level, with each shared mesh counted
@@ -240,8 +245,8 @@ impl<'a> TiledScene<'a> {
         numbers.iter().map(|&at| scene.id_at(self.objects[at as usize].index as usize))
     }
 
-    /// Reserves `bytes` bytes of memory per unit of weight of the objects with the given numbers, and waits
-    /// until they are free. `None` for a level in memory, which has no limit.
+    /// Reserves `bytes` bytes of memory per unit of weight (triangles plus 4 per object) of the objects with
+    /// the given numbers, and waits until they are free. `None` for a level in memory, which has no limit.
     fn reserve(&self, numbers: &[u32], bytes: u64) -> Result<Option<Reserved>, LevelError> {
         match &self.store {
             Store::Scene(_) => Ok(None),

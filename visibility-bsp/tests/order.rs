@@ -52,7 +52,7 @@ fn eye(random: &mut Random, polygons: &[Vec<DVec3>]) -> Eye {
         0 => shapes::grid_point(random, 9.0),
         1 => polygon[0],
         2 => polygon[0] + (polygon[1] - polygon[0]) * random.fine_range(0.0, 1.0),
-        // In the polygon's plane, inside the polygon or outside it.
+        // The eye is in the polygon's plane, inside the polygon or outside it.
         3 => {
             let [s, t] = [random.fine_range(-2.0, 2.0), random.fine_range(-2.0, 2.0)];
             polygon[0] + (polygon[1] - polygon[0]) * s + (polygon[2] - polygon[0]) * t

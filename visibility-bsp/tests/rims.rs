@@ -77,12 +77,12 @@ impl Rim {
         for number in 0..24 {
             let (mut i, mut j) = (share(random, 1.0, 24.0), share(random, 1.0, 24.0));
             if number % 2 == 0 {
-                // On the view ray through the smaller triangle's corner.
+                // The box has a corner on the view ray through the smaller triangle's corner.
                 let depth = share(random, 3.0, 12.0);
                 (i, j) = (along[0] * depth, along[1] * depth);
             }
             let p = at(i, j, 0.0);
-            // A point, or a box that extends from the point to any side.
+            // The box is the point `p`, or extends from it to any side.
             let reach = if number % 3 == 0 { DVec3::ZERO } else { whole(random, 9.0) };
             boxes.push(Aabb::from_points([p, p + reach].map(|p| (p * scale).as_vec3())));
         }

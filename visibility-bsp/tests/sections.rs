@@ -170,7 +170,7 @@ fn a_box_without_one_of_its_faces_is_no_solid() {
 
 #[test]
 fn the_near_plane_counts_even_where_no_polygon_is_cut() {
-    // Like the previous case, but with all corners of the section beyond the near plane.
+    // All corners of the section are beyond the near plane, which cuts the wall's face away.
     let solids = [
         Aabb::from_arrays([4.0, -1.0, 0.0], [4.5, 1.0, 1.0]),
         Aabb::from_arrays([4.3, -1.0, 1.0], [9.0, 1.0, 2.0]),
@@ -226,7 +226,7 @@ fn hidden_boxes_among_solids_cannot_be_seen_from_outside_or_inside() {
             let solid = solids[random.below(solids.len())];
             let share = DVec3::new(random.fine_unit(), random.fine_unit(), random.fine_unit());
             let eye = match frame % 3 {
-                // In a solid, close in front of one, or anywhere.
+                // The eye is in a solid, close in front of one, or anywhere.
                 0 => solid.min.as_dvec3() + (solid.max - solid.min).as_dvec3() * share,
                 1 => {
                     let mut p = solid.min.as_dvec3() + (solid.max - solid.min).as_dvec3() * share;

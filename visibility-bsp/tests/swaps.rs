@@ -226,7 +226,7 @@ fn a_live_culler_answers_as_a_new_one_whatever_is_swapped() {
                     cullers.give(place);
                 }
                 6 => {
-                    // Polygons of one place, trees of another.
+                    // The cullers get the polygons of one place and the tree of another.
                     let mixed = Place { tree: places[j].tree.clone(), ..places[i].clone() };
                     live[k].0.give(&mixed);
                     live[k].1 = mixed;

@@ -43,8 +43,9 @@ pub(crate) struct SideFrom {
     slack: f64,
 }
 
-/// Positions are given with an absolute error of at most `delta` on each axis. With u = a - p, w = b - p and
-/// r = q - p, of absolute errors 2 delta + U |x|, the parts of the bound are, with S = |u|_1 + |w|_1:
+/// Positions are given with an absolute error of at most `delta` on each axis. With U the unit round-off of
+/// `f64`, and u = a - p, w = b - p and r = q - p, of absolute errors 2 delta + U |x|, the parts of the bound
+/// are, with S = |u|_1 + |w|_1:
 /// - The cross product n = u x w: each component is a difference of two products of rounded differences, 5 U
 ///   of the sum m of the products' magnitudes, and at most 2 delta S + 8 delta^2 from the positions.
 /// - The product r . n rounds 3 times and r once: 4 U |r| . m. The positions in r give 2 delta |n|_1.

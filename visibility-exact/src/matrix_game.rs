@@ -99,8 +99,8 @@ impl MatrixGame {
                 self.row_weights[label] = (self.tableau[m * height + j] / total).max(0.0);
             }
         }
-        // Rounding of a column's weighted sum: m products and sums round by at most 2 m U of the weights'
-        // sum, for entries of at most 1.
+        // Rounding of a column's weighted sum: m products and sums round by at most 2 m times the unit
+        // round-off of the weights' sum, for entries of at most 1.
         let slack: f64 = self.row_weights.iter().zip(rows).map(|(w, (_, error))| w * error).sum();
         let weights: f64 = self.row_weights.iter().sum();
         let slack = slack * 1.001 + weights * m as f64 * 4.0 * f64::EPSILON;

@@ -353,9 +353,9 @@ impl Search<'_> {
         // The viewcell polygon lies exactly in its plane, a face of the viewcell: an occluder in this plane
         // blocks the segments that leave through it. Points of the target polygon lie off their plane by
         // rounding: an occluder in this plane, such as the back of a card or the target box's own front,
-        // blocks nothing. Heights are wrong by less than delta, which the check allows for, so a height of 4
-        // delta is certainly in front of the plane. Corners of the target triangle are in its plane; a loop
-        // of only such corners bounds nothing in front of it.
+        // blocks nothing. Heights are wrong by less than the error of positions, which the check allows for,
+        // so a height of four such errors is certainly in front of the plane. Corners of the target triangle
+        // are in its plane; a loop of only such corners bounds nothing in front of it.
         let before_q = sight.cut_before_q(self.pad());
         ring = cut(ring, &sight.before_p, |half, corner| half.height(corner.0));
         ring = cut(ring, &before_q, |half, &(x, tag)| if tag == NO_CORNER { half.height(x) } else { 0.0 });

@@ -204,8 +204,8 @@ pub(crate) fn sights(
     let mut grazed = false;
     let mut add = |q: Polygon, before_q: Half| {
         // The target polygon is the target's face moved by c, so heights over the polygon's plane are c less
-        // than those over the target's plane. As c is at least 64 delta, c / 16 covers their errors: a
-        // viewcell that is flush with the target does not see it.
+        // than those over the target's plane. As c is at least 64 errors of positions, c / 16 covers the
+        // errors of heights: a viewcell that is flush with the target does not see it.
         let highest = before_q.height(cell.farthest(&before_q));
         grazed |= c > 0.0 && highest > pad.max(c / 16.0) - c && highest <= pad;
         for (face, before_p) in faces(cell.min, cell.max) {

@@ -161,8 +161,8 @@ impl TriangleTree {
     /// triangles.
     ///
     /// The distance to a face of a box along the segment is one rounded difference divided by another: its
-    /// relative error is at most 4 U. Two such distances from 0 to 1 are compared, and 1e-12 covers their
-    /// errors.
+    /// relative error is at most 4 times the unit round-off. Two such distances from 0 to 1 are compared, and
+    /// 1e-12 covers their errors.
     fn walk(&self, p: DVec3, q: DVec3, mut visit: impl FnMut(usize, usize) -> bool) {
         let direction = q - p;
         let inverse = direction.map(|x| if x.abs() < 1e-200 { 1e200 } else { 1.0 / x });

@@ -5,8 +5,8 @@ use visibility_core::OccluderMesh;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::scene::Triangle;
 
-/// Bound on the error of a transformed coordinate, as a fraction of the sum of the magnitudes of its terms.
-/// It is twice the greatest error of the products and sums in `f64`, 8u = 4 epsilon.
+/// Bound on the error of a transformed coordinate, as a fraction of the sum of the magnitudes of its terms:
+/// twice the greatest error of the products and sums in `f64`, which is 4 epsilon.
 const TRANSFORMED: f64 = 8.0 * f64::EPSILON;
 
 /// Bound on the depth of dents in a mesh that counts as convex, as a fraction of the greatest magnitude of

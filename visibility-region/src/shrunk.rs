@@ -41,8 +41,9 @@ const POINT_ROUNDING: f64 = 16.0 * f64::EPSILON;
 /// Margin of lengths for rounding to `f32`, as a fraction of the sum of the magnitudes of the terms that add
 /// up to a transformed coordinate. A vertex of the shrunk mesh rounds by half an epsilon of itself, and its
 /// transformation in `f32` by four roundings, 2 epsilon of the sum: 2.5 would be enough. The rest covers the
-/// rounding of [`shrink`] in `f64`: the distance of a face is wrong by some 10 U over the sharpness of its
-/// triangle (an area of 1e-4 of the longest side squared at least, see `solids.rs`), below 1e-11 of the sum.
+/// rounding of [`shrink`] in `f64`: the distance of a face is wrong by some 10 roundings over the sharpness
+/// of its triangle (an area of 1e-4 of the longest side squared at least, see `solids.rs`), below 1e-11 of
+/// the sum.
 const ROUNDING: f64 = 8.0 * f32::EPSILON as f64;
 
 /// Greatest number of sample points along a side of the viewcell.

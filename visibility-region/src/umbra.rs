@@ -38,13 +38,13 @@ impl Side {
     /// coordinate of the points that span the plane.
     ///
     /// # Rounding
-    /// Let U, V and W be the greatest magnitudes of the coordinates of `u`, `v` and `x - anchor`, for all
-    /// corners `x` of the box. The determinant is computed as in `sampling/ray.rs`, with an error below 44u U
-    /// V W, where one side has `|d| <= 1` there and W here. The corner is chosen by the signs of a normal
-    /// that errs by 8.3u U V on each axis, so another corner is lower by less than 25u U V W. The margin is
-    /// 128u. Vertices with an error of `slack` change each of `u`, `v` and `x - anchor` by 2 slack on an
-    /// axis, and the determinant of six terms by 12 slack (V W + U W + U V), to first order; the margin is
-    /// 16.
+    /// Let e be the unit round-off of `f64`, and U, V and W the greatest magnitudes of the coordinates of
+    /// `u`, `v` and `x - anchor`, for all corners `x` of the box. The determinant is computed as in
+    /// `sampling/ray.rs`, with an error below 44 e U V W, where one side has `|d| <= 1` there and W here. The
+    /// corner is chosen by the signs of a normal that errs by 8.3 e U V on each axis, so another corner is
+    /// lower by less than 25 e U V W. The margin is 128 e U V W. Vertices with an error of `slack` change
+    /// each of `u`, `v` and `x - anchor` by 2 slack on an axis, and the determinant by 12 slack (V W + U W +
+    /// U V), to first order. The margin has 16 instead of 12.
     fn classify(&self, min: DVec3, max: DVec3, slack: f64) -> Containment {
         let [u, v] = self.sizes;
         let (min, max) = (min - self.anchor, max - self.anchor);

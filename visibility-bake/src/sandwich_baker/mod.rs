@@ -345,8 +345,8 @@ impl Baker for SandwichBaker<'_> {
                 let place = (cell as usize).checked_sub(self.range.start)?;
                 self.done.get(place).filter(|done| is_done(done))?.as_ref()
             });
-            // Only complete results for a whole group are kept: a bake without a limit of time would find
-            // others.
+            // The results of a group are kept only if all its viewcells are complete, from the same sweep of
+            // the group: a bake from the cache must give the results of a bake without.
             if let Some(found) = found.collect::<Option<Vec<&FoundCell>>>()
                 && let Some(first) = found.first()
                 && found.iter().all(|found| found.is_whole() && found.group.trace == first.group.trace)

@@ -34,7 +34,7 @@ pub(super) fn norm(a: [D; 3]) -> f64 {
 /// the cross product is wrong by 2 E of the sum of the magnitudes of its two products, and the product with
 /// the difference and two sums add 3 E. Together this is less than 8 E of the sum of the magnitudes of the
 /// six terms. A bound by the product of lengths would be too wide: lines may pass an edge as near as the
-/// search's own bound, 16 U of the same sum.
+/// search's own bound, 16 times the unit round-off of `f64` of the same sum.
 pub(super) fn side(p: DVec3, q: DVec3, a: DVec3, b: DVec3, delta: f64) -> (f64, f64) {
     let (r, u, w) = (difference(q, p), difference(a, p), difference(b, p));
     let normal = cross(u, w);
@@ -51,7 +51,8 @@ pub(super) fn side(p: DVec3, q: DVec3, a: DVec3, b: DVec3, delta: f64) -> (f64, 
 /// Returns the side and its error bound as [`side`] does, but computed in `f64` where `f64` decides the sign.
 /// The sign always equals that of [`side`].
 ///
-/// Differences round by U of their magnitude. A component of a cross product has two products and a
+/// Rounding, with U the unit round-off of `f64` and E the relative error of a double-double operation:
+/// differences round by U of their magnitude. A component of a cross product has two products and a
 /// difference, wrong by 5 U of the sum m of the products' magnitudes, errors of the differences included. The
 /// product with a difference and two sums add 4 U: 9 U of the sum of the magnitudes of the six terms, and 16
 /// U are taken. A derivative is thereby wrong by 5 U m, and 8 U m are added to it. The remaining error of the

@@ -57,10 +57,11 @@ impl Check<'_> {
         let directions: Vec<[D; 3]> =
             p.iter().flat_map(|&p| q.iter().map(move |&q| difference(q, p))).collect();
         let sign = if directions.iter().any(|d| dot(c[0], *d).hi > 0.0) { 1.0 } else { -1.0 };
-        // A direction changes by up to 2 delta on each axis.
+        // A direction changes by up to 2 delta on each axis, delta being the error of positions.
         let change = 2.0 * self.moved(sight);
-        // If the ends of edges change by delta, each t_k and e_k changes by 2 delta on each axis, and a
-        // product of two vectors by at most twice the product of the sums of their magnitudes.
+        // If the ends of edges change by delta, the error of positions, each t_k and e_k changes by 2 delta
+        // on each axis, and a product of two vectors by at most twice the product of the sums of their
+        // magnitudes.
         let wrong = |u: [D; 3], w: [D; 3]| {
             4.0 * change * (norm(u) + norm(w) + change) + 8.0 * D::ERROR * norm(u) * norm(w)
         };

@@ -104,10 +104,10 @@ impl Check<'_> {
     /// Returns whether the heights of `points` along `normal` are all above or all below those of `others`,
     /// by more than three times the error of positions.
     ///
-    /// Heights in `f64` decide where their errors allow. With components of the normal of at most 1 and
-    /// coordinates of at most m, three products and two sums round by at most 9 U m; the gap between two
-    /// heights is wrong by 18 U m and one more rounding. Where the gap is within 32 U m of the margin,
-    /// double-double heights decide. The answer always equals that of double-double heights.
+    /// Heights in `f64` decide where their errors allow. With U the unit round-off of `f64`, components of
+    /// the normal of at most 1 and coordinates of at most m, three products and two sums round by at most 9 U
+    /// m; the gap between two heights is wrong by 18 U m and one more rounding. Where the gap is within 32 U
+    /// m of the margin, double-double heights decide. The answer always equals that of double-double heights.
     pub(super) fn separates(&self, normal: DVec3, points: &[DVec3], others: &[DVec3]) -> bool {
         let normal = normal.normalize_or_zero();
         let margin = 3.0 * self.delta;

@@ -28,9 +28,9 @@ impl Check<'_> {
         // Without clearance, surfaces may have corners of the target. The whole sample line must then be in
         // front of the plane of the target polygon Q: by rounding, both polygons have points behind the
         // plane, and a line from or to such a point could pass below these corners where other segments do
-        // not. The start is in front of the plane if its height is above the error of heights. The end is up
-        // to delta behind the plane, so it is moved by 1.25 delta, which is surely more. The end is still
-        // nearer to Q than triangles that are apart from Q, by 3 delta.
+        // not. The start is in front of the plane if its height is above the error of heights. With delta the
+        // error of positions, the end is up to delta behind the plane, so it is moved by 1.25 delta, which is
+        // surely more. The end is still nearer to Q than triangles that are apart from Q, by 3 delta.
         let from_before = sight.before_q.height(line[0]) > 3.0 * self.delta;
         let lift = if self.clearance == 0.0 { 1.25 * self.delta } else { 0.0 };
         let line = [line[0], line[1] + sight.before_q.normal * lift];
@@ -103,7 +103,7 @@ impl Check<'_> {
         let [a, b, c] = self.triangles.corners(t);
         let axis = (0..3).find(|&k| self.clearance > 0.0 && a[k] == b[k] && a[k] == c[k]);
         // Change of the determinant, twice the triangle's area times the height of x, if each coordinate
-        // changes by delta.
+        // changes by delta, the error of positions.
         let slack = match axis {
             Some(_) => 0.0,
             None => 2.0 * self.delta * norm(cross(difference(b, a), difference(c, a))),
@@ -114,9 +114,9 @@ impl Check<'_> {
 
     /// Returns whether a triangle touches the target polygon Q at most at Q's boundary: its corners that are
     /// not the target's, at least one, are all on one side of Q's plane, and the triangle is apart from the
-    /// viewcell polygon. `end` is the end of the sample line, at most 3 delta from Q. A triangle in front of
-    /// Q must have a plane farther from `end`, so that lines to the points of Q near `end` cross the triangle
-    /// as often as the sample line.
+    /// viewcell polygon. `end` is the end of the sample line, at most three errors of positions from Q. A
+    /// triangle in front of Q must have a plane farther from `end`, so that lines to the points of Q near
+    /// `end` cross the triangle as often as the sample line.
     pub(super) fn touches_beside(
         &self,
         sight: &Sight,

@@ -386,7 +386,8 @@ impl SceneTriangles {
 
     /// Returns a bound in metres on the absolute error of each coordinate of a computed point, such as a
     /// midpoint of midpoints. No coordinate may exceed `magnitude`, beyond those of the triangles. 60 steps
-    /// of one rounding each and a cut of four roundings are less than `128 U` of the greatest coordinate.
+    /// of one rounding each and a cut of four roundings are less than `128 U` of the greatest coordinate,
+    /// with `U` the unit round-off.
     pub(crate) fn position_error(&self, magnitude: f64) -> f64 {
         128.0 * U * self.magnitude.max(magnitude)
     }
@@ -395,10 +396,10 @@ impl SceneTriangles {
 /// Returns the unit normal of a triangle, correct except for the last bits however thin the triangle is.
 /// `None` for a triangle without area.
 ///
-/// The cross product of two sides of a thin triangle cancels. With sides of length L and a height of h, its
-/// direction in `f64` is wrong by some U L / h, and points of the triangle are off its plane by U L^2 / h.
-/// Products of 106 bits leave no such error unless h is below 2^-50 L, which coordinates of 24 bits only have
-/// near the origin.
+/// The cross product of two sides of a thin triangle cancels. With U the unit round-off, sides of length L
+/// and a height of h, its direction in `f64` is wrong by some U L / h, and points of the triangle are off its
+/// plane by U L^2 / h. Products of 106 bits leave no such error unless h is below 2^-50 L, which coordinates
+/// of 24 bits only have near the origin.
 pub(crate) fn unit_normal(t: &[DVec3; 3]) -> Option<DVec3> {
     // Scaled by a power of 2, so that no product underflows or overflows.
     let size = t.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);

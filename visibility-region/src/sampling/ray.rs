@@ -58,8 +58,8 @@ impl Ray {
     /// Returns a lower bound, at least 0, of the parameter at which the ray enters a box. `None` if the ray
     /// certainly misses the box.
     ///
-    /// The computed bound of a slab errs by less than 4u of itself: by a difference, an inverse and a
-    /// product. The comparison of entry and exit allows twice that.
+    /// The computed bound of a slab errs by less than 4 times the unit round-off of itself: by a difference,
+    /// an inverse and a product. The comparison of entry and exit allows twice that.
     pub(super) fn enter(&self, min: Vec3, max: Vec3) -> Option<f64> {
         let (mut enter, mut exit) = (0.0f64, f64::INFINITY);
         for axis in 0..3 {
@@ -84,13 +84,14 @@ impl Ray {
     /// meets the back of a one-sided triangle.
     ///
     /// # Rounding
-    /// With the corners `p` relative to the ray's origin and `d` the direction, the ray passes the edge from
-    /// `p` to `q` on the side of the sign of `d . (p x q)`. `|d| <= 1` on each axis; let `P` and `Q` be the
-    /// greatest magnitudes of the coordinates of `p` and `q`. Differences err by u of themselves, so each of
-    /// the two products in a component of the cross product errs by less than 3.1u P Q, and the component by
-    /// less than 8.3u P Q. The three terms of the dot product have magnitudes up to 2 P Q and err by 10.4u P
-    /// Q each, and their sum by another 12u P Q: less than 44u P Q in all. The margin is 128u P Q. For the
-    /// error of the corners it is greater by `12 (P + Q + slack) slack`, of which half would be enough.
+    /// Let `p` and `q` be corners relative to the ray's origin, `d` the direction, and u the unit round-off
+    /// of `f64`. The ray passes the edge from `p` to `q` on the side of the sign of `d . (p x q)`. `|d| <= 1`
+    /// on each axis; let `P` and `Q` be the greatest magnitudes of the coordinates of `p` and `q`.
+    /// Differences err by u of themselves, so each of the two products in a component of the cross product
+    /// errs by less than 3.1u P Q, and the component by less than 8.3u P Q. The three terms of the dot
+    /// product have magnitudes up to 2 P Q and err by 10.4u P Q each, and their sum by another 12u P Q: less
+    /// than 44u P Q in all. The margin is 128u P Q. The error of the corners adds `12 slack (P + Q + slack)`
+    /// to the margin, twice what is needed.
     ///
     /// The point where the ray meets the triangle is the mean of the corners, weighted by the three values.
     /// Weights that err by the sum `m` of the margins move the point, within the triangle, by less than `4 m

@@ -38,7 +38,8 @@ impl CellBox {
         // magnitude above. The offset, subtracted below, rounds as much: less than 16 u of the magnitude in
         // all.
         let error = 16.0 * f64::EPSILON * magnitude + f64::MIN_POSITIVE;
-        // Subtracting the origin rounds by u of the result. The corners round as other points do.
+        // Subtracting the origin rounds by half an EPSILON of the result. The corners round as other points
+        // do.
         let (low, high) = cell.along(axes);
         if !low.cmple(high).all() {
             return None;

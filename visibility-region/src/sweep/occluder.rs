@@ -60,7 +60,7 @@ impl<'a> Occluder<'a> {
         let error = 16.0 * f64::EPSILON * magnitude + direction.error;
         let determinant = rows[0].cross(rows[1]).dot(rows[2]);
         let size: f64 = rows.iter().map(|row| row.abs().element_sum()).product();
-        // Each of the six products of the determinant rounds by some u of at most `size`.
+        // Each of the six products of the determinant rounds by a few EPSILON of at most `size`.
         if !(determinant.abs() > 32.0 * f64::EPSILON * size && error.is_finite()) {
             return None;
         }
