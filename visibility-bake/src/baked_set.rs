@@ -21,7 +21,7 @@ use visibility_core::pvs::{
 };
 use visibility_core::{Aabb, Object, ObjectId, Scene, level_version};
 
-const FORMAT: Format = Format { magic: *b"VISI-SET", version: 6 };
+const FORMAT: Format = Format { magic: *b"VISI-SET", version: 7 };
 
 /// [`tour`] compares a column with at most this many columns on either side of it in the list, to find the
 /// most similar one.
@@ -30,6 +30,10 @@ const TRIED: usize = 128;
 /// Approximate limit on the work of [`tour`], in compared pairs of 64-bit words. If there are many or long
 /// columns, each is compared with fewer than [`TRIED`] on either side, but with at least one.
 const WORK: usize = 1 << 31;
+
+/// Greatest number of 64-bit words that [`tour`] holds at once: 64 MiB. It has a bit for each pair of a row
+/// and a column.
+const MAX_WORDS: usize = 1 << 23;
 
 /// Exclusive upper limit of the object indices that the classes can store.
 const INDEX_LIMIT: usize = 1 << 29;
@@ -504,8 +508,12 @@ fn classes<R: AsRef<[u32]>>(rows: &[R], index_limit: usize) -> (Vec<Vec<u32>>, V
 /// Orders columns so that similar ones are consecutive. A column consists of the rows of a class and the
 /// class's number. Each column is followed by the most similar of the nearest unordered ones. Time is linear
 /// in the numbers of columns and rows, times the number of columns tried, which is less if there are many.
+/// Columns whose bits would take more than [`MAX_WORDS`] keep their order.
 fn tour(columns: Vec<(Vec<u32>, u32)>, row_count: usize) -> Vec<(Vec<u32>, u32)> {
     let (count, words) = (columns.len(), row_count.div_ceil(64));
+    if count.saturating_mul(words) > MAX_WORDS {
+        return columns;
+    }
     let tried = (WORK / count.saturating_mul(words).max(1)).clamp(1, TRIED);
     let mut bits = vec![0u64; count * words];
     for (bits, (column, _)) in bits.chunks_exact_mut(words.max(1)).zip(&columns) {

@@ -4,6 +4,7 @@ use crate::cell_sandwich::CellSandwich;
 use crate::deflated::{deflated, inflated};
 use crate::sandwich_baker::SandwichBaker;
 use crate::sandwich_outcome::SandwichOutcome;
+use std::collections::BTreeMap;
 use std::fmt;
 use visibility_core::bake::Bake;
 use visibility_core::binary_format::{Format, FormatError, Reader, Writer};
@@ -123,7 +124,8 @@ pub fn assemble(
     count: usize,
     shards: impl IntoIterator<Item = Shard>,
 ) -> Result<Vec<CellSandwich>, AssembleError> {
-    let mut cells: Vec<Option<CellSandwich>> = vec![None; count];
+    // A map takes memory proportional to the content of the shards, whatever `count` is.
+    let mut cells = BTreeMap::new();
     let mut whole = None;
     for (at, shard) in shards.into_iter().enumerate() {
         if *whole.get_or_insert(shard.fingerprint) != shard.fingerprint {
@@ -131,15 +133,18 @@ pub fn assemble(
         }
         let end = shard.first.checked_add(shard.cells.len()).filter(|&end| end <= count);
         let range = shard.first..end.ok_or(AssembleError::Range(at))?;
-        for (place, cell) in cells[range].iter_mut().zip(shard.cells) {
-            if *place.get_or_insert_with(|| cell.clone()) != cell {
+        for (number, cell) in range.zip(shard.cells) {
+            if *cells.entry(number).or_insert_with(|| cell.clone()) != cell {
                 return Err(AssembleError::Contradiction(at));
             }
         }
     }
-    if let Some(from) = cells.iter().position(Option::is_none) {
-        let to = cells[from..].iter().position(Option::is_some).map_or(count, |length| from + length);
-        return Err(AssembleError::Missing(from, to));
+    let mut next = 0;
+    for &number in cells.keys().chain([&count]) {
+        if number > next {
+            return Err(AssembleError::Missing(next, number));
+        }
+        next = number + 1;
     }
-    Ok(cells.into_iter().flatten().collect())
+    Ok(cells.into_values().collect())
 }

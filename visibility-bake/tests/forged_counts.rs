@@ -159,6 +159,21 @@ fn a_set_of_many_objects_takes_a_small_multiple_of_its_content() {
     });
 }
 
+/// A set of as many viewcells as objects, each object seen from one viewcell, is made in memory proportional
+/// to the lengths of the rows.
+#[test]
+fn a_set_of_many_viewcells_is_made_in_memory_of_its_rows() {
+    let count = 1 << 16;
+    let mut scene = Scene::new();
+    scene.insert_batch((0..count).map(|i| Aabb::from_arrays([i as f32, 0.0, 0.0], [i as f32, 1.0, 1.0])));
+    let cell = |x: u32| Viewcell::from_box(DVec3::X * f64::from(x), DVec3::X * f64::from(x) + DVec3::ONE);
+    let rows: Vec<[u32; 1]> = (0..count).map(|i| [i]).collect();
+    // A bit for each row and object would be 512 MiB.
+    forge_counts(&[0], 0, 128 << 20, |_| {
+        BakedSet::new(&scene, Viewcells::new((0..count).map(cell)), &rows).unwrap();
+    });
+}
+
 /// A PVS has at least 32 bits for the number of its targets, and few bytes for rows that see no target. Only
 /// [`Pvs::write_bits`] and [`Pvs::write_union`] need a bit for each target.
 #[test]

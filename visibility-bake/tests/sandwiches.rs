@@ -189,6 +189,13 @@ fn shards_threads_and_stops_give_the_same_bytes() {
         "viewcells 4 to 6 are missing"
     );
     assert_eq!(
+        assemble(usize::MAX, [first.clone()]),
+        Err(AssembleError::Missing(4, usize::MAX)),
+        "more viewcells than memory has room for"
+    );
+    assert_eq!(assemble(usize::MAX, []), Err(AssembleError::Missing(0, usize::MAX)), "no shards");
+    assert_eq!(assemble(0, []), Ok(vec![]), "no viewcells");
+    assert_eq!(
         assemble(9, [last.clone()]),
         Err(AssembleError::Range(0)),
         "a shard of more viewcells than there are"

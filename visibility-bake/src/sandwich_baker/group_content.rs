@@ -7,7 +7,6 @@ use crate::bake_cache::{CellRecord, GroupRecord};
 use crate::fingerprints::{METHODS, with_settings, with_viewcell};
 use crate::level_error::LevelError;
 use crate::near_to_far::{Trace, sweep_near_to_far};
-use crate::scratch_file::lock;
 use crate::time_plan::{GROUP, SWEEP};
 use std::ops::Range;
 use std::sync::Arc;
@@ -18,7 +17,7 @@ impl SandwichBaker<'_> {
     /// Records that a viewcell of a group is done with `stages`. After the last viewcell of a stage, releases
     /// the content that the stage has used.
     pub(super) fn end_stages(&self, group: u32, stages: Range<u32>) {
-        let mut slot = lock(&self.slots[group as usize]);
+        let mut slot = self.level.lock(&self.slots[group as usize]);
         for stage in stages.clone() {
             slot.left[stage as usize] = slot.left[stage as usize].saturating_sub(1);
         }

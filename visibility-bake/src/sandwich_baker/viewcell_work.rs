@@ -76,7 +76,7 @@ impl SandwichBaker<'_> {
                 let times = MethodTimes { sweep: group + lap(), ..MethodTimes::default() };
                 (record, times, if is_known { done } else { LOOK })
             }
-            // The scene of the group does not fit into memory: all objects stay open until the search.
+            // The viewcell has no sweep of its own yet, so all objects that the group's sweep left stay open.
             (Content::Objects, None) => {
                 let left: Vec<u32> = (0..objects.len() as u32).collect();
                 let hash = self.content_hash(objects.iter().copied());

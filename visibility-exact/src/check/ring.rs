@@ -1,6 +1,7 @@
 //! Check that a closed loop lies on a convex polygon of occluding triangles.
 
 use super::context::{Check, Corner};
+use super::exact_side::is_before;
 use crate::sight::Sight;
 use crate::triangles::unit_normal;
 use alloc::collections::BTreeMap;
@@ -18,6 +19,17 @@ impl Check<'_> {
         let corners: Vec<[DVec3; 3]> = triangles.iter().map(|&t| self.triangles.corners(t)).collect();
         let [first, ..] = corners.as_slice() else { return false };
         if !triangles.iter().all(|&t| self.triangles.occludes(t) && self.faces(sight, t)) {
+            return false;
+        }
+        // With a clearance, the viewcell polygon may lie in the plane of a one-sided triangle. Segments from
+        // there do not cross the triangle, but pass a loop in that plane.
+        let is_before_front = |x: &DVec3| {
+            corners
+                .iter()
+                .zip(triangles)
+                .all(|(t, &n)| self.triangles.front(n).is_none() || is_before(*x, *t, 0.0))
+        };
+        if !sight.p.corners().iter().any(is_before_front) {
             return false;
         }
         let Some(normal) = unit_normal(first) else { return false };

@@ -51,6 +51,31 @@ fn loops_just_inside_the_viewcell_are_refused() {
     );
 }
 
+/// A one-sided occluder in the plane of the viewcell's face, with its back to the viewcell. Segments from the
+/// face do not cross this occluder.
+#[test]
+fn loops_in_the_plane_of_the_viewcell_that_show_their_back_are_refused() {
+    let wall = WALL.map(|[_, y, z]| [8.0, y, z]);
+    let mut world = World { clearance: 1.0 / 128.0, ..World::new(TARGET, &[wall]) };
+    let step = ring(world.piece(1), &world.shapes[1], [[0.0, 4.0, 4.0], LINE[1]], &INSIDE);
+    assert_eq!(world.proof(vec![step.clone()]).check(&world.triangles), Ok(()), "an occluder of two sides");
+    for [a, b, c] in [wall, [wall[0], wall[2], wall[1]]] {
+        let mut scene = Scene::new();
+        for (shape, one_sided) in [(TARGET, false), ([a, b, c], true)] {
+            let triangle = shape.map(Vec3::from_array);
+            let object = Object::new(Aabb::from_points(triangle));
+            let id = scene.insert(Object { occluder: true, one_sided, ..object });
+            scene.set_triangles(id, [triangle]).unwrap();
+        }
+        world.triangles = SceneTriangles::new(&scene);
+        assert_eq!(
+            world.proof(vec![step.clone()]).check(&world.triangles).err(),
+            LOOP,
+            "an occluder {a:?} {b:?} {c:?} of one side"
+        );
+    }
+}
+
 /// A loop on a plate that lies in the target's plane and is larger than the target.
 #[test]
 fn loops_in_the_plane_of_the_target_are_refused() {
