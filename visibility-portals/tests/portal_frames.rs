@@ -44,7 +44,7 @@ fn closing_a_door_hides_what_is_behind_and_one_way_portals_only_from_one_side() 
     );
     cells.set_passage(PortalId(1), Passage::Backward).unwrap();
     assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1], "the second door is passed backwards alone");
-    // From the other end of the row the passage is reversed.
+    // From the other end of the row, one sees through the door if its passage is `Backward`, not `Forward`.
     let pose = Pose::look_at(DVec3::new(15.5, 2.0, 1.0), DVec3::new(0.0, 2.0, 1.0), DVec3::Z);
     let back = View::perspective(pose, 1.0, 1.5, 0.1, 100.0).unwrap();
     assert_eq!(

@@ -88,6 +88,6 @@ fn no_line_sees_less_of_a_portal_than_the_disc_around_it() {
             least = least.min(at / row.least);
         }
     }
-    // The area row holds with 2 pi c^2 instead of 6 c^2, so its bound is nearly tight.
+    // The constraint `N . d >= 6 c^2` is nearly tight, since 2 pi c^2 is possible.
     assert!(least < 1.06, "{least}");
 }
