@@ -1,5 +1,5 @@
-//! The cache of a bake: the results of viewcells by hashes of their input. With it, a bake of an edited level
-//! works only on viewcells whose input has changed.
+//! The cache of a bake: results of viewcells, found by hashes of their input. With a cache, a bake of an
+//! edited level works only on viewcells whose input has changed.
 
 use crate::near_to_far::Trace;
 use std::collections::HashMap;
@@ -20,8 +20,8 @@ pub(crate) const OPEN: u8 = 2;
 /// group.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub(crate) struct CellRecord {
-    /// Hash of the input of the answers: the viewcell, the settings, and the content of the objects listed in
-    /// `left`, in their order, without their numbers.
+    /// Hash of the input that determines the answers: the viewcell, the settings, and the content of the
+    /// objects listed in `left`, in their order, without their numbers.
     pub key: u64,
     /// Objects left after the sweep of the viewcell, as positions in the list of those left after its group's
     /// sweep, ascending.
@@ -33,8 +33,8 @@ pub(crate) struct CellRecord {
 }
 
 impl CellRecord {
-    /// Returns whether all positions in `left` are below the number of `objects`, those that the sweep of a
-    /// group has left.
+    /// Returns whether all positions in `left` are valid for `objects`, the list of objects that the sweep of
+    /// the group has left.
     pub(crate) fn is_of(&self, objects: &[u32]) -> bool {
         self.left.last().is_none_or(|&last| (last as usize) < objects.len())
     }
@@ -47,7 +47,7 @@ impl CellRecord {
         to.bytes(&self.answers);
     }
 
-    /// Reads what [`save`](Self::save) has written.
+    /// Reads a record that [`save`](Self::save) has written.
     pub(crate) fn load(from: &mut Reader<'_>) -> Result<Self, FormatError> {
         let (key, steps) = (from.u64()?, from.u64()?);
         let count = from.u32()? as usize;
@@ -62,15 +62,15 @@ impl CellRecord {
 /// Result of sweeping a group of viewcells.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub(crate) struct GroupRecord {
-    /// Hash of the viewcells of the group, the settings and the origin of the level: all of the sweep's input
-    /// but the objects.
+    /// Hash of the viewcells of the group, the settings and the origin of the level: the sweep's whole input
+    /// except the objects.
     pub question: u64,
     /// Hash of the viewcells, the settings and the origin, and of the content of the objects that the sweep
     /// has left.
     pub key: u64,
-    /// Record of the sweep: the tiles that it has opened, and the objects left after it.
+    /// Record of the sweep: the tiles that it has opened, and the objects that it has left.
     pub trace: Trace,
-    /// Whether the sweep was left out or ended early because its time was over.
+    /// Whether the sweep was skipped or ended early because its time was over.
     pub is_cut: bool,
 }
 
@@ -82,23 +82,24 @@ impl GroupRecord {
         to.u32(u32::from(self.is_cut));
     }
 
-    /// Reads what [`save`](Self::save) has written.
+    /// Reads a record that [`save`](Self::save) has written.
     pub(crate) fn load(from: &mut Reader<'_>) -> Result<Self, FormatError> {
         let (question, key) = (from.u64()?, from.u64()?);
         Ok(Self { question, key, trace: Trace::load(from)?, is_cut: from.u32()? != 0 })
     }
 }
 
-/// The results of a bake, each with a hash of all that it depends on. A bake of the same level after an edit
-/// takes from it what the edit cannot have changed
-/// ([`SandwichBaker::with_cache`](crate::SandwichBaker::with_cache)), and has the same result as without.
+/// The results of a bake, each with a hash of its whole input. A bake of the same level after an edit takes
+/// from the cache the results that the edit cannot have changed
+/// ([`SandwichBaker::with_cache`](crate::SandwichBaker::with_cache)). Its outcome is the same as without the
+/// cache.
 ///
 /// A result depends on its viewcell, the viewcells in its group (up to 16 neighbours), the settings, and a
 /// part of the objects. The *tiles* that a group's sweep opens are the parts of the level that are near the
-/// group or seen from it. A group costs nothing if all of these are as they were. If a tile has changed, the
-/// group is swept again; if that leaves the same objects as before, its viewcells cost nothing. Otherwise
-/// each viewcell is swept again, and costs nothing more if that leaves the same objects as before. Objects
-/// may be inserted, removed or renumbered, and viewcells too.
+/// group or seen from it. A group costs nothing if all these inputs are unchanged. If a tile has changed, the
+/// group is swept again; if the sweep leaves the same objects as before, the group's viewcells cost nothing.
+/// Otherwise each viewcell is swept again, and costs nothing more if its sweep leaves the same objects as
+/// before. Objects and viewcells may be inserted, removed or renumbered.
 ///
 /// ```
 /// use visibility_bake::{BakeCache, SandwichBaker, SandwichSettings};
@@ -120,17 +121,18 @@ impl GroupRecord {
 pub struct BakeCache {
     /// Groups in any order, with the results for their viewcells.
     groups: Vec<(Arc<GroupRecord>, Vec<CellRecord>)>,
-    /// Index in `groups` of a group, by its [question](GroupRecord::question).
+    /// Index in `groups` of each group, found by its [question](GroupRecord::question).
     by_question: HashMap<u64, usize>,
-    /// Index in `groups` of a group, by its [key](GroupRecord::key).
+    /// Index in `groups` of each group, found by its [key](GroupRecord::key).
     by_key: HashMap<u64, usize>,
-    /// Index in `groups` of a group, and index in the group of a viewcell, by the viewcell's
-    /// [key](CellRecord::key).
+    /// For each viewcell, found by its [key](CellRecord::key): the index in `groups` of its group, and its
+    /// index in the group.
     by_cell: HashMap<u64, (usize, usize)>,
 }
 
 impl BakeCache {
-    /// Adds a group with the results of its viewcells. Of two groups with the same question, the first stays.
+    /// Adds a group with the results of its viewcells. If there is a group with the same question, that one
+    /// stays.
     pub(crate) fn insert(&mut self, group: Arc<GroupRecord>, cells: Vec<CellRecord>) {
         let number = self.groups.len();
         if *self.by_question.entry(group.question).or_insert(number) == number {
@@ -156,7 +158,8 @@ impl BakeCache {
     }
 
     /// Returns the results of the viewcell with a [key](CellRecord::key). `None` for an unknown key. The
-    /// record's objects are positions in the list of the group that the viewcell was in then.
+    /// record's objects are positions in the list of the group that the viewcell belonged to when it was
+    /// baked.
     pub(crate) fn cell(&self, key: u64) -> Option<&CellRecord> {
         self.by_cell.get(&key).map(|&(group, place)| &self.groups[group].1[place])
     }
@@ -177,7 +180,7 @@ impl BakeCache {
     ///
     /// # Errors
     /// [`FormatError`] if the bytes are damaged, or are not those of a cache. Forged bytes are not detected:
-    /// a bake is as trustworthy as the results that it takes.
+    /// a bake with forged results is wrong.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, FormatError> {
         let mut from = Reader::new(bytes, FORMAT)?;
         from.expect(0, 0)?;

@@ -1,8 +1,8 @@
-//! The file that a game loads: viewcells, and for each the objects that count as visible.
+//! The file that a game loads: viewcells, and for each viewcell the objects that count as visible.
 //!
-//! Objects that are seen from the same viewcells form a class. The rows of viewcells list classes, a tenth to
-//! a half as many as objects in the scenes tried. Classes that are seen from nearly the same viewcells have
-//! numbers near each other, so that rows have few runs.
+//! Objects that are seen from the same viewcells form a class. The rows of viewcells list classes, which are
+//! a tenth to a half as many as the objects in the tested scenes. Classes that are seen from nearly the same
+//! viewcells have consecutive numbers, so that rows consist of few runs.
 //!
 //! The format of the file is described in `docs/formats.md` of the repository.
 
@@ -23,29 +23,31 @@ use visibility_core::{Aabb, Object, ObjectId, Scene, level_version};
 
 const FORMAT: Format = Format { magic: *b"VISI-SET", version: 7 };
 
-/// Greatest number of columns before a column in the list, and after it, that [`tour`] compares with the
-/// column to find the most similar.
+/// [`tour`] compares a column with at most this many columns on either side of it in the list, to find the
+/// most similar one.
 const TRIED: usize = 128;
 
-/// Approximate limit on the work of [`tour`], which orders the columns: the number of pairs of 64-bit words
-/// that are compared. Of many or long columns, each is compared with fewer than [`TRIED`] to either side.
+/// Approximate limit on the work of [`tour`], in compared pairs of 64-bit words. If there are many or long
+/// columns, each is compared with fewer than [`TRIED`] on either side, but with at least one.
 const WORK: usize = 1 << 31;
 
-/// Greatest number of 64-bit words that [`tour`] holds at once, with a bit for each row and column: 64 MiB.
+/// Greatest number of 64-bit words that [`tour`] holds at once: 64 MiB. It has a bit for each pair of a row
+/// and a column.
 const MAX_WORDS: usize = 1 << 23;
 
-/// Greatest index of an object plus 1 that the classes can store.
+/// Exclusive upper limit of the object indices that the classes can store.
 const INDEX_LIMIT: usize = 1 << 29;
 
-/// Greatest number of touching viewcells whose rows are tried as the base of a viewcell's row.
+/// Greatest number of touching viewcells whose rows are tried as the base from which a viewcell's row is
+/// stored as a difference.
 const BASES: usize = 12;
 
-/// Viewcells and their potentially visible sets, for a scene with the objects that it was baked from.
+/// Viewcells and their potentially visible sets, for scenes with the objects of the bake.
 ///
-/// A set is right for one [version](Self::version) of its level: a hash of all that the bake rests on. A wall
-/// with a new door, whose box is as before, is another version. [`for_scene`](Self::for_scene) compares all
-/// of it. A game whose scene has boxes alone carries the version in its level, as `bake` prints it, and hands
-/// it to [`for_level`](Self::for_level) or [`compared`](Self::compared). Cullers of a set that was not
+/// A set is valid for one [version](Self::version) of its level, a hash of the bake's whole input: a wall
+/// with a new door in the same box is another version. [`for_scene`](Self::for_scene) compares the version of
+/// a whole scene. A game whose scene has only boxes stores the version in its level, as `bake` prints it, and
+/// passes it to [`for_level`](Self::for_level) or [`compared`](Self::compared). Cullers of a set that was not
 /// compared with a version are [approximate](visibility_core::Accuracy::Approximate).
 ///
 /// ```
@@ -62,24 +64,24 @@ const BASES: usize = 12;
 /// ```
 #[derive(Clone, PartialEq, Debug)]
 pub struct BakedSet {
-    /// Hash of the level's data that the bake depends on: see [`level_version`].
+    /// Hash of the level's data that the bake depends on, see [`level_version`].
     version: u64,
     /// Hash of the origin of the scene, and of the indices and bounds of its objects.
     bounds: u64,
-    /// Whether the set was compared with the version of the level that it is used for. Cullers are
-    /// approximate if not.
+    /// Whether the set was compared with the version of the level that it is used for. If not, its cullers
+    /// are approximate.
     is_checked: bool,
     /// Greatest index of an object plus 1.
     index_limit: usize,
     /// Indices of the objects that occluded in the bake.
     occluders: Bits,
     viewcells: Viewcells,
-    /// Indices of the objects of each class, ascending, as [`class_bytes`] has written them: a class of one
-    /// object takes a byte or two. Objects that no viewcell sees are in no class.
+    /// Indices of the objects of each class, ascending, as encoded by [`class_bytes`]: a class of one object
+    /// takes one or two bytes. Objects that no viewcell sees are in no class.
     classes: Vec<u8>,
     class_count: usize,
-    /// Numbers of the classes seen from each viewcell. The last target stands for no class, and is seen from
-    /// no viewcell.
+    /// For each viewcell, the numbers of the classes seen from it. One more target stands for objects of no
+    /// class, and no viewcell sees it.
     pvs: Pvs,
 }
 
@@ -89,22 +91,22 @@ pub struct BakedSet {
 pub enum BakedSetError {
     /// The bytes are damaged, or are not those of a baked set.
     Format(FormatError),
-    /// The rows cannot be stored, or were stored wrongly.
+    /// The rows cannot be stored, or the stored rows are invalid.
     Pvs(PvsError),
-    /// The number of viewcells is not the number of rows.
+    /// The number of viewcells differs from the number of rows.
     Rows {
-        /// Number of viewcells, given or in the file.
+        /// Number of viewcells that were passed, or that the file has.
         viewcells: usize,
-        /// Number of rows, given or in the file.
+        /// Number of rows that were passed, or that the file has.
         rows: usize,
     },
-    /// The scene's objects are not those of the bake, or are at other places.
+    /// The scene has other objects than the bake, or objects at other places.
     OtherScene,
-    /// The level is of another version than that from which the set was baked.
+    /// The set was baked from another version of the level.
     OtherVersion {
         /// Version from which the set was baked.
         baked: u64,
-        /// Version of the level that the set was compared with.
+        /// Version of the level with which the set was compared.
         level: u64,
     },
 }
@@ -156,7 +158,7 @@ fn boxes(scene: &Scene) -> impl Iterator<Item = (u32, Aabb)> {
     scene.ids().filter_map(|id| Some((id.index() as u32, scene.bounds(id).ok()?)))
 }
 
-/// Returns the indices of the objects that occlude in a bake.
+/// Returns the indices of the objects that occluded in the bake.
 fn occluders(index_limit: usize, objects: impl Iterator<Item = (u32, Object)>) -> Bits {
     let mut bits = Bits::new(index_limit);
     for (index, object) in objects {
@@ -168,12 +170,12 @@ fn occluders(index_limit: usize, objects: impl Iterator<Item = (u32, Object)>) -
 }
 
 impl BakedSet {
-    /// Compresses the rows of viewcells: the indices of the objects that count as visible, ascending. A row
-    /// may be stored as the difference from the row of a viewcell that touches its own.
+    /// Compresses the rows of viewcells. A row lists the indices of the objects that count as visible,
+    /// ascending. It may be stored as the difference from the row of a viewcell that touches its own.
     ///
     /// # Errors
     /// [`BakedSetError::Rows`] if there is not one row for each viewcell. [`BakedSetError::Pvs`] if a row is
-    /// not strictly ascending or has the index of no object, or if there is too much for 32 bits.
+    /// not strictly ascending or contains an index without an object, or if the sizes exceed 32 bits.
     pub fn new<R: AsRef<[u32]>>(
         scene: &Scene,
         viewcells: Viewcells,
@@ -189,7 +191,7 @@ impl BakedSet {
     /// memory.
     ///
     /// # Errors
-    /// Those of [`new`](Self::new).
+    /// The errors of [`new`](Self::new).
     pub fn of_level<R: AsRef<[u32]>>(
         level: &TiledScene<'_>,
         viewcells: Viewcells,
@@ -216,7 +218,7 @@ impl BakedSet {
             return Err(PvsError::Size.into());
         }
         let (classes, rows) = classes(rows, index_limit);
-        // The last target is for objects of no class: no viewcell sees it.
+        // The last target represents objects of no class, which no viewcell sees.
         let pvs = Pvs::new(PvsTargets::Objects, classes.len() + 1, &rows, |ViewcellId(number)| {
             let cell = &cells[number as usize];
             let mut bases = Vec::new();
@@ -238,8 +240,8 @@ impl BakedSet {
         self.version
     }
 
-    /// Returns whether the set was [compared](Self::compared) with a version of the level. Cullers of a set
-    /// that was not are approximate.
+    /// Returns whether the set was [compared](Self::compared) with a version of the level. If not, its
+    /// cullers are approximate.
     pub fn is_checked(&self) -> bool {
         self.is_checked
     }
@@ -275,18 +277,18 @@ impl BakedSet {
         self.index_limit
     }
 
-    /// Returns whether the object of an index hid others in the bake. False for an unknown index.
+    /// Returns whether the object with an index occluded in the bake. False for an unknown index.
     pub fn is_occluder(&self, index: u32) -> bool {
         self.occluders.contains(index as usize)
     }
 
     /// Returns the sets for a [`PvsCuller`](visibility_core::pvs::PvsCuller). Objects that are inserted or
-    /// changed from now on count as visible, and once an occluder of the bake has changed, all do. Time is
-    /// linear in the number of triangles.
+    /// changed from now on count as visible. Once an occluder of the bake has changed, all objects do. Time
+    /// is linear in the number of triangles.
     ///
     /// # Errors
     /// [`BakedSetError::OtherScene`] unless the scene has the [version](crate::level_version) from which the
-    /// set was baked: just the objects of the bake, with the same indices, bounds, flags, triangles and
+    /// set was baked: exactly the objects of the bake, with the same indices, bounds, flags, triangles and
     /// occluder meshes.
     pub fn for_scene(self, scene: &Scene) -> Result<ScenePvs, BakedSetError> {
         if self.version != level_version(scene) {
@@ -297,13 +299,13 @@ impl BakedSet {
     }
 
     /// Returns the sets as [`for_scene`](Self::for_scene) does, for a scene that has only the boxes of the
-    /// objects. `version` is the version of the level that `bake` printed and the level carries. Without one,
-    /// cullers are [approximate](ScenePvs::unchecked): they may hide an object that an edit inside of a box
-    /// has made visible.
+    /// objects. `version` is the version of the level, which `bake` printed and the level stores. Without a
+    /// version, cullers are [approximate](ScenePvs::unchecked): they may hide an object that an edit inside
+    /// an unchanged box has made visible.
     ///
     /// # Errors
-    /// [`BakedSetError::OtherScene`] unless the scene has just the objects of the bake, with the same indices
-    /// and bounds, and [`BakedSetError::OtherVersion`] if `version` is not that from which the set was baked.
+    /// [`BakedSetError::OtherScene`] unless the scene has exactly the objects of the bake, with the same
+    /// indices and bounds. [`BakedSetError::OtherVersion`] if the set was baked from another version.
     pub fn for_level(self, scene: &Scene, version: Option<u64>) -> Result<ScenePvs, BakedSetError> {
         if self.index_limit != scene.index_limit() {
             return Err(BakedSetError::OtherScene);
@@ -312,28 +314,29 @@ impl BakedSet {
         Ok(set.for_objects(scene, scene.ids().map(|id| (id, id.index() as u32))))
     }
 
-    /// Returns the sets for a scene that has the objects of the bake under other indices, or among other
-    /// objects: one that an engine fills with its entities. Each pair is an object and the index in the bake.
-    /// Objects without a pair count as visible, and so do objects with an index that is not below
-    /// [`index_limit`](Self::index_limit). An index may be that of several objects: the parts of one.
+    /// Returns the sets for a scene in which the objects of the bake have other indices or are among other
+    /// objects, such as one that an engine fills with its entities. Each pair is an object of the scene and
+    /// its index in the bake. Objects without a pair, or with an index not below
+    /// [`index_limit`](Self::index_limit), count as visible. Several objects may have the same index, if they
+    /// are parts of one baked object.
     ///
-    /// The scene is not compared with that of the bake, as [`for_scene`](Self::for_scene) does. An object
-    /// that is elsewhere than in the bake is hidden from where it is seen. Cullers are
-    /// [approximate](ScenePvs::unchecked) unless the set was [compared](Self::compared) with the version of
-    /// the level: then the caller promises that the objects are those of the level. They are approximate too
-    /// if an [occluder](Self::is_occluder) of the bake is that of no object: nobody tells whether such a wall
-    /// is drawn.
+    /// The scene is not compared with that of the bake, unlike in [`for_scene`](Self::for_scene): an object
+    /// that is elsewhere than in the bake may be hidden though it is visible. Cullers are
+    /// [approximate](ScenePvs::unchecked), unless the set was [compared](Self::compared) with the version of
+    /// the level; the caller then promises that the objects are those of the level. Cullers are also
+    /// approximate if no object has the index of an [occluder](Self::is_occluder) of the bake, since it is
+    /// unknown whether that occluder is drawn.
     pub fn for_objects(&self, scene: &Scene, objects: impl IntoIterator<Item = (ObjectId, u32)>) -> ScenePvs {
         let objects: Vec<(ObjectId, u32)> =
             objects.into_iter().filter(|&(id, _)| scene.contains(id)).collect();
-        // By index asked for, its target. An object of no class has the target that no viewcell sees. The set
-        // may be forged: memory follows the objects of the caller.
+        // For each requested index, its target. An object of no class gets the target that no viewcell sees.
+        // The set may be forged, so memory must depend on the caller's objects only.
         let mut targets: Vec<(u32, u32)> = objects
             .iter()
             .map(|&(_, index)| index)
             .map(|index| {
                 let is_known = (index as usize) < self.index_limit;
-                // No set has a target `u32::MAX`, so that its objects are never hidden.
+                // No set has the target `u32::MAX`, so objects with this target are never hidden.
                 (index, if is_known { self.class_count as u32 } else { u32::MAX })
             })
             .collect();
@@ -354,13 +357,14 @@ impl BakedSet {
         if self.is_checked && has_occluders { sets } else { sets.unchecked() }
     }
 
-    /// Compares the set with a level, and returns it for use there. `version` is that of the level; without
-    /// one, only the objects are compared, and cullers stay [approximate](ScenePvs::unchecked). `bounds` are
-    /// the index of each object and its bounds relative to the scene's `origin`, by ascending index.
+    /// Compares the set with a level, and returns it for use there. `version` is the version of the level;
+    /// without one, only the objects are compared, and cullers stay [approximate](ScenePvs::unchecked).
+    /// `bounds` are the index of each object and its bounds relative to the scene's `origin`, by ascending
+    /// index.
     ///
     /// # Errors
-    /// [`BakedSetError::OtherScene`] if an object is missing, is another, or has other bounds;
-    /// [`BakedSetError::OtherVersion`] if `version` is not that from which the set was baked.
+    /// [`BakedSetError::OtherScene`] if an object is missing, is another one, or has other bounds;
+    /// [`BakedSetError::OtherVersion`] if the set was baked from another version.
     pub fn compared(
         self,
         version: Option<u64>,
@@ -385,7 +389,7 @@ impl BakedSet {
         to.u32(self.index_limit as u32);
         to.u64s(self.occluders.words().iter().copied());
         to.u32(self.viewcells.cells().len() as u32);
-        // One coordinate of all viewcells after another: equal numbers are near each other.
+        // One coordinate of all viewcells is stored after another, so that equal numbers are close together.
         for axis in 0..3 {
             to.u64s(self.viewcells.cells().iter().map(|cell| cell.min[axis].to_bits()));
             to.u64s(self.viewcells.cells().iter().map(|cell| cell.max[axis].to_bits()));
@@ -406,8 +410,8 @@ impl BakedSet {
     /// Reads the bytes of a baked set's file.
     ///
     /// # Errors
-    /// [`BakedSetError`] if the bytes are damaged, inconsistent, or not those of a baked set. They may be
-    /// forged. Offsets in errors are those of the content before compression.
+    /// [`BakedSetError`] if the bytes are damaged, inconsistent, or not those of a baked set. Forged bytes
+    /// are safe to read. Offsets in errors refer to the content before compression.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, BakedSetError> {
         let plain = inflated(bytes, FORMAT)?;
         let mut from = Reader::new(&plain, FORMAT)?;
@@ -444,7 +448,7 @@ impl BakedSet {
         let length = from.u32()? as usize;
         let pvs = Pvs::from_bytes(from.bytes(length)?.to_vec())?;
         from.end()?;
-        // The parts must agree, or a query would read beyond one of them.
+        // The parts of the file must agree, or a query would read beyond the end of one.
         if pvs.viewcell_count() != cells.len() {
             return Err(BakedSetError::Rows { viewcells: cells.len(), rows: pvs.viewcell_count() });
         }
@@ -456,10 +460,11 @@ impl BakedSet {
     }
 }
 
-/// Returns the classes of objects that are in the same rows, and the rows as lists of classes. Time is linear
-/// in the lengths of the rows, plus the sorting of classes.
+/// Sorts objects that are in the same rows into classes. Returns the objects of each class, and the rows as
+/// lists of classes. Time is linear in the lengths of the rows, plus the sorting of classes.
 fn classes<R: AsRef<[u32]>>(rows: &[R], index_limit: usize) -> (Vec<Vec<u32>>, Vec<Vec<u32>>) {
-    // Each row divides the classes of its objects from what is left of them. Class 0 is in no row.
+    // Each row splits the classes of its objects: objects in the row become new classes. Class 0 is in no
+    // row.
     let (mut class_of, mut count) = (vec![0u32; index_limit], 1u32);
     let mut parts = HashMap::new();
     for row in rows {
@@ -472,7 +477,7 @@ fn classes<R: AsRef<[u32]>>(rows: &[R], index_limit: usize) -> (Vec<Vec<u32>>, V
             });
         }
     }
-    // By class the rows that it is in: near in this order is similar.
+    // For each class, the rows that it is in. Sorting by these lists puts similar classes close together.
     let mut columns: Vec<(Vec<u32>, u32)> = (0..count).map(|class| (Vec::new(), class)).collect();
     for (number, row) in (0..).zip(rows) {
         for &index in row.as_ref() {
@@ -500,10 +505,10 @@ fn classes<R: AsRef<[u32]>>(rows: &[R], index_limit: usize) -> (Vec<Vec<u32>>, V
     (classes, by_class)
 }
 
-/// Orders columns so that similar ones follow each other. A column is the rows of a class and the number of
-/// the class. Each column is followed by the most similar of the next few unsorted ones. Time is linear in
-/// the numbers of columns and rows, times the number of columns tried, which is less where there are many.
-/// Columns whose bits would take more than [`MAX_WORDS`] stay in the order in which they are given.
+/// Orders columns so that similar ones are consecutive. A column consists of the rows of a class and the
+/// class's number. Each column is followed by the most similar of the nearest unordered ones. Time is linear
+/// in the numbers of columns and rows, times the number of columns tried, which is less if there are many.
+/// Columns whose bits would take more than [`MAX_WORDS`] keep their order.
 fn tour(columns: Vec<(Vec<u32>, u32)>, row_count: usize) -> Vec<(Vec<u32>, u32)> {
     let (count, words) = (columns.len(), row_count.div_ceil(64));
     if count.saturating_mul(words) > MAX_WORDS {
@@ -515,7 +520,7 @@ fn tour(columns: Vec<(Vec<u32>, u32)>, row_count: usize) -> Vec<(Vec<u32>, u32)>
         column.iter().for_each(|&row| bits[row as usize / 64] |= 1 << (row % 64));
     }
     let bits = |at: usize| &bits[at * words..(at + 1) * words];
-    // The columns that are not sorted yet are a linked list.
+    // The columns that are not ordered yet form a linked list.
     let mut next: Vec<Option<usize>> = (0..count).map(|at| Some(at + 1).filter(|&at| at < count)).collect();
     let mut before: Vec<Option<usize>> = (0..count).map(|at| at.checked_sub(1)).collect();
     let mut order = Vec::with_capacity(count);
@@ -540,9 +545,9 @@ fn tour(columns: Vec<(Vec<u32>, u32)>, row_count: usize) -> Vec<(Vec<u32>, u32)>
     order.into_iter().filter_map(|at| columns[at].take()).collect()
 }
 
-/// Encodes classes with a number for each object: the step from the object before it in the class, times 2,
-/// plus 1 if the class goes on. The first object of a class has the step from the first of the class before,
-/// by its [`signed_code`].
+/// Encodes classes as one number for each object: the step from the object before it in the class, times 2,
+/// plus 1 if the class has further objects. For the first object of a class, the step is taken from the first
+/// object of the class before, and encoded by [`signed_code`].
 fn class_bytes(classes: &[Vec<u32>]) -> Vec<u8> {
     let (mut bytes, mut first) = (Vec::new(), 0u32);
     for class in classes {
@@ -553,7 +558,7 @@ fn class_bytes(classes: &[Vec<u32>]) -> Vec<u8> {
                 None => signed_code(i64::from(index) - i64::from(first)),
             };
             let code = number * 2 + u64::from(at + 1 < class.len());
-            // Indices are below half of the greatest number, or `BakedSet::new` has failed.
+            // Indices are less than half of the greatest number, since `BakedSet::new` fails otherwise.
             push_number(code as u32, &mut bytes);
             next = Some(index + 1);
         }
@@ -567,8 +572,8 @@ fn signed_code(number: i64) -> u64 {
     if number < 0 { number.unsigned_abs() * 2 - 1 } else { number.unsigned_abs() * 2 }
 }
 
-/// Calls `each` with the class and the index of each object in bytes that [`class_bytes`] has written, class
-/// by class. Returns the number of classes. `None` if an object is not below `limit`, or if the bytes end
+/// Calls `each` with the class and the index of each object, class by class, in bytes that [`class_bytes`]
+/// has written. Returns the number of classes. `None` if an index is not below `limit`, or if the bytes end
 /// within a class.
 fn for_each_in_classes(bytes: &[u8], limit: usize, mut each: impl FnMut(usize, u32)) -> Option<usize> {
     let (mut rest, mut first, mut count) = (bytes, 0u32, 0);
@@ -591,7 +596,7 @@ fn for_each_in_classes(bytes: &[u8], limit: usize, mut each: impl FnMut(usize, u
 }
 
 /// Checks bytes that [`class_bytes`] has written, and returns the number of classes. `None` if an object is
-/// in two classes or not below `limit`, or if the bytes end within a class.
+/// in two classes, if an index is not below `limit`, or if the bytes end within a class.
 fn count_classes(bytes: &[u8], limit: usize) -> Option<usize> {
     let mut all = Vec::new();
     let count = for_each_in_classes(bytes, limit, |_, index| all.push(index))?;

@@ -1,5 +1,6 @@
 //! Groups of neighbouring viewcells. A bake first sweeps the scene once for each group, to find the objects
-//! that are hidden from all of its viewcells. The other objects are then swept from each viewcell by itself.
+//! that are hidden from all of the group's viewcells. The remaining objects are then swept from each single
+//! viewcell.
 
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Viewcell, Viewcells};
@@ -7,8 +8,8 @@ use visibility_core::pvs::{Viewcell, Viewcells};
 /// Greatest number of viewcells in a group.
 const MAX_CELLS: usize = 16;
 
-/// Number of viewcells in the first portion of a bake. The second has as many, and each further portion as
-/// many as all before it.
+/// Number of viewcells in the first portion of a bake. The second portion has as many, and each further
+/// portion has as many as all portions before it.
 const FIRST_CELLS: usize = 64;
 
 /// Greatest ratio of the volume of the box around a group to the sum of the volumes of its viewcells. A group
@@ -18,8 +19,8 @@ const SPREAD: f64 = 2.5;
 /// Groups of at most [`MAX_CELLS`] viewcells that lie close together. Each viewcell is in exactly one group.
 ///
 /// The viewcells of each portion of the bake are halved along the longest axis of the box around them until
-/// they are few enough, and the volume of the box around them is at most [`SPREAD`] times theirs. The
-/// division depends only on the boxes of the viewcells and their order, not on objects or settings, so each
+/// they are few enough, and the volume of the box around them is at most [`SPREAD`] times the sum of theirs.
+/// The groups depend only on the boxes of the viewcells and their order, not on objects or settings, so each
 /// shard of a bake finds the same groups.
 pub(crate) struct CellGroups {
     /// Number of the group of each viewcell. Groups are numbered in the order of their first viewcells.
@@ -32,7 +33,7 @@ impl CellGroups {
     pub(crate) fn new(viewcells: &Viewcells) -> Self {
         let all = viewcells.cells();
         let mut cells = Vec::new();
-        // The viewcells of a portion are worked on before those of the next, so a group is within a portion.
+        // A portion is completed before the next is begun, so a group must not extend over two portions.
         let mut waiting = Vec::new();
         let (mut start, mut end) = (0, FIRST_CELLS);
         while start < all.len() {
@@ -68,8 +69,8 @@ impl CellGroups {
     }
 }
 
-/// Divides viewcells into halves of equal number by their centres, on the longest axis of the box around
-/// them. The second half has one more if their number is odd.
+/// Divides viewcells by their centres into two halves, along the longest axis of the box around them. If
+/// their number is odd, the second half has one more.
 pub(crate) fn halves(all: &[Viewcell], mut part: Vec<u32>) -> [Vec<u32>; 2] {
     let bounds = bounds(all, &part);
     let extent = bounds.max - bounds.min;
@@ -80,8 +81,8 @@ pub(crate) fn halves(all: &[Viewcell], mut part: Vec<u32>) -> [Vec<u32>; 2] {
     [part, rest]
 }
 
-/// Returns the box around viewcells, given by their numbers. Empty viewcells are left out. The box is empty
-/// if no other is left.
+/// Returns the box around the viewcells with the given numbers. Empty viewcells are ignored. The box is empty
+/// if all viewcells are.
 pub(crate) fn bounds(all: &[Viewcell], some: &[u32]) -> Viewcell {
     let usable = some.iter().map(|&cell| &all[cell as usize]).filter(|cell| cell.min.cmple(cell.max).all());
     let (min, max) = usable.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), cell| {
@@ -96,7 +97,7 @@ mod tests {
 
     #[test]
     fn groups_are_compact_and_those_of_the_first_viewcells_come_first() {
-        // Two layers of 20 x 20 viewcells, one without a point, and one far away.
+        // Two layers of 20 x 20 viewcells, one empty viewcell, and one far away.
         let at = |i: u32| DVec3::new(f64::from(i % 20), f64::from(i / 20 % 20), f64::from(i / 400)) * 4.0;
         let mut cells: Vec<Viewcell> =
             (0..800).map(|i| Viewcell::from_box(at(i), at(i) + DVec3::splat(4.0))).collect();

@@ -1,18 +1,20 @@
-//! Result of a bake for one viewcell: the objects certainly seen and those not proven hidden.
+//! Result of a bake for one viewcell: the objects that are certainly seen, and those that are not proven
+//! hidden.
 
 use std::borrow::Cow;
 use std::sync::Arc;
 use visibility_core::binary_format::{FormatError, Reader, Writer};
 
-/// Bounds on the set of objects visible from one viewcell: at least those seen, at most those seen and those
-/// open. Objects are given by their [indices](visibility_core::ObjectId::index).
+/// Bounds on the set of objects visible from one viewcell: it contains all seen objects, and is contained in
+/// the seen and the open objects together. Objects are given by their
+/// [indices](visibility_core::ObjectId::index).
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 #[non_exhaustive]
 pub struct CellSandwich {
     /// Objects that a line of sight reaches, ascending.
     pub seen: Vec<u32>,
-    /// Objects neither seen nor proven hidden, ascending. They count as visible. Viewcells that were not
-    /// worked on share one list of all objects.
+    /// Objects that are neither seen nor proven hidden, ascending. They count as visible. Viewcells that were
+    /// not worked on share one list of all objects.
     pub open: Arc<[u32]>,
     /// Number of objects that the sweep of extended projections found hidden.
     pub swept: u32,
@@ -43,7 +45,7 @@ impl CellSandwich {
         }
     }
 
-    /// Reads what [`save`](Self::save) has written. Objects must be below `limit`.
+    /// Reads a result that [`save`](Self::save) has written. Indices of objects must be below `limit`.
     pub(crate) fn load(from: &mut Reader<'_>, limit: usize) -> Result<Self, FormatError> {
         let (swept, proven, steps) = (from.u32()?, from.u32()?, from.u64()?);
         let mut lists = [Vec::new(), Vec::new()];

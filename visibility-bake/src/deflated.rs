@@ -1,16 +1,16 @@
 //! Files in the binary format whose content is compressed with DEFLATE (RFC 1951).
 //!
-//! After the common header: the number of bytes of the content before compression, `u64`, and the content,
-//! compressed. `miniz_oxide` compresses to the same bytes on every machine.
+//! After the common header come the length of the content before compression in bytes, as `u64`, and the
+//! compressed content. `miniz_oxide` compresses to the same bytes on every machine.
 
 use miniz_oxide::deflate::compress_to_vec;
 use miniz_oxide::inflate::decompress_to_vec_with_limit;
 use visibility_core::binary_format::{Format, FormatError, HEADER_LENGTH, Reader, Writer};
 
-/// Compression level of `miniz_oxide`, from 0 to 10. Level 10 takes out of proportion longer.
+/// Compression level of `miniz_oxide`, from 0 to 10. Level 10 takes disproportionately longer.
 const LEVEL: u8 = 9;
 
-/// Returns the bytes of a file of kind 0 with the content of `plain`, compressed.
+/// Returns the bytes of a file of kind 0 with the compressed content of `plain`.
 pub(crate) fn deflated(format: Format, fingerprint: u64, plain: Writer) -> Vec<u8> {
     let plain = plain.finish();
     let content = &plain[HEADER_LENGTH..];
@@ -20,12 +20,12 @@ pub(crate) fn deflated(format: Format, fingerprint: u64, plain: Writer) -> Vec<u
     to.finish()
 }
 
-/// Returns the uncompressed bytes of a file that [`deflated`] has made, with their header. They take at most
-/// 1,032 times as much memory as `bytes`, the greatest ratio of DEFLATE.
+/// Returns the uncompressed bytes, with their header, of a file made by [`deflated`]. They take at most 1,032
+/// times as much memory as `bytes`, the greatest ratio of DEFLATE.
 ///
 /// # Errors
-/// [`FormatError`] if the header is not of the format, or the content cannot be decompressed or has another
-/// length than announced.
+/// [`FormatError`] if the header has another format, if the content cannot be decompressed, or if its length
+/// is not the announced one.
 pub(crate) fn inflated(bytes: &[u8], format: Format) -> Result<Vec<u8>, FormatError> {
     let mut from = Reader::new(bytes, format)?;
     let length = from.u64()?;

@@ -1,4 +1,4 @@
-//! Hashes of the input of a bake's results.
+//! Hashes of the input of a bake.
 
 use crate::settings::SandwichSettings;
 use crate::tiled_scene::TiledScene;
@@ -6,8 +6,8 @@ use visibility_core::binary_format::Fingerprint;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Viewcell, Viewcells};
 
-/// Version of the methods, a part of the hash of each viewcell's input. It is raised with each change of the
-/// methods, so that results of former methods are not taken from a cache.
+/// Version of the baking methods, a part of the hash of each viewcell's input. It is increased with each
+/// change of the methods, so that results of earlier methods are not taken from a cache.
 pub(crate) const METHODS: u32 = 13;
 
 /// Returns a hash of the input of a bake: the level, all viewcells and the settings. Time is linear in the

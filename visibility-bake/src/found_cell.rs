@@ -1,4 +1,4 @@
-//! Results of a viewcell while a bake runs, and their form in a saved bake.
+//! Intermediate results of a viewcell while a bake runs, and their form in a saved bake.
 
 use crate::bake_cache::{CellRecord, GroupRecord};
 use crate::cell_sandwich::CellSandwich;
@@ -17,21 +17,21 @@ pub struct FoundCell {
     /// Sum of the costs, in triangles, of the objects that are open in the viewcell.
     pub(crate) cost: u64,
     pub(crate) is_reused: bool,
-    /// Whether the sweep of the viewcell was left out or cut short.
+    /// Whether the sweep of the viewcell was skipped or ended early.
     pub(crate) is_skipped: bool,
-    /// Whether a search of the viewcell was cut short, or replaced by sweeps from parts of the viewcell.
+    /// Whether a search of the viewcell ended early, or was replaced by sweeps from parts of the viewcell.
     pub(crate) is_cut: bool,
-    /// Stage that the viewcell comes to next, or the number of stages if it is done.
+    /// Next stage of the viewcell, or the number of stages if the viewcell is done.
     pub(crate) next: u32,
 }
 
 impl FoundCell {
-    /// Returns whether the viewcell is done with all stages.
+    /// Returns whether all stages of the viewcell are done.
     pub(crate) fn is_done(&self) -> bool {
         self.next as usize == STAGES
     }
 
-    /// Returns whether the viewcell is done with a stage, or does not need it.
+    /// Returns whether a stage of the viewcell is done or not needed.
     pub(crate) fn has_passed(&self, stage: u32) -> bool {
         let is_left_out = match stage {
             GROUP => self.group.is_cut,
@@ -41,8 +41,8 @@ impl FoundCell {
         self.next > stage && !is_left_out
     }
 
-    /// Returns whether no sweep or search was left out or cut short, so that a bake without a limit of time
-    /// finds the same.
+    /// Returns whether no sweep or search was skipped or ended early. The result then equals that of a bake
+    /// without a limit of time.
     pub(crate) fn is_whole(&self) -> bool {
         !(self.group.is_cut || self.is_skipped || self.is_cut)
     }
@@ -57,8 +57,9 @@ impl FoundCell {
         to.u32(self.next);
     }
 
-    /// Reads what [`save`](Self::save) has written for a viewcell of a group. `limit` is the greatest index
-    /// of an object plus 1, and `left` the number of objects that the sweep of the group has left.
+    /// Reads the fields that [`save`](Self::save) has written for a viewcell of a group. `limit` is the
+    /// greatest index of an object plus 1, and `left` the number of objects that the sweep of the group has
+    /// left.
     pub(crate) fn load(
         from: &mut Reader<'_>,
         group: Arc<GroupRecord>,

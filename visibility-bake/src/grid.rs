@@ -1,14 +1,14 @@
-//! Grids of viewcells: boxes of equal size, over a box or along a walk. The *place* of a box is its position
-//! in the grid, as x, y and z: how many boxes lie between the origin and the box on each axis, negative below
-//! the origin.
+//! Grids of viewcells: boxes of equal size, that fill a region or follow a walk. The *place* of a box is its
+//! position in the grid as x, y and z: the number of boxes between the origin and the box on each axis,
+//! negative below the origin.
 
 use std::collections::BTreeSet;
 use std::fmt;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 
-/// A grid of equal boxes in world space. Some of them become viewcells. Neighbours share their faces to the
-/// last bit, so that no eye is between two viewcells.
+/// A grid of equal boxes in world space, some of which become viewcells. Neighbours share their faces
+/// exactly, so that no eye is between two viewcells.
 ///
 /// ```
 /// use visibility_bake::Grid;
@@ -28,8 +28,8 @@ pub struct Grid {
     pub(crate) stop: Stop,
 }
 
-/// Function that returns whether the making of viewcells should end. Two grids that differ in it alone are
-/// equal.
+/// Function that returns whether the computation of viewcells should stop. It is ignored when grids are
+/// compared.
 #[derive(Clone, Copy)]
 pub(crate) struct Stop(fn() -> bool);
 
@@ -47,7 +47,7 @@ impl fmt::Debug for Stop {
 
 impl Stop {
     /// Calls the function if `number` is a multiple of 1024. Returns [`GridError::Stopped`] if the function
-    /// returns true.
+    /// then returns true.
     pub(crate) fn check(self, number: usize) -> Result<(), GridError> {
         if number.is_multiple_of(1024) && (self.0)() { Err(GridError::Stopped) } else { Ok(()) }
     }
@@ -59,18 +59,18 @@ impl Stop {
 pub enum GridError {
     /// The size of a box is not positive and finite on each axis, or the origin is not finite.
     Size,
-    /// There would be more viewcells than [`Grid::LIMIT`].
+    /// The viewcells would be more than [`Grid::LIMIT`].
     Count {
-        /// Number of viewcells over the box or along the walk. A viewcell passed twice counts twice.
-        /// `u128::MAX` for any larger number.
+        /// Number of viewcells in the region or along the walk. A viewcell that is passed twice counts twice.
+        /// `u128::MAX` also stands for any larger number.
         count: u128,
     },
-    /// The box or the walk is not finite, or would give more viewcells than [`Grid::LIMIT`]; or a flood of
+    /// The region or the walk is not finite, or would give more viewcells than [`Grid::LIMIT`]; or a flood of
     /// free space, or the triangles in columns of viewcells, would take more than four gigabytes.
     TooMany,
     /// The function of [`Grid::with_stop`] has returned true.
     Stopped,
-    /// The distance that a camera keeps from surfaces is not positive, or too small for the size of the
+    /// The distance that a camera keeps from surfaces is not positive, or is too small for the size of the
     /// viewcells.
     Radius,
 }
@@ -97,10 +97,10 @@ impl fmt::Display for GridError {
 impl std::error::Error for GridError {}
 
 impl Grid {
-    /// Greatest number of viewcells that a call returns.
+    /// Greatest number of viewcells that a call may return.
     pub const LIMIT: usize = 1 << 24;
 
-    /// Makes a grid with a corner of a box at `origin`. `size` is that of a box, in metres.
+    /// Makes a grid of boxes that are `size` metres large. One of them has its least corner at `origin`.
     ///
     /// # Errors
     /// [`GridError::Size`] if `size` is not positive and finite on each axis, or `origin` is not finite.
@@ -110,15 +110,16 @@ impl Grid {
         if is_positive && origin.is_finite() { Ok(Self { origin, size, stop }) } else { Err(GridError::Size) }
     }
 
-    /// Returns the grid with a function that is called now and then while viewcells are made. Once it returns
-    /// true, the call fails with [`GridError::Stopped`].
+    /// Sets a function that is called now and then while viewcells are computed. Once it returns true, the
+    /// call fails with [`GridError::Stopped`].
     #[must_use]
     pub fn with_stop(self, stop: fn() -> bool) -> Self {
         Self { stop: Stop(stop), ..self }
     }
 
-    /// Returns the viewcells that together contain the box from `min` to `max`, along x first. A box of the
-    /// grid that only touches it from outside is left out. Empty if `min` is greater than `max` on an axis.
+    /// Returns the viewcells that together contain the region from `min` to `max`, ordered along x first. A
+    /// box of the grid that only touches the region from outside is left out. Empty if `min` is greater than
+    /// `max` on an axis.
     ///
     /// # Errors
     /// [`GridError::Count`] for more viewcells than [`LIMIT`](Self::LIMIT); [`GridError::TooMany`] if a
@@ -139,20 +140,20 @@ impl Grid {
         Ok(places.map(|at| self.cell([0, 1, 2].map(|axis| first[axis] + at[axis]))).collect())
     }
 
-    /// Returns the viewcells that a walk passes through, in ascending order of z, y and x. The walk goes in
-    /// straight lines from each point of `walk` to the next. Takes time in proportion to the number of
-    /// viewcells passed through, each counted as often as it is.
+    /// Returns the viewcells through which a walk passes, in ascending order of z, y and x. The walk goes in
+    /// straight lines from each point of `walk` to the next. Time is proportional to the number of viewcells
+    /// passed, where a viewcell counts as often as it is passed.
     ///
     /// # Errors
-    /// [`GridError::Count`] for more viewcells than [`LIMIT`](Self::LIMIT), counted so;
-    /// [`GridError::TooMany`] if a point is not finite, or 4.5e15 boxes or more from the origin;
-    /// [`GridError::Stopped`] if the function of [`with_stop`](Self::with_stop) returned true.
+    /// [`GridError::Count`] for more viewcells than [`LIMIT`](Self::LIMIT), where a viewcell counts as often
+    /// as it is passed; [`GridError::TooMany`] if a point is not finite, or is 4.5e15 or more boxes from the
+    /// origin; [`GridError::Stopped`] if the function of [`with_stop`](Self::with_stop) returned true.
     pub fn along(&self, walk: &[DVec3]) -> Result<Vec<Viewcell>, GridError> {
         Ok(self.passed(walk)?.into_iter().map(|place| self.cell(place)).collect())
     }
 
-    /// Returns the places in the grid of the boxes that a walk, in straight lines from point to point, passes
-    /// through, in ascending order of z, y and x.
+    /// Returns the places of the boxes through which a walk passes, in ascending order of z, y and x. The
+    /// walk goes in straight lines from point to point.
     pub(crate) fn passed(&self, walk: &[DVec3]) -> Result<Vec<[i64; 3]>, GridError> {
         Self::check_count(self.count_passed(walk)?)?;
         let (mut found, mut asked) = (BTreeSet::new(), 0);
@@ -183,13 +184,13 @@ impl Grid {
         Ok(found.into_iter().map(|[z, y, x]| [x, y, z]).collect())
     }
 
-    /// Returns an upper bound on the number of boxes that a walk passes through, each counted as often as it
-    /// is.
+    /// Returns an upper bound on the number of boxes through which a walk passes. A box counts as often as it
+    /// is passed.
     pub(crate) fn count_passed(&self, walk: &[DVec3]) -> Result<u128, GridError> {
         let mut count = 0u128;
         for (number, &to) in walk.iter().enumerate() {
             let (start, end) = (self.place(walk[number.saturating_sub(1)])?, self.place(to)?);
-            // A segment passes one box, and one more for each face that it crosses.
+            // A segment passes its first box, and one more box at each face that it crosses.
             count += 1 + (0..3).map(|axis| u128::from(start[axis].abs_diff(end[axis]))).sum::<u128>();
         }
         Ok(count)
@@ -200,21 +201,21 @@ impl Grid {
         if count > Self::LIMIT as u128 { Err(GridError::Count { count }) } else { Ok(()) }
     }
 
-    /// Returns the place in the grid of the box that contains a point in world space: for each axis, how many
-    /// boxes lie between the origin and this box, negative below the origin. A point on a face is in the box
-    /// above the face.
+    /// Returns the place of the box that contains a point in world space: for each axis, the number of boxes
+    /// between the origin and this box, negative below the origin. A point on a face is in the box above the
+    /// face.
     ///
     /// # Errors
-    /// [`GridError::TooMany`] if a coordinate of the point is NaN or infinite, or 4.5e15 boxes or more from
+    /// [`GridError::TooMany`] if a coordinate of the point is NaN or infinite, or 4.5e15 or more boxes from
     /// the origin, where both faces of a box may round to the same coordinate.
     pub(crate) fn place(&self, p: DVec3) -> Result<[i64; 3], GridError> {
         let at = ((p - self.origin) / self.size).floor();
-        // Beyond 2^52 boxes have no extent.
+        // Beyond 2^52 boxes, the faces of a box are not distinct.
         if !at.abs().cmplt(DVec3::splat(4.5e15)).all() {
             return Err(GridError::TooMany);
         }
         Ok([0, 1, 2].map(|axis| {
-            // The quotient may round to the other side of a face.
+            // Rounding may put the quotient on the other side of a face.
             let place = at[axis] as i64;
             let is_below = p[axis] < self.face(axis, place);
             let is_above = p[axis] >= self.face(axis, place + 1);
@@ -222,9 +223,9 @@ impl Grid {
         }))
     }
 
-    /// Returns the places of the first and of the last box of the grid, both included, of the range that
-    /// contains the region from `min` to `max` in world space: `[first, last]`, each as x, y and z. A box of
-    /// the grid that only touches the region from outside is left out.
+    /// Returns the places of the first and the last box of the range that contains the region from `min` to
+    /// `max` in world space: `[first, last]`, each as x, y and z, both included. A box that only touches the
+    /// region from outside is not in the range.
     ///
     /// `min` must not be greater than `max` on any axis.
     ///
@@ -239,7 +240,7 @@ impl Grid {
         Ok([first, last])
     }
 
-    /// Returns the coordinate in world space of the lower face of the boxes at a place on an axis.
+    /// Returns the coordinate in world space of the lower face of the boxes at position `place` on an axis.
     pub(crate) fn face(&self, axis: usize, place: i64) -> f64 {
         self.origin[axis] + place as f64 * self.size[axis]
     }
@@ -277,7 +278,8 @@ mod tests {
         }
     }
 
-    /// Coordinates on, just before and just after each face of some boxes on an axis, and in their middles.
+    /// Returns coordinates on, just before and just after each face of some boxes on an axis, and in their
+    /// middles.
     fn around_faces(grid: &Grid, axis: usize) -> Vec<f64> {
         let all = (-4..9).flat_map(|place| {
             let face = grid.face(axis, place);
@@ -286,8 +288,8 @@ mod tests {
         all.collect()
     }
 
-    /// Points, boxes and walks whose ends are on or next to faces are in their viewcells, to the last bit. A
-    /// viewcell that only touches a box from outside is left out.
+    /// Points, regions and walks with ends on or next to faces are contained in their viewcells, exactly. A
+    /// viewcell that only touches a region from outside is left out.
     #[test]
     fn viewcells_contain_what_ends_at_their_faces() {
         for (origin, size) in [(0.0, 1.0), (0.1, 0.1), (-7.3, 0.3), (1234.567, 0.7), (-1e6, 1.0 / 3.0)] {
@@ -354,7 +356,7 @@ mod tests {
                 "a walk to {far}"
             );
         }
-        // From a corner of the grid at 0, boxes of half a metre over 2^25 m.
+        // Boxes of half a metre, in a cube of 2^25 m that begins at the grid's origin.
         let (grid, far) =
             (Grid::new(DVec3::ZERO, DVec3::splat(0.5)).unwrap(), DVec3::splat(f64::from(1 << 25)));
         assert_eq!(

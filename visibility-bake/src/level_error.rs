@@ -4,7 +4,7 @@ use std::fmt;
 use std::io::ErrorKind;
 use std::path::PathBuf;
 
-/// Reasons why a level in a file cannot be written or read, or not within its limit of memory.
+/// Reasons why a level in a file cannot be written or read, or why the limit of memory does not suffice.
 #[derive(Clone, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum LevelError {
@@ -15,25 +15,25 @@ pub enum LevelError {
         /// Kind of the error that the system reports.
         kind: ErrorKind,
     },
-    /// The content of an object in the file differs from the content that was written.
+    /// The content of an object in the scratch file differs from the content that was written.
     Content {
         /// Path of the scratch file.
         path: PathBuf,
-        /// Index of the object whose content is damaged.
+        /// Index of the object whose content has changed.
         object: u32,
-        /// Offset in bytes of the object's content.
+        /// Offset in bytes of the object's content in the file.
         offset: u64,
     },
-    /// Some step of the bake is estimated to need more memory at one time than the limit allows.
+    /// A step of the bake is estimated to need more memory at one time than the limit allows.
     Memory {
         /// The limit in bytes.
         limit: u64,
-        /// Least limit in bytes with which the failed step could have gone on.
+        /// Least limit in bytes with which the failed step could have continued.
         needed: u64,
     },
     /// The origin of the level is not finite.
     Origin,
-    /// There are more objects, or more triangles of one object, than 32 bits count.
+    /// There are more objects, or more triangles of one object, than 32 bits can count.
     TooMany,
 }
 

@@ -1,17 +1,18 @@
-//! From a level to a file: what can be seen from each viewcell of a scene, with bounds on the error, baked on
-//! one machine or in shards on many.
+//! From a level to a file: the objects visible from each viewcell of a scene, with bounds on the error, baked
+//! on one machine or in shards on many.
 //!
 //! - A [`Grid`] makes viewcells: over a box, along a walk, [where a camera can be](Grid::free), or [above
 //!   walkable triangles](Grid::above).
-//! - [`SandwichBaker`] finds for each viewcell the objects that are seen for certain and those that are not
-//!   proven hidden, by methods from cheap to exact, until what lies between is below a stated
+//! - [`SandwichBaker`] finds for each viewcell the objects that are certainly seen and those that are not
+//!   proven hidden, by methods from cheap to exact, until the difference is below a given
 //!   [gap](SandwichSettings::with_gap).
-//! - [`Shard`] is the result for a range of viewcells, as bytes that another process can [assemble].
-//! - [`BakeCache`] keeps results by what they depend on, so that a bake of an edited level works on what the
-//!   edit can have changed.
-//! - [`BakedSet`] is the file that a game loads: viewcells and potentially visible sets.
+//! - [`Shard`] is the result for a range of viewcells, as bytes that another process can [assemble] with
+//!   others.
+//! - [`BakeCache`] keeps results with hashes of their input, so that a bake of an edited level only repeats
+//!   work that the edit affects.
+//! - [`BakedSet`] is the file that a game loads: viewcells with their potentially visible sets.
 //!
-//! What was not worked on counts as visible, always.
+//! Objects that were not worked on always count as visible.
 //!
 //! Based on: the query architecture of Shaun Nirenstein, Edwin Blake and James Gain, "Exact From-Region
 //! Visibility Culling", 2002; Fredo Durand, George Drettakis, Joelle Thollot and Claude Puech, "Conservative

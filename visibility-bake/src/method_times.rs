@@ -4,7 +4,7 @@ use std::iter::Sum;
 use std::time::Duration;
 use visibility_core::binary_format::{FormatError, Reader, Writer};
 
-/// Time spent on a viewcell, or on several, by each method.
+/// Time spent by each method on one viewcell or on several.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[non_exhaustive]
 pub struct MethodTimes {
@@ -12,7 +12,7 @@ pub struct MethodTimes {
     pub sweep: Duration,
     /// Time of the rays, and of preparing the triangles for them.
     pub rays: Duration,
-    /// Time of the proofs, searches that failed included.
+    /// Time of the proofs, including failed searches for proofs.
     pub proofs: Duration,
 }
 

@@ -1,18 +1,18 @@
-//! A sweep of the tiles around a viewcell from near to far, which opens only the tiles that are seen.
+//! A sweep of the tiles around a viewcell from near to far, which opens only tiles that are not hidden.
 //!
-//! The nearest objects are swept together with the bounds of all tiles farther away, which occlude nothing.
-//! Objects and tiles that are hidden are dropped. The tiles left are opened: in the next sweep their objects
-//! and the tiles below are tested, by their bounds, and the nearest of the objects that were tested before
-//! occlude from now on, twice as many as in the sweep before. And so on, until no tile is left that is not
-//! opened. What a hidden object would occlude is hidden behind others anyway, so that nothing is lost but the
-//! time. The cost follows what is seen, not the size of the level.
+//! First the nearest objects are swept together with the bounds of all tiles farther away, which do not
+//! occlude. Hidden objects and tiles are dropped. The remaining tiles are opened: the next sweep tests their
+//! objects and the tiles below, by their bounds. In it, the nearest of the objects tested before occlude as
+//! well, twice as many as in the sweep before. This is repeated until all remaining tiles are opened. An
+//! object that a hidden object would occlude is also hidden behind other objects, so that nothing is lost by
+//! dropping hidden ones. The cost depends on how much is visible, not on the size of the level.
 //!
-//! A group of viewcells is swept from the box around it. From some groups much more is seen than from their
-//! viewcells, as where the box reaches across walls: if the occluders exceed a weight, both halves of the
-//! group are swept in its place, and what one of them leaves is left.
+//! A group of viewcells is swept from the box around it. Such a box may see much more than its viewcells do,
+//! for example if it extends across walls. If the occluders exceed a limit of weight, both halves of the
+//! group are swept instead, and an object is left if one of these sweeps leaves it.
 //!
-//! Only the tiles that were opened have a say in what is left. If all of them are what they were, so is the
-//! result: [`Trace::replay`].
+//! Only the opened tiles affect which objects are left. If all of them are unchanged, so is the result:
+//! [`Trace::replay`].
 
 use crate::cell_groups;
 use crate::level_error::LevelError;
@@ -25,41 +25,42 @@ use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Object, ObjectId, Scene, VisibleSet};
 use visibility_region::ExtendedProjectionCuller;
 
-/// Greatest ratio of a tile's extent to its distance in the first sweep. A tile with tiles below is opened if
-/// its ratio is greater. Each further sweep halves the limit.
+/// Greatest ratio of a tile's extent to its distance in the first sweep. A tile with a greater ratio and with
+/// tiles below is opened. Each further sweep halves the limit.
 const COARSEST: f64 = 0.1;
 
-/// If the objects that do not occlude yet weigh at most this much together, they are left as visible without
-/// a further sweep.
+/// If the remaining objects that do not occlude yet have at most this weight together (triangles plus 4 per
+/// object), they count as visible without a further sweep.
 const FEW: u64 = 4096;
 
 /// A tile that a sweep has opened.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) struct Opened {
-    /// Position of the tile above in the list of opened tiles. The root has its own position.
+    /// Position, in the list of opened tiles, of the tile above. The root has its own position.
     parent: u32,
-    /// Number of the tile among the children of the tile above, or [`WHOLE`].
+    /// Index of the tile among the children of the tile above, or [`WHOLE`].
     child: u32,
     /// Hash of the data that opening the tile reveals: its objects, and the bounds of the tiles below.
     hash: u64,
 }
 
-/// Record of a sweep: the tiles that it opened, and the objects that it has not hidden.
+/// Record of a sweep: the tiles that it opened, and the objects that it did not hide.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub(crate) struct Trace {
-    /// Opened tiles in the order of opening, the root first. [`WHOLE`] alone if all tiles were swept at once.
+    /// Opened tiles in the order of opening, the root first. Only [`WHOLE`] if all tiles were swept at once.
     opened: Vec<Opened>,
     /// Objects not found hidden, ascending. Each is `[tile, object]`: the position of the object's tile in
     /// `opened`, and the position of the object in the tile's own list. If all tiles were swept at once, the
-    /// first number is 0, and the second is the position of the object in [`TileTree::order`]. These two
-    /// numbers are called the *place* of the object.
+    /// first number is 0, and the second is the position of the object in [`TileTree::order`]. The pair is
+    /// called the *place* of the object.
     left: Vec<[u32; 2]>,
 }
 
-/// Child number that stands for all tiles. Its hash is that of the tree.
+/// Child index that stands for all tiles. The hash is then that of the tree.
 const WHOLE: u32 = u32::MAX;
 
-/// In a sweep from near to far: a tile that is not opened yet, or an object that does not occlude yet.
+/// A candidate in a sweep from near to far: a tile that is not opened yet, or an object that does not occlude
+/// yet.
 #[derive(Clone, Copy)]
 struct Waiting {
     what: What,
@@ -69,15 +70,15 @@ struct Waiting {
 
 #[derive(Clone, Copy)]
 enum What {
-    /// Number of the tile, position of the tile above in the list of opened tiles, and the tile's number
-    /// among the children there.
+    /// A tile: its number, the position in the list of opened tiles of the tile above, and its index among
+    /// that tile's children.
     Tile { tile: u32, parent: u32, child: u32 },
-    /// Place of the object as in [`Trace::left`], and number of the object.
+    /// An object: its place as in [`Trace::left`], and its number.
     Object { place: [u32; 2], number: u32 },
 }
 
-/// Returns the objects that a sweep leaves, by ascending index. Once `stop` returns true, no more objects are
-/// found hidden.
+/// Returns the objects that a sweep leaves, by ascending index. Once `stop` returns true, no further objects
+/// are found hidden.
 pub(crate) fn swept(
     sweep: &mut ExtendedProjectionCuller,
     scene: &Scene,
@@ -96,20 +97,20 @@ pub(crate) fn ids_of(visible: &VisibleSet, scene: &Scene) -> Vec<ObjectId> {
     ids
 }
 
-/// Returns the distance in metres of a box, relative to `origin`, from a viewcell in world space. 0 if the
-/// two touch, or if the distance is infinite or NaN, as for a viewcell without a point.
+/// Returns the distance in metres between a box, relative to `origin`, and a viewcell in world space. 0 if
+/// the two touch, or if the distance is infinite or NaN, as for an empty viewcell.
 fn distance(bounds: &Aabb, cell: &Viewcell, origin: DVec3) -> f64 {
     let (min, max) = (cell.min - origin, cell.max - origin);
     let gap = (bounds.min.as_dvec3() - max).max(min - bounds.max.as_dvec3()).max(DVec3::ZERO).length();
     if gap.is_nan() || gap == f64::INFINITY { 0.0 } else { gap }
 }
 
-/// Sweeps the level from the box around the viewcells with the numbers `members`: in tiles from near to far
-/// with the culler `sweep`, or all at once with the culler `whole`, which is made if it is `None`. Once
-/// `stop` returns true, no more objects are found hidden, and objects of unopened tiles are left. With
-/// `stop`, the group is not divided, since its result would be lost if the time ended before the last part.
-/// All tiles are then swept at once if the memory allows: sweeps from near to far save time only where most
-/// tiles are hidden early.
+/// Sweeps the level from the box around the viewcells with the numbers `members`: from near to far, tile by
+/// tile, with the culler `sweep`, or all tiles at once with the culler `whole`, which is created if it is
+/// `None`. Once `stop` returns true, no further objects are found hidden, and objects of unopened tiles are
+/// left. With `stop`, the group is not divided, since its result would be lost if the time ended before the
+/// last part. All tiles are then swept at once if the memory suffices: sweeps from near to far save time only
+/// where most tiles are hidden early.
 pub(crate) fn sweep_near_to_far(
     level: &TiledScene<'_>,
     all: &[Viewcell],
@@ -146,25 +147,26 @@ pub(crate) fn sweep_near_to_far(
     Ok(trace)
 }
 
-/// Tiles and objects around the viewcells of a group or of a part of it, in a sweep from near to far.
+/// State of a sweep from near to far: the tiles and objects around the viewcells of a group or of a part of
+/// it.
 struct Around<'a> {
     level: &'a TiledScene<'a>,
     cell: &'a Viewcell,
-    /// Record of the opened tiles, shared by all parts of the group.
+    /// Record of the opened tiles, shared by the sweeps from all parts of the group.
     trace: &'a mut Trace,
-    /// Position of each opened tile in the record, by number of the tile.
+    /// For each opened tile, by its number, its position in the record.
     places: &'a mut HashMap<u32, u32>,
-    /// Objects that occlude and are not hidden: the [place](Trace::left) and the number of each.
+    /// The [place](Trace::left) and the number of each object that occludes and is not found hidden.
     occluding: Vec<([u32; 2], u32)>,
-    /// Tiles and objects that are not hidden and do not occlude yet.
+    /// Tiles and objects that are not found hidden and do not occlude yet.
     waiting: Vec<Waiting>,
-    /// Function that returns true once no more objects are to be found hidden.
+    /// Returns true once no further objects are to be found hidden.
     stop: &'a dyn Fn() -> bool,
 }
 
 impl Around<'_> {
     /// Sweeps until all tiles that are not hidden are opened. Returns false, without a result, if the weight
-    /// of the occluders exceeds `most`.
+    /// of the occluders (triangles plus 4 per object) exceeds `most`.
     fn sweep_all(&mut self, sweep: &mut ExtendedProjectionCuller, most: u64) -> Result<bool, LevelError> {
         self.open(What::Tile { tile: 0, parent: 0, child: 0 });
         let (mut portion, mut coarsest) = (self.level.first_weight, COARSEST);
@@ -201,8 +203,7 @@ impl Around<'_> {
         self.occluding.iter().map(|&(place, _)| place).chain(waiting).collect()
     }
 
-    /// Opens a tile: adds it to the opened ones, and its objects and the tiles directly below to the waiting
-    /// ones.
+    /// Opens a tile: adds it to the record, and its objects and the tiles directly below it to `waiting`.
     fn open(&mut self, what: What) {
         let What::Tile { tile, parent, child } = what else { return };
         let tree = &self.level.tree;
@@ -227,7 +228,7 @@ impl Around<'_> {
         self.waiting.extend(below);
     }
 
-    /// Opens all tiles with tiles below whose ratio of extent to distance is more than `coarsest`.
+    /// Opens all waiting tiles that have tiles below and a ratio of extent to distance above `coarsest`.
     fn open_large(&mut self, coarsest: f64) {
         let mut at = 0;
         while let Some(&waiting) = self.waiting.get(at) {
@@ -249,8 +250,8 @@ impl Around<'_> {
         }
     }
 
-    /// Turns the nearest of the waiting objects into occluders, until the weight of the new occluders is at
-    /// least `portion`.
+    /// Turns the nearest waiting objects into occluders, until the weight of the new occluders (triangles
+    /// plus 4 per object) is at least `portion`.
     fn load(&mut self, portion: u64) {
         self.waiting.sort_by(|a, b| a.distance.total_cmp(&b.distance));
         let mut weight = 0;
@@ -264,7 +265,7 @@ impl Around<'_> {
         });
     }
 
-    /// Drops the tiles and objects that a sweep with the present occluders finds hidden.
+    /// Removes the tiles and objects that a sweep with the present occluders finds hidden.
     fn sweep(&mut self, sweep: &mut ExtendedProjectionCuller) -> Result<(), LevelError> {
         let numbers: Vec<u32> = self.occluding.iter().map(|&(_, number)| number).collect();
         let boxes = self.waiting.iter().map(|waiting| match waiting.what {
@@ -283,8 +284,8 @@ impl Around<'_> {
         Ok(())
     }
 
-    /// Opens waiting tiles, the nearest first, until the sum of `measure` (a size of one tile) over the
-    /// opened tiles is at least `enough`, or no tile waits.
+    /// Opens waiting tiles, nearest first, until the sum of `measure` (a size of one tile) over the opened
+    /// tiles is at least `enough`, or no tile is waiting.
     fn open_nearest(&mut self, enough: u64, measure: fn(&Tile) -> u64) {
         let is_tile = |waiting: &Waiting| matches!(waiting.what, What::Tile { .. });
         let (mut tiles, objects): (Vec<Waiting>, Vec<Waiting>) = self.waiting.drain(..).partition(is_tile);
@@ -302,14 +303,13 @@ impl Around<'_> {
         }
     }
 
-    /// Returns the sum of the [weights](crate::object_facts::ObjectFacts::weight) of the objects that
-    /// occlude.
+    /// Returns the sum of the [weights](crate::object_facts::ObjectFacts::weight) of the present occluders.
     fn occluding_weight(&self) -> u64 {
         self.occluding.iter().map(|&(_, number)| self.level.objects[number as usize].weight()).sum()
     }
 
-    /// Returns the sum of the [weights](crate::object_facts::ObjectFacts::weight) of the objects that do not
-    /// occlude yet. `None` if a tile is not opened yet.
+    /// Returns the sum of the [weights](crate::object_facts::ObjectFacts::weight) of the waiting objects.
+    /// `None` if a tile is waiting too.
     fn waiting_weight(&self) -> Option<u64> {
         let weight = |waiting: &Waiting| match waiting.what {
             What::Object { number, .. } => Some(self.level.objects[number as usize].weight()),
@@ -320,23 +320,23 @@ impl Around<'_> {
 }
 
 impl Trace {
-    /// Returns the trace for a group that is not swept: all objects are left.
+    /// Returns the trace for a group that is not swept: it leaves all objects.
     pub(crate) fn of_all(tree: &TileTree) -> Self {
         Self::of_whole(tree, 0..tree.order.len() as u32)
     }
 
-    /// Returns the trace of a sweep of all tiles at once. `left` are the objects that it has not hidden, by
-    /// their positions in [`TileTree::order`].
+    /// Returns the trace of a sweep of all tiles at once. `left` are the positions in [`TileTree::order`] of
+    /// the objects that it did not hide.
     fn of_whole(tree: &TileTree, left: impl IntoIterator<Item = u32>) -> Self {
         let opened = vec![Opened { parent: 0, child: WHOLE, hash: tree.hash }];
         Self { opened, left: left.into_iter().map(|place| [0, place]).collect() }
     }
 
-    /// Returns the numbers of the objects left, tile by tile in the order of opening, if all tiles that were
-    /// opened are unchanged. `None` if one has changed.
+    /// Returns the numbers of the objects left, tile by tile in the order of opening. `None` if an opened
+    /// tile has changed since the trace was recorded.
     pub(crate) fn replay(&self, tree: &TileTree) -> Option<Vec<u32>> {
         if let [Opened { child: WHOLE, hash, .. }] = self.opened[..] {
-            // Forged bytes may have an object twice, with another first number.
+            // Forged bytes may list an object twice, with different first numbers.
             let number =
                 |&[first, place]: &[u32; 2]| tree.order.get(place as usize).copied().filter(|_| first == 0);
             return self.left.iter().map(number).collect::<Option<_>>().filter(|_| hash == tree.hash);
@@ -350,7 +350,7 @@ impl Trace {
                 let parent = *tiles.get(opened.parent as usize)?;
                 tree.tiles[parent as usize].children.clone().nth(opened.child as usize)?
             };
-            // Forged bytes may open a tile twice, and would have all of its objects twice.
+            // Forged bytes may open a tile twice, which would list its objects twice.
             let is_again = std::mem::replace(&mut is_opened[tile as usize], true);
             if is_again || tree.tiles[tile as usize].hash != opened.hash {
                 return None;
@@ -372,7 +372,7 @@ impl Trace {
         to.u32s(self.left.iter().flatten().copied());
     }
 
-    /// Reads what [`save`](Self::save) has written.
+    /// Reads a trace that [`save`](Self::save) has written.
     pub(crate) fn load(from: &mut Reader<'_>) -> Result<Self, FormatError> {
         let mut trace = Self::default();
         for _ in 0..from.u32()? {
@@ -399,8 +399,8 @@ mod tests {
     use visibility_core::pvs::Viewcells;
     use visibility_testing::{Random, is_clear};
 
-    /// A town of blocks of houses with yards, 240 m wide, with some towers, and things in the streets and in
-    /// the yards; a sign that is never culled, and a cloud without bounds.
+    /// Makes a town 240 m wide: blocks of houses with yards, some towers, small objects in streets and yards,
+    /// a sign that is never culled, and a cloud without finite bounds.
     fn town(random: &mut Random) -> Scene {
         let mut scene = Scene::new();
         let mut add = |min: [f32; 3], max: [f32; 3], occluder: bool| {
@@ -435,7 +435,7 @@ mod tests {
         scene
     }
 
-    /// Returns a level in small tiles of which few occlude at first.
+    /// Returns a level in small tiles, of which only a few occlude in the first sweep.
     fn in_small_tiles(scene: &Scene) -> TiledScene<'_> {
         let mut level = TiledScene::new(scene);
         (level.tree, level.first_weight) = (TileTree::with_leaves(&level.objects, 0, 200), 400);
@@ -509,13 +509,14 @@ mod tests {
         apart.sort_unstable();
         apart.dedup();
         assert!(apart.len() * 4 < objects(&whole).len() * 3, "{}", apart.len());
-        // The middle viewcell is far from the others: all of the town is around them.
+        // One viewcell is far from the others, so the box around all of them contains the whole town.
         let weight: u64 = level.objects.iter().map(|object| object.weight()).sum();
         for (most, expected) in [(weight, &objects(&whole)), (weight / 4, &apart)] {
             level.most_weight = most;
             assert!(objects(&sweep_of_all(&level, &cells)) == *expected, "{most}");
         }
-        // What was opened before the group was divided counts as opened, and each tile once.
+        // Tiles that were opened before the group was divided are in the trace too, and each tile is there
+        // once.
         let trace = sweep_of_all(&level, &cells);
         let mut tiles: Vec<[u32; 2]> =
             trace.opened[1..].iter().map(|opened| [opened.parent, opened.child]).collect();
@@ -599,7 +600,8 @@ mod tests {
         assert!(same > 50 && other > 20, "{same} the same, {other} not");
     }
 
-    /// With a limit of time groups are swept at once and undivided, and may leave other objects.
+    /// With a limit of time, groups are swept at once and undivided, and may leave other objects than without
+    /// a limit.
     #[test]
     fn what_a_bake_with_a_limit_caches_answers_no_whole_bake() {
         let scene = town(&mut Random(80));
@@ -621,7 +623,7 @@ mod tests {
             after.cells == whole.cells && after.cache == whole.cache,
             "a whole bake after one with a limit has the result of one without"
         );
-        // Another bake with a limit takes all.
+        // Another bake with a limit of time uses all cached results.
         let again = Bake::new(baker().with_time(Duration::from_secs(1)).with_cache(limited.cache)).run();
         assert!(
             again.cells == limited.cells && again.reused == cells.cells().len(),

@@ -1,4 +1,4 @@
-//! Facts of the objects of a level without their triangles, and hashes of the data that a bake depends on.
+//! Properties of a level's objects without their triangles, and hashes of the data that a bake depends on.
 
 use visibility_core::binary_format::Fingerprint;
 use visibility_core::glam::{Affine3A, DVec3};
@@ -6,11 +6,11 @@ use visibility_core::level_version::{level_object, object_hash};
 use visibility_core::scene::Triangles;
 use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, Scene};
 
-/// An object without its triangles and its occluder mesh.
+/// Properties of an object, without its triangles and its occluder mesh.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct ObjectFacts {
     pub bounds: Aabb,
-    /// Hash of the object with its triangles and occluder mesh, without the index.
+    /// Hash of the object with its triangles and occluder mesh, but without its index.
     pub hash: u64,
     /// Index of the object in its scene.
     pub index: u32,
@@ -37,7 +37,7 @@ impl ObjectFacts {
         Self { bounds, hash, index, cost, layers, triangles, never_cull, occluder, one_sided, see_through }
     }
 
-    /// Returns the facts of an object of a scene, [as it counts in a level](level_object). `None` if the
+    /// Returns the properties of an object of a scene, [as a level counts it](level_object). `None` if the
     /// scene has no such object.
     pub(crate) fn of(scene: &Scene, id: ObjectId) -> Option<Self> {
         let (object, mesh) = level_object(scene, id)?;
@@ -55,8 +55,8 @@ impl ObjectFacts {
         self.never_cull || !self.bounds.is_finite()
     }
 
-    /// Returns the weight of the object, an estimate of time and memory of a sweep: its number of triangles
-    /// plus 4.
+    /// Returns the weight of the object, which estimates the time and memory of a sweep: its number of
+    /// triangles plus 4.
     pub(crate) fn weight(&self) -> u64 {
         4 + u64::from(self.triangles)
     }

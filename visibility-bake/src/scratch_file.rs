@@ -1,15 +1,16 @@
-//! The triangles and occluder meshes of a level in a file, in the order of the objects, with as many tiles of
-//! them in memory as a limit allows.
+//! A file with the triangles and occluder meshes of a level, in the order of the objects. As many tiles are
+//! kept in memory as a limit allows.
 //!
-//! The file is for the process that has written it, which knows where each object begins and the hash of its
-//! content, and removes it at the end. For each object there are, as little-endian words, the numbers of
-//! triangles, of the mesh's positions and of its triangles, 1 if the mesh is two-sided, and, if there is a
-//! mesh, the twelve numbers of its transform; then nine words for each triangle, three for each position, and
-//! three for each triangle of the mesh.
+//! Only the process that has written the file reads it. The process knows where each object begins and the
+//! hash of the object's content, and removes the file at the end. For each object the file has, as
+//! little-endian words: the number of triangles, the numbers of the mesh's positions and triangles, 1 if the
+//! mesh is two-sided, and, if there is a mesh, the twelve numbers of its transform. Then follow nine words
+//! for each triangle, three for each position, and three for each triangle of the mesh.
 //!
-//! Threads that work share the memory. A thread that asks for more than is free waits until others release
-//! theirs. If all others wait too, none would ever release any: the last one to ask has an error, gives up
-//! what it has, and begins anew when no other thread works ([`LevelFile::work`]).
+//! Working threads share the memory. A thread that requests more than is free waits until others release
+//! some. If all others are waiting too, none would ever release any, so the last thread to request memory
+//! gets an error instead. It releases what it has, and starts again when no other thread works
+//! ([`LevelFile::work`]).
 
 use crate::level_error::LevelError;
 use crate::object_facts::ObjectFacts;
@@ -31,22 +32,22 @@ const HEAD_WORDS: usize = 4;
 /// Number of words of a transform.
 const TRANSFORM_WORDS: usize = 12;
 
-/// Approximate bytes of memory per unit of weight of a loaded tile: a triangle and its part of the occluder
-/// mesh.
+/// Estimated memory in bytes of a loaded tile per unit of weight (triangles plus 4 per object): for a
+/// triangle and its part of the occluder mesh.
 const BYTES_PER_WEIGHT: u64 = 300;
 
-/// Approximate bytes of memory that an object takes while the level is open: its facts, the offset of its
-/// content, and its tile.
+/// Estimated memory in bytes that an object takes while the level is open: for its properties, the offset of
+/// its content, and its tile.
 const OBJECT_BYTES: u64 = 100;
 
-/// Content of an object: its triangles, and its occluder mesh with the transform to coordinates of the level.
+/// Content of an object: its triangles, and its occluder mesh with the transform to level coordinates.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct Content {
     pub triangles: Box<[Triangle]>,
     pub mesh: Option<(OccluderMesh, Affine3A)>,
 }
 
-/// A file that is removed when it is no longer needed.
+/// A file that is removed when this value is dropped.
 struct ScratchFile {
     path: PathBuf,
     file: File,
@@ -54,7 +55,7 @@ struct ScratchFile {
 
 impl Drop for ScratchFile {
     fn drop(&mut self) {
-        // What cannot be removed stays.
+        // A file that cannot be removed stays.
         let _ = std::fs::remove_file(&self.path);
     }
 }
@@ -65,23 +66,23 @@ impl ScratchFile {
     }
 }
 
-/// Writes the content of objects to a file, one after another.
+/// Writes the content of objects to a scratch file, one object after another.
 pub(crate) struct ContentWriter {
     scratch: ScratchFile,
     to: BufWriter<File>,
-    /// Offset in bytes of each object's content, by number of the object; then the end of the last.
+    /// Offset in bytes of each object's content, by the object's number, then the end of the last.
     offsets: Vec<u64>,
-    /// Scratch: the bytes of one object's content.
+    /// Scratch memory for the bytes of one object's content.
     bytes: Vec<u8>,
 }
 
 impl ContentWriter {
-    /// Creates the file, or overwrites it if it is a regular file.
+    /// Creates the file. An existing regular file is overwritten; anything else at the path is an error.
     pub(crate) fn create(path: PathBuf) -> Result<Self, LevelError> {
         let file = File::options().read(true).write(true).create(true).truncate(false).open(&path);
         let file = file.and_then(|file| match file.metadata()?.is_file() && !path.is_symlink() {
             true => file.set_len(0).map(|()| file),
-            // A device or a link would be lost at the end.
+            // A device or a link is refused, since the file is removed at the end.
             false => Err(std::io::ErrorKind::AlreadyExists.into()),
         });
         let file = file.map_err(|error| LevelError::File { path: path.clone(), kind: error.kind() })?;
@@ -90,8 +91,8 @@ impl ContentWriter {
         Ok(Self { scratch, to, offsets: vec![0], bytes: Vec::new() })
     }
 
-    /// Appends the content of an object: its triangles, and its occluder mesh with the transform to
-    /// coordinates of the level. `None` for an object without a mesh.
+    /// Appends the content of an object: its triangles, and its occluder mesh with the transform to level
+    /// coordinates. The mesh is `None` for an object without one.
     pub(crate) fn push(
         &mut self,
         triangles: Triangles<'_>,
@@ -115,8 +116,8 @@ impl ContentWriter {
         Ok(())
     }
 
-    /// Ends the file. The whole process must keep within `limit` bytes of memory, and already uses `in_use`
-    /// of them.
+    /// Completes the file. `limit` is the memory in bytes that the whole process may use, `in_use` the part
+    /// of it that is used already.
     pub(crate) fn finish(
         mut self,
         objects: &[ObjectFacts],
@@ -144,30 +145,32 @@ impl ContentWriter {
     }
 }
 
-/// File with the content of a level, and the tiles of it that are in memory.
+/// The file with the content of a level, and those of its tiles that are in memory.
 pub(crate) struct LevelFile {
     scratch: Mutex<ScratchFile>,
-    /// Offset in bytes of each object's content, by number of the object; then the end of the last.
+    /// Offset in bytes of each object's content, by the object's number, then the end of the last.
     offsets: Vec<u64>,
     /// Number of the tile of each object, by number of the object.
     tile_of: Vec<u32>,
     shared: Arc<Shared>,
-    /// Held by each thread that works on the level: as a reader together with others, or as the writer alone.
+    /// Each thread that works on the level holds this lock: as a reader together with others, or as a writer
+    /// alone.
     turn: RwLock<()>,
 }
 
-/// Account of the memory that threads and their [reservations](Reserved) share.
+/// The memory that threads and their [reservations](Reserved) share.
 struct Shared {
     memory: Mutex<Memory>,
-    /// Notified when memory is released, or a thread ends or suspends its work.
+    /// Notified when memory is released, and when a thread ends or suspends its work.
     changed: Condvar,
 }
 
-/// Memory of a level in a file. All sizes are estimates, in bytes.
+/// State of the memory for a level in a file. All sizes are estimates in bytes.
 struct Memory {
-    /// Greatest sum of `reserved` and `cached`.
+    /// Upper limit of the sum of `reserved` and `cached`.
     limit: u64,
-    /// Bytes that no release of tiles can free: those of [reservations](Reserved), and what is always in use.
+    /// Bytes that releasing tiles cannot free: those of [reservations](Reserved), and those that are always
+    /// in use.
     reserved: u64,
     /// Bytes of the tiles that are kept in memory.
     cached: u64,
@@ -175,11 +178,11 @@ struct Memory {
     requests: u64,
     /// Tiles that are loaded, by their numbers.
     tiles: HashMap<u32, LoadedTile>,
-    /// Number of threads that work and do not wait.
+    /// Number of threads that are working, without those that wait for memory.
     running: usize,
 }
 
-/// The content of a tile in memory.
+/// The content of a tile, held in memory.
 struct LoadedTile {
     content: Arc<[Content]>,
     bytes: u64,
@@ -188,8 +191,8 @@ struct LoadedTile {
 }
 
 impl Memory {
-    /// Releases tiles, least recently used first, until `bytes` are free. Returns false if they are not free
-    /// even without any tile.
+    /// Releases tiles, least recently used first, until `bytes` are free. Returns false if `bytes` would not
+    /// be free even without any tile.
     fn make_room(&mut self, bytes: u64) -> bool {
         let reserved = self.reserved.saturating_add(bytes);
         if reserved > self.limit {
@@ -204,7 +207,7 @@ impl Memory {
     }
 }
 
-/// Reservation of memory, until it is dropped.
+/// A reservation of memory, which ends when it is dropped.
 pub(crate) struct Reserved {
     shared: Arc<Shared>,
     bytes: u64,
@@ -217,13 +220,13 @@ impl Drop for Reserved {
     }
 }
 
-/// Work of a thread on the level, until it is dropped.
+/// A thread's right to work on the level, which ends when it is dropped.
 pub(crate) struct Working<'a> {
     file: &'a LevelFile,
     _turn: Turn<'a>,
 }
 
-/// The lock that a thread holds while it works.
+/// The lock that a thread holds while it works: shared with other threads or exclusive.
 enum Turn<'a> {
     Together { _guard: RwLockReadGuard<'a, ()> },
     Alone { _guard: RwLockWriteGuard<'a, ()> },
@@ -236,15 +239,14 @@ impl Drop for Working<'_> {
     }
 }
 
-/// Locks a mutex, even if a thread has panicked while it held the lock.
+/// Locks a mutex, also if a thread has panicked while it held the lock.
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl LevelFile {
-    /// Begins the work of a thread on the level. With `is_alone` true, waits until all other threads have
-    /// ended their work, and keeps others from beginning theirs. A thread must not call this again before its
-    /// work has ended.
+    /// Begins a thread's work on the level. With `is_alone`, waits until all other threads have ended their
+    /// work, and keeps others from beginning. A thread must not call this again until its work has ended.
     pub(crate) fn work(&self, is_alone: bool) -> Working<'_> {
         let _turn = if is_alone {
             Turn::Alone { _guard: self.turn.write().unwrap_or_else(PoisonError::into_inner) }
@@ -256,7 +258,7 @@ impl LevelFile {
     }
 
     /// Locks a mutex that another thread may hold while it waits for memory. While the calling thread waits,
-    /// it does not count as one that works. Only for threads that [work](Self::work).
+    /// it does not count as working. Only for threads that have called [`work`](Self::work).
     pub(crate) fn lock<'m, T>(&self, mutex: &'m Mutex<T>) -> MutexGuard<'m, T> {
         match mutex.try_lock() {
             Ok(guard) => guard,
@@ -271,8 +273,8 @@ impl LevelFile {
         }
     }
 
-    /// Reserves memory. Waits while there is not enough and another working thread, which may release some,
-    /// does not wait itself. [`LevelError::Memory`] if there is no such thread.
+    /// Reserves memory. If there is not enough, waits as long as another working thread is not waiting, since
+    /// that thread may release some. [`LevelError::Memory`] if there is no such thread.
     pub(crate) fn reserve(&self, bytes: u64) -> Result<Reserved, LevelError> {
         let mut memory = lock(&self.shared.memory);
         while !memory.make_room(bytes) {
@@ -288,8 +290,8 @@ impl LevelFile {
         Ok(Reserved { shared: self.shared.clone(), bytes })
     }
 
-    /// Calls `each` with the content of some objects, in the order of `numbers`, and with the position of
-    /// each in that list.
+    /// Calls `each` for some objects, in the order of `numbers`, with the object's position in that list and
+    /// its content.
     pub(crate) fn for_each(
         &self,
         objects: &[ObjectFacts],
@@ -304,7 +306,7 @@ impl LevelFile {
                 Some((of, content)) if of == tile => content,
                 _ => self.tile(objects, tree, tile)?,
             };
-            // Numbers ascend in a tile.
+            // Numbers are in ascending order within a tile.
             if let Ok(own) = tree.own(tile).binary_search(&at) {
                 each(place, &content[own]);
             }
@@ -329,7 +331,7 @@ impl LevelFile {
         }
         drop(memory);
         let bytes = BYTES_PER_WEIGHT * tree.tiles[tile as usize].weight;
-        // While it is read it is in memory, whether it stays there or not.
+        // While the tile is read it takes memory, whether or not it is kept afterwards.
         let reserved = self.reserve(bytes)?;
         let content =
             tree.own(tile).iter().map(|&at| self.read(&objects[at as usize], at)).collect::<Result<_, _>>();
@@ -343,7 +345,7 @@ impl LevelFile {
         Ok(content)
     }
 
-    /// Reads the content of an object, and checks its hash against the content written.
+    /// Reads the content of an object from the file, and compares its hash with that of the content written.
     fn read(&self, facts: &ObjectFacts, at: u32) -> Result<Content, LevelError> {
         let (offset, end) = (self.offsets[at as usize], self.offsets[at as usize + 1]);
         let mut bytes = vec![0; (end - offset) as usize];
@@ -367,14 +369,14 @@ impl LevelFile {
     }
 }
 
-/// Reads the content of an object. `None` if the bytes are not as many as their counts announce, or the mesh
-/// is invalid.
+/// Parses the content of an object. `None` if the number of bytes does not match the announced counts, or if
+/// the mesh is invalid.
 fn parse(bytes: &[u8]) -> Option<Content> {
     let mut words = bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     let mut next = || words.next();
     let [triangles, positions, faces, two_sided] = [next()?, next()?, next()?, next()?].map(|n| n as usize);
     let head = HEAD_WORDS + if faces > 0 { TRANSFORM_WORDS } else { 0 };
-    // The counts are checked against the length before anything is allocated by them.
+    // The counts are checked against the length before memory is allocated for them.
     let sizes = [(triangles, 9), (positions, 3), (faces, 3)];
     let expected = sizes.iter().try_fold(head, |sum, (n, each)| n.checked_mul(*each)?.checked_add(sum))?;
     if expected.checked_mul(4)? != bytes.len() {
@@ -404,7 +406,7 @@ fn parse(bytes: &[u8]) -> Option<Content> {
     Some(Content { triangles, mesh })
 }
 
-/// Returns the facts of an object.
+/// Returns the properties of an object with its triangles and mesh.
 ///
 /// # Errors
 /// [`LevelError::TooMany`] if the index is not below `u32::MAX`, or there are more triangles than 32 bits
@@ -471,7 +473,8 @@ mod tests {
             assert_eq!(places, 600, "objects passed");
         }
         assert!(loads > 600 && kept > 1, "{loads} times a tile, of which {kept} were kept at once");
-        // All but what is known may be reserved, and then no tile is left; what is reserved comes back.
+        // All memory that is not always in use can be reserved. Then no tile is left in memory. Reserved
+        // memory becomes free again.
         let all = file.reserve(300 * BYTES_PER_WEIGHT).unwrap();
         assert!(lock(&file.shared.memory).tiles.is_empty(), "tiles are left though all memory is reserved");
         assert!(matches!(file.reserve(1), Err(LevelError::Memory { .. })), "one byte more than the limit");
@@ -481,7 +484,7 @@ mod tests {
         assert!(!path.exists(), "the file is removed with the level");
     }
 
-    /// Returns a level without objects, and a number of bytes of memory for threads.
+    /// Returns a level without objects, with the given number of bytes of memory for threads.
     fn empty(name: &str, bytes: u64) -> LevelFile {
         let path = std::env::temp_dir().join(format!("visibility-{name}-{}", std::process::id()));
         let tree = TileTree::new(&[]);
@@ -492,7 +495,8 @@ mod tests {
     fn threads_wait_for_memory_and_no_two_wait_for_one_another() {
         let file = empty("wait", 100);
         let (in_use, given_up, shared) = (Mutex::new(0), Mutex::new(0), Mutex::new(()));
-        // Each thread needs nearly all of the memory, in two parts, and holds a mutex for some of the time.
+        // Each thread needs nearly all the memory, in two parts. Every second thread also holds a mutex
+        // meanwhile.
         let attempt = |file: &LevelFile, number: u64| {
             let _shared = number.is_multiple_of(2).then(|| file.lock(&shared));
             let first = file.reserve(40 + number)?;

@@ -1,5 +1,5 @@
-//! The search from one viewcell: rays find visible objects, then proofs find hidden ones among the rest. An
-//! object is *open* as long as it is neither seen nor proven hidden.
+//! The search from one viewcell: rays find visible objects, then proofs find hidden objects among the others.
+//! An object is *open* while it is neither seen nor proven hidden.
 
 use crate::bake_cache::{HIDDEN, OPEN, SEEN};
 use crate::settings::SandwichSettings;
@@ -7,33 +7,34 @@ use visibility_core::Scene;
 use visibility_core::pvs::Viewcell;
 use visibility_exact::{CellQuery, Effort, ExactSettings, SceneTriangles, Verdict};
 
-/// The search for answers from one viewcell, in the scene of the objects that its sweep has left. The objects
-/// of such a scene have consecutive indices from 0.
+/// The search from one viewcell, in the scene of the objects that the viewcell's sweep has left. The objects
+/// of this scene have consecutive indices from 0.
 pub(crate) struct Search<'a> {
-    /// Query from the viewcell. `None` if the viewcell cannot be used: then all objects stay open.
+    /// Query from the viewcell. `None` if the viewcell cannot be used, in which case all objects stay open.
     query: Option<CellQuery<'a>>,
-    /// Cost of each object in triangles, at least 0.001, by its index.
+    /// Cost of each object in triangles, at least 0.001, by the object's index.
     costs: Vec<f64>,
-    /// Greatest share of the cost of the reported objects that may stay open.
+    /// Greatest allowed ratio of the cost of open objects to the cost of seen and open objects.
     gap: f64,
-    /// Answer of each object, by its index: [`SEEN`], [`HIDDEN`] or [`OPEN`].
+    /// Answer for each object, by the object's index: [`SEEN`], [`HIDDEN`] or [`OPEN`].
     pub answers: Vec<u8>,
 }
 
-/// Method by which objects are proven hidden.
+/// Methods by which objects are proven hidden.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Method {
-    /// Proofs for boxes of objects, first for groups of objects.
+    /// Proofs for boxes: of groups of objects first, then of single objects.
     Boxes,
-    /// Proofs for all triangles of an object. The object is given up at the first triangle that takes long.
+    /// Proofs for all triangles of an object. Gives the object up at the first triangle that is not decided
+    /// quickly.
     QuickTriangles,
-    /// Proofs for all triangles of an object, which take a hundred times as long as those for boxes.
+    /// Proofs for all triangles of an object, which take a hundred times as long as proofs for boxes.
     Triangles,
 }
 
 impl<'a> Search<'a> {
-    /// Prepares the search. `answers` are the answers so far, by object index. The search ends once `stop`
-    /// returns true.
+    /// Prepares the search. `answers` are the answers known so far, by object index. The search ends once
+    /// `stop` returns true.
     pub(crate) fn new(
         scene: &Scene,
         cell: &Viewcell,
@@ -48,10 +49,10 @@ impl<'a> Search<'a> {
         let mut costs = Vec::new();
         for (id, answer) in scene.ids().zip(&mut answers) {
             let Ok(object) = scene.object(id) else { continue };
-            // An object without cost counts a little, so that it is not left open for nothing.
+            // An object without cost gets a small cost, so that it is not left open for free.
             costs.push(f64::from(object.cost).max(1e-3));
-            // What the frame never culls, a moving object for instance, is not hidden either where it stands
-            // now.
+            // Objects that are never culled, such as moving objects, must not be hidden by their present
+            // position.
             if object.never_cull || !object.bounds.is_finite() {
                 *answer = SEEN;
             }
@@ -70,7 +71,7 @@ impl<'a> Search<'a> {
         self.query.as_ref().map_or(0, CellQuery::steps)
     }
 
-    /// Casts rays at all open objects, and marks those that are seen.
+    /// Casts rays at all open objects, and records those that are seen.
     pub(crate) fn aim_rays(&mut self) {
         if let Some(query) = &mut self.query {
             query.look(&|_| true);
@@ -78,7 +79,7 @@ impl<'a> Search<'a> {
         self.read();
     }
 
-    /// Returns whether the open objects cost no more than the gap allows, so that no further proof is needed.
+    /// Returns whether the cost of the open objects is within the gap, so that no further proof is needed.
     pub(crate) fn is_met(&self) -> bool {
         self.cost(OPEN) <= self.allowed()
     }
@@ -88,14 +89,14 @@ impl<'a> Search<'a> {
         self.gap * (self.cost(SEEN) + self.cost(OPEN))
     }
 
-    /// Tries to prove open objects hidden until the gap is met, the most costly first.
+    /// Tries to prove open objects hidden, the most costly first, until the gap is met.
     pub(crate) fn prove(&mut self, method: Method) {
         let mut untried: Vec<usize> = (0..self.costs.len()).filter(|&at| self.answers[at] == OPEN).collect();
         untried.sort_by(|&a, &b| self.costs[b].total_cmp(&self.costs[a]).then(a.cmp(&b)));
         while !untried.is_empty() && !self.is_stopped() && !self.is_met() {
             let (mut open, allowed) = (self.cost(OPEN), self.allowed());
             let enough = match method {
-                // As many as must be decided to meet the gap: they are proven in groups.
+                // The number of objects that must be decided to meet the gap. They are proven in groups.
                 Method::Boxes => untried.iter().position(|&at| {
                     open -= self.costs[at];
                     open <= allowed
@@ -121,12 +122,12 @@ impl<'a> Search<'a> {
         some.map(|(_, cost)| cost).sum()
     }
 
-    /// Copies what the query has found to the answers.
+    /// Copies new verdicts of the query to `answers`.
     fn read(&mut self) {
         let Some(query) = &self.query else { return };
         for (id, verdict) in query.verdicts() {
             let answer = &mut self.answers[id.index()];
-            // What is known stays: seen objects that the frame never culls have another verdict.
+            // Known answers stay: the query has other verdicts for objects that are never culled.
             if *answer == OPEN {
                 *answer = match verdict {
                     Verdict::Seen(_) => SEEN,

@@ -15,35 +15,35 @@ pub struct SandwichSettings {
 }
 
 impl Default for SandwichSettings {
-    /// A gap of 5 %, a clearance of a tenth of a millimetre, 200 rays at each object.
+    /// Returns settings with a gap of 5 %, a clearance of 0.1 mm, and 200 rays for each object.
     fn default() -> Self {
         Self { gap: 0.05, clearance: 1e-4, rays: 200 }
     }
 }
 
 impl SandwichSettings {
-    /// Sets when proofs for a viewcell end, as a fraction from 0 to 1: when the
-    /// [cost](visibility_core::Object::cost) of the open objects is at most this fraction of the cost of all
-    /// objects that are reported. With 0, a proof is tried for every object that is not seen; with 1, for
-    /// none. NaN and numbers below 0 count as 0.
+    /// Sets when the proofs for a viewcell end: when the [cost](visibility_core::Object::cost) of the open
+    /// objects is at most `gap`, a fraction from 0 to 1, of the cost of all seen and open objects. With 0, a
+    /// proof is tried for every object that is not seen; with 1, for none. NaN and negative numbers count as
+    /// 0.
     pub fn with_gap(self, gap: f64) -> Self {
         Self { gap, ..self }
     }
 
-    /// Sets the clearance in metres: an object may be hidden if no line of sight to it keeps six times this
-    /// distance from all occluders. 0 gives a conservative bake, see
+    /// Sets the clearance in metres. An object may be hidden if no line of sight to it keeps six times this
+    /// distance from all occluders. A clearance of 0 gives a conservative bake, see
     /// [`Effort::Exact`](visibility_exact::Effort::Exact).
     pub fn with_clearance(self, clearance: f64) -> Self {
         Self { clearance, ..self }
     }
 
-    /// Returns the clearance in metres: see [`with_clearance`](Self::with_clearance).
+    /// Returns the clearance in metres, see [`with_clearance`](Self::with_clearance).
     pub fn clearance(&self) -> f64 {
         self.clearance
     }
 
-    /// Sets the number of rays aimed at each object before any proof is tried; 64 times as many go in all
-    /// directions.
+    /// Sets the number of rays aimed at each object before any proof is tried. 64 times as many rays are cast
+    /// in all directions.
     pub fn with_rays(self, rays: u32) -> Self {
         Self { rays, ..self }
     }

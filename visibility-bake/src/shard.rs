@@ -1,4 +1,4 @@
-//! Parts of a bake that were computed apart, by threads or machines, and their assembly.
+//! Parts of a bake that were computed separately, by threads or machines, and their assembly.
 
 use crate::cell_sandwich::CellSandwich;
 use crate::deflated::{deflated, inflated};
@@ -40,14 +40,14 @@ pub struct Shard {
 }
 
 impl Shard {
-    /// Bakes the range of a baker. For a level in a file, run the [`Bake`] yourself and look at
+    /// Runs the bake for the range of a baker. For a level in a file, run the [`Bake`] yourself and check
     /// [`SandwichOutcome::error`] before you make a shard with [`new`](Self::new).
     pub fn bake(baker: SandwichBaker<'_>) -> Self {
         let fingerprint = baker.whole_fingerprint();
         Self::new(fingerprint, Bake::new(baker).run())
     }
 
-    /// Makes a shard from the outcome of a bake with a
+    /// Makes a shard from the outcome of a bake and the bake's
     /// [fingerprint](SandwichBaker::whole_fingerprint).
     pub fn new(fingerprint: u64, outcome: SandwichOutcome) -> Self {
         Self { fingerprint, first: outcome.first, cells: outcome.cells }
@@ -84,18 +84,18 @@ impl Shard {
     }
 }
 
-/// Reasons why shards do not make a whole bake.
+/// Reasons why shards cannot be assembled to a whole bake.
 #[derive(Clone, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum AssembleError {
-    /// The shard at this position of the list is of another bake than the first: of another scene, other
-    /// viewcells or other settings.
+    /// The shard at this position of the list is from another bake than the first shard: from another scene,
+    /// other viewcells or other settings.
     OtherBake(usize),
-    /// The shard at this position of the list has viewcells beyond the last.
+    /// The shard at this position of the list has viewcells beyond the last viewcell of the bake.
     Range(usize),
-    /// The shard at this position of the list contradicts an earlier one.
+    /// The shard at this position of the list has another result for a viewcell than an earlier shard.
     Contradiction(usize),
-    /// No shard has the viewcells from the first number to before the second.
+    /// No shard contains the viewcells from the first number up to, but not including, the second.
     Missing(usize, usize),
 }
 
@@ -114,17 +114,17 @@ impl fmt::Display for AssembleError {
 
 impl std::error::Error for AssembleError {}
 
-/// Puts the shards of a bake of `count` viewcells together, in any order. A viewcell may be in several
-/// shards, as after a machine was given up too early, if these agree.
+/// Assembles the shards of a bake of `count` viewcells, given in any order. A viewcell may be in several
+/// shards, for example if a machine was believed to have failed, if these have the same result.
 ///
 /// # Errors
-/// [`AssembleError`] if shards are of different bakes, have viewcells from number `count` on or contradict
-/// one another, or a viewcell is in no shard.
+/// [`AssembleError`] if shards are from different bakes, have viewcells from number `count` on, or contradict
+/// one another, or if a viewcell is in no shard.
 pub fn assemble(
     count: usize,
     shards: impl IntoIterator<Item = Shard>,
 ) -> Result<Vec<CellSandwich>, AssembleError> {
-    // A map, so that memory is in proportion to what the shards hold, whatever `count` is.
+    // A map takes memory proportional to the content of the shards, whatever `count` is.
     let mut cells = BTreeMap::new();
     let mut whole = None;
     for (at, shard) in shards.into_iter().enumerate() {

@@ -1,9 +1,9 @@
 //! The tiles of a scene: an octree of objects whose content is loaded and hashed tile by tile.
 //!
-//! The tree depends on the objects alone, and an edit changes it near the objects that it moves: cells have
-//! edges of powers of two and corners at their multiples, whatever the bounds of the scene. The bounds of a
-//! tile are rounded outwards by up to a sixteenth of its edge, so that a house that is moved by a metre does
-//! not change what is known of its tile from afar.
+//! The tree depends on the objects alone, and an edit changes it only near the edited objects: edges of cells
+//! are powers of two and corners are multiples of these, whatever the bounds of the scene. The bounds of a
+//! tile are rounded outwards by up to a sixteenth of its edge, so that a house that moves by a metre does not
+//! change the distant view of its tile.
 
 use crate::object_facts::ObjectFacts;
 use std::ops::Range;
@@ -11,43 +11,43 @@ use visibility_core::Aabb;
 use visibility_core::binary_format::Fingerprint;
 use visibility_core::glam::{DVec3, Vec3};
 
-/// Greatest [weight](ObjectFacts::weight) of a tile without children. A tile whose objects all have one
-/// middle may exceed it.
+/// Greatest [weight](ObjectFacts::weight), triangles plus 4 per object, of a tile without children. A tile
+/// whose objects all have the same centre may exceed it.
 const LEAF: u64 = 128;
 
-/// Greatest weight of a level that is stored as one tile.
+/// Greatest weight (triangles plus 4 per object) of a level that is kept as a single tile.
 const WHOLE: u64 = 1 << 18;
 
-/// Greatest number of times that a cell is halved, beginning with an edge about as long as its objects'
-/// greatest distance from the origin along an axis.
+/// Greatest number of times that a cell is halved. The first edge is about the greatest distance of its
+/// objects from the origin along an axis.
 const DEPTH: i32 = 40;
 
-/// Bounds of a tile are rounded outwards to multiples of the cell's edge divided by two to this power.
+/// Bounds of tiles are rounded outwards to multiples of the cell's edge divided by 2 to this power.
 const ROUNDING: i32 = 4;
 
-/// Node of the tree: a tile with objects of its own, and the tiles below.
+/// Node of the tree: a tile with its own objects, and the tiles below it.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct Tile {
-    /// Bounds of all objects in this tile and below, in coordinates of the level, without those that are
-    /// never culled.
+    /// Bounds of all objects in this tile and below, in level coordinates, except objects that are never
+    /// culled.
     pub bounds: Aabb,
     /// Range of the numbers of the tiles directly below. Empty for a leaf.
     pub children: Range<u32>,
     /// Objects of the tile, as a range of [`TileTree::order`].
     pub own: Range<u32>,
-    /// Sum of the weights of the tile's objects.
+    /// Sum of the weights (triangles plus 4) of the tile's objects.
     pub weight: u64,
-    /// Hash of the data that opening the tile reveals: its objects in their order, and for each tile below
-    /// its bounds and whether it has tiles below.
+    /// Hash of the data that opening the tile reveals: its objects in their order, and for each tile directly
+    /// below, its bounds and whether it has tiles below.
     pub hash: u64,
 }
 
-/// The tiles of a scene. The root comes first. Its own objects are those that are never culled and those
+/// The tiles of a scene, the root first. The root's own objects are those that are never culled and those
 /// larger than all cells.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct TileTree {
     pub tiles: Vec<Tile>,
-    /// Numbers of objects, tile by tile, ascending in each.
+    /// Numbers of the objects, sorted by tile, and ascending within each tile.
     pub order: Vec<u32>,
     /// Hash of the contents of all tiles.
     pub hash: u64,
@@ -58,8 +58,8 @@ impl TileTree {
         Self::with_leaves(objects, WHOLE, LEAF)
     }
 
-    /// Makes the tree of a level's objects. `whole` is the greatest weight of a level that is one tile,
-    /// `leaf` the greatest weight of a tile without children.
+    /// Builds the tree of a level's objects. `whole` is the greatest weight (triangles plus 4 per object) of
+    /// a level that is one tile, `leaf` the greatest weight of a tile without children.
     pub(crate) fn with_leaves(objects: &[ObjectFacts], whole: u64, leaf: u64) -> Self {
         let weight = objects.iter().map(ObjectFacts::weight).sum::<u64>();
         let leaf = if weight <= whole { u64::MAX } else { leaf };
@@ -74,8 +74,8 @@ impl TileTree {
             (bounds.max.as_dvec3() - bounds.min.as_dvec3()).max_element()
         };
         let weight = |some: &[u32]| some.iter().map(|&at| objects[at as usize].weight()).sum::<u64>();
-        // Cells are cubes with a power of two as their edge, aligned to the origin: an edit elsewhere does
-        // not move them.
+        // Cells are cubes whose edge is a power of two, aligned to the origin, so a distant edit does not
+        // move them.
         let reach = |some: &[u32]| {
             exponent_above(some.iter().map(|&at| center(at).abs().max_element()).fold(0.0, f64::max))
         };
@@ -83,12 +83,13 @@ impl TileTree {
         let mut tree = Self { tiles: Vec::new(), order: Vec::with_capacity(objects.len()), hash: 0 };
         let mut edges = vec![top + 1];
         tree.tiles.push(Tile::empty());
-        // Tiles in the order of their numbers: members, and whether all of them are the tile's own.
+        // Tiles in the order of their numbers, each with its members and whether all members are its own
+        // objects.
         let mut waiting = std::collections::VecDeque::from([(unculled, rest)]);
         let mut number = 0;
         while let Some((mut own, mut members)) = waiting.pop_front() {
             let mut groups = Vec::new();
-            // Larger cells have all members on one side of each axis in one cell.
+            // In larger cells, all members on one side of each axis would be in the same cell.
             let reach = reach(&members);
             let mut edge = edges[number].min(reach + 1);
             while !members.is_empty() && groups.is_empty() {
@@ -96,8 +97,8 @@ impl TileTree {
                     own.append(&mut members);
                     break;
                 }
-                // Cells are halved until they separate members. Objects larger than a cell stay with the
-                // tile.
+                // Cells are halved until they separate members. Objects larger than a cell stay in the tile
+                // itself.
                 edge -= 1;
                 let size = 2f64.powi(edge);
                 let count = own.len();
@@ -121,7 +122,7 @@ impl TileTree {
             tree.order.append(&mut own);
             let first = tree.tiles.len() as u32;
             tree.tiles[number].children = first..first + groups.len() as u32;
-            // The cell may be smaller than was known when the tile was made.
+            // The cell may be smaller than was assumed when the tile was created.
             edges[number] = if groups.is_empty() { edges[number] } else { edge + 1 };
             for group in groups {
                 tree.tiles.push(Tile::empty());
@@ -159,8 +160,8 @@ impl TileTree {
                 }
             }
             let step = 2f64.powi(edges[number] - ROUNDING);
-            // Multiples of a power of two that are at most twice as large as numbers of 32 bits are such
-            // numbers, too.
+            // Rounded coordinates are exact in `f32`: either they were multiples of `step` before, or they
+            // have fewer significant bits now.
             let rounded = |p: Vec3, round: fn(DVec3) -> DVec3| (round(p.as_dvec3() / step) * step).as_vec3();
             let tile = &mut self.tiles[number];
             tile.bounds = Aabb::new(rounded(bounds.min, DVec3::floor), rounded(bounds.max, DVec3::ceil));

@@ -1,4 +1,4 @@
-//! A level in tiles: facts of all objects in memory, and the triangles and meshes of some, loaded on demand.
+//! A level in tiles: properties of all objects are in memory, triangles and meshes are loaded on demand.
 
 use crate::level_error::LevelError;
 use crate::object_facts::{ObjectFacts, bounds_fingerprint};
@@ -15,53 +15,57 @@ use visibility_core::scene::{MeshId, Triangles};
 use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, RegionCuller, Scene, VisibleSet};
 use visibility_region::ExtendedProjectionCuller;
 
-/// Weight of the occluders of the first sweep from near to far. Each further sweep doubles it.
+/// Weight (triangles plus 4 per object) of the occluders in the first sweep from near to far. Each further
+/// sweep doubles it.
 const FIRST_WEIGHT: u64 = 8192;
 
-/// Greatest weight of the occluders in a sweep of several viewcells.
+/// Greatest weight (triangles plus 4 per object) of the occluders in a sweep of several viewcells.
 const MAX_WEIGHT: u64 = 1 << 19;
 
-/// Approximate bytes of memory per unit of weight of a scene that is swept.
+/// Estimated memory in bytes of a scene for sweeps, per unit of weight (triangles plus 4 per object).
 const SWEEP_BYTES: u64 = 600;
 
-/// Approximate bytes of memory of a copy of a scene's prepared sweep, per unit of weight of the scene.
+/// Estimated memory in bytes of a copy of a scene's prepared sweep, per unit of the scene's weight (triangles
+/// plus 4 per object).
 const COPY_BYTES: u64 = 100;
 
-/// Approximate bytes of memory per unit of weight of a scene with triangles alone.
+/// Estimated memory in bytes of a scene with triangles only, per unit of weight (triangles plus 4 per
+/// object).
 const TRIANGLE_BYTES: u64 = 200;
 
-/// Approximate bytes of memory of a search, per unit of weight of the objects that it looks for.
+/// Estimated memory in bytes of a search, per unit of weight (triangles plus 4 per object) of its objects.
 const SEARCH_BYTES: u64 = 600;
 
-/// Number of triangles that the search for one viewcell may always copy, if the level is held in memory. The
-/// search copies the triangles of all objects that the sweep before it has not hidden. A copy of this number
-/// of triangles takes about 2 GB.
+/// Number of triangles that the search for one viewcell may always copy, if the level is in memory. The
+/// search copies the triangles of all objects that the sweep has left. This many take about 2 GB.
 const MAX_COPIED: u64 = 1 << 21;
 
-/// A level whose objects are sorted into tiles, by position in space. A bake loads a tile only where it is
-/// seen.
+/// A level whose objects are sorted into tiles by their position. A bake loads a tile only where the tile is
+/// visible.
 ///
-/// The content of the objects is in a [`Scene`], or in a file: then no more of it is in memory than a stated
-/// limit allows ([`TiledScene::writer`]). The results of a bake are the same.
+/// The content of the objects is in a [`Scene`] or in a file. With a file, only as much of it is in memory as
+/// a limit allows ([`TiledScene::writer`]). The results of a bake are the same.
 pub struct TiledScene<'a> {
     pub(crate) origin: DVec3,
-    /// Facts of each object. The position of an object in this list is called its number. It differs from the
-    /// object's index in the level, in which there may be gaps. The list is sorted by index, ascending.
+    /// Properties of each object, ascending by the object's index in the level. The position in this list is
+    /// the object's *number*. It differs from the index, since there may be unused indices.
     pub(crate) objects: Vec<ObjectFacts>,
     pub(crate) tree: TileTree,
     /// Greatest index of an object of the level plus 1.
     pub(crate) index_limit: usize,
-    /// Weight of the tiles, nearest first, that are opened before the first sweep from near to far.
+    /// Least weight (triangles plus 4 per object) of the tiles that are opened before the first sweep from
+    /// near to far, and of the occluders in it.
     pub(crate) first_weight: u64,
-    /// Greatest weight of the occluders in a sweep of several viewcells, without a limit of time.
+    /// Greatest weight (triangles plus 4 per object) of the occluders in a sweep of several viewcells,
+    /// without a limit of time.
     pub(crate) most_weight: u64,
-    /// Greatest number of triangles that the search for one viewcell may copy. For a level in memory it is
-    /// the greater of [`MAX_COPIED`] and the number of triangles of the level, each shared mesh counted
-    /// once. For a level in a file there is no such limit (`u64::MAX`): its memory is limited in bytes.
+    /// Greatest number of triangles that the search for one viewcell may copy. For a level in memory, this is
+    /// the greater of [`MAX_COPIED`] and the number of triangles of the level, with each shared mesh counted
+    /// once. For a level in a file it is `u64::MAX`, since its memory is limited in bytes.
     pub(crate) most_copied: u64,
     store: Store<'a>,
-    /// Scene of all objects, tile by tile, and a sweep prepared for it. `None` before the first request,
-    /// which makes it.
+    /// Scene of all objects, sorted by tile, with a sweep prepared for it. Made by the first request; `None`
+    /// before.
     whole: Mutex<Option<Arc<PreparedScene>>>,
 }
 
@@ -71,13 +75,13 @@ impl fmt::Debug for TiledScene<'_> {
     }
 }
 
-/// Storage of the objects' triangles and meshes.
+/// Where the objects' triangles and meshes are stored.
 enum Store<'a> {
     Scene(&'a Scene),
     File(LevelFile),
 }
 
-/// A scene, and a culler prepared for sweeps of it.
+/// A scene, with a culler prepared for sweeps of it.
 pub(crate) struct PreparedScene {
     pub scene: Scene,
     pub sweep: ExtendedProjectionCuller,
@@ -85,7 +89,7 @@ pub(crate) struct PreparedScene {
 }
 
 impl<'a> TiledScene<'a> {
-    /// Sorts the objects of a scene. Time is linear in the number of triangles.
+    /// Sorts the objects of a scene into tiles. Time is linear in the number of triangles.
     pub fn new(scene: &'a Scene) -> Self {
         let objects: Vec<ObjectFacts> = scene.ids().filter_map(|id| ObjectFacts::of(scene, id)).collect();
         let (tree, origin, index_limit) = (TileTree::new(&objects), scene.origin(), scene.index_limit());
@@ -109,7 +113,8 @@ impl<'a> TiledScene<'a> {
         Self { origin, objects, tree, index_limit, first_weight, most_weight, most_copied, store, whole }
     }
 
-    /// Begins a level in a file, which is overwritten, and removed with the level.
+    /// Begins a level in a file. An existing file is overwritten. The file is removed when the level is
+    /// dropped.
     ///
     /// # Errors
     /// [`LevelError::Origin`] if the origin is not finite, [`LevelError::File`] if the file cannot be
@@ -137,11 +142,11 @@ impl<'a> TiledScene<'a> {
         Some(self.objects[at].cost)
     }
 
-    /// Calls `look` with a scene of the objects whose bounds touch a box in world space, or are not finite.
-    /// They have triangles but no occluder meshes, and other indices than in the level.
+    /// Calls `look` with a scene of the objects whose bounds touch a box in world space or are not finite.
+    /// The objects have triangles but no occluder meshes, and other indices than in the level.
     ///
     /// # Errors
-    /// [`LevelError`] if a level in a file cannot be read, or the objects exceed its memory.
+    /// [`LevelError`] if a level in a file cannot be read, or if the objects exceed its limit of memory.
     pub fn with_scene_around<T>(
         &self,
         min: DVec3,
@@ -159,13 +164,13 @@ impl<'a> TiledScene<'a> {
         Ok(look(&self.scene_with_triangles(&numbers)?))
     }
 
-    /// Returns the objects with their indices, ascending.
+    /// Returns all objects with their indices, ascending.
     pub(crate) fn objects(&self) -> impl Iterator<Item = (u32, Object)> {
         self.objects.iter().map(|facts| (facts.index, facts.object()))
     }
 
-    /// Returns the version of the level, which is that of a scene of the same objects: see
-    /// [`level_version`](crate::level_version).
+    /// Returns the version of the level, which equals the [`level_version`](crate::level_version) of a scene
+    /// with the same objects.
     pub fn version(&self) -> u64 {
         version_of(self.origin, self.objects.iter().map(|object| (object.index, object.hash)))
     }
@@ -175,8 +180,8 @@ impl<'a> TiledScene<'a> {
         bounds_fingerprint(self.origin, self.objects.iter().map(|object| (object.index, object.bounds)))
     }
 
-    /// Makes a scene of the objects with the given numbers, with their triangles, in the order of `numbers`:
-    /// the first gets index 0.
+    /// Makes a scene of the objects with the given numbers, with their triangles. The object of `numbers[0]`
+    /// gets index 0, and so on.
     pub(crate) fn scene_with_triangles(&self, numbers: &[u32]) -> Result<Scene, LevelError> {
         let (mut part, ids) = self.scene_of(numbers, []);
         match &self.store {
@@ -194,8 +199,8 @@ impl<'a> TiledScene<'a> {
         Ok(part)
     }
 
-    /// Makes a scene of the objects with the given numbers, with their occluder meshes, in the order of
-    /// `numbers`: the first gets index 0. Then adds `boxes`, objects that have only bounds.
+    /// Makes a scene of the objects with the given numbers, with their occluder meshes. The object of
+    /// `numbers[0]` gets index 0, and so on. Then adds `boxes`, objects that have only bounds.
     pub(crate) fn scene_with_meshes(
         &self,
         numbers: &[u32],
@@ -204,7 +209,7 @@ impl<'a> TiledScene<'a> {
         let (mut part, ids) = self.scene_of(numbers, boxes);
         match &self.store {
             Store::Scene(scene) => {
-                // A mesh of several objects is stored once.
+                // A mesh that several objects share is stored once.
                 let mut meshes: HashMap<*const OccluderMesh, MeshId> = HashMap::new();
                 for (id, new) in self.ids_in(scene, numbers).zip(ids) {
                     if let Some((mesh, transform)) = id.and_then(|id| scene.occluder(id)) {
@@ -227,21 +232,21 @@ impl<'a> TiledScene<'a> {
     /// `boxes`. Returns the scene and the ids of all its objects in this order.
     fn scene_of(&self, numbers: &[u32], boxes: impl IntoIterator<Item = Object>) -> (Scene, Vec<ObjectId>) {
         let mut part = Scene::new();
-        // The origin of a scene is finite, and that of an empty scene may be set.
+        // Cannot fail: the origin of a level is finite, and the scene is still empty.
         let _ = part.set_origin(self.origin);
         let objects = numbers.iter().map(|&at| self.objects[at as usize].object());
         let ids = part.insert_batch(objects.chain(boxes));
         (part, ids)
     }
 
-    /// Returns the ids that objects have in the scene of the level, in the order of their `numbers`. `None`
-    /// for an object that the scene does not have.
+    /// Returns the ids that objects have in the level's scene, in the order of `numbers`. `None` for an
+    /// object that the scene does not have.
     fn ids_in(&self, scene: &Scene, numbers: &[u32]) -> impl Iterator<Item = Option<ObjectId>> {
         numbers.iter().map(|&at| scene.id_at(self.objects[at as usize].index as usize))
     }
 
-    /// Reserves `bytes` bytes of memory per unit of weight of the objects with the given numbers, and blocks
-    /// until they are free. `None` for a level in memory, which has no limit.
+    /// Reserves `bytes` bytes of memory per unit of weight (triangles plus 4 per object) of the objects with
+    /// the given numbers, and waits until they are free. `None` for a level in memory, which has no limit.
     fn reserve(&self, numbers: &[u32], bytes: u64) -> Result<Option<Reserved>, LevelError> {
         match &self.store {
             Store::Scene(_) => Ok(None),
@@ -264,8 +269,8 @@ impl<'a> TiledScene<'a> {
         Ok(sweep(&self.scene_with_meshes(numbers, boxes)?))
     }
 
-    /// Reserves the memory that work on one viewcell takes, for the objects with the given numbers: its
-    /// search if `is_search`, otherwise its sweep (a copy of the prepared sweep). `None` for a level in
+    /// Reserves the memory for work on one viewcell with the objects with the given numbers: for its search
+    /// if `is_search`, otherwise for its sweep, which copies the prepared sweep. `None` for a level in
     /// memory, which has no limit.
     pub(crate) fn reserve_cell(
         &self,
@@ -276,18 +281,19 @@ impl<'a> TiledScene<'a> {
     }
 
     /// Returns a scene of the objects with the given numbers, with their occluder meshes, and a sweep
-    /// prepared for it, which each thread clones.
+    /// prepared for the scene. Each thread clones the sweep.
     pub(crate) fn prepared(&self, numbers: &[u32]) -> Result<PreparedScene, LevelError> {
         let _memory = self.reserve(numbers, SWEEP_BYTES)?;
         let scene = self.scene_with_meshes(numbers, [])?;
         let mut sweep = ExtendedProjectionCuller::new();
-        // From an empty viewcell nothing is visible: the culler only prepares what all threads share.
+        // Nothing is visible from an empty viewcell, so the culler only prepares the data that all threads
+        // share.
         let nowhere = Viewcell::from_box(DVec3::ONE, DVec3::ZERO);
         sweep.cull(&scene, &nowhere, &mut VisibleSet::new());
         Ok(PreparedScene { scene, sweep, _memory })
     }
 
-    /// Returns a scene of all objects, tile by tile, with a sweep that is prepared for it.
+    /// Returns the scene of all objects, sorted by tile, with a sweep prepared for it.
     pub(crate) fn whole(&self) -> Result<Arc<PreparedScene>, LevelError> {
         let mut whole = self.lock(&self.whole);
         if let Some(whole) = &*whole {
@@ -307,8 +313,8 @@ impl<'a> TiledScene<'a> {
         matches!(self.store, Store::File(_))
     }
 
-    /// Begins the work of a thread on a level in a file. With `is_alone`, waits until no other thread works,
-    /// and keeps others from working; without, other threads may work at the same time. See
+    /// Begins a thread's work on a level in a file. With `is_alone`, waits until no other thread works, and
+    /// keeps others from beginning; otherwise other threads may work at the same time. See
     /// [`LevelFile::work`]. `None` for a level in memory.
     pub(crate) fn work(&self, is_alone: bool) -> Option<Working<'_>> {
         match &self.store {
@@ -317,8 +323,8 @@ impl<'a> TiledScene<'a> {
         }
     }
 
-    /// Locks a mutex that another thread may hold while it waits for memory. Only for threads that
-    /// [work](Self::work).
+    /// Locks a mutex that another thread may hold while it waits for memory. Only for threads that have
+    /// called [`work`](Self::work).
     pub(crate) fn lock<'m, T>(&self, mutex: &'m Mutex<T>) -> MutexGuard<'m, T> {
         match &self.store {
             Store::Scene(_) => lock(mutex),
@@ -327,7 +333,7 @@ impl<'a> TiledScene<'a> {
     }
 }
 
-/// Writes a level to a file, object by object, so that it is never in memory as a whole.
+/// Writes a level to a file, one object at a time, so that the whole level is never in memory.
 ///
 /// ```
 /// use visibility_bake::{SandwichBaker, SandwichSettings, TiledScene};
@@ -356,10 +362,10 @@ impl fmt::Debug for TiledSceneWriter {
 }
 
 impl TiledSceneWriter {
-    /// Appends an object, which gets the next index. `mesh` is its occluder mesh with the transform to
-    /// coordinates of the level, which only objects flagged as occluders need. For an object of a scene both
-    /// are those of [`level_object`](visibility_core::level_version::level_object), which takes the flag from
-    /// objects that are not always drawn.
+    /// Appends an object, which gets the next index. `mesh` is its occluder mesh with the transform to level
+    /// coordinates; only objects flagged as occluders need one. For an object of a scene, take both from
+    /// [`level_object`](visibility_core::level_version::level_object), which clears the flag of objects that
+    /// are not always drawn.
     ///
     /// # Errors
     /// [`LevelError::File`] if the file cannot be written, [`LevelError::TooMany`] if 32 bits cannot count
@@ -378,7 +384,7 @@ impl TiledSceneWriter {
         Ok(())
     }
 
-    /// Ends the level. The process must keep within `memory` bytes, and already uses `in_use` of them.
+    /// Completes the level. The process may use `memory` bytes in all, of which it already uses `in_use`.
     ///
     /// # Errors
     /// [`LevelError::File`] if the file cannot be written, [`LevelError::Memory`] if the limit is too low.

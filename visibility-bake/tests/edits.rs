@@ -1,5 +1,5 @@
-//! Tests that a bake of an edited level with the results of the bake before has the bytes of a bake without,
-//! and works on fewer viewcells.
+//! A bake of an edited level with the cached results of the bake before gives the same bytes as a bake
+//! without, and works on fewer viewcells.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -14,7 +14,7 @@ use visibility_core::scene::Triangle;
 use visibility_core::{Aabb, Object, Scene};
 use visibility_testing::Random;
 
-/// A box of the level: corners, whether it occludes, and its cost.
+/// A box of the level: least corner, greatest corner, whether it occludes, and its cost.
 type Brick = ([f32; 3], [f32; 3], bool, u32);
 
 fn sides(bounds: &Aabb) -> Vec<Triangle> {
@@ -51,8 +51,8 @@ fn brick(random: &mut Random) -> Brick {
     (at, [at[0] + 1.0, at[1] + 1.0, number(0.5, 3.0)], random.one_in(2), 1 + random.below(20) as u32)
 }
 
-/// Four courts along a street, 20 m long each, with high walls between them, and a few houses and bricks in
-/// each. The first bricks are the walls.
+/// Makes four courts along a street, each 20 m long, with high walls between them and a few houses and bricks
+/// in each. The first bricks are the walls.
 fn level(random: &mut Random) -> Vec<Brick> {
     let wall = |x: f32| ([x, -200.0, -1.0], [x + 0.3, 200.0, 60.0], true, 12);
     let mut bricks: Vec<Brick> = [-0.5, 19.8, 39.8, 59.8, 80.2].map(wall).into();
@@ -67,7 +67,7 @@ fn level(random: &mut Random) -> Vec<Brick> {
     bricks
 }
 
-/// Viewcells of 4 m along the street, moved across it.
+/// Returns viewcells of 4 m along the street, shifted across it by `by` metres.
 fn viewcells(by: f64) -> Viewcells {
     let grid = Grid::new(DVec3::new(0.0, by - 2.0, 1.0), DVec3::new(4.0, 4.0, 1.0)).unwrap();
     Viewcells::new(grid.over(DVec3::new(0.0, by - 2.0, 1.0), DVec3::new(80.0, by + 2.0, 2.0)).unwrap())
@@ -115,7 +115,7 @@ fn an_edited_level_has_the_bytes_of_a_whole_bake() {
         }
         let mut scene = scene(&bricks);
         if (2..7).contains(&(round % 8)) {
-            // A hole in a house, within the same bounds.
+            // A hole in a house, whose bounds stay the same.
             let id = scene.id_at(9).unwrap();
             let rest = scene.triangles(id).unwrap().to_vec().split_off(4);
             scene.set_triangles(id, rest).unwrap();
@@ -130,7 +130,7 @@ fn an_edited_level_has_the_bytes_of_a_whole_bake() {
         cache = Arc::new(BakeCache::from_bytes(&partly.cache.to_bytes()).unwrap());
         assert!(*cache == partly.cache, "round {round}: the cache as written");
     }
-    // The same settings come back, but then other objects have moved.
+    // In these rounds the settings of an earlier round return, but objects have moved since.
     for round in [0, 6, 7, 14, 15, 22, 23] {
         assert_eq!(reused[round], 0, "round {round} of {reused:?}");
     }
@@ -142,19 +142,19 @@ fn an_edited_level_has_the_bytes_of_a_whole_bake() {
 #[test]
 fn what_moves_where_it_is_hidden_costs_sweeps_alone() {
     let mut bricks = level(&mut Random(8));
-    // In a house.
+    // The new brick is inside a house.
     bricks.push(([3.0, -11.0, 1.0], [4.0, -10.0, 2.0], true, 12));
     let (cells, settings) = (viewcells(0.0), SandwichSettings::default().with_rays(4));
     let before = Bake::new(SandwichBaker::new(&scene(&bricks), &cells, settings)).run();
     bricks.last_mut().unwrap().1 = [4.5, -9.0, 3.0];
     let after = baked(&scene(&bricks), &cells, settings, &Arc::new(before.cache.clone()));
-    // From a few viewcells the sweep does not find it hidden, though rays do not reach it.
+    // From a few viewcells the sweep does not find the new brick hidden, though rays do not reach it either.
     assert!(after.reused >= 15, "{} of 20", after.reused);
     let seen = |outcome: &SandwichOutcome| -> Vec<Vec<u32>> {
         outcome.cells.iter().map(|cell| cell.seen.clone()).collect()
     };
     assert_eq!(seen(&after), seen(&before), "objects seen by viewcell, after a move out of sight");
-    // An object before all others, in another house, gives all others new numbers.
+    // A new first object, in another house, changes the numbers of all other objects.
     bricks.insert(0, ([3.0, 9.0, 1.0], [4.0, 10.0, 2.0], true, 12));
     let renumbered = baked(&scene(&bricks), &cells, settings, &Arc::new(after.cache.clone()));
     assert!(renumbered.reused >= 15, "{} of 20", renumbered.reused);
@@ -166,7 +166,7 @@ fn what_moves_where_it_is_hidden_costs_sweeps_alone() {
 #[test]
 fn a_level_of_many_tiles_has_the_bytes_of_a_whole_bake() {
     let mut random = Random(52);
-    // A field of bricks behind the last wall, which come first, and the street.
+    // A field of bricks behind the last wall, listed first, and then the street.
     let mut bricks: Vec<Brick> = (0..18_000)
         .map(|i| {
             let at = [100.0 + (i / 48) as f32 * 3.5, (i % 48) as f32 * 3.5 - 84.0, 0.0];
@@ -182,16 +182,16 @@ fn a_level_of_many_tiles_has_the_bytes_of_a_whole_bake() {
     for round in 0..5 {
         match round {
             0 => {}
-            // Behind the wall: a move, and an object less, which gives all others new numbers.
+            // Behind the wall, a brick moves, or is removed, which changes the numbers of all later objects.
             1 => bricks[9_000].1[2] += 2.0,
             2 => drop(bricks.remove(9_000)),
-            // In the street, and a wall that falls.
+            // In the street, a brick is replaced, or a wall becomes low.
             3 => bricks[street + 30] = brick(&mut random),
             _ => bricks[street + 3].1[2] = 2.0,
         }
         let mut scene = Scene::new();
         insert(&mut scene, &bricks);
-        // The walls hide by themselves, whatever the winding of their triangles.
+        // Each wall hides objects by itself, whatever the winding of its triangles.
         scene.prepare_occluders(&Preparation::default().with_two_sided(true));
         let [whole, partly] = [&none, &cache].map(|cache| baked(&scene, &cells, settings, cache));
         let of = |outcome: &SandwichOutcome| Shard::new(0, outcome.clone()).to_bytes();
@@ -207,13 +207,13 @@ fn a_level_of_many_tiles_has_the_bytes_of_a_whole_bake() {
 #[test]
 fn a_resumed_bake_keeps_to_the_sweep_that_its_group_began_with() {
     let mut scene = scene(&level(&mut Random(53)));
-    // The last wall hides 2^18 triangles, which make the level large enough for several tiles.
+    // The last wall hides an object of 2^18 triangles, so the level is heavy enough for several tiles.
     let heap = [Vec3::ZERO, Vec3::Y, Vec3::Z].map(|corner| corner + Vec3::X * 90.0);
     let id = scene.insert(Aabb::from_points(heap));
     scene.set_triangles(id, vec![heap; 1 << 18]).unwrap();
     let (cells, settings) = (viewcells(0.0), SandwichSettings::default().with_rays(1).with_gap(1.0));
     let baker = || SandwichBaker::new(&scene, &cells, settings);
-    // No clock runs, so that the limit of time changes one thing: all tiles of a group are swept at once.
+    // No clock runs, so the limit of time has one effect only: all tiles of a group are swept at once.
     let limited = || baker().with_time(Duration::from_secs(1000));
     let cache = Bake::new(baker()).run().cache;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();

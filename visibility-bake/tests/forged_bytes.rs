@@ -1,5 +1,5 @@
-//! Tests that bytes of sets, shards, states and caches that were changed, before or after compression and
-//! with repaired checksums, are refused or can be used to the last row.
+//! Bytes of sets, shards, states and caches that were changed, before or after compression and with repaired
+//! checksums, are refused or can be used completely without a panic.
 
 use miniz_oxide::deflate::compress_to_vec;
 use miniz_oxide::inflate::decompress_to_vec;
@@ -13,7 +13,7 @@ use visibility_core::pvs::{Prefetch, PvsCuller, Viewcell, ViewcellId, Viewcells}
 use visibility_core::{Aabb, Object, Pipeline, Pose, Scene, View, VisibleSet};
 use visibility_testing::Random;
 
-/// Repairs the length and the checksum of a header.
+/// Repairs the length and the checksum in a header.
 fn mend(bytes: &mut [u8]) {
     if bytes.len() < 40 {
         return;
@@ -32,7 +32,7 @@ fn inflate(file: &[u8]) -> Vec<u8> {
     decompress_to_vec(&file[48..]).unwrap()
 }
 
-/// Returns a file with the header of another, and the given content, compressed.
+/// Returns a file with the header of another file and the given content, compressed.
 fn deflate(header: &[u8], content: &[u8]) -> Vec<u8> {
     let length = (content.len() as u64).to_le_bytes();
     let mut file = [&header[..40], &length, &compress_to_vec(content, 1)].concat();
@@ -40,7 +40,7 @@ fn deflate(header: &[u8], content: &[u8]) -> Vec<u8> {
     file
 }
 
-/// Changes a file, or, mostly, its content before compression.
+/// Changes a file directly or, more often, its content before compression.
 fn forge(file: &[u8], random: &mut Random) -> Vec<u8> {
     if random.one_in(4) {
         return changed(file, random);
@@ -48,7 +48,7 @@ fn forge(file: &[u8], random: &mut Random) -> Vec<u8> {
     deflate(file, &changed(&inflate(file), random))
 }
 
-/// Changes a few bytes, cuts some off, or doubles some, and repairs the headers.
+/// Changes a few bytes, removes or duplicates some, and repairs the headers.
 fn changed(bytes: &[u8], random: &mut Random) -> Vec<u8> {
     let mut forged = bytes.to_vec();
     for _ in 0..=random.below(3) {
@@ -56,7 +56,7 @@ fn changed(bytes: &[u8], random: &mut Random) -> Vec<u8> {
         match random.below(8) {
             0 => forged.truncate(place.max(1)),
             1 => forged.extend_from_within(place..),
-            // Numbers of four bytes that are near 0 or the greatest.
+            // Overwrites four bytes with a number near 0 or near the greatest `u32`.
             2 | 3 => {
                 let number = (random.below(5) as u32).wrapping_sub(2);
                 let end = forged.len().min(place + 4);
@@ -65,7 +65,7 @@ fn changed(bytes: &[u8], random: &mut Random) -> Vec<u8> {
             _ => forged[place] ^= 1 << random.below(8),
         }
     }
-    // A set holds rows with a header of their own.
+    // A set contains rows with a header of their own.
     if let Some(start) = forged.windows(8).position(|window| window == b"VISI-PVS") {
         mend(&mut forged[start..]);
     }
@@ -75,7 +75,7 @@ fn changed(bytes: &[u8], random: &mut Random) -> Vec<u8> {
     forged
 }
 
-/// Returns how many of the forged sets and of the forged shards were accepted.
+/// Returns the number of forged sets that were accepted, and that of forged shards.
 fn ask(rounds: usize) -> [usize; 2] {
     let mut random = Random(41);
     let mut scene = Scene::new();
@@ -116,21 +116,21 @@ fn ask(rounds: usize) -> [usize; 2] {
                 Ok(shard.clone()),
                 "the shard from its own bytes"
             );
-            // Refused or taken, but without a panic.
+            // The shards may be refused or accepted, but without a panic.
             let _ = assemble(6, [shard.clone(), shard]);
         }
     }
     accepted
 }
 
-/// Returns how many of the forged states of a bake and of the forged caches were accepted.
+/// Returns the number of forged states of a bake that were accepted, and that of forged caches.
 fn go_on(rounds: usize) -> [usize; 2] {
     let mut random = Random(43);
     let mut scene = Scene::new();
     let bounds = |i: usize| Aabb::from_arrays([i as f32, 5.0, 0.0], [i as f32 + 0.5, 6.0, 1.0]);
     scene.insert_batch((0..12).map(|i| Object { occluder: i % 2 == 0, ..Object::new(bounds(i)) }));
     scene.prepare_occluders(&Preparation::default());
-    // In one group.
+    // These viewcells are in one group.
     let cell = |x: u32| Viewcell::from_box(DVec3::X * f64::from(x), DVec3::X * f64::from(x) + DVec3::ONE);
     let cells = Viewcells::new((0..4).map(cell));
     let baker = || SandwichBaker::new(&scene, &cells, SandwichSettings::default().with_rays(2).with_gap(0.0));
@@ -174,7 +174,7 @@ fn forged_bytes_are_refused_or_can_be_used() {
     assert!(accepted.iter().all(|&accepted| accepted > 100 && accepted < 4900), "{accepted:?}");
 }
 
-/// The same at length: `cargo test --release -p visibility-bake forged_bytes -- --ignored`.
+/// The same test with more rounds: `cargo test --release -p visibility-bake forged_bytes -- --ignored`.
 #[test]
 #[ignore = "minutes"]
 fn many_forged_bytes_are_refused_or_can_be_used() {

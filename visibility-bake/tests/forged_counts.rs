@@ -1,4 +1,4 @@
-//! Tests that counts in files, forged to be great, take no memory that neither the file nor the scene has.
+//! Counts in files that are forged to be large do not take more memory than the file or the scene justifies.
 
 use miniz_oxide::deflate::compress_to_vec;
 use miniz_oxide::inflate::decompress_to_vec;
@@ -14,7 +14,7 @@ use visibility_testing::{forge_counts, mend_header};
 /// less than 2,000 bytes, and the scenes a few objects.
 const LIMIT: usize = 1 << 18;
 
-/// Offset of the content of a file that is compressed.
+/// Offset in bytes of the compressed content in a file.
 const COMPRESSED: usize = 48;
 
 fn level() -> (Scene, Viewcells) {
@@ -29,7 +29,7 @@ fn view() -> View {
     View::perspective(pose, 1.0, 1.0, 0.01, 100.0).unwrap()
 }
 
-/// Forges the counts of a compressed file: outside, and in the content before compression.
+/// Forges the counts of a compressed file: in its header, and in the content before compression.
 fn forge_compressed(file: &[u8], mut read: impl FnMut(&[u8])) {
     forge_counts(file, 0, LIMIT, |mut file| {
         mend_header(&mut file, 0);
@@ -37,7 +37,7 @@ fn forge_compressed(file: &[u8], mut read: impl FnMut(&[u8])) {
     });
     let content = decompress_to_vec(&file[COMPRESSED..]).unwrap();
     let mut files = Vec::new();
-    // The compressor has memory of its own.
+    // The compressor needs memory of its own, so memory is not limited here.
     forge_counts(&content, 0, usize::MAX / 2, |mut content| {
         if let Some(inner) = content.windows(8).position(|window| window == b"VISI-PVS") {
             mend_header(&mut content, inner);
@@ -47,11 +47,11 @@ fn forge_compressed(file: &[u8], mut read: impl FnMut(&[u8])) {
         mend_header(&mut file, 0);
         files.push(file);
     });
-    // A file of one byte has one place to forge.
+    // A file of one byte is used since it has only one place to forge.
     files.iter().for_each(|file| forge_counts(&[0], 0, LIMIT, |_| read(file)));
 }
 
-/// Culls and looks ahead with all that a set gives.
+/// Uses all accessors of a set, and culls with it.
 fn use_set(set: BakedSet, scene: &Scene, view: &View) {
     let objects: Vec<(ObjectId, u32)> = scene.ids().map(|id| (id, id.index() as u32)).collect();
     let known = objects.iter().copied().chain([(objects[0].0, u32::MAX), (objects[1].0, u32::MAX / 2)]);
@@ -81,7 +81,8 @@ fn a_set_takes_the_memory_of_its_bytes_and_its_scene() {
         Err(_) => refused += 1,
     });
     assert!(read > 100 && refused > 100, "{read} read, {refused} refused");
-    // Callers may size arrays by the limit of indices: a file has a bit for each, and no more than 2^29.
+    // Callers may allocate arrays by the limit of indices. A file has a bit for each index, and at most 2^29
+    // bits.
     let whole = decompress_to_vec(&file[COMPRESSED..]).unwrap();
     let cases = [(12, 1, true), (64, 1, true), (65, 1, false), (65, 2, true), (u32::MAX, 1, false)];
     for (limit, words, is_read) in
@@ -126,8 +127,8 @@ fn shards_states_and_caches_take_the_memory_of_their_bytes_and_their_scene() {
     });
 }
 
-/// A file that is compressed a thousandfold has as many objects as it says, and takes a small multiple of its
-/// size before compression.
+/// A set whose file is compressed a thousandfold has as many objects as it announces, and takes a small
+/// multiple of its size before compression.
 #[test]
 fn a_set_of_many_objects_takes_a_small_multiple_of_its_content() {
     let mut scene = Scene::new();
@@ -135,9 +136,8 @@ fn a_set_of_many_objects_takes_a_small_multiple_of_its_content() {
     let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
     let file = BakedSet::new(&scene, cells, &[vec![0]]).unwrap().to_bytes();
     let mut content = decompress_to_vec(&file[COMPRESSED..]).unwrap();
-    // The classes are the byte after a hash, a number, a word of occluders, a number, six coordinates, and
-    // the counts of planes and classes. Each further object is a class of its own, by the code of a step of
-    // one.
+    // The classes start after a hash, a number, a word of occluders, a number, six coordinates, and the
+    // counts of planes and classes. Each appended object is a class of its own, encoded as a step of one.
     let (classes, count) = (8 + 4 + 8 + 4 + 6 * 8 + 4 + 4, 1u32 << 20);
     assert_eq!(content[classes - 4..=classes], [1, 0, 0, 0, 0], "the count of classes and the first class");
     content[8..12].copy_from_slice(&(count + 1).to_le_bytes());
@@ -151,15 +151,16 @@ fn a_set_of_many_objects_takes_a_small_multiple_of_its_content() {
     let mut file = [&file[..40], &length, &compress_to_vec(&content, 9)].concat();
     mend_header(&mut file, 0);
     assert!(file.len() < 4000, "{}", file.len());
-    // Twice the content, once more its classes, and four to eight bytes an object to find those that repeat.
+    // Reading takes twice the content, its classes once more, and four to eight bytes for each object, to
+    // find objects that are in two classes.
     forge_counts(&[0], 0, 12 * content.len(), |_| {
         let set = BakedSet::from_bytes(&file).unwrap();
         drop(set.for_objects(&scene, [(id, 0), (id, count)]));
     });
 }
 
-/// A set of as many viewcells as objects, each of which is seen from one viewcell, is made in memory in
-/// proportion to the lengths of its rows.
+/// A set of as many viewcells as objects, each object seen from one viewcell, is made in memory proportional
+/// to the lengths of the rows.
 #[test]
 fn a_set_of_many_viewcells_is_made_in_memory_of_its_rows() {
     let count = 1 << 16;
@@ -173,8 +174,8 @@ fn a_set_of_many_viewcells_is_made_in_memory_of_its_rows() {
     });
 }
 
-/// A PVS has no less than 32 bits for the number of its targets, and few bytes for rows that see none. Only
-/// [`Pvs::write_bits`] and [`Pvs::write_union`] have a bit for each.
+/// A PVS has at least 32 bits for the number of its targets, and few bytes for rows that see no target. Only
+/// [`Pvs::write_bits`] and [`Pvs::write_union`] need a bit for each target.
 #[test]
 fn a_pvs_takes_the_memory_of_its_bytes_and_its_scene() {
     let (scene, cells) = level();

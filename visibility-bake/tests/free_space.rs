@@ -1,5 +1,5 @@
-//! Tests of viewcells in free space: cameras that walk at random through houses never leave them, and closed
-//! rooms have none. The oracle measures distances to boxes and knows nothing of voxels.
+//! Viewcells in free space: cameras that walk at random through houses never leave them, and closed rooms
+//! have none. The oracle measures distances to boxes and does not use voxels.
 
 use std::collections::HashSet;
 use visibility_bake::{CameraRange, Grid, GridError};
@@ -9,7 +9,7 @@ use visibility_core::scene::Triangle;
 use visibility_core::{Aabb, Object, Scene};
 use visibility_testing::Random;
 
-/// The triangles of a box.
+/// Returns the triangles of a box.
 fn sides(min: DVec3, max: DVec3) -> Vec<Triangle> {
     let corners = Aabb::from_arrays(min.as_vec3().to_array(), max.as_vec3().to_array()).corners();
     let mut triangles = Vec::new();
@@ -23,7 +23,7 @@ fn sides(min: DVec3, max: DVec3) -> Vec<Triangle> {
     triangles
 }
 
-/// Boxes of solid matter on a floor, with `up` as the axis that points up.
+/// A world of solid boxes on a floor. `up` is the axis that points up.
 struct World {
     boxes: Vec<(DVec3, DVec3)>,
     up: usize,
@@ -40,13 +40,13 @@ impl World {
         scene
     }
 
-    /// Returns the distance of a point to the nearest box, 0 inside.
+    /// Returns the distance in metres from a point to the nearest box, 0 inside a box.
     fn distance(&self, p: DVec3) -> f64 {
         let of = |&(min, max): &(DVec3, DVec3)| (p - p.clamp(min, max)).length();
         self.boxes.iter().map(of).fold(f64::INFINITY, f64::min)
     }
 
-    /// Returns whether a point is at one of the heights above a box's top.
+    /// Returns whether a point is at a height from `low` to `high` above a box's top.
     fn stands(&self, p: DVec3, [low, high]: [f64; 2]) -> bool {
         self.boxes.iter().any(|&(min, max)| {
             let height = p[self.up] - max[self.up];
@@ -57,7 +57,7 @@ impl World {
     }
 }
 
-/// A house of 16 x 16 m with walls that have doors 0.7 m wide, and one room without a door.
+/// Makes a house of 16 x 16 m with walls. The walls have doors 0.7 m wide, apart from those of one room.
 fn house(random: &mut Random, up: usize) -> World {
     let axes = [(up + 1) % 3, (up + 2) % 3];
     let point = |x: f64, y: f64, z: f64| {
@@ -89,7 +89,7 @@ fn house(random: &mut Random, up: usize) -> World {
         let [x, y] = [(); 2].map(|()| 1.0 + 13.0 * random.unit());
         boxes.push((point(x, y, 0.0), point(x + 0.5, y + 0.8, random.unit() * 1.5)));
     }
-    // The bounds of a scene's objects have single precision.
+    // Coordinates are rounded to `f32`, as the bounds of objects are.
     let boxes = boxes.into_iter().map(|(a, b)| (a.as_vec3().as_dvec3(), b.as_vec3().as_dvec3())).collect();
     World { boxes, up }
 }
@@ -115,11 +115,11 @@ fn no_camera_leaves_the_viewcells_and_closed_rooms_have_none() {
         let found = grid.free(&scene, &[start], &camera, low, high).unwrap();
         let all = grid.over(low, high).unwrap();
         assert!(found.len() * 4 < all.len(), "{} of {}", found.len(), all.len());
-        // The closed room is from 0.1 to 3.9 m on both axes.
+        // The closed room extends from 0.1 to 3.9 m on both axes.
         let is_closed =
             |cell: &&Viewcell| axes.iter().all(|&axis| cell.min[axis] > 0.2 && cell.max[axis] < 3.8);
         assert_eq!(found.iter().find(is_closed), None, "a room without a door");
-        // Below the floor and above the ceiling.
+        // Viewcells below the floor or above the ceiling.
         let is_outside = |cell: &&Viewcell| cell.max[up] < 0.9 || cell.min[up] > 2.8;
         assert_eq!(found.iter().find(is_outside), None, "at a wrong height");
 
@@ -129,7 +129,7 @@ fn no_camera_leaves_the_viewcells_and_closed_rooms_have_none() {
             if random.one_in(12) {
                 heading = DVec3::from_array([(); 3].map(|()| random.unit() - 0.5)).normalize();
             }
-            // All of the step keeps the distance, since no point of it is farther than 3 cm from its start.
+            // The whole step keeps the distance, since no point of it is more than 3 cm from one of its ends.
             let next = at + heading * 0.06;
             let is_clear = |p: DVec3| world.distance(p) > 0.28 && world.stands(p, [1.0, 2.0]);
             if is_clear(next) && is_clear((at + next) * 0.5) {
@@ -192,7 +192,7 @@ fn what_is_near_a_walk_stays_in_its_viewcells_also_in_walls() {
                     let around = DVec3::from_array([(); 3].map(|()| 0.39 * (random.unit() - 0.5)));
                     let near = (at + around).clamp(whole.min, whole.max);
                     for eye in [at, near] {
-                        // The walk may graze a box by less than rounding.
+                        // The walk may touch a box within rounding.
                         let mut is_in = false;
                         cells.for_each_touching(eye - 1e-9, eye + 1e-9, |_| is_in = true);
                         assert!(is_in, "{eye} near {at} is in no viewcell");
@@ -202,7 +202,7 @@ fn what_is_near_a_walk_stays_in_its_viewcells_also_in_walls() {
         }
     }
     assert!(cut_off > 10.0, "{cut_off} cubic metres are cut off");
-    // Single eyes in a wall.
+    // Single viewpoints inside a wall.
     let world = house(&mut random, 2);
     let (scene, grid) = (world.scene(), Grid::new(DVec3::ZERO, DVec3::splat(1.9)).unwrap());
     for _ in 0..40 {
@@ -216,7 +216,7 @@ fn what_is_near_a_walk_stays_in_its_viewcells_also_in_walls() {
 
 #[test]
 fn viewcells_along_a_walk_end_at_walls_and_floors() {
-    // A room of 3 x 2.5 m, 2.4 m high, in a box of 4 m, with a plate in mid-air.
+    // A room of 3 x 2.5 m, 2.4 m high, with a plate in mid-air, within a box of 4 m.
     let wall = |min: [f64; 3], max: [f64; 3]| (DVec3::from(min), DVec3::from(max));
     let room = vec![
         wall([-1.0, -1.0, 0.5], [5.0, 5.0, 0.75]),
@@ -236,7 +236,7 @@ fn viewcells_along_a_walk_end_at_walls_and_floors() {
         "{cell:?}"
     );
     assert!(is_close(cell.max, [2.5, 3.0, 3.125]), "{cell:?}");
-    // A part on each side of the wall, in the same box and in the next; and a walk through the wall.
+    // Walks on either side of the wall and through it. Both sides are in the same box of the grid.
     let far = eye.with_x(3.5);
     assert_eq!(
         along(&[eye, eye + DVec3::Y * 1.5])[..],
@@ -315,7 +315,7 @@ fn viewcells_above_triangles_hold_the_camera_and_little_else() {
             let eye = a + (b - a) * s + (c - a) * t + up * (0.6 + 1.7 * random.unit());
             used.insert(cells.locate(eye).unwrap_or_else(|| panic!("{eye} is in no viewcell")));
         }
-        // Viewcells of which a corner is touched are seldom hit.
+        // Viewcells of which the camera can reach only a corner are seldom hit by random positions.
         assert!(used.len() * 100 > found.len() * 93, "{} of {} are used", used.len(), found.len());
     }
 }

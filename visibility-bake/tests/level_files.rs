@@ -1,5 +1,5 @@
-//! Tests of levels in files: the same bytes as from a scene in memory for any limit of memory, on threads and
-//! in shards; damage is an error with what and where; and so is a limit that is too low.
+//! Levels in files: the results have the same bytes as from a scene in memory, for any limit of memory, on
+//! threads and in shards. Damage, and too low a limit, are errors that say what is wrong and where.
 
 use std::fs;
 use std::path::PathBuf;
@@ -17,7 +17,7 @@ use visibility_testing::Random;
 
 const MIB: u64 = 1 << 20;
 
-/// A town of blocks of houses, of more weight than is ever swept as a whole, with viewcells along a street.
+/// Makes a town of blocks of houses that is too heavy to be swept as a whole, with viewcells along a street.
 fn town() -> (Scene, Viewcells) {
     let mut random = Random(19);
     let mut scene = Scene::new();
@@ -34,7 +34,7 @@ fn town() -> (Scene, Viewcells) {
         ids.push(id);
     }
     scene.prepare_occluders(&Preparation::default().with_two_sided(true));
-    // Some have meshes of their own, in other coordinates; one is never culled.
+    // Some objects have meshes with other mesh coordinates. One object is never culled.
     for &id in ids.iter().skip(3).step_by(40) {
         let bounds = scene.bounds(id).unwrap();
         let mesh = OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [1.0; 3])).unwrap();
@@ -48,7 +48,7 @@ fn town() -> (Scene, Viewcells) {
     (scene, Viewcells::new(grid.over(corner, corner + DVec3::new(0.4, 160.0, 1.0)).unwrap()))
 }
 
-/// The same with few viewcells, in one group.
+/// Returns the same town with a few viewcells, which are in one group.
 fn town_from_one_place() -> (Scene, Viewcells) {
     let (scene, cells) = town();
     (scene, Viewcells::new(cells.cells()[8..10].iter().cloned()))
@@ -107,7 +107,7 @@ fn bytes_are_the_same_for_any_limit_threads_and_shards() {
             "{memory} bytes: rows put together from two shards"
         );
         assert!(BakedSet::of_level(&level, cells.clone(), &rows).unwrap() == set, "{memory} bytes: the set");
-        // With the results of the scene in memory nothing is left to do.
+        // With the results of the bake in memory as cache, no viewcell needs work.
         let again = Bake::new(baker().with_cache(whole.cache.clone())).run();
         assert!(
             again.reused == cells.cells().len() && bytes(&again) == bytes(&whole),
@@ -122,7 +122,7 @@ fn a_limit_that_is_too_low_is_an_error_that_tells_one_that_will_do() {
     let (scene, cells) = town_from_one_place();
     let Err(LevelError::Memory { limit, needed }) = in_file(&scene, "few", MIB) else { panic!("enough") };
     assert!(limit == MIB && needed > MIB, "the limit {limit} is too low, {needed} are needed");
-    // What is known of the objects fits, and no more.
+    // The limit of memory suffices for the properties of the objects only.
     let mut memory = needed;
     let mut tries = 0;
     loop {
@@ -143,7 +143,7 @@ fn a_limit_that_is_too_low_is_an_error_that_tells_one_that_will_do() {
 
 #[test]
 fn what_one_thread_can_do_with_the_memory_many_threads_can_do() {
-    // In groups of their own, so that threads hold memory of different groups.
+    // Each viewcell is in a group of its own, so that threads hold memory of different groups.
     let (scene, cells) = town();
     let cells = Viewcells::new(cells.cells().iter().step_by(5).cloned());
     let baked = |memory: u64, threads: usize| {
@@ -179,12 +179,12 @@ fn damage_is_an_error_with_what_and_where() {
         match damage {
             0 => content.truncate(length / 2),
             1 => content.clear(),
-            // The last bit of every coordinate beyond 1 m, but of no count.
+            // Flips the last bit of every coordinate beyond 1 m, but not of counts.
             2 => content.chunks_exact_mut(4).for_each(|word| {
                 let is_coordinate = f32::from_le_bytes([word[0], word[1], word[2], word[3]]).abs() > 1.0;
                 word[0] ^= u8::from(is_coordinate);
             }),
-            // Few bits.
+            // Flips a few bits.
             3 => content.iter_mut().step_by(length / 3 - 1).for_each(|byte| *byte ^= 128),
             4 => content.fill(0xff),
             _ => content.fill(0),
@@ -200,7 +200,7 @@ fn damage_is_an_error_with_what_and_where() {
                 assert!(!outcome.complete, "damage {damage}: the bake is not complete");
                 found += 1;
             }
-            // Where nobody has looked.
+            // The damage may be in content that was never read.
             None => assert!(damage == 3 && outcome.complete, "damage {damage} was not found"),
             Some(error) => panic!("{error}"),
         }

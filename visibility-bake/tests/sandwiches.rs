@@ -1,5 +1,5 @@
-//! Tests of the bake: its answers against rays of their own, the same bytes in shards, on threads, and after
-//! stops; gaps that are met; damaged files.
+//! Tests of the bake: answers are compared with independent rays; bytes are the same in shards, on threads
+//! and after stops; gaps are met; damaged files are refused.
 
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::Duration;
@@ -14,7 +14,7 @@ use visibility_core::scene::{SharedTriangles, Triangle};
 use visibility_core::{Aabb, Culler, Object, Pose, Scene, View, VisibleSet};
 use visibility_testing::{NOT_ALWAYS_DRAWN, Random, is_clear};
 
-/// A street: houses left and right, with small boxes between and behind them.
+/// Makes a street with houses on both sides, and small boxes between and behind them.
 fn street() -> (Scene, Viewcells) {
     let mut random = Random(5);
     let mut scene = Scene::new();
@@ -39,7 +39,7 @@ fn street() -> (Scene, Viewcells) {
 fn insert(scene: &mut Scene, min: [f32; 3], max: [f32; 3], occluder: bool) {
     let bounds = Aabb::from_arrays(min, max);
     let corner = bounds.corners();
-    // Two triangles for each side, from the corners that lie in the side's plane.
+    // Each side has two triangles, between the box corners in the plane of that side.
     let mut triangles: Vec<Triangle> = Vec::new();
     for axis in 0..3 {
         for plane in [bounds.min[axis], bounds.max[axis]] {
@@ -92,7 +92,7 @@ fn a_gap_saves_work_and_is_met() {
     let steps = |cells: &[CellSandwich]| cells.iter().map(|cell| cell.steps).sum::<u64>();
     assert!(steps(&none) < steps(&some) && steps(&some) < steps(&all), "a greater gap takes fewer steps");
     for ((some, none), all) in some.iter().zip(&none).zip(&all) {
-        // All objects but those on the ground cost 12.
+        // All objects except those on the ground have a cost of 12.
         let gap = some.open.len() as f64 / (some.seen.len() + some.open.len()) as f64;
         assert!(gap <= 0.3 || some.open.iter().all(|index| all.open.contains(index)), "{gap}");
         assert_eq!(none.proven, 0, "a gap of 1 needs no proofs");
@@ -108,7 +108,7 @@ fn a_gap_saves_work_and_is_met() {
 
 #[test]
 fn times_of_methods_outlast_a_stop_and_change_no_byte() {
-    // A clock that stands still until it is asked, and then goes on by a second more each time.
+    // A clock that advances by one second more at each call.
     static ASKED: AtomicU64 = AtomicU64::new(0);
     fn clock() -> Duration {
         let asked = ASKED.fetch_add(1, Ordering::Relaxed);
@@ -125,8 +125,8 @@ fn times_of_methods_outlast_a_stop_and_change_no_byte() {
         assert_eq!(bake.progress().done, 4, "viewcells swept before the stop");
         bake.run()
     });
-    // For each viewcell the clock is asked twice for the sweep of its group, twice for its own, and then
-    // three times for rays and twice for proofs of boxes; the gap is met.
+    // For each viewcell the clock is called twice for the sweep of its group, twice for its own sweep, three
+    // times for rays and twice for proofs of boxes. The gap is then met.
     let seconds = |of: fn(&MethodTimes) -> Duration| {
         let mut seconds: Vec<u64> = outcome.times.iter().map(|times| of(times).as_secs()).collect();
         seconds.sort_unstable();
@@ -156,7 +156,7 @@ fn shards_threads_and_stops_give_the_same_bytes() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         assert_eq!(pool.install(|| Shard::bake(baker())).to_bytes(), whole, "{threads} threads");
     }
-    // Stopped after one to three viewcells of each round, and resumed.
+    // The bake is stopped after one to three viewcells of each round, and resumed.
     let mut state = Bake::new(baker()).save();
     for stop in 0.. {
         let mut bake = Bake::resume(baker(), &state).unwrap();
@@ -176,7 +176,7 @@ fn shards_threads_and_stops_give_the_same_bytes() {
         }
         state = bake.save();
     }
-    // Shards in any order, one of them twice.
+    // Shards are in arbitrary order, and one is given twice.
     let part = |range| Shard::from_bytes(&Shard::bake(baker().with_range(range)).to_bytes()).unwrap();
     let shards = [part(7..99), part(0..4), part(3..8), part(0..4)];
     let assembled = assemble(10, shards.clone()).unwrap();
@@ -224,7 +224,7 @@ fn a_viewcell_that_is_given_up_is_open_and_worked_on_again() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let asked = AtomicUsize::new(0);
     let count = |_: ()| asked.fetch_add(1, Ordering::Relaxed);
-    // All groups are swept, and all viewcells.
+    // After these two rounds, all groups and all viewcells are swept.
     let mut first = Bake::new(baker());
     for done in [10, 20] {
         pool.install(|| first.advance_unless(|| false, || count(()) == usize::MAX));
@@ -239,7 +239,7 @@ fn a_viewcell_that_is_given_up_is_open_and_worked_on_again() {
     pool.install(|| all.advance_unless(|| false, || count(()) == usize::MAX));
     let (all, steps) = (asked.swap(0, Ordering::Relaxed), all.progress().steps);
     assert!(all as u64 * 40 > steps, "{all} times asked in {steps} steps");
-    // Once it has been asked so many times, in the midst of a viewcell.
+    // The bake is stopped at the given call of the stop function, in the middle of a viewcell.
     for most in [1, 2, 3, all / 7, all / 3, all / 2, all / 10 * 9] {
         let mut bake = Bake::resume(baker(), &first.save()).unwrap();
         asked.store(0, Ordering::Relaxed);
@@ -275,7 +275,7 @@ fn an_unfinished_bake_reports_all_that_is_not_hidden_yet() {
     assert!(none.cells.iter().all(|cell| std::sync::Arc::ptr_eq(&cell.open, shared)), "one list for all");
     let rows: Vec<_> = none.cells.iter().map(|cell| cell.reported()).collect();
     assert!(rows.iter().all(|row| row.as_ptr() == shared.as_ptr()), "no copies of the list");
-    // All groups are swept before the first viewcell is, and all viewcells before the first is searched.
+    // All groups are swept before the first viewcell, and all viewcells before the first search.
     let mut bake = Bake::new(baker());
     bake.advance();
     let of_groups = Bake::resume(baker(), &bake.save()).unwrap().finish();
@@ -312,7 +312,7 @@ fn an_unfinished_bake_reports_all_that_is_not_hidden_yet() {
 
 #[test]
 fn little_time_is_divided_among_the_stages() {
-    // A millisecond passes each time that the clock is asked: once for each plane of a sweep.
+    // A clock that advances by a millisecond at each call: once for each plane of a sweep.
     static ASKED: AtomicU64 = AtomicU64::new(0);
     fn clock() -> Duration {
         Duration::from_millis(ASKED.fetch_add(1, Ordering::Relaxed))
@@ -329,7 +329,7 @@ fn little_time_is_divided_among_the_stages() {
         pool.install(|| while !is_over() && bake.advance_unless(is_over, || false).is_some() {});
         bake.finish()
     };
-    // Groups come first, then viewcells, and searches with what is left.
+    // Groups come first, then viewcells, and then searches in the remaining time.
     let [groups, swept, ..] = timed(100, 95).stages;
     assert!(0 < groups && groups < 10 && swept < 10, "{groups} groups, {swept} swept");
     let [groups, swept, seen, ..] = timed(3000, 2990).stages;
@@ -337,7 +337,7 @@ fn little_time_is_divided_among_the_stages() {
         (groups, swept) == (10, 10) && 0 < seen && seen < 10,
         "{groups} groups, {swept} swept, {seen} seen"
     );
-    // If there is time in the end, it is for what was put off, but not for sweeps that were cut short.
+    // Time that is left at the end is used for items that were put off, but not for sweeps that ended early.
     let late = timed(50, u64::MAX);
     assert!(late.complete && late.stages[2..] == [10; 3], "{:?}", late.stages);
     let found = late.cells.iter().zip(&whole.cells).filter(|(late, whole)| late.swept == whole.swept).count();
@@ -345,13 +345,14 @@ fn little_time_is_divided_among_the_stages() {
     for (late, whole) in late.cells.iter().zip(&whole.cells) {
         assert!(whole.seen.iter().all(|index| late.reported().contains(index)), "a seen object is hidden");
     }
-    // Results without sweeps are not for a bake that sweeps.
+    // Results without sweeps must not be used by a bake that sweeps.
     let bytes = |outcome| Shard::new(0, outcome).to_bytes();
     assert!(
         bytes(Bake::new(baker().with_cache(late.cache)).run()) == bytes(whole),
         "a bake with the cache of a bake with little time"
     );
-    // A group that was cut short stays so when the bake is resumed before all of its viewcells are done.
+    // A group whose sweep ended early keeps that result if the bake is resumed before all its viewcells are
+    // done.
     ASKED.store(0, Ordering::Relaxed);
     let mut bake = Bake::new(baker().with_clock(clock).with_time(Duration::from_millis(20)));
     bake.advance_unless(|| ASKED.load(Ordering::Relaxed) > 10, || false);
@@ -363,11 +364,10 @@ fn little_time_is_divided_among_the_stages() {
     );
 }
 
-/// The time of the sweeps of groups ends between two viewcells of a group, which are in different stages from
-/// then on.
+/// The time for sweeps of groups ends between two viewcells of a group, which are then in different stages.
 #[test]
 fn no_stage_takes_what_another_has_made_for_a_group() {
-    // A millisecond passes each time that the clock is asked.
+    // A clock that advances by a millisecond at each call.
     static ASKED: AtomicU64 = AtomicU64::new(0);
     fn clock() -> Duration {
         Duration::from_millis(ASKED.fetch_add(1, Ordering::Relaxed))
@@ -379,7 +379,7 @@ fn no_stage_takes_what_another_has_made_for_a_group() {
         ASKED.store(0, Ordering::Relaxed);
         baker().with_clock(clock).with_time(Duration::from_millis(limit))
     };
-    // How many items a round begins at most.
+    // Returns a stop function that lets a round begin at most `count` items.
     let at_most = |count: usize| {
         let begun = AtomicUsize::new(0);
         move || begun.fetch_add(1, Ordering::Relaxed) >= count
@@ -391,17 +391,17 @@ fn no_stage_takes_what_another_has_made_for_a_group() {
     pool.install(|| {
         for limit in (89..125).step_by(5) {
             let outcome = Bake::new(limited(limit)).run();
-            // In so little time no viewcell is swept to the end.
+            // In so little time no sweep of a viewcell is complete.
             assert!(is_looked_from(&outcome) && outcome.stages[1] == 0, "{limit} ms: {:?}", outcome.stages);
-            // So what the bake finds when it goes on without a limit is not for other bakes.
+            // Therefore other bakes must not use what this bake finds when it continues without a limit.
             let mut bake = Bake::new(limited(limit));
             bake.advance();
             bake.advance_unless(at_most(1), || false);
             let resumed = Bake::resume(baker(), &bake.save()).unwrap().run();
             assert!(resumed.complete && resumed.cache == BakeCache::default(), "{limit} ms");
         }
-        // Some viewcells have what their group has found when the bake is stopped. It goes on when the time
-        // for groups is over.
+        // When the bake is stopped, some viewcells have used the result of their group's sweep. The bake
+        // continues when the time for groups is over.
         let mut bake = Bake::new(baker());
         bake.advance_unless(at_most(5), || false);
         let bake = Bake::resume(limited(1000), &bake.save()).unwrap();
@@ -429,8 +429,9 @@ fn the_longest_time_leaves_nothing_out() {
     );
 }
 
-/// A field of so many triangles that no search could begin in its share of the time, and before it a street
-/// of which more is hidden from parts of each viewcell; and open country, where groups hide nothing.
+/// A field with so many triangles that no search could begin in its share of the time, behind a street in
+/// which parts of each viewcell hide more objects than the whole; and open country, where groups hide
+/// nothing.
 #[test]
 fn what_a_search_has_not_the_time_for_is_swept_in_parts() {
     let (mut scene, cells) = street();
@@ -474,7 +475,7 @@ fn groups_from_which_nothing_is_hidden_are_left_out() {
     let baker = || SandwichBaker::new(&scene, &cells, settings);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let outcome = pool.install(|| Bake::new(baker().with_time(Duration::from_secs(1))).run());
-    // Four groups of 16 viewcells are tried.
+    // Four groups of 16 viewcells are swept before the others are skipped.
     assert_eq!(outcome.stages, [64, 100, 100, 100, 100], "viewcells by stage, after four groups were tried");
     let whole = Bake::new(baker()).run();
     assert_eq!(
@@ -484,7 +485,7 @@ fn groups_from_which_nothing_is_hidden_are_left_out() {
     );
 }
 
-/// Copies of a mesh of 2^12 triangles, of which 2^9 are as many triangles as a search may copy.
+/// Copies of a mesh of 2^12 triangles. 2^9 copies have as many triangles as a search may copy.
 #[test]
 fn a_viewcell_that_sees_too_many_triangles_is_left_open() {
     let strip = |i: usize| {
@@ -516,7 +517,7 @@ fn a_viewcell_that_sees_too_many_triangles_is_left_open() {
 #[test]
 fn what_is_never_culled_is_reported_from_everywhere() {
     let mut scene = Scene::new();
-    // A wall, two boxes behind it, one of which moves, and an object of unknown place.
+    // A wall, two boxes behind it, one of which moves, and an object with unknown bounds.
     insert(&mut scene, [5.0, -50.0, -50.0], [6.0, 50.0, 50.0], true);
     for y in [0.0, 3.0] {
         insert(&mut scene, [20.0, y, 0.0], [21.0, y + 1.0, 1.0], false);
@@ -570,7 +571,7 @@ fn files_are_read_for_their_scene_alone_and_damage_is_found() {
     assert!(matches!(set.for_scene(&scene), Err(BakedSetError::OtherScene)), "a scene with another box");
 }
 
-/// Tests a scene that has the objects in another order, in parts and among others.
+/// A set is used for a scene that has the objects in another order, several times and among other objects.
 #[test]
 fn sets_are_taken_for_objects_of_other_indices() {
     let (scene, cells) = street();
@@ -580,7 +581,7 @@ fn sets_are_taken_for_objects_of_other_indices() {
     let set = BakedSet::new(&scene, cells.clone(), &rows).unwrap();
     assert_eq!(set.index_limit(), count as usize, "objects of the bake");
     let mut other = Scene::new();
-    // Backwards, each twice, and one that the bake does not know between two that it does.
+    // The objects are in reverse order, each twice, and one that the bake does not know is among them.
     let objects: Vec<_> = (0..count)
         .rev()
         .map(|index| {
@@ -627,7 +628,7 @@ fn sets_are_taken_for_objects_of_other_indices() {
     assert_eq!(compared(DVec3::ZERO, boxes), Some(BakedSetError::OtherScene), "a box 1 mm longer");
 }
 
-/// A house inside a block that is not drawn in each frame, and the other way round.
+/// A house inside a block that is not drawn in every frame, and such a block inside a house.
 #[test]
 fn what_is_not_always_drawn_is_proven_to_hide_nothing() {
     let mut scene = Scene::new();

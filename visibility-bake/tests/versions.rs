@@ -1,5 +1,5 @@
-//! Tests that a set is used for the level that it was baked from alone, and that results of earlier versions
-//! of the bake are refused.
+//! A set is used only for the level from which it was baked, and results of earlier versions of the bake are
+//! refused.
 
 use std::sync::Arc;
 use visibility_bake::{
@@ -12,7 +12,7 @@ use visibility_core::scene::Triangle;
 use visibility_core::{Aabb, Accuracy, Culler, Object, Pose, Scene, View, VisibleSet};
 use visibility_testing::mend_header;
 
-/// Corner of a wall across x at 5 m, 20 m wide and high.
+/// Returns a corner of a wall at x = 5 m that is 20 m wide and high.
 fn wall(y: f32, z: f32) -> Vec3 {
     Vec3::new(5.0, y, z)
 }
@@ -21,7 +21,7 @@ fn rectangle([a, b]: [f32; 2], [c, d]: [f32; 2]) -> [Triangle; 2] {
     [[wall(a, c), wall(b, c), wall(b, d)], [wall(a, c), wall(b, d), wall(a, d)]]
 }
 
-/// A wall, and a box behind its middle.
+/// Makes a wall, and a box behind its middle.
 fn level() -> (Scene, Viewcells) {
     let mut scene = Scene::new();
     let bounds = [Aabb::new(wall(-10.0, -10.0), wall(10.0, 10.0)), Aabb::from_arrays([9.0; 3], [9.5; 3])];
@@ -41,7 +41,7 @@ fn baked(scene: &Scene, cells: &Viewcells) -> BakedSet {
 
 type Edit = (&'static str, fn(&mut Scene));
 
-/// Changes that leave all boxes as they were.
+/// Returns edits that do not change any object's box.
 fn edits() -> [Edit; 6] {
     [
         ("a door", |scene| {
@@ -92,12 +92,12 @@ fn a_set_is_refused_after_an_edit_that_leaves_all_boxes() {
         let baker = |scene| SandwichBaker::new(scene, &cells, SandwichSettings::default());
         let whole = |scene| baker(scene).whole_fingerprint();
         assert_ne!(whole(&edited), whole(&scene), "{name}: shards are of another bake");
-        // The state of a bake is of the scene before the edit.
+        // The state belongs to a bake of the scene before the edit, so it is refused.
         assert!(Bake::resume(baker(&edited), &Bake::new(baker(&scene)).save()).is_err(), "{name}");
     }
 }
 
-/// With a cache of the level before an edit, the result is that of a bake without.
+/// With a cache of the level before an edit, the result equals that of a bake without a cache.
 #[test]
 fn a_cache_gives_nothing_that_an_edit_has_changed() {
     let (scene, cells) = level();
@@ -112,8 +112,8 @@ fn a_cache_gives_nothing_that_an_edit_has_changed() {
     }
 }
 
-/// The wall of a bake that is taken away, or not drawn, no longer hides the box behind it, however the set
-/// was given to the scene.
+/// A wall that occluded in the bake no longer hides the box behind it once it is removed or not drawn,
+/// however the set was assigned to the scene.
 #[test]
 fn a_wall_that_is_not_drawn_hides_nothing() {
     let (scene, cells) = level();
@@ -121,7 +121,7 @@ fn a_wall_that_is_not_drawn_hides_nothing() {
     let pose = Pose::look_at(DVec3::splat(0.5), DVec3::splat(9.25), DVec3::Z);
     let view = View::perspective(pose, 1.0, 1.0, 0.01, 100.0).unwrap();
     for by_index in [false, true] {
-        // Boxes alone, without the flags of the bake, with the wall on a layer of its own.
+        // A scene of boxes only, without the flags of the bake. The wall is on a layer of its own.
         let mut boxes = Scene::new();
         boxes.insert_batch(scene.ids().map(|id| scene.bounds(id).unwrap()).collect::<Vec<_>>());
         let [wall, behind] = [0, 1].map(|index| boxes.id_at(index).unwrap());
@@ -157,7 +157,7 @@ fn what_was_not_compared_is_not_promised() {
         100.0,
     )
     .unwrap();
-    // Boxes alone, with the version that the level carries or without.
+    // A scene of boxes only, with the version that the level stores or without a version.
     let mut boxes = Scene::new();
     let ids = boxes.insert_batch(scene.ids().map(|id| scene.bounds(id).unwrap()).collect::<Vec<_>>());
     assert!(
@@ -208,7 +208,8 @@ fn what_was_not_compared_is_not_promised() {
     );
 }
 
-/// Nobody tells whether a wall of the bake is drawn that is no object of the scene.
+/// If a wall of the bake is no object of the scene, it is unknown whether it is drawn, so cullers are
+/// approximate.
 #[test]
 fn a_set_without_a_wall_of_the_bake_is_not_promised() {
     let (mut scene, cells) = level();
@@ -227,7 +228,7 @@ fn a_set_without_a_wall_of_the_bake_is_not_promised() {
     assert!(!is_promised(&scene, &[(wall, 0), (behind, 1)]), "with the id of a wall that is gone");
 }
 
-/// The sweep of earlier versions of the formats could leave out what is visible.
+/// The sweep of earlier versions of the formats could hide visible objects.
 #[test]
 fn results_of_earlier_versions_are_refused_with_a_word() {
     let (scene, cells) = level();

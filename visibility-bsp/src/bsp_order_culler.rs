@@ -52,8 +52,8 @@ pub struct BspOrderCuller<S> {
     ranks: Vec<u32>,
 }
 
-/// Rank value of an object to be ranked (in the incoming visible set, all its triangles in the tree and up to
-/// date) that the walk has not reached. The object is removed unless the walk was cut short by the node
+/// Rank value of an object that the walk has not reached, though it is in the incoming visible set and all
+/// its triangles in the tree are up to date. The object is removed unless the walk was cut short by the node
 /// limit.
 const NOT_MET: u32 = u32::MAX;
 /// Rank value of an object that is not in the incoming visible set, or whose triangles in the tree are

@@ -157,7 +157,7 @@ fn a_wall_that_the_eye_comes_too_close_to_hides_no_longer() {
     assert!(hidden[0] && !hidden[19], "hidden by steps from 3.94 m to 3.997 m: {hidden:?}");
 }
 
-/// The boxes end between 1e-7 and 0.1 metres inside the edge of the wall's shadow.
+/// Boxes that end between 1e-7 and 0.1 m inside the edge of the wall's shadow.
 #[test]
 fn a_view_that_knows_its_eye_less_well_trusts_no_answer_of_one_that_knew_it_better() {
     let mut random = Random(15);
@@ -174,7 +174,7 @@ fn a_view_that_knows_its_eye_less_well_trusts_no_answer_of_one_that_knew_it_bett
     let occluders = Arc::new(Occluders::new(&room.scene));
     let mut counts = Vec::new();
     for blur in [1e-6, 1e-8, 1e-10, 1e-11, 1e-12] {
-        // Nearly opposite rows x and y determine the eye's position badly along one of the axes.
+        // Rows x and y that are nearly opposite determine the eye's position inexactly along one axis.
         let matrix = sharp.clip_from(DVec3::ZERO);
         let (x, y) = (matrix.row(0), matrix.row(1));
         let mut rows = matrix.transpose();
@@ -186,21 +186,21 @@ fn a_view_that_knows_its_eye_less_well_trusts_no_answer_of_one_that_knew_it_bett
         let live = reported(&room.scene, &blurred, &mut live);
         let fresh = reported(&room.scene, &blurred, &mut LargeOccludersCuller::new(occluders.clone()));
         println!("{blur}: {all} sharp, {} live, {} fresh", live.len(), fresh.len());
-        // An eye that is surely within an answer's ball keeps the answer, even where a new culler could not
-        // derive it.
+        // An eye that is surely inside the ball of a cached answer keeps that answer, even if a new culler
+        // could not compute it.
         assert!(live.len() <= fresh.len(), "blur {blur}: what was remembered reports more objects");
         counts.push(live.len());
     }
     assert!(counts.is_sorted() && counts[2] > counts[0] + 50 && counts[4] > counts[2] + 50, "{counts:?}");
 }
 
-/// The polygons are made of all occluders, in the set or not.
+/// The polygons are made of all occluders, so the scene tells which of them are always drawn.
 #[test]
 fn what_is_not_always_drawn_hides_nothing() {
     for (way, set) in NOT_ALWAYS_DRAWN.into_iter().enumerate() {
         let mut room = Room::new();
         set(&mut room.scene, room.wall);
-        // The last culler takes its occluders from the set.
+        // The fourth culler is left out: it takes its occluders from the visible set, not from the scene.
         for culler in &mut room.cullers()[..3] {
             assert!(!room.hides(&mut **culler), "way {way}: {}", culler.name());
         }

@@ -30,7 +30,8 @@ fn large_occluders_are_found_around_the_eye() {
     );
 }
 
-/// Regions of eyes are as large as the enclosures, and their polygons are chosen from five eyes each.
+/// Regions of eyes are as large as the enclosures. For each region, polygons are chosen from five sample
+/// eyes.
 #[test]
 fn shadow_frusta_are_cast_by_what_surrounds_the_eye() {
     let bake = |scene: &Scene| Arc::new(ShadowFrusta::new(scene, Occluders::new(scene), 64, 16));

@@ -52,7 +52,7 @@ fn eye(random: &mut Random, polygons: &[Vec<DVec3>]) -> Eye {
         0 => shapes::grid_point(random, 9.0),
         1 => polygon[0],
         2 => polygon[0] + (polygon[1] - polygon[0]) * random.fine_range(0.0, 1.0),
-        // In the polygon's plane, inside the polygon or outside it.
+        // The eye is in the polygon's plane, inside the polygon or outside it.
         3 => {
             let [s, t] = [random.fine_range(-2.0, 2.0), random.fine_range(-2.0, 2.0)];
             polygon[0] + (polygon[1] - polygon[0]) * s + (polygon[2] - polygon[0]) * t
@@ -134,7 +134,7 @@ fn owners_that_come_and_go_leave_the_order_right() {
                 assert!((area - area_of(&polygons[owner])).abs() < 1e-9, "parts of {owner} are missing");
             }
         }
-        // Inserting and removing guests leaves the tree as it was.
+        // Inserting and then removing further owners leaves the tree as it was.
         let mut tree = BspTree::build((0..20).zip(polygons.iter().map(|p| &p[..]))).unwrap();
         for owner in 20..40 {
             tree.insert(owner, [&polygons[owner as usize][..]]).unwrap();

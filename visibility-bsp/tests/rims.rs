@@ -77,12 +77,12 @@ impl Rim {
         for number in 0..24 {
             let (mut i, mut j) = (share(random, 1.0, 24.0), share(random, 1.0, 24.0));
             if number % 2 == 0 {
-                // On the view ray through the smaller triangle's corner.
+                // The box has a corner on the view ray through the smaller triangle's corner.
                 let depth = share(random, 3.0, 12.0);
                 (i, j) = (along[0] * depth, along[1] * depth);
             }
             let p = at(i, j, 0.0);
-            // A point, or a box that extends from the point to any side.
+            // The box is the point `p`, or extends from it to any side.
             let reach = if number % 3 == 0 { DVec3::ZERO } else { whole(random, 9.0) };
             boxes.push(Aabb::from_points([p, p + reach].map(|p| (p * scale).as_vec3())));
         }
@@ -204,9 +204,9 @@ fn divisor(a: i128, b: i128) -> (i128, i128, i128) {
     (d, y, x - a.div_euclid(b) * y)
 }
 
-/// Returns a point with whole coordinates that is in front of the plane of a triangle with whole corners by
-/// the least possible amount (the determinant is 1), and projects near the triangle. `None` if there is no
-/// such point, or its coordinates exceed 2^24.
+/// Returns a point with whole coordinates that projects near a triangle with whole corners, and is in front
+/// of its plane by the least possible amount: the determinant is 1. `None` if there is no such point, or if
+/// its coordinates exceed 2^24.
 fn in_front_by_nothing(t: [[i128; 3]; 3]) -> Option<[i128; 3]> {
     let [u, v] = [1, 2].map(|k| [0, 1, 2].map(|i| t[k][i] - t[0][i]));
     let n = [0, 1, 2].map(|i| u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3]);
@@ -267,7 +267,8 @@ fn what_is_nearer_by_rounding_is_not_hidden() {
     assert!(cases > 400, "points before a triangle by rounding: {cases}");
 }
 
-/// Boxes with one corner in a side of the image up to rounding, and everything else outside of that side.
+/// Boxes with one corner exactly in a side of the image up to rounding. The rest of each box is outside that
+/// side.
 #[test]
 fn what_reaches_into_the_image_by_rounding_is_not_hidden() {
     let mut random = Random(37);

@@ -75,7 +75,8 @@ fn one_section_hides_what_no_face_does() {
     );
     for eye in [DVec3::new(-4.0, 0.0, 2.0), DVec3::new(-2.0, 3.0, 4.0)] {
         let view = towards(eye, DVec3::new(4.0, 0.0, 3.0), 0.1);
-        // Shadow frusta are chosen by regions, and no region contains this eye.
+        // The culler by shadow frusta is left out: its polygons are chosen for regions, and no region
+        // contains this eye.
         for mut culler in cullers(&scene, 1).into_iter().take(2) {
             assert!(hides(&scene, &view, &mut *culler, ids[0]), "{}", culler.name());
         }
@@ -84,7 +85,7 @@ fn one_section_hides_what_no_face_does() {
 
 #[test]
 fn what_is_before_the_section_within_a_solid_is_not_hidden() {
-    // The section's plane is at x = 4.125; the face in front of it is dropped for it.
+    // The section is in the plane x = 4.125. It replaces the face of the wall in front of it.
     let inside = Aabb::from_arrays([4.05, -1.0, 1.0], [4.1, 1.0, 2.0]);
     let (scene, ids) = scene_of(&HOUSE, &[inside]);
     let view = towards(DVec3::new(-4.0, 0.0, 2.0), DVec3::new(4.0, 0.0, 3.0), 0.1);
@@ -136,7 +137,7 @@ fn a_face_before_the_near_plane_does_not_hide() {
     let pose = Pose::look_at(eye, DVec3::new(9.0, 0.0, 1.0), DVec3::Z);
     nothing_hides(&HOUSE, &towards(eye, DVec3::new(9.0, 0.0, 1.0), 0.1), target);
     nothing_hides(&HOUSE, &View::orthographic(pose, window, 0.1, 50.0).unwrap(), target);
-    // A face that a user clip plane cuts away hides nothing either.
+    // A face that is removed by a clip plane of the view does not hide anything either.
     let eye = DVec3::new(0.0, 0.0, 1.0);
     let clip = Plane::new(DVec3::X, -4.06);
     let view = towards(eye, DVec3::new(9.0, 0.0, 1.0), 0.1).with_clip_planes(&[clip]).unwrap();
@@ -169,7 +170,7 @@ fn a_box_without_one_of_its_faces_is_no_solid() {
 
 #[test]
 fn the_near_plane_counts_even_where_no_polygon_is_cut() {
-    // Like the previous case, but with all corners of the section beyond the near plane.
+    // All corners of the section are beyond the near plane, which cuts the wall's face away.
     let solids = [
         Aabb::from_arrays([4.0, -1.0, 0.0], [4.5, 1.0, 1.0]),
         Aabb::from_arrays([4.3, -1.0, 1.0], [9.0, 1.0, 2.0]),
@@ -225,7 +226,7 @@ fn hidden_boxes_among_solids_cannot_be_seen_from_outside_or_inside() {
             let solid = solids[random.below(solids.len())];
             let share = DVec3::new(random.fine_unit(), random.fine_unit(), random.fine_unit());
             let eye = match frame % 3 {
-                // In a solid, close in front of one, or anywhere.
+                // The eye is in a solid, close in front of one, or anywhere.
                 0 => solid.min.as_dvec3() + (solid.max - solid.min).as_dvec3() * share,
                 1 => {
                     let mut p = solid.min.as_dvec3() + (solid.max - solid.min).as_dvec3() * share;

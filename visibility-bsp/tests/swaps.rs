@@ -38,8 +38,8 @@ fn hides(culler: &mut dyn Culler, scene: &Scene, view: &View, id: ObjectId) -> b
     !visible.contains(scene, id)
 }
 
-/// Two polygon sets of the same scene revision: a polygon number means the near wall in one set and the far
-/// wall in the other.
+/// Two sets of polygons for the same scene revision. A polygon index stands for the near wall in one set and
+/// for the far wall in the other.
 #[test]
 fn other_occluders_of_the_same_revision_are_taken_in() {
     let mut scene = Scene::new();
@@ -50,7 +50,8 @@ fn other_occluders_of_the_same_revision_are_taken_in() {
     let old = Occluders::new(&scene);
     let touch =
         |scene: &mut Scene, id| scene.set_occluder(id, false).and(scene.set_occluder(id, true)).unwrap();
-    // Polygons made anew get the next numbers: those of the far wall first, or those of the near wall first.
+    // Polygons that are made again get the next indices: those of the far wall first, or those of the near
+    // wall.
     let mut far_first = old.clone();
     touch(&mut scene, far);
     far_first.sync(&scene);
@@ -61,7 +62,7 @@ fn other_occluders_of_the_same_revision_are_taken_in() {
 
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     let view = View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap();
-    // The far wall has the numbers in one set that the near wall has in the other.
+    // The far wall has the same indices in one set as the near wall in the other.
     for (first, second) in [(&near_first, &far_first), (&far_first, &near_first)] {
         assert_eq!((first.len(), second.len()), (12, 12), "polygons of both sets");
         let mut culler = LargeOccludersCuller::new(Arc::new(first.clone()));
@@ -225,7 +226,7 @@ fn a_live_culler_answers_as_a_new_one_whatever_is_swapped() {
                     cullers.give(place);
                 }
                 6 => {
-                    // Polygons of one place, trees of another.
+                    // The cullers get the polygons of one place and the tree of another.
                     let mixed = Place { tree: places[j].tree.clone(), ..places[i].clone() };
                     live[k].0.give(&mixed);
                     live[k].1 = mixed;

@@ -187,14 +187,15 @@ fn polygons_that_cut_each_other_without_end_are_refused() {
     for axis in 0..3 {
         for i in 0..n {
             let at = f64::from(i) - 0.013 * f64::from(axis);
-            // Slightly skewed, so that no two slats share a plane.
+            // The slats are slightly skewed, so that no two share a plane.
             let skew = 1e-4 * f64::from(i);
             let [u, v, w] = [axis, (axis + 1) % 3, (axis + 2) % 3].map(|a| DVec3::AXES[a as usize]);
             let corner = |s: f64, t: f64| u * (at + skew * s) + v * (s * 50.0) + w * (t * 50.0);
             polygons.push(vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)]);
         }
     }
-    // At worst 3 n^3 fragments: accepted up to 256 cuts per polygon, refused beyond.
+    // At worst there are 3 n^3 fragments. The tree is accepted up to 256 cuts per polygon, and refused
+    // beyond.
     let tree = BspTree::build((0..).zip(polygons.iter().map(|p| &p[..])));
     match tree {
         Ok(tree) => assert!(

@@ -47,7 +47,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// A plate at the given x, from y to y, from the floor at z = -10 to z = 10.
+/// Returns both triangles of an upright plate in the plane `x`, from y = `from` to y = `to` and z = -10 to
+/// 10.
 fn plate(x: f32, from: f32, to: f32) -> Vec<[Vec3; 3]> {
     let [a, b, c, d] =
         [(from, -10.0), (to, -10.0), (to, 10.0), (from, 10.0)].map(|(y, z)| Vec3::new(x, y, z));

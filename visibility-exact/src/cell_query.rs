@@ -1,5 +1,5 @@
-//! All objects of a scene from one viewcell: rays first, then proofs for groups of objects that no ray has
-//! found, for single objects, and for their triangles.
+//! Decides all objects of a scene as seen from one viewcell: by rays first, then by proofs for groups of
+//! objects that no ray has found, for single objects, and for their triangles.
 //!
 //! This work is based on: Shaun Nirenstein, Edwin Blake and James Gain, "Exact From-Region Visibility
 //! Culling", 2002: its query architecture, which samples first, tests groups before their members and ends
@@ -23,55 +23,55 @@ use visibility_core::random::Random;
 
 /// Budget of the proof that a group of objects is hidden, unless [`Prices`] allow more.
 ///
-/// Groups get few nodes and are not divided by occluder edges: what is not proven of a group at once is
-/// proven of its parts in less time. With 300 nodes and divisions, a city took twice as long for the same
-/// answer.
+/// Groups get few search nodes and are not divided by occluder edges: a group that is not proven at once is
+/// halved, and proofs for its halves take less time. With 300 nodes and divisions, a city took twice as long
+/// for the same answer.
 const GROUP: Budget = Budget { nodes: 50, divided: 0, halvings: 0 };
 /// Budget of the proof that the box of a single object is hidden.
 const OBJECT: Budget = Budget { nodes: 1000, divided: 200, halvings: 12 };
 /// Budget of the search for one triangle of an object.
 const TRIANGLE: Budget = Budget { nodes: 1500, divided: 200, halvings: 12 };
-/// Number of nodes spent on the triangles of one object after which no further triangle of the object gets a
-/// first look.
+/// Number of search nodes after which no further triangle of an object gets a first look.
 const ALL_TRIANGLES: u32 = 8000;
-/// Budget of a first look at each triangle of an object, if there are other objects to try.
+/// Budget of a first look at each triangle of an object in a quick search, which gives up an object early.
 const QUICK: Budget = Budget { nodes: 400, ..TRIANGLE };
-/// Budget of a box around a part of an object. A large mesh behind several walls is hidden with few boxes,
-/// but its triangles would take more nodes than there are.
+/// Budget of the proof that a box around a part of an object's triangles is hidden. Few boxes hide a large
+/// mesh behind several walls; its triangles one by one would take more nodes than are granted.
 const PART: Budget = Budget { nodes: 100, divided: 50, halvings: 12 };
-/// Greatest number of nodes for boxes around the parts of one object, in a first look at the object.
+/// Greatest number of search nodes for boxes around the parts of one object, in a quick search.
 const QUICK_PARTS: u32 = 1000;
-/// Greatest number of nodes for boxes around the parts of one object, with the full budget.
+/// Greatest number of search nodes for boxes around the parts of one object, in a full search.
 const ALL_PARTS: u32 = 4000;
-/// Greatest number of nodes for boxes around parts of an object before the first part is hidden. Of the
-/// objects that no ray finds, most are seen through a gap, and no part of them is hidden.
+/// Greatest number of search nodes for boxes around parts of an object while no part is proven hidden. Most
+/// objects that no ray finds are seen through a gap and have no hidden part.
 const FIRST_PARTS: u32 = 400;
-/// Number of nodes by which the limit for further parts rises for each triangle of a part proven hidden.
+/// Search nodes granted for further parts of an object, for each triangle of a part proven hidden.
 const PART_TRIANGLE: u32 = 16;
-/// Least number of triangles in a part.
+/// Least number of triangles in a part of an object that is tried by its bounding box.
 const PART_TRIANGLES: usize = 16;
 /// Budget of a second look at each triangle of an object whose other triangles are all hidden. Where
-/// occluders meet in a corner and overlap by little more than the clearance, a node holds no line, but only
-/// small parts of it show that.
+/// occluders meet in a corner and overlap by little more than the clearance, segments must be divided finely
+/// before a proof succeeds.
 const PATIENT: Budget = Budget { nodes: 600, divided: 1500, halvings: 30 };
-/// Number of nodes after which no further triangle of an object gets a second look.
+/// Number of search nodes after which no further triangle of an object gets a second look.
 const ALL_PATIENT: u32 = 4000;
-/// Number of rays cast past the box of an object that was just seen.
+/// Number of rays cast past the box of an object that a ray has just found.
 const PAST: u32 = 32;
 /// Greatest number of nodes for the bound on the visible share of one object.
 const SHARE: u32 = 2000;
 
-/// Costs of past searches in nodes, by which a group is searched as thoroughly as an object or not.
+/// Costs of past searches in nodes. They decide whether a group is searched as thoroughly as a single object.
 ///
-/// Among houses along streets most groups are hidden as a whole, at the price of few objects; in a building
-/// of many rooms a group seldom is, and the nodes for it are lost. So a group may cost a part of what its
-/// objects are likely to cost, as long as groups of about its size have saved more than they have cost.
+/// Among houses along streets most groups are hidden as a whole, which costs the nodes of a few objects. In a
+/// building of many rooms groups seldom are hidden, and the nodes are lost. A group may therefore cost a part
+/// of what its objects are likely to cost, as long as groups of about its size have saved more nodes than
+/// they have cost.
 #[derive(Default)]
 struct Prices {
-    /// Number of nodes spent on searches for single objects, and number of these objects.
+    /// Nodes spent on searches for single objects, and the number of these objects.
     single: (u64, u64),
-    /// Nodes spent on thorough searches of groups, and number of objects that these hid, by the binary
-    /// logarithm of the group's size.
+    /// Nodes spent on thorough searches of groups, and the number of objects proven hidden by them. Indexed
+    /// by the binary logarithm of the group's size.
     groups: [(u64, u64); 32],
 }
 
@@ -109,9 +109,9 @@ impl Prices {
     }
 }
 
-/// A query from one viewcell, step by step, each step for the objects asked about that are still
-/// [open](Verdict::Open): rays, proofs for boxes, proofs for triangles. [`ExactCuller`](crate::ExactCuller)
-/// takes all steps for all objects; a bake with a budget chooses.
+/// Query of the objects that one viewcell sees, in steps: rays, proofs for boxes, proofs for triangles. Each
+/// step works on the objects that its caller asks about and that are still [open](Verdict::Open).
+/// [`ExactCuller`](crate::ExactCuller) takes all steps for all objects; a bake with a budget chooses.
 ///
 /// ```
 /// use visibility_core::{glam::{DVec3, Vec3}, pvs::Viewcell, Aabb, Object, Scene};
@@ -152,16 +152,15 @@ impl<'a> CellQuery<'a> {
         Some(Self::with_scratch(triangles, CellBox::new(cell, triangles.origin)?, settings, None))
     }
 
-    /// Prepares a query in the memory of another with the same triangles.
+    /// Prepares a query that reuses `scratch`, memory of an earlier query of the same triangles.
     pub(crate) fn with_scratch(
         triangles: &'a SceneTriangles,
         cell: CellBox,
         settings: ExactSettings,
         scratch: Option<ChainScratch>,
     ) -> Self {
-        // A clearance within the error of positions would not part touching surfaces. What is hidden without
-        // clearance is hidden with any.
-        // So it is with any, if the clearance is no number.
+        // A clearance that is NaN or within the error of positions counts as 0, since it would not part
+        // touching surfaces. This is safe: an object hidden with clearance 0 is hidden with any clearance.
         let c = settings.clearance;
         let is_usable = c.is_finite() && c >= 64.0 * triangles.position_error(cell.magnitude() + 3.0 * c);
         let search = Search::new(triangles, cell, if is_usable { c } else { 0.0 }, scratch);
@@ -181,29 +180,29 @@ impl<'a> CellQuery<'a> {
         }
     }
 
-    /// Returns the query with a function that it calls many times a second while it works. Once `stop` has
-    /// returned true, the query ends, and objects that are undecided stay open.
+    /// Sets a function that the query calls many times a second while it works. Once `stop` has returned
+    /// true, the query ends, and undecided objects stay open.
     #[must_use]
     pub fn with_stop(mut self, stop: &'a dyn Fn() -> bool) -> Self {
         self.search.stop = stop;
         self
     }
 
-    /// Returns whether the query has ended because its function returned true.
+    /// Returns whether the query has ended because its [stop function](Self::with_stop) returned true.
     pub fn is_stopped(&self) -> bool {
         self.search.is_stopped
     }
 
-    /// Marks as seen the objects that reach into the viewcell and those that rays from it meet first, of the
-    /// open objects for which `is_asked` is true. Casts as many rays as the settings say.
+    /// Marks open objects as seen if they reach into the viewcell or if a ray from the viewcell meets them
+    /// first. Works on the objects for which `is_asked` is true, with as many rays as the settings say.
     pub fn look(&mut self, is_asked: &dyn Fn(ObjectId) -> bool) {
         let open = self.asked(is_asked);
         self.look_at(open);
     }
 
-    /// Tries to prove the open objects for which `is_asked` is true hidden by their bounding boxes: by boxes
-    /// around groups of them first, then by the box of each. Marks some objects as seen that the search finds
-    /// on the way.
+    /// Tries to prove the open objects for which `is_asked` is true hidden by their bounding boxes: first by
+    /// boxes around groups, then by the box of each object. Objects that this search happens to see are
+    /// marked as seen.
     pub fn prove_boxes(&mut self, is_asked: &dyn Fn(ObjectId) -> bool) {
         let open = self.asked(is_asked);
         self.groups(open);
@@ -211,15 +210,15 @@ impl<'a> CellQuery<'a> {
 
     /// Decides the open objects for which `is_asked` is true by their triangles, the largest first. Parts of
     /// objects with many triangles are first tried by boxes around the parts. Takes some hundred times the
-    /// work of a proof for a box, which should have failed before.
+    /// work of [`prove_boxes`](Self::prove_boxes), so that step should come first.
     pub fn prove_triangles(&mut self, is_asked: &dyn Fn(ObjectId) -> bool) {
         let open = self.asked(is_asked);
         self.triangles(&open, false);
     }
 
     /// Decides objects by their triangles as [`prove_triangles`](Self::prove_triangles) does, but leaves an
-    /// object open at the first triangle that takes long. Takes a tenth of the work where nothing can be
-    /// proven.
+    /// object open at the first triangle that is not decided quickly. Takes a tenth of the work where nothing
+    /// can be proven.
     pub fn try_triangles(&mut self, is_asked: &dyn Fn(ObjectId) -> bool) {
         let open = self.asked(is_asked);
         self.triangles(&open, true);
@@ -231,15 +230,15 @@ impl<'a> CellQuery<'a> {
         objects.iter().map(|object| object.id).zip(self.verdicts.iter().copied())
     }
 
-    /// Returns the work done so far: rays, and nodes of the search for proofs.
+    /// Returns the work done so far: the number of rays plus the number of nodes of the search for proofs.
     pub fn steps(&self) -> u64 {
         self.rays + self.nodes()
     }
 
-    /// Takes all steps of the settings for the objects for which `is_asked` is true. `is_asked` is given the
-    /// position of an object in the list of objects of the [`SceneTriangles`]. The other objects, and objects
-    /// that are undecided when the query ends, are [`Verdict::Open`]. Returns the verdicts, and the memory of
-    /// the query for use by the next one.
+    /// Takes all steps that the settings ask for, for the objects for which `is_asked` is true. `is_asked`
+    /// gets the position of an object in the list of objects of the [`SceneTriangles`]. The other objects,
+    /// and objects undecided at the end, are [`Verdict::Open`]. Returns the verdicts, and scratch memory for
+    /// the next query.
     pub(crate) fn run(mut self, is_asked: &dyn Fn(usize) -> bool) -> (CellVerdicts, ChainScratch) {
         let asked = self.usable(is_asked);
         let mut open = self.look_at(asked);
@@ -262,22 +261,22 @@ impl<'a> CellQuery<'a> {
         self.search.stats.nodes + self.search.stats.divided_nodes
     }
 
-    /// Returns the indices in `verdicts` of the objects that are asked about and still open.
+    /// Returns the indices in `verdicts` of the objects that are open and for which `is_asked` is true.
     fn asked(&self, is_asked: &dyn Fn(ObjectId) -> bool) -> Vec<u32> {
         self.usable(|place| {
             self.verdicts[place] == Verdict::Open && is_asked(self.search.triangles.objects[place].id)
         })
     }
 
-    /// Returns the indices in `verdicts` of the objects that are asked about and whose coordinates are all
-    /// finite and in range.
+    /// Returns the indices in `verdicts` of the objects for which `is_asked` is true and whose coordinates
+    /// are all finite and in range.
     fn usable(&self, is_asked: impl Fn(usize) -> bool) -> Vec<u32> {
         let objects = &self.search.triangles.objects;
         (0..objects.len() as u32).filter(|&o| is_asked(o as usize) && !objects[o as usize].is_open).collect()
     }
 
-    /// Marks the objects that reach into the viewcell as seen, and casts rays at the other objects of `open`.
-    /// Returns these other objects, whether a ray has seen them or not.
+    /// Marks the objects of `open` that reach into the viewcell as seen, and casts rays at the others.
+    /// Returns the others, including those that a ray has seen.
     fn look_at(&mut self, mut open: Vec<u32>) -> Vec<u32> {
         open.retain(|&o| !self.find_inside(o as usize));
         if !open.is_empty() {
@@ -291,8 +290,8 @@ impl<'a> CellQuery<'a> {
         self.verdicts[object as usize] == Verdict::Open
     }
 
-    /// Looks for a point of an object in the viewcell, and marks the object as seen if there is one. Returns
-    /// whether there is.
+    /// Looks for a point of an object in the viewcell. Marks the object as seen and returns true if such a
+    /// point is found.
     fn find_inside(&mut self, object: usize) -> bool {
         let entry = &self.search.triangles.objects[object];
         if !self.search.cell.meets(entry.min, entry.max) {
@@ -311,8 +310,8 @@ impl<'a> CellQuery<'a> {
         false
     }
 
-    /// Casts uniform rays. From where one has found a new object, casts further rays past that object's box,
-    /// since the next object to be seen is often beside it.
+    /// Casts rays in uniform directions. When a ray finds a new object, casts further rays from the same
+    /// start past the object's box, since the next visible object is often beside it.
     fn uniform_rays(&mut self) {
         let mut left = self.settings.rays;
         let mut found = Vec::new();
@@ -340,16 +339,16 @@ impl<'a> CellQuery<'a> {
         }
     }
 
-    /// Casts a ray from p along d and marks the object that it meets first as seen. Returns the object's
-    /// index in `verdicts`. `None` if the ray meets nothing or does not certainly reach the object, or the
-    /// object has a verdict already.
+    /// Casts a ray from `p` along `d`, marks the object that the ray meets first as seen, and returns the
+    /// object's index in `verdicts`. `None` if no object is newly seen: the ray meets nothing, may be
+    /// blocked, or meets an object that has a verdict.
     fn see_first(&mut self, p: DVec3, d: DVec3) -> Option<usize> {
         let (distance, t) = self.search.triangles.tree.nearest(p, d)?;
         self.see(p, p + d * distance, t).then(|| self.search.triangles.object_of(t))
     }
 
-    /// Marks the object of triangle `t` as seen from `from`, if it was not seen and the segment to `to`
-    /// certainly misses all other triangles. Returns whether it did.
+    /// Marks the object of triangle `t` as seen from `from`, unless it was seen before or the segment to `to`
+    /// may meet another triangle. Returns whether the object was marked.
     fn see(&mut self, from: DVec3, to: DVec3, t: u32) -> bool {
         let object = self.search.triangles.object_of(t);
         if self.verdicts[object] != Verdict::Open || !self.search.triangles.shows(t, from) {
@@ -385,8 +384,9 @@ impl<'a> CellQuery<'a> {
         }
     }
 
-    /// Bounds the visible share of objects, and marks those as hardly visible whose bound is at most the
-    /// share of the settings. Objects that aimed rays see too often for that are not tried.
+    /// Computes a bound on the visible share of each object, and marks the object as hardly visible if the
+    /// bound is at most the share in the settings. Skips an object if the part of its aimed rays that see it
+    /// is more than twice that share.
     fn hardly_visible(&mut self, objects: &[u32]) {
         for &object in objects {
             if self.search.must_stop() {
@@ -418,19 +418,19 @@ impl<'a> CellQuery<'a> {
         }
     }
 
-    /// Returns whether a box meets the viewcell, or is too close to it for a target.
+    /// Returns whether a box meets the viewcell or is too close to it to be a target.
     ///
-    /// Without clearance any distance will do: the faces of both boxes are exact, polygons are cut with a
-    /// pad, and what blocks is certainly apart from the target's face. With a clearance c the target's face
-    /// is advanced by c, and must still be before the viewcell's; another c covers rounding, since a usable
-    /// clearance is at least 64 errors of positions.
+    /// Without clearance any distance above 0 is enough: the faces of both boxes are exact, polygons are cut
+    /// with a pad, and blocking surfaces are certainly apart from the target's face. With a clearance c, the
+    /// target's face is moved towards the viewcell by c, and must still be in front of the viewcell's face.
+    /// Another c covers rounding, since a usable clearance is at least 64 errors of positions.
     fn meets_cell(&self, min: DVec3, max: DVec3) -> bool {
         let pad = DVec3::splat(2.0 * self.search.clearance);
         self.search.cell.meets(min - pad, max + pad)
     }
 
-    /// Tries to prove the objects of `list` hidden, in groups by boxes around them. A group that is not
-    /// proven is halved. Returns the objects that are still open after a try by their own box.
+    /// Tries to prove the objects of `list` hidden, in groups, by a box around each group. A group that is
+    /// not proven hidden is halved. Returns the objects that are still open after their own box was tried.
     fn groups(&mut self, mut list: Vec<u32>) -> Vec<u32> {
         let mut left = Vec::new();
         let mut stack = vec![(0, list.len())];
@@ -438,7 +438,7 @@ impl<'a> CellQuery<'a> {
             if self.search.must_stop() {
                 break;
             }
-            // Objects that an earlier search found seen or hidden leave the group.
+            // Objects that an earlier step marked as seen or hidden leave the group.
             let group = &mut list[start..end];
             group.sort_by_key(|&o| !self.is_open(o));
             let count = group.partition_point(|&o| self.is_open(o));
@@ -455,7 +455,7 @@ impl<'a> CellQuery<'a> {
                 left.extend(self.is_open(single).then_some(single));
                 continue;
             }
-            // Halved at the median of the middles along the longest axis of the group's box.
+            // The group is halved at the median of its box centres, along the longest axis of its box.
             let extent = max - min;
             let axis = extent.max_position();
             let objects = &self.search.triangles.objects;
@@ -468,8 +468,8 @@ impl<'a> CellQuery<'a> {
     }
 
     /// Tries to prove a group hidden by the box from `min` to `max`, which holds all its objects. Returns
-    /// whether it is proven. If the search finds a line of sight instead, the object that it meets first is
-    /// marked as seen.
+    /// true if the group is proven hidden. If the search finds a line of sight instead, the first object on
+    /// that line is marked as seen.
     fn prove_box(&mut self, group: &[u32], min: DVec3, max: DVec3) -> bool {
         if self.meets_cell(min, max) {
             return false;
@@ -491,9 +491,9 @@ impl<'a> CellQuery<'a> {
         }
     }
 
-    /// Answers for a target, and returns the number of nodes used. A target counts as hidden only if the
-    /// proof passes its check, which shares no code with the search. A proof that is refused is counted, and
-    /// leaves the target undecided.
+    /// Decides a target, and returns the answer and the number of search nodes used. A target counts as
+    /// hidden only if the proof passes its check, which shares no code with the search. A refused proof is
+    /// counted, and leaves the target undecided.
     fn solve(&mut self, target: Target, budget: Budget) -> (Answer, u32) {
         let (mut answer, used) = self.search.solve_target(target, budget);
         if answer == Answer::Hidden {
@@ -510,7 +510,8 @@ impl<'a> CellQuery<'a> {
         (answer, used)
     }
 
-    /// Marks objects as hidden. `targets` must be the one target of the last search, which has the proof.
+    /// Marks the objects of `group` as hidden. `targets` must be the one target of the last search, whose
+    /// proof is stored if the settings keep proofs.
     fn hide(&mut self, group: &[u32], targets: &[Target]) {
         if self.settings.keep_proofs {
             let proofs = targets.iter().map(|&target| self.proof(target)).collect();
@@ -526,9 +527,9 @@ impl<'a> CellQuery<'a> {
         Proof { cell: self.search.cell, target, clearance: self.search.clearance, steps }
     }
 
-    /// Decides objects that are still open one by one, by their triangles, the largest triangle first.
-    /// `is_quick`: true for a small budget per triangle, which gives an object up at its first undecided
-    /// triangle; false for the full budget.
+    /// Decides open objects one by one, by their triangles, the largest triangle first. `is_quick`: true for
+    /// a small budget per triangle, and an object is given up at its first undecided triangle; false for the
+    /// full budget.
     fn triangles(&mut self, objects: &[u32], is_quick: bool) {
         for &object in objects {
             if self.is_open(object) && !self.search.must_stop() {
@@ -564,7 +565,8 @@ impl<'a> CellQuery<'a> {
                 let (answer, used) = self.solve(Target::Triangle(t), budget);
                 spent += used;
                 match answer {
-                    // A triangle without area is a segment, the side of no other triangle: it stays open.
+                    // A triangle without area is a segment, which may be on the side of no other triangle: it
+                    // stays undecided.
                     Answer::Hidden if triangles.area(t) > 0.0 => {
                         if self.settings.keep_proofs {
                             proofs.push(self.proof(Target::Triangle(t)));
@@ -590,9 +592,9 @@ impl<'a> CellQuery<'a> {
         }
     }
 
-    /// Proves parts of an object hidden, by boxes around its triangles. A part that is not proven is halved.
-    /// Takes about `most` nodes at most. Removes the triangles of hidden parts from `order`, and adds the
-    /// proofs to `proofs`.
+    /// Tries to prove parts of an object hidden, by boxes around groups of its triangles. A part that is not
+    /// proven hidden is halved. Takes about `most` search nodes at most. Removes the triangles of hidden
+    /// parts from `order`, and appends the proofs to `proofs`.
     fn hide_parts(&mut self, order: &mut Vec<u32>, proofs: &mut Vec<Proof>, most: u32) {
         let triangles = self.search.triangles;
         let count = order.len();
@@ -604,14 +606,14 @@ impl<'a> CellQuery<'a> {
             for corner in part.iter().flat_map(|&t| triangles.corners(t)) {
                 (min, max) = (min.min(corner), max.max(corner));
             }
-            // The box around all has failed before.
+            // The box around all triangles of the object has been tried before, without success.
             let is_part = part.len() < count;
             let is_asked = is_part && spent <= most && !self.search.is_stopped && !self.meets_cell(min, max);
             if is_asked {
                 let target = Target::Box { min, max };
                 let (answer, used) = self.solve(target, PART);
                 spent += used;
-                // A part that is proven hidden earns nodes for further parts: without success the search soon
+                // Each part proven hidden earns nodes for further parts. Without success the search soon
                 // ends.
                 match answer {
                     Answer::Hidden => {
@@ -642,7 +644,7 @@ impl<'a> CellQuery<'a> {
     }
 }
 
-/// Returns a point of a triangle, up to rounding, in the viewcell. `None` if none is found.
+/// Returns a point of triangle `t` that lies in the viewcell, up to rounding. `None` if none is found.
 fn point_inside(cell: &CellBox, t: &[DVec3; 3]) -> Option<DVec3> {
     let inside = |p: &DVec3| p.cmpge(cell.min).all() && p.cmple(cell.max).all();
     if let Some(corner) = t.iter().find(|p| inside(p)) {
@@ -667,7 +669,8 @@ fn is_apart(cell: &CellBox, t: &[DVec3; 3], pad: f64) -> bool {
         let at = |axis: usize| if i >> axis & 1 == 1 { cell.max[axis] } else { cell.min[axis] };
         DVec3::new(at(0), at(1), at(2))
     });
-    // The box's own axes were tried above.
+    // The axes of the box were tried above. Next come the triangle's normal and the cross products of its
+    // sides with the axes.
     let normal = (t[1] - t[0]).cross(t[2] - t[0]);
     let sides = [t[1] - t[0], t[2] - t[1], t[0] - t[2]];
     let crosses = sides.iter().flat_map(|side| DVec3::AXES.map(|axis| axis.cross(*side)));

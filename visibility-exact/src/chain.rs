@@ -1,16 +1,15 @@
-//! Surfaces that block all segments between two polygons, P where the segments begin and Q where they end:
-//! chains of triangles grown from one that a segment crosses, over edges that segments meet, until no edge of
-//! the boundary is met.
+//! Surfaces that block all segments from a polygon P to a polygon Q. A surface is a chain of triangles: it
+//! grows from one triangle that a segment crosses, over edges that segments meet, until no segment meets an
+//! edge of its boundary.
 //!
-//! Over the pairs of points of P and Q the number of crossings of a segment and a surface can only change,
-//! modulo 2, where a segment meets the surface's boundary or an end of a segment touches the surface. Where
-//! neither happens and one segment has an odd number of crossings, all segments are blocked. Edges shared by
-//! triangles, silhouettes and the fusion of welded meshes need no extraction: they are what the boundary is
-//! not.
+//! Take all segments from a point of P to a point of Q. The number of times that a segment crosses a surface
+//! can only change, modulo 2, where a segment meets the surface's boundary or an end of a segment touches the
+//! surface. Where neither happens and one segment has an odd number of crossings, all segments are blocked.
+//! Shared edges, silhouettes and welded meshes need no extraction: an edge that two triangles of the chain
+//! share is not on its boundary.
 //!
-//! With a clearance c, corners of the boundary move outwards by c, mitred, and by 3 c at most. The surface
-//! grows by the strips between the old boundary and the new, all of whose points are within 3 c of the
-//! chain.
+//! With a clearance c, corners of the boundary move outwards by about c, and by 3 c at most. The surface
+//! grows by the strips between the old boundary and the new, all of whose points are within 3 c of the chain.
 
 use crate::chain_scratch::{ChainScratch, KNOWN, MISSED, ODD, Obstacle};
 use crate::half::Half;
@@ -26,13 +25,13 @@ use visibility_core::glam::DVec3;
 
 /// Greatest number of triangles of a chain.
 const MAX_CHAIN: usize = 3000;
-/// Greatest number of triangles at an edge that are tried as the next of a chain.
+/// Greatest number of triangles at one edge that are tried as the next triangle of a chain.
 const AT_EDGE: usize = 64;
 
 impl Search<'_> {
-    /// Grows a surface from triangle `start` that blocks all segments of the node `sight`, and returns it as
-    /// a step of the proof. `line` is a segment of the node. `Err` with an edge that is in the way if no such
-    /// surface is found.
+    /// Grows a surface from triangle `start` that blocks all segments between the polygons of `sight`, and
+    /// returns it as a step of the proof. `line` is one of the segments. `Err` with an edge that is in the
+    /// way if no such surface is found.
     pub(crate) fn close(
         &mut self,
         sight: &Sight,
@@ -59,8 +58,8 @@ impl Search<'_> {
             let t = all.corners(start);
             return Err([t[0], t[1]]);
         }
-        // The surface grows from `start` across every edge that lines of sight may meet, until its boundary
-        // is missed by all of them.
+        // The surface grows from `start` across every edge that lines of sight may meet, until no line of
+        // sight meets its boundary.
         scratch.begin();
         scratch.push(start, all.edges(start));
         let mut at = 0;
@@ -68,13 +67,13 @@ impl Search<'_> {
             at += 1;
             let corners = all.corners(t);
             if shaft.misses(&corners) {
-                // None of its edges is met.
+                // No segment meets an edge of this triangle.
                 for edge in all.edges(t) {
                     scratch.set_state(edge, scratch.state(edge) | KNOWN | MISSED);
                 }
                 continue;
             }
-            // A triangle that may touch P or Q does not separate them.
+            // A triangle that may touch polygon P or Q does not separate them.
             let tags = self.tags(t);
             if !self.apart(&corners, tags, sight) {
                 return Err([corners[0], corners[1]]);
@@ -87,8 +86,8 @@ impl Search<'_> {
                 {
                     continue;
                 }
-                // An edge without a next triangle stays open for now: it may be moved outwards by the
-                // clearance below.
+                // An edge without a next triangle stays open here. Below, the clearance may move it out of
+                // the way.
                 if let Some(next) = self.next_across(scratch, sight, t, k, line) {
                     scratch.push(next, all.edges(next));
                     if scratch.chain.len() > MAX_CHAIN {
@@ -103,7 +102,7 @@ impl Search<'_> {
         if !scratch.open.is_empty() {
             self.move_boundary(scratch, sight, shaft)?;
         }
-        // A boundary that no line meets leaves either all lines blocked or none. One line decides: it must
+        // If no line meets the boundary, either all lines are blocked or none is. One line decides: it must
         // cross the surface an odd number of times.
         if !self.crosses_oddly(scratch, line) {
             let t = all.corners(start);
@@ -116,7 +115,7 @@ impl Search<'_> {
         })
     }
 
-    /// Returns the corner of the target triangle that each corner of a triangle is equal to, or
+    /// Returns, for each corner of triangle `t`, which corner of the target triangle it is (0, 1 or 2), or
     /// [`NO_CORNER`](crate::line_side::NO_CORNER).
     pub(crate) fn tags(&self, t: u32) -> [u8; 3] {
         self.triangles.vertices(t).map(|vertex| self.tag(vertex))
@@ -126,8 +125,8 @@ impl Search<'_> {
         self.target_vertices.iter().position(|&v| v == vertex).map_or(NO_CORNER, |k| k as u8)
     }
 
-    /// Returns whether no segment of the node meets the edge with the index `number`, and stores the answer
-    /// in `scratch`.
+    /// Returns whether no segment of `sight` meets the edge with index `number`, and caches the answer in
+    /// `scratch`.
     fn misses(
         &self,
         scratch: &mut ChainScratch,
@@ -145,25 +144,28 @@ impl Search<'_> {
         missed
     }
 
-    /// Returns whether certainly no segment from a point inside P to a point inside Q meets an edge.
+    /// Returns whether certainly no segment from a point inside the viewcell polygon P to a point inside the
+    /// target polygon Q meets an edge.
     pub(crate) fn edge_misses(&self, edge: &Edge, sight: &Sight, shaft: &Shaft) -> bool {
         if shaft.misses(&edge.ends) {
             return true;
         }
-        // Behind Q, but for corners of the target triangle, which are on the boundary of Q. Segments from
-        // behind Q's plane, where P holds points by the errors of heights, do meet the edge: if there are no
-        // others, the line through the middle is one.
+        // Segments do not meet edges behind the target polygon Q, except at corners of the target triangle,
+        // which are on Q's boundary. By the error of heights, the viewcell polygon P may have points behind
+        // Q's plane, from which segments do meet the edge. The line between the centres of P and Q shows that
+        // other segments exist.
         let behind = |k: usize| edge.tags[k] < 3 || sight.before_q.height(edge.ends[k]) < -shaft.pad;
         let from_before = || sight.before_q.height(sight.p.center()) > 2.0 * shaft.pad;
         if (edge.tags[0] < 3 || edge.tags[1] < 3) && behind(0) && behind(1) && from_before() {
             return true;
         }
-        // An edge in one plane with P and Q, whose sides are all exactly 0, may be met. The check refuses it.
+        // An edge in one plane with the viewcell and target polygons, whose sides are all exactly 0, counts
+        // as met. The check of proofs refuses it too.
         matches!(signs(sight, edge, sight.side_error(self.delta)), POSITIVE | NEGATIVE)
     }
 
-    /// Returns whether a triangle certainly touches neither P nor Q. At corners of the target triangle it may
-    /// touch the boundary of Q.
+    /// Returns whether a triangle certainly touches neither the viewcell polygon P nor the target polygon Q.
+    /// At corners of the target triangle it may touch the boundary of Q.
     pub(crate) fn apart(&self, corners: &[DVec3; 3], tags: [u8; 3], sight: &Sight) -> bool {
         let pad = self.pad();
         apart(corners, &sight.p, &sight.before_p, pad)
@@ -171,9 +173,9 @@ impl Search<'_> {
                 || apart(corners, &sight.q, &sight.before_q, pad))
     }
 
-    /// Returns the triangle beyond edge `k` of the chain's triangle `t` that folds back least, of those that
-    /// continue the surface as seen along `line` and occlude for all points of P. `None` without such a
-    /// triangle.
+    /// Returns the triangle that continues the surface across edge `k` of triangle `t`. Candidates occlude
+    /// for all points of the viewcell polygon and continue the surface as seen along `line`; the one that
+    /// folds back least is taken. `None` without a candidate.
     fn next_across(
         &mut self,
         scratch: &ChainScratch,
@@ -189,7 +191,7 @@ impl Search<'_> {
         let here = across.dot(apex - a);
         let normal = (b - a).cross(apex - a).normalize_or_zero();
         let mut best: Option<(f64, u32)> = None;
-        // With very many triangles at one edge, any of the first will do.
+        // With more triangles at one edge, only the first `AT_EDGE` are tried.
         for &next in all.triangles_at(all.edges(t)[k]).iter().take(AT_EDGE) {
             if scratch.holds(next) || next == self.skip {
                 continue;
@@ -206,7 +208,8 @@ impl Search<'_> {
         best.map(|(_, next)| next)
     }
 
-    /// Returns whether segments still meet an edge after it has moved outwards by the clearance.
+    /// Returns whether segments may still meet edge `k` of a triangle after the edge has moved outwards by
+    /// the clearance.
     fn is_hopeless(&self, corners: &[DVec3; 3], k: usize, sight: &Sight) -> bool {
         let (a, b, apex) = (corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]);
         let out = outwards(a, b, apex) * self.clearance;
@@ -217,7 +220,7 @@ impl Search<'_> {
             )
     }
 
-    /// Collects in the scratch the edges of the chain's boundary that segments meet.
+    /// Collects in `scratch.open` the edges of the chain's boundary that segments may meet.
     fn find_open(&self, scratch: &mut ChainScratch, sight: &Sight, shaft: &Shaft) {
         for at in 0..scratch.chain.len() {
             let t = scratch.chain[at];
@@ -234,7 +237,7 @@ impl Search<'_> {
     }
 
     /// Moves the corners of open edges outwards by the clearance, and tests the moved boundary. `Err` with an
-    /// edge that segments of the node may still meet.
+    /// edge that segments may still meet.
     fn move_boundary(
         &self,
         scratch: &mut ChainScratch,
@@ -249,9 +252,11 @@ impl Search<'_> {
             .collect();
         vertices.sort_unstable();
         vertices.dedup();
-        // By vertex: its position, and the sum and the product's parts of the directions of its edges.
+        // For each vertex: its position, the sum of the outward unit vectors of its boundary edges, and their
+        // count.
         let mut sums: Vec<(DVec3, DVec3, u32)> = alloc::vec![(DVec3::ZERO, DVec3::ZERO, 0); vertices.len()];
-        // First the direction outwards at each corner of open edges, a mitre of those of its boundary edges.
+        // First, the outward direction at each corner of an open edge: the mitre of the boundary edges that
+        // meet there.
         let boundary = |scratch: &ChainScratch, t: u32, k: usize| scratch.state(all.edges(t)[k]) & ODD != 0;
         for &t in &scratch.chain {
             for k in (0..3).filter(|&k| boundary(scratch, t, k)) {
@@ -268,7 +273,7 @@ impl Search<'_> {
         for (&vertex, &(position, sum, count)) in vertices.iter().zip(&sums) {
             let shift = mitre(sum, count, self.clearance);
             // Without a clearance no corner may move, and a corner of the target triangle never may. The
-            // first open edge is then the obstacle.
+            // first open edge is then returned as the obstacle.
             if self.clearance == 0.0 || self.tag(vertex) < 3 {
                 let (t, k) = scratch.open[0];
                 let corners = all.corners(t);
@@ -276,8 +281,8 @@ impl Search<'_> {
             }
             scratch.moved.push((vertex, position + shift));
         }
-        // Then the boundary with its corners moved. The strip between the old and the new edge counts as a
-        // part of the surface, so it must be apart from P and Q as well.
+        // Second, the boundary with its corners moved. The strip between an old edge and the new edge counts
+        // as a part of the surface, so it must be apart from the viewcell and target polygons as well.
         let pad = self.pad();
         for &t in &scratch.chain {
             for k in (0..3).filter(|&k| boundary(scratch, t, k)) {
@@ -348,11 +353,12 @@ fn outwards(a: DVec3, b: DVec3, apex: DVec3) -> DVec3 {
     -inwards.normalize_or_zero()
 }
 
-/// Returns the vector by which a corner moves so that its two edges move outwards by `c`. It is at most 2.5 c
-/// long, so that edges at sharp corners move less. `sum` is the sum of the outward unit vectors of the
-/// corner's `count` edges.
+/// Returns the vector by which a corner moves so that its boundary edges move outwards by `c`. It is at most
+/// 2.5 c long, so edges at sharp corners move less than `c`. `sum` is the sum of the outward unit vectors of
+/// the corner's `count` edges.
 pub(crate) fn mitre(sum: DVec3, count: u32, c: f64) -> DVec3 {
-    // For two unit vectors o1 and o2, c (o1 + o2) / (1 + o1 . o2), and 1 + o1 . o2 = |o1 + o2|^2 / 2.
+    // For two unit vectors o1 and o2 the mitre is c (o1 + o2) / (1 + o1 . o2), and 1 + o1 . o2 = |o1 + o2|^2
+    // / 2.
     let length = sum.length();
     if length < 1e-3 {
         return DVec3::ZERO;
@@ -364,26 +370,27 @@ fn moved_to(moved: &[(u32, DVec3)], vertex: u32, position: DVec3) -> DVec3 {
     moved.binary_search_by_key(&vertex, |entry| entry.0).map_or(position, |at| moved[at].1)
 }
 
-/// Returns the triangles between an edge and the moved edge. Triangles without area, because an end did not
-/// move, are left out.
+/// Returns the two triangles between an edge and the moved edge. A triangle without area, at an end that did
+/// not move, is left out.
 fn strip(a: (u32, DVec3), b: (u32, DVec3), moved: &[(u32, DVec3)]) -> impl Iterator<Item = [DVec3; 3]> {
     let (a2, b2) = (moved_to(moved, a.0, a.1), moved_to(moved, b.0, b.1));
-    // Both triangles of a strip share the diagonal from the end of the lower number, for either direction.
+    // Both triangles of a strip share the diagonal from the end with the lower number, so that the strip is
+    // the same for either direction of the edge.
     let (first, second) =
         if a.0 < b.0 { ([a.1, b.1, b2], [a.1, b2, a2]) } else { ([b.1, a.1, a2], [b.1, a2, b2]) };
     [first, second].into_iter().filter(|t| t[0] != t[1] && t[1] != t[2] && t[2] != t[0])
 }
 
-/// Returns whether a triangle has one or two corners of the target triangle, and its others certainly on one
-/// side of Q's plane: it touches no point inside Q.
+/// Returns whether a triangle touches no point inside the target polygon because it has one or two corners of
+/// the target triangle and its other corners are certainly on one side of the polygon's `plane`.
 fn touches_from_one_side(corners: &[DVec3; 3], tags: [u8; 3], plane: &Half, pad: f64) -> bool {
     let others = || (0..3).filter(|&k| tags[k] == NO_CORNER).map(|k| plane.height(corners[k]));
     (1..3).contains(&others().count()) && (others().all(|h| h > pad) || others().all(|h| h < -pad))
 }
 
-/// Returns whether the convex hull of some points certainly does not touch a polygon: whether a plane
-/// separates them. Tried are the polygon's plane, the planes across it along its sides, the plane of the
-/// first three points, and the planes parallel to a side of each.
+/// Returns whether a plane certainly separates some points from a polygon. Planes tried: the polygon's own,
+/// the planes across it along its sides, the plane of the first three points, and the planes parallel to one
+/// side of the points and one of the polygon.
 pub(crate) fn apart(points: &[DVec3], polygon: &Polygon, plane: &Half, pad: f64) -> bool {
     let separates = |normal: DVec3| {
         let range = |points: &[DVec3]| {

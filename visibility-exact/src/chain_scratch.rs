@@ -1,28 +1,28 @@
-//! Scratch memory in which chains of triangles are grown.
+//! Scratch memory for growing chains of triangles.
 
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// Bit of an edge's state: an odd number of the edge's triangles is in the chain.
+/// Bit of an edge's state: an odd number of the edge's triangles is in the chain, so the edge is on its
+/// boundary.
 pub(crate) const ODD: u8 = 1;
-/// Bit of an edge's state: no segment of the node meets the edge.
+/// Bit of an edge's state: no segment in question meets the edge. Valid if [`KNOWN`] is set.
 pub(crate) const MISSED: u8 = 2;
-/// Bit of an edge's state: it is known whether segments meet the edge.
+/// Bit of an edge's state: the edge was tested against the segments, with the result in [`MISSED`].
 pub(crate) const KNOWN: u8 = 4;
 
-/// Edge at which a chain could not be closed, near which the node is best divided.
+/// Ends of an edge at which a chain could not be closed. The segments are best divided near it.
 pub(crate) type Obstacle = [DVec3; 2];
 
-/// Scratch memory for growing one chain after the other. Entries of `triangles` and `edges` are valid if
-/// their epoch is the present one.
+/// Scratch memory for growing one chain after the other. An entry of `triangles` or `edges` is valid if its
+/// epoch equals `epoch`.
 #[derive(Default)]
 pub(crate) struct ChainScratch {
     epoch: u32,
     triangles: Vec<u32>,
     edges: Vec<(u32, u8)>,
     pub(crate) chain: Vec<u32>,
-    /// Directed edges of the boundary that segments of the node meet: the triangle, and the number (0, 1 or
-    /// 2) of the edge in it.
+    /// Boundary edges that segments may meet: the triangle, and the number (0, 1 or 2) of the edge in it.
     pub(crate) open: Vec<(u32, usize)>,
     pub(crate) moved: Vec<(u32, DVec3)>,
 }

@@ -1,20 +1,20 @@
-//! Proofs of degree two: that no line passes three edges around a corner on given sides.
+//! Proofs of degree two that no line passes three edges around a corner on given sides.
 //!
-//! With d = q - p, an edge of direction t_k through a_k is passed on the side h_k = t_k . (d x (a_k - p)).
-//! Where d = sum_k l_k s_k t_k for three edges with signs s_k, the sum of l_k s_k h_k does not depend on p,
-//! since d . (d x p) = 0: it is a quadratic form of d alone. If for all directions of the node all l_k > 0
-//! and the form is negative, no line has all s_k h_k > 0. Likewise if all l_k < 0 and the form is positive.
-//! Linear programs over the corners cannot see this, since they do not know that d . (d x p) = 0.
+//! With d = q - p, a line from p to q passes an edge of direction t_k through a_k on the side h_k = t_k . (d
+//! x (a_k - p)). Where d = sum_k l_k s_k t_k for three edges with signs s_k, the sum of l_k s_k h_k does not
+//! depend on p, since d . (d x p) = 0: it is a quadratic form of d alone. If for all directions of the node
+//! all l_k > 0 and the form is negative, no line has all s_k h_k > 0. Likewise if all l_k < 0 and the form is
+//! positive. Linear programs over the corners cannot prove this, since they do not know that d . (d x p) = 0.
 
 use crate::line_side::{Row, U};
 use crate::sight::Sight;
 use visibility_core::glam::DVec3;
 
-/// Greatest number of rows of which triples are tried. With more rows, none is.
+/// Greatest number of rows (edges with a side) of which triples are tried. With more rows, none is tried.
 const MAX_ROWS: usize = 14;
 
-/// Searches three rows that no line of a node satisfies together, and returns their indices. `None` if no
-/// triple is proven.
+/// Searches three rows, edges with a side, that no line of a node satisfies together, and returns their
+/// indices. `None` if no triple is proven.
 pub(crate) fn find(sight: &Sight, rows: &[Row], delta: f64) -> Option<[u32; 3]> {
     if rows.len() > MAX_ROWS {
         return None;
@@ -31,22 +31,23 @@ pub(crate) fn find(sight: &Sight, rows: &[Row], delta: f64) -> Option<[u32; 3]> 
     None
 }
 
-/// Returns whether three rows exclude all lines of a node.
+/// Returns whether three rows, edges with a side, exclude all lines of a node.
 ///
 /// With g_k the computed rows of the inverse of the matrix with columns s_k t_k, and l_k = g_k . d, the sum
-/// of l_k s_k t_k is R d with R close to the identity: computed anew, each entry of R - I is wrong by at most
-/// 8 U K, with K the sum of |s_k t_k| |g_k|. The term d . (d x (v - p)) then does not vanish, but is at most
-/// e |d|^2 |v - p|, where e = 3 max |R - I| + 24 U K. The form itself is a sum of products of at most 9
-/// roundings each. All this is covered by (e + 64 U K) |d_i| |d_j| D, with D the greatest distance involved.
-/// Corners are known up to delta, directions up to 4 delta in length, which changes the doubled polar form by
-/// at most 16 delta K D (|d_i| + |d_j|). Ends of edges are known up to delta too: unit vectors of edges of
-/// length L turn by 4 delta / L, which changes the g_k by 4 delta K |g_k| / L and the products e_m x t_m by
-/// 4 delta (1 + D / L). With D no less than |d|, a factor of 1 + K D / L covers both.
+/// of l_k s_k t_k is R d with R close to the identity. R - I is recomputed, and each entry is wrong by at
+/// most 8 U K, with U the unit round-off of `f64` and K the sum of |s_k t_k| |g_k|. The term d . (d x (v -
+/// p)) then does not vanish, but is at most e |d|^2 |v - p|, where e = 3 max |R - I| + 24 U K. The form
+/// itself is a sum of products of at most 9 roundings each. All this is covered by (e + 64 U K) |d_i| |d_j|
+/// D, with D the greatest distance involved. Corners are known up to delta, and directions up to 4 delta in
+/// length, which changes the doubled polar form by at most 16 delta K D (|d_i| + |d_j|). Ends of edges are
+/// known up to delta too: unit vectors of edges of length L turn by 4 delta / L, which changes the g_k by 4
+/// delta K |g_k| / L and the products e_m x t_m by 4 delta (1 + D / L). With D no less than |d|, a factor of
+/// 1 + K D / L covers both.
 fn excludes(sight: &Sight, rows: [&Row; 3], delta: f64) -> bool {
     let t = rows.map(|row| (row.edge.ends[1] - row.edge.ends[0]).normalize_or_zero() * row.side);
     let cross = [t[1].cross(t[2]), t[2].cross(t[0]), t[0].cross(t[1])];
     let determinant = t[0].dot(cross[0]);
-    // Three edges nearly in one plane have no inverse worth its rounding.
+    // The inverse of three nearly coplanar directions is too inexact to be used.
     if determinant.abs() < 1e-6 {
         return false;
     }
@@ -63,7 +64,8 @@ fn excludes(sight: &Sight, rows: [&Row; 3], delta: f64) -> bool {
     if !positive(middle) {
         return false;
     }
-    // The form is bilinear in the points of P and Q, so its sign is decided at pairs of corners.
+    // The form is bilinear in the points of the viewcell and target polygons, so pairs of corners decide its
+    // sign.
     let mut directions = [DVec3::ZERO; 64];
     let mut count = 0;
     for &p in sight.p.corners() {
@@ -90,7 +92,7 @@ fn excludes(sight: &Sight, rows: [&Row; 3], delta: f64) -> bool {
     let far = corners.chain(lengths).fold(0.0, f64::max);
     let bound = (3.0 * residual + 128.0 * U * k) * far;
     let moved = 16.0 * delta * k * far * (1.0 + k * far / shortest);
-    // The polar form at two directions, doubled.
+    // Twice the polar form (the symmetric bilinear form) at two directions.
     let form = |x: DVec3, y: DVec3| -> f64 {
         (0..3)
             .map(|m| {
@@ -115,8 +117,8 @@ mod tests {
     use crate::polygon::Polygon;
     use visibility_testing::Random;
 
-    /// Three edges through one point, and lines through the point: on no side of any edge. Positions are
-    /// moved by their error, or wrong by rounding alone.
+    /// Three edges through one point, and lines through this point, which are on no side of any edge.
+    /// Positions are moved by their error, or rounded only.
     #[test]
     fn lines_through_a_corner_are_not_excluded() {
         let mut random = Random(7);
@@ -137,7 +139,7 @@ mod tests {
                     .map(|x| x.normalize() * 1e-3);
                 Polygon::new(&[at - a - b, at + a - b, at + a + b, at - a + b])
             };
-            // The corner is in the middle, or close to P.
+            // The corner is halfway between the two polygons, or close to the viewcell's.
             let (p, q) = (quad(v - d / [1.0, 256.0][(round / 2 % 2) as usize]), quad(v + d));
             let half = Half { normal: DVec3::X, offset: 0.0 };
             let sight = Sight { p, q, before_p: half, before_q: half, near: None };

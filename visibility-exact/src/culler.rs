@@ -10,15 +10,16 @@ use alloc::{boxed::Box, sync::Arc, vec, vec::Vec};
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
 
-/// Finds for each object of a scene a line of sight from a viewcell, or a proof that there is none.
+/// Region culler that finds, for each object of a scene, a line of sight from a viewcell or a proof that
+/// there is none.
 ///
-/// Works on the [`SceneTriangles`] collected from a scene. If the scene has changed since, or for another
-/// scene, nothing is removed, nor from a set of a view that shares no layer with one of the occluders, which
-/// the view does not draw. Never-culled objects stay. The same viewcell, triangles and settings give the same
-/// answer on every machine.
+/// Works on [`SceneTriangles`] collected from the scene. Nothing is removed if the scene has changed since or
+/// is another one, or if an occluder is on none of the set's layers, since such a view does not draw that
+/// occluder. Never-culled objects stay. The same viewcell, triangles and settings give the same answer on
+/// every machine.
 ///
-/// A viewcell with [planes](Viewcell::planes) counts as its whole box: what is seen from the box may be kept
-/// though the planes cut off the part that sees it. The accuracy is then conservative instead of exact.
+/// A viewcell with [planes](Viewcell::planes) counts as its whole box. An object that is seen only from the
+/// part cut off by the planes may be kept: the accuracy is then conservative instead of exact.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -55,7 +56,7 @@ impl core::fmt::Debug for ExactCuller {
     }
 }
 
-/// Function that ends a search once it returns true.
+/// Function that is called many times during a search. The search ends once it returns true.
 type Stop = Box<dyn Fn() -> bool + Send + Sync>;
 
 impl ExactCuller {
@@ -64,9 +65,9 @@ impl ExactCuller {
         Self { triangles, settings, scratch: None, last: None, stop: None }
     }
 
-    /// Sets a function that the culler calls many times a second while it works, or none. Once it has
-    /// returned true, the culler ends: objects that are neither seen nor proven hidden by then are open, and
-    /// stay.
+    /// Sets a function that the culler calls many times a second while it works, or removes it. Once the
+    /// function has returned true, the culler ends: objects that are neither seen nor proven hidden by then
+    /// are open, and stay.
     pub fn set_stop(&mut self, stop: Option<Box<dyn Fn() -> bool + Send + Sync>>) {
         self.stop = stop;
     }
@@ -76,8 +77,8 @@ impl ExactCuller {
         &self.settings
     }
 
-    /// Decides all objects from a viewcell. All are open for a viewcell that is empty, not finite, or beyond
-    /// 1e30 metres from the scene's origin.
+    /// Decides all objects from a viewcell. All objects are open if the viewcell is empty, not finite, or
+    /// beyond 1e30 metres from the scene's origin.
     pub fn verdicts(&mut self, cell: &Viewcell) -> CellVerdicts {
         self.decide(cell, &|_| true)
     }
@@ -87,9 +88,9 @@ impl ExactCuller {
         &self.triangles
     }
 
-    /// Returns the result of the last [`cull`](RegionCuller::cull): verdicts for the candidates, open for
-    /// other objects. `None` before the first call, and after a call that removed nothing because the scene
-    /// had changed or an occluder is on none of the set's layers.
+    /// Returns the result of the last [`cull`](RegionCuller::cull): a verdict for each candidate, and open
+    /// for other objects. `None` before the first call, and after a call that removed nothing because the
+    /// scene had changed or an occluder is on none of the set's layers.
     pub fn last(&self) -> Option<&CellVerdicts> {
         self.last.as_ref()
     }
@@ -123,13 +124,13 @@ impl CellVerdicts {
     }
 
     /// Returns whether an object stays in the set: if it is seen or open. With settings that need no proof,
-    /// an open object stays only if the viewcell could not be used, the query did not run to its end, or the
-    /// object has no triangles or unusable coordinates.
+    /// an open object is removed, unless the viewcell could not be used, the query did not run to its end, or
+    /// the object has no triangles or unusable coordinates.
     fn keeps(&self, place: usize, object: &TargetObject, settings: &ExactSettings) -> bool {
         match self.verdicts[place] {
             Verdict::Seen(_) => true,
             Verdict::Hidden | Verdict::Hardly(_) => false,
-            // Where nothing can be said of an object, it is not removed.
+            // An object that could not be judged is not removed.
             Verdict::Open => {
                 settings.proves || !self.is_decided || object.is_open || object.first == object.end
             }

@@ -1,4 +1,4 @@
-//! Half-spaces, exact where their planes are perpendicular to an axis.
+//! Half-spaces, whose heights are exact where the plane is perpendicular to an axis.
 
 use visibility_core::glam::DVec3;
 
@@ -16,9 +16,9 @@ impl Half {
         self.normal.dot(x) + self.offset
     }
 
-    /// Returns the axis that the plane is perpendicular to, if there is one. Whether a point lies on such a
-    /// plane, or on which side, is then decided by one coordinate, without rounding. `None` also for a plane
-    /// whose normal is tilted by so little that a component rounds to 1.
+    /// Returns the axis (0, 1 or 2) that the plane is perpendicular to. One coordinate, without rounding,
+    /// then decides on which side of the plane a point lies. `None` for a tilted plane, also if the tilt is
+    /// so small that a component of the normal rounds to 1.
     #[inline]
     pub(crate) fn axis(&self) -> Option<usize> {
         (0..3).find(|&k| self.normal.abs() == DVec3::AXES[k])
@@ -41,7 +41,8 @@ impl Half {
         x
     }
 
-    /// Returns the half-space enlarged by `pad` metres. Unchanged if heights over its plane are exact.
+    /// Returns the half-space enlarged by `pad` metres; unchanged if the plane is perpendicular to an axis,
+    /// where heights are exact.
     pub(crate) fn padded(&self, pad: f64) -> Self {
         Self { offset: if self.axis().is_some() { self.offset } else { self.offset + pad }, ..*self }
     }

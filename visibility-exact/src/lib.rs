@@ -1,17 +1,17 @@
-//! Visibility from a region, proven: finds for a viewcell and an object an unblocked line of sight, or proves
-//! that there is none.
+//! Proven visibility from a region: for a viewcell and an object, either an unblocked line of sight is found,
+//! or a proof that there is none.
 //!
 //! - [`SceneTriangles`] are the triangles of a scene, prepared once.
 //! - [`ExactCuller`] decides the objects of a scene from a viewcell: seen, along a line of sight that
 //!   certainly misses all triangles; hidden, with a [`Proof`]; or open, which counts as visible. An
-//!   [`Effort`] chooses between rays alone, which miss what is hardly visible, certified bounds on visible
+//!   [`Effort`] chooses between rays alone, which miss barely visible objects, certified bounds on visible
 //!   shares, and proofs.
-//! - [`CellQuery`] is one viewcell's query in steps, for a bake with a budget, as that of `visibility-bake`.
+//! - [`CellQuery`] is one viewcell's query in steps, for a bake with a budget such as `visibility-bake`.
 //!
 //! Based on: Shaun Nirenstein, Edwin Blake and James Gain, "Exact From-Region Visibility Culling", 2002. Its
-//! question and its query architecture are kept. Instead of subtracting occluded lines in Pluecker space, a
-//! search for an unblocked line ends as soon as it has found one, and divides the lines only where no proof
-//! for all of them is found.
+//! question and its query architecture are kept. Instead of subtracting blocked lines in Pluecker space, a
+//! search for an unblocked line ends as soon as one is found, and divides the lines only where no proof
+//! covers all of them.
 #![no_std]
 #![warn(missing_debug_implementations)]
 #![forbid(unsafe_code)]

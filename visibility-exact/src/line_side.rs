@@ -1,9 +1,9 @@
-//! Sides on which lines of sight pass edges, with bounds on their rounding errors.
+//! Sides on which lines pass edges, with bounds on rounding errors.
 //!
 //! A line through p and q passes an edge a-b on the side of the sign of det(q - p, a - p, b - p). This
-//! determinant is affine in p, in q, in a and in b. Over all pairs of a point p of a convex polygon P and a
-//! point q of a convex polygon Q it is therefore a weighted mean, with positive weights, of its values at the
-//! pairs of corners: if these have one sign, all lines pass the edge on one side.
+//! determinant is affine in p, in q, in a and in b. For a point p of a convex polygon P and a point q of a
+//! convex polygon Q it is therefore a weighted mean, with positive weights, of its values at pairs of
+//! corners. If these values have one sign, all lines from P to Q pass the edge on one side.
 
 use visibility_core::glam::DVec3;
 
@@ -27,15 +27,15 @@ impl Edge {
     }
 }
 
-/// Constraint on lines: they pass an edge on one side.
+/// Constraint on lines: they must pass an edge on the given side.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Row {
     pub(crate) edge: Edge,
-    /// 1 or -1: the sign of the side.
+    /// Required sign of the determinant of [`side`](crate::line_side::side), 1 or -1.
     pub(crate) side: f64,
 }
 
-/// Side function of one edge, prepared for one point p of the lines of sight.
+/// Determinant of [`side`] with one edge and one start p of the lines held fixed.
 pub(crate) struct SideFrom {
     p: DVec3,
     normal: DVec3,
@@ -43,8 +43,9 @@ pub(crate) struct SideFrom {
     slack: f64,
 }
 
-/// Positions are given with an absolute error of at most `delta` on each axis. With u = a - p, w = b - p and
-/// r = q - p, of absolute errors 2 delta + U |x|, the parts of the bound are, with S = |u|_1 + |w|_1:
+/// Positions are given with an absolute error of at most `delta` on each axis. With U the unit round-off of
+/// `f64`, and u = a - p, w = b - p and r = q - p, of absolute errors 2 delta + U |x|, the parts of the bound
+/// are, with S = |u|_1 + |w|_1:
 /// - The cross product n = u x w: each component is a difference of two products of rounded differences, 5 U
 ///   of the sum m of the products' magnitudes, and at most 2 delta S + 8 delta^2 from the positions.
 /// - The product r . n rounds 3 times and r once: 4 U |r| . m. The positions in r give 2 delta |n|_1.
@@ -66,7 +67,8 @@ impl SideFrom {
         Self { p, normal, bound, slack }
     }
 
-    /// Returns the side of the line to q, and the bound on its error.
+    /// Returns det(q - p, a - p, b - p), whose sign is the side of the line from p to `q`, and a bound on its
+    /// error.
     #[inline]
     pub(crate) fn to(&self, q: DVec3) -> (f64, f64) {
         let r = q - self.p;
@@ -88,18 +90,18 @@ pub(crate) fn sign((value, error): (f64, f64)) -> i32 {
     i32::from(value > error) - i32::from(value < -error)
 }
 
-/// Relation of a segment and a triangle.
+/// Relation between a segment and a triangle.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Crossing {
     /// The segment certainly crosses the inside of the triangle.
     Yes,
     /// The segment certainly does not touch the triangle.
     No,
-    /// Rounding leaves it open, or the segment touches the triangle's boundary.
+    /// Rounding decides nothing, or the segment touches the triangle's boundary.
     Unsure,
 }
 
-/// Tells whether the segment from p to q crosses a triangle. All points are taken as exact.
+/// Tells whether the segment from p to q crosses the inside of a triangle. All points are taken as exact.
 #[inline]
 pub(crate) fn segment_triangle(p: DVec3, q: DVec3, t: &[DVec3; 3]) -> Crossing {
     let s = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| sign(side(p, q, t[i], t[j], 0.0)));
@@ -125,9 +127,9 @@ mod tests {
         v + DVec3::from_array(core::array::from_fn(|_| if random.one_in(2) { delta } else { -delta }))
     }
 
-    /// Lines that meet the edge, in exact integers: on no side. With positions moved by their error, none of
-    /// the bound's parts can be left out: for a short line the error of its direction counts, for an edge
-    /// that points at p the errors of the edge's ends, without errors of positions those of rounding.
+    /// Lines that meet the edge, in exact integers, count as on no side. The cases need every part of the
+    /// error bound: for a short line the error of its direction, for an edge that points at p the error of
+    /// the edge's ends, and with exact positions the rounding errors.
     #[test]
     fn lines_that_meet_an_edge_are_on_no_side() {
         let mut random = Random(2);
@@ -135,7 +137,8 @@ mod tests {
         let mut random = Random(3);
         for round in 0..20_000 {
             let (p, a, d) = (int(1000), int(1000), int(100));
-            // b behind a or beside, q on the line from p through a point of the edge.
+            // Point b lies behind or beside a as seen from p; q lies on the line from p through a point of
+            // the edge.
             let b = match round % 3 {
                 0 => a + (a - p) + int(1),
                 _ => a + d,
@@ -145,7 +148,7 @@ mod tests {
                 _ => a + (a - p) * 3.0,
             };
             let delta = if round % 3 == 2 { 0.0 } else { 1e-7 };
-            // A third of the way is not representable: rounding alone.
+            // Thirds are not representable, so these positions have rounding errors only.
             let scale = if round % 3 == 2 { 1.0 / 3.0 } else { 1.0 };
             let [p, q, a, b] = [p, q, a, b].map(|v| moved(v, delta, &mut random) * scale);
             let delta = if round % 3 == 2 { 400.0 * U } else { delta * 1.001 };
@@ -153,7 +156,7 @@ mod tests {
         }
     }
 
-    /// Integers of 40 bits against exact determinants of 128 bits.
+    /// Coordinates are integers of up to 40 bits, and sides are compared with exact determinants of 128 bits.
     #[test]
     fn sides_are_within_their_bounds_of_exact_ones() {
         let mut random = Random(4);
@@ -161,7 +164,7 @@ mod tests {
             let size = 1i64 << (10 + random.below(30));
             let mut point = || core::array::from_fn::<i64, 3, _>(|_| (random.bits() as i64) % size);
             let (p, a, b) = (point(), point(), point());
-            // Near the plane of p, a and b.
+            // Point q lies near the plane of p, a and b.
             let (i, j) = (point()[0] % 3, point()[1] % 3);
             let near = point();
             let q = core::array::from_fn(|k| (p[k] + i * a[k] + j * b[k]) / 4 + near[k] % 4);

@@ -1,36 +1,38 @@
-//! Linear programs over the corners of P, where lines of sight begin, and of Q, where they end: is there a
-//! line on the given sides of given edges?
+//! Linear programs over the corners of P, where lines of sight begin, and of Q, where they end. They decide
+//! whether a line passes given edges on given sides.
 //!
-//! Each edge gives a row, each pair of corners a column, each entry is the side on which the line between the
-//! corners passes the edge. The entries are affine in either corner, so a line inside P x Q has a weighted
-//! mean of each row. If weights of the rows make all columns negative, no line is positive in all rows (the
-//! lemma of Farkas). Finding such weights is a matrix game, solved by the simplex method in a condensed
-//! tableau; its weights are then evaluated anew with error bounds, so that nothing rests on the method.
+//! Each edge gives a row, each pair of corners a column, and each entry is the side on which the line between
+//! the corners passes the edge. The entries are affine in either corner, so a line from P to Q has in each
+//! row a weighted mean of that row's entries, with the same weights in all rows. If some weights of the rows
+//! make the sum of rows negative in all columns, no line is positive in all rows (the lemma of Farkas). The
+//! simplex method searches these weights, in a condensed tableau, as for a matrix game. The weights are then
+//! evaluated anew with error bounds, so no answer relies on the method.
 
 use alloc::vec::Vec;
 
 /// Sign of the value of a [`MatrixGame`].
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Value {
-    /// No weights of the columns make all rows positive, for certain: `row_weights` prove that.
+    /// Certainly no weights of the columns make all rows positive. `row_weights` prove this.
     Negative,
     /// The weights `column_weights` make all rows positive, up to rounding.
     Positive,
-    /// The sign is uncertain within rounding.
+    /// The sign is not known: it is within rounding errors, or the method did not end.
     Open,
 }
 
-/// Greatest number of steps of the simplex method. In the second half of the steps, the first improving
-/// column is taken in place of the steepest, which prevents cycles.
+/// Greatest number of steps of the simplex method. After half of these steps, the first improving column is
+/// taken instead of the steepest, which prevents cycles.
 const STEPS: usize = 120;
 
-/// A matrix whose rows are pushed and popped like a stack. Rows are the edges, columns the pairs of corners.
+/// A matrix whose rows are pushed and popped like a stack. Each row belongs to an edge, each column to a pair
+/// of corners.
 #[derive(Default)]
 pub(crate) struct Matrix {
     columns: usize,
-    /// Entries divided by the scale of their row.
+    /// Entries, row after row, each divided by the scale of its row.
     entries: Vec<f64>,
-    /// Scale of each row, and a bound on the errors of its scaled entries.
+    /// For each row, its scale and a bound on the errors of its scaled entries.
     rows: Vec<(f64, f64)>,
 }
 
@@ -46,7 +48,8 @@ impl Matrix {
         self.rows.truncate(rows);
     }
 
-    /// Adds a row of the entries that `fill` appends. `fill` returns a bound on their errors.
+    /// Adds a row with the entries that `fill` appends to its argument. `fill` returns a bound on the errors
+    /// of the entries.
     pub(crate) fn push(&mut self, fill: impl FnOnce(&mut Vec<f64>) -> f64) {
         let start = self.entries.len();
         let error = fill(&mut self.entries);
@@ -57,19 +60,19 @@ impl Matrix {
     }
 }
 
-/// Solution of a matrix's game, and scratch memory.
+/// Solution of the game of a matrix, and scratch memory.
 #[derive(Default)]
 pub(crate) struct MatrixGame {
     tableau: Vec<f64>,
     labels: Vec<usize>,
-    /// Weights for which the sum of the rows, as they were before scaling, is negative in all columns, if the
-    /// value is [`Value::Negative`].
+    /// If the value is [`Value::Negative`]: weights of the rows before scaling, whose weighted sum is
+    /// negative in all columns.
     pub(crate) row_weights: Vec<f64>,
     pub(crate) column_weights: Vec<f64>,
 }
 
 impl MatrixGame {
-    /// Solves the game. A matrix without rows is [`Value::Open`].
+    /// Solves the game of a matrix. The answer for a matrix without rows is [`Value::Open`].
     pub(crate) fn solve(&mut self, matrix: &Matrix) -> Value {
         let Matrix { columns, entries, rows } = matrix;
         let (m, n) = (rows.len(), *columns);
@@ -96,8 +99,8 @@ impl MatrixGame {
                 self.row_weights[label] = (self.tableau[m * height + j] / total).max(0.0);
             }
         }
-        // The weights evaluated from the entries: m products and sums round to at most 2 m U of the weights'
-        // sum, for entries of at most 1.
+        // Rounding of a column's weighted sum: m products and sums round by at most 2 m times the unit
+        // round-off of the weights' sum, for entries of at most 1.
         let slack: f64 = self.row_weights.iter().zip(rows).map(|(w, (_, error))| w * error).sum();
         let weights: f64 = self.row_weights.iter().sum();
         let slack = slack * 1.001 + weights * m as f64 * 4.0 * f64::EPSILON;
@@ -112,10 +115,11 @@ impl MatrixGame {
         if 1.0 / total - SHIFT > 1e-10 { Value::Positive } else { Value::Open }
     }
 
-    /// Maximizes the sum of y with sum_k y_k (entry_kj + [`SHIFT`]) <= 1 for each column j. Returns whether
-    /// the optimum was reached.
+    /// Maximizes the sum of all y_k, where for each column j the sum over k of y_k (entry_kj + [`SHIFT`]) is
+    /// at most 1. Returns whether the optimum, or a certainly negative value, was reached.
     fn optimize(&mut self, entries: &[f64], m: usize, n: usize) -> bool {
-        // By columns, as the matrix has fewer rows than columns: a column for each weight, one of sums.
+        // The tableau is stored by columns, as the matrix has fewer rows than columns: a column for each
+        // weight, then one of sums.
         let height = n + 1;
         self.tableau.clear();
         for entries in entries.chunks_exact(n) {
@@ -127,7 +131,8 @@ impl MatrixGame {
         self.labels.clear();
         self.labels.extend(0..m + n);
         for step in 0..STEPS {
-            // The value is at most 1 / total - SHIFT, by the present weights of rows: surely negative.
+            // The value of the game is at most 1 / total - SHIFT with the present weights of rows, so it is
+            // surely negative.
             if self.tableau[m * height + n] > CERTAIN {
                 return true;
             }
@@ -177,10 +182,10 @@ impl MatrixGame {
     }
 }
 
-/// Least sum of the rows' weights at which the value of the game is certainly negative: below -1e-6.
+/// Least sum of the rows' weights at which the value of the game is certainly negative, below -1e-6.
 const CERTAIN: f64 = 1.0 / (SHIFT - 1e-6);
 
-/// Number added to all entries, which are at least -1, so that the value of the game is positive.
+/// Number added to all entries, which are at least -1, so that the value of the shifted game is positive.
 const SHIFT: f64 = 2.0;
 
 #[cfg(test)]
@@ -216,7 +221,7 @@ mod tests {
         assert_eq!(solve(&[[0.0; 3]]).0, Value::Open, "a game of zeros");
     }
 
-    /// Negative entries that may be positive by their errors prove nothing.
+    /// Negative entries whose error bounds allow positive values prove nothing.
     #[test]
     fn errors_of_entries_count() {
         let (mut game, mut matrix) = (MatrixGame::default(), Matrix::default());

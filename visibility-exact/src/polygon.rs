@@ -1,5 +1,5 @@
-//! Small convex polygons: where lines of sight begin (a part of a face of the viewcell) and where they end (a
-//! part of a face of the target).
+//! Small convex polygons: parts of faces of the viewcell, where lines of sight begin, and parts of faces of
+//! the target, where they end.
 
 use crate::half::Half;
 use visibility_core::glam::DVec3;
@@ -12,8 +12,8 @@ pub(crate) const MAX_CORNERS: usize = 8;
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Polygon {
     v: [DVec3; MAX_CORNERS],
-    /// Barycentric coordinates in the target triangle that are exactly 0, for each corner: bit i for
-    /// coordinate i. 0 for polygons that are not a part of a target triangle, or of one that was moved.
+    /// For each corner, bits 0 to 2 tell which barycentric coordinates in the target triangle are exactly 0.
+    /// No bits for polygons that are not a part of the target triangle, and after the triangle was moved.
     pub(crate) zero: [u8; MAX_CORNERS],
     n: usize,
 }
@@ -28,8 +28,8 @@ impl Polygon {
         polygon
     }
 
-    /// Makes the polygon of a whole target triangle, with the barycentric coordinates of its corners that are
-    /// 0.
+    /// Makes the polygon of a whole target triangle, and records which barycentric coordinates of each corner
+    /// are 0.
     pub(crate) fn target(triangle: &[DVec3; 3]) -> Self {
         let mut polygon = Self::new(triangle);
         polygon.zero[..3].copy_from_slice(&[0b110, 0b101, 0b011]);
@@ -44,21 +44,21 @@ impl Polygon {
         self.corners().iter().sum::<DVec3>() / self.n as f64
     }
 
-    /// Returns the normal vector. Its length is twice the area.
+    /// Returns the normal vector, whose length is twice the polygon's area.
     pub(crate) fn normal(&self) -> DVec3 {
         let pairs = self.corners().windows(2).skip(1);
         pairs.map(|pair| (pair[0] - self.v[0]).cross(pair[1] - self.v[0])).sum()
     }
 
-    /// Returns the length of the longest side.
+    /// Returns the length of the longest side in metres.
     pub(crate) fn size(&self) -> f64 {
         (0..self.n).map(|i| self.v[i].distance(self.v[(i + 1) % self.n])).fold(0.0, f64::max)
     }
 
-    /// Returns two values. The first is the greatest width of a side of the polygon: its extent perpendicular
-    /// to `direction`, a unit vector, or its length if `direction` is zero. The second is the argument
-    /// `across` with which [`halves`](Self::halves) halves the wider pair of opposite sides of a
-    /// quadrilateral; false for other polygons.
+    /// Returns two values. The first is the greatest width of a side: its extent in metres perpendicular to
+    /// the unit vector `direction`, or its length if `direction` is zero. The second is the argument for
+    /// [`halves`](Self::halves) that halves the wider pair of opposite sides of a quadrilateral; false for
+    /// other polygons.
     pub(crate) fn extent_across(&self, direction: DVec3) -> (f64, bool) {
         let side = |k: usize| self.v[(k + 1) % self.n] - self.v[k % self.n];
         let width = |k: usize| {
@@ -81,7 +81,7 @@ impl Polygon {
         fits
     }
 
-    /// Returns the part of the polygon in a half-space. All of the polygon if the part would have too many
+    /// Returns the part of the polygon in a half-space, or the whole polygon if the part would have too many
     /// corners. `None` if no corner is in front of the plane, so that the part has no area.
     pub(crate) fn clip(&self, half: &Half) -> Option<Self> {
         let height = |i: usize| half.height(self.v[i % self.n]);
@@ -104,8 +104,8 @@ impl Polygon {
         (inside && out.n >= 3).then_some(out)
     }
 
-    /// Returns two halves of the polygon. Of a quadrilateral, `across` true halves the shorter pair of
-    /// opposite sides, and false the longer pair. Other polygons have one halving only.
+    /// Returns two halves of the polygon. For a quadrilateral, `across` true halves the shorter pair of
+    /// opposite sides, and false the longer pair. Other polygons are halved in one way only.
     pub(crate) fn halves(&self, across: bool) -> [Self; 2] {
         let length = |i: usize| self.v[i % self.n].distance(self.v[(i + 1) % self.n]);
         let corner = |i: usize| (self.v[i % self.n], self.zero[i % self.n]);
@@ -145,7 +145,7 @@ impl Polygon {
         }
     }
 
-    /// Returns whether [`halves`](Self::halves) has two ways to halve.
+    /// Returns whether [`halves`](Self::halves) can halve the polygon in two ways.
     pub(crate) fn has_two_ways(&self) -> bool {
         self.n == 4
     }

@@ -1,13 +1,13 @@
-//! Sampling: rays that find visible objects before anything is proven.
+//! Sampling: rays that find visible objects before the search for proofs.
 //!
-//! Uniform rays leave the viewcell from random points of its faces in random directions. Aimed rays run from
+//! Uniform rays leave the viewcell from random points of its faces in random directions. Aimed rays go from
 //! random viewpoints to random points of one object.
 
 use crate::sight::CellBox;
 use visibility_core::glam::DVec3;
 use visibility_core::random::Random;
 
-/// Returns a random unit vector, uniform by direction.
+/// Returns a random unit vector, uniformly distributed over all directions.
 fn direction(random: &mut Random) -> DVec3 {
     loop {
         let v = random.point() * 2.0 - 1.0;
@@ -18,7 +18,7 @@ fn direction(random: &mut Random) -> DVec3 {
     }
 }
 
-/// Returns a random point on the surface of the cube from -1 to 1.
+/// Returns a random point on the surface of the cube from -1 to 1 on each axis.
 pub(crate) fn on_cube(random: &mut Random) -> DVec3 {
     let mut x = random.point() * 2.0 - 1.0;
     let side = random.below(6);
@@ -26,7 +26,7 @@ pub(crate) fn on_cube(random: &mut Random) -> DVec3 {
     x
 }
 
-/// Returns a random point of a triangle, uniform by area.
+/// Returns a random point of a triangle, uniformly distributed by area.
 pub(crate) fn in_triangle(random: &mut Random, t: &[DVec3; 3]) -> DVec3 {
     let (a, b) = (random.unit(), random.unit());
     let (a, b) = if a + b > 1.0 { (1.0 - a, 1.0 - b) } else { (a, b) };
@@ -34,7 +34,8 @@ pub(crate) fn in_triangle(random: &mut Random, t: &[DVec3; 3]) -> DVec3 {
 }
 
 impl CellBox {
-    /// Returns a random point on a face of the box, faces chosen by area, and a random direction outwards.
+    /// Returns a random point on a face of the box, and a random direction out of the box. Faces are chosen
+    /// by area.
     pub(crate) fn uniform_ray(&self, random: &mut Random) -> (DVec3, DVec3) {
         let size = self.max - self.min;
         let areas = DVec3::new(size.y * size.z, size.z * size.x, size.x * size.y);
@@ -63,8 +64,8 @@ impl CellBox {
         self.exit(p, q)
     }
 
-    /// Returns the point at which the segment from p, in the box, to q leaves the box. It is inside the box
-    /// whatever rounding does.
+    /// Returns the point at which the segment from p, in the box, to q leaves the box. Rounding never puts
+    /// the point outside of the box.
     pub(crate) fn exit(&self, p: DVec3, q: DVec3) -> DVec3 {
         let d = q - p;
         let wall = DVec3::select(d.cmpgt(DVec3::ZERO), self.max, self.min);

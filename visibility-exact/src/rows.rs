@@ -1,11 +1,11 @@
-//! Nodes divided by the edges of occluders: of all segments from P, a part of a face of the viewcell, to Q, a
-//! part of a face of the target, those that pass some edges on given sides. P x Q is the set of these
-//! segments.
+//! Search nodes that are divided by the edges of occluders. A node is the set of segments from P, a part of a
+//! face of the viewcell, to Q, a part of a face of the target, that pass some edges on given sides. P x Q is
+//! the set of all segments between the polygons.
 //!
-//! A line of the node that is blocked crosses an occluder, whose boundary is a closed loop. The segments that
-//! pass all edges of the loop on one side are blocked too: the loop winds around them, so that every surface
-//! that it bounds is crossed. All other segments pass outside of some edge, and for each edge those outside
-//! of it are a node of their own. Linear programs tell which of these nodes have no segments.
+//! A blocked line of the node crosses an occluder, whose boundary is a closed loop. All segments that pass
+//! the loop's edges on the same sides are blocked too, since the loop winds around them and every surface
+//! bounded by the loop is crossed. All other segments pass outside of some edge, and for each edge those
+//! outside of it are a node of their own. Linear programs tell which of these nodes have no segments.
 
 use crate::corner_proof;
 use crate::half::Half;
@@ -18,16 +18,17 @@ use crate::sight::Sight;
 use alloc::{boxed::Box, vec::Vec};
 use visibility_core::glam::DVec3;
 
-/// Corner of a loop: its position, and the corner of the target triangle that it is, or [`NO_CORNER`].
+/// Corner of a loop: its position, and the number of the target triangle's corner that it is, or
+/// [`NO_CORNER`].
 type RingCorner = (DVec3, u8);
 
-/// A loop of edges on an occluder. A certain line of the node passes inside it.
+/// A loop of edges on an occluder, inside of which a line of the node certainly passes.
 struct Loop {
     piece: u32,
     ring: Vec<RingCorner>,
     side: f64,
     /// For each edge of the ring, from each corner to the next: true if lines of the node may pass outside of
-    /// it, so that it divides the node.
+    /// the edge, so that it divides the node.
     divides: Vec<bool>,
 }
 
@@ -46,21 +47,21 @@ impl Loop {
     }
 }
 
-/// A node of a division: the segments between the polygons of `sight` that pass all edges of `rows` on the
+/// A node of the search: the segments between the polygons of `sight` that pass the edges of `rows` on the
 /// given sides.
 struct RowNode {
     sight: Sight,
-    /// Bound on the error of each coordinate of a position, in metres, that counts for the sides of edges.
+    /// Bound in metres on the error of each coordinate of a position, to be used for the sides of edges.
     delta: f64,
     rows: Vec<Row>,
-    /// One row for each of `rows`: the sides on which the lines between all pairs of corners of P and Q pass
-    /// the edge of that row.
+    /// For each of `rows`, the sides on which the lines between all pairs of corners of the viewcell and
+    /// target polygons pass the row's edge.
     matrix: Matrix,
-    /// Solution of the linear program of all rows. `None` if it is not computed yet.
+    /// Solution of the linear program of all rows. `None` until it is computed.
     solution: Option<Solution>,
 }
 
-/// Value of a linear program, and weights: of its rows for a negative value, otherwise of its columns.
+/// Value of a linear program, and its weights: of the rows for a negative value, of the columns otherwise.
 type Solution = (Value, Box<[f64]>);
 
 impl RowNode {
@@ -100,13 +101,14 @@ impl RowNode {
 }
 
 impl Search<'_> {
-    /// Decides a node by dividing it by loops. `left` is the number of nodes that may still be used.
+    /// Decides all segments of `sight` by dividing them by loops. `left` is the number of nodes that may
+    /// still be used.
     pub(crate) fn divide(&mut self, sight: &Sight, left: &mut u32) -> Answer {
         self.divide_rows(&mut RowNode::new(*sight, sight.side_error(self.delta), &[]), left, 0)
     }
 
-    /// Decides the lines of a node that satisfy all rows. `left` is the number of nodes that may still be
-    /// used, `halvings` the number of halvings so far.
+    /// Decides the segments of a node. `left` is the number of nodes that may still be used, `halvings` the
+    /// number of halvings so far.
     fn divide_rows(&mut self, node: &mut RowNode, left: &mut u32, halvings: u32) -> Answer {
         if *left == 0 || self.must_stop() {
             return Answer::Undecided;
@@ -127,7 +129,7 @@ impl Search<'_> {
         }
         let sight = &node.sight;
         let Some(line) = line else {
-            // No point of the polytope of the program is a line, or none was found.
+            // No line was found that satisfies all rows, though weights of pairs of corners do.
             if let Some(edges) = corner_proof::find(sight, &node.rows, node.delta) {
                 self.steps.push(Step::Corner { edges });
                 return Answer::Hidden;
@@ -146,7 +148,7 @@ impl Search<'_> {
         self.divide_by(node, &best, left, halvings)
     }
 
-    /// Divides a node by the edges of a loop, and decides the parts.
+    /// Divides a node by the edges of a loop, and decides the parts that pass outside of an edge.
     fn divide_by(&mut self, node: &mut RowNode, by: &Loop, left: &mut u32, halvings: u32) -> Answer {
         let base = node.rows.len();
         let mut edges = Vec::with_capacity(by.ring.len());
@@ -172,7 +174,8 @@ impl Search<'_> {
             edges: edges.into_boxed_slice(),
         });
         let mut answer = Answer::Hidden;
-        // Part k: inside the edges before k, outside edge k. The checker makes the same parts.
+        // Part k holds the segments inside the edges before k and outside edge k. The check makes the same
+        // parts.
         for (count, &k) in dividing.iter().enumerate() {
             node.truncate(base + count.saturating_sub(1));
             if count > 0 {
@@ -191,7 +194,8 @@ impl Search<'_> {
         answer
     }
 
-    /// Halves P or Q of a node with rows. A way that leaves a half without lines is preferred.
+    /// Halves the viewcell polygon or the target polygon of a node, and decides both halves. A way to halve
+    /// that leaves one half without lines is preferred.
     fn halve_divided(&mut self, node: &RowNode, left: &mut u32, halvings: u32) -> Answer {
         if halvings >= self.budget.halvings {
             return Answer::Undecided;
@@ -204,7 +208,7 @@ impl Search<'_> {
             if across && !polygon.has_two_ways() {
                 continue;
             }
-            // A half whose rows exclude all lines is worth most. Otherwise the larger polygon is halved.
+            // A half whose rows exclude all lines scores highest. Otherwise the larger polygon is halved.
             let mut score = u32::from(of_p == p_is_larger);
             let halves = sight.halves(of_p, across).map(|half| {
                 let mut half = RowNode::new(half, half.side_error(self.delta), &node.rows);
@@ -235,7 +239,7 @@ impl Search<'_> {
         Answer::Hidden
     }
 
-    /// Solves the linear program of a node's rows.
+    /// Solves the linear program of a node's rows, given as a matrix.
     fn solve(&mut self, matrix: &Matrix) -> Solution {
         self.stats.programs += 1;
         let value = self.game.solve(matrix);
@@ -244,8 +248,9 @@ impl Search<'_> {
         (value, weights.as_slice().into())
     }
 
-    /// Returns a segment of the node that satisfies all rows, starting from the weights of columns for which
-    /// the program of the rows is positive, by programs in p and in q in turn. `None` if none is found.
+    /// Returns a segment of the node that satisfies all rows. `weights` are weights of pairs of corners that
+    /// make all rows positive, and give a first segment. Its ends are then improved in turn by linear
+    /// programs. `None` if no segment is found.
     fn line_inside(&mut self, node: &RowNode, weights: &[f64]) -> Option<Segment> {
         let RowNode { sight, rows, .. } = node;
         let delta = node.delta;
@@ -259,7 +264,8 @@ impl Search<'_> {
         if total.is_nan() || total <= 0.5 {
             return None;
         }
-        // The weights are of pairs of corners. Their means in P and in Q are a first segment.
+        // The weights belong to pairs of corners. The weighted means of the corners of the viewcell polygon
+        // and of the target polygon are the ends of a first segment.
         let mut line = self.segment(from / total, to / total);
         let satisfies = |line: Segment| {
             rows.iter().all(|row| {
@@ -269,15 +275,15 @@ impl Search<'_> {
         };
         for round in 0..5 {
             if satisfies(line) {
-                // Programs end at corners; further inside is better.
+                // Linear programs end at corners. A segment further inside is preferred.
                 let (p, q) = (sight.p.center(), sight.q.center());
                 let towards =
                     |part: f64| self.segment(line.p + (p - line.p) * part, line.q + (q - line.q) * part);
                 let inner = [0.5, 0.2, 0.05, 0.01, 0.001].into_iter().map(towards).find(|&l| satisfies(l));
                 return Some(inner.unwrap_or(line));
             }
-            // With one end held, the rows are linear in the other end: a small matrix game finds the best
-            // one.
+            // With one end fixed, the rows are linear in the other end: a small matrix game finds the best
+            // end.
             let of_q = round % 2 == 0;
             let corners = if of_q { q } else { p };
             self.matrix.start(corners.len());
@@ -306,12 +312,12 @@ impl Search<'_> {
         satisfies(line).then_some(line)
     }
 
-    /// Returns the loop with the fewest dividing edges, of loops on the occluders that a line crosses. `hits`
-    /// are the indices of these occluder triangles, `depth` is the number of the node's rows. `None` if no
-    /// loop can be used.
+    /// Returns the loop with the fewest dividing edges, among loops on the occluders that a line crosses.
+    /// `hits` are the indices of these occluders' triangles, `depth` is the number of the node's rows. `None`
+    /// if no loop can be used.
     fn best_loop(&mut self, sight: &Sight, depth: usize, line: Segment, hits: &[u32]) -> Option<Loop> {
-        // The growth shrinks with every row, so that a line outside of one edge is surely not inside of
-        // another edge on the same line.
+        // The growth decreases with each row: two loops on one edge are then certainly apart, and a line
+        // outside of the first is not inside of the second.
         let part = (0..depth.min(60)).fold(1.0, |part, _| part * 0.9);
         let grow = self.clearance * (0.5 + 0.5 * part);
         let mut best: Option<Loop> = None;
@@ -335,8 +341,8 @@ impl Search<'_> {
         best
     }
 
-    /// Returns the loop of a piece, moved outwards by `grow` metres and cut off at the planes of P and Q.
-    /// `None` if the line does not certainly pass inside.
+    /// Returns the loop around a convex occluder polygon, moved outwards by `grow` metres and cut off at the
+    /// planes of the viewcell and target polygons. `None` if `line` does not certainly pass inside the loop.
     fn loop_around(&self, sight: &Sight, piece: u32, line: Segment, grow: f64) -> Option<Loop> {
         let around = self.triangles.piece(piece);
         let corners = around.ring.iter().zip(&around.positions);
@@ -344,11 +350,12 @@ impl Search<'_> {
         if grow > 0.0 {
             ring = grown(&ring, grow);
         }
-        // A face of the viewcell holds all points of P to the last bit: an occluder in its plane blocks the
-        // segments that leave through it. Points of Q lie off their plane by rounding: an occluder in this
-        // plane, such as the back of a card, or the target box's own front, blocks nothing. Heights are
-        // wrong by less than delta, for which the check allows, so that 4 delta are surely before the plane.
-        // Corners of the target triangle are in its plane; a loop of these alone bounds nothing before it.
+        // The viewcell polygon lies exactly in its plane, a face of the viewcell: an occluder in this plane
+        // blocks the segments that leave through it. Points of the target polygon lie off their plane by
+        // rounding: an occluder in this plane, such as the back of a card or the target box's own front,
+        // blocks nothing. Heights are wrong by less than the error of positions, which the check allows for,
+        // so a height of four such errors is certainly in front of the plane. Corners of the target triangle
+        // are in its plane; a loop of only such corners bounds nothing in front of it.
         let before_q = sight.cut_before_q(self.pad());
         ring = cut(ring, &sight.before_p, |half, corner| half.height(corner.0));
         ring = cut(ring, &before_q, |half, &(x, tag)| if tag == NO_CORNER { half.height(x) } else { 0.0 });
@@ -380,8 +387,8 @@ impl Search<'_> {
     }
 }
 
-/// Moves the corners of a planar convex ring outwards so that its sides move by `grow`, or by less at sharp
-/// corners.
+/// Moves the corners of a planar convex ring outwards so that its sides move by `grow` metres, or by less at
+/// sharp corners.
 fn grown(ring: &[RingCorner], grow: f64) -> Vec<RingCorner> {
     let n = ring.len();
     let normal: DVec3 = (1..n - 1).map(|k| (ring[k].0 - ring[0].0).cross(ring[k + 1].0 - ring[0].0)).sum();
@@ -393,7 +400,8 @@ fn grown(ring: &[RingCorner], grow: f64) -> Vec<RingCorner> {
     (0..n).map(|k| (moved(k), NO_CORNER)).collect()
 }
 
-/// Returns the part of a ring where `height`, an affine function of the position, is not negative.
+/// Returns the part of a ring where `height`, an affine function of the position, is not negative. `half` is
+/// the half-space whose boundary cuts the ring.
 fn cut(ring: Vec<RingCorner>, half: &Half, height: impl Fn(&Half, &RingCorner) -> f64) -> Vec<RingCorner> {
     let heights: Box<[f64]> = ring.iter().map(|corner| height(half, corner)).collect();
     if heights.iter().all(|h| *h >= 0.0) {
@@ -414,8 +422,8 @@ fn cut(ring: Vec<RingCorner>, half: &Half, height: impl Fn(&Half, &RingCorner) -
     out
 }
 
-/// Removes corners between two sides on one line, which would give two rows for one line, and corners equal
-/// to the corner before.
+/// Removes each corner that is equal to the one before or lies on a straight side, where two edges on one
+/// line would give two equal rows.
 fn drop_straight(ring: &mut Vec<RingCorner>) {
     let mut k = 0;
     while ring.len() >= 3 && k < ring.len() {

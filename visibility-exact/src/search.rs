@@ -1,6 +1,6 @@
-//! The search: is there an unblocked segment from P, a face of the viewcell, to Q, a face of the target?
-//! Depth first over halves of P and Q, lazily: only where a surface through the middle segment does not block
-//! the whole node. A *node* is a pair of parts of P and Q, with all segments between them.
+//! The search for an unblocked segment from P, a face of the viewcell, to Q, a face of the target. Depth
+//! first over halves of P and Q, and lazily: a pair is halved only where no surface through its middle
+//! segment blocks all its segments. A *node* is a pair of parts of P and Q, with all segments between them.
 
 use crate::chain_scratch::{ChainScratch, Obstacle};
 use crate::matrix_game::{Matrix, MatrixGame};
@@ -18,18 +18,18 @@ pub(crate) struct Segment {
     pub(crate) q: DVec3,
 }
 
-/// Answer for a target or a node.
+/// Answer of the search for a target, or for a node (a set of segments to the target).
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) enum Answer {
-    /// Proven hidden. The proof is in [`Search::steps`].
+    /// The target is proven hidden. The proof is in [`Search::steps`].
     Hidden,
-    /// Visible along a segment that certainly misses all occluders.
+    /// The target is visible along this segment, which certainly misses all occluders.
     Visible(Segment),
     /// Neither a line of sight nor a proof was found within the budget.
     Undecided,
 }
 
-/// Work done by a [`Search`].
+/// Counters of the work done by a [`Search`].
 #[derive(Clone, Copy, Default, Debug)]
 pub(crate) struct SearchStats {
     pub(crate) nodes: u64,
@@ -38,68 +38,70 @@ pub(crate) struct SearchStats {
     pub(crate) programs: u64,
 }
 
-/// Bounds on the work for one target.
+/// Limits of the work for one target.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Budget {
-    /// Greatest number of nodes of the search by halving.
+    /// Greatest number of nodes of the search by halving polygons.
     pub(crate) nodes: u32,
-    /// Greatest number of nodes of each attempt to divide a node by occluder edges.
+    /// Greatest number of nodes of each attempt to divide a node by edges of occluders.
     pub(crate) divided: u32,
-    /// Greatest number of halvings, within such an attempt, on the way to any of its nodes.
+    /// Greatest number of halvings, within an attempt to divide by edges of occluders, on the way to any
+    /// node.
     pub(crate) halvings: u32,
 }
 
-/// Number of halvings after which a node is halved no more: what is not decided then stays undecided.
+/// Number of halvings after which a node is not halved further, and stays undecided.
 const DEPTH: u32 = 28;
-/// Depth from which nodes are divided by occluder edges, on every third level.
+/// Number of halvings from which nodes are divided by occluder edges too, at every third level.
 const DIVIDE_FROM: u32 = 3;
-/// Greatest number of cuts of P by planes of one-sided triangles on the way to a node. Each cut rounds a
-/// corner four more times: [`SceneTriangles::position_error`] has room for these.
+/// Greatest number of cuts of the viewcell polygon by planes of one-sided triangles on the way to a node.
+/// Each cut rounds a corner four more times, which [`SceneTriangles::position_error`] allows for.
 pub(crate) const SPLITS: u32 = 8;
-/// Greatest number of triangles from which surfaces are grown, of those that a node's sample line crosses.
+/// Greatest number of triangles at each node from which surfaces are grown. The node's sample line crosses
+/// them.
 const STARTS: usize = 4;
-/// Greatest number of triangles that are collected of those that a line crosses. With 8, viewcells in a
+/// Greatest number of triangles that are collected along a line that crosses them. With 8, viewcells in a
 /// building took up to a third more nodes.
 const HITS: usize = 16;
 
-/// Index that no triangle and no vertex has.
+/// Index that stands for no triangle or no vertex.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// Searches for lines of sight from one viewcell: one target after the other, with the memory and the budget
-/// for the target at work. The fields that say "at work" change with each target or node.
+/// Searches for lines of sight from one viewcell to one target after the other. The target or node *at work*
+/// is the one that the search is deciding.
 pub(crate) struct Search<'a> {
     pub(crate) triangles: &'a SceneTriangles,
     pub(crate) cell: CellBox,
     pub(crate) clearance: f64,
-    /// Bound on the error of each coordinate of a position in the search for the target at work, in metres.
+    /// Bound in metres on the error of each coordinate of a position, for the target at work.
     pub(crate) delta: f64,
-    /// Index of the target triangle in searches without clearance, where it must not occlude. [`NONE`]
-    /// otherwise.
+    /// Index of the target triangle in searches without clearance, which must not block lines to itself.
+    /// [`NONE`] in other searches.
     pub(crate) skip: u32,
     pub(crate) target_vertices: [u32; 3],
     pub(crate) budget: Budget,
     used: u32,
     pub(crate) chain: ChainScratch,
     pub(crate) game: MatrixGame,
-    /// Scratch matrix of the linear programs.
+    /// Scratch memory for the matrix of a linear program.
     pub(crate) matrix: Matrix,
     pub(crate) hits: Vec<u32>,
     pub(crate) steps: Vec<Step>,
     pub(crate) stats: SearchStats,
-    /// Triangle from which the last surface that blocked a node was grown. It is tried first at the next
-    /// node.
+    /// Triangle from which the last surface that blocked a node was grown. The next node tries it first.
     pub(crate) hint: u32,
-    /// A one-sided triangle that could not be used for the node at work because P is on both sides of its
-    /// plane, or [`NONE`].
+    /// A one-sided triangle that blocks for only a part of the node's viewcell polygon, since the polygon is
+    /// on both sides of its plane. [`NONE`] if there is none.
     pub(crate) across: u32,
-    /// Called at each node. The search ends once it returns true.
+    /// Function that is called at each node. The search ends once it returns true.
     pub(crate) stop: &'a dyn Fn() -> bool,
-    /// Whether `stop` has returned true: every answer is then undecided.
+    /// Whether `stop` has returned true. Every further answer is then undecided.
     pub(crate) is_stopped: bool,
 }
 
 impl<'a> Search<'a> {
-    /// Makes a search without a target yet. `chain` is memory of another search in the same triangles.
+    /// Makes a search that has no target yet. `chain` is scratch memory of an earlier search in the same
+    /// triangles.
     pub(crate) fn new(
         triangles: &'a SceneTriangles,
         cell: CellBox,
@@ -153,13 +155,14 @@ impl<'a> Search<'a> {
         (answer, self.used)
     }
 
-    /// Returns whether the search must end.
+    /// Returns whether the search must end because `stop` has returned true.
     pub(crate) fn must_stop(&mut self) -> bool {
         self.is_stopped = self.is_stopped || (self.stop)();
         self.is_stopped
     }
 
-    /// Returns the height over a plane, in metres, up to which a point may touch the plane, see [`Shaft`].
+    /// Returns the height over a plane, in metres, up to which a computed point may be on the plane. See
+    /// [`Shaft`].
     pub(crate) fn pad(&self) -> f64 {
         4.0 * self.delta
     }
@@ -179,7 +182,7 @@ impl<'a> Search<'a> {
         delta.is_some()
     }
 
-    /// Decides a node, after `depth` halvings and `splits` cuts of P.
+    /// Decides a node, which `depth` halvings and `splits` cuts of the viewcell polygon have led to.
     fn node(&mut self, sight: &Sight, depth: u32, splits: u32) -> Answer {
         if self.used >= self.budget.nodes || self.must_stop() {
             return Answer::Undecided;
@@ -187,8 +190,8 @@ impl<'a> Search<'a> {
         self.used += 1;
         self.stats.nodes += 1;
         let mut hits = core::mem::take(&mut self.hits);
-        // A sample line that misses everything is a line of sight. Otherwise each triangle that it crosses
-        // may begin a surface that blocks the node.
+        // A sample line that misses all triangles is a line of sight. Otherwise a surface that blocks the
+        // node is grown from each triangle that the line crosses.
         let line = self.crossed_line(sight, &mut hits);
         let mut obstacle = None;
         let mut answer = None;
@@ -217,8 +220,8 @@ impl<'a> Search<'a> {
         if let Some(answer) = answer {
             return answer;
         }
-        // A one-sided triangle hides from its front alone. Where P is on both sides of its plane, P is cut
-        // along the plane.
+        // A one-sided triangle blocks only segments from its front. A viewcell polygon on both sides of the
+        // triangle's plane is cut along the plane.
         let triangle = self.across;
         if splits < SPLITS
             && triangle != NONE
@@ -228,8 +231,7 @@ impl<'a> Search<'a> {
             let step = Step::Split { triangle };
             return self.parts(step, parts, |search, part| search.node(part, depth, splits + 1));
         }
-        // At some depths, a search that divides the lines by loops of edges, which can prove what surfaces
-        // alone cannot.
+        // At some depths, the lines are divided by loops of edges, which can prove more than surfaces alone.
         if self.budget.divided > 0 && depth >= DIVIDE_FROM && (depth - DIVIDE_FROM).is_multiple_of(3) {
             let mut left = self.budget.divided;
             match self.divide(sight, &mut left) {
@@ -243,7 +245,8 @@ impl<'a> Search<'a> {
         self.halve(sight, depth, splits, obstacle)
     }
 
-    /// Orders the triangles that a line crosses: first the one that blocked the last node, then the largest.
+    /// Orders the triangles that a line crosses: first the one that blocked the last node, then by descending
+    /// area.
     pub(crate) fn sort_starts(&self, hits: &mut [u32]) {
         hits.sort_unstable_by(|&a, &b| {
             self.triangles.area(b).total_cmp(&self.triangles.area(a)).then(a.cmp(&b))
@@ -253,8 +256,8 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Decides the halves of a node. `obstacle` is an edge that kept a surface from blocking the node, and
-    /// the line from which the surface was grown. `None` if no surface was.
+    /// Decides the halves of a node. `obstacle`: an edge that kept a surface from blocking the node, and the
+    /// line from which the surface was grown. `None` if no surface was grown.
     fn halve(
         &mut self,
         sight: &Sight,
@@ -268,7 +271,8 @@ impl<'a> Search<'a> {
         self.parts(step, halves, |search, half| search.node(half, depth + 1, splits))
     }
 
-    /// Decides the two parts of a node. `step` is the step of the proof that divides the node.
+    /// Decides both parts of a node. `step` is the step of the proof that divides the node; `node` decides a
+    /// part.
     fn parts(&mut self, step: Step, parts: [Sight; 2], node: impl Fn(&mut Self, &Sight) -> Answer) -> Answer {
         let mark = self.steps.len();
         self.steps.push(step);
@@ -291,8 +295,8 @@ impl<'a> Search<'a> {
         all
     }
 
-    /// Returns whether a triangle occludes for all points of P. Stores the triangle in
-    /// [`across`](Self::across) if it is one-sided and P is on both sides of its plane.
+    /// Returns whether a triangle blocks segments from all points of the viewcell polygon. Stores the
+    /// triangle in [`across`](Self::across) if it is one-sided and the polygon is on both sides of its plane.
     pub(crate) fn blocks(&mut self, sight: &Sight, t: u32) -> bool {
         let Some(front) = self.triangles.front(t) else { return true };
         let facing = sight.facing(front, self.clearance, self.pad());
@@ -302,9 +306,9 @@ impl<'a> Search<'a> {
         facing == Facing::Before
     }
 
-    /// Returns a segment through the middle of a node, and in `hits` the triangles that it certainly crosses.
-    /// Where the middle meets edges only, nearby segments are tried. `Err` with a segment that certainly
-    /// misses all triangles.
+    /// Returns a segment through the middle of a node, and puts the triangles that it certainly crosses into
+    /// `hits`. If the middle segment only touches edges, nearby segments are tried. `Err` with a segment that
+    /// certainly misses all triangles.
     pub(crate) fn crossed_line(&self, sight: &Sight, hits: &mut Vec<u32>) -> Result<Segment, Segment> {
         let (p, q) = (sight.p.corners(), sight.q.corners());
         let mut line = self.middle(sight);
@@ -332,23 +336,23 @@ impl<'a> Search<'a> {
         Segment { p: p.clamp(self.cell.min, self.cell.max), q }
     }
 
-    /// Collects up to [`HITS`] triangles that a segment certainly crosses. Returns whether it may meet
-    /// others.
+    /// Collects up to [`HITS`] triangles that a segment certainly crosses. Returns whether the segment may
+    /// meet other triangles.
     pub(crate) fn probe(&self, line: Segment, hits: &mut Vec<u32>) -> bool {
         self.triangles.tree.crossed(line.p, line.q, self.skip, HITS, hits)
     }
 }
 
-/// A way to halve a node.
+/// A way to halve a node: which polygon, and in which direction.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) struct Halving {
     pub(crate) of_p: bool,
     pub(crate) across: bool,
 }
 
-/// Chooses the halving after which the node's lines pass an obstacle on fewer sides. It halves the polygon
-/// that looks wider from the obstacle, in the direction in which it is wider across the obstacle's edge.
-/// Without an obstacle, it halves the polygon with the longer side.
+/// Chooses the halving after which the node's lines pass an obstacle on fewer sides: it halves the polygon
+/// that looks wider from the obstacle, in the direction in which the polygon is wider across the obstacle's
+/// edge. Without an obstacle, it halves the polygon with the longest side.
 pub(crate) fn best_halving(sight: &Sight, obstacle: Option<(Obstacle, Segment)>) -> Halving {
     let (mut at, mut edge) = (0.5, DVec3::ZERO);
     if let Some(([a, b], line)) = obstacle {
@@ -363,8 +367,8 @@ pub(crate) fn best_halving(sight: &Sight, obstacle: Option<(Obstacle, Segment)>)
 }
 
 impl Sight {
-    /// Returns the two sights in which one polygon is halved: P if `of_p`, Q if not. For `across` see
-    /// [`Polygon::halves`](crate::polygon::Polygon::halves).
+    /// Returns the node with one of its polygons halved: the viewcell polygon if `of_p`, else the target
+    /// polygon. For `across` see [`Polygon::halves`](crate::polygon::Polygon::halves).
     pub(crate) fn halves(&self, of_p: bool, across: bool) -> [Self; 2] {
         if of_p {
             self.p.halves(across).map(|p| Self { p, ..*self })

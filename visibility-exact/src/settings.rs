@@ -1,4 +1,4 @@
-//! Settings of the exact culler: how much work it does, and what that guarantees.
+//! Settings of the exact culler: how much work it does, and what its answers guarantee.
 
 /// Kind of answer that an [`ExactCuller`](crate::ExactCuller) looks for.
 ///
@@ -9,22 +9,22 @@
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Effort {
-    /// Rays alone, no proofs: this many aimed at each object, and 64 times as many in all directions.
-    /// Aggressive: objects that no ray finds are removed. An aimed ray goes from a point of the viewcell to a
-    /// random point of a random triangle of the object, and each triangle is as likely as any other, whatever
-    /// its area. If `n` such rays were all blocked, less than `3 / n` of all such rays are unblocked, with a
-    /// confidence of 95 %. In a mesh with triangles of unequal area, this share is not the share of the area
-    /// that is seen.
+    /// Rays alone, without proofs: this many rays aimed at each object, and 64 times as many in all
+    /// directions. Aggressive: objects that no ray finds are removed. An aimed ray goes from a point of the
+    /// viewcell to a random point of a random triangle of the object; each triangle is equally likely,
+    /// whatever its area. If `n` such rays were all blocked, less than `3 / n` of all such rays are
+    /// unblocked, with a confidence of 95 %. If the triangles have unequal areas, this share is not the
+    /// visible share of the object's area.
     Rays(u32),
-    /// Rays and proofs for boxes, then for each object left a certified bound on its visible share: the share
-    /// of segments from faces of the viewcell to faces of the object's box, measured by area, that is not
-    /// proven blocked. An object is removed if it is hidden, or if the bound is at most the given share, seen
-    /// by a ray or not: it is hardly visible. Approximate. The clearance is 1e-4 metres unless the
-    /// [`ExactSettings`] change it. A share that is negative or NaN counts as 0.
+    /// Rays and proofs for boxes, then for each remaining object a certified bound on its visible share. The
+    /// visible share is the share of the segments from faces of the viewcell to faces of the object's box,
+    /// measured by area, that is not proven blocked. An object is removed if it is hidden, or if the bound is
+    /// at most the given share, even if a ray has seen it. Approximate. The clearance is 1e-4 metres unless
+    /// the [`ExactSettings`] change it. A share that is negative or NaN counts as 0.
     Share(f64),
-    /// Rays, then proofs. What is neither seen nor proven hidden stays. The number is the clearance in
-    /// metres: an object is removed if no segment to it keeps a distance of six times the clearance from all
-    /// occluders. Exact up to this distance. With a clearance of 0, conservative: an object is removed if
+    /// Rays, then proofs. An object that is neither seen nor proven hidden stays. The number is the clearance
+    /// in metres: an object is removed if no segment to it keeps a distance of six times the clearance from
+    /// all occluders. Exact up to this distance. With a clearance of 0, conservative: an object is removed if
     /// every segment to the inside of any of its triangles touches an occluder on the way.
     Exact(f64),
 }
@@ -35,9 +35,10 @@ pub enum Effort {
 pub struct ExactSettings {
     pub(crate) rays: u32,
     pub(crate) aimed_rays: u32,
-    /// Whether objects that no ray found need proof to be removed. If false, all of them are removed.
+    /// Whether an object is removed only with a proof. If false, all objects that no ray has found are
+    /// removed.
     pub(crate) proves: bool,
-    /// Share for [`Effort::Share`], 0 for other efforts.
+    /// Visible share at or below which [`Effort::Share`] removes an object, from 0 to 1. 0 for other efforts.
     pub(crate) share: f64,
     pub(crate) clearance: f64,
     pub(crate) keep_proofs: bool,
@@ -65,8 +66,8 @@ impl ExactSettings {
         Self { aimed_rays, ..self }
     }
 
-    /// Sets the clearance in metres, see [`Effort::Exact`]. Counts as 0 if it is negative, NaN, infinite, or
-    /// within the error of positions: less than about 1e-12 of the greatest coordinate.
+    /// Sets the clearance in metres, see [`Effort::Exact`]. A clearance counts as 0 if it is negative, NaN,
+    /// infinite, or within the error of positions: less than about 1e-12 of the greatest coordinate.
     pub fn with_clearance(self, clearance: f64) -> Self {
         Self { clearance: if clearance.is_finite() { clearance.max(0.0) } else { 0.0 }, ..self }
     }

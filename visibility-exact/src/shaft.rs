@@ -1,19 +1,20 @@
-//! The shaft of two polygons: planes that bound the convex hull of all segments between them. A quick way to
+//! The shaft of two polygons: planes that bound the convex hull of all segments between them. They quickly
 //! tell that an edge or a box is met by none of the segments.
 
 use crate::polygon::{MAX_CORNERS, Polygon};
 use visibility_core::glam::DVec3;
 
-/// Greatest number of planes of a [`Shaft`]: one for each side of either polygon, and the planes of both
-/// polygons.
+/// Greatest number of planes of a [`Shaft`]: one for each side of each polygon, and one for each polygon's
+/// plane.
 const PLANES: usize = 2 * MAX_CORNERS + 2;
 
-/// Planes around two polygons. A point whose height over one of them is below `-pad` is outside.
+/// Planes around two polygons. A point whose height over one of the planes is below `-pad` metres is outside.
 ///
-/// Any normal will do, since the offset is the greatest that a corner of either polygon needs. Heights are
-/// sums of three products and an offset, with unit normals and coordinates of magnitude M: errors of 12 U M
-/// at the corners and 12 U M at the tested point, and 2 delta from the corners' positions. As delta is at
-/// least 128 U M, the pad of 4 delta covers this.
+/// A plane may have any normal, since its offset is the greatest that a corner of either polygon needs.
+/// Heights are sums of three products and an offset, with unit normals and coordinates of magnitude M. With U
+/// the unit round-off of `f64` and delta the error of positions, heights are wrong by 12 U M at the corners,
+/// by 12 U M at the tested point, and by 2 delta from the corners' positions. As delta is at least 128 U M,
+/// the pad of 4 delta covers these errors.
 pub(crate) struct Shaft {
     planes: [(DVec3, f64); PLANES],
     count: usize,
@@ -34,7 +35,8 @@ impl Shaft {
                     let normal = (v - u).cross(w - u).normalize_or_zero();
                     let heights = corners.iter().chain(other.corners()).map(|x| normal.dot(*x - u));
                     let (least, greatest) = heights.fold((0.0f64, 0.0f64), |(a, b), h| (a.min(h), b.max(h)));
-                    // A plane through an edge of one and a corner of the other that supports both.
+                    // A plane through an edge of one polygon and a corner of the other, with both polygons on
+                    // one side.
                     if least >= -shaft.pad || greatest <= shaft.pad {
                         shaft.add(if least >= -shaft.pad { normal } else { -normal }, one, other);
                         break;
@@ -54,7 +56,7 @@ impl Shaft {
         }
     }
 
-    /// Returns whether all points are certainly outside of one of the planes.
+    /// Returns whether all points are certainly outside the same plane of the shaft.
     #[inline]
     pub(crate) fn misses(&self, points: &[DVec3]) -> bool {
         self.planes().any(|(n, d)| points.iter().all(|x| n.dot(*x) + d < -self.pad))
@@ -87,8 +89,8 @@ mod tests {
         SceneTriangles::new(&scene)
     }
 
-    /// Polygons whose corners are moved by the error of positions: what touches the exact polygons, or a
-    /// segment between them, is not outside of the shaft, and not apart from the polygons.
+    /// Corners of the polygons are moved by the error of positions. Points that touch the exact polygons, or
+    /// a segment between these, are still not outside of the shaft and not apart from the polygons.
     #[test]
     fn what_touches_by_less_than_the_error_is_not_missed() {
         let mut random = Random(9);
@@ -125,12 +127,12 @@ mod tests {
             let sight = Sight { p, q, before_p: plane(&p), before_q: plane(&q), near: None };
             let shaft = Shaft::new(&p, &q, search.pad());
             for k in 0..4 {
-                // Points of the exact hull, on its boundary at most corners.
+                // Points of the convex hull of the exact polygons, mostly on its boundary.
                 let (x, y) = (exact[0][k], exact[1][(k + round) % 4]);
                 for part in [0.0, 0.25, 0.5, 1.0] {
                     assert!(!shaft.misses(&[x + (y - x) * part]), "{round}");
                 }
-                // A triangle that touches Q in a corner, from any side.
+                // A triangle that touches the target polygon at a corner, from any side.
                 let touching = [y, y + random.fine_vector(5.0), y + random.fine_vector(5.0)];
                 assert!(!search.apart(&touching, [NO_CORNER; 3], &sight), "{round}");
                 assert!(!apart(&touching, &q, &sight.before_q, search.pad()), "{round}");
@@ -138,13 +140,14 @@ mod tests {
         }
     }
 
-    /// An edge from a corner of the target triangle through the triangle, in its plane up to rounding, is not
-    /// behind.
+    /// An edge from a corner of the target triangle through the triangle, in its plane up to rounding, does
+    /// not count as behind the target.
     #[test]
     fn edges_in_the_plane_of_the_target_are_met() {
         let mut random = Random(11);
         for round in 0..500 {
-            // Seen through one face of the viewcell alone, so that Q is the whole triangle.
+            // The viewcell sees the triangle through one face only, so that the target polygon is the whole
+            // triangle.
             let t: [Vec3; 3] = core::array::from_fn(|_| random.vec3(0.1, 0.9) + Vec3::X * 30.0);
             let triangles = prepared(t);
             let cell = CellBox { min: DVec3::ZERO, max: DVec3::ONE };
@@ -155,7 +158,8 @@ mod tests {
                 "{round}: the search begins"
             );
             let t = t.map(Vec3::as_dvec3);
-            // Through the middle of the opposite side: also through what a viewcell's plane leaves of Q.
+            // The edge passes through the middle of the opposite side, so it also crosses any part of the
+            // target polygon that is left when the polygon is cut.
             let far = t[0] + ((t[1] - t[0]) + (t[2] - t[0])) * random.fine_range(0.6, 3.0);
             let edge = Edge { ends: [t[0], far], tags: [0, NO_CORNER] };
             for sight in crate::sight::sights(&triangles, &cell, target, 0.0, search.pad()).unwrap() {

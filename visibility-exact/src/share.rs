@@ -1,8 +1,8 @@
-//! Certified bounds on the visible share of a target: the share of the segments to it that may be unblocked.
+//! Certified upper bounds on the share of the segments to a target that may be unblocked: its visible share.
 //!
 //! The segments from P, a face of the viewcell, to Q, a face of the target, are measured by area of P times
-//! area of Q. Nodes, that is pairs of parts of P and Q, that a surface blocks are taken off, largest nodes
-//! first, until what is left is below a bound. What is not proven blocked counts as unblocked.
+//! area of Q. Nodes, pairs of parts of P and Q, are subtracted if a surface blocks them, largest nodes first,
+//! until the remaining share is below a bound. A node that is not proven blocked counts as unblocked.
 
 use crate::chain_scratch::Obstacle;
 use crate::search::{Budget, Halving, Search, Segment, best_halving};
@@ -11,15 +11,15 @@ use crate::sight::{Sight, Target, sights};
 use alloc::collections::BinaryHeap;
 use core::cmp::Ordering;
 
-/// A node that is not proven blocked. The greatest node is the one with the greatest share of all segments to
-/// the target.
+/// A part of a viewcell face with a part of a target face, between which segments are not proven blocked.
+/// Nodes are ordered by their share of all segments to the target.
 struct Node {
     share: f64,
-    /// Number of the node in the order of making. It decides between nodes of equal shares.
+    /// Number of the node in order of creation. It breaks ties between nodes with equal shares.
     number: u32,
     sight: Sight,
-    /// Edge that kept a surface from blocking the parent node or the nearest ancestor for which a surface was
-    /// grown, and the line from which it was grown. `None` if none was.
+    /// Edge that kept a surface from blocking this node's parent, or its nearest ancestor for which a surface
+    /// was grown, and the line from which the surface was grown. `None` if no surface was grown.
     obstacle: Option<(Obstacle, Segment)>,
 }
 
@@ -50,13 +50,13 @@ impl Search<'_> {
         if !self.begin(target, Budget { nodes, divided: 0, halvings: 0 }) {
             return 1.0;
         }
-        // Without a pad: polygons in one plane, which see nothing of each other, must not count.
+        // Cuts without a margin: polygons in one plane, between which nothing is seen, must not count.
         let all = sights(self.triangles, &self.cell, target, self.clearance, 0.0);
         let Some(all) = all else { return 1.0 };
         let measure = |sight: &Sight| sight.p.normal().length() * sight.q.normal().length();
         let total: f64 = all.iter().map(measure).sum();
         if total == 0.0 {
-            // A flat viewcell or target: segments cannot be measured by area.
+            // The viewcell or target is flat, so segments cannot be measured by area.
             return if all.is_empty() { 0.0 } else { 1.0 };
         }
         let mut open: BinaryHeap<Node> = (0..)
@@ -75,7 +75,8 @@ impl Search<'_> {
                 left -= node.share;
                 continue;
             }
-            // A line that nothing blocks passes by the edge that was in the way before.
+            // If nothing blocks the sample line, the edge that was in the way of an ancestor chooses the
+            // halving.
             let obstacle = obstacle.or(node.obstacle);
             let Halving { of_p, across } = best_halving(&node.sight, obstacle);
             let halves = node.sight.halves(of_p, across);
@@ -85,12 +86,13 @@ impl Search<'_> {
                 open.push(Node { share, number: 64 + 2 * number + k as u32, sight, obstacle });
             }
         }
-        // Allows for the rounding of the sums; areas far from the origin may be wrong by more.
+        // The summand allows for rounding of the sums. Areas far from the origin may be wrong by more.
         if open.is_empty() { 0.0 } else { (left + 1e-9).clamp(0.0, 1.0) }
     }
 
-    /// Returns whether a surface certainly blocks all segments of a node. If none does, also the edge that
-    /// kept the first surface from it, and the line from which that surface was grown, if one was.
+    /// Returns whether a surface certainly blocks all segments of a node. If not, also returns the edge that
+    /// kept the first surface from blocking, and the line from which that surface was grown, if one was
+    /// grown.
     fn is_blocked(&mut self, sight: &Sight) -> (bool, Option<(Obstacle, Segment)>) {
         let mut hits = core::mem::take(&mut self.hits);
         let (mut blocked, mut obstacle) = (false, None);

@@ -1,25 +1,28 @@
-//! The sides on which the lines between two polygons pass an edge, and where a side is exactly 0.
+//! Signs of the sides on which the lines between two polygons pass an edge, and cases where a side is exactly
+//! 0.
 
 use crate::line_side::{Edge, SideFrom, sign};
 use crate::sight::Sight;
 use visibility_core::glam::DVec3;
 
-/// Bit of a side that is certainly positive, in a set of the sides at pairs of corners.
+/// Bit in a set of signs: some pair of corners has a certainly positive side.
 pub(crate) const POSITIVE: u8 = 1;
-/// Bit of a side that is certainly negative: see [`POSITIVE`].
+/// Bit in a set of signs: some pair of corners has a certainly negative side.
 pub(crate) const NEGATIVE: u8 = 2;
-/// Bit of a side whose sign rounding leaves undecided: see [`POSITIVE`].
+/// Bit in a set of signs: rounding leaves the sign of the side at some pair of corners undecided.
 pub(crate) const UNSURE: u8 = 4;
 
-/// Cases in which the side of an edge is exactly 0. One is a line to a corner of Q that is a mixture of ends
-/// of the edge. The other is a line between two points of a plane that also holds the edge: P's plane, by
-/// which Q or an occluder may have been cut, or Q's plane, by which P or an occluder may have been cut.
+/// Cases in which the side of an edge is exactly 0. In the first, the line ends at a corner of the target
+/// polygon Q that is a mixture of the edge's ends. In the second, the line and the edge lie in one plane: the
+/// plane of the viewcell polygon P, by which Q or an occluder may have been cut, or Q's plane, by which P or
+/// an occluder may have been cut.
 pub(crate) struct Zeros {
-    /// For each end of the edge, the corner of the target triangle that it is (0, 1 or 2), or 3 for none.
+    /// For each end of the edge, the number of the target triangle's corner that it is (0, 1 or 2), or 3 for
+    /// none.
     tags: [u8; 2],
-    /// Whether both ends of the edge lie in P's plane.
+    /// Whether both ends of the edge lie in the viewcell polygon's plane.
     in_p: bool,
-    /// Whether both ends of the edge lie in Q's plane.
+    /// Whether both ends of the edge lie in the target polygon's plane.
     in_q: bool,
 }
 
@@ -31,8 +34,9 @@ impl Zeros {
         Self { tags: edge.tags, in_p, in_q: sight.is_in_plane_of_q(a) && sight.is_in_plane_of_q(b) }
     }
 
-    /// Returns whether the side is exactly 0 for the line from a corner of P to a corner of Q. `zero` has a
-    /// bit for each barycentric coordinate of q that is exactly 0.
+    /// Returns whether the side is exactly 0 for the line from corner `p` of the viewcell polygon to corner
+    /// `q` of the target polygon. Bit i of `zero` is set if barycentric coordinate i of q in the target
+    /// triangle is exactly 0.
     #[inline]
     pub(crate) fn hold(&self, sight: &Sight, p: DVec3, q: DVec3, zero: u8) -> bool {
         let [a, b] = self.tags;
@@ -43,9 +47,10 @@ impl Zeros {
     }
 }
 
-/// Returns the set of signs that the side of an edge has over the pairs of corners of P and Q. Exact zeros
-/// are left out: they lie on the boundary of P or Q, and with one sign at the other corners the side has that
-/// sign for all points inside. Stops once no single sign is possible.
+/// Returns the set of signs of an edge's side over all pairs of a corner of the viewcell polygon and a corner
+/// of the target polygon. Exact zeros are left out, since they lie on the boundary of a polygon: if all other
+/// pairs have one sign, the side has this sign for all points inside. Stops once both signs, or an undecided
+/// one, are found.
 #[inline]
 pub(crate) fn signs(sight: &Sight, edge: &Edge, delta: f64) -> u8 {
     let mut found = 0;

@@ -1,15 +1,15 @@
-//! What is asked: the segments from a viewcell to a target, as pairs of polygons.
+//! The segments from a viewcell to a target that the search asks about, as pairs of polygons.
 //!
-//! Every segment from the viewcell to a target outside leaves the viewcell at a face, and the point where it
-//! leaves is itself a viewpoint. So a target is visible exactly if it is visible from the boundary of the
-//! viewcell, and geometry inside the viewcell does not matter. Lines run from a point p of P, the exit face,
-//! to a point q of Q, a face of the target, both cut to the parts that can face each other.
+//! Every segment from the viewcell to a target outside leaves the viewcell at a face, and the point of exit
+//! is itself a viewpoint. So a target is visible exactly if it is visible from the boundary of the viewcell,
+//! and geometry inside the viewcell does not matter. Lines of sight run from a point p of P, the exit face,
+//! to a point q of Q, a face of the target. Both are cut to the parts that can face each other.
 //!
-//! With a clearance c > 0 the target is first advanced by c towards the viewcell and each of its faces shrunk
-//! by at most 2 c, so that occluders that touch the target along an edge do not touch Q. A segment to a point
-//! of the target from a viewpoint at least c over the target's plane has a neighbour to a point of Q that is
-//! at most sqrt(5) c away from it everywhere. Of a target over whose plane no viewpoint is higher than c, but
-//! some are over it, nothing is said. Where only some viewpoints are lower, segments from these, at grazing
+//! With a clearance c > 0, each face of the target is first moved towards the viewcell by c and shrunk by at
+//! most 2 c, so that occluders that touch the target along an edge do not touch Q. Take a segment to a point
+//! of the target from a viewpoint at least c over the target's plane: a neighbouring segment ends at a point
+//! of Q and is at most sqrt(5) c away everywhere. A target is not decided if some viewpoint is over its
+//! plane, but none by more than c. If only some viewpoints are lower than c, segments from these, at grazing
 //! angles, are not asked about.
 
 use crate::half::Half;
@@ -28,10 +28,10 @@ pub(crate) struct CellBox {
 }
 
 impl CellBox {
-    /// Returns the box of a viewcell, relative to `origin`. `None` if the box is empty or NaN, or if a
+    /// Returns the box of a viewcell relative to `origin`. `None` if the box is empty or NaN, or if a
     /// coordinate is beyond [`LIMIT`].
     pub(crate) fn new(cell: &Viewcell, origin: DVec3) -> Option<Self> {
-        // The difference is exact for most origins, (0, 0, 0) above all.
+        // The difference is exact for most origins, such as (0, 0, 0).
         let local = |x: DVec3, outwards: fn(f64) -> f64| {
             DVec3::from_array(core::array::from_fn(|k| match DoubleDouble::difference(x[k], origin[k]) {
                 DoubleDouble { hi, lo: 0.0 } => hi,
@@ -57,19 +57,19 @@ impl CellBox {
     }
 }
 
-/// Part of an object that may be seen: the end of the segments asked about.
+/// The part of an object that segments from the viewcell are to reach.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) enum Target {
-    /// Anything inside a box, in scene coordinates. The box does not meet the viewcell.
+    /// All points in a box, in scene coordinates. The box does not meet the viewcell.
     Box { min: DVec3, max: DVec3 },
-    /// A triangle, by its number in the scene's triangles.
+    /// A triangle, given by its index in the scene's triangles.
     Triangle(u32),
 }
 
-/// Returns the bound on the errors of positions in a search for a target. Its polygons are cut from faces of
-/// the viewcell and of the target, so that coordinates are at most those of triangles, viewcell and target
-/// box, plus the clearance. `None` if the clearance is within this error, so that it would not part touching
-/// surfaces.
+/// Returns the bound in metres on the errors of positions in a search for a target. Polygons are cut from
+/// faces of the viewcell and of the target, so coordinates are at most those of triangles, viewcell and
+/// target box, plus the clearance. `None` if the clearance is within this error, so that it would not part
+/// touching surfaces.
 pub(crate) fn position_error(
     triangles: &SceneTriangles,
     cell: &CellBox,
@@ -84,57 +84,58 @@ pub(crate) fn position_error(
     (c == 0.0 || c >= 64.0 * delta).then_some(delta)
 }
 
-/// Place of P relative to the front of a one-sided triangle.
+/// Position of the viewcell polygon P relative to a one-sided triangle.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Facing {
-    /// P is before the front: the triangle occludes for all points of P.
+    /// All of the viewcell polygon is in front of the triangle, which occludes for all points of the polygon.
     Before,
-    /// P is on both sides of the triangle's plane.
+    /// The viewcell polygon is on both sides of the triangle's plane.
     Across,
-    /// P is behind the plane, up to rounding.
+    /// All of the viewcell polygon is behind the triangle's plane, up to rounding.
     Behind,
 }
 
-/// A pair of polygons between which lines of sight run.
+/// Viewcell polygon P (`p`) and target polygon Q (`q`) between which lines of sight run.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Sight {
     pub(crate) p: Polygon,
     pub(crate) q: Polygon,
     /// Half-space outside the viewcell, beyond the face that holds `p`.
     pub(crate) before_p: Half,
-    /// Half-space in front of Q's plane, from which Q is seen.
+    /// Half-space in front of the target polygon's plane, from which the polygon is seen.
     pub(crate) before_q: Half,
-    /// With a clearance: the height over Q's plane up to which points count as in the plane. 0 if the plane
-    /// is perpendicular to an axis, where heights are exact, or does not meet P. `None` without clearance.
+    /// Without a clearance `None`. With a clearance, the height in metres over the target polygon's plane
+    /// below which points count as in the plane. The height is 0 if the plane is perpendicular to an axis,
+    /// where heights are exact, or does not meet the viewcell polygon.
     pub(crate) near: Option<f64>,
 }
 
 impl Sight {
-    /// Returns the bound on errors of positions with which sides of edges are computed. `delta` bounds all
-    /// errors.
+    /// Returns the position error in metres, on each axis, that tests of the sides of edges must allow for.
+    /// `delta` is the bound on the error of computed positions.
     ///
-    /// Without clearance an answer holds for all segments, so that each position stands for all positions
-    /// within its error. With a clearance, which is at least 64 errors, positions count as exact, and those
-    /// near Q's plane are moved into it. Rounded halves and moved positions then leave out only segments that
-    /// have a neighbour within one error.
+    /// Without clearance the result is `delta`, since an answer must hold for all segments. With a clearance,
+    /// which is at least 64 errors, positions count as exact, but points near the target polygon's plane are
+    /// moved into the plane, by less than the result. An answer may then miss only segments that have a
+    /// neighbour within one error.
     #[inline]
     pub(crate) fn side_error(&self, delta: f64) -> f64 {
         // Heights are computed with an error of half of `near`.
         self.near.map_or(delta, |near| 2.0 * near)
     }
 
-    /// Returns whether a point lies in Q's plane, or counts as in it.
+    /// Returns whether a point lies in the target polygon's plane, exactly or within `near`.
     #[inline]
     pub(crate) fn is_in_plane_of_q(&self, x: DVec3) -> bool {
         self.before_q.holds(x) || self.near.is_some_and(|near| self.before_q.height(x).abs() < near)
     }
 
-    /// Returns on which side of a one-sided triangle P is. `front` is the half-space before the triangle's
-    /// front, `c` the clearance. Heights have errors up to `pad`.
+    /// Returns where the viewcell polygon is relative to a one-sided triangle. `front` is the half-space in
+    /// front of the triangle, `c` the clearance. Heights have errors up to `pad` metres.
     ///
-    /// Without clearance an answer holds for all segments, so that P must be before the triangle for certain.
-    /// With a clearance, positions count as exact, and so do their heights over a plane that is perpendicular
-    /// to an axis: a segment that starts on such a plane does not cross it.
+    /// Without clearance an answer must hold for all segments, so the polygon must certainly be in front of
+    /// the triangle. With a clearance, positions count as exact, and so do their heights over a plane that is
+    /// perpendicular to an axis: a segment that starts on such a plane does not cross it.
     pub(crate) fn facing(&self, front: &Half, c: f64, pad: f64) -> Facing {
         let heights = || self.p.corners().iter().map(|x| front.height(*x));
         let is_exact = c > 0.0 && front.axis().is_some();
@@ -148,9 +149,9 @@ impl Sight {
         }
     }
 
-    /// Returns the two sights with P cut by the plane of a one-sided triangle: the part that is certainly
-    /// before its front, and the rest, which reaches a little before the plane. `None` if one part has no
-    /// area.
+    /// Returns two copies with the viewcell polygon cut by the plane of a one-sided triangle: first the part
+    /// that is certainly in front of the triangle, then the rest, which reaches a little in front of the
+    /// plane. `None` if one part has no area.
     pub(crate) fn split(&self, front: &Half, c: f64, pad: f64) -> Option<[Self; 2]> {
         let [near, far] = if c > 0.0 && front.axis().is_some() { [0.0; 2] } else { [2.0 * pad, 3.0 * pad] };
         let before = Half { offset: front.offset - near, ..*front };
@@ -159,15 +160,15 @@ impl Sight {
         Some([with(&before)?, with(&behind)?])
     }
 
-    /// Returns the half-space to which occluders are cut. Its boundary is Q's plane if corners of the cut
-    /// count as in that plane (`near` above 0), or if heights over the plane are exact. Otherwise its
-    /// boundary is `pad` metres before Q's plane.
+    /// Returns the half-space to which occluders in front of the target polygon are cut. Its boundary is the
+    /// polygon's plane if points near that plane count as in it (`near` above 0), or if heights over the
+    /// plane are exact. Otherwise its boundary is `pad` metres in front of the plane.
     pub(crate) fn cut_before_q(&self, pad: f64) -> Half {
         if self.near.is_some_and(|near| near > 0.0) { self.before_q } else { self.before_q.padded(-pad) }
     }
 }
 
-/// Returns the faces of a box and the half-spaces outside them.
+/// Returns each face of a box with the half-space outside it.
 fn faces(min: DVec3, max: DVec3) -> impl Iterator<Item = (Polygon, Half)> {
     (0..6).map(move |face| {
         let (axis, is_upper) = (face / 2, face % 2 == 1);
@@ -189,9 +190,9 @@ fn faces(min: DVec3, max: DVec3) -> impl Iterator<Item = (Polygon, Half)> {
     })
 }
 
-/// Returns the pairs of polygons that hold all segments from the viewcell to the target that are asked about.
-/// Cuts leave a margin of `pad` metres. Empty if the target cannot be seen because it has no area. `None` if
-/// some viewpoints are over the plane of one of the target's faces, but none higher than the clearance.
+/// Returns the pairs of a viewcell polygon and a target polygon between which all segments in question run.
+/// Cuts leave a margin of `pad` metres. Empty if the target cannot be seen or has no area. `None` if some
+/// viewpoints are over the plane of one of the target's faces, but none by more than the clearance.
 pub(crate) fn sights(
     triangles: &SceneTriangles,
     cell: &CellBox,
@@ -202,13 +203,15 @@ pub(crate) fn sights(
     let mut all = Vec::new();
     let mut grazed = false;
     let mut add = |q: Polygon, before_q: Half| {
-        // Heights over Q's plane are c less than those over the target's. As c is at least 64 delta, c / 16
-        // covers their errors: a viewcell that is flush with the target does not see it.
+        // The target polygon is the target's face moved by c, so heights over the polygon's plane are c less
+        // than those over the target's plane. As c is at least 64 errors of positions, c / 16 covers the
+        // errors of heights: a viewcell that is flush with the target does not see it.
         let highest = before_q.height(cell.farthest(&before_q));
         grazed |= c > 0.0 && highest > pad.max(c / 16.0) - c && highest <= pad;
         for (face, before_p) in faces(cell.min, cell.max) {
             let Some(q) = q.clip(&before_p) else { continue };
-            // With a clearance, viewpoints behind Q's plane are too low over the target's to be asked about.
+            // With a clearance, viewpoints behind the target polygon's plane are less than c over the
+            // target's plane, and are not asked about.
             let behind = if c > 0.0 { before_q } else { before_q.padded(pad) };
             let Some(p) = face.clip(&behind) else { continue };
             let meets = before_q.axis().is_none() && p.corners().iter().any(|p| before_q.height(*p) < pad);
@@ -233,7 +236,7 @@ pub(crate) fn sights(
             }
         }
         Target::Box { min, max } => {
-            // Less than a quarter of each side, so that something is left.
+            // Each side shrinks by at most a quarter at either end, so that an area is left.
             let shrink = DVec3::splat(c).min((max - min) * 0.25);
             for (axis, is_upper) in (0..6).map(|face| (face / 2, face % 2 == 1)) {
                 let (mut low, mut high) = (min + shrink, max - shrink);
@@ -250,8 +253,8 @@ pub(crate) fn sights(
     (!grazed).then_some(all)
 }
 
-/// Returns a triangle shrunk towards the centre of its inscribed circle: each side moves inwards by `c`, or
-/// by less where a corner would move by more than 2 c or the triangle would vanish.
+/// Returns a triangle shrunk towards the centre of its inscribed circle. Each side moves inwards by `c`
+/// metres, or less, so that no corner moves by more than 2 c and the triangle does not vanish.
 fn inset(t: &[DVec3; 3], c: f64) -> [DVec3; 3] {
     let opposite = [0, 1, 2].map(|k| t[(k + 1) % 3].distance(t[(k + 2) % 3]));
     let around: f64 = opposite.iter().sum();
@@ -299,9 +302,9 @@ mod tests {
         }
     }
 
-    /// A box below the viewcell as wide as the numbers allow, in a scene of small triangles: where the box's
-    /// top is cut by the plane of the viewcell's face, the cut is in this plane, where rounding of positions
-    /// would be off by up to metres.
+    /// A target box up to 1e20 metres wide below the viewcell, in a scene of small triangles. Where the plane
+    /// of the viewcell's face cuts the box's top, the cut is exactly in this plane, though rounding of other
+    /// coordinates may be metres.
     #[test]
     fn what_is_cut_from_a_huge_box_ends_in_the_plane_exactly() {
         let mut random = Random(5);
@@ -325,8 +328,8 @@ mod tests {
         assert!(cuts > 1000, "{cuts}");
     }
 
-    /// Triangles as thin as their numbers allow: what is behind a triangle's plane by exact arithmetic is not
-    /// found to be certainly before.
+    /// Triangles as thin as their coordinates allow. A point that is behind a triangle's plane by exact
+    /// arithmetic does not count as certainly in front.
     #[test]
     fn planes_of_slivers_are_right() {
         let mut random = Random(6);
@@ -341,7 +344,7 @@ mod tests {
             let cell = CellBox { min: DVec3::splat(20.0), max: DVec3::splat(21.0) };
             let t = t.map(Vec3::as_dvec3);
             for sight in sights(&triangles, &cell, target, 0.0, 4.0 * delta).unwrap() {
-                // Corners of the triangle lie on its plane.
+                // The triangle's own corners are on its plane, up to rounding.
                 for v in t {
                     let height = sight.before_q.height(v);
                     assert!(height.abs() <= delta, "{round}: a corner is off by {} bounds", height / delta);

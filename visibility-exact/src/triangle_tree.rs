@@ -1,5 +1,5 @@
-//! A tree of boxes over the occluding triangles, for the triangles that a segment crosses and the first that
-//! a ray meets.
+//! A tree of boxes over the occluding triangles. It finds the triangles that a segment crosses, and the first
+//! that a ray meets.
 
 use crate::line_side::{Crossing, segment_triangle, side, sign};
 use alloc::vec::Vec;
@@ -9,26 +9,26 @@ use visibility_core::glam::{DVec3, Vec3};
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TriangleTree {
     nodes: Vec<Node>,
-    /// Numbers of the triangles in the order of the leaves.
+    /// Indices of the triangles in the order of the leaves.
     order: Vec<u32>,
     /// Corners of the triangles, in scene coordinates, in the order of the leaves.
     corners: Vec<[Vec3; 3]>,
-    /// Whether segments from behind pass the triangles, in the order of the leaves.
+    /// Whether a triangle is one-sided, so that segments from behind pass it. In the order of the leaves.
     one_sided: Vec<bool>,
 }
 
-/// A node of the tree. Its first child is the next node.
+/// A node of the tree. The first child of an inner node is the next node in the list.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     min: Vec3,
     max: Vec3,
     /// Index of an inner node's second child, or of a leaf's first triangle.
     link: u32,
-    /// Number of a leaf's triangles. 0 for an inner node.
+    /// Number of triangles of a leaf. 0 for an inner node.
     count: u32,
 }
 
-/// Bounding box of a triangle, while the tree is built.
+/// Bounding box of one triangle, used while the tree is built.
 struct LeafBox {
     min: Vec3,
     max: Vec3,
@@ -37,27 +37,27 @@ struct LeafBox {
 }
 
 impl LeafBox {
-    /// Returns the middle of the box, by half-sums, which do not overflow.
+    /// Returns the middle of the box. Each corner is halved before the sum, which then cannot overflow.
     fn middle(&self) -> Vec3 {
         self.min * 0.5 + self.max * 0.5
     }
 }
 
-/// Greatest number of triangles of a leaf.
+/// Greatest number of triangles in a leaf.
 const LEAF: usize = 4;
-/// Depth below which nodes are split at the median, which bounds the depth of the tree.
+/// Depth from which nodes are split at the median, which bounds the depth of the tree.
 const DEEP: usize = 48;
-/// Bound on the depth of the tree: [`DEEP`], plus the halvings of 2^32 triangles.
+/// Greatest depth of the tree: [`DEEP`], plus the number of halvings of 2^32 triangles.
 const STACK: usize = DEEP + 34;
-/// Greatest number of triangles that a segment may touch without certainly crossing them, before the search
-/// ends.
+/// Greatest number of triangles that a segment may touch without certainly crossing them. A search ends after
+/// more.
 const TOUCHED: u32 = 4096;
-/// Number of bins of the heuristic.
+/// Number of bins of the surface-area heuristic.
 const BINS: usize = 16;
 
 impl TriangleTree {
-    /// Builds the tree over the triangles with numbers `order`. Segments and rays from behind pass the
-    /// triangles that are one-sided.
+    /// Builds the tree over the triangles whose indices are in `order`. Segments and rays pass a one-sided
+    /// triangle from behind.
     pub(crate) fn new(all: &[[Vec3; 3]], order: Vec<u32>, is_one_sided: impl Fn(u32) -> bool) -> Self {
         let leaf = |&number: &u32| {
             let t = &all[number as usize];
@@ -75,8 +75,8 @@ impl TriangleTree {
         tree
     }
 
-    /// Adds the nodes over `boxes`, and puts `boxes` into the order of the leaves. `first` is the position of
-    /// the first of these boxes in the list of all boxes.
+    /// Adds the nodes over `boxes`, and sorts `boxes` into the order of the leaves. `first` is the position
+    /// of `boxes[0]` in the list of all boxes.
     fn build(&mut self, boxes: &mut [LeafBox], first: usize, depth: usize) {
         let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         let (mut least, mut greatest) = (min, max);
@@ -91,7 +91,7 @@ impl TriangleTree {
         }
         let extent = greatest - least;
         let axis = extent.max_position();
-        // Binned surface-area heuristic along the longest axis of the middles.
+        // Binned surface-area heuristic, along the longest axis of the boxes' centres.
         let bin = |leaf: &LeafBox| {
             let place = (leaf.middle()[axis] - least[axis]) / extent[axis];
             ((place * BINS as f32) as usize).min(BINS - 1)
@@ -106,7 +106,7 @@ impl TriangleTree {
                 }
             }
         }
-        // Equal middles, or a tree that has become too deep: halves by count.
+        // Equal centres, or too deep a tree: the boxes are halved by count.
         if split == 0 || split == boxes.len() {
             split = boxes.len() / 2;
             let key = |leaf: &LeafBox| leaf.middle()[axis];
@@ -121,9 +121,9 @@ impl TriangleTree {
         self.build(other, first + split, depth + 1);
     }
 
-    /// Collects up to `most` triangles that the segment from p to q certainly crosses. One-sided triangles
-    /// that p is certainly behind, and `skip`, are left out. Returns whether the segment may touch others:
-    /// true if the search ended at `most`, or after too many uncertain ones.
+    /// Collects up to `most` triangles that the segment from p to q certainly crosses. Leaves out triangle
+    /// `skip`, and one-sided triangles that p is certainly behind. Returns whether the segment may touch
+    /// other triangles: also true if the search ended at `most`, or after too many uncertain triangles.
     pub(crate) fn crossed(&self, p: DVec3, q: DVec3, skip: u32, most: usize, hits: &mut Vec<u32>) -> bool {
         hits.clear();
         let (mut unsure, mut touched) = (false, 0);
@@ -157,10 +157,12 @@ impl TriangleTree {
     }
 
     /// Calls `visit` for each leaf whose box the segment from `p` to `q` may touch, until `visit` returns
-    /// false: with the position in `order` of the leaf's first triangle, and the number of its triangles.
+    /// false. Its arguments are the position of the leaf's first triangle in `order`, and the number of
+    /// triangles.
     ///
-    /// The distance to a face of a box along the segment is a rounded difference, divided by another: its
-    /// relative error is at most 4 U. For distances from 0 to 1, 1e-12 covers the errors of two.
+    /// The distance to a face of a box along the segment is one rounded difference divided by another: its
+    /// relative error is at most 4 times the unit round-off. Two such distances from 0 to 1 are compared, and
+    /// 1e-12 covers their errors.
     fn walk(&self, p: DVec3, q: DVec3, mut visit: impl FnMut(usize, usize) -> bool) {
         let direction = q - p;
         let inverse = direction.map(|x| if x.abs() < 1e-200 { 1e200 } else { 1.0 / x });
@@ -175,7 +177,7 @@ impl TriangleTree {
                 continue;
             }
             let (a, b) = ((min - p) * inverse, (max - p) * inverse);
-            // On an axis along which the segment does not run, the test above has decided.
+            // The comparison of boxes above has decided the axes along which the segment does not move.
             let still = direction.abs().cmplt(DVec3::splat(1e-200));
             let enter = DVec3::select(still, DVec3::ZERO, a.min(b)).max_element().max(0.0);
             let leave = DVec3::select(still, DVec3::ONE, a.max(b)).min_element().min(1.0);
@@ -194,8 +196,9 @@ impl TriangleTree {
         }
     }
 
-    /// Returns the triangle that the ray from p along d meets first, and its distance in lengths of d. `None`
-    /// if it meets none. Computed in ordinary floating point, so that the caller must check the answer.
+    /// Returns the triangle that the ray from p along d meets first, and its distance in multiples of d's
+    /// length. `None` if the ray meets no triangle. Computed in ordinary floating point without error bounds,
+    /// so the caller must verify the answer.
     pub(crate) fn nearest(&self, p: DVec3, d: DVec3) -> Option<(f64, u32)> {
         let inverse = d.map(|x| if x.abs() < 1e-200 { 1e200 } else { 1.0 / x });
         let enter = |node: &Node| {
@@ -223,7 +226,7 @@ impl TriangleTree {
                 }
                 continue;
             }
-            // The nearer child goes on top of the stack.
+            // The nearer child is pushed last, so it is visited first.
             let (first, second) = (at + 1, node.link);
             let (x, y) = (enter(&self.nodes[first as usize]), enter(&self.nodes[second as usize]));
             let pair = if x <= y { [(second, y), (first, x)] } else { [(first, x), (second, y)] };
@@ -238,7 +241,7 @@ impl TriangleTree {
     }
 }
 
-/// Returns the first bin of the second child in the cheapest split.
+/// Returns the split with the least cost, as the number of the first bin of the second child.
 fn best_bin(boxes: &[LeafBox], bin: impl Fn(&LeafBox) -> usize) -> usize {
     let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY, 0usize);
     let mut bins = [empty; BINS];
@@ -266,14 +269,14 @@ fn best_bin(boxes: &[LeafBox], bin: impl Fn(&LeafBox) -> usize) -> usize {
     best
 }
 
-/// Returns whether a point is certainly behind a triangle, whose corners run clockwise as seen from there.
+/// Returns whether a point is certainly behind a triangle: on the side from which the corners run clockwise.
 fn is_behind(p: DVec3, &[a, b, c]: &[DVec3; 3]) -> bool {
     sign(side(p, a, b, c, 0.0)) > 0
 }
 
-/// Returns the distance at which a ray meets a triangle, in lengths of d. `None` if it misses the triangle,
-/// or meets the back of a one-sided one. In ordinary floating point (Moeller and Trumbore, "Fast, Minimum
-/// Storage Ray/Triangle Intersection", 1997).
+/// Returns the distance at which a ray meets a triangle, in multiples of d's length. `None` if the ray misses
+/// the triangle, or meets the back of a one-sided triangle. Computed in floating point without error bounds
+/// (Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997).
 fn hit(p: DVec3, d: DVec3, t: &[Vec3; 3], is_one_sided: bool) -> Option<f64> {
     let t = t.map(Vec3::as_dvec3);
     let (e, f) = (t[1] - t[0], t[2] - t[0]);
@@ -296,8 +299,8 @@ mod tests {
     use std::{vec, vec::Vec};
     use visibility_testing::Random;
 
-    /// Axis-parallel rectangles far from the origin, and segments that begin or end at their corners, or run
-    /// in their planes: whatever each triangle's own test does not rule out, the tree finds.
+    /// Axis-parallel rectangles far from the origin, and segments that start or end at their corners, or run
+    /// in their planes. The tree finds each triangle that the triangle's own test does not rule out.
     #[test]
     fn triangles_that_touch_a_segment_are_found() {
         let mut random = Random(5);
@@ -314,12 +317,13 @@ mod tests {
             }
             let tree = TriangleTree::new(&all, (0..12).collect(), |_| false);
             for _ in 0..20 {
-                // Through a corner of a triangle, or a point on its axis-parallel side, exactly.
+                // The segment passes exactly through a corner of a triangle, or a point on its axis-parallel
+                // side.
                 let number = random.below(12) as u32;
                 let t = all[number as usize].map(Vec3::as_dvec3);
                 let part = f64::from(random.between(0, 4)) / 4.0;
                 let x = t[0] + (t[1] - t[0]) * part;
-                // Sums without rounding.
+                // Coordinates are multiples of 1 / 1024, so that sums are exact.
                 let mut d = (random.fine_vector(8.0) * 1024.0).round() / 1024.0;
                 if random.one_in(2) {
                     d[random.below(3)] = 0.0;

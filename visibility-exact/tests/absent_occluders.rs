@@ -1,4 +1,4 @@
-//! Occluders that are absent from some frames or views hide nothing.
+//! Occluders that are absent from some frames or views do not hide anything.
 
 use crate::common::{cuboid, scene};
 use std::sync::Arc;
@@ -8,14 +8,14 @@ use visibility_core::{Pose, RegionCuller, Scene, View, VisibleSet};
 use visibility_exact::{Effort, ExactCuller, ExactSettings, SceneTriangles};
 use visibility_testing::NOT_ALWAYS_DRAWN;
 
-/// A wall, object 0, and a post that it hides, object 1.
+/// A scene of a wall, object 0, and a post behind the wall, object 1.
 fn wall_and_post() -> Scene {
     let wall = cuboid(DVec3::new(10.0, -5.0, -5.0), DVec3::new(11.0, 5.0, 5.0));
     let post = cuboid(DVec3::new(14.0, -1.0, -1.0), DVec3::new(15.0, 1.0, 1.0));
     scene(&[wall, post])
 }
 
-/// Returns whether the culler keeps the post in a set of the given layers.
+/// Returns whether the culler keeps the post when the visible set is filled for the given layers.
 fn keeps_post(scene: &Scene, layers: u32) -> bool {
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     let view = View::perspective(pose, 1.0, 1.0, 0.1, 100.0).unwrap().with_layers(layers);

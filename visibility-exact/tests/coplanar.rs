@@ -1,5 +1,5 @@
-//! What lies in the plane of a target hides nothing of it, at coordinates where points of the plane round off
-//! it.
+//! Occluders in the plane of a target do not hide it, at coordinates where rounding puts points off the
+//! plane.
 
 use crate::common::{Triangle, check, clearance, cuboid, few_rays, prepared, quad};
 use visibility_core::glam::{DVec3, Vec3};
@@ -7,7 +7,7 @@ use visibility_core::pvs::Viewcell;
 use visibility_exact::{Effort, ExactCuller, ExactSettings, Verdict};
 use visibility_testing::Random;
 
-/// A wall of four planks at x = 6, around a hole of the given half width through which p sees q.
+/// Makes a wall of four planks at x = 6, around a hole of half width `h` metres through which p sees q.
 fn wall_with_hole(p: DVec3, q: DVec3, h: f64) -> Vec<Triangle> {
     let (at, r) = (p + (q - p) * ((6.0 - p.x) / (q.x - p.x)), 40.0);
     let plank = |[y0, y1, z0, z1]: [f64; 4], x: f64| {
@@ -22,7 +22,8 @@ fn cell() -> Viewcell {
     Viewcell::from_box(DVec3::new(-1.0, -2.0, -2.0), DVec3::new(1.0, 2.0, 2.0))
 }
 
-/// Panics if object 0, of which p sees q through the hole, is proven hidden. Returns whether it is seen.
+/// Panics if object 0 is proven hidden, though p sees its point q through the hole. Returns whether it is
+/// seen.
 fn decide(objects: &[Vec<Triangle>], p: DVec3, q: DVec3) -> bool {
     assert!(clearance(objects, 0, p, q) > 1e-3, "the target is seen from {p} at {q}");
     let triangles = prepared(objects);
@@ -34,7 +35,7 @@ fn decide(objects: &[Vec<Triangle>], p: DVec3, q: DVec3) -> bool {
     matches!(verdict, Verdict::Seen(_))
 }
 
-/// A card of two triangles with the same corners and opposite winding, small and far from the origin.
+/// A small card far from the origin: two triangles with the same corners and opposite winding.
 #[test]
 fn the_two_sides_of_a_card_do_not_hide_each_other() {
     let mut random = Random(5);
@@ -48,7 +49,7 @@ fn the_two_sides_of_a_card_do_not_hide_each_other() {
     }
 }
 
-/// Of the front of a crate only a part of its middle is seen.
+/// Only a part in the middle of a crate's front is seen, through a hole.
 #[test]
 fn the_front_of_a_crate_does_not_hide_the_crate() {
     let mut random = Random(6);
@@ -60,8 +61,8 @@ fn the_front_of_a_crate_does_not_hide_the_crate() {
     }
 }
 
-/// A triangle edge-on to a point of the viewcell, behind two planks that overlap: both go through its plane,
-/// which is perpendicular to no axis.
+/// A triangle seen edge-on from a point of the viewcell, behind two overlapping planks. Both planks cross the
+/// triangle's plane, which is perpendicular to no axis.
 #[test]
 fn planks_through_the_plane_of_a_target_hide_it() {
     let mut random = Random(8);

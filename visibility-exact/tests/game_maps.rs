@@ -1,6 +1,6 @@
-//! Worlds like a game's map: terraces of large abutting panels with T-joints, parapets, decals in the planes
-//! of panels, splinters and triangles much larger than a room, on grids of several widths and on none. The
-//! check accepts every proof that the search ends with.
+//! Worlds that resemble a game's map: terraces of large abutting panels with T-joints, parapets, decals in
+//! the planes of panels, splinters, and triangles much larger than a room, on grids of several widths or
+//! none. The check accepts every proof that the search finds.
 
 use crate::common::{Triangle, check, few_rays, prepared};
 use visibility_core::glam::{DQuat, DVec3};
@@ -8,7 +8,8 @@ use visibility_core::pvs::Viewcell;
 use visibility_exact::{Effort, ExactCuller, ExactSettings};
 use visibility_testing::Random;
 
-/// Triangles of a map, each coordinate a multiple of `grid` metres before the map is turned; 0 is no grid.
+/// Triangles of a map. Coordinates are multiples of `grid` metres before `turn` is applied; with a `grid` of
+/// 0 they are not rounded.
 struct Map {
     random: Random,
     grid: f64,
@@ -21,7 +22,7 @@ impl Map {
         self.random.fine_range(from, to)
     }
 
-    /// Adds a polygon as a fan of triangles from one of its corners, each an object.
+    /// Adds a polygon as a fan of triangles around a random corner. Each triangle is an object of its own.
     fn polygon(&mut self, corners: &[DVec3]) {
         let first = self.random.below(corners.len());
         let at = |k: usize| {
@@ -33,8 +34,8 @@ impl Map {
         self.objects.extend(fan.into_iter().map(|t| vec![t]));
     }
 
-    /// Adds a strip of panels between two lines along z, at x and y given for either line. Their ends are at
-    /// the places given, and at others now and then, where they meet their neighbours in T-joints.
+    /// Adds a strip of panels between two lines along z; `a` and `b` are the lines' x and y. Panels end at
+    /// the z in `places`. Some have a further corner, where neighbours meet in a T-joint.
     fn strip(&mut self, [a, b]: [[f64; 2]; 2], places: &[f64]) {
         for pair in places.windows(2) {
             let at = |line: [f64; 2], z: f64| DVec3::new(line[0], line[1], z);
@@ -56,7 +57,8 @@ impl Map {
     }
 }
 
-/// A terrace that rises away from a viewcell below it, whose walls go up beyond its floors, behind a wall.
+/// Makes a viewcell, and a terrace beside and above it: floors that rise with the distance, each with a
+/// parapet.
 fn map(number: u64) -> (Viewcell, Vec<Vec<Triangle>>) {
     let mut random = Random(number + 1);
     let grid = [1.0, 0.5, 0.0, 0.125][number as usize % 4];
@@ -90,7 +92,7 @@ fn map(number: u64) -> (Viewcell, Vec<Vec<Triangle>>) {
     (Viewcell::from_box(min, min + size), map.objects)
 }
 
-/// Decides maps; returns the numbers of objects seen, hidden and open, and of proofs.
+/// Decides maps. Returns the numbers of objects seen, hidden and open, and the number of proofs.
 fn decide(maps: std::ops::Range<u64>, c: f64) -> [usize; 4] {
     let mut counts = [0; 4];
     for number in maps {
@@ -122,8 +124,8 @@ fn proofs_in_many_maps_hold() {
     }
 }
 
-/// A wall, a sill over it and a wall on the sill, by objects, and a viewcell. The surface that hides the
-/// triangle behind has a strip, out of plane, that ends at the triangle's corner.
+/// Returns a wall, a sill on it and a wall on the sill, as objects, and a viewcell. The surface that hides
+/// the triangle behind has a strip that leaves the surface's plane and ends at a corner of the triangle.
 fn wall_and_sill() -> (Vec<Vec<[DVec3; 3]>>, [DVec3; 2]) {
     let objects: [&[[[f64; 3]; 3]]; 4] = [
         &[
@@ -143,8 +145,8 @@ fn wall_and_sill() -> (Vec<Vec<[DVec3; 3]>>, [DVec3; 2]) {
     (objects.to_vec(), [DVec3::new(15.0, 1.0, -10.0), DVec3::new(17.0, 1.5, -8.0)])
 }
 
-/// Decides objects of triangles from a box. Returns the number of proofs, and those of objects seen, hidden
-/// and open.
+/// Decides objects of triangles from a viewcell's box. Returns the number of proofs, and the numbers of
+/// objects seen, hidden and open.
 fn decide_from([a, b]: [DVec3; 2], objects: &[Vec<Triangle>]) -> (usize, [usize; 3]) {
     let triangles = prepared(objects);
     let settings = few_rays(ExactSettings::new(Effort::Exact(1e-4)));
@@ -161,9 +163,9 @@ fn a_strip_out_of_plane_is_apart_from_whichever_end_it_is_looked_at() {
     assert_eq!(decide_from(cell, &objects), (1, [3, 1, 0]), "one target: counts of its verdicts");
 }
 
-/// Returns a wall and a sill like [`wall_and_sill`], and a viewcell: corners and viewcell moved by small
-/// steps, corners that meet together, then axes exchanged and mirrored, all scaled and moved. Objects,
-/// triangles and their corners are in any order.
+/// Returns a variation of [`wall_and_sill`] and its viewcell. All corners and the viewcell are moved by small
+/// steps, where coinciding corners stay together. Then axes are exchanged and mirrored, and all is scaled and
+/// moved. Objects, triangles and their corners are shuffled.
 fn like_wall_and_sill(random: &mut Random) -> ([DVec3; 2], Vec<Vec<Triangle>>) {
     let (mut objects, cell) = wall_and_sill();
     let step = random.pick(&[0.0, 0.001, 0.02, 0.1]);

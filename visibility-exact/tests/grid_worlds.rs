@@ -1,5 +1,5 @@
-//! Worlds on an integer grid, where everything touches, lies in one plane or meets in a corner. Hidden
-//! targets are shot at past edges; proofs and lines of sight are checked.
+//! Worlds on an integer grid, where objects touch, are coplanar or meet in corners. Segments past edges are
+//! shot at hidden targets, and proofs and lines of sight are checked.
 
 use crate::common::grid::{FINE, misses_triangle, on_grid, start_of_segment, triangle_on_grid};
 use crate::common::{Triangle, check, clearance, cuboid, faces, few_rays, prepared};
@@ -47,7 +47,7 @@ fn world(kind: Kind, number: u64) -> (Viewcell, Vec<Vec<Triangle>>) {
                     .collect()
             }
         });
-        // A duplicate now and then.
+        // In every fifth world each occluder is there twice.
         if number.is_multiple_of(5) {
             objects.push(objects[objects.len() - 1].clone());
         }
@@ -55,7 +55,7 @@ fn world(kind: Kind, number: u64) -> (Viewcell, Vec<Vec<Triangle>>) {
     (cell, objects)
 }
 
-/// Shoots at the inside of the target, half of the shots past edges of occluders, and half from rims of the
+/// Shoots segments at the inside of the target: half of them past edges of occluders, half from rims of the
 /// viewcell to rims of the target. Returns the greatest clearance of a segment that exact arithmetic lets
 /// pass, and the number of shots.
 fn shoot(cell: &Viewcell, objects: &[Vec<Triangle>], shots: usize, random: &mut Random) -> (f64, usize) {
@@ -64,7 +64,8 @@ fn shoot(cell: &Viewcell, objects: &[Vec<Triangle>], shots: usize, random: &mut 
     let target = objects[0][0].map(Vec3::as_dvec3);
     let (mut greatest, mut judged, mut last) = (0.0f64, 0, 0);
     for k in 0..shots {
-        // Parts of 4096 at integer corners: on the grid, and inside.
+        // Barycentric coordinates in parts of 4096, with integer corners: the point is on the grid and inside
+        // the triangle.
         let mut parts = if random.one_in(3) {
             [1, random.between(1, 4094)]
         } else {
@@ -83,7 +84,7 @@ fn shoot(cell: &Viewcell, objects: &[Vec<Triangle>], shots: usize, random: &mut 
         }
         judged += 1;
         let (from, to) = (on_grid(p), on_grid(q));
-        // What blocked the last shot blocks the next, often.
+        // The occluder that blocked the last shot is tested first, since it often blocks the next.
         if misses_triangle(from, to, &exact[last])
             && exact.iter().enumerate().all(|(k, t)| {
                 last = k;
@@ -96,8 +97,8 @@ fn shoot(cell: &Viewcell, objects: &[Vec<Triangle>], shots: usize, random: &mut 
     (greatest, judged)
 }
 
-/// Decides worlds; returns how many targets were seen, hidden and open, how many shots at hidden targets were
-/// judged, and how many proofs were checked.
+/// Decides worlds. Returns the numbers of targets seen, hidden and open, the number of shots at hidden
+/// targets, and the number of checked proofs.
 fn decide(kind: Kind, worlds: std::ops::Range<u64>, c: f64, shots: usize) -> [usize; 5] {
     let mut counts = [0; 5];
     let mut random = Random(77 + worlds.start);
@@ -141,15 +142,15 @@ fn without_clearance_no_segment_at_all_passes() {
     }
 }
 
-/// Targets in the plane of the viewcell's face y = 3. Their segments leave the viewcell in a strip that is as
-/// wide as the error of positions, and cross an occluder 1e-27 m beside its edge.
+/// A target in the plane of the viewcell's face y = 3. Its segments leave the viewcell in a strip as wide as
+/// the error of positions, and cross an occluder 1e-27 m beside its edge.
 #[test]
 fn proofs_hold_of_targets_in_the_plane_of_a_face_of_the_viewcell() {
     assert_eq!(decide(Kind::Solids, 249..250, 0.0, 1000)[1], 1, "one target proven hidden");
 }
 
-/// A line of sight leaves the viewcell 6e-13 m over its face y = 3, ends in a triangle in the plane of this
-/// face, and passes the edge of an occluder by 1e-16 m. Another ends 2e-15 m before a triangle in its plane.
+/// One line of sight leaves the viewcell 6e-13 m over its face y = 3, ends at a triangle in the plane of this
+/// face, and passes an occluder's edge by 1e-16 m. Another ends 2e-15 m in front of its triangle.
 #[test]
 fn a_line_of_sight_passes_an_edge_by_less_than_coordinates_resolve() {
     assert_eq!(

@@ -5,8 +5,8 @@ use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_exact::{Effort, ExactCuller, ExactSettings};
 
-/// A fence of overlapping slats, one behind the other, that only hide together, and rows of boxes behind it.
-/// With sixteen times the boxes the search takes a few times as many nodes.
+/// A fence of overlapping slats, one behind the other, which hide only together, and rows of boxes behind the
+/// fence. With sixteen times as many boxes the search takes only a few times as many nodes.
 #[test]
 fn many_objects_behind_one_fence_cost_little_more_than_few() {
     let nodes = |rows: u32| {

@@ -1,12 +1,12 @@
-//! Rays go on from what they have found.
+//! When a ray finds an object, further rays are aimed beside that object.
 
 use crate::common::{cuboid, prepared};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_exact::{Effort, ExactCuller, ExactSettings};
 
-/// A far cluster of 400 boxes in a two thousandth of the sphere of directions: of twenty thousand rays in all
-/// directions a few meet a box, and those past what they find see most others.
+/// A far cluster of 400 boxes fills a two-thousandth of all directions. Of twenty thousand rays in all
+/// directions only a few meet a box, and further rays past the boxes found see most of the others.
 #[test]
 fn few_rays_find_most_of_a_far_cluster() {
     let boxes = (0..400).map(|k| {

@@ -1,4 +1,4 @@
-//! Random and hostile input never panics, and what cannot be decided stays visible.
+//! Random and hostile input never panics, and objects that cannot be decided stay visible.
 
 use crate::common;
 
@@ -21,7 +21,7 @@ fn unit_cell() -> Viewcell {
     Viewcell::from_box(DVec3::ZERO, DVec3::ONE)
 }
 
-/// A wall at x = 5 and a plate at x = 9.
+/// Makes a wall at x = 5 and a plate at x = 9.
 fn wall_and_plate() -> Vec<Vec<common::Triangle>> {
     let square = |x: f64, r: f64| {
         let at = |y: f64, z: f64| DVec3::new(x, y * r, z * r);
@@ -75,7 +75,7 @@ fn settings_at_their_limits_decide_nothing_wrong() {
         let found = ExactCuller::new(triangles.clone(), settings).verdicts(&unit_cell());
         assert_eq!(found.counts(), [1, 1, 0], "{c}");
     }
-    // A clearance as wide as the world says nothing, but does not fail.
+    // With a clearance as wide as the world nothing can be said, but nothing fails.
     for c in [3.0, 1e10, 1e300] {
         let settings = few_rays(ExactSettings::new(Effort::Exact(c)));
         let found = ExactCuller::new(triangles.clone(), settings).verdicts(&unit_cell());
@@ -105,13 +105,13 @@ fn a_clearance_that_is_no_number_counts_as_none() {
     }
 }
 
-/// A triangle before the viewcell's face by less than the clearance, in an empty world.
+/// A triangle or cube in front of the viewcell's face by less than the clearance, in an empty world.
 #[test]
 fn a_target_nearer_than_the_clearance_is_not_hidden() {
     let t = [[1.005, 0.2, 0.2], [1.005, 0.8, 0.2], [1.005, 0.2, 0.8]].map(Vec3::from);
     let settings = ExactSettings::new(Effort::Exact(0.01)).with_rays(0).with_aimed_rays(0);
-    // A triangle, and cubes of which nothing but the face at the viewcell can be seen. The advanced face of
-    // the second is as large as the viewcell's and behind it, so that no segment between the two is left.
+    // Of the cubes, only the face towards the viewcell can be seen. Moved by the clearance, the second cube's
+    // face is as large as the viewcell's and behind it, so that no segment between the two faces is left.
     let cube = |r: f64| cuboid(DVec3::new(1.005, 0.5 - r, 0.5 - r), DVec3::new(1.5, 0.5 + r, 0.5 + r));
     for object in [vec![t], cube(0.3), cube(0.505)] {
         let found = ExactCuller::new(prepared(&[object]), settings).verdicts(&unit_cell());
@@ -119,8 +119,9 @@ fn a_target_nearer_than_the_clearance_is_not_hidden() {
     }
 }
 
-/// The top of a low viewcell is over a table top by less than the clearance, and its bottom below it: the
-/// table is seen at grazing angles only, from viewpoints that are behind the table top once it is advanced.
+/// The top of a low viewcell is over a table top by less than the clearance, and its bottom is below the
+/// table top. The table is seen only at grazing angles, from viewpoints that are behind the table top once it
+/// is moved by the clearance.
 #[test]
 fn a_table_top_at_the_height_of_a_low_viewcell_is_not_hidden() {
     let at = |x: f64, y: f64| DVec3::new(x, y, 0.995);
@@ -143,9 +144,9 @@ fn an_object_on_no_layer_does_not_occlude() {
     }
 }
 
-/// The viewcell is between a plate with a rim below and a parapet that blocks lines close to the horizontal;
-/// between rim and parapet the ocean is seen, a box without triangles as wide as the numbers allow. Points
-/// cut from its sides are wrong by metres.
+/// The viewcell is between a plate with a rim below and a parapet that blocks nearly horizontal lines.
+/// Between rim and parapet it sees the ocean, a box without triangles as wide as `f32` allows. Points cut
+/// from the box's sides are wrong by metres.
 #[test]
 fn huge_bounds_are_not_proven_hidden_with_the_margins_of_small_triangles() {
     let ring = |r: f64, z0: f64, z1: f64| -> Vec<common::Triangle> {
@@ -189,7 +190,7 @@ fn viewcells_without_a_box_decide_nothing() {
             [0, 0, 2],
             "{min} to {max}: all targets are open"
         );
-        // Nothing is removed either, not even by rays alone.
+        // Nothing is removed for this viewcell, even with rays alone.
         let (cell, scene) = (Viewcell::from_box(min, max), scene(&wall_and_plate()));
         let triangles = Arc::new(SceneTriangles::new(&scene));
         for effort in [Effort::Rays(100), Effort::Exact(1e-4), Effort::Share(0.5)] {
@@ -199,7 +200,7 @@ fn viewcells_without_a_box_decide_nothing() {
             assert_eq!(visible.count(&scene), 2, "{effort:?}");
         }
     }
-    // A single point and a flat cell are viewcells like others.
+    // Viewcells that are a single point or flat work like others.
     for max in [DVec3::ZERO, DVec3::new(0.0, 1.0, 1.0)] {
         assert_eq!(
             culler.verdicts(&Viewcell::from_box(DVec3::ZERO, max)).counts(),
@@ -213,7 +214,7 @@ fn viewcells_without_a_box_decide_nothing() {
 fn what_is_not_known_stays() {
     let mut scene = scene(&wall_and_plate());
     let hidden = scene.id_at(1).unwrap();
-    // Behind the wall: bounds alone, an object with NaN triangles, one that is never culled.
+    // Three objects behind the wall: one with bounds only, one with NaN triangles, one that is never culled.
     let behind = Aabb::from_arrays([7.0, -1.0, -1.0], [8.0, 1.0, 1.0]);
     let bounds_alone = scene.insert(behind);
     let broken = scene.insert(behind);
@@ -234,7 +235,7 @@ fn what_is_not_known_stays() {
         let sees = |id| visible.contains(&scene, id);
         assert!(!sees(hidden) && sees(broken) && sees(never) && sees(before), "{accuracy}");
         assert_eq!(sees(bounds_alone), accuracy == Accuracy::Aggressive, "{accuracy}");
-        // After any change nothing is removed, until the triangles are collected anew.
+        // After a change of the scene nothing is removed until its triangles are collected again.
         let mut changed = scene.clone();
         let mut visible = all(&changed);
         culler.cull(&changed, &unit_cell(), &mut visible);
@@ -265,7 +266,7 @@ fn an_object_in_the_viewcell_is_seen() {
         found.iter(&triangles).all(|(_, verdict)| matches!(verdict, Verdict::Seen(_))),
         "an object in the viewcell is seen"
     );
-    // A triangle through the cell that has no corner in it.
+    // A triangle that passes through the viewcell without a corner inside.
     let across = vec![quad(
         DVec3::new(0.5, -9.0, -9.0),
         DVec3::new(0.5, 9.0, -9.0),

@@ -6,8 +6,8 @@ use visibility_core::pvs::Viewcell;
 use visibility_exact::{CellQuery, Effort, ExactCuller, ExactSettings, Verdict};
 use visibility_testing::Random;
 
-/// Crumpled sheets of a thousand triangles each behind both wings of a wall, which are one object, and a
-/// viewcell that looks through the gap between the wings: at no sheet, but at the box around both.
+/// Makes a mesh of two crumpled sheets of a thousand triangles each, one behind either wing of a wall. The
+/// viewcell looks through the gap between the wings, past both sheets, but at the box around both.
 fn world(with_corner_in_gap: bool) -> Vec<Vec<Triangle>> {
     let mut mesh = Vec::new();
     for side in [-1.0, 1.0] {
@@ -53,7 +53,7 @@ fn one_triangle_of_a_large_mesh_that_is_seen_is_found() {
     assert!(matches!(verdict, Verdict::Seen(witness) if witness.triangle == 2000), "{verdict:?}");
 }
 
-/// Meshes of several clusters of triangles behind walls with a gap each, some of which a cluster fills.
+/// Meshes of three clusters of triangles, behind a wall with one gap, through which some meshes are seen.
 #[test]
 fn no_segment_reaches_a_large_mesh_that_is_proven_hidden() {
     let mut random = Random(23);
@@ -88,8 +88,8 @@ fn no_segment_reaches_a_large_mesh_that_is_proven_hidden() {
     assert!(hidden >= 10 && seen >= 10, "{hidden} hidden, {seen} seen");
 }
 
-/// A wall of 1,600 overlapping plates that lacks one, and a sheet of triangles behind it: boxes around large
-/// parts of the sheet cannot be decided.
+/// A wall of 40 by 40 overlapping plates, one of which is missing, and a sheet of triangles behind it. Boxes
+/// around large parts of the sheet cannot be decided.
 #[test]
 fn a_mesh_seen_through_a_missing_plate_is_not_hidden() {
     let square = |x: f64, y: f64, z: f64, size: f64| {

@@ -1,4 +1,5 @@
-//! A tree behind a hedge: no box around a part of it is hidden, and that is found out soon.
+//! A tree behind a hedge: no box around a part of the tree is hidden, and the search soon gives up such
+//! boxes.
 
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
@@ -7,7 +8,7 @@ use visibility_core::{Aabb, Object, Scene};
 use visibility_exact::{CellQuery, Effort, ExactSettings, SceneTriangles, Verdict};
 use visibility_testing::Random;
 
-/// Leaves of a size around a middle, within half extents.
+/// Makes `count` random leaves, triangles of size `size`, within `half` of `middle` on each axis.
 fn leaves(random: &mut Random, count: usize, middle: Vec3, half: Vec3, size: f64) -> Vec<Triangle> {
     let leaf = |random: &mut Random| {
         let at = middle + random.vec3(-1.0, 1.0) * half;
@@ -33,7 +34,7 @@ fn boxes_around_parts_of_a_tree_that_hide_nothing_are_given_up() {
         let mut query = CellQuery::new(&triangles, &cell, ExactSettings::new(Effort::Exact(1e-4))).unwrap();
         query.prove_triangles(&|id| id == tree);
         let verdict = query.verdicts().find(|&(id, _)| id == tree).unwrap().1;
-        // With 4,000 nodes for boxes, 21,000 to 40,000.
+        // With 4,000 nodes for boxes of parts, the query took 21,000 to 40,000 steps.
         assert!(matches!(verdict, Verdict::Seen(_)), "seed {seed}");
         assert!(query.steps() < 10_000, "seed {seed}: {} nodes", query.steps());
     }

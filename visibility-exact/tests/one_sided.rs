@@ -1,6 +1,6 @@
-//! One-sided triangles: from behind they are neither seen nor in the way. Worlds on an integer grid with
-//! solids and plates of either kind, around a viewcell that the planes of many pass through. Hidden targets
-//! are shot at from all of it, in exact arithmetic.
+//! One-sided triangles are not seen from behind, and do not block from behind. The worlds are on an integer
+//! grid, with one- and two-sided solids and plates, around a viewcell that many of their planes cross.
+//! Segments from the whole viewcell are shot at hidden targets, in exact arithmetic.
 
 use crate::common::grid::{FINE, Point, misses_triangle, on_grid, start_of_segment, triangle_on_grid};
 use crate::common::{Triangle, faces, few_rays};
@@ -11,7 +11,7 @@ use visibility_core::{Aabb, Object, OccluderMesh, Scene};
 use visibility_exact::{CellVerdicts, Effort, ExactCuller, ExactSettings, SceneTriangles, Verdict};
 use visibility_testing::{Random, distance};
 
-/// An object: its triangles, and whether it is one-sided.
+/// An object: its triangles, and whether they are one-sided.
 type Made = (Vec<Triangle>, bool);
 
 /// A viewcell at x from -3 to -2, occluders at x from 0 to 12, and object 0, a triangle at x from 13 to 15.
@@ -42,7 +42,7 @@ fn world(number: u64) -> (Viewcell, Vec<Made>) {
             }
             _ => OccluderMesh::CUBOID.map(|t| t.map(|i| corners[i as usize])).to_vec(),
         };
-        // Some turn their backs outwards.
+        // A quarter of the objects have reversed winding.
         if int(0, 3) == 0.0 {
             triangles.iter_mut().for_each(|t| t.swap(1, 2));
         }
@@ -51,22 +51,22 @@ fn world(number: u64) -> (Viewcell, Vec<Made>) {
     (cell, objects)
 }
 
-/// Returns six times the volume of a triangle and a point: positive behind the triangle.
+/// Returns six times the volume of the tetrahedron of a triangle and a point: positive behind the triangle.
 fn behind([a, b, c]: &[Point; 3], p: Point) -> i64 {
     let [u, v, w] = [a, b, c].map(|x| core::array::from_fn::<i64, 3, _>(|k| x[k] - p[k]));
     (0..3).map(|k| u[k] * (v[(k + 1) % 3] * w[(k + 2) % 3] - v[(k + 2) % 3] * w[(k + 1) % 3])).sum()
 }
 
-/// Returns how far a segment is from being blocked by a triangle: its distance, and from behind a one-sided
-/// triangle the depth of its start.
+/// Returns how far a triangle is from blocking a segment: their distance, or, for a segment that starts
+/// behind a one-sided triangle, the depth of its start behind the plane if that is more.
 fn clearance(t: &Triangle, one_sided: bool, p: DVec3, q: DVec3) -> f64 {
     let [a, b, c] = t.map(Vec3::as_dvec3);
     let depth = -(b - a).cross(c - a).normalize().dot(p - a);
     if one_sided { distance(p, q, t).max(depth) } else { distance(p, q, t) }
 }
 
-/// Shoots at the inside of the target from where it shows. Returns the greatest clearance of a segment that
-/// passes, and the number of shots.
+/// Shoots segments at the inside of the target, from points in front of it if it is one-sided. Returns the
+/// greatest clearance of a segment that is not blocked, and the number of shots.
 fn shoot(cell: &Viewcell, objects: &[Made], shots: usize, random: &mut Random) -> (f64, usize) {
     let occluders: Vec<(Triangle, bool)> =
         objects[1..].iter().flat_map(|(of, one_sided)| of.iter().map(|t| (*t, *one_sided))).collect();
@@ -103,7 +103,7 @@ fn shoot(cell: &Viewcell, objects: &[Made], shots: usize, random: &mut Random) -
     (greatest, judged)
 }
 
-/// Makes the scene of some objects, all two-sided if `all_sides`.
+/// Makes the scene of some objects. With `all_sides`, all objects are two-sided.
 fn prepared(objects: &[Made], all_sides: bool) -> Arc<SceneTriangles> {
     let mut scene = Scene::new();
     for (triangles, one_sided) in objects {
@@ -135,7 +135,7 @@ fn decide(worlds: std::ops::Range<u64>, c: f64, shots: usize) -> [usize; 5] {
             let short = witness.from + (witness.to - witness.from) * (1.0 - 1e-9);
             let one_sided = |(o, made): (usize, &Made)| (o != id.index()).then(|| made.clone());
             for (of, one_sided) in objects.iter().enumerate().filter_map(one_sided) {
-                // Distances of what blocks, but for what touches.
+                // The line of sight is blocked if its clearance to a triangle is 0.
                 let least = of.iter().map(|t| clearance(t, one_sided, witness.from, short));
                 let blocked = least.fold(f64::INFINITY, f64::min) == 0.0;
                 assert!(!blocked || witness.from == witness.to, "{number}: object {id}: {witness:?}");

@@ -1,5 +1,5 @@
-//! Planted truth: a target behind three walls of planks, each with a hole around one secret line, and the
-//! same with the holes closed by planks that overlap by as much.
+//! A target behind three walls of planks. Each wall has a hole around one line of sight, or the hole is
+//! closed by planks that overlap by the hole's width.
 
 use crate::common::{Triangle, check, clearance, prepared, quad};
 use visibility_core::glam::{DVec3, Vec3};
@@ -7,7 +7,8 @@ use visibility_core::pvs::Viewcell;
 use visibility_exact::{Effort, ExactCuller, ExactSettings, Verdict};
 use visibility_testing::Random;
 
-/// The cell about the origin, the target (object 0) at x = 30, and walls between.
+/// Makes a viewcell around the origin, the target (object 0) at x = 30, and three walls between them. Also
+/// returns the ends of the line of sight.
 fn world(random: &mut Random, gap: f64, closed: bool) -> (Viewcell, Vec<Vec<Triangle>>, [DVec3; 2]) {
     let cell = Viewcell::from_box(DVec3::new(-1.5, -1.5, -0.5), DVec3::new(1.5, 1.5, 0.5));
     let center = DVec3::new(30.0, random.range(-5.0, 5.0), random.range(-5.0, 5.0));
@@ -26,7 +27,7 @@ fn world(random: &mut Random, gap: f64, closed: bool) -> (Viewcell, Vec<Vec<Tria
         let angle = random.range(0.0, 3.0);
         let (u, v) = (n.cross(DVec3::Z).normalize(), n.cross(n.cross(DVec3::Z)).normalize());
         let (u, v) = (u * angle.cos() + v * angle.sin(), v * angle.cos() - u * angle.sin());
-        // Four planks around the hole, in layers, so that none are coplanar.
+        // Four planks around the hole, at slightly different depths, so that no two are coplanar.
         let (r, h) = (60.0, if closed { -gap * 0.5 } else { gap * 0.5 });
         let layer = gap.min(1.0);
         for (a, b, c, e, off) in [
@@ -42,7 +43,7 @@ fn world(random: &mut Random, gap: f64, closed: bool) -> (Viewcell, Vec<Vec<Tria
     (cell, objects, [p, q])
 }
 
-/// Returns for open and closed holes how many targets were seen, hidden and open.
+/// Returns, first for open and then for closed holes, the numbers of targets seen, hidden and open.
 fn decide(gap: f64, worlds: std::ops::Range<u64>) -> [[usize; 3]; 2] {
     let mut counts = [[0; 3]; 2];
     for (number, closed) in worlds.flat_map(|number| [(number, false), (number, true)]) {
@@ -76,15 +77,15 @@ fn open_holes_are_found_and_closed_ones_proven() {
     }
 }
 
-/// A wall with a slit narrower than the clearance, small against the distance of its edges once they have
-/// moved outwards: lines cross the wall, or the slit, and twice the strips between old and new edges. The
-/// surface is crossed an even number of times, and is no proof.
+/// A wall with a slit narrower than the clearance. Once the slit's edges have moved outwards, they overlap:
+/// lines cross the wall or the slit, and also two strips between old and new edges. The surface is crossed an
+/// even number of times, and proves nothing.
 #[test]
 fn surfaces_that_overlap_themselves_are_no_proof() {
     let (c, h) = (0.02, 0.002);
     for (shift, tall) in [(0.006, 5.0), (0.0, 5.0), (0.01, 0.3)] {
         let at = |y: f64, z: f64| DVec3::new(5.0, y + shift, z).as_vec3();
-        // A frame around the slit, welded.
+        // A frame of welded triangles around the slit.
         let (slit, rim) = (
             [at(-h, -tall), at(h, -tall), at(h, tall), at(-h, tall)],
             [at(-9.0, -9.0), at(9.0, -9.0), at(9.0, 9.0), at(-9.0, 9.0)],

@@ -1,4 +1,4 @@
-//! A quick look at triangles decides what is easy, and leaves the rest for a long one.
+//! `try_triangles` decides easy objects, and leaves the others open for a longer search.
 
 use crate::common::{prepared, quad};
 use visibility_core::ObjectId;
@@ -6,7 +6,7 @@ use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_exact::{CellQuery, Effort, ExactSettings, Verdict};
 
-/// A wall of overlapping plates, one before the other, and three plates behind it: one is seen past the wall,
+/// Three plates behind a wall of overlapping plates, one before the other. One plate is seen past the wall,
 /// one is hidden by few plates of the wall, and one by a thousand.
 #[test]
 fn a_quick_look_leaves_open_what_takes_long() {

@@ -1,6 +1,5 @@
-//! Targets that are seen from a rim of the viewcell alone, at a rim of the target alone: from corners and
-//! edges of the viewcell to corners and edges of a triangle, just inside. An exact oracle in integers tells
-//! that the segment is clear.
+//! Targets that are seen only from a corner or edge of the viewcell, and only just inside a corner or edge of
+//! the target triangle. An exact oracle in integers confirms that the segment is clear.
 
 use crate::common::grid::{FINE, misses_box, misses_triangle, on_grid, rounded, triangle_on_grid};
 use crate::common::{Triangle, check, cuboid, prepared, quad};
@@ -9,7 +8,8 @@ use visibility_core::pvs::Viewcell;
 use visibility_exact::{Effort, ExactCuller, ExactSettings, Verdict};
 use visibility_testing::Random;
 
-/// A world with a clear segment from p to q, which is inside object 0, and none far from this one.
+/// A world with a clear segment from p to q, a point of object 0. Every other clear segment is close to this
+/// one.
 struct World {
     cell: Viewcell,
     objects: Vec<Vec<Triangle>>,
@@ -17,8 +17,8 @@ struct World {
     q: DVec3,
 }
 
-/// Returns the viewcell, a corner of it or a point of an edge, a triangle, and a point just inside a corner
-/// or an edge of the triangle: 1 to `depth` of 1024 parts away.
+/// Returns the viewcell; its corner, or a point on one of its edges; a triangle; and a point just inside a
+/// corner or an edge of the triangle, at 1 to `depth` parts of 1024.
 fn ends(random: &mut Random, depth: i32) -> (Viewcell, DVec3, Triangle, DVec3) {
     let (min, max) = (DVec3::new(-4.0, -2.0, -2.0), DVec3::new(-1.0, 2.0, 1.0));
     let mut p = DVec3::from_array(core::array::from_fn(|k| if random.one_in(2) { min[k] } else { max[k] }));
@@ -35,7 +35,8 @@ fn ends(random: &mut Random, depth: i32) -> (Viewcell, DVec3, Triangle, DVec3) {
             break t;
         }
     };
-    // Multiples of 1 / 1024 at integer corners, so that q and quarters of the way are on the grid.
+    // Barycentric coordinates in parts of 1024, with integer corners: q and the quarter points of the segment
+    // are on the grid.
     let mut parts = [0, random.between(1, depth), random.between(1, depth)];
     if random.one_in(2) {
         parts[1] = random.between(100, 900);
@@ -46,8 +47,8 @@ fn ends(random: &mut Random, depth: i32) -> (Viewcell, DVec3, Triangle, DVec3) {
     (Viewcell::from_box(min, max), p, t.map(|v| v.as_vec3()), q)
 }
 
-/// Two walls of four planks each around the segment, which passes their edges at a distance of `hole` grid
-/// units or more on each axis.
+/// Makes a viewcell, a target, and two walls of four planks each. The segment between them passes the planks'
+/// edges at a distance of `hole` grid units or more on each axis.
 fn world(random: &mut Random, depth: i32, hole: i64) -> World {
     let (cell, p, target, q) = ends(random, depth);
     let h = hole as f64 / FINE;
@@ -70,7 +71,7 @@ fn world(random: &mut Random, depth: i32, hole: i64) -> World {
 }
 
 impl World {
-    /// Exchanges and reverses axes.
+    /// Permutes and mirrors the axes at random.
     fn turned(self, random: &mut Random) -> Self {
         let (by, signs) = (random.below(3), random.below(8));
         let turn = |v: DVec3| {
@@ -93,8 +94,8 @@ impl World {
         }
     }
 
-    /// Returns whether the segment misses all occluders, and the boxes of all their triangles enlarged by
-    /// `clearance` grid units.
+    /// Returns whether the segment misses all occluders and, unless `clearance` is 0, the boxes of their
+    /// triangles enlarged by `clearance` grid units.
     fn is_clear(&self, clearance: i64) -> bool {
         let (p, q) = (on_grid(self.p), on_grid(self.q));
         self.objects[1..].iter().flatten().map(triangle_on_grid).all(|t| {
@@ -105,7 +106,8 @@ impl World {
         })
     }
 
-    /// Decides object 0 without rays. Panics if the object is proven hidden, or if a proof does not hold.
+    /// Decides object 0 without rays, and returns whether it is seen. Panics if it is proven hidden, or if a
+    /// proof does not hold.
     fn is_seen(&self, c: f64) -> bool {
         let triangles = prepared(&self.objects);
         let settings =
@@ -118,7 +120,7 @@ impl World {
     }
 }
 
-/// Returns how many of `count` targets are seen and how many are open.
+/// Returns the numbers of seen and of open targets, among `count` targets.
 fn decide(count: u64, depth: i32, hole: i64, c: f64) -> [usize; 2] {
     let mut counts = [0; 2];
     for number in 0..count {
@@ -142,8 +144,8 @@ fn rims_are_seen_with_clearance() {
     assert!(counts[0] > 40, "{counts:?}");
 }
 
-/// A target pierces a closed shell around the viewcell and touches the viewcell in a point, along an edge, or
-/// with a part of its area.
+/// A target that passes through a closed shell around the viewcell and touches the viewcell at a point, along
+/// an edge, or with a part of its area.
 #[test]
 fn targets_that_touch_the_viewcell_are_not_hidden() {
     let mut random = Random(3);
@@ -152,7 +154,7 @@ fn targets_that_touch_the_viewcell_are_not_hidden() {
         let corner = |random: &mut Random| {
             DVec3::from_array(core::array::from_fn(|_| f64::from(random.between(0, 4)) / 4.0))
         };
-        // A point on the boundary of the viewcell, and points beyond the face that holds the first.
+        // A point on the boundary of the viewcell, and points outside, beyond the face with this point.
         let (mut touching, axis) = (corner(&mut random), random.below(3));
         touching[axis] = f64::from(random.between(0, 1));
         let out = if touching[axis] == 0.0 { -1.0 } else { 1.0 };
@@ -163,7 +165,7 @@ fn targets_that_touch_the_viewcell_are_not_hidden() {
         };
         let (a, mut b) = (beyond(), beyond());
         if round % 3 == 0 {
-            // Along a segment in the face.
+            // The target touches the viewcell along a segment in the face.
             b = corner(&mut random);
             b[axis] = touching[axis];
         }
@@ -180,8 +182,8 @@ fn targets_that_touch_the_viewcell_are_not_hidden() {
     }
 }
 
-/// A box pierces a closed shell around the viewcell and ends before a face of the viewcell, at a distance
-/// above 0 and below the error of positions or about that.
+/// A box that passes through a closed shell around the viewcell and ends in front of a face of the viewcell.
+/// The distance is above 0, and at or below the error of positions.
 #[test]
 fn boxes_at_a_distance_within_rounding_are_not_hidden() {
     let mut random = Random(4);

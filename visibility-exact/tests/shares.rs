@@ -1,4 +1,4 @@
-//! Certified bounds on visible shares hold against samples, and are near them.
+//! Certified bounds on visible shares are not below sampled shares, and not far above them.
 
 use crate::common;
 
@@ -8,8 +8,8 @@ use visibility_core::pvs::Viewcell;
 use visibility_exact::{Effort, ExactCuller, ExactSettings, Verdict};
 use visibility_testing::Random;
 
-/// Returns the share of segments from the face of the cell at x = 0 to the face of the box at x = 10 that are
-/// clear. Other faces do not face each other.
+/// Returns the share of clear segments between the face of the viewcell at x = 0 and the face of the box at x
+/// = 10. No other faces face each other.
 fn sampled(objects: &[Vec<common::Triangle>]) -> f64 {
     let mut random = Random(6);
     let mut point = |x: f64| DVec3::new(x, random.fine_range(-1.0, 1.0), random.fine_range(-1.0, 1.0));

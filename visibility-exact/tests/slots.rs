@@ -1,11 +1,12 @@
-//! What a segment sees through slots between screens is not said to be hidden, with a clearance of 0.
+//! Objects that a segment sees through slots between screens do not count as hidden, with a clearance of 0.
 
 use std::sync::Arc;
 use visibility_core::{Accuracy, OccluderMesh, RegionCuller, VisibleSet};
 use visibility_exact::{Effort, ExactCuller, ExactSettings, SceneTriangles};
 use visibility_testing::SlotScene;
 
-/// Returns how many targets are seen, how many are behind closed screens, and how many of these are hidden.
+/// Returns three numbers: targets that a segment sees, targets behind closed screens, and hidden ones among
+/// the latter.
 fn search(numbers: std::ops::Range<usize>) -> [usize; 3] {
     let (mut seen, mut closed, mut hidden) = (0, 0, 0);
     for number in numbers {

@@ -1,4 +1,4 @@
-//! A query that is stopped leaves open what it has not decided, and has no other answers.
+//! A stopped query leaves undecided objects open, and gives the same answers as a full query for the others.
 
 use crate::common::{cuboid, scene};
 use std::cell::Cell;
@@ -7,7 +7,7 @@ use visibility_core::pvs::Viewcell;
 use visibility_exact::{CellQuery, Effort, ExactSettings, SceneTriangles, Verdict};
 use visibility_testing::Random;
 
-/// Blocks on a plain.
+/// A town of blocks on a plain.
 fn town() -> SceneTriangles {
     let mut random = Random(4);
     let mut objects = Vec::new();
@@ -27,7 +27,7 @@ fn settings() -> ExactSettings {
 #[test]
 fn a_query_that_gives_up_has_no_other_answers() {
     let triangles = town();
-    // Where four blocks meet.
+    // The viewcell is at the corner where four blocks meet.
     let min = DVec3::new(7.2, 7.2, 0.5);
     let cell = Viewcell::from_box(min, min + DVec3::new(0.6, 0.6, 1.0));
     let asked = Cell::new(0);

@@ -1,5 +1,5 @@
-//! Contract 4 for the exact culler: scenes are swapped, mixed, cloned, changed, reverted and dropped under a
-//! live culler of prepared triangles, which hides nothing that triangles of the present scene show.
+//! The exact culler never hides a visible object by memory of an earlier scene (contract 4): scenes are
+//! swapped, mixed, cloned, changed, reverted and dropped while the culler keeps its prepared triangles.
 
 use std::sync::Arc;
 use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
@@ -7,7 +7,8 @@ use visibility_exact::{Effort, ExactCuller, ExactSettings, SceneTriangles};
 use visibility_testing::Random;
 use visibility_testing::swapped::{AroundEye, Swapped, hold_against_fresh};
 
-/// The exact culler, and whether it is the reference, which always gets the triangles of the present scene.
+/// The exact culler, and whether it is the reference, which always gets triangles collected from the present
+/// scene.
 struct Exact(AroundEye<ExactCuller>, bool);
 
 fn culler(triangles: &Arc<SceneTriangles>) -> AroundEye<ExactCuller> {

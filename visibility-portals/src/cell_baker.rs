@@ -96,10 +96,9 @@ impl CellBaker {
     /// a line can pass later, judged by the positions of the two portals' planes and by reachability through
     /// cells. Takes time proportional to the number of portal pairs at worst.
     ///
-    /// It is not checked which way the portals are wound, nor that they are in the boundaries of their cells:
-    /// where the bodies of the cells are known, call [`CellGraph::turn_portals`] before, and
-    /// [`CellGraph::validate_bodies`] once. What is behind a portal that is wound the wrong way is not in the
-    /// result.
+    /// Neither the winding of portals is checked, nor that they are in the boundaries of their cells. A cell
+    /// behind a portal that is wound the wrong way is missing from the result. Where the bodies of the cells
+    /// are known, call [`CellGraph::turn_portals`] before, and [`CellGraph::validate_bodies`] once.
     ///
     /// # Errors
     /// [`BakeError::TooMany`] for more than 65,536 cells or portals. [`BakeError::Clearance`] for a

@@ -23,12 +23,12 @@ use visibility_core::pvs::{Pvs, PvsError, PvsTargets, ViewcellId};
 pub struct CellMatrix {
     /// For each cell, the cells that can be seen from it.
     pub(crate) rows: Vec<Bits>,
-    /// [Version](CellGraph::version) of the graph that the matrix was baked from. `None` if nobody knows it.
+    /// [Version](CellGraph::version) of the graph from which the matrix was baked. `None` if it is unknown.
     source: Option<u64>,
 }
 
 impl PartialEq for CellMatrix {
-    /// Compares the bits. What the matrices were baked from is not compared.
+    /// Compares only the bits, not the graphs from which the matrices were baked.
     fn eq(&self, other: &Self) -> bool {
         self.rows == other.rows
     }

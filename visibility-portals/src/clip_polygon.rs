@@ -49,8 +49,8 @@ pub(crate) fn clip(points: &mut Vec<DVec3>, polygon: Range<usize>, plane: &Plane
         return Clip::Nothing;
     }
     let start = points.len();
-    // Around the polygon, from its last vertex on: each change of side adds the point where the edge meets
-    // the plane.
+    // Walks around the polygon, starting at its last vertex. Where an edge crosses the plane, the crossing
+    // point is added.
     let (mut a, mut before) = (points[polygon.end - 1], distances[count - 1]);
     let near = merge * merge;
     for (i, &here) in distances[..count].iter().enumerate() {
@@ -64,7 +64,7 @@ pub(crate) fn clip(points: &mut Vec<DVec3>, polygon: Range<usize>, plane: &Plane
         }
         (a, before) = (b, here);
     }
-    // The last vertex may have come too close to the first.
+    // The last vertex of the result may be too close to the first.
     while points.len() > start + 1 && (points[points.len() - 1] - points[start]).length_squared() <= near {
         points.pop();
     }

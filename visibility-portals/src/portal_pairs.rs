@@ -1,5 +1,5 @@
-//! Which portals a line may pass one after the other: what a bake of cells learns of pairs of portals, and a
-//! bake of objects begins from.
+//! The pairs of portals that a line may pass one after the other. A bake of cells finds them, and a bake of
+//! objects starts from them.
 
 use crate::directed_portals::DirectedPortals;
 use alloc::vec::Vec;

@@ -1,4 +1,4 @@
-//! Maps that are invalid, huge, tiny or odd give an error or an answer, never a panic.
+//! Maps that are invalid, huge, tiny or odd give an error or a result, never a panic.
 
 use visibility_core::bake::Bake;
 use visibility_core::glam::DVec3;
@@ -86,7 +86,8 @@ fn the_default_clearance_follows_the_coordinates() {
     };
     for away in [0.0, 8e3, 35e3, 1e6, 1e9] {
         let at = |x: f64, y: f64| DVec3::new(x + away, y - away, away);
-        // Into a room from the west, out of it to the south, and round the corner to the west again.
+        // The path leads into a room from the west, out of it to the south, and around the corner to the west
+        // again.
         let portals = [
             (door(at(0.0, 0.0), DVec3::Y), [CellId(0), CellId(1)]),
             (door(at(2.0, -2.0), DVec3::X), [CellId(1), CellId(2)]),
@@ -133,8 +134,8 @@ fn cells_that_are_not_convex_and_portals_in_one_place_end() {
 
 #[test]
 fn a_room_around_the_corner_is_hidden() {
-    // Through a door in the east wall, along a corridor, and back through another door on the same side: no
-    // straight line does that.
+    // The path goes through a door in the east wall, along a corridor, and back through another door on the
+    // same side, as no straight line does.
     let file = "PRT1\n3\n2\n4 0 1 (4 0 0) (4 1 0) (4 1 2) (4 0 2)\n4 2 1 (4 8 0) (4 9 0) (4 9 2) (4 8 2)\n";
     let matrix = bake(&prt::read(file).unwrap().graph, BakerSettings::default()).unwrap();
     assert_eq!(

@@ -1,5 +1,6 @@
-//! The objects that a cell sees: whatever a segment from the cell reaches through doors is in the cell's row,
-//! with any limit of steps, and longer searches and tighter stages leave out more.
+//! Rows of objects seen from a cell: each object that a segment from the cell reaches through doors is in the
+//! cell's row, with any limit of steps. Longer searches, and stages with tighter tests, leave out more
+//! objects.
 //!
 //! `cargo test --release -p visibility-portals object_rows -- --ignored` shoots a hundred times as
 //! many segments.
@@ -23,8 +24,8 @@ const CLEARANCE: f64 = 1e-6;
 /// Number of boxes in each room.
 const BOXES: usize = 5;
 
-/// A door in the wall between room `from` and the next room along `axis`, by the coordinates of its ends
-/// along the wall.
+/// A door in the wall between room `from` and the next room along `axis`, with the coordinates of its two
+/// ends along the wall.
 struct Door {
     from: [u32; 2],
     axis: usize,
@@ -35,7 +36,7 @@ fn cell([x, y]: [u32; 2]) -> CellId {
     CellId(x * ROOMS + y)
 }
 
-/// Returns one door in most of the walls between neighbouring rooms.
+/// Returns doors in most of the walls between neighbouring rooms, at most one in each wall.
 fn doors(random: &mut Random) -> Vec<Door> {
     let mut doors = Vec::new();
     for (x, y) in (0..ROOMS).flat_map(|x| (0..ROOMS).map(move |y| (x, y))) {
@@ -65,7 +66,8 @@ fn graph(doors: &[Door]) -> CellGraph {
     CellGraph::new((ROOMS * ROOMS) as usize, portals.collect::<Vec<_>>()).unwrap()
 }
 
-/// Tests whether a segment within the building crosses every wall in a door, ten clearances from its frame.
+/// Tests whether a segment within the building crosses walls only in doors, at least ten clearances from
+/// their frames.
 fn is_clear(doors: &[Door], a: DVec3, b: DVec3) -> bool {
     (0..2).all(|axis| {
         (1..ROOMS).all(|wall| {
@@ -112,7 +114,7 @@ fn check(buildings: u64, segments: usize) {
         let settings = BakerSettings::default().with_clearance(CLEARANCE);
         let cells = Bake::new(CellBaker::new(&graph, settings).unwrap()).run();
         let bounds = |id: ObjectId| boxes.get(id.index()).copied();
-        // No chains, too few, and all.
+        // Limits of steps that allow no chain, too few chains, and all chains.
         let rows = [0, 6, u64::MAX].map(|steps_per_cell| {
             let settings = settings.with_steps_per_cell(steps_per_cell);
             Bake::new(ObjectBaker::new(&graph, &cells, bounds, settings).unwrap()).run()
@@ -155,7 +157,7 @@ fn check(buildings: u64, segments: usize) {
             rows[2].fallbacks.is_empty() && !rows[1].fallbacks.is_empty(),
             "seed {seed}: cells without chains of portals fall back, with all chains none does"
         );
-        // Other rows of cells are refused: of another clearance, and of another graph.
+        // Results of a bake of cells are refused if they are of another clearance or of another graph.
         let wide = settings.with_clearance(1e-3);
         assert_eq!(
             ObjectBaker::new(&graph, &cells, bounds, wide).err(),

@@ -44,7 +44,7 @@ fn closing_a_door_hides_what_is_behind_and_one_way_portals_only_from_one_side() 
     );
     cells.set_passage(PortalId(1), Passage::Backward).unwrap();
     assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1], "the second door is passed backwards alone");
-    // From the other end of the row the passage is reversed.
+    // From the other end of the row, one sees through the door if its passage is `Backward`, not `Forward`.
     let pose = Pose::look_at(DVec3::new(15.5, 2.0, 1.0), DVec3::new(0.0, 2.0, 1.0), DVec3::Z);
     let back = View::perspective(pose, 1.0, 1.5, 0.1, 100.0).unwrap();
     assert_eq!(
@@ -306,7 +306,7 @@ fn objects_are_where_the_graph_lists_them_until_they_move() {
 fn sets_limit_the_walk() {
     let (cells, scene, _) = row(5);
     // PVS rows that end at the second neighbour. They are wrong for this row of rooms, so that their effect
-    // shows.
+    // is visible.
     let rows: Vec<Vec<u32>> = (0..5u32).map(|a| (0..5).filter(|&b| a.abs_diff(b) <= 2).collect()).collect();
     let pvs = Pvs::new(PvsTargets::Cells, 5, &rows, |_| []).unwrap();
     let cells = cells.with_pvs(pvs).unwrap();
@@ -349,7 +349,7 @@ fn shared_cells_open_for_all_eyes_and_each_eye_says_why_it_culls_nothing() {
     );
     cells.write().unwrap().set_open(PortalId(1), false).unwrap();
     assert_eq!(counts(&scene, &along()), [(2, vec![]), (2, vec![])], "a door was shut for both eyes");
-    // A mover is taken in by the first of the two frames after the move.
+    // The first of the two eyes syncs the moved object; the second uses the result.
     scene.set_bounds(ids[0], scene.bounds(ids[3]).unwrap()).unwrap();
     assert_eq!(
         counts(&scene, &along()),
@@ -364,7 +364,7 @@ fn shared_cells_open_for_all_eyes_and_each_eye_says_why_it_culls_nothing() {
         [(4, outside.clone()), (4, outside)],
         "both eyes are outside of the cells"
     );
-    // Cells that a panic left half changed hide nothing.
+    // If a panic poisoned the lock of the cells, nothing is hidden.
     let poisoned = std::panic::catch_unwind(|| {
         let _guard = cells.write().unwrap();
         panic!("a game that fails while it holds the cells");
@@ -378,7 +378,7 @@ fn shared_cells_open_for_all_eyes_and_each_eye_says_why_it_culls_nothing() {
     );
 }
 
-/// A door that is moved in its wall leaves cells, portals and volumes as many as before.
+/// If a door moves within its wall, the numbers of cells, portals and volumes stay the same.
 #[test]
 fn sets_of_another_graph_are_refused_and_unknown_ones_promise_nothing() {
     let (cells, scene, _) = row(3);
@@ -413,7 +413,8 @@ fn sets_of_another_graph_are_refused_and_unknown_ones_promise_nothing() {
     let refused = with(pvs(&edited)).err();
     assert_eq!(refused, Some(SceneCellsError::OtherGraph), "a set of another graph");
     assert!(refused.unwrap().to_string().ends_with("bake again"), "the error says what to do");
-    // A matrix of bytes, or baked from another graph than that of the call, is of nobody knows which.
+    // It is unknown from which graph these matrices were baked: one was read from bytes, the other is
+    // converted with another graph.
     let matrix = CellMatrix::from_bytes(3, &bake(&edited).to_bytes()).unwrap();
     assert_eq!(matrix, bake(&edited), "a matrix from bytes is equal");
     for unknown in [matrix.to_pvs(cells.graph()), bake(&edited).to_pvs(cells.graph())] {
@@ -499,7 +500,7 @@ fn no_input_panics_or_hangs() {
                     Viewcell { min: a.min(b), max: a.max(b), planes: vec![plane] }
                 })
                 .collect();
-            // Within a tolerance as large as all, each portal may be between its cells.
+            // With a tolerance as large as everything, each portal may count as between its cells.
             let tolerance = random.fine_unit() * random.pick(&[1e-9, 10.0, 10.0]) * scale;
             let Ok(mut cells) = SceneCells::new(graph, Viewcells::new(viewcells), tolerance) else {
                 continue;

@@ -106,14 +106,14 @@ fn a_mirror_is_looked_into_from_its_plane_and_shows_what_is_in_it() {
         let graph = CellGraph::new(1, []).unwrap();
         let viewcells = Viewcells::new([Viewcell::from_box(DVec3::splat(-10.0), DVec3::splat(10.0))]);
         let mut cells = SceneCells::new(graph, viewcells, tolerance).unwrap();
-        // In the middle of the room, facing west.
+        // A mirror in the middle of the room, facing west.
         let glass = [[4.0, 1.0, -1.0], [4.0, 1.0, 1.0], [4.0, 3.0, 1.0], [4.0, 3.0, -1.0]];
         cells.add_mirror(CellId(0), &quad(glass)).unwrap();
         cells
     };
     let mut scene = Scene::new();
-    // Four objects: in front of the mirror; behind the mirror by half of the greater tolerance; well behind
-    // the mirror; and where lines of sight reflected at a grazing angle go.
+    // Four objects: one in front of the mirror; one behind it by half of the greater tolerance; one well
+    // behind it; and one that lines of sight reach after reflection at a grazing angle.
     for (x, y) in [([3.0, 3.5], 1.5), ([4.005, 4.5], 1.5), ([4.1, 5.0], 1.5), ([3.9, 3.98], 9.0)] {
         scene.insert(Aabb::from_arrays([x[0], y, -0.5], [x[1], y + 0.9, 0.5]));
     }

@@ -1,4 +1,5 @@
-//! Tests that portals wound the wrong way hide nothing: the bodies of the cells turn them, or refuse them.
+//! Portals that are wound the wrong way hide nothing: they are turned by the volumes of the cells, or
+//! refused.
 
 use crate::maze::{Maze, Style};
 use visibility_core::glam::DVec3;
@@ -15,8 +16,8 @@ fn reversed(polygon: &ConvexPolygon) -> ConvexPolygon {
     ConvexPolygon::new(polygon.vertices().iter().rev().copied()).unwrap()
 }
 
-/// A hole in the floor between two rooms, the eye 2 m above it: what is below is seen, whichever way the hole
-/// is wound.
+/// A hole in the floor between two rooms, with the eye 2 m above it. An object below is seen whichever way
+/// the hole is wound.
 #[test]
 fn a_hole_wound_the_wrong_way_is_seen_through() {
     let hole = [[-6.0, -1.0, 0.0], [-4.0, -1.0, 0.0], [-4.0, 1.0, 0.0], [-6.0, 1.0, 0.0]];
@@ -44,8 +45,8 @@ fn a_hole_wound_the_wrong_way_is_seen_through() {
     }
 }
 
-/// Mazes, turned in space and far from the origin, with slivers, and displaced within their tolerance: each
-/// portal that is reversed is turned back, and no other.
+/// Mazes that are rotated, far from the origin, with slivers, and displaced within their tolerance. Each
+/// portal that was reversed is turned back, and no other.
 #[test]
 fn reversed_portals_of_mazes_are_turned_back() {
     let mut random = Random(2);
@@ -97,7 +98,8 @@ fn portals_that_are_not_between_their_cells_are_refused() {
             "bodies of {first:?} and {second:?}, with a portal at 4"
         );
     }
-    // A graph that had to be turned takes no PVS, which may have been baked before.
+    // A graph whose portals had to be turned accepts no PVS, since the PVS may have been baked from the
+    // original graph.
     let pvs = || Pvs::new(PvsTargets::Cells, 2, &[[0u32, 1]; 2], |_| []).unwrap();
     let right = Viewcells::new([body(0.0, 4.0), body(4.0, 8.0)]);
     let wrong = Viewcells::new([body(4.0, 8.0), body(0.0, 4.0)]);

@@ -42,8 +42,8 @@ fn baker(graph: &CellGraph, settings: BakerSettings) -> CellBaker {
     CellBaker::new(graph, settings).unwrap()
 }
 
-/// Returns the result of a bake that is saved and resumed after every round, and also before the first and
-/// after the last.
+/// Returns the result of a bake that is saved and resumed after every round, before the first round and after
+/// the last.
 fn interrupted<B: Baker>(baker: impl Fn() -> B) -> B::Outcome {
     let mut bake = Bake::new(baker());
     loop {
@@ -168,8 +168,8 @@ fn forged_counts_are_counted_on_as_far_as_numbers_go() {
         Bake::resume(baker(&graph, settings), &writer.finish())
     };
     let waiting = u32::from_le_bytes(saved[48..52].try_into().unwrap()) as usize;
-    // After the total of steps, the list of waiting portals and the number of rejections: the fallbacks and
-    // the steps of each cell.
+    // Offsets of the fallbacks and the steps of each cell. They follow the total of steps, the list of
+    // waiting portals and the number of rejections.
     let counts = 12 + 4 * waiting..12 + 4 * waiting + 8 + 49 * 12;
     let outcome = forged(&|content| {
         content[..8].fill(255);
@@ -180,7 +180,7 @@ fn forged_counts_are_counted_on_as_far_as_numbers_go() {
         outcome.complete && outcome.steps.iter().all(|&steps| steps == u64::MAX),
         "counts at their limits do not overflow"
     );
-    // Portals that do not exist, or that are listed twice.
+    // The list of waiting portals has one that does not exist, or one that is listed twice.
     for portal in [u32::MAX, waiting as u32, 0] {
         let error = forged(&|content| content[16..20].copy_from_slice(&portal.to_le_bytes())).unwrap_err();
         assert!(error.to_string().contains("unknown or out of order"), "{error}");
@@ -208,7 +208,7 @@ fn forged_counts_of_states_take_no_memory() {
         mend_header(&mut state, 0);
         drop(Bake::resume(objects(), &state).map(|bake| bake.finish()));
     });
-    // A matrix has no counts of its own: the bytes must be as many as the cells ask for.
+    // The format of a matrix has no counts: the number of bytes must match the number of cells.
     for cells in [usize::MAX, 1 << 32, 1 << 20, 50] {
         assert!(CellMatrix::from_bytes(cells, &[0; 64]).is_none(), "{cells} cells of 64 bytes");
     }

@@ -13,7 +13,7 @@ use visibility_core::{
 use visibility_portals::{NotCulled, Passage, PortalCuller, PortalEye, PortalStats, SceneCells};
 use visibility_testing::Random;
 
-/// Returns a [row of rooms](row_of_rooms) in which by the PVS each room sees `sight` rooms to either side.
+/// Returns a [row of rooms](row_of_rooms) with a PVS in which each room sees `sight` rooms to either side.
 fn row(rooms: u32, sight: u32) -> SceneCells {
     let rows: Vec<Vec<u32>> =
         (0..rooms).map(|a| (0..rooms).filter(|&b| a.abs_diff(b) <= sight).collect()).collect();
@@ -214,7 +214,7 @@ fn change(random: &mut Random, cells: &mut SceneCells, recipe: &mut Recipe) {
             recipe.doors[at].1 = passage;
         }
         2 if doors > 0 && recipe.mirrors.len() < 6 => {
-            // In the polygon of a door, facing the door's second cell.
+            // The mirror fills the polygon of a door and faces the door's second cell.
             let portal = &cells.graph().portals()[random.below(doors)];
             let (cell, polygon) = (portal.cells()[1], portal.polygon().clone());
             cells.add_mirror(cell, &polygon).unwrap();

@@ -1,4 +1,5 @@
-//! Movers in random mazes see whatever a ray through doorways reaches, from wherever they may get to.
+//! Movers in random mazes see every object that a ray through doorways reaches, from any place that they may
+//! get to in time.
 
 use crate::maze::{Maze, Style};
 use visibility_core::bake::Bake;
@@ -15,8 +16,8 @@ fn bake(maze: &Maze) -> Pvs {
     baked.matrix.to_pvs(graph).unwrap()
 }
 
-/// Returns the numbers of hidden pairs, and of objects that rays reached from places beside the observer's
-/// own.
+/// Returns the number of hidden pairs of observer and object, and the number of objects that rays reached
+/// from places near the observers.
 fn search(seed: u64, mazes: usize) -> [usize; 2] {
     let (mut rng, mut hidden, mut reached) = (Random(seed), 0, 0);
     for number in 0..mazes {
@@ -40,7 +41,8 @@ fn search(seed: u64, mazes: usize) -> [usize; 2] {
         for (i, &(room, eye)) in starts.iter().enumerate() {
             hidden += (0..targets.len()).filter(|&target| !who.sees(i, target)).count();
             for _ in 0..400 {
-                // Elsewhere in the room, or in the next: straight ways lead there, by a doorway.
+                // A place in the same room, or in the next one through a doorway, and the length of the
+                // straight path there.
                 let doors = maze.cells.graph().portals_of(CellId(room as u32));
                 let mut from = maze.to_world(maze.point_in(&mut rng, room));
                 let mut way = from.distance(eye);

@@ -1,4 +1,4 @@
-//! A street behind a row of houses: what can be seen from a viewcell.
+//! Prints which objects a viewcell sees in a street behind a row of houses.
 //!
 //! `cargo run -p visibility-region --example umbra`
 
@@ -9,7 +9,7 @@ use visibility_region::ExtendedProjectionCuller;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut scene = Scene::new();
-    // Houses side by side, each narrower than the viewcell: only together do they hide anything.
+    // Houses side by side, each narrower than the viewcell: they hide objects only together.
     for i in -12..12 {
         let y = 3.0 * i as f32;
         let house = Aabb::from_arrays([10.0, y, 0.0], [18.0, y + 3.0, 8.0 + (i % 3) as f32]);
@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let mesh = scene.add_mesh(OccluderMesh::cuboid(&house)?);
         scene.set_mesh(id, mesh, Affine3A::IDENTITY)?;
     }
-    // Cars on the street behind, and one before the houses.
+    // Cars on the street behind the houses, and one car in front of them.
     let car = |x: f32, y: f32| Aabb::from_arrays([x, y, 0.0], [x + 2.0, y + 4.0, 1.5]);
     let behind = scene.insert_batch((0..8).map(|i| car(24.0, 5.0 * i as f32 - 20.0)));
     let before = scene.insert(car(6.0, 0.0));

@@ -1,4 +1,4 @@
-//! Convex blockers: solids and single triangles of occluder meshes, and boxes.
+//! Convex blockers: convex solids and single triangles of occluder meshes, and boxes.
 
 use alloc::vec::Vec;
 use visibility_core::OccluderMesh;
@@ -6,15 +6,16 @@ use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::scene::Triangle;
 
 /// Bound on the error of a transformed coordinate, as a fraction of the sum of the magnitudes of its terms:
-/// twice the 8u = 4 epsilon by which multiplying and summing them in `f64` errs at most.
+/// twice the greatest error of the products and sums in `f64`, which is 4 epsilon.
 const TRANSFORMED: f64 = 8.0 * f64::EPSILON;
 
-/// Bound on how deep a mesh that counts as convex may be dented, as a fraction of the greatest magnitude of
+/// Bound on the depth of dents in a mesh that counts as convex, as a fraction of the greatest magnitude of
 /// its coordinates: twice the depth that [`OccluderMesh::is_convex`] allows.
 const DENTS: f64 = 4.0 * f32::EPSILON as f64;
 
-/// Returns a bound on how deep a solid is dented, as a fraction of the greatest magnitude of its coordinates.
-/// 0 for a cuboid, and for a mesh that is not convex, of which only single triangles block.
+/// Returns a bound on the depth of dents in a solid, as a fraction of the greatest magnitude of its
+/// coordinates. 0 for a cuboid, and for a mesh that is not convex, since then only its single triangles
+/// block.
 pub(crate) fn dents(mesh: &OccluderMesh) -> f64 {
     if mesh.is_convex() && !mesh.is_cuboid() { DENTS } else { 0.0 }
 }
@@ -24,21 +25,21 @@ pub(crate) fn dents(mesh: &OccluderMesh) -> f64 {
 pub(crate) struct Blocker {
     /// Vertices in metres relative to the scene's origin.
     pub(crate) vertices: Vec<DVec3>,
-    /// Faces as ranges of `corners`, counter-clockwise as seen from the side that occludes.
+    /// Faces as ranges of `corners`. Corners run counter-clockwise as seen from the side that occludes.
     pub(crate) faces: Vec<core::ops::Range<usize>>,
     /// Vertex indices of the faces, one face after another.
     pub(crate) corners: Vec<u32>,
     /// Bound on the error of each coordinate of the vertices, in metres.
     pub(crate) slack: f64,
-    /// Triangles that close a hole of the mesh although nothing is there, in metres relative to the scene's
-    /// origin. The blocker hides nothing from viewpoints that are not strictly behind all of them. They are
-    /// among `faces` too.
+    /// Triangles that close a hole of an open mesh, in metres relative to the scene's origin. They do not
+    /// exist in the mesh, so the blocker hides nothing from viewpoints that are not strictly behind all of
+    /// them. They are also listed in `faces`.
     pub(crate) caps: Vec<[DVec3; 3]>,
 }
 
 impl Blocker {
-    /// Makes the blocker of a whole convex mesh. `caps` are the triangles of the mesh that close its hole, if
-    /// it has one. Any further triangle that closes the hole must lie in the plane of one of them.
+    /// Makes the blocker of a whole convex mesh. `caps` are triangles of the mesh that were added to close
+    /// its hole, if it has one. Any other such triangle must lie in the plane of one of them.
     pub(crate) fn solid(mesh: &OccluderMesh, transform: &Affine3A, caps: &[Triangle]) -> Self {
         let mut blocker = Self::placed(mesh, transform, mesh.positions().iter().map(|p| p.as_dvec3()));
         let turned = turn(transform);
@@ -64,7 +65,8 @@ impl Blocker {
         blocker
     }
 
-    /// Makes a blocker without faces yet, whose vertices are points of a mesh mapped to scene coordinates.
+    /// Makes a blocker without faces, whose vertices are the given points of a mesh mapped to scene
+    /// coordinates.
     fn placed(mesh: &OccluderMesh, transform: &Affine3A, points: impl Iterator<Item = DVec3>) -> Self {
         let placement = Placement::new(mesh, transform);
         Self {
@@ -81,7 +83,8 @@ impl Blocker {
             if corner >> bit & 1 != 0 { max[axis] } else { min[axis] }
         };
         let vertices = (0..8).map(|i| DVec3::new(at(i, 0, 0), at(i, 1, 1), at(i, 2, 2))).collect();
-        // Six quadrilaterals, counter-clockwise from outside; vertex i has the maximum of axis k in bit k.
+        // The six sides, counter-clockwise as seen from outside. Bit k of a vertex's index says whether it
+        // has the box's maximum on axis k.
         let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
         Self {
             vertices,
@@ -93,22 +96,23 @@ impl Blocker {
     }
 }
 
-/// Returns a function that exchanges two corners of a triangle if the transform mirrors, so that the
-/// triangle's front stays its front.
+/// Returns a function that swaps two corners of a triangle if the transform mirrors, so that the front of the
+/// triangle stays its front.
 fn turn(transform: &Affine3A) -> impl Fn([u32; 3]) -> [u32; 3] {
     let is_mirrored = transform.matrix3.determinant() < 0.0;
     move |[a, b, c]| if is_mirrored { [a, c, b] } else { [a, b, c] }
 }
 
-/// The map from a mesh's coordinates to the scene's, in `f64`.
+/// A map from mesh coordinates to scene coordinates, in `f64`.
 pub(crate) struct Placement {
-    /// Columns of the linear part of the map. `None` if the map is the identity, translation included: points
-    /// stay as they are, without rounding.
+    /// Columns of the linear part of the map. `None` if the whole map is the identity: points then stay as
+    /// they are, without rounding.
     columns: Option<[DVec3; 3]>,
     translation: DVec3,
-    /// Bound on the sum of the magnitudes of a placed coordinate's terms, over all vertices, in metres.
+    /// Bound, in metres, on the sum of the magnitudes of the terms that add up to a coordinate of any mapped
+    /// vertex.
     size: f64,
-    /// Bound on the error of each coordinate of a placed vertex, in metres. 0 for the identity.
+    /// Bound on the error of each coordinate of a mapped vertex, in metres. 0 for the identity.
     pub(crate) doubt: f64,
 }
 

@@ -1,11 +1,11 @@
-//! Visibility from a region behind single convex blockers: an object is hidden if one blocker hides it from
-//! all of the viewcell.
+//! Visibility from a region, with single convex blockers: an object is hidden if one blocker alone hides it
+//! from every point of the viewcell.
 //!
 //! This work is based on: Cohen-Or, Fibich, Halperin and Zadicario, "Conservative Visibility and Strong
 //! Occlusion for Viewspace Partitioning of Densely Occluded Scenes", 1998, for the test, and on
 //! Saona-Vazquez, Navazo and Brunet, "The Visibility Octree: A Data Structure for 3D Navigation", 1999, for
 //! the choice of few blockers and the test of whole nodes. Blockers do not fuse: a house smaller than the
-//! viewcell hides little, and a row of them hides no more.
+//! viewcell hides little, and a row of such houses hides no more.
 
 use crate::blocker::Blocker;
 use crate::remove::{cell_box, remove_hidden};
@@ -18,14 +18,14 @@ use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Accuracy, CullStats, OccluderMesh, RegionCuller, Scene, VisibleSet};
 
-/// Greatest number of blockers of a viewcell. Twice as many hide next to nothing more (measured).
+/// Greatest number of blockers of a viewcell. Twice as many hide hardly more objects (measured).
 const BLOCKERS: usize = 128;
 
-/// Removes objects that a single convex blocker hides from all of a viewcell. Conservative.
+/// Removes objects that a single convex blocker hides from every point of a viewcell. Conservative.
 ///
-/// Blockers are the convex solids among the occluder meshes of the candidates, and the largest triangles of
-/// meshes without solids. Of these, the 128 that look largest from the viewcell are used. A solid that the
-/// viewcell meets hides nothing.
+/// Blockers are convex solids among the candidates' occluder meshes, and the largest triangles of meshes
+/// without such solids. The 128 that look largest from the viewcell are used. A solid that meets the viewcell
+/// hides nothing.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, pvs::Viewcell};
@@ -51,17 +51,18 @@ pub struct ConvexBlockersCuller {
     blockers: Vec<[DVec3; 2]>,
 }
 
-/// A convex solid, or a single triangle, that may become a blocker.
+/// A convex solid or a single triangle that may be chosen as a blocker.
 struct Candidate<'a> {
     shape: Shape<'a>,
-    /// Approximate solid angle in steradians, as seen from the viewcell. The greatest become blockers.
+    /// Approximate solid angle in steradians as seen from the viewcell. Candidates with the greatest become
+    /// blockers.
     rank: f64,
     bounds: [DVec3; 2],
 }
 
 enum Shape<'a> {
     Solid(&'a Blocker),
-    /// One triangle: its mesh, the mesh's transform, and the triangle's index.
+    /// A triangle of a mesh: the mesh, the mesh's transform, and the triangle's index.
     Triangle(&'a OccluderMesh, Affine3A, usize),
 }
 
@@ -90,8 +91,8 @@ impl RegionCuller for ConvexBlockersCuller {
         Accuracy::Conservative
     }
 
-    /// Removes the candidates that a single blocker hides. Of a viewcell that planes cut, the whole box
-    /// counts. A viewcell that is inverted or not finite removes nothing.
+    /// Removes the candidates that a single blocker hides. For a viewcell with planes, its whole box counts.
+    /// A viewcell that is inverted or not finite removes nothing.
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
         self.solids.sync(scene);
         self.umbrae.clear();
@@ -121,8 +122,8 @@ impl RegionCuller for ConvexBlockersCuller {
     }
 }
 
-/// Returns the solids of the candidate occluders, and the triangles of occluders without a solid. `min` and
-/// `max` are the corners of the viewcell's box, from which they are ranked.
+/// Returns the solids of the candidate occluders, and the triangles of occluders without a solid, ranked by
+/// how large they look from the viewcell. `min` and `max` are the corners of the viewcell's box.
 fn candidates<'a>(
     scene: &'a Scene,
     visible: &VisibleSet,
@@ -131,14 +132,15 @@ fn candidates<'a>(
     max: DVec3,
 ) -> Vec<Candidate<'a>> {
     let mut list = Vec::new();
-    // `area` holds areas seen along the three axes. A floor is large, but seen edge-on from afar.
+    // `area` holds the areas as seen along the three axes: a floor is large from above, but edge-on from
+    // afar.
     let mut add = |shape, bounds: [DVec3; 2], area: DVec3| {
         let towards = ((bounds[0] - max) + (bounds[1] - min)).normalize_or_zero();
         let area = area.abs().dot(towards.abs());
         let gap = (bounds[0] - max).max(min - bounds[1]).max(DVec3::ZERO).length();
         let reach = gap + 0.5 * (max - min).length();
         let rank = area / (reach * reach).max(f64::MIN_POSITIVE);
-        // Not for NaN.
+        // Also false for NaN.
         if rank > 0.0 {
             list.push(Candidate { shape, rank, bounds });
         }

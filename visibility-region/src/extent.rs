@@ -1,30 +1,31 @@
-//! Extent of a scene without a few objects that reach much farther than the others: a sky, an endless floor,
-//! an object that was put astray. Margins of decisions grow with the magnitudes around, and maps and octrees
-//! divide a range in proportion to its size. So one such object would take the precision from all others.
+//! Extent of a scene, without the few objects that reach much farther than the others, such as a sky, an
+//! endless floor or a misplaced object. Error margins grow with the magnitude of coordinates, and maps and
+//! octrees divide a range in proportion to its size, so one such object would cost precision for all others.
 
 use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Scene};
 
-/// Greatest number of objects from whose reaches the usual reach is estimated. An object's reach is the
-/// greatest magnitude of a coordinate of its bounds, relative to the scene's origin.
+/// Greatest number of objects from which the usual reach is estimated. The reach of an object is the greatest
+/// magnitude of a coordinate of its bounds, in metres from the scene's origin.
 const SAMPLE: usize = 1024;
 
-/// Greatest reach of an object that is not left out, as a multiple of the reach of nine in ten objects: 2^14.
+/// Greatest reach of an object that is not left out, as a multiple of the reach that nine in ten objects stay
+/// within: 2^14.
 const FARTHEST: f64 = 16_384.0;
 
-/// Returns the quantile at `part`, from 0 (the least number) to 1 (the greatest). It is one of the numbers,
-/// not interpolated. The numbers are reordered. `None` without numbers.
+/// Returns the quantile at `part`, from 0 (least number) to 1 (greatest), without interpolation. Reorders the
+/// numbers. `None` if there are no numbers.
 pub(crate) fn quantile(numbers: &mut [f64], part: f64) -> Option<f64> {
     let last = numbers.len().checked_sub(1)?;
     Some(*numbers.select_nth_unstable_by((last as f64 * part) as usize, f64::total_cmp).1)
 }
 
-/// Returns a box around a scene's objects, relative to the scene's origin, cut off where few objects reach:
-/// at [`FARTHEST`] times the reach of nine in ten objects or of the viewcell, whichever is greater. Objects
-/// that reach out of the box count as visible. Occluders whose coordinates are several times as large hide
-/// nothing. `None` if the scene has no objects that can be culled, or none with proper bounds.
+/// Returns a box around a scene's objects, relative to the scene's origin. It is cut off at [`FARTHEST`]
+/// times the reach of nine in ten objects, or of the viewcell if that is greater. Objects that reach out of
+/// the box count as visible. Occluders whose coordinates are several times as large hide nothing. `None` if
+/// the scene has no objects that can be culled, or none with proper bounds.
 pub(crate) fn usable_bounds(scene: &Scene, cell: &Viewcell) -> Option<Aabb> {
     let bounds = scene.culled_bounds()?;
     let step = scene.index_limit() / SAMPLE + 1;
@@ -38,7 +39,7 @@ pub(crate) fn usable_bounds(scene: &Scene, cell: &Viewcell) -> Option<Aabb> {
     Some(Aabb::new(bounds.min.max(-most), bounds.max.min(most)))
 }
 
-/// Tests whether bounds contain a box, their own sides included.
+/// Tests whether `bounds` contains the box `inner`, which may touch its sides.
 pub(crate) fn contains(bounds: &Aabb, inner: &Aabb) -> bool {
     bounds.min.cmple(inner.min).all() && inner.max.cmple(bounds.max).all()
 }

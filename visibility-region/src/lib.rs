@@ -3,23 +3,23 @@
 //!
 //! All methods are [`RegionCuller`](visibility_core::RegionCuller)s: they take a viewcell instead of a view.
 //!
-//! - [`ExtendedProjectionCuller`] is the one to begin with: conservative, fuses any number of occluders, and
+//! - [`ExtendedProjectionCuller`] is the one to start with: conservative, fuses any number of occluders, and
 //!   takes a fraction of a second.
-//! - [`OnlinePvs`] keeps the answers for an eye on the move, and makes the next ones ahead of it, in a scene
-//!   that changes.
-//! - [`SamplingCuller`] is aggressive: a lower bound to judge the others by.
-//! - [`ConvexBlockersCuller`] is conservative, and hides what one convex occluder hides alone: in rooms the
-//!   quickest, and often enough.
+//! - [`OnlinePvs`] keeps results for a moving eye and computes the next ones ahead of it, in a scene that
+//!   changes.
+//! - [`SamplingCuller`] is aggressive: it gives a lower bound with which to judge the other methods.
+//! - [`ConvexBlockersCuller`] is conservative, and finds objects that one convex occluder hides alone. In
+//!   rooms it is the fastest, and often sufficient.
 //! - `VolumetricCuller` and `ShrunkCuller` (feature `papers`, see `docs/papers.md` in the repository) are the
 //!   methods of other papers, conservative: octrees of opaque cells, shrunk occluders from sample points.
 //!
 //! # Which objects occlude
-//! The occluders of a conservative method are, as those of the culler of occlusion maps in `visibility-core`,
-//! the *candidates* that are flagged as occluders and have a mesh: see
-//! [`VisibleSet::for_each_occluder`](visibility_core::VisibleSet::for_each_occluder). An object that an
-//! earlier stage has dropped, that is on no layer of the set, that is not [always
-//! drawn](visibility_core::Scene::is_always_drawn), or that is never culled hides nothing, since it may not
-//! be drawn. The aggressive [`SamplingCuller`] errs the other way: whatever is always drawn blocks its rays,
+//! The occluders of a conservative method are the *candidates* that are flagged as occluders and have a mesh,
+//! as for the occlusion culler of `visibility-core`: see
+//! [`VisibleSet::for_each_occluder`](visibility_core::VisibleSet::for_each_occluder). An object hides
+//! nothing, since it may not be drawn, if an earlier stage has removed it, if it is on no layer of the set,
+//! if it is not [always drawn](visibility_core::Scene::is_always_drawn), or if it is never culled. The
+//! aggressive [`SamplingCuller`] errs the other way: every object that is always drawn blocks its rays,
 //! candidate or not.
 //!
 //! ```

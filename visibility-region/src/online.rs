@@ -1,11 +1,12 @@
-//! `OnlinePvs`: what can be seen from around an eye on the move, in a scene that changes.
+//! `OnlinePvs`: the objects visible from the surroundings of a moving eye, in a scene that changes.
 //!
-//! Two sizes of boxes make a viewcell cheap. What is hidden from a wide box, of some metres, is hidden from
-//! every viewcell inside it, and hides nothing there that other objects do not hide as well: a ray that
-//! reaches it has met another occluder before. So a viewcell asks about the objects that the wide box sees,
-//! with these as the only occluders. Further, the objects that the last viewcell saw are taken as seen, since
-//! nearly all of them are: a sweep ends early where no other object is asked. To forget what is out of sight
-//! by now, each viewcell asks about all objects in one of the six directions, in turn.
+//! Boxes of two sizes make a viewcell cheap. An object that is hidden from a wide box, of some metres, is
+//! hidden from every viewcell inside it. It also hides nothing there that other objects do not hide as well,
+//! since a ray that reaches it has met another occluder before. So a viewcell tests only the objects that the
+//! wide box sees, with these as the only occluders. Further, the objects that the last viewcell saw are
+//! assumed to be seen, since nearly all of them are: a sweep ends early where no other object needs a test.
+//! To drop objects that are no longer visible, each viewcell tests all objects in one of the six directions,
+//! in turn.
 
 use crate::sight_start::sight_start;
 use crate::solids::occluding;
@@ -21,35 +22,34 @@ use visibility_core::stamp::Stamp;
 use visibility_core::view::Eye;
 use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet};
 
-/// Number of boxes of each size that are kept, besides those around places that are still asked for.
+/// Number of boxes of each size that are kept, besides those that hold a place given by the caller.
 const KEPT: usize = 32;
 
-/// The objects that can be seen from around an eye on the move, made a little ahead of it, in a scene that
-/// changes: conservative.
+/// Conservative sets of visible objects around a moving eye, computed a little ahead of it, in a scene that
+/// changes.
 ///
-/// [`step`](Self::step) works ahead: each call sweeps one of the six directions of one box, or a part of it.
+/// [`step`](Self::step) works ahead: each call sweeps one of the six directions of a box, or a part of it.
 /// The caller says how much work a call may do, and names the places where the eye is and may be next.
-/// [`cull`](Culler::cull) answers at once: by the viewcell that holds the eye, otherwise by the wide box
-/// around it, otherwise by nothing, so that all candidates stay. Lines of sight begin on the near plane, so
-/// the viewcell must hold that as well.
+/// [`cull`](Culler::cull) answers at once, by the viewcell that holds the eye, otherwise by the wide box
+/// around it. Without either, all candidates stay. Lines of sight begin on the near plane, so the viewcell
+/// must hold the near plane too.
 ///
-/// An object that was inserted, moved, or changed otherwise counts as visible until the next wide box is
-/// made, and it is not among the occluders of the next boxes, so that a mover does not cost the boxes each
-/// frame. A change of an object that was among them forgets all boxes: doors and other movers should not be
-/// flagged as occluders, or hide by a culler of frames. All boxes are forgotten as well in another scene, a
-/// clone included, and if more objects change between two calls than the scene's log holds: 1,024, or a
-/// quarter of the objects if that is more.
-/// Views whose layers leave out an occluder of the boxes keep all candidates. Objects that earlier stages of
-/// a pipeline drop occlude all the same, as in a baked set.
+/// An object that was inserted, moved or otherwise changed counts as visible until the next wide box is made,
+/// and it is not an occluder of the next boxes, so that a moving object does not invalidate boxes each frame.
+/// A change of an object that was an occluder of a box drops all boxes: doors and other moving objects should
+/// not be flagged as occluders, or should occlude in a per-frame culler. All boxes are also dropped for
+/// another scene, including a clone, and if more objects change between two calls than the scene's log holds:
+/// 1,024, or a quarter of the objects if that is more. If a view's layers leave out an occluder of the boxes,
+/// all candidates stay. Objects that earlier stages of a pipeline remove still occlude, as in a baked set.
 ///
 /// # Cost
-/// A viewcell of .6 m takes 2 to 20 milliseconds in scenes of some thousand objects, and a wide box 15 to 80.
-/// A step takes as much of a sixth of that as its budget allows. Three things are not divided: the first step
-/// in a scene of walls, of at most 32 triangles an occluder, sorts all their edges; beginning and finishing a
-/// box take some nanoseconds for each object of the scene; and once the hierarchy of the scene has changed at
-/// more than two steps of a wide box, each of the directions left is one step. Steps allocate. A frame takes
-/// a few nanoseconds for each candidate, and looks at a bit for each object of the scene. A kept box takes a
-/// bit for each object of the scene, and 8 bytes for each object that can be seen.
+/// A viewcell of 0.6 m takes 2 to 20 milliseconds in scenes of some thousand objects, and a wide box 15 to
+/// 80. A step does a sixth of that, or the part that its budget allows. Three things are not divided: the
+/// first step in a scene of walls (at most 32 triangles for each occluder on average) sorts all their edges;
+/// beginning and finishing a box take some nanoseconds for each object of the scene; and once the hierarchy
+/// of the scene has changed during more than two steps of a wide box, each remaining direction is one step.
+/// Steps allocate. A frame takes a few nanoseconds for each candidate, and reads one bit for each object of
+/// the scene. A kept box takes one bit for each object of the scene, and 8 bytes for each visible object.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Culler, Object, OccluderMesh, Pose, Scene, View,
@@ -78,68 +78,68 @@ const KEPT: usize = 32;
 /// ```
 #[derive(Clone, Debug)]
 pub struct OnlinePvs {
-    /// Sizes of the boxes along x, y and z in metres: `sizes[WIDE]` of wide boxes, `sizes[NEAR]` of
+    /// Sizes of the boxes along x, y and z in metres: `sizes[WIDE]` for wide boxes, `sizes[NEAR]` for
     /// viewcells.
     sizes: [DVec3; 2],
     margin: f64,
     culler: ExtendedProjectionCuller,
-    /// Surfaces of the occluders: of a level of walls together, otherwise of each by itself. `None` if they
-    /// are to be collected anew.
+    /// Surfaces of the occluders, joined across objects in a scene of walls, otherwise for each object by
+    /// itself. `None` if they must be collected again.
     surfaces: Option<Arc<Surfaces>>,
-    /// Indices of the objects that are to be listed in `surfaces`, or to be listed anew.
+    /// Indices of the objects whose surfaces are not in `surfaces`, or are outdated there.
     unlisted: Bits,
-    /// State of the scene that all fields below are of.
+    /// State of the scene to which all fields below belong.
     cursor: SceneCursor,
-    /// Finished boxes by size, each with what is hidden from it: `made[WIDE]` holds the wide boxes,
-    /// `made[NEAR]` the viewcells.
+    /// Finished boxes, each with the objects hidden from it: `made[WIDE]` holds the wide boxes, `made[NEAR]`
+    /// the viewcells.
     made: [Vec<Made>; 2],
-    /// The box at work. `None` before the first step, and between two boxes.
+    /// The box that steps work on. `None` before the first step, and between two boxes.
     job: Option<Job>,
-    /// Indices of the objects that were occluders of any box in `made` or of `job`.
+    /// Indices of the objects that were occluders of a box in `made` or of the box of `job`.
     occluding: Bits,
-    /// Layer masks of these objects, each mask once.
+    /// Layer masks of the objects in `occluding`, each mask once.
     layers: Vec<u32>,
-    /// Indices of the objects that have changed since the last wide box was begun, and between that and the
-    /// one before.
+    /// Indices of the objects that have changed: since the last wide box was begun, and between the
+    /// beginnings of the last two wide boxes.
     changed: [Bits; 2],
-    /// Objects that the viewcell finished last sees. The next viewcell takes them as seen without asking.
+    /// Objects that the last finished viewcell sees. The next viewcell assumes that it sees them too.
     known: Vec<ObjectId>,
-    /// Direction, 0 to 5, in which the next viewcell asks about all objects that the wide box sees, `known`
-    /// ones included.
+    /// Direction, 0 to 5, in which the next viewcell tests all objects that the wide box sees, including
+    /// those in `known`.
     full_direction: usize,
-    /// Counter of uses of boxes, by which [`Made::used`] orders them: greater is later.
+    /// Counter of uses of boxes. [`Made::used`] holds its value at a box's last use.
     clock: u64,
-    /// Size ([`WIDE`] or [`NEAR`]) and box of the last frame's answer. `None` if no box answered, so that all
+    /// Size ([`WIDE`] or [`NEAR`]) and box that answered the last frame. `None` if no box did, so that all
     /// candidates stayed.
     answer: Option<(usize, Viewcell)>,
-    /// Indices of the objects hidden from the box that answered the last frame; empty if none did. Compared
-    /// with the next frame's to find `came` and `went`.
+    /// Indices of the objects hidden from the box that answered the last frame; empty if no box did. Compared
+    /// with those of the next frame to find `came` and `went`.
     last_hidden: Bits,
     came: Vec<ObjectId>,
     went: Vec<ObjectId>,
-    /// Scratch memory: the objects of a list with their importance.
+    /// Scratch memory: objects with their importance.
     ranked: Vec<(f64, ObjectId)>,
 }
 
-/// Number of times that the sweep of a direction of a wide box begins anew because the hierarchy of the scene
-/// has changed. After that, each direction of the box is one step.
+/// Number of times that the sweep of a direction of a wide box starts again because the hierarchy of the
+/// scene has changed. After that, each direction of the box is one step.
 const RESTARTS: u32 = 2;
 
-/// Work for a triangle whose surfaces are listed.
+/// Cost of listing the surfaces of one triangle, in nanoseconds of [`Work`].
 const LISTED_TRIANGLE: u64 = 500;
 
-/// Index of the larger of the two sizes of boxes, the wide boxes, in arrays by size.
+/// Index of the wide boxes, the larger of two sizes of boxes, in arrays by size.
 const WIDE: usize = 0;
-/// Index of the smaller of the two sizes of boxes, the viewcells, in arrays by size.
+/// Index of the viewcells, the smaller of two sizes of boxes, in arrays by size.
 const NEAR: usize = 1;
 
-/// Work that a [step](OnlinePvs::step) has done.
+/// Report of the work that one [step](OnlinePvs::step) has done.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub struct OnlineStep {
-    /// Whether the box is a wide one, not a viewcell.
+    /// Whether the step worked on a wide box, not on a viewcell.
     pub is_wide: bool,
-    /// Whether the step was the last of its box, which answers from now on.
+    /// Whether the step has finished its box, which answers frames from now on.
     pub is_last: bool,
     /// Work counters of the step.
     pub stats: CullStats,
@@ -149,30 +149,31 @@ pub struct OnlineStep {
 #[derive(Clone, Debug)]
 struct Made {
     cell: Viewcell,
-    /// Indices of the hidden objects, without those that have changed since.
+    /// Indices of the hidden objects, except those that have changed since the box was finished.
     hidden: Bits,
-    /// Objects that were not hidden when the box was finished: of the scene for a wide box, of those that the
-    /// wide box sees for a viewcell.
+    /// Objects that were not hidden when the box was finished. For a wide box these are objects of the whole
+    /// scene, for a viewcell objects that the wide box sees.
     seen: Vec<ObjectId>,
-    /// [`OnlinePvs::clock`] when the box was used last, or was finished.
+    /// Value of [`OnlinePvs::clock`] when the box was last used, or when it was finished.
     used: u64,
 }
 
-/// A box that [`step`](OnlinePvs::step) works on, one direction at a time. It answers no frame before it is
+/// A box that [`step`](OnlinePvs::step) works on, one direction at a time. It answers no frame until it is
 /// finished.
 #[derive(Clone, Debug)]
 struct Job {
     level: usize,
     cell: Viewcell,
-    /// Direction of the next step, 0 to 5.
+    /// Direction that the next step sweeps, 0 to 5.
     next: usize,
     occluding: Bits,
-    /// For a viewcell: what is hidden from the wide box, without the objects that have changed since.
+    /// For a viewcell: indices of the objects hidden from the wide box around it, except those that changed
+    /// later.
     hidden: Bits,
-    /// Indices of the objects that have changed since the box was begun.
+    /// Indices of the objects that have changed since work on the box began.
     stale: Bits,
-    /// Layout of the scene when the sweep of the present direction was begun, and number of times that such a
-    /// sweep was begun anew because the layout had changed.
+    /// Layout of the scene's hierarchy when the sweep of the present direction was begun, and, in `restarts`,
+    /// how often a sweep was started again because the layout had changed.
     layout: Stamp,
     restarts: u32,
     /// For a viewcell: the objects that the wide box sees.
@@ -182,12 +183,12 @@ struct Job {
 }
 
 impl OnlinePvs {
-    /// Creates the sets of an observer. `viewcell` and `wide` are the sizes of the boxes along x, y and z in
-    /// metres. A viewcell of .6 m lasts for a quarter of a second of walking. The wide box should be some
-    /// times as wide, and not higher than the viewcell: from above walls much more is seen.
+    /// Makes an empty store of boxes for one eye. `viewcell` and `wide` are the sizes of the boxes along x, y
+    /// and z in metres. A viewcell of 0.6 m lasts for a quarter of a second of walking. The wide box should
+    /// be several times as wide, but not higher than the viewcell: from above walls much more is visible.
     ///
     /// # Panics
-    /// If a size is not positive and finite, or a viewcell is larger than the wide box on an axis.
+    /// If a size is not positive and finite, or the viewcell is larger than the wide box on an axis.
     pub fn new(viewcell: DVec3, wide: DVec3) -> Self {
         let is_usable = viewcell.min_element() > 0.0 && viewcell.cmple(wide).all() && wide.is_finite();
         assert!(is_usable, "sizes of boxes must be positive, and those of viewcells at most the wide ones");
@@ -214,30 +215,30 @@ impl OnlinePvs {
         }
     }
 
-    /// Sets the distance in metres around each place that its viewcell must hold: to the corners of the near
-    /// plane, and to both eyes of a headset. At most half the least size of the viewcell; by default an
-    /// eighth. NaN counts as 0.
+    /// Sets how far, in metres, a viewcell must extend around each place that it holds: to the corners of the
+    /// near plane and to both eyes of a headset. At most half the least size of the viewcell; an eighth by
+    /// default. NaN counts as 0.
     #[must_use]
     pub fn with_margin(self, margin: f64) -> Self {
         Self { margin: margin.max(0.0).min(self.sizes[NEAR].min_element() / 2.0), ..self }
     }
 
-    /// Works on the most urgent box that is missing: that of the first of `places` without a viewcell. Sweeps
-    /// one direction, or goes on with the one that the last step left. Returns the work done, or `None` if
-    /// all places have viewcells. `places` are in world space: the eye, then places where it may be next,
-    /// such as points of its path at equal times. A viewcell is put around as many places in a row as it
-    /// holds. Places that are not finite are left out.
+    /// Works on the most urgent missing box: the one for the first of `places` without a viewcell. Sweeps one
+    /// direction, or continues the direction that the last step left unfinished. Returns the work done, or
+    /// `None` if all places have viewcells. `places` are in world space: the eye, then places where it may be
+    /// next, such as points of its path at equal times. A viewcell is placed so that it holds as many
+    /// successive places as possible. Places that are not finite are ignored.
     ///
-    /// The step ends with the direction, or once `budget` is used up: work of about so many microseconds of a
-    /// core of 3 GHz, counted and not timed, so that the steps are the same on every machine. A step does a
-    /// little work even with a budget of 0, and exceeds its budget by at most one lump: an object of which
-    /// the surfaces are listed, a cluster of which pieces are found, an occluder drawn, a plane begun. The
-    /// answers do not depend on budgets.
+    /// The step ends with the direction, or once `budget` is used up: the work of about that many
+    /// microseconds of a 3 GHz core. Work is counted and not timed, so that the steps are the same on every
+    /// machine. A step does a little work even with a budget of 0, and exceeds its budget by at most one
+    /// indivisible unit: the surfaces of an object, the pieces of a cluster, the drawing of an occluder, the
+    /// beginning of a plane. The results do not depend on budgets.
     pub fn step(&mut self, scene: &Scene, places: &[DVec3], budget: u32) -> Option<OnlineStep> {
         self.sync(scene);
         let finite = || places.iter().copied().filter(|place| place.is_finite());
         let number = finite().position(|place| self.find(NEAR, self.around(place)).is_none())?;
-        // A box that a place needs is finished, unless the eye itself is without a viewcell.
+        // A begun box that some place needs is finished first, unless the eye itself has no viewcell.
         let mut needing = finite().take(if number == 0 { 1 } else { usize::MAX });
         let goes_on = self.job.as_ref().is_some_and(|job| {
             needing.any(|place| {
@@ -252,7 +253,7 @@ impl OnlinePvs {
             if !self.list(scene, &mut work) {
                 return Some(OnlineStep { is_wide: true, is_last: false, stats });
             }
-            // The place before is held as well, so that no gap is left between two viewcells.
+            // The box must also hold the place before, so that no gap is left between two viewcells.
             let rest: Vec<DVec3> = finite().skip(number.saturating_sub(1)).collect();
             let ends = finite().next().zip(finite().next_back());
             let heading = ends.map_or(DVec3::ZERO, |(first, last)| last - first);
@@ -266,7 +267,7 @@ impl OnlinePvs {
             _ => Asked::Objects(&job.new),
         };
         let ask = Ask { occluding: &job.occluding, asked, stop: &|| false };
-        // Nodes of the hierarchy are not what they were when the sweep of the direction was begun.
+        // The hierarchy's nodes have changed since the sweep of this direction was begun.
         if job.level == WIDE && job.layout != scene.layout() {
             job.layout = scene.layout();
             job.restarts += u32::from(self.culler.restart());
@@ -284,7 +285,7 @@ impl OnlinePvs {
         Some(step)
     }
 
-    /// Returns whether a viewcell answered the last frame. False if a wide box did, or none.
+    /// Returns whether a viewcell answered the last frame. False if a wide box or no box answered it.
     pub fn is_ready(&self) -> bool {
         matches!(self.answer, Some((NEAR, _)))
     }
@@ -295,35 +296,35 @@ impl OnlinePvs {
     }
 
     /// Returns the objects that the box of the last frame sees and the box of the frame before did not see,
-    /// wherever the view looks; all that were hidden come if no box answers. An inserted object is among them
-    /// only if it has the index of a removed one that was hidden. In another scene both lists begin anew, as
-    /// if nothing had been hidden.
+    /// wherever the view looks. If no box answered the last frame, these are all objects that were hidden. An
+    /// inserted object is among them only if it has the index of a removed object that was hidden. In another
+    /// scene both this list and [`went`](Self::went) start again, as if nothing had been hidden.
     ///
-    /// The most important object comes first: that of the largest diagonal over distance from the box that
-    /// answered. Of equal ones the first has the least [index](ObjectId::index). So a stream that has room
-    /// for some bytes a frame sends the first objects, as many as fit. What was never hidden never comes: a
-    /// stream begins with all objects of the scene, and takes in those that are inserted.
+    /// The most important object comes first: the one with the largest ratio of diagonal to distance from the
+    /// box that answered. Equal ratios are ordered by [index](ObjectId::index). A stream with room for some
+    /// bytes a frame therefore sends as many of the first objects as fit. An object that was never hidden is
+    /// never listed: a stream begins with all objects of the scene, and adds those that are inserted.
     pub fn came(&self) -> &[ObjectId] {
         &self.came
     }
 
-    /// Returns the objects that the box of the frame before saw and the box of the last frame does not see.
-    /// Removed objects are not among them. In the order of [`came`](Self::came): what is unloaded first is
-    /// last.
+    /// Returns the objects that the box of the frame before saw and the box of the last frame does not see,
+    /// except removed objects. In the order of [`came`](Self::came), so the last one should be unloaded
+    /// first.
     pub fn went(&self) -> &[ObjectId] {
         &self.went
     }
 
     /// Returns the indices of the objects that are hidden from all points of a box in world space, from `min`
-    /// to `max`. Only for observers that all occluders of the scene are drawn for, as other observers of a
-    /// server. `None` if no box that was made holds this one, or unless `min` is at most `max` on each axis.
+    /// to `max`. Only for observers for which all occluders of the scene are drawn, such as other players on
+    /// a server. `None` if no finished box holds this one, or if `min` is not at most `max` on each axis.
     pub fn hidden_from(&mut self, scene: &Scene, min: DVec3, max: DVec3) -> Option<&Bits> {
         self.sync(scene);
         let (level, at) = min.cmple(max).all().then(|| self.best(min, max))??;
         Some(&self.made[level][at].hidden)
     }
 
-    /// Takes in the changes of the scene.
+    /// Applies the changes of the scene since the last call: drops boxes and marks changed objects.
     fn sync(&mut self, scene: &Scene) {
         let is_same = self.cursor.is_in(scene);
         let Changes::Objects(ids) = self.cursor.follow(scene) else {
@@ -381,7 +382,7 @@ impl OnlinePvs {
         true
     }
 
-    /// Forgets all boxes.
+    /// Drops all boxes, finished or begun.
     fn forget(&mut self) {
         self.made.iter_mut().for_each(Vec::clear);
         self.job = None;
@@ -390,13 +391,13 @@ impl OnlinePvs {
         self.layers.clear();
     }
 
-    /// Returns the box around a place that its viewcell must hold.
+    /// Returns the box that a viewcell must hold for a place: the place with the margin around it.
     fn around(&self, place: DVec3) -> [DVec3; 2] {
         [place - self.margin, place + self.margin]
     }
 
-    /// Returns the index in `made[level]` of the finished box that was used last, of those that hold the box
-    /// from `low` to `high`. `None` if none holds it.
+    /// Returns the index in `made[level]` of the last used box among those that hold the box from `low` to
+    /// `high`. `None` if none holds it.
     fn find(&self, level: usize, [low, high]: [DVec3; 2]) -> Option<usize> {
         let made = self.made[level].iter().enumerate();
         made.filter(|(_, made)| holds(&made.cell, low, high))
@@ -405,7 +406,7 @@ impl OnlinePvs {
     }
 
     /// Returns the size and the index in `made` of the best finished box that holds the box from `low` to
-    /// `high`: a viewcell if there is one, otherwise a wide box, otherwise `None`. Notes its use.
+    /// `high`: a viewcell, otherwise a wide box, otherwise `None`. Marks the box as used.
     fn best(&mut self, low: DVec3, high: DVec3) -> Option<(usize, usize)> {
         let (level, at) =
             [NEAR, WIDE].iter().find_map(|&level| Some((level, self.find(level, [low, high])?)))?;
@@ -414,8 +415,8 @@ impl OnlinePvs {
         Some((level, at))
     }
 
-    /// Returns a box of the size of `level` around the box `first` and around as many of `places` in a row as
-    /// it holds. Room that is left over lies ahead of them, along `heading`.
+    /// Returns a box of size `level` that holds the box `first` and as many of the next `places` in a row as
+    /// it can. Spare room is put ahead, along `heading`.
     fn fit(&self, level: usize, first: [DVec3; 2], places: &[DVec3], heading: DVec3) -> Viewcell {
         let size = self.sizes[level];
         let mut ends = first;
@@ -431,11 +432,11 @@ impl OnlinePvs {
         let ahead = heading / heading.abs().max_element().max(f64::MIN_POSITIVE);
         let ahead = if ahead.is_finite() { ahead } else { DVec3::ZERO };
         let middle = ends[0] * 0.5 + ends[1] * 0.5 + room * ahead;
-        // Rounding must not make the box smaller than what it is to hold.
+        // Rounding must not exclude a point that the box is to hold.
         Viewcell::from_box((middle - size * 0.5).min(ends[0]), (middle + size * 0.5).max(ends[1]))
     }
 
-    /// Begins the box that `places[missing]` needs, around the places before it too if the box holds them.
+    /// Begins the box that `places[missing]` needs. If possible it also holds `places[0]`, the place before.
     /// `heading` is the direction of the eye's path.
     fn begin(&mut self, scene: &Scene, places: &[DVec3], missing: usize, heading: DVec3) {
         let around = self.around(places[missing]);
@@ -443,7 +444,7 @@ impl OnlinePvs {
         let both = [around[0].min(from[0]), around[1].max(from[1])];
         let fits = (both[1] - both[0]).cmple(self.sizes[NEAR]).all();
         let cell = self.fit(NEAR, if fits { both } else { around }, &places[missing..], heading);
-        // A viewcell is cut off at the sides of the wide box, unless too little of it is left.
+        // A viewcell is clipped to the wide box, unless that would leave less than half of it on an axis.
         let clipped = |wide: &Viewcell| Viewcell::from_box(cell.min.max(wide.min), cell.max.min(wide.max));
         let least = (cell.max - cell.min) * 0.5;
         let is_enough = |clipped: &Viewcell| (clipped.max - clipped.min).cmpge(least).all();
@@ -475,7 +476,8 @@ impl OnlinePvs {
         self.job = Some(self.without_movers(scene, job));
     }
 
-    /// Takes the objects that have changed from the occluders of a box, and notes the others.
+    /// Removes the objects that have changed lately from the occluders of a box, and notes the remaining
+    /// occluders.
     fn without_movers(&mut self, scene: &Scene, mut job: Job) -> Job {
         for bits in &self.changed {
             bits.iter().for_each(|index| _ = job.occluding.remove(index));
@@ -490,7 +492,8 @@ impl OnlinePvs {
         job
     }
 
-    /// Keeps the box at work, and drops the oldest of its size that no place needs if there are many.
+    /// Keeps the box at work as finished. If there are many boxes of its size, drops the one used longest ago
+    /// that no place needs.
     fn finish(&mut self, scene: &Scene, places: &[DVec3]) {
         let Some(job) = self.job.take() else { return };
         let mut hidden = job.hidden;
@@ -518,8 +521,8 @@ impl OnlinePvs {
         }
     }
 
-    /// Notes what the box of this frame sees and that of the frame before did not, and the other way round.
-    /// Both lists are put in order of importance for a viewer in the box `around`, minimum and maximum.
+    /// Notes which objects the box of this frame sees and that of the frame before did not, and the reverse.
+    /// Sorts both lists by importance for a viewer in the box `around`, given by its minimum and maximum.
     fn note_differences(&mut self, scene: &Scene, at: Option<(usize, usize)>, around: (DVec3, DVec3)) {
         self.came.clear();
         self.went.clear();
@@ -549,9 +552,9 @@ impl OnlinePvs {
     }
 }
 
-/// Returns the diagonal of an object's bounds over their distance from a box in world space: about the
-/// greatest angle at which the object is seen from the box, for small angles. Infinite for an object that
-/// reaches into the box, and 0 for an unknown one.
+/// Returns the diagonal of an object's bounds divided by their distance from a box in world space. For small
+/// angles, this is about the greatest angle in radians at which the box sees the object. Infinite for an
+/// object that reaches into the box, and 0 for an unknown one.
 fn importance(scene: &Scene, id: ObjectId, (low, high): (DVec3, DVec3)) -> f64 {
     let Ok(bounds) = scene.bounds(id) else { return 0.0 };
     let [min, max] = [bounds.min, bounds.max].map(|corner| corner.as_dvec3() + scene.origin());

@@ -1,4 +1,4 @@
-//! `OnlineCells`: sets that are made online, as the level in which movers see each other.
+//! `OnlineCells`: viewcells between which movers may see each other, by sets that an `OnlinePvs` makes.
 
 use crate::OnlinePvs;
 use alloc::vec::Vec;
@@ -9,13 +9,14 @@ use visibility_core::stamp::Stamp;
 use visibility_core::who_sees::{Reach, SightCells};
 use visibility_core::{Aabb, Object, ObjectId, Scene};
 
-/// Viewcells that stand in a scene as objects, so that each set of the scene tells which of them are hidden:
-/// with an [`OnlinePvs`] the level in which movers see each other while walls come, move and vanish.
+/// Viewcells that are objects of a scene, so that each set of an [`OnlinePvs`] tells which of the viewcells
+/// are hidden. With it, [`WhoSees`](visibility_core::who_sees::WhoSees) finds which movers see each other
+/// while walls appear, move and vanish.
 ///
-/// A mover sees and is seen by all while it is not wholly in the viewcells. It sees all while no box of the
-/// `OnlinePvs` holds its whole reach: let the boxes be larger than that, and call
-/// [`step`](OnlinePvs::step) with the middles of the movers' reaches. Sets are made for eyes all around, so
-/// movers at one place share them.
+/// While a mover is not wholly in the viewcells, it sees all movers and all see it. While no box of the
+/// `OnlinePvs` holds the mover's whole reach, it sees all movers. So boxes should be larger than the reaches,
+/// and [`step`](OnlinePvs::step) should be called with the middles of the reaches. Sets hold for all view
+/// directions, so movers at one place share them.
 ///
 /// ```
 /// use visibility_core::glam::{Affine3A, DVec3};
@@ -51,14 +52,14 @@ use visibility_core::{Aabb, Object, ObjectId, Scene};
 #[derive(Clone, Debug)]
 pub struct OnlineCells {
     viewcells: Viewcells,
-    /// The object of each viewcell.
+    /// Object that represents each viewcell, in the order of the viewcells.
     objects: Vec<ObjectId>,
     stamp: Stamp,
 }
 
 impl OnlineCells {
-    /// Adds an object to the scene for the box of each viewcell. They hide nothing and are on no layer, so
-    /// that no view shows them.
+    /// Adds an object to the scene for the box of each viewcell. The objects hide nothing and are on no
+    /// layer, so no view shows them.
     pub fn new(scene: &mut Scene, viewcells: Viewcells) -> Self {
         let origin = scene.origin();
         let object = |cell: &Viewcell| Object { layers: 0, ..Object::new(bounds(cell, origin)) };
@@ -66,14 +67,14 @@ impl OnlineCells {
         Self { viewcells, objects, stamp: Stamp::new() }
     }
 
-    /// Returns the objects of the viewcells, in their order. After the scene's origin has moved they need new
-    /// bounds, as all objects do.
+    /// Returns the objects that represent the viewcells, in their order. After the scene's origin has moved,
+    /// they need new bounds, as all objects do.
     pub fn objects(&self) -> &[ObjectId] {
         &self.objects
     }
 
-    /// Returns the level as it is in a scene, by the sets made for it. All see all if an object of a viewcell
-    /// is not in the scene, or has other bounds there.
+    /// Returns these viewcells as the level for movers, in a scene with the sets made for it. All see all if
+    /// an object of a viewcell is not in the scene, or has other bounds there.
     pub fn with<'a>(&'a self, scene: &'a Scene, online: &'a mut OnlinePvs) -> impl SightCells + 'a {
         let mut objects = self.viewcells.cells().iter().zip(&self.objects);
         let origin = scene.origin();
@@ -82,12 +83,12 @@ impl OnlineCells {
     }
 }
 
-/// Returns the bounds of a viewcell's object, relative to the scene's origin.
+/// Returns the bounds of the object that represents a viewcell, relative to the scene's origin.
 fn bounds(cell: &Viewcell, origin: DVec3) -> Aabb {
     Aabb::from_world(cell.min, cell.max, origin)
 }
 
-/// [`OnlineCells`] in a scene.
+/// [`OnlineCells`] combined with a scene and its sets.
 struct CellsNow<'a> {
     cells: &'a OnlineCells,
     scene: &'a Scene,

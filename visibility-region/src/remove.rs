@@ -1,5 +1,4 @@
-//! Functions that cullers of viewcells share: the box of a viewcell, and the removal of the objects in
-//! umbrae.
+//! Functions shared by cullers of viewcells: the box of a viewcell, and the removal of objects inside umbrae.
 
 use crate::umbra::Umbra;
 use alloc::vec::Vec;
@@ -15,7 +14,7 @@ pub(crate) fn cell_box(cell: &Viewcell, origin: DVec3) -> Option<(DVec3, DVec3)>
     if !cell.min.cmple(cell.max).all() {
         return None;
     }
-    // A difference of zero is exact, and stays.
+    // A difference of zero is exact, so it is not rounded outwards.
     let outwards = |x: f64, step: fn(f64) -> f64| if x == 0.0 { x } else { step(x) };
     let (min, max) = (cell.min - origin, cell.max - origin);
     let (min, max) = if origin == DVec3::ZERO {
@@ -28,11 +27,11 @@ pub(crate) fn cell_box(cell: &Viewcell, origin: DVec3) -> Option<(DVec3, DVec3)>
     (min.is_finite() && max.is_finite()).then_some((min, max))
 }
 
-/// Test of a box in scene coordinates: true if the box is certainly hidden from all of the viewcell.
+/// Test of a box in scene coordinates: true if the box is certainly hidden from every point of the viewcell.
 pub(crate) type IsHidden<'a> = &'a dyn Fn(&Aabb) -> bool;
 
-/// Removes the candidates whose bounds lie within one of `umbrae`, or for whose bounds `or` returns true.
-/// Both are asked about the bounds of nodes too: a node that is hidden loses all candidates below it.
+/// Removes the candidates whose bounds are within one of `umbrae`, or for whose bounds `or` returns true.
+/// Nodes of the hierarchy are tested too: if a node is hidden, all candidates below it are removed.
 pub(crate) fn remove_hidden(
     scene: &Scene,
     visible: &mut VisibleSet,

@@ -1,11 +1,12 @@
-//! Visibility from a region by points and shrunk occluders: what occluders that are smaller by `e` hide from
-//! a point, the occluders themselves hide from all viewpoints within `e` of the point.
+//! Visibility from a region by sample points and shrunk occluders. If occluders that are shrunk by a distance
+//! `e` hide an object from a point, the occluders themselves hide it from all viewpoints within `e` of the
+//! point.
 //!
 //! This work is based on: Wonka, Wimmer and Schmalstieg, "Visibility Preprocessing with Occluder Fusion for
 //! Urban Walkthroughs", 2000. If the segment from the point `p` to `x` meets the shrunk occluder at `c`, then
 //! the segment from `q`, with `|p - q| <= e`, to `x` passes within `e` of `c`, inside the occluder itself.
-//! The points cover the boundary of the viewcell's box, since a line of sight from within crosses it. Any
-//! culler from a point will do, and its occluder fusion becomes that from the viewcell.
+//! The points cover the boundary of the viewcell's box, since every line of sight from within crosses the
+//! boundary. Any culler from a point can be used; its occluder fusion carries over to the viewcell.
 //!
 //! Occluders thinner than `2 e` vanish, so thin walls hide nothing from a viewcell of metres.
 
@@ -22,42 +23,43 @@ use visibility_core::{
     View, VisibleSet,
 };
 
-/// Distance of the near plane of a sample point's views, as a fraction of the viewcell's greatest extent, so
-/// that depths in such a view have magnitudes of `f32` at every scale. Any distance is sound: objects before
-/// a near plane are within this distance of the viewcell, and all such objects are kept.
+/// Distance of the near plane in the views from a sample point, as a fraction of the viewcell's greatest
+/// extent. Depths in such a view are then within the range of `f32` at every scale. Any distance is sound:
+/// objects in front of a near plane are within this distance of the viewcell, and all such objects are kept.
 const NEAR: f64 = 1e-6;
 
 /// Least distance of the near plane in metres, used for a viewcell that is a point.
 const MIN_NEAR: f64 = 1e-30;
 
-/// Bound on the rounding of sample points and of the distance between them, as a part of the greatest
+/// Bound on the rounding of sample points and of the distance between them, as a fraction of the greatest
 /// coordinate M. With U the round-off of `f64`: an extent is at most 2 M and wrong by 2 U M, a patch and its
-/// multiple by 2 U M more each, the sum with the corner by U M, so a point is wrong by 7 U M on each of two
-/// axes, 10 U M in all. The distance is wrong by 4 U of itself, 6 U M. 16 U M is 8 epsilon of M: twice as
-/// much is taken.
+/// multiple by another 2 U M each, and the sum with the corner by U M. A point is wrong by 7 U M on each of
+/// two axes, 10 U M in all. The distance is wrong by 4 U of itself, 6 U M. The sum, 16 U M, is 8 epsilon of
+/// M: twice as much is taken.
 const POINT_ROUNDING: f64 = 16.0 * f64::EPSILON;
 
-/// Margin of lengths for rounding to `f32`, as a part of the sum of the magnitudes of the terms that a placed
-/// coordinate is summed of. A vertex of the shrunk mesh rounds by half an epsilon of itself, and a map that
-/// places the vertex in `f32` by four roundings, 2 epsilon of the sum: 2.5 would do. The rest covers what
-/// [`shrink`] rounds in `f64`: the distance of a face is wrong by some 10 U over the sharpness of its
-/// triangle (an area of 1e-4 of the longest side squared at least, see `solids.rs`), below 1e-11 of the sum.
+/// Margin of lengths for rounding to `f32`, as a fraction of the sum of the magnitudes of the terms that add
+/// up to a transformed coordinate. A vertex of the shrunk mesh rounds by half an epsilon of itself, and its
+/// transformation in `f32` by four roundings, 2 epsilon of the sum: 2.5 would be enough. The rest covers the
+/// rounding of [`shrink`] in `f64`: the distance of a face is wrong by some 10 roundings over the sharpness
+/// of its triangle (an area of 1e-4 of the longest side squared at least, see `solids.rs`), below 1e-11 of
+/// the sum.
 const ROUNDING: f64 = 8.0 * f32::EPSILON as f64;
 
-/// Greatest number of points along a side of the viewcell.
+/// Greatest number of sample points along a side of the viewcell.
 const MAX_POINTS_PER_SIDE: usize = 64;
 
-/// Removes objects that a culler from points finds hidden from each sample point of a viewcell's boundary.
-/// The scene's occluders are shrunk in proportion to the distance between the points. Conservative if the
-/// culler is.
+/// Removes objects that a culler from points finds hidden from each sample point on a viewcell's boundary.
+/// The scene's occluders are shrunk in proportion to the distance between sample points. Conservative if the
+/// culler from points is.
 ///
 /// `C` must take its occluders from the occluder meshes of the scene that it is given, as
-/// [`OcclusionCuller`](visibility_core::OcclusionCuller) does with any map. Of a mesh, the convex solids
-/// occlude that the viewcell does not meet. Its other triangles are left out.
+/// [`OcclusionCuller`](visibility_core::OcclusionCuller) does with any map. Only the convex solids of a mesh
+/// occlude, and only those that the viewcell does not meet. Other triangles are left out.
 ///
 /// # Cost
-/// A copy of the scene's bounds for each viewcell, and six views for each point: with `n` points to a side,
-/// up to `6 n n` points.
+/// Each viewcell takes a copy of the scene's bounds, and six views from each point. With `n` points along a
+/// side there are up to `6 n n` points.
 #[derive(Clone, Debug)]
 pub struct ShrunkCuller<C> {
     culler: C,
@@ -68,8 +70,8 @@ pub struct ShrunkCuller<C> {
 
 impl<C: Culler> ShrunkCuller<C> {
     /// Makes a culler that calls `culler` for sample points. `points_per_side` is their number along the
-    /// longest side of the viewcell; along the other sides they are equally dense. 0 counts as 1, and more
-    /// than 64 as 64. Occluders shrink by about 0.7 of the longest side over `points_per_side`.
+    /// longest side of the viewcell; on the other sides they are equally dense. 0 counts as 1, and more than
+    /// 64 as 64. Occluders shrink by about 0.7 of the longest side divided by `points_per_side`.
     pub const fn new(culler: C, points_per_side: usize) -> Self {
         Self { culler, points_per_side, points: Vec::new(), solids: Solids::new() }
     }
@@ -90,8 +92,8 @@ impl<C: Culler> RegionCuller for ShrunkCuller<C> {
         }
     }
 
-    /// Removes the candidates that are hidden from all sample points. Of a viewcell that planes cut, the
-    /// whole box counts. A viewcell that is inverted or not finite removes nothing.
+    /// Removes the candidates that are hidden from all sample points. For a viewcell with planes, its whole
+    /// box counts. A viewcell that is inverted or not finite removes nothing.
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
         self.points.clear();
         let Some((min, max)) = cell_box(cell, scene.origin()) else {
@@ -99,16 +101,16 @@ impl<C: Culler> RegionCuller for ShrunkCuller<C> {
         };
         let distance =
             sample_points(min, max, self.points_per_side.clamp(1, MAX_POINTS_PER_SIDE), &mut self.points);
-        // The near plane of each point's views. Objects so close to the viewcell that it may cut them are
+        // Distance of the near plane of each view. Objects close enough to the viewcell to be cut by it are
         // kept below.
         let near = ((max - min).max_element() * NEAR).max(MIN_NEAR);
         self.solids.sync(scene);
-        // A solid that the viewcell meets, or that is open towards it, hides nothing from some of its points.
+        // A solid does not occlude from all viewpoints if the viewcell meets it or may look into its hole.
         let usable = |solid: &&Solid| !solid.meets(min, max) && is_closed_from(&solid.blocker, min, max);
         let usable: Vec<&Solid> = self.solids.list.iter().filter(usable).collect();
         let (shrunk, ids) = shrunk_scene(scene, visible, &usable, distance);
-        // An object hidden from all sample points by occluders shrunk by the distance between points is
-        // hidden from all points of the viewcell.
+        // An object that is hidden from all sample points, by occluders shrunk by the distance between
+        // points, is hidden from all points of the viewcell.
         let mut seen = alloc::vec![false; scene.index_limit()];
         let (mut left, mut stats) = (ids.len(), CullStats::default());
         let mut set = VisibleSet::new();
@@ -132,9 +134,10 @@ impl<C: Culler> RegionCuller for ShrunkCuller<C> {
             }
         }
         self.points.iter_mut().for_each(|point| *point += scene.origin());
-        // Sample points are within the box: sums are rounded, but not beyond its corners, which are numbers.
-        // An object nearer to a point than `near`, beyond the box, is within these bounds: twice the distance
-        // covers their rounding, unless it is less than a rounding, and then no number is between.
+        // Sample points are within the box: sums are rounded, but not beyond the box's corners, which are
+        // representable. An object beyond the box and nearer to a point than `near` is within these bounds.
+        // Twice `near` covers the rounding of the bounds, unless `near` is below the spacing of numbers
+        // there: then no number lies within `near` beyond the box.
         let (low, high) = (min - 2.0 * near, max + 2.0 * near);
         let meets =
             |bounds: &Aabb| bounds.min.as_dvec3().cmple(high).all() && low.cmple(bounds.max.as_dvec3()).all();
@@ -143,13 +146,13 @@ impl<C: Culler> RegionCuller for ShrunkCuller<C> {
     }
 }
 
-/// Covers the sides of a box with sample points. Returns an upper bound on the distance in metres of any
-/// point of a side from the nearest sample point.
+/// Puts sample points on the sides of a box. Returns an upper bound on the distance in metres from any point
+/// of a side to the nearest sample point.
 fn sample_points(min: DVec3, max: DVec3, per_side: usize, points: &mut Vec<DVec3>) -> f64 {
     let size = max - min;
     let step = size.max_element() / per_side as f64;
-    // A quotient is at most `per_side`, and NaN for a point counts as 0. A whole quotient that rounding makes
-    // greater needs no point more.
+    // A quotient is at most `per_side`, and NaN counts as 0. A whole quotient that rounding made greater
+    // needs no further point.
     let counts = size.to_array().map(|size| ((size / step - 1e-9) as usize + 1).min(per_side));
     let mut distance = 0.0f64;
     for axis in 0..3 {
@@ -169,9 +172,9 @@ fn sample_points(min: DVec3, max: DVec3, per_side: usize, points: &mut Vec<DVec3
     distance + min.abs().max(max.abs()).max_element() * POINT_ROUNDING
 }
 
-/// Copies the bounds of a scene, relative to its origin. Copies of the candidates that occlude get a mesh of
-/// their shrunk `solids`, which are grouped by object. Returns the copy, and each object's id in `scene` by
-/// its index in the copy.
+/// Copies the bounds of a scene, relative to its origin. The copy of a candidate that occludes gets a mesh of
+/// the candidate's shrunk `solids`, which are grouped by object. Returns the copy, and the id in `scene` of
+/// each object of the copy, by its index.
 fn shrunk_scene(
     scene: &Scene,
     visible: &VisibleSet,
@@ -197,7 +200,7 @@ fn shrunk_scene(
         let triangles: Vec<Triangle> = of_object.iter().filter_map(shrink).flatten().collect();
         if let Ok(mesh) = OccluderMesh::from_triangles(&triangles) {
             let (mesh, copy) = (shrunk.add_mesh(mesh.with_two_sided(true)), copies[index[id.index()]]);
-            // A transform that is not finite leaves the object without a mesh.
+            // If the transform is not finite, the object gets no mesh.
             if shrunk.set_mesh(copy, mesh, *transform).is_ok() {
                 let _ = shrunk.set_occluder(copy, true);
             }
@@ -206,14 +209,14 @@ fn shrunk_scene(
     (shrunk, ids)
 }
 
-/// Shrinks a convex solid, in coordinates of the mesh, so that the ball around each of its points with a
-/// radius of `distance`, in metres of the scene, is inside the solid itself. `None` if nothing is left.
+/// Shrinks a convex solid, in mesh coordinates, so that each remaining point has a distance of at least
+/// `distance` metres, in scene coordinates, from the outside of the solid. `None` if nothing remains.
 fn shrink(solid: &OccluderMesh, transform: &Affine3A, distance: f64) -> Option<Vec<Triangle>> {
     let bounds = solid.bounds();
     let columns = transform.matrix3.to_cols_array_2d().map(|column| DVec3::from_array(column.map(f64::from)));
     let translation = DVec3::from_array(transform.translation.to_array().map(f64::from));
-    // The vertices are rounded in coordinates of the mesh, and the map may place them with an error of `f32`:
-    // both are relative to the terms of the sum that a placed coordinate is, which may cancel.
+    // Vertices are rounded in mesh coordinates, and the transform may use `f32`. Both errors are relative to
+    // the terms that add up to a transformed coordinate; these may cancel.
     let reach = bounds.min.abs().max(bounds.max.abs()).as_dvec3();
     let terms = columns[0].abs() * reach.x + columns[1].abs() * reach.y + columns[2].abs() * reach.z;
     let distance = distance + (terms + translation.abs()).length() * ROUNDING;
@@ -227,22 +230,22 @@ fn shrink(solid: &OccluderMesh, transform: &Affine3A, distance: f64) -> Option<V
         let low = (bounds.min.as_dvec3() + by).as_vec3().to_array().map(f32::next_up);
         let high = (bounds.max.as_dvec3() - by).as_vec3().to_array().map(f32::next_down);
         let inner = [low, high].map(Vec3::from_array);
-        // Nothing is left of NaN either, of a transform without volume.
+        // False also for NaN, from a transform without volume: nothing remains.
         if !inner[0].cmplt(inner[1]).all() {
             return None;
         }
         let corners = Aabb::new(inner[0], inner[1]).corners();
         return Some(OccluderMesh::CUBOID.iter().map(|t| t.map(|i| corners[i as usize])).collect());
     }
-    // Scaled about its middle, the solid keeps of the distance between the middle and each face's plane what
-    // the scale leaves.
+    // The solid is scaled about its middle. This scales the distances between the middle and the planes of
+    // the faces, and so moves each plane inwards by (1 - scale) times its distance.
     let positions = solid.positions();
     let middle = positions.iter().map(|p| p.as_dvec3()).sum::<DVec3>() / positions.len() as f64;
     let depth = solid.triangles().iter().map(|t| {
         let [a, b, c] = t.map(|i| linear * (positions[i as usize].as_dvec3() - middle));
         (b - a).cross(c - a).normalize().dot(a).abs()
     });
-    // A NaN of a sliver or of a flat transform stays, and leaves nothing.
+    // NaN, from a sliver or a flat transform, is kept in the fold, so that nothing remains.
     let least = depth.fold(f64::INFINITY, |a, b| if b < a || b.is_nan() { b } else { a });
     let scale = 1.0 - distance / least;
     if scale.is_nan() || scale <= 0.0 {
@@ -282,8 +285,8 @@ mod tests {
         }
     }
 
-    /// Far from the origin points and patches round by a billionth of the box. The middle of a side is exact,
-    /// and as far from the four points next to it as points may be.
+    /// Far from the origin, sample points and patches round by a billionth of the box. The middle of a side
+    /// is exact, and as far from the four nearest sample points as any point of the side may be.
     #[test]
     fn points_cover_the_middle_of_sides_far_away() {
         let mut random = visibility_testing::Random(7);
@@ -294,7 +297,7 @@ mod tests {
             let mut points = Vec::new();
             let distance = sample_points(min, min + DVec3::splat(size), 6, &mut points);
             let middle = min + DVec3::new(0.0, 0.5, 0.5) * size;
-            // Differences of numbers so close to each other are exact.
+            // Differences of numbers this close to each other are exact.
             let nearest = points.iter().map(|p| (middle - *p).length()).fold(f64::INFINITY, f64::min);
             assert!(
                 nearest <= distance,
@@ -303,7 +306,7 @@ mod tests {
         }
     }
 
-    /// A culler that removes all objects and notes how far from the eye its views begin.
+    /// A culler that removes all objects, and stores the distance from the eye at which its views begin.
     #[derive(Default)]
     struct NearestViews(f64);
 
@@ -344,7 +347,8 @@ mod tests {
                 assert!((near / expected - 1.0).abs() < 1e-3, "viewcell of {size}: views begin at {near}");
             }
         }
-        // A point far from the origin: its views begin at less than a rounding of its coordinates.
+        // A viewcell that is a point far from the origin: its views begin at a distance below the rounding of
+        // its coordinates.
         let mut scene = Scene::new();
         let id = scene.insert(Aabb::from_arrays([1e6 + 9.0, 0.0, 0.0], [1e6 + 10.0, 1.0, 1.0]));
         let mut visible = VisibleSet::new();
@@ -368,7 +372,7 @@ mod tests {
             "{bounds:?} has shrunk by more than 0.25 m"
         );
         assert!(shrunk(0.5).is_none(), "as thin as the distance");
-        // Scaled by 2 along x, half the distance is enough there.
+        // The transform scales by 2 along x, so half the distance is enough on that axis.
         let wide = Affine3A::from_scale(Vec3::new(2.0, 1.0, 1.0));
         let bounds = Aabb::from_points(shrink(&mesh, &wide, 0.25).unwrap().into_iter().flatten());
         assert!(
@@ -384,14 +388,15 @@ mod tests {
         };
         let [left, right] = [2.0, -2.0].map(|x| DVec3::new(x, 0.0, -1.0).normalize());
         let planes = [(DVec3::Z, 0.0), (left, 0.0), (right, 4.0 * left.x)];
-        // A pyramid scales about its middle: its base rises by the distance at least.
+        // A pyramid is scaled about its middle, so that its base rises by at least the distance.
         let triangles = shrink(&pyramid(0.0), &Affine3A::IDENTITY, 0.25).unwrap();
         let points: Vec<DVec3> = triangles.iter().flatten().map(|p| p.as_dvec3()).collect();
         assert!(
             planes.iter().all(|(normal, offset)| points.iter().all(|p| normal.dot(*p) + offset >= 0.25)),
             "a point of the pyramid is less than 0.25 m within: {points:?}"
         );
-        // Far from the origin of the mesh the vertices round by 0.03, however near the transform moves them.
+        // Far from the origin of the mesh, vertices round by 0.03, even if the transform moves the mesh near
+        // the scene's origin.
         let far = Affine3A::from_translation(Vec3::new(-1e6, 0.0, 0.0));
         let pyramid = pyramid(1e6);
         for i in 0..50 {

@@ -3,8 +3,8 @@
 use visibility_core::View;
 use visibility_core::glam::DVec3;
 
-/// Returns a box in world space, minimum and maximum corner, that contains the starts of all lines of sight
-/// of a view. `anchor` is a point near the eye. `None` if the starts are not known, or not finite.
+/// Returns a box in world space, as minimum and maximum corner, that contains the starts of all lines of
+/// sight of a view. `anchor` is a point near the eye. `None` if the starts are unknown or not finite.
 pub(crate) fn sight_start(view: &View, anchor: DVec3) -> Option<(DVec3, DVec3)> {
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let mut finite = true;

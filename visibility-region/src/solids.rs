@@ -1,8 +1,8 @@
-//! The convex solids of a scene's occluders, each with the mesh that bounds it.
+//! The convex solids of a scene's occluders, with their meshes.
 //!
-//! A building is often modelled without its bottom. If closing the one hole of a mesh gives a convex solid,
-//! the mesh blocks like the solid for every viewpoint strictly behind the planes of the hole: a line of sight
-//! enters a convex solid once, and not through the hole.
+//! Buildings are often modelled without a bottom. If closing the one hole of a mesh makes it a convex solid,
+//! the mesh occludes like the solid for every viewpoint strictly behind the planes of the hole: a line of
+//! sight enters a convex solid once, and from there not through the hole.
 
 use crate::blocker::{Blocker, dents};
 use alloc::vec::Vec;
@@ -14,24 +14,24 @@ use visibility_core::{ObjectId, OccluderMesh, Scene, VisibleSet};
 /// Greatest number of triangles that a mesh may have for its hole to be closed.
 const OPEN: usize = 64;
 
-/// A convex solid of an occluder.
+/// A convex solid that is an occluder's mesh or a part of it.
 #[derive(Clone, Debug)]
 pub(crate) struct Solid {
     pub(crate) id: ObjectId,
-    /// The solid in coordinates of the occluder's mesh: closed and convex.
+    /// The solid in coordinates of the occluder's mesh, closed and convex.
     #[cfg(feature = "papers")]
     pub(crate) mesh: OccluderMesh,
-    /// The solid in scene coordinates. Its `caps` are the triangles that close the hole of an open mesh.
+    /// The solid in scene coordinates. Its `caps` are triangles that close the hole of an open mesh.
     pub(crate) blocker: Blocker,
-    /// Least corner of the bounds in scene coordinates, widened by the error of vertices.
+    /// Least corner of the solid's bounds in scene coordinates, widened by the error of vertices.
     pub(crate) min: DVec3,
-    /// Greatest corner of the same bounds as `min`.
+    /// Greatest corner of the solid's bounds in scene coordinates, widened by the error of vertices.
     pub(crate) max: DVec3,
 }
 
 #[cfg(feature = "papers")]
 impl Solid {
-    /// Returns whether the closed box between two corners touches the bounds of the solid.
+    /// Returns whether the box from `min` to `max` and the bounds of the solid meet or touch.
     pub(crate) fn meets(&self, min: DVec3, max: DVec3) -> bool {
         self.min.cmple(max).all() && min.cmple(self.max).all()
     }
@@ -51,7 +51,7 @@ impl Solids {
         Self { cursor: SceneCursor::START, occluders: Bits::EMPTY, list: Vec::new() }
     }
 
-    /// Finds the solids anew if occluders of the scene have changed. Returns whether they have.
+    /// Finds the solids again if occluders of the scene have changed. Returns whether any has.
     pub(crate) fn sync(&mut self, scene: &Scene) -> bool {
         if !occluders_changed(&mut self.cursor, scene, &self.occluders) {
             return false;
@@ -91,9 +91,8 @@ impl Solids {
     }
 }
 
-/// Returns the indices of the objects that may occlude: the candidates flagged as occluders, as
-/// [`VisibleSet::for_each_occluder`] lists them, that have a mesh and are [always
-/// drawn](Scene::is_always_drawn).
+/// Returns the indices of the objects that may occlude: the candidates that are flagged as occluders (see
+/// [`VisibleSet::for_each_occluder`]), have a mesh, and are [always drawn](Scene::is_always_drawn).
 pub(crate) fn occluding(scene: &Scene, visible: &VisibleSet) -> Bits {
     let mut bits = Bits::new(scene.index_limit());
     visible.for_each_occluder(scene, |id| {
@@ -104,8 +103,8 @@ pub(crate) fn occluding(scene: &Scene, visible: &VisibleSet) -> Bits {
     bits
 }
 
-/// Moves a cursor to the present state of a scene. Returns whether any object has changed since that is an
-/// occluder, or was one. `known` are the indices of the occluders at the cursor's former state.
+/// Moves a cursor to the present state of a scene. Returns whether an object that is or was an occluder has
+/// changed since the cursor's former state. `known` are the indices of the occluders at that state.
 pub(crate) fn occluders_changed(cursor: &mut SceneCursor, scene: &Scene, known: &Bits) -> bool {
     match cursor.follow(scene) {
         Changes::Everything => true,
@@ -115,13 +114,13 @@ pub(crate) fn occluders_changed(cursor: &mut SceneCursor, scene: &Scene, known: 
     }
 }
 
-/// Returns the parts of a mesh, or the mesh itself if it has none.
+/// Returns the parts of a mesh, or the mesh itself if it is not divided into parts.
 pub(crate) fn pieces(mesh: &OccluderMesh) -> &[OccluderMesh] {
     if mesh.parts().is_empty() { core::slice::from_ref(mesh) } else { mesh.parts() }
 }
 
-/// Closes the hole of an open mesh. Returns the convex solid, and the caps: the triangles that close the
-/// hole, without slivers. `None` if the mesh has more than [`OPEN`] triangles or not exactly one hole, if the
+/// Closes the hole of an open mesh. Returns the convex solid, and the triangles that close the hole (caps),
+/// without slivers. `None` if the mesh has more than [`OPEN`] triangles or not exactly one hole, if the
 /// closed mesh is not convex, or if a sliver is not in the plane of a cap.
 pub(crate) fn close(mesh: &OccluderMesh) -> Option<(OccluderMesh, Vec<Triangle>)> {
     if mesh.is_closed() || mesh.triangles().len() > OPEN {
@@ -141,7 +140,7 @@ pub(crate) fn close(mesh: &OccluderMesh) -> Option<(OccluderMesh, Vec<Triangle>)
     }
     let corner = |&[a, b, c]: &[u32; 3]| [a, b, c].map(|i| mesh.positions()[i as usize]);
     let mut triangles: Vec<Triangle> = mesh.triangles().iter().map(corner).collect();
-    // The closing faces run along the rim the other way.
+    // The closing triangles run along the hole's rim in the opposite direction.
     let fan: Vec<Triangle> =
         (1..hole.len().max(2) - 1).map(|i| corner(&[hole[0], hole[i + 1], hole[i]])).collect();
     triangles.extend(&fan);
@@ -150,13 +149,13 @@ pub(crate) fn close(mesh: &OccluderMesh) -> Option<(OccluderMesh, Vec<Triangle>)
     closed.is_convex().then_some((closed, caps))
 }
 
-/// Returns the triangles of `fan` that are no slivers. `None` if a sliver, a triangle of nearly no area, is
-/// not in the plane of one of them.
+/// Returns the triangles of `fan` that are not slivers (triangles of nearly no area). `None` if a sliver is
+/// not in the plane of a returned triangle.
 ///
-/// A line of sight from strictly behind the plane of a cap does not enter the solid through the cap. A sliver
-/// in that plane lies off it by at most the depth of the solid's dents. A line that enters through the sliver
-/// stays that close to the plane inside the solid, which does not reach beyond. So it misses the solid
-/// without its dents, which is all that blocks, and nothing is hidden from such a line.
+/// A line of sight that starts strictly behind the plane of a cap does not enter the solid through the cap. A
+/// sliver in that plane is off it by at most the depth of the solid's dents. A line that enters through the
+/// sliver stays that close to the plane inside the solid, which does not reach beyond the plane. So the line
+/// misses the solid without its dents. Only that part counts as blocking, so nothing is hidden from the line.
 fn caps(fan: &[Triangle], solid: &OccluderMesh) -> Option<Vec<Triangle>> {
     let normal = |t: &Triangle| {
         let [a, b, c] = t.map(|p| p.as_dvec3());
@@ -183,8 +182,8 @@ mod tests {
     use alloc::vec;
     use visibility_core::glam::Vec3;
 
-    /// The walls and the roof of a house without a bottom. One wall has a slit at the foot of its corner,
-    /// `width` wide and `height` high.
+    /// Returns the walls and the roof of a house without a bottom. One wall has a slit at the foot of its
+    /// corner, `width` wide and `height` high.
     fn house(width: f32, height: f32) -> Vec<Triangle> {
         let floor = |x: f32, y: f32| Vec3::new(x, y, 0.0);
         let up = |p: Vec3| p + Vec3::Z * 9.0;
@@ -201,7 +200,7 @@ mod tests {
         let mut closed = 0;
         for (width, height) in [(1.0, 3.0), (1e-3, 3.0), (3e-4, 8.0), (1e-5, 1.0)] {
             let triangles = house(width, height);
-            // The order of the triangles decides where the fan begins that closes the hole.
+            // The order of the triangles decides at which corner the fan starts that closes the hole.
             for first in 0..3 * triangles.len() {
                 let mut triangles = triangles.clone();
                 triangles.rotate_left(first / 3);

@@ -1,11 +1,11 @@
-//! The umbra of one convex blocker: what the blocker alone hides from every point of a box.
+//! The umbra of one convex blocker: the region that the blocker alone hides from every point of a box.
 //!
 //! From one viewpoint, a convex blocker hides the points inside the cone through its outline and behind its
-//! front faces. If a box lies in that region for each corner of the viewcell's box, the blocker hides it from
-//! all of a viewcell that does not meet the blocker (Cohen-Or, Fibich, Halperin and Zadicario, "Conservative
-//! Visibility and Strong Occlusion for Viewspace Partitioning of Densely Occluded Scenes", 1998): for a fixed
-//! point behind the blocker, the lines of sight that pass the blocker's inside come from a convex set, which
-//! contains the viewcell with its corners.
+//! front faces. If an object's box lies in that region for each corner of the viewcell's box, the blocker
+//! hides the object from the whole viewcell, which must not meet the blocker (Cohen-Or, Fibich, Halperin and
+//! Zadicario, "Conservative Visibility and Strong Occlusion for Viewspace Partitioning of Densely Occluded
+//! Scenes", 1998). The reason: for a fixed point behind the blocker, the lines of sight through the blocker's
+//! inside come from a convex set, which contains the corners of the viewcell and so all of it.
 
 use crate::blocker::Blocker;
 use alloc::vec::Vec;
@@ -21,9 +21,9 @@ const U: f64 = f64::EPSILON / 2.0;
 #[derive(Clone, Copy, Debug)]
 struct Side {
     anchor: DVec3,
-    /// Cross product of `u` and `v`.
+    /// Cross product of `u` and `v`, normal to the boundary plane.
     normal: DVec3,
-    /// Greatest magnitude of a coordinate of `u`, and of `v`.
+    /// Greatest magnitude of a coordinate of `u`, and of a coordinate of `v`.
     sizes: [f64; 2],
 }
 
@@ -33,18 +33,18 @@ impl Side {
         Self { anchor, normal: u.cross(v), sizes: [u.abs().max_element(), v.abs().max_element()] }
     }
 
-    /// Returns `Inside` if the box between two corners is certainly within the half-space, `Outside` if it
-    /// certainly has no point in it, otherwise `Crossing`. `slack` bounds the error of each coordinate of the
-    /// points that span the plane, in metres.
+    /// Returns `Inside` if the box from `min` to `max` is certainly within the half-space, `Outside` if
+    /// certainly no point of it is, otherwise `Crossing`. `slack` bounds the error, in metres, of each
+    /// coordinate of the points that span the plane.
     ///
     /// # Rounding
-    /// Let U, V and W be the greatest magnitudes of the coordinates of `u`, `v` and `x - anchor`, for all
-    /// corners `x` of the box. The determinant is computed as in `sampling/ray.rs`, with an error below 44u U
-    /// V W, where one side has `|d| <= 1` there and W here. The corner is chosen by the signs of a normal
-    /// that errs by 8.3u U V on each axis, so another corner is lower by less than 25u U V W. The margin is
-    /// 128u. Vertices that are known up to `slack` change each of `u`, `v` and `x - anchor` by 2 slack on an
-    /// axis, and the determinant of six terms by 12 slack (V W + U W + U V), to first order; the margin is
-    /// 16.
+    /// Let e be the unit round-off of `f64`, and U, V and W the greatest magnitudes of the coordinates of
+    /// `u`, `v` and `x - anchor`, for all corners `x` of the box. The determinant is computed as in
+    /// `sampling/ray.rs`, with an error below 44 e U V W, where one side has `|d| <= 1` there and W here. The
+    /// corner is chosen by the signs of a normal that errs by 8.3 e U V on each axis, so another corner is
+    /// lower by less than 25 e U V W. The margin is 128 e U V W. Vertices with an error of `slack` change
+    /// each of `u`, `v` and `x - anchor` by 2 slack on an axis, and the determinant by 12 slack (V W + U W +
+    /// U V), to first order. The margin has 16 instead of 12.
     fn classify(&self, min: DVec3, max: DVec3, slack: f64) -> Containment {
         let [u, v] = self.sizes;
         let (min, max) = (min - self.anchor, max - self.anchor);
@@ -65,7 +65,7 @@ impl Side {
     }
 }
 
-/// Returns the open half-spaces behind the faces of a blocker.
+/// Returns, for each face of a blocker, the open half-space behind the face.
 fn behind(blocker: &Blocker) -> impl Iterator<Item = Side> + '_ {
     let vertex = |corner: usize| blocker.vertices[blocker.corners[corner] as usize];
     blocker
@@ -74,8 +74,8 @@ fn behind(blocker: &Blocker) -> impl Iterator<Item = Side> + '_ {
         .map(move |face| Side::new(vertex(face.start), vertex(face.start + 2), vertex(face.start + 1)))
 }
 
-/// Returns whether a blocker is closed towards the box between two corners: the box is certainly strictly
-/// behind the planes of all its caps. True for a blocker without caps.
+/// Returns whether a blocker occludes from the box from `min` to `max` as if it had no hole: the box is
+/// certainly strictly behind the planes of all its caps. True for a blocker without caps.
 pub(crate) fn is_closed_from(blocker: &Blocker, min: DVec3, max: DVec3) -> bool {
     let is_behind = |[a, b, c]: &[DVec3; 3]| {
         Side::new(*a, *c, *b).classify(min, max, blocker.slack) == Containment::Inside
@@ -91,17 +91,17 @@ pub(crate) struct Umbra {
 }
 
 impl Umbra {
-    /// Computes the umbra of a blocker from the box between two corners. `None` if the box is not certainly
-    /// in front of one of the faces: the box may then meet the blocker. `None` too if the box is not strictly
-    /// behind the blocker's hole.
+    /// Computes the umbra of a blocker from the box from `min` to `max`. `None` if the box is not certainly
+    /// in front of some face, since it may then meet the blocker, and if it is not strictly behind the
+    /// blocker's hole.
     pub(crate) fn new(blocker: &Blocker, min: DVec3, max: DVec3) -> Option<Self> {
         let Blocker { vertices, faces, corners, slack, .. } = blocker;
         if !is_closed_from(blocker, min, max) {
             return None;
         }
         let behind: Vec<Side> = behind(blocker).collect();
-        // The whole box must be outside of the blocker. Its corners may all be outside while the blocker
-        // passes between them, and a viewpoint inside the blocker sees what is inside.
+        // The whole box must be outside of the blocker. It is not enough that all corners are: the blocker
+        // may pass between them, and a viewpoint inside the blocker sees what is inside.
         if !behind.iter().any(|side| side.classify(min, max, *slack) == Containment::Outside) {
             return None;
         }
@@ -124,9 +124,9 @@ impl Umbra {
             if edges.is_empty() {
                 return None;
             }
-            // The outline: edges of front faces that no other front face runs along the other way. The cone
-            // is the intersection of the sides of its edges, also where rounding has bent the outline: the
-            // kernel of a polygon is within the polygon.
+            // The outline consists of edges of front faces that no other front face runs along in the
+            // opposite direction. The cone is the intersection of the sides of its edges. This holds even if
+            // rounding has bent the outline, since the kernel of a polygon is within the polygon.
             edges.sort_unstable();
             for &(from, to) in &edges {
                 if edges.binary_search(&(to, from)).is_err() {
@@ -146,8 +146,8 @@ impl Umbra {
         Self { sides: behind(blocker).collect(), slack: blocker.slack }
     }
 
-    /// Classifies a box: `Inside` if it is certainly hidden, all of it strictly behind the blocker; `Outside`
-    /// if no point of it is in the umbra; `Crossing` otherwise, and for an improper box.
+    /// Classifies a box: `Inside` if it is certainly hidden, strictly behind the blocker; `Outside` if no
+    /// point of it is in the umbra; otherwise, and for an improper box, `Crossing`.
     pub(crate) fn classify(&self, bounds: &Aabb) -> Containment {
         if !bounds.is_proper() {
             return Containment::Crossing;
@@ -155,8 +155,8 @@ impl Umbra {
         self.classify_box(bounds.min.as_dvec3(), bounds.max.as_dvec3())
     }
 
-    /// Classifies the box between two corners, relative to the scene's origin, like
-    /// [`classify`](Self::classify).
+    /// Classifies the box from `min` to `max`, relative to the scene's origin, as
+    /// [`classify`](Self::classify) does.
     pub(crate) fn classify_box(&self, min: DVec3, max: DVec3) -> Containment {
         let mut result = Containment::Inside;
         for side in &self.sides {
@@ -187,7 +187,7 @@ mod tests {
     #[test]
     fn the_umbra_widens_behind_a_wall_larger_than_the_cell() {
         let umbra = umbra_of_wall();
-        // The lowest of the lines from a viewpoint past y = 2 at x = 3 begins at x = -0.5, y = 0.5.
+        // Of the lines from viewpoints past the edge at x = 3, y = 2, the lowest begins at x = -0.5, y = 0.5.
         let slope: f64 = 1.5 / 3.5;
         let half = 2.0 + slope * 3.0;
         let boxed = |half: f64| (DVec3::new(6.0, -half, -half), DVec3::new(6.5, half, half));

@@ -1,13 +1,13 @@
-//! Volumetric visibility from a region: blockers are boxes of opaque space, which grow into opaque and hidden
-//! space around them.
+//! Volumetric visibility from a region: blockers are boxes of opaque space, which are extended into opaque
+//! and hidden space around them.
 //!
 //! This work is based on: Schaufler, Dorsey, Decoret and Sillion, "Conservative Volumetric Visibility with
-//! Occluder Fusion", 2000. An octree knows which of its cells lie inside solids. From a viewcell, the opaque
-//! cells that look largest become blockers. A blocker is extended, one side after the other, as long as the
-//! whole slab that it grows by is opaque or already found hidden: a line of sight through the slab is blocked
-//! there, or was before. This fuses blockers. What is hidden is noted in the octree for the next blocker.
+//! Occluder Fusion", 2000. An octree stores which of its cells lie inside solids. From a viewcell, the opaque
+//! cells that look largest become blockers. A blocker is extended, one side after another, while the whole
+//! slab that would be added is opaque or already found hidden: a line of sight through the slab is blocked
+//! there or earlier. This fuses blockers. Cells found hidden are marked in the octree for the next blocker.
 //!
-//! Walls thinner than the octree's cells hold no opaque cell and hide nothing.
+//! Walls thinner than the octree's cells contain no opaque cell and hide nothing.
 
 use crate::blocker::Blocker;
 use crate::extent::quantile;
@@ -24,8 +24,8 @@ use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet
 /// Greatest number of cells of the octree, which take 1 MiB.
 const NODES: usize = 1 << 17;
 
-/// Greatest total length of the cells' lists of solids nearby, besides 16 entries for each solid: 8 MiB.
-/// Where the boundaries of many solids pass the same cells, these cells stay large.
+/// Greatest total length of the cells' lists of nearby solids (8 MiB), besides 16 entries for each solid.
+/// Where the surfaces of many solids pass through the same cells, these cells are not divided further.
 const LISTED: usize = 1 << 21;
 
 /// Greatest number of blockers of a viewcell.
@@ -37,13 +37,13 @@ const NONE: u32 = u32::MAX;
 /// A cell of the octree.
 #[derive(Clone, Copy, Debug)]
 struct Node {
-    /// First of eight children, or `NONE` for a leaf.
+    /// Index of the first of eight children, or `NONE` for a leaf.
     children: u32,
-    /// Solid that contains the whole cell, or `NONE`.
+    /// Index of a solid that contains the whole cell, or `NONE`.
     solid: u32,
 }
 
-/// The octree of the solids of a scene.
+/// The octree over the solids of a scene.
 #[derive(Clone, Debug)]
 struct Octree {
     min: DVec3,
@@ -51,11 +51,11 @@ struct Octree {
     nodes: Vec<Node>,
 }
 
-/// Removes the objects that boxes of opaque space hide from all of a viewcell. Conservative.
+/// Removes the objects that boxes of opaque space hide from every point of a viewcell. Conservative.
 ///
 /// Space is opaque inside the convex solids of occluder meshes. Solids that meet the viewcell do not count.
-/// The octree has at most 131,072 cells around nine tenths of the solids, and is built anew when occluders of
-/// the scene have changed.
+/// The octree has at most 131,072 cells, around nine tenths of the solids, and is built again when occluders
+/// of the scene have changed.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, pvs::Viewcell};
@@ -107,9 +107,9 @@ impl RegionCuller for VolumetricCuller {
         Accuracy::Conservative
     }
 
-    /// Removes the candidates that one blocker hides, or that touch only cells of the octree that are opaque
-    /// or hidden. Of a viewcell that planes cut, the whole box counts. A viewcell that is inverted or not
-    /// finite removes nothing.
+    /// Removes the candidates that one blocker hides, or that only touch cells of the octree that are opaque
+    /// or hidden. For a viewcell with planes, its whole box counts. A viewcell that is inverted or not finite
+    /// removes nothing.
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
         if self.solids.sync(scene) {
             self.octree = Octree::new(&self.solids.list);
@@ -127,8 +127,8 @@ impl RegionCuller for VolumetricCuller {
         let usable: Vec<bool> = self.solids.list.iter().map(is_usable).collect();
         let mut space = Space::new(&self.octree, &usable);
         let mut umbrae = Vec::new();
-        // Opaque cells, those that look largest first, extended through opaque and hidden cells to a box. The
-        // umbra of each makes further cells hidden, through which later ones may extend.
+        // Opaque cells, largest as seen from the viewcell first, are extended through opaque and hidden cells
+        // to boxes. The umbra of each box makes further cells hidden, through which later boxes may extend.
         for leaf in space.largest(min, max) {
             if umbrae.len() == BLOCKERS {
                 break;
@@ -155,7 +155,7 @@ impl RegionCuller for VolumetricCuller {
 }
 
 /// Returns the box of child number `child` (0 to 7) of a cell. Bit k of the number says whether the child is
-/// in the upper half on axis k.
+/// in the upper half along axis k.
 fn child_box(min: DVec3, max: DVec3, child: usize) -> [DVec3; 2] {
     let middle = min * 0.5 + max * 0.5;
     let [mut low, mut high] = [min, max];
@@ -166,19 +166,20 @@ fn child_box(min: DVec3, max: DVec3, child: usize) -> [DVec3; 2] {
 }
 
 impl Octree {
-    /// Divides space around the solids, largest cells first, where the boundary of a solid passes.
+    /// Divides space around the solids: the largest cells through which a solid's surface passes are divided
+    /// first.
     fn new(solids: &[Solid]) -> Self {
         let around = solids.iter().fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[min, max], solid| {
             [min.min(solid.min), max.max(solid.max)]
         });
-        // A few solids that reach much farther than the others are divided near the others alone.
+        // If a few solids reach much farther than the others, only the space near the others is divided.
         let reach = |solid: &Solid| solid.min.abs().max(solid.max.abs()).max_element();
         let most =
             quantile(&mut solids.iter().map(reach).collect::<Vec<_>>(), 0.9).map_or(0.0, |most| most * 1.25);
         let [min, max] = around.map(|corner| corner.clamp(DVec3::splat(-most), DVec3::splat(most)));
         let behind: Vec<_> = solids.iter().map(|solid| Umbra::interior(&solid.blocker)).collect();
-        // A cube, somewhat larger than the solids. Its planes should not be planes of solids, as a floor
-        // through its middle would be: cells that touch the boundary of a solid are not inside.
+        // A cube, slightly larger than the solids. Its planes should not coincide with planes of solids, such
+        // as a floor through its middle: a cell that touches the surface of a solid does not count as inside.
         let (middle, half) = (min * 0.5 + max * 0.5, (max - min).max_element() * 0.5);
         let mut octree = Self { min: middle - 1.017 * half, max: middle + 1.041 * half, nodes: Vec::new() };
         octree.nodes.push(Node { children: NONE, solid: NONE });
@@ -187,8 +188,8 @@ impl Octree {
         let mut listed = solids.len();
         let most = LISTED + 16 * solids.len();
         while let Some((node, [min, max], near)) = queue.pop_front() {
-            // A cell inside a solid is opaque. Any other cell that solids meet is divided while memory
-            // allows; breadth first, so that the limits cut off the smallest cells.
+            // A cell inside a solid is opaque. Any other cell that a solid meets is divided while memory
+            // allows, breadth first, so that the limits prevent only the smallest cells.
             let contains =
                 |&solid: &u32| behind[solid as usize].classify_box(min, max) == Containment::Inside;
             if let Some(solid) = near.iter().copied().find(contains) {

@@ -1,5 +1,5 @@
-//! Tests of the cullers by blockers against rays: no object that a ray sees is hidden, in worlds of boxes
-//! that touch, overlap, share planes and stand askew.
+//! Tests the cullers by blockers against rays: they must not hide an object that a ray sees, in worlds of
+//! boxes that touch, overlap, share planes or are rotated.
 //!
 //! `cargo test --release -p visibility-region blockers -- --ignored` runs 100 times as many worlds.
 
@@ -11,8 +11,8 @@ use visibility_core::{Aabb, Accuracy, Object, OccluderMesh, RegionCuller, Scene,
 use visibility_region::{ConvexBlockersCuller, SamplingCuller, ShrunkCuller, VolumetricCuller};
 use visibility_testing::Random;
 
-/// Makes a world of boxes: corners on a grid, so that many touch or share planes; one in five turned; one in
-/// five is glass; thin walls, and single two-sided triangles.
+/// Makes a world of boxes, with corners on a grid so that many touch or share planes. One in five is rotated,
+/// one in five is glass. Adds thin walls and single two-sided triangles.
 fn world(random: &mut Random, scale: f32) -> Scene {
     let mut scene = Scene::new();
     for _ in 0..60 {
@@ -38,7 +38,7 @@ fn world(random: &mut Random, scale: f32) -> Scene {
             scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
             continue;
         }
-        // One in four lacks a side, as houses lack a bottom.
+        // One box in four lacks a side, as houses may lack a bottom.
         let missing = random.below(24);
         let sides = OccluderMesh::CUBOID.iter().enumerate().filter(|(i, _)| i / 2 != missing);
         let corners = local.corners();
@@ -53,7 +53,7 @@ fn world(random: &mut Random, scale: f32) -> Scene {
         scene.set_local_bounds(id, local).unwrap();
         scene.set_mesh(id, mesh, transform).unwrap();
     }
-    // Small things to be hidden, some of them flat against a wall.
+    // Small targets, some of them flat against a wall.
     for _ in 0..120 {
         let at = Vec3::from_array(core::array::from_fn(|_| random.between(-28, 28) as f32 * 0.5));
         let size = if random.one_in(2) { Vec3::new(0.25, 0.25, 0.0) } else { Vec3::splat(0.3) };
@@ -62,16 +62,16 @@ fn world(random: &mut Random, scale: f32) -> Scene {
     scene
 }
 
-/// Names of the cullers, in the order in which all tests list them.
+/// Names of the cullers, in the order of `Verdict::hidden`.
 const NAMES: [&str; 3] = ["convex blockers", "volumetric", "shrunk"];
 
 #[derive(Default, Debug)]
 struct Verdict {
-    /// Objects seen by a ray.
+    /// Number of objects seen by a ray.
     seen: usize,
-    /// Objects hidden, by culler.
+    /// Number of objects hidden, for each culler.
     hidden: [usize; 3],
-    /// Objects hidden although a ray sees them.
+    /// Number of objects that are hidden although a ray sees them.
     lost: usize,
 }
 
@@ -134,13 +134,13 @@ fn scale_does_not_matter() {
     for scale in [1e-15, 1e-3, 1e6, 1e15] {
         let verdict = trials(3, 1000, scale);
         assert_eq!(verdict.lost, 0, "scale {scale}: objects hidden that are seen");
-        // The shrunk occluders are tested by absolute margins above.
+        // Not tested for the shrunk occluders, which have absolute margins.
         assert!(verdict.hidden[0].abs_diff(of_size_1.hidden[0]) < 20, "{scale}: {verdict:?} {of_size_1:?}");
     }
 }
 
-/// A house without a bottom hides what is behind it from a viewcell above the ground, and not from one below,
-/// which looks in through the hole and out through the one-sided walls.
+/// A house without a bottom hides objects behind it from a viewcell above the ground. It does not from a
+/// viewcell below the ground, which looks in through the hole and out through the one-sided walls.
 #[test]
 fn open_houses_hide_from_above_the_ground() {
     let bounds = Aabb::from_arrays([4.0, -9.0, 0.0], [8.0, 9.0, 9.0]);
@@ -179,7 +179,7 @@ fn open_houses_hide_from_above_the_ground() {
     }
 }
 
-/// A wall, and tiles in front of it, on it, flush with it, and behind it.
+/// A wall, with tiles in front of it, on it, flush with it, and behind it.
 #[test]
 fn what_shares_the_plane_of_a_blocker_is_seen() {
     let wall = Aabb::from_arrays([4.0, -9.0, -9.0], [8.0, 9.0, 9.0]);
@@ -206,14 +206,14 @@ fn what_shares_the_plane_of_a_blocker_is_seen() {
             "{name}: what is before the wall, shares its plane, or is never culled"
         );
         assert!(hidden.iter().all(|&id| !visible.contains(&scene, id)), "{name}: what is behind the wall");
-        // A cell inside the wall, one that reaches into it, and no proper cell at all.
+        // A viewcell inside the wall, one that partly overlaps it, and three with improper boxes.
         for (min, max) in [(5.0, 6.0), (0.0, 5.0), (1.0, 0.0), (f64::NAN, 1.0), (f64::NEG_INFINITY, 0.0)] {
             let cell = Viewcell::from_box(DVec3::splat(min), DVec3::splat(max));
             let mut visible = VisibleSet::new();
             culler.cull(&scene, &cell, &mut visible);
             assert_eq!(visible.count(&scene), scene.len(), "{min} {max}");
         }
-        // Removed from the scene, the wall hides nothing any more.
+        // Once it is no occluder, the wall hides nothing.
         let mut open = scene.clone();
         open.set_occluder(id, false).unwrap();
         let mut visible = VisibleSet::new();
@@ -228,7 +228,7 @@ fn what_shares_the_plane_of_a_blocker_is_seen() {
     assert_eq!(wall.classify_aabb(&tile([5.0, 6.0])), Containment::Inside, "the tile is within the wall");
 }
 
-/// A viewcell that is a point, and an object there: nearer than the views of the point begin.
+/// A viewcell that is a point, and an object at that point, nearer than the views from the point begin.
 #[test]
 fn what_touches_the_cell_is_seen_however_small() {
     let mut scene = Scene::new();

@@ -1,5 +1,5 @@
-//! Only candidates occlude that are always drawn: an object that an earlier stage has dropped, or that no
-//! camera draws, or only some, hides nothing.
+//! Only candidates that are always drawn occlude. An object hides nothing if an earlier stage has removed it,
+//! or if no camera or only some cameras draw it.
 
 use crate::common;
 
@@ -12,7 +12,7 @@ use visibility_region::{
 };
 use visibility_testing::NOT_ALWAYS_DRAWN;
 
-/// A wall, given in scene coordinates or by a transform, and an object that the wall hides.
+/// Makes a wall, in scene coordinates or placed by a transform, and an object that the wall hides.
 fn world(transform: Affine3A) -> (World, ObjectId, ObjectId) {
     let mut world = World::new();
     let wall = common::cuboid([5.0, -20.0, -20.0], [9.0, 20.0, 20.0]);
@@ -39,7 +39,7 @@ fn cullers() -> [Box<dyn RegionCuller>; 4] {
     ]
 }
 
-/// A wall in scene coordinates, and one by a transform.
+/// Transforms of the wall: the identity, for a mesh in scene coordinates, and another.
 fn transforms() -> [Affine3A; 2] {
     [Affine3A::IDENTITY, Affine3A::from_scale(Vec3::new(1.0, 1.0, 1.125))]
 }

@@ -1,5 +1,5 @@
-//! Viewcells that stand exactly on the ground that most objects stand on: nothing that is seen past the lower
-//! edges of occluders is hidden.
+//! Viewcells that stand exactly on the ground on which most objects stand. Objects that are visible past the
+//! lower edges of occluders must not be hidden.
 
 use crate::common::World;
 use visibility_core::glam::{Affine3A, DVec3};
@@ -8,7 +8,8 @@ use visibility_core::{Aabb, Object, OccluderMesh};
 use visibility_region::ExtendedProjectionCuller;
 use visibility_testing::Random;
 
-/// Returns a box given by its extent along x, y and upwards, with `up` as the upward axis, or down if `flip`.
+/// Returns a box with axis `up` as its upward axis, or as its downward axis if `flip`. `low` and `high` are
+/// its extent along x, y and upwards.
 fn turned(low: [f32; 3], high: [f32; 3], up: usize, flip: bool) -> ([f32; 3], [f32; 3]) {
     let (mut min, mut max) = ([0.0; 3], [0.0; 3]);
     for i in 0..3 {
@@ -26,7 +27,7 @@ fn no_ray_from_a_cell_on_the_ground_reaches_a_hidden_object() {
     for number in 0..120 {
         let mut world = World::new();
         let (up, flip) = (number % 3, number / 3 % 2 == 1);
-        // The ground is at a height that has no short binary fraction.
+        // The height of the ground has no short binary fraction in most rounds.
         let ground = rng.pick(&[0.0f32, 0.1, -3.3]);
         let gaps =
             rng.pick(&[[0.0f32; 6], [0.0, 0.0, 0.0, 1e-4, 0.02, -1.0], [0.0, 0.0, 0.0, 0.0, -0.05, 0.4]]);
@@ -74,8 +75,8 @@ fn what_stands_behind_a_wall_is_seen_through_a_crack_under_the_wall_however_thin
     }
 }
 
-/// A wall that goes deep into the ground covers nothing above it, though it stands out of the ground
-/// elsewhere: a flat thing on the ground is seen over the sunken part and beside the part that stands.
+/// A wall that goes deep into the ground covers nothing above it, though another part of the wall stands out
+/// of the ground. A flat object on the ground is visible over the sunken part and beside the standing part.
 #[test]
 fn what_lies_on_the_ground_is_seen_over_a_wall_that_ends_there() {
     for number in 0..12 {
@@ -101,7 +102,7 @@ fn what_lies_on_the_ground_is_seen_over_a_wall_that_ends_there() {
         let mesh = world.scene.add_mesh(mesh);
         world.scene.set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
         let rug = world.scene.insert(bounds([-3.0, 6.002, 0.0], [-1.0, 6.01, 0.01]));
-        // Objects that begin at one height make it the rim of the sweep.
+        // Objects that begin at the same height make it the rim of the sweep.
         world.scene.insert(bounds([-10.0, 40.0, 0.0], [50.0, 50.0, 100.0]));
         let cell = bounds([0.0; 3], [1.0, 1.0, 0.5]);
         let cell = Viewcell::from_box(cell.min.as_dvec3(), cell.max.as_dvec3());

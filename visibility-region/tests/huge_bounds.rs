@@ -1,4 +1,5 @@
-//! One object of any size or distance changes neither what is hidden of the others nor the work by much.
+//! One object of any size or distance does not change what is hidden of the other objects, nor the work by
+//! much.
 
 use crate::common::{PointShadows, World, cuboid};
 use std::collections::BTreeSet;
@@ -11,7 +12,7 @@ use visibility_testing::Random;
 type Add = fn(&mut World);
 type Make = fn() -> Box<dyn RegionCuller>;
 
-/// Blocks of houses with posts between them.
+/// Makes blocks of houses, with posts between them.
 fn town() -> World {
     let (mut world, mut rng) = (World::new(), Random(5));
     for i in 0..49 {
@@ -73,7 +74,7 @@ fn one_huge_or_far_object_changes_little() {
     }
 }
 
-/// Returns a world with the same scene, whose objects have the same ids.
+/// Returns a world with a copy of the scene, whose objects have the same ids.
 fn plain_copy(world: &World) -> World {
     World { scene: world.scene.clone(), triangles: Vec::new(), bounds: Vec::new() }
 }

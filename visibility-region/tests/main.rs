@@ -1,4 +1,5 @@
-//! One program for the tests of all files here: it compiles and runs in less time than many.
+//! One program for all tests of this folder: it compiles and runs in less time than one program for each
+//! file.
 #![allow(missing_docs)]
 
 #[cfg(feature = "papers")]

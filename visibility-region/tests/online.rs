@@ -1,5 +1,5 @@
-//! `OnlinePvs` hides nothing that is seen from the boxes it answers for, while the scene changes, is swapped
-//! and cloned, and its answers come when they are due.
+//! `OnlinePvs` never hides an object that is visible from the box that answers, while the scene changes, is
+//! swapped and cloned. Its answers come when they are due.
 
 use crate::common::{World, random_world};
 use std::collections::BTreeSet;
@@ -14,10 +14,10 @@ use visibility_testing::Random;
 use visibility_testing::allocations::ALLOCATIONS;
 use visibility_testing::swapped::{Swapped, hold_against_fresh};
 
-/// Budget of a step that is enough for any direction.
+/// Budget that is enough for a step to finish any direction.
 const WHOLE: u32 = u32::MAX;
 
-/// Removes an occluder, or lets it be see-through, or moves a target, or adds an object.
+/// Removes an occluder or makes it see-through, or moves a target, or adds an object.
 fn change(world: &mut World, rng: &mut Random, scale: f64) {
     let number = rng.below(world.bounds.len());
     let id = world.bounds[number].0;
@@ -47,8 +47,8 @@ fn change(world: &mut World, rng: &mut Random, scale: f64) {
     world.scene.maintain(rng.below(3));
 }
 
-/// Walks through random worlds that change, and fails for an object that a ray from a box reaches and the box
-/// hides. Returns the number of answers, and that of objects hidden in them.
+/// Walks through random worlds that change. Fails if a ray from a box reaches an object that the box hides.
+/// Returns the number of answers, and the number of objects hidden in them.
 fn search(seed: u64, worlds: usize, rays: usize) -> [usize; 2] {
     let (mut rng, mut answers, mut hidden_objects) = (Random(seed), 0, 0);
     for number in 0..worlds {
@@ -60,7 +60,7 @@ fn search(seed: u64, worlds: usize, rays: usize) -> [usize; 2] {
         for frame in 0..12 {
             eye += way;
             let places: Vec<DVec3> = (0..rng.below(6)).map(|i| eye + way * i as f64).collect();
-            // Steps of a direction, or of parts of it.
+            // Steps that finish a direction, and steps that do a part of one.
             let (steps, budget) = rng.pick(&[(16, WHOLE), (100, 20), (1000, 1)]);
             for _ in 0..rng.below(steps) {
                 online.step(&world.scene, &places, budget);
@@ -100,7 +100,8 @@ fn no_ray_reaches_what_is_hidden_in_many_changing_worlds() {
         .for_each(|seed| println!("seed {seed}: {:?} answers and hidden objects", search(seed, 100, 1000)));
 }
 
-/// `OnlinePvs` that makes all that the eye needs in each frame; or what rays see from around the eye.
+/// An `OnlinePvs` that makes everything that the eye needs in each frame, or an oracle of rays from around
+/// the eye.
 enum Subject {
     Online(Box<OnlinePvs>),
     Rays(Box<SamplingCuller>),
@@ -146,7 +147,7 @@ impl Swapped for Online {
         Subject::Rays(Box::new(SamplingCuller::new().with_rays(2000)))
     }
 
-    /// Answers depend on when each box was made.
+    /// Answers depend on when each box was made, so memory of earlier frames is allowed.
     fn is_free_of_memory(&self) -> bool {
         false
     }
@@ -158,7 +159,7 @@ fn scenes_are_swapped_cloned_and_changed_under_kept_boxes() {
     assert!(hidden > 1000, "{hidden} objects are no test");
 }
 
-/// A wall, and posts before and behind it.
+/// A wall, with a post in front of it and one behind it.
 struct Street {
     world: World,
     wall: ObjectId,
@@ -177,7 +178,7 @@ impl Street {
         Self { world, wall, front, back, online }
     }
 
-    /// Makes all that an eye at height `z` needs. Returns the number of steps.
+    /// Makes every box that an eye at height `z` needs. Returns the number of steps.
     fn make(&mut self, z: f64) -> usize {
         let mut steps = 0;
         while self.online.step(&self.world.scene, &[DVec3::new(0.0, 0.0, z)], WHOLE).is_some() {
@@ -187,7 +188,7 @@ impl Street {
         steps
     }
 
-    /// Returns whether the wall, the post before it and the post behind it are reported in a frame.
+    /// Returns which objects are visible in a frame: the wall, the post in front of it, the post behind it.
     fn frame(&mut self, z: f64, layers: u32) -> [bool; 3] {
         let eye = DVec3::new(0.0, 0.0, z);
         let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
@@ -199,7 +200,7 @@ impl Street {
     }
 }
 
-/// Frames in which all three objects are reported, and in which the post behind the wall is not.
+/// Visible objects in a frame that hides nothing, and in a frame that hides the post behind the wall.
 const ALL: [bool; 3] = [true; 3];
 const HIDDEN: [bool; 3] = [true, true, false];
 
@@ -280,7 +281,7 @@ fn what_comes_and_goes_is_in_order_of_size_over_distance() {
         let min = [x, 0.0, 0.0];
         street.world.add_target(Aabb::from_arrays(min, min.map(|at| at + size)))
     };
-    // Diagonals over distances from the viewcell, which ends at x = .3: .026, .087, .052 and .087.
+    // Ratios of diagonal to distance from the viewcell, which ends at x = 0.3: 0.026, 0.087, 0.052 and 0.087.
     let far = post(200.3, 3.0);
     let [near, middle, same] = [post(10.3, 0.5), post(20.3, 0.6), post(10.3, 0.5)];
     street.make(0.0);
@@ -337,7 +338,7 @@ fn small_steps_find_what_whole_directions_find() {
 fn boxes_are_made_while_the_hierarchy_changes_at_each_step() {
     let Street { mut world, front, mut online, .. } = Street::new();
     let mut rng = Random(3);
-    // Posts before the wall and behind it, which change their places in the hierarchy.
+    // Posts in front of the wall and behind it, which move to other places in the hierarchy.
     let posts: Vec<_> = (0..600)
         .map(|number| {
             let x = if number % 2 == 0 { 4.0 } else { rng.range(10.0, 30.0) as f32 };
@@ -456,14 +457,14 @@ fn an_occluder_that_moved_after_a_wide_box_saw_it_hides_from_its_new_place() {
         }
     };
     assert!(online.hidden_from(scene, DVec3::ZERO, DVec3::ZERO).is_none(), "takes in the scene");
-    // The wall has changed, so it is seen by the first wide box and is none of its occluders.
+    // The wall has just changed, so the first wide box sees it and does not use it as an occluder.
     scene.set_cost(wall, 2).unwrap();
     make_wide(&mut online, scene, 0.0);
     let moved = Aabb::from_arrays([15.0, -30.0, -30.0], [15.2, 30.0, 30.0]);
     scene.set_bounds(wall, moved).unwrap();
     let mesh = scene.add_mesh(OccluderMesh::cuboid(&moved).unwrap());
     scene.set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
-    // It rests for two more wide boxes, and is an occluder again.
+    // After two more wide boxes the wall is an occluder again.
     [9.0, 18.0].into_iter().for_each(|z| make_wide(&mut online, scene, z));
     let steps = core::iter::from_fn(|| online.step(scene, &[DVec3::ZERO], WHOLE)).count();
     assert_eq!(steps, 6, "the first wide box is kept, so a viewcell alone is made");
@@ -475,7 +476,7 @@ fn an_occluder_that_moved_after_a_wide_box_saw_it_hides_from_its_new_place() {
 #[test]
 fn a_wall_of_a_level_that_has_moved_leaves_no_surface_behind() {
     let mut world = World::new();
-    // Two walls that touch, and a post behind each.
+    // Two walls that touch, with a post behind each.
     let [moving, _] =
         [[0.0, 30.0], [-30.0, 0.0]].map(|[y0, y1]| world.add_box([5.0, y0, -30.0], [5.2, y1, 30.0]));
     let posts = [2.0, -2.0].map(|y| world.add_target(Aabb::from_arrays([9.0, y, 0.0], [9.1, y + 0.1, 0.1])));
@@ -490,7 +491,7 @@ fn a_wall_of_a_level_that_has_moved_leaves_no_surface_behind() {
     world.scene.set_bounds(moving, moved).unwrap();
     let mesh = world.scene.add_mesh(OccluderMesh::cuboid(&moved).unwrap());
     world.scene.set_mesh(moving, mesh, Affine3A::IDENTITY).unwrap();
-    // The wall that moved is an occluder again at the third wide box.
+    // At the third wide box the moved wall is an occluder again.
     for z in [0.0, 2.0, 4.0] {
         assert_eq!(hidden(&world.scene, z), [false, true], "one wall is away, at a height of {z} m");
     }

@@ -1,4 +1,4 @@
-//! Viewcells that planes make oriented boxes.
+//! Viewcells that are oriented boxes by their planes.
 
 use crate::common::{World, cuboid, random_world};
 use visibility_core::geometry::Plane;
@@ -8,8 +8,8 @@ use visibility_core::{Aabb, RegionCuller};
 use visibility_region::ExtendedProjectionCuller;
 use visibility_testing::Random;
 
-/// Returns a box with a middle, half sizes and axes of its own as a viewcell, and the map from fractions of
-/// the box to its points.
+/// Makes an oriented box as a viewcell, from its rotation, middle and half sizes. Also returns the map from
+/// fractions of the box to points in it.
 fn oriented(turn: DQuat, middle: DVec3, half: DVec3) -> (Viewcell, impl Fn(DVec3) -> DVec3) {
     let axes = DVec3::AXES.map(|axis| turn * axis);
     let reach = (0..3).map(|i| axes[i].abs() * half[i]).sum::<DVec3>();
@@ -17,7 +17,7 @@ fn oriented(turn: DQuat, middle: DVec3, half: DVec3) -> (Viewcell, impl Fn(DVec3
     cell.planes = (0..3)
         .flat_map(|i| [axes[i], -axes[i]].map(|normal| Plane::through(middle - normal * half[i], normal)))
         .collect();
-    // Slightly within the planes, which rounding has moved.
+    // Points are slightly inside the planes, which are rounded.
     (cell, move |part| middle + turn * (half * (part * 2.0 - 1.0)) * (1.0 - 1e-12))
 }
 
@@ -40,8 +40,8 @@ fn no_ray_from_an_oriented_cell_reaches_a_hidden_object() {
     assert!(hidden_objects > 200, "{hidden_objects}");
 }
 
-/// A street between rows of houses that runs askew: from a long narrow cell along the street, about as much
-/// is hidden as if the street ran along an axis.
+/// A street between rows of houses that is not along an axis. From a long narrow viewcell along the street,
+/// about as many objects are hidden as if the street were along an axis.
 #[test]
 fn a_street_askew_is_as_tight_as_one_along_an_axis() {
     let hidden_of = |angle: f64, oriented_cell: bool| {

@@ -1,5 +1,5 @@
-//! Tests of the sampling culler: rays leave no closed room, however its walls are cut into triangles, and
-//! find what shows through narrow gaps.
+//! Tests of the sampling culler: rays do not leave a closed room, however its walls are cut into triangles,
+//! and find objects that are visible through narrow gaps.
 
 use visibility_core::glam::{Affine3A, DVec3, Quat, Vec3};
 use visibility_core::pvs::Viewcell;
@@ -8,14 +8,14 @@ use visibility_core::{Aabb, Accuracy, Object, ObjectId, OccluderMesh, RegionCull
 use visibility_region::SamplingCuller;
 use visibility_testing::Random;
 
-/// Cuts a rectangle, given by a corner and two sides, into triangles: at random, with vertices on the edges
-/// of others.
+/// Cuts a rectangle, given by a corner and two sides, into random triangles, with vertices on the edges of
+/// other triangles.
 fn cut(at: Vec3, u: Vec3, v: Vec3, depth: usize, random: &mut Random, out: &mut Vec<Triangle>) {
     if depth == 0 {
         out.extend([[at, at + u, at + u + v], [at, at + u + v, at + v]]);
         return;
     }
-    // An eighth part is exact in f32 for the sizes used here, so that all vertices are on the rectangle.
+    // Eighths are exact in `f32` for the sizes used here, so that all vertices are on the rectangle.
     let part = random.between(1, 7) as f32 / 8.0;
     if random.one_in(2) {
         cut(at, u * part, v, depth - 1, random, out);
@@ -51,7 +51,7 @@ fn no_ray_leaves_a_closed_room() {
     for seed in 0..12 {
         let mut random = Random(seed);
         let mut scene = Scene::new();
-        // Each wall is an object, or each triangle: joints between objects leak no more than others.
+        // Each wall is an object, or each triangle is: joints between objects must not leak either.
         for wall in walls(8.0, 5, &mut random) {
             match seed % 2 {
                 0 => {
@@ -81,7 +81,7 @@ fn no_ray_leaves_a_closed_room() {
 
 #[test]
 fn narrow_gaps_are_found() {
-    // Gaps as deep as they are wide.
+    // Gaps that are as deep as they are wide.
     for (width, rays) in [(0.1, 2_000), (1e-2, 20_000), (1e-3, 200_000)] {
         let mut scene = Scene::new();
         let wall = |min: [f32; 3], max: [f32; 3]| {
@@ -106,8 +106,8 @@ fn narrow_gaps_are_found() {
     }
 }
 
-/// Sight lines, checked without the crate's code: in f64, with margins far above its rounding, no occluder is
-/// met clearly before the point, and the point is on the object.
+/// Lines of sight are checked without the crate's code, in `f64` with margins far above its rounding: no
+/// occluder is met clearly before the seen point, and the point is on the object.
 #[test]
 fn sight_lines_are_unobstructed() {
     let mut checked = 0;
@@ -142,7 +142,8 @@ fn sight_lines_are_unobstructed() {
                 let (eye, point) = (local(line.eye), local(line.point));
                 if *id == line.id {
                     let off = (point.abs() - *half).max_element();
-                    // Without an occluder's mesh, an object is its bounds, which contain the turned box.
+                    // An object without an occluder's mesh is represented by its bounds, which contain the
+                    // rotated box.
                     assert!(off.abs() < 5e-2 || !scene.object(*id).unwrap().occluder, "{off}");
                 } else if scene.object(*id).unwrap().occluder {
                     let depth = |i| (eye.lerp(point, f64::from(i) / 2000.0).abs() - *half).max_element();
@@ -165,7 +166,8 @@ fn what_is_no_occluder_is_seen_and_seen_through() {
     };
     let glass = insert(&mut scene, pane(3.0), false);
     let wall = insert(&mut scene, pane(4.0), true);
-    // With nothing but bounds, and in front of the wall; an object with infinite bounds; behind the wall.
+    // Objects that consist of bounds only: one in front of the wall, one with infinite bounds, one behind the
+    // wall.
     let box_ = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_arrays([3.2; 3], [3.4; 3])) });
     let endless = scene.insert(Aabb::from_arrays([0.0; 3], [f32::INFINITY; 3]));
     let lost = insert(&mut scene, vec![[Vec3::NAN; 3]], true);
@@ -180,12 +182,12 @@ fn what_is_no_occluder_is_seen_and_seen_through() {
     {
         assert_eq!(visible.contains(&scene, id), is_seen, "{id}");
     }
-    // The wall is opened: the tree of triangles follows.
+    // Once the wall is no occluder, the tree of triangles is rebuilt.
     scene.set_occluder(wall, false).unwrap();
     let mut visible = VisibleSet::new();
     culler.cull(&scene, &cell, &mut visible);
     assert!(visible.contains(&scene, behind), "the wall stopped occluding");
-    // In a clone that is changed, and back in the first.
+    // The tree is rebuilt for a clone that was changed, and again for the first scene.
     let mut clone = scene.clone();
     clone.set_occluder(wall, true).unwrap();
     let hides = |culler: &mut SamplingCuller, scene: &Scene| {
@@ -243,7 +245,7 @@ fn rays_pass_backs_of_one_sided_walls() {
             cut(Vec3::new(x, -r, -r), u, v, depth, random, &mut triangles);
             triangles
         };
-        // The fronts look along x, away from the first viewcell and towards the second.
+        // The fronts of the triangles look along x, away from the first viewcell and towards the second.
         for (one_sided, x, seen) in [
             (false, 0.0, [true, false]),
             (true, 0.0, [false, true]),

@@ -1,4 +1,4 @@
-//! What a segment sees through slots between screens is not hidden.
+//! Objects that a segment sees through slots between screens are not hidden.
 //!
 //! `cargo test -p visibility-region slots -- --ignored --nocapture` makes a million trials of the sweep.
 
@@ -8,7 +8,7 @@ use visibility_region::VolumetricCuller;
 use visibility_region::{ConvexBlockersCuller, ExtendedProjectionCuller};
 use visibility_testing::{SlotScene, SlotSearch};
 
-/// Makes trials, and fails for one whose target is hidden though it is seen.
+/// Makes trials, and fails if the culler hides a target that a segment sees.
 fn search(culler: &mut dyn RegionCuller, first: usize, trials: usize) -> SlotSearch {
     assert_eq!(culler.accuracy(), Accuracy::Conservative, "the culler is conservative");
     let search = SlotScene::search(culler, 1, first, trials);
@@ -35,7 +35,8 @@ fn octrees_hide_nothing_that_is_seen_through_a_slot() {
     assert!(found.seen > 20, "{found:?}");
 }
 
-/// Makes as many trials as `SLOT_TRIALS` says, from number `SLOT_FIRST` on, and prints what is found.
+/// Makes trials and prints the results. The variables `SLOT_TRIALS` and `SLOT_FIRST` of the environment set
+/// their number and the first of them.
 fn search_long(culler: &mut dyn RegionCuller, trials: usize) {
     let number = |name: &str, other: usize| {
         std::env::var(name).ok().and_then(|value| value.parse().ok()).unwrap_or(other)

@@ -1,8 +1,8 @@
-//! Nothing that a ray from the viewcell reaches is hidden.
+//! Objects that a ray from the viewcell reaches are not hidden.
 //!
-//! `cargo test --release -p visibility-region soundness -- --ignored` makes 100,000 trials. A trial is
-//! an object that a culler hides from a viewcell, and that rays look for: rays past edges of occluders, which
-//! are intersected with all triangles, and the rays of the sampling culler, which are guided to gaps.
+//! `cargo test --release -p visibility-region soundness -- --ignored` makes 100,000 trials. A trial is an
+//! object that a culler hides from a viewcell, and for which rays search: rays past edges of occluders,
+//! intersected with all triangles, and the rays of the sampling culler, which are guided to gaps.
 
 use crate::common::random_world;
 use visibility_core::pvs::Viewcell;
@@ -12,8 +12,8 @@ use visibility_region::VolumetricCuller;
 use visibility_region::{ConvexBlockersCuller, ExtendedProjectionCuller, SamplingCuller};
 use visibility_testing::Random;
 
-/// Searches random worlds until `trials` objects were hidden. Returns the number of worlds, and that of
-/// objects seen by the sampling culler.
+/// Searches random worlds until `trials` objects were hidden. Returns the number of worlds, and the number of
+/// objects that the sampling culler has seen.
 fn search(cullers: &mut [Box<dyn RegionCuller>], seed: u64, trials: usize, rays: usize) -> [usize; 2] {
     let mut rng = Random(seed);
     let (mut worlds, mut seen, mut hidden_objects) = (0, 0, 0);
@@ -48,7 +48,7 @@ fn no_ray_from_the_cell_reaches_a_hidden_object() {
     assert!(worlds < 60 && seen > 20 * worlds, "{worlds} worlds, {seen} objects seen");
 }
 
-/// The sweep from parts of the viewcell: 3 by 3.
+/// The sweep from 3 by 3 parts of the viewcell, as a culler.
 struct Parts(ExtendedProjectionCuller);
 
 impl RegionCuller for Parts {

@@ -1,5 +1,6 @@
-//! Contract 4 for cullers from viewcells: scenes are swapped, mixed, cloned, changed, reverted and dropped
-//! under a live culler, whose answers are those of a culler that has seen no other scene.
+//! Cullers from viewcells never hide a visible object by memory of an earlier scene (contract 4): scenes are
+//! swapped, mixed, cloned, changed, reverted and dropped under a live culler. Its answers equal those of a
+//! culler that has seen no other scene.
 
 #[cfg(feature = "papers")]
 use crate::common::PointShadows;
@@ -25,8 +26,8 @@ impl<R: RegionCuller> Swapped for Cullers<R> {
     fn give(&self, _: &mut Self::Culler, (): &(), _: &Scene) {}
 }
 
-/// Swaps scenes at random under live cullers for two seeds, and asserts that enough objects were hidden for
-/// the test to mean anything.
+/// Swaps scenes at random under live cullers, for two seeds. Asserts that enough objects were hidden for the
+/// test to be meaningful.
 fn hold<R: RegionCuller>(make: fn() -> R, frames: usize) {
     let hidden: usize = (0..2).map(|seed| hold_against_fresh(&Cullers(make), seed, frames)).sum();
     assert!(hidden > frames, "{hidden} objects are no test");
@@ -45,7 +46,7 @@ fn convex_blockers() {
 #[test]
 #[cfg(feature = "papers")]
 fn volumetric() {
-    // Half a second for each octree.
+    // Few frames, since each octree takes half a second.
     hold(VolumetricCuller::new, 2);
 }
 

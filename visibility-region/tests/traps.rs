@@ -1,4 +1,4 @@
-//! Mistakes that are easily made with extended projections, each as a small scene.
+//! Small scenes, one for each mistake that is easily made with extended projections.
 
 use crate::common::{World, cuboid};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
@@ -34,7 +34,7 @@ fn an_object_is_not_hidden_by_its_own_front_nor_by_a_front_in_the_same_plane() {
 
 #[test]
 fn rays_that_pass_beside_an_earlier_window_are_not_taken_for_blocked() {
-    // What is asked on the left ends early, and what is asked far behind needs the middle only.
+    // At x = 40 the umbra of the near wall ends at y = 23, so the targets at the sides are visible.
     let mut world = World::new();
     world.add_box([4.0, -3.0, -3.0], [4.2, 3.0, 3.0]);
     world.add_box([20.0, -6.0, -6.0], [20.2, 6.0, 6.0]);
@@ -46,7 +46,7 @@ fn rays_that_pass_beside_an_earlier_window_are_not_taken_for_blocked() {
 
 #[test]
 fn walls_between_the_houses_of_a_row_do_not_divide_it() {
-    // No house is wider than the cell: only the row hides anything.
+    // No house is wider than the viewcell: only the row as a whole hides anything.
     let row = |gap: f32| {
         let mut world = World::new();
         for i in -10..10 {
@@ -77,7 +77,7 @@ fn what_stands_on_the_ground_is_hidden_from_the_ground_up_and_hangs_from_a_ceili
             let z = z.map(|z| z * up);
             ([x[0], y[0], z[0].min(z[1])], [x[1], y[1], z[0].max(z[1])])
         };
-        // Streets along x and y; houses of different heights touch one another.
+        // Streets along x and y, between touching houses of different heights.
         for block in 0..64 {
             let (x, y) = (10.0 + 40.0 * (block / 8) as f32, 45.0 * (block % 8) as f32 - 180.0);
             for house in 0..6 {
@@ -94,7 +94,7 @@ fn what_stands_on_the_ground_is_hidden_from_the_ground_up_and_hangs_from_a_ceili
                 world.add_target(Aabb::from_arrays(min, max))
             })
             .collect();
-        // A tower makes pixels large, and what is under the ground makes rays go there.
+        // A tower makes the pixels large, and an object under the ground makes rays go below the ground.
         let (min, max) = upright([70.0, 75.0], [0.0, 5.0], [0.0, 300.0]);
         world.add_target(Aabb::from_arrays(min, max));
         for i in 0..10 {
@@ -136,7 +136,8 @@ fn objects_between_two_directions_are_hidden_by_a_wall_around_the_corner() {
 
 #[test]
 fn a_face_whose_plane_cuts_the_cell_does_not_occlude() {
-    // Seen from below its front hides; from the upper corners of the cell its back is seen through.
+    // Seen from below, the front of the quadrilateral occludes. The upper corners of the cell look through
+    // its back.
     let quad = |tilt: f32| {
         let p = |x: f32, y: f32| Vec3::new(x, y, tilt * (x - 4.0));
         [[p(2.0, 9.0), p(30.0, 9.0), p(30.0, -9.0)], [p(2.0, 9.0), p(30.0, -9.0), p(2.0, -9.0)]]
@@ -157,7 +158,8 @@ fn a_floor_that_ends_under_the_cell_is_seen_past_its_near_end() {
         let id = world.add_target(Aabb::from_arrays([5.0, -0.3, -1.3], [5.3, 0.3, -1.0]));
         hides(&world, id)
     };
-    // From the lower back of the cell, rays pass the end that is 5 cm behind the front of the cell.
+    // Rays from the lower back of the cell pass the floor's near end, which is 5 cm behind the front of the
+    // cell.
     assert!(!floor(0.45), "the floor hides what is below its near end");
 }
 
@@ -233,13 +235,13 @@ fn the_answer_does_not_depend_on_the_scale() {
     }
 }
 
-/// Occluders in scene coordinates take another way than those that a transform places.
+/// Transforms of an occluder: the identity, with which surfaces are joined, and another.
 fn transforms() -> [Affine3A; 2] {
     [Affine3A::IDENTITY, Affine3A::from_translation(Vec3::new(0.0, 0.0, 0.125))]
 }
 
-/// Returns the two triangles of a quadrilateral that stands upright on a segment of the xy plane. Its front
-/// is on the left of the segment.
+/// Returns the two triangles of an upright quadrilateral over a segment of the xy plane. Its front is on the
+/// left of the segment.
 fn upright([a, b]: [[f32; 2]; 2], half_height: f32) -> [visibility_core::scene::Triangle; 2] {
     let at = |[x, y]: [f32; 2], z: f32| Vec3::new(x, y, z * half_height);
     [[at(b, -1.0), at(a, -1.0), at(a, 1.0)], [at(b, -1.0), at(a, 1.0), at(b, 1.0)]]
@@ -248,7 +250,7 @@ fn upright([a, b]: [[f32; 2]; 2], half_height: f32) -> [visibility_core::scene::
 #[test]
 fn a_wall_that_turns_its_back_on_part_of_the_cell_does_not_close_a_ridge() {
     // The wall from the ridge backwards faces the middle of the cell, and shows its back to the middle of the
-    // cell's front. Seen from there, the ridge covers what the back of the cell sees past the far end.
+    // cell's front. Seen from there, the ridge covers points that the back of the cell sees past the far end.
     let ridge = [[5.0, 0.0], [5.0, 10.0 / 3.0], [20.0, 10.0]];
     for transform in transforms() {
         let mut world = World::new();
@@ -286,8 +288,8 @@ fn what_hangs_on_a_slanted_wall_is_seen_wherever_planes_cut_the_wall() {
 
 #[test]
 fn a_slanted_floor_hides_nothing_that_is_seen_past_its_near_end() {
-    // The floor ends beside the cell, nearer than occluders are drawn. Its slant keeps its bounds from
-    // telling.
+    // The floor ends beside the cell, nearer than the depth at which occluders are cut off. Since it is
+    // slanted, its bounds do not reveal this.
     let at = |x: f32, y: f32| Vec3::new(x, y, -1.0 - 0.5 * y);
     let [a, b, c, d] = [at(0.45, -20.0), at(30.0, -20.0), at(30.0, 20.0), at(0.45, 20.0)];
     for transform in transforms() {
@@ -303,7 +305,8 @@ fn each_edge_of_a_plate_has_its_penumbra() {
     for (transform, two_sided) in transforms().into_iter().flat_map(|t| [(t, false), (t, true)]) {
         let mut world = World::new();
         world.add(&upright([[5.0, -3.0], [5.0, 3.0]], 3.0), two_sided, transform);
-        // Behind the plate from the middle of the cell; from its sides, the shadow ends at 9.8 and 14.7.
+        // Targets behind the plate as seen from the middle of the cell. As seen from its sides, the shadow
+        // ends at 9.8 and 14.7.
         let mut beside = |along: f32| {
             [[along, 0.0], [-along, 0.0], [0.0, along], [0.0, -along]].map(|[y, z]| {
                 let at = Vec3::new(20.0, y, z);
@@ -319,8 +322,8 @@ fn each_edge_of_a_plate_has_its_penumbra() {
 
 #[test]
 fn the_shadow_of_a_solid_narrows_from_its_back_on() {
-    // The cell is wider than the solid. From its front on, the shadow is 1.7 wide at the object; from its
-    // back on, nearly 2.
+    // The cell is wider than the solid. At the object, the shadow of the solid is 1.7 wide from the front of
+    // the cell on, and nearly 2 from its back on.
     let cell = Viewcell::from_box(DVec3::new(-1.0, -2.2, -2.2), DVec3::new(0.5, 2.2, 2.2));
     for transform in transforms() {
         let mut world = World::new();

@@ -1,5 +1,5 @@
-//! Movers in a scene see each other wherever a free segment leads from one to the other, by a matrix of the
-//! scene and by sets made online, while walls come and go.
+//! Movers in a scene see each other wherever a free segment connects them, both by a matrix of the scene and
+//! by sets made online, while walls come and go.
 
 use crate::common::World;
 use visibility_core::glam::DVec3;
@@ -9,11 +9,11 @@ use visibility_core::{Aabb, ObjectId};
 use visibility_region::{ExtendedProjectionCuller, OnlineCells, OnlinePvs};
 use visibility_testing::Random;
 
-/// Number of viewcells along x and y, and their width; movers walk on them.
+/// Number of viewcells along x and y, and their width in metres. Movers walk on them.
 const CELLS: (i32, f64) = (6, 2.0);
 const MOVERS: usize = 16;
 
-/// A world of walls that stand on the ground, relative to an origin.
+/// Makes a world of walls that stand on the ground, relative to an origin.
 fn walls(rng: &mut Random, origin: DVec3) -> (World, Vec<ObjectId>) {
     let mut world = World::new();
     world.scene.set_origin(origin).unwrap();
@@ -44,8 +44,8 @@ fn movers(rng: &mut Random, origin: DVec3) -> Vec<Reach> {
     (0..MOVERS).map(mover).collect()
 }
 
-/// Fails if a free segment leads from an observer to a target that it does not see. Returns the number of
-/// pairs that are hidden, and of free segments found.
+/// Fails if a free segment connects an observer with a target that it does not see. Returns the number of
+/// hidden pairs, and the number of free segments found.
 fn judge(world: &World, origin: DVec3, movers: &[Reach], who: &WhoSees, rng: &mut Random) -> [usize; 2] {
     let (mut hidden, mut free) = (0, 0);
     for (a, b) in (0..MOVERS * MOVERS).map(|pair| (pair / MOVERS, pair % MOVERS)) {
@@ -97,7 +97,7 @@ fn search(seed: u64, worlds: usize) -> [usize; 4] {
             for _ in 0..rng.pick(&[50, 400]) {
                 online.step(&world.scene, &places, u32::MAX);
             }
-            // Between the steps and the look, a wall vanishes.
+            // A wall vanishes between the steps and the test of visibility.
             if tick > 0 {
                 let number = rng.below(left.len());
                 world.scene.remove(left.remove(number)).unwrap();

@@ -1,4 +1,4 @@
-//! Range of a camera: the distance it keeps from surfaces, and its height above the ground.
+//! Range of a camera: its distance from surfaces, and its height above the ground.
 
 use visibility_core::glam::DVec3;
 
@@ -16,15 +16,15 @@ pub struct CameraRange {
 }
 
 impl Default for CameraRange {
-    /// A person: a quarter of a metre from every surface, 1 to 3 m above the ground, z up.
+    /// The range of a walking person: 0.25 m from every surface, 1 to 3 m above the ground, with z up.
     fn default() -> Self {
         Self { radius: 0.25, heights: Some([1.0, 3.0]), up: DVec3::Z }
     }
 }
 
 impl CameraRange {
-    /// Returns the axis that points up or down. Of two axes equally near to [`up`](Self::up), z comes before
-    /// x, and x before y.
+    /// Returns the axis (0 to 2) closest to the direction [`up`](Self::up), whether it points up or down. Of
+    /// equally close axes, z comes before x, and x before y.
     pub(super) fn up_axis(&self) -> usize {
         let up = self.up.abs();
         (0..2).fold(2, |most, axis| if up[axis] > up[most] { axis } else { most })

@@ -1,8 +1,8 @@
-//! A flood of free voxels through their faces, box by box of a grid.
+//! Flood fill of free voxels through their faces, box by box of a grid.
 //!
-//! A path of the camera is in voxels that touch no surface, and it passes from one to the next through their
-//! common face: where it passes through an edge or a corner, it touches the voxels beside it too, so they are
-//! free as well. A flood of free voxels through faces thus reaches every position that a path of the camera
+//! A path of the camera is in voxels that touch no surface, and passes from voxel to voxel through common
+//! faces. Where it passes through an edge or a corner, it touches the voxels beside it too, so these are also
+//! free. A flood of free voxels through faces therefore reaches every position that a path of the camera
 //! reaches.
 
 use super::solid_triangles::SolidTriangles;
@@ -12,28 +12,29 @@ use std::collections::hash_map::Entry;
 use std::collections::{HashMap, VecDeque};
 use visibility_core::glam::DVec3;
 
-/// Greatest number of voxels in all boxes of a flood together: two bits each, two gigabytes in all. A flood
-/// that needs more fails with [`GridError::TooMany`].
+/// Greatest number of voxels in all boxes of a flood together. At two bits each they take two gigabytes. A
+/// flood that needs more fails with [`GridError::TooMany`].
 const ALL_VOXELS: u64 = 1 << 33;
 
-/// A flood within the [limits](SolidTriangles::limits) of solid triangles.
+/// A flood fill within the [limits](SolidTriangles::limits) of solid triangles.
 pub(super) struct Flood<'a> {
     solids: &'a SolidTriangles<'a>,
-    /// Voxels of each box that was entered, by the box's place in the grid.
+    /// State of the voxels of each box that was entered, by the box's [place](crate::grid).
     boxes: HashMap<[i64; 3], BoxVoxels>,
-    /// Places of the boxes that have [`entered`](BoxVoxels::entered) voxels, first come, first served.
+    /// Places of the boxes with [`entered`](BoxVoxels::entered) voxels, in the order in which they are
+    /// processed.
     queue: VecDeque<[i64; 3]>,
-    /// Places of the boxes reached, in the order of reaching them.
+    /// Places of the boxes that the flood has reached, in the order of reaching them.
     reached: Vec<[i64; 3]>,
 }
 
 /// State of the voxels of a box.
 struct BoxVoxels {
-    /// Voxels where the camera can be and that the flood has not reached.
+    /// Voxels where the camera can be and that the flood has not reached yet.
     open: VoxelSet,
     /// Voxels that the flood has reached.
     reached: VoxelSet,
-    /// Numbers of the voxels from which the flood is still to go on. They were open when they were added.
+    /// Numbers of the voxels from which the flood is still to spread. They were open when they were added.
     entered: Vec<u32>,
     /// Whether the box is in [`Flood::reached`].
     is_reached: bool,
@@ -44,11 +45,11 @@ impl<'a> Flood<'a> {
         Self { solids, boxes: HashMap::new(), queue: VecDeque::new(), reached: Vec::new() }
     }
 
-    /// Begins the flood at the free voxel nearest to a point, within the limits and the point's box. Does
-    /// nothing if the box has no free voxel.
+    /// Starts the flood at the free voxel nearest to `point`, within the limits and within the point's box.
+    /// Does nothing if the box has no free voxel.
     ///
     /// # Errors
-    /// [`GridError::TooMany`] if the point has no [place](Grid::place), or the flood has too many boxes or
+    /// [`GridError::TooMany`] if the point has no [place](Grid::place), or if the flood has too many boxes or
     /// voxels.
     pub(super) fn start(&mut self, point: DVec3) -> Result<(), GridError> {
         let solids = self.solids;
@@ -69,7 +70,8 @@ impl<'a> Flood<'a> {
         }
     }
 
-    /// Runs to the end. Returns the places of the boxes reached, in order, with the voxels reached in each.
+    /// Runs the flood to its end. Returns the places of the reached boxes, in order, with the reached voxels
+    /// of each.
     ///
     /// # Errors
     /// [`GridError::TooMany`] if the flood has too many boxes or voxels.
@@ -82,7 +84,7 @@ impl<'a> Flood<'a> {
         Ok(self.reached.into_iter().filter_map(voxels).collect())
     }
 
-    /// Adds the open ones of the voxels `entered` of a box to the front of the flood, and queues the box.
+    /// Adds those of the voxels `entered` that are open to the box's list, and queues the box.
     fn enter(&mut self, place: [i64; 3], entered: impl IntoIterator<Item = u32>) -> Result<(), GridError> {
         let voxels = self.voxels(place)?;
         let is_queued = !voxels.entered.is_empty();
@@ -98,14 +100,14 @@ impl<'a> Flood<'a> {
         Ok(())
     }
 
-    /// Floods a box from its entered voxels, and enters the voxels beyond its faces.
+    /// Floods a box from its entered voxels, and enters the voxels beyond the box's faces.
     fn spread(&mut self, place: [i64; 3]) -> Result<(), GridError> {
         let counts = self.solids.counts;
         let Some(voxels) = self.boxes.get_mut(&place) else { return Ok(()) };
-        // By side of the box, lower and upper x, y and z, the voxels entered beyond it.
+        // For each side of the box (lower and upper x, y and z), the voxels to enter beyond it.
         let mut beyond: [Vec<u32>; 6] = Default::default();
         let entered = std::mem::take(&mut voxels.entered);
-        // Connected voxels come in runs along x, from `at` to `last`.
+        // Connected voxels come as runs along x, from `at` to `last`.
         voxels.open.take_connected(entered, |at, last| {
             let run = voxel_number(at, counts)..=voxel_number([last, at[1], at[2]], counts);
             run.for_each(|voxel| voxels.reached.insert(voxel));
@@ -142,7 +144,7 @@ impl<'a> Flood<'a> {
         Ok(())
     }
 
-    /// Returns the state of a box's voxels. It is made on the first call for the box.
+    /// Returns the state of a box's voxels, which is created at the first call for the box.
     fn voxels(&mut self, place: [i64; 3]) -> Result<&mut BoxVoxels, GridError> {
         let (solids, box_count) = (self.solids, self.boxes.len());
         match self.boxes.entry(place) {

@@ -1,7 +1,7 @@
-//! Viewcells where a camera can be: a flood of free space from given points, the free space along walks, and
-//! boxes above walkable triangles.
+//! Viewcells where a camera can be: by a flood of free space from given points, in the free space along
+//! walks, or above walkable triangles.
 //!
-//! Free space is found in voxels ([`solid_triangles`]), in which a flood goes from box to box of the grid
+//! Free space consists of voxels ([`solid_triangles`]), and a flood goes from box to box of the grid
 //! ([`flood`]). A box that walls divide has a viewcell for each part that is reached ([`viewcell_parts`]).
 
 mod camera_range;
@@ -25,21 +25,21 @@ use visibility_core::pvs::Viewcell;
 use voxel_set::{voxel_number, voxel_place};
 
 impl Grid {
-    /// Returns the viewcells that a camera reaches from some points: boxes of the grid, cut off at solid
-    /// surfaces that the flood does not pass within the box. The viewcells of the points come first, then the
-    /// others in the order in which the flood reaches them. The triangles of objects flagged as occluders are
-    /// solid. The flood does not leave the box from `min` to `max`; points outside it are ignored. A point
-    /// where the camera cannot be is replaced by the nearest point in the same box of the grid where it can
-    /// be. If there is none, the point is ignored.
+    /// Returns the viewcells that a camera can reach from some points. They are boxes of the grid, cut off at
+    /// solid surfaces that the flood does not pass within the box. The viewcells of the points come first,
+    /// then the others in the order in which the flood reaches them. The triangles of objects flagged as
+    /// occluders are solid. The flood does not leave the box from `min` to `max`; points outside it are
+    /// ignored. A point where the camera cannot be is replaced by the nearest point in the same box of the
+    /// grid where it can be. Without such a point, it is ignored.
     ///
-    /// No viewcell is left out that holds a position that the camera can reach in the box without coming
-    /// nearer to a solid surface than the [radius](CameraRange::radius) and without leaving the
-    /// [heights](CameraRange::heights). Time and memory are in proportion to the volume flooded, divided by
-    /// the cube of the radius.
+    /// The viewcells contain every position in the box that the camera can reach without coming closer to a
+    /// solid surface than the [radius](CameraRange::radius) and without leaving the
+    /// [heights](CameraRange::heights). Time and memory are proportional to the flooded volume divided by the
+    /// cube of the radius.
     ///
     /// # Errors
     /// [`GridError::Radius`] if the radius is not positive, or less than about a hundredth of a viewcell;
-    /// [`GridError::TooMany`] if `min` or `max` is not finite, or too much memory would be needed;
+    /// [`GridError::TooMany`] if `min` or `max` is not finite, or if too much memory would be needed;
     /// [`GridError::Stopped`] if the function of [`with_stop`](Grid::with_stop) returned true.
     ///
     /// ```
@@ -91,17 +91,17 @@ impl Grid {
         Ok(all)
     }
 
-    /// Returns the viewcells that walks in straight lines from point to point pass, those of the first walk
-    /// first: boxes of the grid, cut off at solid surfaces that separate the rest of a box from the walks'
-    /// parts in it. Solid are the triangles of the objects flagged as occluders. All of a box that is within
-    /// the [radius](CameraRange::radius) of the walk's part in it stays, also where the walk passes through
-    /// a solid. The heights of the camera do not count, and a radius below a 40th of the longest side of a
-    /// box counts as that.
+    /// Returns the viewcells through which walks pass, those of the first walk first. A walk goes in straight
+    /// lines from point to point. A viewcell is a box of the grid, cut off at solid surfaces that separate
+    /// the rest of the box from the walks. The triangles of objects flagged as occluders are solid. Every
+    /// point of a box within the [radius](CameraRange::radius) of the part of a walk in that box stays in the
+    /// viewcell, also where the walk passes through a solid. The heights of the camera do not count. A radius
+    /// below a 40th of the longest side of a box counts as a 40th.
     ///
     /// # Errors
-    /// [`GridError::Count`] for more viewcells than [`LIMIT`](Grid::LIMIT), each counted as often as it is
-    /// passed; [`GridError::TooMany`] if a walk is not finite, or too much memory would be needed;
-    /// [`GridError::Stopped`] if the function of [`with_stop`](Grid::with_stop) returned true.
+    /// [`GridError::Count`] for more viewcells than [`LIMIT`](Grid::LIMIT), where a viewcell counts as often
+    /// as it is passed; [`GridError::TooMany`] if a walk is not finite, or if too much memory would be
+    /// needed; [`GridError::Stopped`] if the function of [`with_stop`](Grid::with_stop) returned true.
     ///
     /// ```
     /// use visibility_bake::{CameraRange, Grid};
@@ -133,13 +133,13 @@ impl Grid {
         if walks.iter().all(|walk| walk.is_empty()) {
             return Ok(Vec::new());
         }
-        // Before anything takes time: a walk may pass more boxes than can be kept.
+        // Checked first, before anything takes time: a walk may pass through more boxes than can be kept.
         let counted = walks.iter().try_fold(0, |sum, walk| Ok(sum + self.count_passed(walk)?))?;
         Self::check_count(counted)?;
         let solids = SolidTriangles::new(self, scene, &camera, [min, max])?;
         let (counts, voxel_size) = (solids.counts, solids.voxel_size());
         let fine = Grid { size: voxel_size, ..*self };
-        // Places of the boxes that walks pass, and by place the numbers of the voxels passed.
+        // Places of the boxes through which walks pass, and for each place the numbers of the voxels passed.
         let (mut places, mut passed) = (Vec::new(), HashMap::new());
         for walk in walks {
             for place in self.passed(walk)? {
@@ -156,13 +156,13 @@ impl Grid {
                 let axes = [0, 1, 2];
                 let place = axes.map(|axis| voxel[axis].div_euclid(counts[axis] as i64));
                 let inside = axes.map(|axis| voxel[axis].rem_euclid(counts[axis] as i64) as usize);
-                // A voxel of another box touches one of these from outside.
+                // Voxels of other boxes only touch the walk from outside, and are not recorded.
                 if let Some(voxels) = passed.get_mut(&place) {
                     voxels.push(voxel_number(inside, counts));
                 }
             }
         }
-        // Number of voxels on each axis within the radius.
+        // Number of voxels that the radius spans on each axis.
         let around = (camera.radius / voxel_size).ceil().to_array().map(|count| count as usize);
         let mut all = Vec::new();
         for place in places {
@@ -173,7 +173,7 @@ impl Grid {
                 continue;
             }
             let mut free = solids.free_voxels(place);
-            // Where a walk passes, the camera is.
+            // The camera is where a walk passes, so these voxels count as free.
             left.iter().for_each(|&voxel| free.insert(voxel));
             let mut parts = Vec::new();
             while let Some(mut part) = left.first().and_then(|&voxel| free.take_part(voxel)) {

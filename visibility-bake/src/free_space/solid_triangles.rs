@@ -1,8 +1,8 @@
-//! The solid triangles around the boxes of a grid, and the voxels of a box that they leave to a camera.
+//! The solid triangles around the boxes of a grid, and the voxels of a box where a camera can be.
 //!
 //! The diagonal of a voxel is less than the radius that the camera keeps free around itself. A voxel that
-//! touches a solid surface therefore contains no position of the camera: each of its points is nearer to that
-//! surface than the radius.
+//! touches a solid surface therefore contains no position of the camera: each point of the voxel is closer to
+//! that surface than the radius.
 
 use super::camera_range::CameraRange;
 use super::triangle_columns::{Columns, extent};
@@ -14,29 +14,29 @@ use visibility_core::Scene;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::scene::Triangle;
 
-/// Greatest number of pairs of a triangle and a column that it touches. All pairs take four gigabytes: 64
-/// bytes for a column with a single triangle.
+/// Greatest number of pairs of a triangle and a column of boxes that it touches. This many pairs take four
+/// gigabytes: 64 bytes each if each column has a single triangle.
 const MAX_ENTRIES: usize = 1 << 26;
 
 /// Greatest number of voxels of a box of the grid.
 const BOX_VOXELS: usize = 1 << 21;
 
-/// The triangles of a scene's occluders in some columns of a grid.
+/// The triangles of a scene's occluders, in a range of columns of a grid.
 pub(super) struct SolidTriangles<'a> {
     pub grid: &'a Grid,
-    /// [Places](crate::grid) of the first and of the last box of the range of the grid in which triangles are
-    /// known, each as x, y and z. Both are in the range.
+    /// [Places](crate::grid) of the first and the last box of the range in which triangles are known, each as
+    /// x, y and z. Both are in the range.
     pub limits: [[i64; 3]; 2],
     /// Number of voxels of a box on each axis.
     pub counts: [usize; 3],
     /// Axis that points up or down: 0, 1 or 2.
     pub up: usize,
-    /// Least and greatest coordinate of the camera on the axis `up`, in metres relative to a floor below it.
+    /// Least and greatest coordinate of the camera on the axis `up`, in metres relative to the floor below.
     /// `None` for a camera that flies.
     offsets: Option<[f64; 2]>,
     triangles: Vec<SolidTriangle>,
-    /// Indices of the triangles that touch each column of boxes, by the column's position on the two axes
-    /// across it.
+    /// Indices of the triangles that touch each column of boxes, by the column's position on the two other
+    /// axes.
     by_column: HashMap<[i64; 2], Vec<u32>>,
 }
 
@@ -44,13 +44,13 @@ pub(super) struct SolidTriangles<'a> {
 pub(super) struct SolidTriangle {
     /// Corners in metres relative to the grid's origin.
     pub corners: [DVec3; 3],
-    /// Whether the triangle is a floor, above which a camera can be.
+    /// Whether the triangle is flat enough to be a floor, above which a camera can be.
     is_floor: bool,
 }
 
 impl<'a> SolidTriangles<'a> {
-    /// Collects the triangles in the columns of boxes that together contain the box between two corners.
-    /// Triangles that are not finite are left out.
+    /// Collects the triangles in the columns of boxes that contain the region between two corners. Triangles
+    /// that are not finite are ignored.
     ///
     /// # Errors
     /// [`GridError::Radius`] if the radius is not positive or a box would have too many voxels,
@@ -62,7 +62,7 @@ impl<'a> SolidTriangles<'a> {
         camera: &CameraRange,
         bounds: [DVec3; 2],
     ) -> Result<Self, GridError> {
-        // A voxel's diagonal is a little less than the radius.
+        // The edge is chosen so that a voxel's diagonal is a little less than the radius.
         let edge = camera.radius * 0.99 / 3f64.sqrt();
         let counts = (grid.size / edge).ceil();
         if !(camera.radius > 0.0 && counts.element_product() <= BOX_VOXELS as f64) {
@@ -72,8 +72,8 @@ impl<'a> SolidTriangles<'a> {
         let [first, last] = grid.places(bounds)?;
         let (up, offsets) = (camera.up_axis(), camera.offsets());
         let columns = Columns::new(up, grid.size);
-        // Triangles are listed by column of boxes, since a camera above a floor depends on all triangles
-        // below and above it.
+        // Triangles are sorted by column, since a camera above a floor depends on all triangles below and
+        // above it.
         let mut triangles: Vec<SolidTriangle> = Vec::new();
         let mut by_column: HashMap<[i64; 2], Vec<u32>> = HashMap::new();
         let mut entries = 0;
@@ -103,23 +103,23 @@ impl<'a> SolidTriangles<'a> {
         self.grid.size / DVec3::from_array(self.counts.map(|count| count as f64))
     }
 
-    /// Returns the triangles that touch the column of a box of the grid.
+    /// Returns the triangles that touch the column of a box.
     pub(super) fn in_column_of(&self, place: [i64; 3]) -> impl Iterator<Item = &SolidTriangle> {
         let column = Columns::new(self.up, self.grid.size).of(place);
         self.by_column.get(&column).into_iter().flatten().map(|&at| &self.triangles[at as usize])
     }
 
-    /// Returns the voxels of a box where the camera can be: they touch no triangle, and the camera does not
-    /// fly too high or too low above a floor.
+    /// Returns the voxels of a box where the camera can be: they touch no triangle, and are at the right
+    /// height above a floor unless the camera flies.
     pub(super) fn free_voxels(&self, place: [i64; 3]) -> VoxelSet {
         let (up, edge, size) = (self.up, self.voxel_size(), self.grid.size);
         let columns = Columns::new(up, edge);
         let slack = columns.slack;
         let corner = DVec3::from_array(place.map(|place| place as f64)) * size;
         let limits = [[0; 2], columns.of(self.counts).map(|count| count as i64 - 1)];
-        // Difference of the numbers of two voxels, one above the other.
+        // Difference of the numbers of two voxels, one directly above the other.
         let stride = voxel_number(columns.place([0; 2], 1), self.counts);
-        // Marks the voxels of a column between two heights above the bottom of the box.
+        // Marks the voxels of a column that are between two heights, in metres above the bottom of the box.
         let mark = |voxels: &mut VoxelSet, column: [i64; 2], low: f64, high: f64| {
             let last_level = self.counts[up] as f64 - 1.0;
             let [first, last] = [low - slack, high + slack].map(|height| (height / edge[up]).floor());
@@ -131,7 +131,7 @@ impl<'a> SolidTriangles<'a> {
             }
         };
         let mut solid = VoxelSet::empty(self.counts);
-        // Voxels at the right height above a floor.
+        // Voxels at one of the camera's heights above a floor.
         let mut at_height = VoxelSet::empty(self.counts);
         for SolidTriangle { corners, is_floor } in self.in_column_of(place) {
             let local = corners.map(|p| p - corner);
@@ -154,7 +154,7 @@ impl<'a> SolidTriangles<'a> {
     }
 }
 
-/// Returns whether a triangle is less steep than 60 degrees. A triangle without area is not.
+/// Returns whether a triangle is less steep than 60 degrees. False for a triangle without area.
 fn is_floor(triangle: &Triangle, up: usize) -> bool {
     let [a, b, c]: [DVec3; 3] = triangle.map(Vec3::as_dvec3);
     let normal = (b - a).cross(c - a);
@@ -168,8 +168,8 @@ mod tests {
     use visibility_core::{Aabb, Object};
     use visibility_testing::ends_f32;
 
-    /// A level triangle on and next to every border of voxels of a quarter of a metre: all voxels that it
-    /// touches are solid, and those at the camera's heights above it are free unless they are solid.
+    /// A level triangle on and next to every border between voxels of 0.25 m. All voxels that it touches are
+    /// solid, and those at the camera's heights above it are free unless they are solid.
     #[test]
     fn voxels_are_solid_where_a_triangle_touches_them() {
         let grid = Grid::new(DVec3::ZERO, DVec3::ONE).unwrap();
@@ -179,7 +179,7 @@ mod tests {
             let mut scene = Scene::new();
             let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(corners)) });
             scene.set_triangles(id, [corners]).unwrap();
-            // Heights in ranks: a voxel has three.
+            // Heights in units of a third of a voxel.
             for heights in [None, Some([3, 6]), Some([-6, -3])] {
                 let up = if heights == Some([-6, -3]) { DVec3::NEG_Z } else { DVec3::Z };
                 let own = heights.map(|_| [0.25, 0.5]);

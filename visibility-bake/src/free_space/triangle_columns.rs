@@ -1,12 +1,11 @@
-//! The columns of a grid that a triangle touches, and its range of heights in each.
+//! The columns of a grid that a triangle touches, and the triangle's range of heights in each.
 
 use visibility_core::glam::DVec3;
 
-/// Margin for rounding by which a column counts as wider on each side, as a fraction of the least side of a
-/// box.
+/// Width of the margin for rounding on each side of a column, as a fraction of the least side of a box.
 const SLACK: f64 = 1e-6;
 
-/// The columns of a grid along one of its axes. Column 0 begins at coordinate 0 on the two other axes.
+/// The columns of a grid along one of its axes. Column 0 starts at coordinate 0 on both other axes.
 pub(super) struct Columns {
     /// Axis along the columns: 0, 1 or 2.
     pub up: usize,
@@ -14,25 +13,24 @@ pub(super) struct Columns {
     across: [usize; 2],
     /// Width in metres of a column on each axis of `across`.
     widths: [f64; 2],
-    /// Distance in metres by which a column counts as wider on each side.
+    /// Width in metres of the margin on each side of a column.
     pub slack: f64,
 }
 
 impl Columns {
-    /// Makes the columns of a grid with boxes of a size in metres, along the axis `up`.
+    /// Makes the columns along the axis `up` of a grid whose boxes have the given size in metres.
     pub(super) fn new(up: usize, size: DVec3) -> Self {
         let across = [(up + 1) % 3, (up + 2) % 3];
         Self { up, across, widths: across.map(|axis| size[axis]), slack: SLACK * size.min_element() }
     }
 
-    /// Returns the column of the box at a [place](crate::grid) in the grid: its position on the two axes of
-    /// `across`.
+    /// Returns the column that contains the box at a [place](crate::grid): the place's coordinates on the two
+    /// axes `across`.
     pub(super) fn of<T: Copy>(&self, place: [T; 3]) -> [T; 2] {
         self.across.map(|axis| place[axis])
     }
 
-    /// Returns the [place](crate::grid) in the grid of a box, given by its column and its position `level` on
-    /// the axis `up`.
+    /// Returns the [place](crate::grid) of a box from its column and its position `level` on the axis `up`.
     pub(super) fn place<T: Copy>(&self, column: [T; 2], level: T) -> [T; 3] {
         let mut place = [level; 3];
         (place[self.across[0]], place[self.across[1]]) = (column[0], column[1]);
@@ -41,7 +39,7 @@ impl Columns {
 
     /// Calls `each` with each column that a triangle touches, and with the least and greatest coordinate of
     /// the triangle on the axis `up` in that column. Columns before `first` or after `last` on an axis are
-    /// left out. A column is given by its position on the two axes of `across`.
+    /// skipped. A column is given by its position on the two axes `across`.
     ///
     /// # Errors
     /// The first error of `each`.
@@ -82,16 +80,16 @@ impl Columns {
     }
 }
 
-/// Returns the least and greatest coordinates of a triangle.
+/// Returns the corners of the bounding box of a triangle.
 pub(super) fn extent([a, b, c]: &[DVec3; 3]) -> (DVec3, DVec3) {
     (a.min(*b).min(*c), a.max(*b).max(*c))
 }
 
-/// Greatest number of corners of a [`ClippedTriangle`]: three, and half as many again for each of the six
-/// sides of a box, which is more than rounding can add.
+/// Greatest number of corners of a [`ClippedTriangle`]: three, and a generous allowance for cuts by the six
+/// sides of a box with rounding.
 const CORNERS: usize = 28;
 
-/// The part of a triangle between sides of a box: a convex polygon, without corners if it is empty.
+/// The part of a triangle inside some sides of a box: a convex polygon, without corners if it is empty.
 pub(super) struct ClippedTriangle {
     corners: [DVec3; CORNERS],
     count: usize,
@@ -123,19 +121,20 @@ impl ClippedTriangle {
         self.count == 0
     }
 
-    /// Returns the least and greatest coordinate on an axis: infinity and -infinity if the polygon is empty.
+    /// Returns the least and greatest coordinate of the polygon on an axis. Infinity and -infinity if it is
+    /// empty.
     pub(super) fn range(&self, axis: usize) -> [f64; 2] {
         let start = [f64::INFINITY, f64::NEG_INFINITY];
         self.corners().iter().fold(start, |[low, high], p| [low.min(p[axis]), high.max(p[axis])])
     }
 
-    /// Returns the part of the polygon between two coordinates on an axis, inclusive. Empty if the polygon
-    /// has no point there.
+    /// Returns the part of the polygon between two coordinates on an axis, both included. Empty if no point
+    /// of the polygon is between them.
     pub(super) fn clipped(&self, axis: usize, [low, high]: [f64; 2]) -> Self {
         self.clipped_by(axis, 1.0, low).clipped_by(axis, -1.0, -high)
     }
 
-    /// Returns the part of the polygon where the coordinate on an axis, times `sign` (1 or -1), is at least
+    /// Returns the part of the polygon whose coordinate on an axis, times `sign` (1 or -1), is at least
     /// `limit`.
     fn clipped_by(&self, axis: usize, sign: f64, limit: f64) -> Self {
         let inside = |p: DVec3| p[axis] * sign - limit;
@@ -161,7 +160,7 @@ mod tests {
     use super::*;
     use visibility_testing::{UNIT, ends};
 
-    /// A triangle between every pair of ends on one axis, which rises as it goes, in columns of 1 m.
+    /// Triangles between every pair of ends on one axis, rising along the axis, in columns 1 m wide.
     #[test]
     fn columns_are_those_that_a_triangle_touches() {
         let (columns, all) = (Columns::new(2, DVec3::ONE), ends(-1, 5));

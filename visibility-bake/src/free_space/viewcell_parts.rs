@@ -1,8 +1,8 @@
-//! The viewcells of a box of the grid that walls divide.
+//! The viewcells of a box of the grid that walls may divide.
 //!
-//! A box that crosses a wall holds positions on both sides of it, and in it. What is seen from there would
-//! count as visible. So each connected part of the free voxels that are reached in a box has a viewcell of
-//! its own: the part's bounding box, grown to the next solid surface.
+//! A box that crosses a wall contains positions on both sides of the wall, and inside it. Everything seen
+//! from any of them would count as visible. So each connected part of the reached free voxels in a box gets
+//! its own viewcell: the part's bounding box, extended to the next solid surface.
 
 use super::solid_triangles::SolidTriangles;
 use super::triangle_columns::{ClippedTriangle, extent};
@@ -11,8 +11,8 @@ use crate::grid::{Grid, GridError};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 
-/// Appends the viewcells of the parts of a box to `all`. A viewcell inside another part's viewcell is left
-/// out.
+/// Appends the viewcells of the parts of a box to `all`. A viewcell that is inside another part's viewcell is
+/// left out.
 ///
 /// # Errors
 /// [`GridError::TooMany`] if `all` then has more than [`Grid::LIMIT`] viewcells.
@@ -35,13 +35,13 @@ pub(super) fn add_viewcells(
     if all.len() > Grid::LIMIT { Err(GridError::TooMany) } else { Ok(()) }
 }
 
-/// Returns the bounding box of a part, grown on one side after another up to the next solid surface or the
-/// side of the grid's box.
+/// Returns the bounding box of a part, extended on each side up to the next solid surface or the side of the
+/// grid's box.
 fn grown(solids: &SolidTriangles<'_>, place: [i64; 3], part: &VoxelBounds) -> Viewcell {
     let (origin, whole) = (solids.grid.origin, solids.grid.cell(place));
     let (start, end) = (whole.min - origin, whole.max - origin);
     let (mut low, mut high, edge) = (start, end, solids.voxel_size());
-    // The part's own box. A side that is the grid's box's own side keeps its coordinate.
+    // Starts with the bounding box of the part. A side at the grid box's own side keeps its exact coordinate.
     for axis in 0..3 {
         if part.first[axis] > 0 {
             low[axis] = start[axis] + part.first[axis] as f64 * edge[axis];
@@ -50,11 +50,11 @@ fn grown(solids: &SolidTriangles<'_>, place: [i64; 3], part: &VoxelBounds) -> Vi
             high[axis] = start[axis] + (part.last[axis] + 1) as f64 * edge[axis];
         }
     }
-    // The viewcell ends a little before the surface, or its face would be in the surface. Half of that is for
-    // rounding.
+    // The viewcell ends a little before the surface, so that its face is not in the surface. Half of the gap
+    // is for rounding.
     let gap = edge.min_element() * 0.01;
     let slack = gap * 0.5;
-    // Each side moves outwards to the nearest triangle in the way, across the box as it is grown so far.
+    // Each side moves outwards to the nearest triangle in its way, tested across the box as extended so far.
     for side in 0..6 {
         let (axis, is_upper) = (side / 2, side % 2 == 1);
         let (from, to) = if is_upper { (high[axis], end[axis]) } else { (start[axis], low[axis]) };
@@ -83,7 +83,7 @@ fn grown(solids: &SolidTriangles<'_>, place: [i64; 3], part: &VoxelBounds) -> Vi
             low[axis] = limit.min(to);
         }
     }
-    // Sides of the grid's box stay the same to the last bit.
+    // Sides of the grid's box keep their exact coordinates.
     let min = DVec3::select(low.cmpeq(start), whole.min, origin + low);
     Viewcell::from_box(min, DVec3::select(high.cmpeq(end), whole.max, origin + high))
 }

@@ -1,10 +1,10 @@
 //! Sets of the voxels of a box, and the parts of a set that are connected through faces.
 //!
 //! The *place* of a voxel is its position in the box, as x, y and z from 0. Voxels are numbered along x, then
-//! y, then z. A part is found row by row: all voxels of a row along x that are connected are taken at once,
-//! and the search goes on in the four rows beside it.
+//! y, then z. A connected part is found row by row: all connected voxels of a row along x are taken at once,
+//! and the search continues in the four adjacent rows.
 
-/// A set of the voxels of a box, with a bit for each.
+/// A set of voxels of a box, as one bit for each voxel.
 #[derive(Clone)]
 pub(super) struct VoxelSet {
     /// Number of voxels of the box on each axis.
@@ -12,14 +12,14 @@ pub(super) struct VoxelSet {
     bits: Vec<u64>,
 }
 
-/// Bounds of a set of voxels: the first and the last place on each axis, inclusive.
+/// Bounds of a set of voxels: the first and the last place on each axis, both included.
 pub(super) struct VoxelBounds {
     pub first: [usize; 3],
     pub last: [usize; 3],
 }
 
-/// Returns the place of a voxel on each axis, from its number. `counts` are the numbers of voxels of the box
-/// on each axis.
+/// Returns the place of the voxel with number `voxel`. `counts` are the numbers of voxels of the box on each
+/// axis.
 pub(super) fn voxel_place(voxel: usize, counts: [usize; 3]) -> [usize; 3] {
     [voxel % counts[0], voxel / counts[0] % counts[1], voxel / counts[0] / counts[1]]
 }
@@ -48,7 +48,7 @@ impl VoxelSet {
         self.bits[voxel / 64] |= 1 << (voxel % 64);
     }
 
-    /// Returns the voxels of this set that are not in another, of the same box.
+    /// Returns the voxels of this set that are not in `other`, a set of voxels of the same box.
     pub(super) fn without(mut self, other: &Self) -> Self {
         self.bits.iter_mut().zip(&other.bits).for_each(|(bits, other)| *bits &= !other);
         self
@@ -75,8 +75,8 @@ impl VoxelSet {
         Some(bounds)
     }
 
-    /// Removes from the set all voxels connected with those of `list`. Calls `each` with runs of them along
-    /// x: the place of the first voxel, and the x of the last.
+    /// Removes from the set all voxels that are connected with those of `list`. Calls `each` with runs of the
+    /// removed voxels along x: the place of the first, and the x of the last.
     pub(super) fn take_connected(&mut self, mut list: Vec<u32>, mut each: impl FnMut([usize; 3], usize)) {
         let counts = self.counts;
         let strides = [1, counts[0], counts[0] * counts[1]];
@@ -115,7 +115,7 @@ impl VoxelBounds {
         self.last = [0, 1, 2].map(|axis| self.last[axis].max(place[axis]));
     }
 
-    /// Extends the bounds to all voxels at most `around` voxels from a place on each axis, within a box of
+    /// Extends the bounds to all voxels within `around` voxels of a place on each axis, within a box of
     /// `counts` voxels.
     pub(super) fn add_around(&mut self, place: [usize; 3], around: [usize; 3], counts: [usize; 3]) {
         self.add([0, 1, 2].map(|axis| place[axis].saturating_sub(around[axis])));

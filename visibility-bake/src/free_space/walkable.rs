@@ -8,15 +8,15 @@ use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 
 impl Grid {
-    /// Returns the viewcells that hold positions of a camera above walkable triangles, such as those of a
+    /// Returns the viewcells that contain positions of a camera above walkable triangles, such as those of a
     /// navigation mesh, in world space. The camera is at the [heights](CameraRange::heights) above a point of
-    /// one of the triangles, or on the triangle if it flies. Viewcells are in ascending order of z, y and x.
-    /// A triangle that is not finite is ignored.
+    /// a triangle, or on the triangle if it flies. Viewcells are in ascending order of z, y and x. Triangles
+    /// that are not finite are ignored.
     ///
     /// # Errors
-    /// [`GridError::TooMany`] for more viewcells than [`LIMIT`](Grid::LIMIT), or for one 4.5e15 boxes or more
-    /// from the origin; [`GridError::Stopped`] if the function of [`with_stop`](Grid::with_stop) returned
-    /// true.
+    /// [`GridError::TooMany`] for more viewcells than [`LIMIT`](Grid::LIMIT), or for a viewcell that is
+    /// 4.5e15 or more boxes from the origin; [`GridError::Stopped`] if the function of
+    /// [`with_stop`](Grid::with_stop) returned true.
     ///
     /// ```
     /// use visibility_bake::{CameraRange, Grid};

@@ -1,5 +1,5 @@
-//! The content of groups: made by a sweep of the group or taken from the cache, shared while a stage needs
-//! it, and released.
+//! The content of groups. It is made by a sweep of the group or taken from the cache, shared while a stage
+//! needs it, and then released.
 
 use super::SandwichBaker;
 use super::group::{BakeScratch, Content, Group};
@@ -14,8 +14,8 @@ use visibility_core::binary_format::Fingerprint;
 use visibility_region::ExtendedProjectionCuller;
 
 impl SandwichBaker<'_> {
-    /// Notes that a viewcell of a group is done with `stages`. After the last viewcell of a stage, releases
-    /// the content that the stage has shared.
+    /// Records that a viewcell of a group is done with `stages`. After the last viewcell of a stage, releases
+    /// the content that the stage has used.
     pub(super) fn end_stages(&self, group: u32, stages: Range<u32>) {
         let mut slot = self.level.lock(&self.slots[group as usize]);
         for stage in stages.clone() {
@@ -26,8 +26,8 @@ impl SandwichBaker<'_> {
         }
     }
 
-    /// Releases the content of all groups that no thread works on, if there is a limit of memory. A thread
-    /// that comes back to such a group loads its content again.
+    /// Releases the content of all groups that no thread is using, if there is a limit of memory. A thread
+    /// that returns to such a group loads its content again.
     pub(super) fn release_groups(&self) {
         for slot in self.slots.iter().filter(|_| self.level.is_in_file()) {
             let Ok(mut slot) = slot.try_lock() else { continue };
@@ -35,7 +35,7 @@ impl SandwichBaker<'_> {
         }
     }
 
-    /// Returns a hash of the settings, the origin, and some objects in their order, by their numbers.
+    /// Returns a hash of the settings, the origin, and the objects with the given numbers, in their order.
     pub(super) fn content_hash(&self, objects: impl IntoIterator<Item = u32>) -> Fingerprint {
         let hash = with_settings(Fingerprint::new().with(METHODS), &self.settings);
         let origin = self.level.origin.to_array();
@@ -43,8 +43,8 @@ impl SandwichBaker<'_> {
         objects.into_iter().fold(hash, |hash, at| hash.with_u64(self.level.objects[at as usize].hash))
     }
 
-    /// Returns the data that the viewcells of a group share, from the group's slot. If it is not there, makes
-    /// it, while other threads that need it wait.
+    /// Returns the data that the viewcells of a group share, from the group's slot. If the slot is empty,
+    /// computes the data, while other threads that need it wait.
     pub(super) fn group(
         &self,
         number: u32,
@@ -64,8 +64,8 @@ impl SandwichBaker<'_> {
         Ok(group)
     }
 
-    /// Makes the data that the viewcells of a group share. `known` is the result of the group's sweep. If it
-    /// is `None`, the group is swept, and the result is stored there.
+    /// Computes the data that the viewcells of a group share. `known` is the result of the group's sweep. If
+    /// it is `None`, the group is swept, and the result is stored there.
     fn new_group(
         &self,
         number: u32,
@@ -94,16 +94,17 @@ impl SandwichBaker<'_> {
             records.len() == members.len() && records.iter().all(|record| record.is_of(objects))
         };
         if known.is_none() {
-            // In a bake that was resumed, some of the viewcells may be done.
+            // In a resumed bake, some of the viewcells may be done already.
             known.clone_from(&self.found_groups[number as usize]);
         }
         let whole = with_members(self.content_hash([]));
-        // With a limit of time groups are not divided, and so may have other results.
+        // With a limit of time groups are not divided, so their results may differ and need a key of their
+        // own.
         let question =
             if self.time.is_limited() { with_members(self.content_hash([]).with(1)) } else { whole };
         let answer = self.cache.answer(whole).or_else(|| self.cache.answer(question));
-        // Results name objects by their places among those that a trace leaves, which must be that of the
-        // viewcells that are done.
+        // Cached results refer to objects by position in the list that a trace leaves. This must be the trace
+        // of the viewcells that are done already.
         if let Some((record, cells)) = answer
             && known.as_ref().is_none_or(|known| known.trace == record.trace)
             && let Some(objects) = record.trace.replay(&self.level.tree)
@@ -123,7 +124,7 @@ impl SandwichBaker<'_> {
                     let is_over = || self.time.is_over(end);
                     let stop = end.is_some().then_some(&is_over as &dyn Fn() -> bool);
                     let trace = sweep_near_to_far(&self.level, all, members, sweep, whole, stop)?;
-                    // The surfaces of the last sweep are needed no more.
+                    // The surfaces of the last sweep are not needed any more.
                     scratch.sweep = ExtendedProjectionCuller::new();
                     (trace, is_over())
                 };
@@ -136,7 +137,7 @@ impl SandwichBaker<'_> {
                 known.insert(Arc::new(GroupRecord { question, key, trace, is_cut })).clone()
             }
         };
-        // The tree is that of the bake in which the trace was recorded, so the trace can be replayed.
+        // The trace was recorded in this bake, with the same tree, so it can be replayed.
         let objects = record.trace.replay(&self.level.tree).unwrap_or_default();
         let content = match self.cache.group(record.key).filter(|records| is_usable(records, &objects)) {
             Some(records) => Content::Cached(records.to_vec()),

@@ -1,5 +1,5 @@
-//! The bake of sandwiches: for each viewcell methods from cheap to exact, each for what the one before left
-//! open.
+//! The bake of sandwiches, which are lower and upper bounds on the visible set of each viewcell. Methods are
+//! applied from cheap to exact, each to the objects that the methods before have left undecided.
 //!
 //! The objects that a sweep has *left* are those that it did not find hidden. An object is *open* in a
 //! viewcell if it is left there, and neither seen by a ray nor proven hidden. Its *cost* is
@@ -33,22 +33,22 @@ use visibility_core::bake::Baker;
 use visibility_core::binary_format::{Fingerprint, FormatError, Reader, Writer};
 use visibility_core::pvs::Viewcells;
 
-/// Finds the sandwiches of a range of viewcells, as a [`Baker`] for a [`Bake`](visibility_core::bake::Bake):
-/// with progress, stopping and resuming, on any number of threads; without a limit of time with the same
-/// result.
+/// Computes the sandwiches (lower and upper bounds on the visible set) of a range of viewcells, as a
+/// [`Baker`] for a [`Bake`](visibility_core::bake::Bake): with progress, stopping and resuming, on any number
+/// of threads. Without a limit of time, the result does not depend on threads or stops.
 ///
-/// The sweep of extended projections removes what is hidden behind many occluders together, first for a group
-/// of neighbouring viewcells, then, in what is left, for each of them. When all viewcells are swept, rays
-/// find what is seen from them, and proofs are tried for the boxes of the open objects, the most costly
-/// first, until the [gap](SandwichSettings::with_gap) is met; then, where it is not met, for their triangles.
-/// So the bake has five items for each viewcell. The stages after the sweeps take the viewcells in portions,
-/// each about as large as all before it. In a portion, the groups with the most costly open objects come
-/// first.
+/// The sweep of extended projections removes objects that many occluders hide together, first for a group of
+/// neighbouring viewcells, then, among the objects left, for each single viewcell. After all viewcells are
+/// swept, rays find objects that are seen. Then proofs are tried for the boxes of the open objects, the most
+/// costly first, until the [gap](SandwichSettings::with_gap) is met; if it is not, for their triangles. So
+/// the bake has five items for each viewcell. The stages after the sweeps process the viewcells in portions,
+/// each about as large as all portions before it. In a portion, the groups with the most costly open objects
+/// come first.
 ///
-/// Occluders are the objects that are flagged so and [always drawn](Scene::is_always_drawn), on whichever
-/// layers they are: the sweeps use their meshes, the proofs their triangles.
-/// Objects that are [never culled](visibility_core::Object::never_cull), such as moving ones, count as seen.
-/// Each method works on what the sweep before it has left, so that an edit elsewhere changes nothing
+/// Occluders are the objects that are flagged as such and [always drawn](Scene::is_always_drawn), on
+/// whichever layers they are. The sweeps use their meshes, the proofs their triangles. Objects that are
+/// [never culled](visibility_core::Object::never_cull), such as moving ones, count as seen. Each method uses
+/// only the objects that the sweep before it has left, so that a distant edit changes nothing
 /// ([`with_cache`](Self::with_cache)).
 ///
 /// ```
@@ -76,22 +76,22 @@ pub struct SandwichBaker<'a> {
     viewcells: &'a Viewcells,
     settings: SandwichSettings,
     range: Range<usize>,
-    /// Hash of the scene, all viewcells and the settings: the same for all shards of a bake.
+    /// Hash of the scene, all viewcells and the settings. It is the same for all shards of a bake.
     fingerprint: u64,
     groups: CellGroups,
     /// State of each group while some of its viewcells are worked on.
     slots: Vec<Mutex<Slot>>,
     cache: Arc<BakeCache>,
     time: TimePlan,
-    /// Results of each viewcell of `range` so far. `None` for a viewcell of which no stage is done.
+    /// Results so far of each viewcell of `range`. `None` for a viewcell without a completed stage.
     done: Vec<Option<FoundCell>>,
-    /// Sum of the costs of open objects, by group and stage: those of the group's viewcells that have come to
-    /// the stage.
+    /// For each group and stage, the sum of the costs of open objects in those of the group's viewcells that
+    /// are at that stage.
     costs: Vec<[u64; STAGES]>,
-    /// Result of the sweep of each group, by number of the group. `None` for a group of which no viewcell in
-    /// `range` has a result yet.
+    /// Result of the sweep of each group, by the group's number. `None` for a group without a result for a
+    /// viewcell in `range`.
     found_groups: Vec<Option<Arc<GroupRecord>>>,
-    /// First reason why a viewcell could not be worked on. `None` if there was no error so far.
+    /// First reason why a viewcell could not be worked on. `None` if there was no error.
     error: Mutex<Option<LevelError>>,
 }
 
@@ -102,7 +102,7 @@ impl fmt::Debug for SandwichBaker<'_> {
 }
 
 impl<'a> SandwichBaker<'a> {
-    /// Prepares a bake of all objects of a scene from all viewcells.
+    /// Prepares a bake of all objects of a scene, from all viewcells.
     pub fn new(scene: &'a Scene, viewcells: &'a Viewcells, settings: SandwichSettings) -> Self {
         Self::of_level(Arc::new(TiledScene::new(scene)), viewcells, settings)
     }
@@ -132,8 +132,8 @@ impl<'a> SandwichBaker<'a> {
         baker.with_range(0..viewcells.cells().len())
     }
 
-    /// Returns the baker for a part of the viewcells: those with numbers in `range`. Numbers beyond the last
-    /// viewcell are ignored.
+    /// Restricts the baker to the viewcells with numbers in `range`. Numbers beyond the last viewcell are
+    /// ignored.
     #[must_use]
     pub fn with_range(mut self, range: Range<usize>) -> Self {
         let count = self.viewcells.cells().len();
@@ -145,39 +145,39 @@ impl<'a> SandwichBaker<'a> {
         self
     }
 
-    /// Returns the baker with a clock, by which it measures the times of the methods. `clock` returns the
-    /// time passed since a fixed moment.
+    /// Sets the clock with which the baker measures the times of the methods. `clock` returns the time since
+    /// a fixed moment.
     #[must_use]
     pub fn with_clock(mut self, clock: fn() -> Duration) -> Self {
         self.time.set_clock(clock);
         self
     }
 
-    /// Returns the baker for a bake that ends when `time` has passed, by its [clock](Self::with_clock), which
-    /// must run. More than 2^32 seconds count as these. The caller ends the bake. What is hidden comes first,
-    /// for as many viewcells as can be:
+    /// Prepares for a bake that the caller ends after `time`, as measured by the [clock](Self::with_clock),
+    /// which must be set. A limit of more than 2^32 seconds counts as 2^32 seconds. The bake finds hidden
+    /// objects first, for as many viewcells as possible:
     ///
-    /// - Groups are swept undivided, for seven tenths of the time at most; groups that are not swept by then
-    ///   wait until all others are done. Where the first groups find less than an eighth of the objects
-    ///   hidden, the others are left out, and all the time is for viewcells.
-    /// - Viewcells are swept by themselves until 85 hundredths of the time have passed
-    ///   ([`SWEEP_TIME`](crate::SWEEP_TIME)); what is left of the others goes on as it is. A sweep that takes
-    ///   more than a quarter of the time that is left for its stage, and more than its share, ends early:
-    ///   what it has found by then counts.
-    /// - Each search, by rays and then by proofs, has its share of the time that is left, and half a second
-    ///   at least. Where it could not even begin in that, since a sweep has left too many triangles, the
+    /// - Groups are swept undivided, for at most seven tenths of the time. Groups that are not swept by then
+    ///   wait until all others are done. If the first groups find less than an eighth of the objects hidden,
+    ///   the other groups are skipped, and all the time is for viewcells.
+    /// - Viewcells are swept until 85 hundredths of the time have passed ([`SWEEP_TIME`](crate::SWEEP_TIME)).
+    ///   Other viewcells continue with the objects that their group's sweep has left. A sweep that takes more
+    ///   than a quarter of the time left for its stage, and more than its equal share, ends early and keeps
+    ///   what it has found.
+    /// - Each search, by rays and then by proofs, has an equal share of the time left, and at least half a
+    ///   second. If it could not even begin in that time, since a sweep has left too many triangles, the
     ///   viewcell is swept in parts instead.
     ///
-    /// Sweeps and searches that were left out or ended early stay so when the bake is resumed.
+    /// Sweeps and searches that were skipped or ended early are not repeated when the bake is resumed.
     #[must_use]
     pub fn with_time(mut self, time: Duration) -> Self {
         self.time.limit(time);
         self
     }
 
-    /// Returns the baker with the results of a bake of the scene before an edit. Without a limit of time, the
-    /// outcome is the same as without these results, to the last byte, except for times. See [`BakeCache`]
-    /// for what an edit costs.
+    /// Sets the results of a bake of the scene before an edit. Without a limit of time, the outcome is the
+    /// same as without these results, to the last byte, except for times. See [`BakeCache`] for the cost of
+    /// an edit.
     #[must_use]
     pub fn with_cache(mut self, cache: impl Into<Arc<BakeCache>>) -> Self {
         self.cache = cache.into();
@@ -185,25 +185,25 @@ impl<'a> SandwichBaker<'a> {
     }
 
     /// Returns the sandwiches found so far, in the order of the viewcells in the range. `None` for a viewcell
-    /// of which no stage is done.
+    /// without a completed stage.
     pub fn cells(&self) -> impl Iterator<Item = Option<&CellSandwich>> {
         self.done.iter().map(|done| done.as_ref().map(|found| &found.sandwich))
     }
 
-    /// Returns a hash of the level, the settings and all viewcells, whatever the range of this baker. Shards
-    /// with the same hash belong together.
+    /// Returns a hash of the level, the settings and all viewcells, independent of the range of this baker.
+    /// Shards with the same hash belong to the same bake.
     pub fn whole_fingerprint(&self) -> u64 {
         self.fingerprint
     }
 
-    /// Returns the first reason why a viewcell could not be worked on, for a level in a file, or `None` if
-    /// there was no error so far. Objects not proven hidden before the error count as visible. A resumed bake
-    /// does not work on these viewcells again.
+    /// Returns the first reason why a viewcell of a level in a file could not be worked on, or `None` if
+    /// there was no error. Objects not proven hidden before the error count as visible. A resumed bake does
+    /// not work on these viewcells again.
     pub fn error(&self) -> Option<LevelError> {
         lock(&self.error).clone()
     }
 
-    /// Counts the viewcells of each group that are done with each stage, and those left.
+    /// Counts, for each group and stage, the viewcells that are done and those that are left.
     fn count(&mut self) {
         self.slots.iter_mut().for_each(|slot| *slot = Mutex::default());
         self.costs = vec![[0; STAGES]; self.slots.len()];
@@ -218,26 +218,26 @@ impl<'a> SandwichBaker<'a> {
         }
     }
 
-    /// Returns the position of an item's viewcell in `range`, from 0, and the item's stage.
+    /// Returns the position in `range` of an item's viewcell, from 0, and the item's stage.
     fn place_and_stage(&self, item: u32) -> (usize, u32) {
         let (item, count) = (item as usize, self.range.len().max(1));
         (item % count, (item / count) as u32)
     }
 
-    /// Returns the time on the baker's clock at which a sweep must end that begins now. `stage` is [`GROUP`]
-    /// or [`SWEEP`], and `viewcells` the number of viewcells that the sweep's result is for. `None` if the
-    /// bake has no limit of time: the sweep may run to its end.
+    /// Returns the time on the baker's clock by which a sweep that begins now must end. `stage` is [`GROUP`]
+    /// or [`SWEEP`], and `viewcells` the number of viewcells that the sweep is for. `None` without a limit of
+    /// time: the sweep may run to its end.
     fn end_of_sweep(&self, stage: u32, viewcells: usize) -> Option<Duration> {
         self.time.end_of_sweep(stage, viewcells, self.waiting(stage))
     }
 
-    /// Returns the number of viewcells that were not done with a stage before this round.
+    /// Returns the number of viewcells that had not completed a stage before this round.
     fn waiting(&self, stage: u32) -> usize {
         self.done.iter().filter(|done| done.as_ref().is_none_or(|found| found.next <= stage)).count()
     }
 }
 
-/// Adds the cost of a viewcell's open objects to the costs of its group, at the viewcell's next stage.
+/// Adds the cost of a viewcell's open objects to its group's sum for the viewcell's next stage.
 fn add_cost(costs: &mut [u64; STAGES], found: &FoundCell) {
     if let Some(cost) = costs.get_mut(found.next as usize) {
         *cost = cost.saturating_add(found.cost);
@@ -246,7 +246,7 @@ fn add_cost(costs: &mut [u64; STAGES], found: &FoundCell) {
 
 impl Baker for SandwichBaker<'_> {
     type Scratch = BakeScratch;
-    /// `None` for a viewcell with nothing left to do, or whose objects could not be loaded.
+    /// `None` for a viewcell that needs no more work, or whose objects could not be loaded.
     type Found = Option<FoundCell>;
     type Outcome = SandwichOutcome;
 
@@ -262,7 +262,7 @@ impl Baker for SandwichBaker<'_> {
         let (place, stage) = self.place_and_stage(item);
         let of = self.groups.of[self.range.start + place];
         if stage <= SWEEP {
-            // The viewcells of a group follow one another.
+            // Items are sorted by group, so that the viewcells of a group stay together.
             return u64::from(of);
         }
         let costs = self.costs[of as usize][stage as usize] / self.groups.cells[of as usize].len() as u64;
@@ -272,12 +272,12 @@ impl Baker for SandwichBaker<'_> {
     fn stage(&self, item: u32) -> u32 {
         let (place, stage) = self.place_and_stage(item);
         let next = self.done[place].as_ref().map_or(GROUP, |found| found.next) as usize;
-        // No item is worked on while the next round is chosen.
+        // No item is worked on while the next round is chosen, as `is_put_off` requires.
         if self.time.is_put_off(next) {
             stage + STAGES as u32
         } else if self.time.is_limited() && (stage, next) == (BOXES, BOXES as usize) {
-            // Rays hide nothing: where the time is limited, boxes are proven before other viewcells have
-            // rays.
+            // Rays hide nothing. With a limit of time, boxes are therefore proven for some viewcells before
+            // others have rays.
             SWEEP
         } else {
             stage
@@ -297,7 +297,8 @@ impl Baker for SandwichBaker<'_> {
         let of = self.groups.of[self.range.start + place];
         let _begun = self.time.begin();
         let mut attempt = |is_alone| {
-            // Content of groups is released before the work ends: a thread that works alone counts on it.
+            // `_working` must be dropped last, after groups are released: a thread that works alone relies on
+            // this.
             let _working = self.level.work(is_alone);
             if is_alone {
                 *scratch = BakeScratch::default();
@@ -314,7 +315,7 @@ impl Baker for SandwichBaker<'_> {
         };
         let mut found = attempt(false);
         if matches!(found, Err(LevelError::Memory { .. })) {
-            // Other threads may have too much of the memory, and groups whose viewcells wait.
+            // Other threads may hold too much of the memory, also for groups whose viewcells are waiting.
             found = attempt(true);
         }
         found.unwrap_or_else(|error| {
@@ -344,7 +345,8 @@ impl Baker for SandwichBaker<'_> {
                 let place = (cell as usize).checked_sub(self.range.start)?;
                 self.done.get(place).filter(|done| is_done(done))?.as_ref()
             });
-            // A bake that sweeps all of a group would find other results.
+            // The results of a group are kept only if all its viewcells are complete, from the same sweep of
+            // the group: a bake from the cache must give the results of a bake without.
             if let Some(found) = found.collect::<Option<Vec<&FoundCell>>>()
                 && let Some(first) = found.first()
                 && found.iter().all(|found| found.is_whole() && found.group.trace == first.group.trace)
@@ -395,7 +397,7 @@ impl Baker for SandwichBaker<'_> {
     }
 
     fn load(&mut self, state: &mut Reader<'_>) -> Result<(), FormatError> {
-        // By group, the number of objects that its sweep has left.
+        // For each group, the number of objects that its sweep has left.
         let mut left = vec![0; self.found_groups.len()];
         for (group, left) in self.found_groups.iter_mut().zip(&mut left) {
             *group = None;

@@ -1,4 +1,4 @@
-//! The work on one viewcell, stage by stage: a sweep from it, rays, proofs.
+//! The work on one viewcell, stage by stage: its sweep, rays and proofs.
 
 use super::SandwichBaker;
 use super::group::{BakeScratch, Content};
@@ -19,12 +19,12 @@ use visibility_exact::SceneTriangles;
 /// Approximate number of triangles that a search copies and sorts in a second, on a machine of 2026.
 const SEARCHED_A_SECOND: f64 = 2e5;
 
-/// Record and times of a viewcell after a stage, and its next stage.
+/// Record and times of a viewcell after a stage, and the viewcell's next stage.
 type Found = (CellRecord, MethodTimes, u32);
 
 impl SandwichBaker<'_> {
     /// Works on an item, as [`work`](Baker::work) does, with the memory that is free now. The item's stage
-    /// must be the next of its viewcell. `Err` if the memory does not suffice now.
+    /// must be the next stage of its viewcell. `Err` if there is not enough memory now.
     pub(super) fn attempt(
         &self,
         item: u32,
@@ -39,8 +39,8 @@ impl SandwichBaker<'_> {
         };
         let (place, stage) = self.place_and_stage(item);
         let before = self.done[place].as_ref();
-        // With the time of this stage over, a viewcell that was not swept goes on unswept. Any other item is
-        // left, unless nothing else is left to do.
+        // Once the time of this stage is over, an unswept viewcell continues without its sweep. Any other
+        // item is left undone, unless no other work remains.
         if self.time.is_past(stage, begun) {
             if let Some(before) = before
                 && stage == SWEEP
@@ -62,12 +62,12 @@ impl SandwichBaker<'_> {
         let mut is_skipped = before.is_some_and(|before| before.is_skipped);
         let mut is_cut = before.is_some_and(|before| before.is_cut);
         let (record, times, next) = match (&group.content, before) {
-            // An earlier bake found this group, with the same content.
+            // An earlier bake has results for this group with the same content.
             (Content::Cached(records), _) => {
                 let member = self.groups.cells[of as usize].binary_search(&(number as u32));
                 (records[member.unwrap_or_default()].clone(), MethodTimes::default(), done)
             }
-            // The group is small enough to be a scene: the viewcell is swept in it.
+            // The group's objects fit into one scene, in which the viewcell is swept.
             (Content::Scene(scene), before) => {
                 let _memory = self.level.reserve_cell(objects, false)?;
                 let (record, is_known, cut) = self.sweep(number, objects, scene, scratch);
@@ -76,7 +76,7 @@ impl SandwichBaker<'_> {
                 let times = MethodTimes { sweep: group + lap(), ..MethodTimes::default() };
                 (record, times, if is_known { done } else { LOOK })
             }
-            // The viewcell is not swept on its own yet, so all objects that the group's sweep left stay open.
+            // The viewcell has no sweep of its own yet, so all objects that the group's sweep left stay open.
             (Content::Objects, None) => {
                 let left: Vec<u32> = (0..objects.len() as u32).collect();
                 let hash = self.content_hash(objects.iter().copied());
@@ -87,10 +87,10 @@ impl SandwichBaker<'_> {
             (Content::Objects, Some(before)) if self.is_too_large(&before.record, objects) => {
                 return Ok(Some(None));
             }
-            // Saved bytes may be forged.
+            // The condition is needed since saved bytes may be forged.
             (Content::Objects, Some(before)) if before.record.is_of(objects) => {
-                // A search needs its triangles sorted first. If the share of the time is too short for that,
-                // parts of the viewcell are swept.
+                // A search must first sort its triangles. If its share of the time is too short for that,
+                // parts of the viewcell are swept instead.
                 let share = self.time.share_of_search(self.waiting(stage));
                 let seconds = self.triangles_left(&before.record, objects) as f64 / SEARCHED_A_SECOND;
                 let found = if share.is_some_and(|share| share.as_secs_f64() < seconds) {
@@ -125,9 +125,9 @@ impl SandwichBaker<'_> {
     }
 
     /// Sweeps the scene of a group from a viewcell. Returns the record of the viewcell, and two flags. The
-    /// first is true if the answers of the record are from the cache. If it is false, the answer for each
-    /// object left after the sweep is [`OPEN`]. The second is true if the time of the sweep was over at its
-    /// end, so that more objects may be left than a full sweep leaves.
+    /// first is true if the answers of the record are from the cache; otherwise the answer for each object
+    /// left is [`OPEN`]. The second is true if the time of the sweep was over when it ended, so that more
+    /// objects may be left than after a full sweep.
     fn sweep(
         &self,
         viewcell: usize,
@@ -142,7 +142,7 @@ impl SandwichBaker<'_> {
         let (_, sweep) = scratch.local.get_or_insert_with(|| (number, prepared.clone()));
         let end = self.end_of_sweep(SWEEP, 1);
         let is_over = || self.time.is_over(end);
-        // The scene of a group has the indices of the group's list.
+        // Objects in the scene of a group have the indices of the group's list.
         let left: Vec<u32> = swept(sweep, scene, cell, &is_over).iter().map(|id| id.index() as u32).collect();
         let key = with_viewcell(self.content_hash(left.iter().map(|&at| objects[at as usize])), cell).value();
         match self.cache.cell(key).filter(|known| known.answers.len() == left.len()) {
@@ -152,8 +152,8 @@ impl SandwichBaker<'_> {
     }
 
     /// Returns whether the objects that the sweep of a viewcell has left have more triangles than a search
-    /// may copy. `objects` are those left after the sweep of the group; positions in the record beyond that
-    /// list do not count.
+    /// may copy. `objects` are those left after the sweep of the group. Positions in the record beyond this
+    /// list are ignored.
     pub(super) fn is_too_large(&self, record: &CellRecord, objects: &[u32]) -> bool {
         self.triangles_left(record, objects) > self.level.most_copied
     }
@@ -164,9 +164,9 @@ impl SandwichBaker<'_> {
         left.map(|&at| u64::from(self.level.objects[at as usize].triangles)).sum()
     }
 
-    /// Sweeps from parts of a viewcell the objects that its own sweep has left, in place of a search that has
-    /// not the time to begin. The parts are smaller in each stage. Returns the objects left and the next
-    /// stage. `None` once `stop` has returned true.
+    /// Tests the objects that the sweep of a viewcell has left again, by sweeps from parts of the viewcell,
+    /// since there is no time for a search. The parts are smaller in each stage. Returns the objects left and
+    /// the next stage. `None` once `stop` has returned true.
     fn sweep_in_parts(
         &self,
         viewcell: usize,
@@ -183,7 +183,7 @@ impl SandwichBaker<'_> {
         if stop() {
             return Ok(None);
         }
-        // The scene has the indices of the list of what is left.
+        // Objects in the scene have their positions in `record.left` as indices.
         let left = ids_of(&visible, &scene).into_iter().map(|id| id.index());
         (record.left, record.answers) =
             left.map(|at| (before.record.left[at], before.record.answers[at])).unzip();
@@ -192,9 +192,9 @@ impl SandwichBaker<'_> {
         Ok(Some((record, times, before.next + 1)))
     }
 
-    /// Finds answers for the objects left after the sweep of a viewcell, within `share` if the time is
-    /// limited. Returns them with the next stage, and a flag: true if the share was used up before the search
-    /// was through. `None` once `stop` has returned true.
+    /// Searches for answers for the objects left after the sweep of a viewcell, within `share` if the time is
+    /// limited. Returns them with the next stage, and a flag that is true if the share was used up before the
+    /// search was complete. `None` once `stop` has returned true.
     fn search(
         &self,
         viewcell: usize,
@@ -208,7 +208,8 @@ impl SandwichBaker<'_> {
         let end = share.map(|share| self.time.now() + share);
         let is_over = || stop() || self.time.is_over(end);
         let left: Vec<u32> = record.left.iter().map(|&at| objects[at as usize]).collect();
-        // Only triangles of objects that the sweep has left, and their occluders, are read.
+        // Only the triangles of objects that the sweep has left are read, since all relevant occluders are
+        // among these.
         let _memory = self.level.reserve_cell(&left, true)?;
         let scene = self.level.scene_with_triangles(&left)?;
         let triangles = SceneTriangles::new(&scene);
@@ -228,7 +229,8 @@ impl SandwichBaker<'_> {
             }
         }
         times.proofs += lap();
-        // A search that the time ends keeps what it has found. One that `stop` ends is done again later.
+        // A search that ends because of the time keeps its results. A search that `stop` ends is repeated
+        // later.
         let is_cut = search.is_stopped();
         if is_cut && !self.time.is_over(end) {
             return Ok(None);
@@ -239,9 +241,9 @@ impl SandwichBaker<'_> {
         Ok(Some(((CellRecord { key, left, answers: search.answers, steps }, times, next), is_cut)))
     }
 
-    /// Returns the result for a viewcell that its `record` states: the objects seen and open by their
-    /// indices, and the numbers of objects swept and proven hidden. `objects` are those left after the sweep
-    /// of the group.
+    /// Returns the result for a viewcell from its `record`: the indices of the seen and of the open objects,
+    /// and the numbers of objects swept and proven hidden. `objects` are those left after the sweep of the
+    /// group.
     fn sandwich(&self, record: &CellRecord, objects: &[u32]) -> CellSandwich {
         let index = |at: u32| self.level.objects[objects[at as usize] as usize].index;
         let with = |wanted: u8| -> Vec<u32> {

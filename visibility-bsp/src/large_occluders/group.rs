@@ -18,8 +18,8 @@ pub(super) struct Edge {
     /// Normal of the plane, not normalized, pointing to the side of `inner`. The plane passes through
     /// [`base`](Self::base).
     normal: DVec3,
-    /// Linear term of the bound `slope s + least` on the absolute error of `normal . q`, for a point `q`
-    /// relative to the base whose largest coordinate is `s` metres. Infinite if the plane is not usable.
+    /// Linear term of the bound `slope s + least` on the absolute error of `normal . q`. The point `q` is
+    /// relative to the base, and its largest coordinate is `s` metres. Infinite if the plane is not usable.
     slope: f64,
     /// Constant term of the error bound; see `slope`. Infinite for a polygon seen edge on.
     least: f64,

@@ -156,9 +156,9 @@ impl<S: Borrow<SceneTree>> Culler for NaylorCuller<S> {
         let Frame { mut stats, projection, .. } = frame;
         let kept = visible.retain(scene, |id, bounds| match scratch.states[id.index()] {
             ObjectState::Seen { .. } => true,
-            // A glimpsed part of a wide object is a face seen edge on, which does not count. `glimpsed`
-            // decides only for a box that reaches in front of the near plane, since the width of
-            // its image is unknown.
+            // A glimpsed part of a wide object is a face seen edge on, which does not count as visible.
+            // `glimpsed` decides only for a box that reaches in front of the near plane, whose width in the
+            // image is unknown.
             ObjectState::Hidden { glimpsed, .. } => projection.is_narrow(bounds).unwrap_or(glimpsed),
             _ => !stale.is_known(shared, id) || projection.is_narrow(bounds) == Some(true),
         });

@@ -60,8 +60,8 @@ struct Sweep<'a> {
     leaders: &'a mut [u32],
 }
 
-/// Returns the connected groups, in the order of their first members. Members keep their order. Corner
-/// contact alone does not connect. Takes `O(n log n)` steps.
+/// Returns the groups of connected rectangles, in the order of their first members. Members keep their order.
+/// Contact at a corner alone does not connect. Takes `O(n log n)` steps.
 pub(super) fn groups(rectangles: &[Rectangle]) -> Vec<Vec<&Rectangle>> {
     let mut leaders: Vec<u32> = (0..rectangles.len() as u32).collect();
     if rectangles.len() > 1 {

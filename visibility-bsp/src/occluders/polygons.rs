@@ -276,7 +276,7 @@ impl Occluders {
     /// objects, but not with polygons made earlier.
     fn add_from(&mut self, scene: &Scene, ids: &[ObjectId]) {
         let mut triangles = Vec::new();
-        // By source: index in `shells` of the box around its object, `NO_SHELL` without one.
+        // For each source, the index in `shells` of the box around its object; `NO_SHELL` without one.
         let mut shell_of = Vec::with_capacity(ids.len());
         for (source, &id) in (0..).zip(ids) {
             let mut shell = NO_SHELL;
@@ -291,8 +291,9 @@ impl Occluders {
             }
             shell_of.push(shell);
         }
-        // Axis-aligned rectangles first, which join to the largest walls. Boxes made of them get sections,
-        // walls inside solids. All other triangles are joined as patches.
+        // Axis-aligned rectangles are joined first, since they give the largest walls. Boxes made of
+        // rectangles get sections, which are rectangles inside solids. All other triangles are joined as
+        // patches.
         let levels = rectangles::take_rectangles(&mut triangles);
         let mut outlines = rectangles::join(&levels);
         let solids = sections::solids(&levels);
@@ -301,8 +302,8 @@ impl Occluders {
         outlines.extend(patches::join(&triangles));
         let middle = |outline: &Outline| mean_of(outline.vertices.iter().copied());
         let centers: Vec<DVec3> = outlines.iter().map(middle).collect();
-        // Polygons of similar area share blocks, so that a block of small ones is skipped as soon as it is
-        // not near.
+        // Polygons of similar area share blocks, so that a distant block of small polygons can be skipped as
+        // a whole.
         let planes: Vec<_> = outlines.iter().map(|outline| plane_of(&outline.vertices)).collect();
         let class = |number: u32| planes[number as usize].map_or(0, |(.., area)| area.to_bits() >> 53);
         let mut order: Vec<u32> =
@@ -311,7 +312,7 @@ impl Occluders {
         for alike in order.chunk_by_mut(|&a, &b| class(a) == class(b)) {
             halve(alike, &centers);
         }
-        // A polygon of a convex two-sided solid hides from behind, too, if the eye is inside the box around
+        // A polygon of a convex two-sided solid also hides for eyes behind it that are inside the box around
         // this solid, its shell.
         let (start, mut classes) = (self.polygons.len(), Vec::with_capacity(order.len()));
         for &number in &order {
@@ -349,8 +350,8 @@ impl Occluders {
                 self.of_object.entry(id.index() as u32).or_default().push(number);
             }
         }
-        // Blocks of polygons of one class, each with a ball and the largest area in it, to bound all of its
-        // solid angles at once.
+        // Blocks of polygons of one class of area. The bounding sphere and the largest area of a block give a
+        // bound on the solid angles of all its polygons.
         let mut first = start;
         let blocks = classes.chunk_by(|a, b| a == b).flat_map(|alike| alike.chunks(BLOCK)).map(<[u64]>::len);
         for count in blocks {

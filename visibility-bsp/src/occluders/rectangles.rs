@@ -76,8 +76,8 @@ pub(super) fn corners(axis: usize, at: f64, low: [f64; 2], high: [f64; 2], down:
 /// the rectangles by plane.
 pub(super) fn take_rectangles(triangles: &mut Vec<OccluderTriangle>) -> Levels {
     let mut levels = Levels::new();
-    // Triangles that wait for the other half of their rectangle. By plane, rectangle and source: the index of
-    // the triangle that lacks each of the four corners.
+    // Triangles whose other half of a rectangle was not found yet. For each plane, rectangle and source: the
+    // indices of the triangles that lack corner 0, 1, 2 or 3.
     type Key = (Level, [u64; 4], u32);
     let mut halves: BTreeMap<Key, [Option<usize>; 4]> = BTreeMap::new();
     let mut taken = alloc::vec![false; triangles.len()];

@@ -10,7 +10,7 @@
 //! example, one plane cuts a façade of walls, of the edges of the floors between them and of the ends of
 //! other walls, and the section has no slits.
 //!
-//! # Which
+//! # Which sections are made
 //! Axis-aligned boxes are found as six rectangles of one object. Of all planes across an axis, those through
 //! the near sides of boxes cut the largest sets of boxes at once, since no further box is cut until the next
 //! one begins. Of the boxes that a plane cuts, only those that touch a box beginning there are considered.
@@ -180,7 +180,7 @@ pub(super) fn sections(solids: &[SolidBox]) -> Vec<Outline> {
                 let SolidBox { min, mut max, .. } = solids[number as usize];
                 max[axis] = at;
                 let start = cut.len();
-                // The box touches itself, too.
+                // The list includes the box itself, which touches itself.
                 if !near.touching(min, max, MAX_BOXES, |other| cut.push(other)) {
                     cut.truncate(start);
                 }
@@ -191,7 +191,7 @@ pub(super) fn sections(solids: &[SolidBox]) -> Vec<Outline> {
             }
             cut.sort_unstable();
             cut.dedup();
-            // The cuts of the boxes in this plane join to rectangles, as faces of walls do.
+            // The cuts of the boxes in this plane are joined to rectangles, as faces of walls are.
             let rectangle = |&number: &u32| {
                 let SolidBox { min, max, .. } = solids[number as usize];
                 Rectangle { low: flat(min, axis), high: flat(max, axis), source: number }

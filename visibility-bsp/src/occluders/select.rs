@@ -73,8 +73,8 @@ impl Selector {
         let mut news = self.occluders != occluders.stamp;
         let mut changes = self.seen.peek(scene);
         if news || self.lost || changes == Changes::Everything {
-            // With other polygons or another scene than in the last frame, changes are counted again from the
-            // revision that the polygons represent.
+            // The polygons or the scene differ from those of the last frame, so changes are collected again
+            // from the revision that the polygons represent.
             self.occluders = occluders.stamp;
             self.stale.reset(0);
             changes = occluders.cursor.peek(scene);
@@ -140,7 +140,7 @@ impl Selector {
             Eye::Point(eye) if !samples_region => Some(*eye),
             _ => None,
         };
-        // Only a selection: rounding is harmless.
+        // Rounding is harmless here, since the test only selects candidates.
         let is_in =
             |center: DVec3, radius: f64| volume.is_none_or(|volume| volume.meets_sphere(center, radius));
         // Blocks in descending order of a bound on their polygons' solid angles: the search ends when no

@@ -131,8 +131,8 @@ impl BspTree {
     /// piece to `builder.sides`. Returns the node's index.
     fn divide_leaf(&mut self, builder: &mut Builder, task: Task) -> u32 {
         let set = &builder.pieces[task.begin..];
-        // An axis-aligned plane is used if it splits well. It must leave fewer pieces on each side than there
-        // were, and some on both, so that every leaf is next to a polygon that determines the leaf's kind.
+        // An axis-aligned plane is used if it splits well: some pieces are wholly on each side, and the plane
+        // cuts less than half as many as are on either side.
         let mut chosen = None;
         if let Some(plane) = splitter::box_plane(set) {
             let plane = SidePlane::new(plane, self.magnitude);

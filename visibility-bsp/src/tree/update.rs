@@ -62,8 +62,7 @@ impl BspTree {
             if node.first != NONE || (!is_leaf(back) && !is_leaf(front)) {
                 return self.shrink(id);
             }
-            // The node is replaced by its side that is not a leaf. If both are leaves, the front leaf takes
-            // its place, which is never solid.
+            // The node is replaced by its child that is not a leaf, or by a leaf if both children are leaves.
             let rest = if is_leaf(front) && !is_leaf(back) { back } else { front };
             if !is_leaf(rest) {
                 self.nodes[rest as usize].parent = parent;

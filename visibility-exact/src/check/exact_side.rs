@@ -1,4 +1,4 @@
-//! Sides on which lines pass edges, in double-double arithmetic.
+//! Sides on which lines pass edges, as signs of determinants in double-double arithmetic.
 
 use crate::line_side::U;
 use visibility_core::geometry::DoubleDouble;
@@ -19,21 +19,22 @@ pub(super) fn dot(a: [D; 3], b: [D; 3]) -> D {
     a[0].times(b[0]).plus(a[1].times(b[1])).plus(a[2].times(b[2]))
 }
 
-/// Returns the sum of the magnitudes of the components.
+/// Returns the sum of the magnitudes of the components of a vector.
 pub(super) fn norm(a: [D; 3]) -> f64 {
     a.iter().map(|x| x.hi.abs()).sum()
 }
 
-/// Returns det(q - p, a - p, b - p), and by how much it may change if each coordinate changes by `delta`.
+/// Returns det(q - p, a - p, b - p), and a bound on its change if each coordinate changes by at most `delta`.
 ///
-/// To first order the change is delta times the sum of the magnitudes of the derivatives, which for each
-/// point are the cross product of two differences of the others; twice that covers higher orders where the
-/// value is not smaller than the bound.
+/// To first order the change is delta times the sum of the magnitudes of the derivatives. The derivative by a
+/// point is the cross product of two differences of the others. The bound is twice this change: that covers
+/// higher orders where the value is not smaller than the bound.
 ///
 /// Rounding, with E the relative error of a double-double operation: differences are exact, a component of
 /// the cross product is wrong by 2 E of the sum of the magnitudes of its two products, and the product with
-/// the difference and two sums add 3 E: less than 8 E of the sum of the magnitudes of the six terms. This
-/// sum, not a product of lengths: lines may pass an edge as near as the search's bound, 16 U of the same sum.
+/// the difference and two sums add 3 E. Together this is less than 8 E of the sum of the magnitudes of the
+/// six terms. A bound by the product of lengths would be too wide: lines may pass an edge as near as the
+/// search's own bound, 16 times the unit round-off of `f64` of the same sum.
 pub(super) fn side(p: DVec3, q: DVec3, a: DVec3, b: DVec3, delta: f64) -> (f64, f64) {
     let (r, u, w) = (difference(q, p), difference(a, p), difference(b, p));
     let normal = cross(u, w);
@@ -47,14 +48,15 @@ pub(super) fn side(p: DVec3, q: DVec3, a: DVec3, b: DVec3, delta: f64) -> (f64, 
     (value, 2.0 * delta * slopes + rounding)
 }
 
-/// Returns a side with a bound on its error, as [`side`] does, but computed in `f64` where that decides the
-/// sign. The sign is always that of [`side`].
+/// Returns the side and its error bound as [`side`] does, but computed in `f64` where `f64` decides the sign.
+/// The sign always equals that of [`side`].
 ///
-/// Differences round by U of their magnitude, the two products and the difference that make a component of a
-/// cross product by 5 U of the sum m of the products' magnitudes, with those of the differences. The product
-/// with a difference and two sums add 4 U: 9 U of the sum of the magnitudes of the six terms, and 16 U are
-/// taken. A derivative is thereby wrong by 5 U m, and 8 U m are added to it. What rounding leaves to the
-/// double-double value, 8 E of the terms, is far less than the difference.
+/// Rounding, with U the unit round-off of `f64` and E the relative error of a double-double operation:
+/// differences round by U of their magnitude. A component of a cross product has two products and a
+/// difference, wrong by 5 U of the sum m of the products' magnitudes, errors of the differences included. The
+/// product with a difference and two sums add 4 U: 9 U of the sum of the magnitudes of the six terms, and 16
+/// U are taken. A derivative is thereby wrong by 5 U m, and 8 U m are added to it. The remaining error of the
+/// double-double value, 8 E of the terms, is far less than the difference between 16 U and 9 U.
 pub(super) fn quick_side(p: DVec3, q: DVec3, a: DVec3, b: DVec3, delta: f64) -> (f64, f64) {
     let (r, u, w) = (q - p, a - p, b - p);
     let products = |x: DVec3, y: DVec3| {
@@ -69,8 +71,8 @@ pub(super) fn quick_side(p: DVec3, q: DVec3, a: DVec3, b: DVec3, delta: f64) -> 
     if value.abs() > error { (value, error) } else { side(p, q, a, b, delta) }
 }
 
-/// Returns whether a point is before the front of a triangle for certain: det(a - x, b - x, c - x) is below
-/// -`slack`, whatever rounding did to it.
+/// Returns whether a point `x` is certainly before the front of triangle a, b, c. That is so if the
+/// determinant det(a - x, b - x, c - x) is below -`slack` by more than its rounding error.
 pub(super) fn is_before(x: DVec3, [a, b, c]: [DVec3; 3], slack: f64) -> bool {
     let below = |(value, rounding): (f64, f64)| value < -(rounding + slack);
     below(quick_side(x, a, b, c, 0.0)) || below(side(x, a, b, c, 0.0))
@@ -80,8 +82,8 @@ pub(super) fn is_before(x: DVec3, [a, b, c]: [DVec3; 3], slack: f64) -> bool {
 mod tests {
     use super::*;
 
-    /// A corner of a part of the viewcell 3e-11 m before the plane of a triangle, from a proof of a village:
-    /// the determinant is 4.66e-12, and its error in `f64` 4e-12.
+    /// A corner of a viewcell 3e-11 m before the plane of a triangle, from a proof of a village: the
+    /// determinant is 4.66e-12, and its error in `f64` 4e-12.
     #[test]
     fn what_f64_leaves_open_is_decided() {
         let x = DVec3::new(217.6320253986512, 1.3300600802307243, 107.2);

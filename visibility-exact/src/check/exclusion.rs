@@ -1,4 +1,5 @@
-//! Proofs that a node has no segments: its dividing edges contradict each other.
+//! Proofs that no segment lies in a node: the sides on which its segments must pass edges contradict each
+//! other.
 
 use super::context::{Check, Divider};
 use super::exact_side::{D, cross, difference, dot, norm, side};
@@ -7,12 +8,13 @@ use crate::sight::Sight;
 use alloc::vec::Vec;
 
 impl Check<'_> {
-    /// Returns whether the weighted sum of the rows' sides is certainly negative at all pairs of corners of P
-    /// and Q: then no line passes all rows on their sides. Rows without a weight do not count. False if a
-    /// weight is negative.
+    /// Returns whether the weighted sum of the sides of all rows is certainly negative for all pairs of a
+    /// corner of the viewcell polygon and a corner of the target polygon. No line then passes every row's
+    /// edge on the given side. Rows beyond the weights do not count. False if a weight is negative.
     ///
-    /// Rounding, with U the unit round-off of `f64`: a term is a side rounded to `f64` times a weight, wrong
-    /// by 2 U of its magnitude, and each of the sums of n terms by U of the sum of their magnitudes.
+    /// Rounding, with U the unit round-off of `f64`: a term is a side, rounded to `f64`, times a weight, and
+    /// wrong by 2 U of its magnitude. Each of the sums of n terms is wrong by U of the sum of their
+    /// magnitudes.
     pub(super) fn excludes(&self, sight: &Sight, rows: &[Divider], weights: &[f64]) -> bool {
         if weights.iter().any(|w| *w < 0.0) {
             return false;
@@ -30,20 +32,21 @@ impl Check<'_> {
         sums.iter().all(|(value, error)| *value < -*error)
     }
 
-    /// Returns whether three edges exclude all lines, by the form of degree two. With directions t_k times
-    /// signs, and without division: det d = sum of L_k t_k for L_k = (t_i x t_j) . d. The sum of
-    /// L_k (side on edge k) is then the form at d, whatever p is, also where det is 0. If all L_k have one
-    /// sign for all d, and the form the other sign, no line has positive sides on all edges.
+    /// Returns whether no line passes all three edges on the given sides, by the quadratic form of the file
+    /// `corner_proof.rs`. With directions t_k times signs, and without division: det d = sum of L_k t_k for
+    /// L_k = (t_i x t_j) . d. The sum of L_k (side on edge k) is the form at d, whatever p is, also where det
+    /// is 0. If all L_k have one sign for all d, and the form the other sign, no line has positive sides on
+    /// all edges.
     ///
     /// Rounding, with E the relative error of a double-double operation and |v| the sum of the magnitudes of
     /// v: the components of a product c = t x u are together wrong by 2 E |t| |u|, and a scalar product c . d
     /// by 3 E |c| |d|. A term of the form, the sum of two products of two scalar products, is wrong by 16 E
-    /// |c| |w| |x| |y|, and the sum of three terms by 4 E more. All products are taken to be wrong by
-    /// 8 E |t| |u|, and that covers the rest too, since |c| is at most |t| |u|: of the 8 E, a scalar product
-    /// needs 2 + 3. In the form, where c is t x u and w is e x s, the 8 E count as 16 E (|t| |u| |w| + |c|
-    /// |e| |s|) |x| |y|. Needed are 4 E of the same sum for the two products, and 20 E |c| |w| |x| |y|, which
-    /// is at most 10 E of it. The bounds are wrong by some U of themselves, since they are computed in `f64`.
-    /// The 2 E left are more than that, and so is the room that the errors of positions have.
+    /// |c| |w| |x| |y|, and the sum of three terms by 4 E more. All products are taken to be wrong by 8 E |t|
+    /// |u|. This covers the rest too, since |c| is at most |t| |u|: of the 8 E, a scalar product needs 2 + 3.
+    /// In the form, where c is t x u and w is e x s, the 8 E count as 16 E (|t| |u| |w| + |c| |e| |s|) |x|
+    /// |y|. Needed are 4 E of the same sum for the two products, and 20 E |c| |w| |x| |y|, which is at most
+    /// 10 E of it. The bounds are themselves wrong by some U, since they are computed in `f64`. The remaining
+    /// 2 E and the room for errors of positions are more than that.
     pub(super) fn corner_excludes(&self, sight: &Sight, rows: [&Divider; 3]) -> bool {
         let t = rows.map(|([a, b], s)| difference(b.0, a.0).map(|x| x.times(D::from(*s))));
         let c = [cross(t[1], t[2]), cross(t[2], t[0]), cross(t[0], t[1])];
@@ -54,10 +57,11 @@ impl Check<'_> {
         let directions: Vec<[D; 3]> =
             p.iter().flat_map(|&p| q.iter().map(move |&q| difference(q, p))).collect();
         let sign = if directions.iter().any(|d| dot(c[0], *d).hi > 0.0) { 1.0 } else { -1.0 };
-        // Changes of directions by 2 delta on each axis.
+        // A direction changes by up to 2 delta on each axis, delta being the error of positions.
         let change = 2.0 * self.moved(sight);
-        // Changes of the ends of edges by delta change each t_k and e_k by 2 delta on each axis, and a
-        // product of two vectors by at most twice the product of the sums of their magnitudes.
+        // If the ends of edges change by delta, the error of positions, each t_k and e_k changes by 2 delta
+        // on each axis, and a product of two vectors by at most twice the product of the sums of their
+        // magnitudes.
         let wrong = |u: [D; 3], w: [D; 3]| {
             4.0 * change * (norm(u) + norm(w) + change) + 8.0 * D::ERROR * norm(u) * norm(w)
         };

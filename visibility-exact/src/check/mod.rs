@@ -1,6 +1,7 @@
-//! The check of proofs. It shares the statement with the search (which pairs of polygons hold the segments,
-//! how polygons are halved) and nothing else: sides are computed in double-double arithmetic with bounds of
-//! their own, boundaries are found anew, and separating planes are looked for among more candidates.
+//! The check of proofs. It shares with the search only the statement to be proven (which pairs of polygons
+//! hold the segments, how polygons are halved). Sides are computed in double-double arithmetic with error
+//! bounds of their own, boundaries of surfaces are found anew, and more candidates for separating planes are
+//! tried.
 
 mod context;
 mod exact_side;
@@ -25,17 +26,17 @@ use core::fmt;
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum ProofError {
-    /// The proof has too few or too many nodes, numbers that are out of range, or a target with a face over
-    /// whose plane no viewpoint is higher than the clearance, but some are over it.
+    /// The proof has too few or too many nodes, numbers out of range, or a target that it cannot cover: some
+    /// viewpoint is over the plane of a target face, but none by more than the clearance.
     Form,
-    /// A surface touches an end of segments, has a boundary that segments meet, or is not crossed an odd
-    /// number of times.
+    /// A surface touches the viewcell or the target, segments meet its boundary, or its sample line does not
+    /// cross it an odd number of times.
     Surface,
     /// A loop is not near its occluder, or segments may pass outside the loop.
     Loop,
-    /// Weights of dividing edges do not exclude all segments.
+    /// Weights of dividing edges that are given as a reason do not exclude all segments.
     Weights,
-    /// Three edges around a corner do not exclude all segments.
+    /// Three edges around a corner that are given as a reason do not exclude all segments.
     Corner,
 }
 
@@ -54,8 +55,8 @@ impl fmt::Display for ProofError {
 impl core::error::Error for ProofError {}
 
 impl Proof {
-    /// Checks the proof against the triangles that it was made for. A culler has done so with every proof by
-    /// which it calls an object hidden, which took 30 to 50 % of the time of the search.
+    /// Checks the proof against the triangles that it was made for. A culler has checked each proof by which
+    /// it calls an object hidden, which takes 30 to 50 % of the time of the search.
     ///
     /// # Errors
     /// [`ProofError`] if a step does not hold. A proof for other triangles may fail in any way, or hold by
@@ -100,7 +101,8 @@ impl Check<'_> {
                 Ok(())
             }
             Step::Split { triangle } => {
-                // The part behind the triangle's plane and the part before it, both to be proven.
+                // The parts of the viewcell polygon in front of and behind the triangle's plane. Both must be
+                // proven.
                 let front = (*triangle as usize) < self.triangles.len() && self.splits < SPLITS;
                 let front = front.then(|| self.triangles.front(*triangle)).flatten();
                 let parts = front.and_then(|front| sight.split(front, self.clearance, 4.0 * self.delta));
@@ -124,8 +126,9 @@ impl Check<'_> {
                 self.corner_excludes(sight, [a, b, c]).then_some(()).ok_or(ProofError::Corner)
             }
             Step::Loop { piece, ring, side, edges } => {
-                // Segments inside all edges of the loop are blocked, since the loop lies on the piece. Each
-                // edge that divides leaves a part of the segments outside of it.
+                // Segments inside all edges of the loop are blocked, since the loop lies on an occluding
+                // polygon. For each dividing edge, the segments outside of the edge are a part that must be
+                // proven.
                 let ring: Vec<Corner> =
                     ring.iter().map(|&(x, tag)| (x, (tag < 3).then_some(usize::from(tag)))).collect();
                 if ring.len() != edges.len() || side.abs() != 1.0 {
@@ -152,8 +155,8 @@ impl Check<'_> {
                         LoopEdge::Divides => inside.push((edge, *side)),
                     }
                 }
-                // The k-th part passes inside the edges before k and outside edge k. So the parts have no
-                // segment in common, and leave none out.
+                // Part k holds the segments inside the edges before k and outside edge k. So no two parts
+                // share a segment, and no segment is left out.
                 for k in 0..inside.len() {
                     rows.truncate(base);
                     rows.extend_from_slice(&inside[..k]);

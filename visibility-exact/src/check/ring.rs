@@ -1,4 +1,4 @@
-//! Closed loops on convex polygons of triangles.
+//! Check that a closed loop lies on a convex polygon of occluding triangles.
 
 use super::context::{Check, Corner};
 use super::exact_side::is_before;
@@ -9,10 +9,11 @@ use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
 impl Check<'_> {
-    /// Returns whether the corners of a loop are between the planes of P and Q and within three clearances of
-    /// a convex polygon of occluding triangles: then so is a surface that the loop bounds. At least one
-    /// corner must certainly be before Q's plane. Corners in Q's plane are allowed if they are corners of the
-    /// target triangle, or if their heights over the plane are exact or count as 0.
+    /// Returns whether the corners of a loop are between the planes of the viewcell polygon P and the target
+    /// polygon Q, and within three clearances of a convex polygon of occluding triangles. The same then holds
+    /// for a flat surface inside the loop. At least one corner must certainly be in front of Q's plane.
+    /// Corners in Q's plane are allowed if they are corners of the target triangle, or if their heights over
+    /// the plane are exact or count as 0.
     pub(super) fn is_on_piece(&self, sight: &Sight, number: u32, ring: &[Corner]) -> bool {
         let Some(triangles) = self.triangles.piece_triangles(number) else { return false };
         let corners: Vec<[DVec3; 3]> = triangles.iter().map(|&t| self.triangles.corners(t)).collect();
@@ -20,8 +21,8 @@ impl Check<'_> {
         if !triangles.iter().all(|&t| self.triangles.occludes(t) && self.faces(sight, t)) {
             return false;
         }
-        // P may lie in the plane of a one-sided triangle that `faces` admits. Segments from there do not cross
-        // the triangle, but pass a loop in that plane.
+        // With a clearance, the viewcell polygon may lie in the plane of a one-sided triangle. Segments from
+        // there do not cross the triangle, but pass a loop in that plane.
         let is_before_front = |x: &DVec3| {
             corners
                 .iter()
@@ -33,7 +34,8 @@ impl Check<'_> {
         }
         let Some(normal) = unit_normal(first) else { return false };
         let flat = corners.iter().flatten().all(|x| normal.dot(*x - first[0]).abs() <= 3.0 * self.delta);
-        // Sides of one triangle alone have all corners on their inner side.
+        // Sides that two triangles share cancel. The corners of all triangles must be on the inner side of
+        // each other side.
         let mut sides: BTreeMap<[u32; 2], [DVec3; 2]> = BTreeMap::new();
         for (&t, x) in triangles.iter().zip(&corners) {
             let v = self.triangles.vertices(t);
@@ -50,18 +52,20 @@ impl Check<'_> {
         });
         let reach = 3.0 * self.clearance + 2.0 * self.delta;
         let is_near = |x: DVec3| corners.iter().any(|t| distance(x, t) <= reach);
-        // By one coordinate, which is not rounded, or taken to be in the plane.
+        // Exactly in front of the target polygon's plane, by one coordinate that is not rounded, or so close
+        // that the point counts as in the plane.
         let in_front = |x: DVec3| {
             (sight.before_q.axis().is_some() && sight.before_q.height(x) >= 0.0)
                 || self.is_near_plane_of_q(sight, x)
         };
-        // P's plane is perpendicular to an axis, and the sign of a height over it is exact. An occluder
-        // behind the plane is inside the viewcell, and segments start before it.
+        // The plane of the viewcell polygon is perpendicular to an axis, so the sign of a height over it is
+        // exact. An occluder behind the plane is inside the viewcell and blocks nothing, since segments start
+        // in front of it.
         let in_slab = |(x, tag): Corner| {
             sight.before_p.height(x) >= 0.0
                 && (tag.is_some() || sight.before_q.height(x) > 3.0 * self.delta || in_front(x))
         };
-        // What is coplanar with Q blocks nothing.
+        // A loop that lies in the target polygon's plane blocks nothing.
         let leaves_plane = ring.iter().any(|(x, _)| sight.before_q.height(*x) > 3.0 * self.delta);
         let tags_hold = |(x, tag): Corner| {
             tag.is_none_or(|k| {

@@ -1,4 +1,5 @@
-//! Edges that no segment of a node meets, and planes between points and polygons.
+//! Tests whether segments between two polygons meet an edge, and whether a plane separates points from
+//! polygons.
 
 use super::context::{Check, Corner};
 use super::exact_side::{D, dot, quick_side};
@@ -10,10 +11,11 @@ use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
 impl Check<'_> {
-    /// Returns, for each pair of corners of P and Q, the side on which the line between them passes an edge,
-    /// with a bound on the side's error. The side is exactly 0 in three cases: the corner of Q is a mixture
-    /// of ends of the edge; all four points lie in P's or Q's plane, and that is perpendicular to an axis;
-    /// all four count as in Q's plane. Other sides are those that `side` returns.
+    /// Returns, for each pair of a corner of the viewcell polygon P and a corner of the target polygon Q, the
+    /// side on which the line between them passes an edge, with a bound on the side's error. The side is
+    /// exactly 0 in three cases: the corner of Q is a mixture of the edge's ends; all four points lie in P's
+    /// or Q's plane, and that plane is perpendicular to an axis; all four points count as in Q's plane. In
+    /// other cases `side` computes it.
     pub(super) fn sides<'b>(
         &'b self,
         sight: &'b Sight,
@@ -42,15 +44,15 @@ impl Check<'_> {
         })
     }
 
-    /// Returns the bound on the distance between the given positions and those for which sides of edges are
-    /// computed: without a clearance the error of positions; with one, the distance by which points near Q's
-    /// plane may be moved into it.
+    /// Returns the bound in metres, for each coordinate, on how far a given position may be from the position
+    /// that sides are computed for. Without a clearance it is the error of positions; with one, the distance
+    /// by which points near the target polygon's plane may be moved into the plane.
     pub(super) fn moved(&self, sight: &Sight) -> f64 {
         sight.near.map_or(self.delta, |near| 2.0 * near)
     }
 
-    /// Returns whether a point counts as in Q's plane: whether its height over the plane is below `near`, the
-    /// limit of the search, and half as much for the errors of heights in the search. False without
+    /// Returns whether a point counts as in the target polygon's plane: whether its distance from the plane
+    /// is below 1.5 `near`. The search uses the limit `near`, with errors of up to half of it. False without
     /// clearance.
     pub(super) fn is_near_plane_of_q(&self, sight: &Sight, x: DVec3) -> bool {
         let Half { normal, offset } = sight.before_q;
@@ -58,8 +60,8 @@ impl Check<'_> {
         sight.near.is_some_and(|near| height.hi.abs() < 1.5 * near)
     }
 
-    /// Returns whether all segments pass an edge on one side, apart from those to the boundary of Q that meet
-    /// it there.
+    /// Returns whether all segments pass an edge on one side. Segments to the boundary of the target polygon
+    /// may meet the edge there.
     pub(super) fn is_on_side(&self, sight: &Sight, edge: &[Corner; 2], sign: f64) -> bool {
         let mut some = false;
         let all = self.sides(sight, edge, quick_side).all(|(value, error)| {
@@ -69,9 +71,10 @@ impl Check<'_> {
         all && some
     }
 
-    /// Returns whether no segment meets an edge, by its side or by a plane that separates it from both
-    /// polygons. With `from_before`, segments that start behind Q's plane do not count: P holds points behind
-    /// it by less than the errors of heights, from where segments pass below corners of the target.
+    /// Returns whether no segment meets an edge, by the sides on which segments pass it or by a plane that
+    /// separates it from both polygons. With `from_before`, segments that start behind the target polygon's
+    /// plane do not count: by the error of heights, the viewcell polygon has points behind the plane, from
+    /// which segments pass below corners of the target.
     pub(super) fn is_missed(&self, sight: &Sight, edge: &[Corner; 2], from_before: bool) -> bool {
         let ends = [edge[0].0, edge[1].0];
         let behind = |(x, tag): Corner| tag.is_some() || sight.before_q.height(x) < -3.0 * self.delta;
@@ -81,7 +84,8 @@ impl Check<'_> {
             || self.is_outside(sight, &ends)
     }
 
-    /// Returns whether a plane separates some points from the convex hull of both polygons.
+    /// Returns whether a plane separates some points from the convex hull of the viewcell and target
+    /// polygons.
     pub(super) fn is_outside(&self, sight: &Sight, points: &[DVec3]) -> bool {
         let (p, q) = (sight.p.corners(), sight.q.corners());
         let hull: Vec<DVec3> = p.iter().chain(q).copied().collect();
@@ -100,10 +104,10 @@ impl Check<'_> {
     /// Returns whether the heights of `points` along `normal` are all above or all below those of `others`,
     /// by more than three times the error of positions.
     ///
-    /// Heights in `f64` decide where they do: with components of the normal of at most 1 and coordinates of
-    /// at most m, three products and two sums round by at most 9 U m, and the gap between two heights by
-    /// 18 U m and once more. Where the gap is within 32 U m of the margin, double-double heights decide: the
-    /// answer is always theirs.
+    /// Heights in `f64` decide where their errors allow. With U the unit round-off of `f64`, components of
+    /// the normal of at most 1 and coordinates of at most m, three products and two sums round by at most 9 U
+    /// m; the gap between two heights is wrong by 18 U m and one more rounding. Where the gap is within 32 U
+    /// m of the margin, double-double heights decide. The answer always equals that of double-double heights.
     pub(super) fn separates(&self, normal: DVec3, points: &[DVec3], others: &[DVec3]) -> bool {
         let normal = normal.normalize_or_zero();
         let margin = 3.0 * self.delta;
@@ -122,12 +126,13 @@ impl Check<'_> {
         gap([points, others].map(|points| range(points, &height))) > margin
     }
 
-    /// Returns whether the convex hull of three or four points touches neither P nor Q.
+    /// Returns whether the convex hull of three or four points touches neither the viewcell nor the target
+    /// polygon.
     ///
-    /// If a plane separates two convex polytopes at all, one does that is parallel to a face of either or to
-    /// a side of each. All of these are tried: every three points make a face, in a plane or not, every two a
-    /// side. A polygon's faces are its plane, and those across the plane along its sides. The order of the
-    /// points does not matter, so that a strip is apart from whichever end it is looked at.
+    /// If a plane separates two convex polytopes, one does that is parallel to a face of either or to a side
+    /// of each. All of these are tried: every three of the points count as a face, every two as a side. The
+    /// faces of a polygon are its own plane and the planes across it along its sides. The answer does not
+    /// depend on the order of the points.
     pub(super) fn is_apart(&self, sight: &Sight, points: &[DVec3]) -> bool {
         let pairs = || (1..points.len()).flat_map(|j| (0..j).map(move |i| (i, j)));
         let side = |i: usize, j: usize| (points[j] - points[i]).normalize_or_zero();

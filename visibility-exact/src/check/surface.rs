@@ -1,4 +1,4 @@
-//! Surfaces of triangles that all segments of a node cross.
+//! Check that all segments of a node cross a surface of triangles.
 
 use super::context::Check;
 use super::exact_side::{cross, difference, is_before, norm, quick_side};
@@ -25,12 +25,12 @@ impl Check<'_> {
         {
             return false;
         }
-        // Without clearance, surfaces may hold corners of the target. The line that is tested is then before
-        // Q's plane with all its points: one that starts or ends behind the plane, as points of P and Q do
-        // by rounding, could pass below these corners, where other segments do not. The start is before the
-        // plane if its height is above the errors of heights. The end is up to delta behind the plane, and
-        // 1.25 delta are surely more. It is still nearer to Q than triangles that are apart from Q, by 3
-        // delta.
+        // Without clearance, surfaces may have corners of the target. The whole sample line must then be in
+        // front of the plane of the target polygon Q: by rounding, both polygons have points behind the
+        // plane, and a line from or to such a point could pass below these corners where other segments do
+        // not. The start is in front of the plane if its height is above the error of heights. With delta the
+        // error of positions, the end is up to delta behind the plane, so it is moved by 1.25 delta, which is
+        // surely more. The end is still nearer to Q than triangles that are apart from Q, by 3 delta.
         let from_before = sight.before_q.height(line[0]) > 3.0 * self.delta;
         let lift = if self.clearance == 0.0 { 1.25 * self.delta } else { 0.0 };
         let line = [line[0], line[1] + sight.before_q.normal * lift];
@@ -42,8 +42,8 @@ impl Check<'_> {
             is_odd ^= found == Some(true);
             found.is_some()
         };
-        // The boundary is the edges that an odd number of the triangles have. Each triangle must be clear of
-        // P and Q, and the line must certainly cross or miss it.
+        // The boundary consists of the edges that belong to an odd number of the triangles. Each triangle
+        // must be clear of the viewcell and target polygons, and the line must certainly cross or miss it.
         for &t in surface {
             let (numbers, corners) = (all.vertices(t), all.corners(t));
             for k in 0..3 {
@@ -61,12 +61,12 @@ impl Check<'_> {
                 return false;
             }
         }
-        // Corners may be moved by three clearances. No line of sight may meet the moved edge, and the strip
-        // up to it belongs to the surface.
+        // Corners of the boundary may be moved by three clearances. No line of sight may meet the moved edge,
+        // and the strip between the old and the moved edge belongs to the surface.
         for (&[v, w], &[a, b]) in &boundary {
             let place = |v: u32, x: DVec3| moved.get(&v).copied().unwrap_or(x);
             let (c, d) = (place(v, a), place(w, b));
-            // A NaN must fail.
+            // Written so that a NaN is refused.
             let near = |x: DVec3, y: DVec3| x.distance(y) <= 3.0 * self.clearance;
             let edge = [(c, self.tag(v)), (d, self.tag(w))];
             if !near(a, c) || !near(b, d) || !self.is_missed(sight, &edge, from_before) {
@@ -89,10 +89,11 @@ impl Check<'_> {
         is_odd
     }
 
-    /// Returns whether a triangle occludes for all points of P: it is two-sided, or P is before its front.
+    /// Returns whether a triangle occludes for all points of the viewcell polygon: it is two-sided, or the
+    /// polygon is before its front.
     ///
-    /// The corners of a triangle run counter-clockwise as seen from before its front. With a clearance,
-    /// positions count as exact. Then a corner of P may also be on the plane of a triangle that is
+    /// The corners of a triangle run counter-clockwise as seen from its front. With a clearance, positions
+    /// count as exact. A corner of the polygon may then also lie on the triangle's plane if that plane is
     /// perpendicular to an axis, where heights are differences of one coordinate: segments from there do not
     /// cross the plane.
     pub(super) fn faces(&self, sight: &Sight, t: u32) -> bool {
@@ -101,7 +102,8 @@ impl Check<'_> {
         }
         let [a, b, c] = self.triangles.corners(t);
         let axis = (0..3).find(|&k| self.clearance > 0.0 && a[k] == b[k] && a[k] == c[k]);
-        // By how much twice the area times the height changes if each coordinate of x changes by delta.
+        // Change of the determinant, twice the triangle's area times the height of x, if each coordinate
+        // changes by delta, the error of positions.
         let slack = match axis {
             Some(_) => 0.0,
             None => 2.0 * self.delta * norm(cross(difference(b, a), difference(c, a))),
@@ -110,10 +112,11 @@ impl Check<'_> {
         sight.p.corners().iter().all(|&x| is_before(x, [a, b, c], slack) || is_on_plane(x))
     }
 
-    /// Returns whether a triangle touches Q at most at Q's boundary: it has corners that are not the
-    /// target's, all of these are on one side of Q's plane, and the triangle is apart from P. `end` is the
-    /// end of the line that is tested, at most 3 delta from Q. If the triangle is before Q, its plane is
-    /// farther from this end, so that lines to the points of Q next to the end cross the triangle as often.
+    /// Returns whether a triangle touches the target polygon Q at most at Q's boundary: its corners that are
+    /// not the target's, at least one, are all on one side of Q's plane, and the triangle is apart from the
+    /// viewcell polygon. `end` is the end of the sample line, at most three errors of positions from Q. A
+    /// triangle in front of Q must have a plane farther from `end`, so that lines to the points of Q near
+    /// `end` cross the triangle as often as the sample line.
     pub(super) fn touches_beside(
         &self,
         sight: &Sight,
@@ -133,8 +136,8 @@ impl Check<'_> {
     }
 }
 
-/// Returns whether a segment crosses the inside of a triangle; `None` if it may touch the boundary, or the
-/// plane at an end.
+/// Returns whether a segment crosses the inside of a triangle. `None` if it may touch the triangle's
+/// boundary, or may have an end in the triangle's plane.
 pub(super) fn crosses([p, q]: [DVec3; 2], t: &[DVec3; 3]) -> Option<bool> {
     let sign = |(value, error): (f64, f64)| i32::from(value > error) - i32::from(value < -error);
     let s: [i32; 3] = core::array::from_fn(|k| sign(quick_side(p, q, t[k], t[(k + 1) % 3], 0.0)));
@@ -147,7 +150,7 @@ pub(super) fn crosses([p, q]: [DVec3; 2], t: &[DVec3; 3]) -> Option<bool> {
     }
 }
 
-/// Returns whether a point is in a convex polygon, up to `delta`.
+/// Returns whether a point is in a convex polygon, up to `delta` metres.
 fn is_in(polygon: &Polygon, x: DVec3, delta: f64) -> bool {
     let (normal, corners) = (polygon.normal().normalize_or_zero(), polygon.corners());
     normal.dot(x - corners[0]).abs() <= delta

@@ -1,4 +1,4 @@
-//! Proofs that were tampered with are refused.
+//! Proofs that were changed after they were made are refused.
 
 use super::context::{Check, Divider};
 use super::exact_side::side;
@@ -65,7 +65,7 @@ fn proofs_with_a_changed_step_are_refused() {
                     let triangles = surface.iter().enumerate().filter(|(k, _)| *k != drop);
                     let triangles = triangles.map(|(_, t)| *t).collect();
                     let changed = Step::Surface { triangles, moved: moved.clone(), line };
-                    // Of larger surfaces, one triangle may be dispensable.
+                    // Of a surface with several triangles, one may be dispensable.
                     assert!(surface.len() > 1 || is_refused(with(changed)), "an empty surface");
                 }
                 for far in [0.01, 10.0, f64::NAN] {
@@ -111,8 +111,9 @@ fn proofs_with_a_changed_step_are_refused() {
     assert!(kinds[0] > 0 && kinds[1] > 0, "{kinds:?}");
 }
 
-/// An edge in the plane of P, where Q ends: lines that start before it and behind it are on both sides, and
-/// where all start before it, those to the end of Q do not matter. Likewise an edge in the plane of Q.
+/// Edges in the plane of the viewcell polygon, where the target polygon ends. Lines that start on both sides
+/// of the edge are not on one side of it. Where all lines start on one side, those to the end of the target
+/// polygon do not matter. Likewise for edges in the plane of the target polygon.
 #[test]
 fn edges_in_the_plane_of_a_face_divide_the_lines_that_start_around_them() {
     let (triangles, _) = hidden();
@@ -145,8 +146,9 @@ fn edges_in_the_plane_of_a_face_divide_the_lines_that_start_around_them() {
     }
 }
 
-/// The same in planes of all directions, in which points are only up to rounding: edges in Q's plane do not
-/// divide the lines that start before it, edges over the plane do.
+/// Edges near tilted planes, which hold points only up to rounding. An edge in the target polygon's plane
+/// that is beside the polygon, or an edge behind the plane, does not divide the lines that start in front of
+/// the plane; an edge across the polygon or over the plane does.
 #[test]
 fn edges_near_the_plane_of_a_face_are_in_it() {
     let (triangles, _) = hidden();
@@ -174,13 +176,13 @@ fn edges_near_the_plane_of_a_face_are_in_it() {
             let on_a_side = [1.0, -1.0].map(|side| check.is_on_side(&sight, &edge, side));
             assert_eq!(on_a_side.contains(&true), !is_divided, "{x} {height}: {on_a_side:?}");
         }
-        // One end alone is in the plane.
+        // An edge with only one end in the plane.
         let edge = [(at(6.0, -5.0, 0.0), None), (at(6.0, 9.0, 1e-3), None)];
         assert!(
             [1.0, -1.0].iter().all(|&side| !check.is_on_side(&sight, &edge, side)),
             "an edge of which one end is in the plane"
         );
-        // Where all points are in the plane, an edge in the plane has them on no side.
+        // If the edge and all corners of both polygons are in one plane, the lines pass the edge on no side.
         let corners = [at(9.0, 0.0, 0.0), at(10.0, 0.0, 0.0), at(10.0, 4.0, 0.0)];
         let flat = Sight { p: Polygon::new(&corners), ..sight };
         let edge = [(at(2.0, -5.0, 0.0), None), (at(2.0, 9.0, 0.0), None)];
@@ -195,7 +197,8 @@ fn moved(v: DVec3, delta: f64, random: &mut Random) -> DVec3 {
     v + DVec3::from_array(core::array::from_fn(|_| if random.one_in(2) { delta } else { -delta }))
 }
 
-/// A line that meets an edge is on no side of the edge, though all positions have moved by their error.
+/// A line that meets an edge counts as on no side of the edge, also after all positions have moved by their
+/// error.
 #[test]
 fn lines_that_meet_an_edge_are_on_no_side() {
     let mut random = Random(3);
@@ -210,8 +213,8 @@ fn lines_that_meet_an_edge_are_on_no_side() {
     }
 }
 
-/// Integers of 40 bits: lines that exactly meet the line of an edge are on no side, and lines beside are on
-/// the right side or on none.
+/// Coordinates are integers of 40 bits. A line that exactly meets the line of an edge counts as on no side of
+/// it; a line beside the edge as on the right side or on none.
 #[test]
 fn sides_have_the_sign_of_exact_ones() {
     let mut random = Random(4);
@@ -229,8 +232,9 @@ fn sides_have_the_sign_of_exact_ones() {
     }
 }
 
-/// A segment crosses a triangle 2e-27 m beside an edge, by exact integers in units of 2^-51 m. The search is
-/// sure of this, because all terms of the side are small beside the product of the distances.
+/// A segment passes an edge inside a triangle at 2e-27 m, by exact integers in units of 2^-51 m. The search
+/// calls this a certain crossing, because all terms of the side are small compared to the product of the
+/// distances.
 #[test]
 fn what_the_search_is_sure_to_cross_is_crossed() {
     let t = [[8.0, 3.0, 4.0], [8.0, 13.0, 18.0], [8.0, 3.0, 18.0]];
@@ -245,7 +249,7 @@ fn what_the_search_is_sure_to_cross_is_crossed() {
         let cross = |k: usize| u[(k + 1) % 3] * w[(k + 2) % 3] - u[(k + 2) % 3] * w[(k + 1) % 3];
         (0..3).map(|k| r[k] * cross(k)).sum::<i128>().signum()
     };
-    // Sides of the triangle in whole metres, so that products fit.
+    // Sides of the triangle in whole metres, so that their products fit into the integer type.
     let edge = |k: usize| minus(t[(k + 1) % 3], t[k]).map(|x| x >> 51);
     let sides = [0, 1, 2].map(|k| sign(minus(line[1], line[0]), minus(t[k], line[0]), edge(k)));
     assert!(sides[0] != 0 && sides == [sides[0]; 3], "{sides:?}");
@@ -257,7 +261,7 @@ fn what_the_search_is_sure_to_cross_is_crossed() {
     let (line, t) = (line.map(DVec3::from_array), t.map(DVec3::from_array));
     assert_eq!(segment_triangle(line[0], line[1], &t), Crossing::Yes, "the search is sure of the crossing");
     assert_eq!(crosses(line, &t), Some(true), "the check finds the same crossing");
-    // Segments that pass near an edge, at whatever scale on each axis.
+    // Segments that pass near an edge, with a random scale on each axis.
     let mut random = Random(8);
     let mut sure = 0;
     for round in 0..50_000 {
@@ -284,8 +288,9 @@ fn what_the_search_is_sure_to_cross_is_crossed() {
     assert!(sure > 10_000, "{sure}");
 }
 
-/// What touches polygons, or a segment between them, is not apart and not outside, and a line that meets the
-/// dividing edges is not excluded, though all positions have moved by their error.
+/// After all positions have moved by their error, points that touch a polygon are still not apart from it,
+/// points that touch a segment between polygons are not outside, and a line that meets the dividing edges is
+/// not excluded.
 #[test]
 fn what_touches_by_less_than_the_error_is_not_apart() {
     let (triangles, proof) = hidden();
@@ -321,7 +326,7 @@ fn what_touches_by_less_than_the_error_is_not_apart() {
         }
         let touching = [y, y + random.fine_vector(5.0), y + random.fine_vector(5.0)];
         assert!(!check.is_apart(&sight, &touching), "{round}");
-        // Edges through one point of the line between two corners.
+        // Edges that meet the line between two corners in one point.
         let middle = (x + y) * 0.5;
         let edges =
             ends.map(|end| [middle - end, middle + end].map(|x| (moved(x, delta, &mut random), None)));
@@ -334,8 +339,8 @@ fn what_touches_by_less_than_the_error_is_not_apart() {
     assert!(proof.len() > 1, "the proof has several steps");
 }
 
-/// Without a clearance a line that passes an edge within the error of positions is on neither side: what is
-/// proven in a scene of small numbers is not, and its proof is refused, if a far triangle makes them large.
+/// Without a clearance, a line that passes an edge within the error of positions is on neither side of it. A
+/// proof that holds in a scene of small coordinates is refused if one far triangle makes the error larger.
 #[test]
 fn without_clearance_edges_within_the_error_of_positions_are_met() {
     let scene = |far: f32| {
@@ -352,7 +357,8 @@ fn without_clearance_edges_within_the_error_of_positions_are_met() {
         }
         SceneTriangles::new(&scene)
     };
-    // Beside the wall's edge at 1 by less than the error of positions at a million, 1.5e-8.
+    // The viewcell ends 5e-9 m beside the wall's edge at 1. The error of positions is 1.5e-8 m for
+    // coordinates of a million.
     let (min, max) = (DVec3::new(0.0, -1.0, 0.0), DVec3::new(1.0 - 5e-9, 1.0, 1.0));
     let cell = CellBox { min, max };
     let target = Target::Box { min: DVec3::new(0.0, -1.0, 9.0), max: DVec3::new(max.x, 1.0, 10.0) };

@@ -1,4 +1,4 @@
-//! The triangles of a scene, welded: which triangles share an edge, and which form one convex polygon.
+//! The triangles of a scene, welded: shared edges and convex polygons of coplanar triangles are found.
 
 #[cfg(test)]
 mod tests;
@@ -13,20 +13,20 @@ use visibility_core::level_version::level_object;
 use visibility_core::scene::SceneCursor;
 use visibility_core::{ObjectId, Scene};
 
-/// The triangles of all objects of a scene, prepared for exact queries. Made once, shared by cullers, bakes
-/// and the checks of proofs.
+/// The triangles of all objects of a scene, prepared for exact queries. Made once, then shared by cullers,
+/// bakes and the checks of proofs.
 ///
-/// Triangles of objects that are flagged as [occluders](visibility_core::Object::occluder) and [always
-/// drawn](Scene::is_always_drawn) occlude; triangles of other objects, and of those on no
-/// [layer](visibility_core::Object::layers), are targets alone. Objects that a stage before has removed
-/// occlude all the same, on whichever layers they are. Triangles without area do not occlude. An object with
-/// a coordinate that is not finite counts as visible from everywhere and does not occlude. An object without
-/// triangles is represented by its bounding box and does not occlude. Triangles of objects that are
-/// [one-sided](visibility_core::Object::one_sided) occlude for viewpoints before their front alone, and are
-/// seen from there alone.
+/// Triangles occlude if their object is flagged as an [occluder](visibility_core::Object::occluder) and is
+/// [always drawn](Scene::is_always_drawn). Triangles of other objects, and of objects on no
+/// [layer](visibility_core::Object::layers), are only targets. Objects that an earlier culler has removed
+/// still occlude, whatever their layers. Triangles without area do not occlude. An object with a coordinate
+/// that is not finite counts as visible from everywhere and does not occlude. An object without triangles is
+/// represented by its bounding box and does not occlude. Triangles of
+/// [one-sided](visibility_core::Object::one_sided) objects occlude only for viewpoints in front of them, and
+/// are seen only from there.
 ///
-/// Vertices with equal coordinates are one vertex, also of different objects. Takes about 150 bytes for each
-/// triangle. Building takes O(n log n).
+/// Vertices with equal coordinates are welded, also across objects. Takes about 150 bytes for each triangle.
+/// Building takes O(n log n).
 ///
 /// ```
 /// use visibility_core::{glam::Vec3, Aabb, Object, Scene};
@@ -46,52 +46,55 @@ pub struct SceneTriangles {
     pub(crate) origin: DVec3,
     pub(crate) objects: Vec<TargetObject>,
     corners: Vec<[Vec3; 3]>,
-    /// Corners of each triangle as numbers of vertices.
+    /// Indices of the vertices at each triangle's corners.
     vertices: Vec<[u32; 3]>,
     /// Index of each triangle's object in `objects`.
     object_of: Vec<u32>,
     occludes: Vec<bool>,
     /// Layer masks of the objects whose triangles occlude, each mask once.
     pub(crate) layers: Vec<u32>,
-    /// Side of its plane from which each triangle is seen and occludes. `None` for both sides.
+    /// Half-space in front of each one-sided triangle, from which the triangle is seen and occludes. `None`
+    /// for a two-sided triangle.
     fronts: Vec<Option<Half>>,
-    /// Area of each triangle in square metres, rounded. It decides what is tried first. A triangle of area 0
-    /// is not proven hidden by itself.
+    /// Area of each triangle in square metres, rounded. Larger triangles are tried first. A triangle of area
+    /// 0 is not proven hidden by itself.
     areas: Vec<f32>,
-    /// Edges of each triangle: edge k joins corners k and k + 1.
+    /// Indices of each triangle's edges: edge k joins corners k and (k + 1) % 3.
     edges: Vec<[u32; 3]>,
-    /// By edge: start of its occluding triangles in `edge_triangles`. One more entry is the end of the last.
+    /// For each edge, the start of its occluding triangles in `edge_triangles`. One more entry is the end of
+    /// the last edge's.
     edge_starts: Vec<u32>,
     edge_triangles: Vec<u32>,
-    /// Convex polygons of coplanar occluding triangles.
+    /// Convex polygons, each joined from coplanar occluding triangles.
     pieces: Vec<Piece>,
-    /// Index of the piece of each triangle, `u32::MAX` if the triangle does not occlude.
+    /// For each triangle, the index of its polygon in `pieces`. `u32::MAX` if the triangle does not occlude.
     piece_of: Vec<u32>,
     pub(crate) tree: TriangleTree,
     /// Greatest absolute coordinate of the scene, in metres.
     magnitude: f64,
 }
 
-/// An object that may be seen.
+/// An object of the scene whose visibility is to be decided.
 #[derive(Clone, Debug)]
 pub(crate) struct TargetObject {
     pub(crate) id: ObjectId,
-    /// Least corner, in scene coordinates, of the box around the object's triangles; of the object's own
+    /// Least corner, in scene coordinates, of the box around the object's triangles, or of the object's
     /// bounds if it has no triangles.
     pub(crate) min: DVec3,
-    /// Greatest corner of the same box.
+    /// Greatest corner of the box that `min` begins.
     pub(crate) max: DVec3,
-    /// First of the object's triangles. Their end, exclusive, is `end`.
+    /// Index of the object's first triangle. The end of its triangles, exclusive, is `end`.
     pub(crate) first: u32,
     pub(crate) end: u32,
-    /// Whether the object has a coordinate that is not finite or beyond [`LIMIT`].
+    /// Whether the object has a coordinate that is not finite or beyond [`LIMIT`]. Such an object counts as
+    /// visible.
     pub(crate) is_open: bool,
 }
 
-/// A convex polygon of coplanar triangles.
+/// A convex polygon joined from coplanar triangles.
 #[derive(Clone, Debug)]
 pub(crate) struct Piece {
-    /// Indices of the vertices around the polygon.
+    /// Indices of the vertices around the polygon, in order.
     pub(crate) ring: Box<[u32]>,
     /// Position of each vertex of `ring`.
     pub(crate) positions: Box<[DVec3]>,
@@ -101,12 +104,12 @@ pub(crate) struct Piece {
 /// Greatest number of corners of a [`Piece`].
 const PIECE: usize = 8;
 
-/// Greatest absolute coordinate, in metres, of objects that are decided, so that products of three
-/// differences stay finite.
+/// Greatest absolute coordinate, in metres, of objects that are decided. It keeps products of three
+/// differences finite.
 pub(crate) const LIMIT: f64 = 1e30;
 
 impl SceneTriangles {
-    /// Collects the triangles of all objects of a scene as they are now.
+    /// Collects the triangles of all objects of a scene in its present state.
     pub fn new(scene: &Scene) -> Self {
         let mut all = Self {
             cursor: SceneCursor::at(scene),
@@ -153,7 +156,7 @@ impl SceneTriangles {
             (min, max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         }
         for triangle in triangles.iter().filter(|_| !is_open) {
-            // Zeros of either sign are one number.
+            // The sum turns -0 into 0, so that equal coordinates have equal bits.
             let t = triangle.map(|p| p + Vec3::ZERO);
             let t64 = t.map(Vec3::as_dvec3);
             let normal = (t64[1] - t64[0]).cross(t64[2] - t64[0]);
@@ -164,7 +167,8 @@ impl SceneTriangles {
             self.corners.push(t);
             self.object_of.push(self.objects.len() as u32);
             self.occludes.push(object.occluder && object.layers != 0 && normal != DVec3::ZERO);
-            // A triangle without area shows nothing from either side.
+            // A one-sided triangle without area has no normal, and is treated as two-sided: it shows nothing
+            // anyway.
             let front = || unit_normal(&t64).map(|n| Half { normal: n, offset: -n.dot(t64[0]) });
             self.fronts.push(if object.one_sided { front() } else { None });
             self.areas.push((normal.length() * 0.5) as f32);
@@ -176,7 +180,7 @@ impl SceneTriangles {
         self.objects.push(TargetObject { id, min, max, first, end, is_open });
     }
 
-    /// Numbers the vertices by their coordinates.
+    /// Gives equal numbers to vertices with equal coordinates.
     fn weld(&mut self) {
         let bits = |i: u32| self.corners[i as usize / 3][i as usize % 3].to_array().map(f32::to_bits);
         let mut order: Vec<([u32; 3], u32)> =
@@ -191,9 +195,10 @@ impl SceneTriangles {
         self.vertices = numbers;
     }
 
-    /// Numbers the edges, and lists the occluding triangles of each.
+    /// Gives equal numbers to edges between the same vertices, and lists the occluding triangles at each
+    /// edge.
     fn share_edges(&mut self) {
-        // An index of an edge within all triangles is i = 3 t + k; the next corner of k is (k + 1) % 3.
+        // Edge k of triangle t has the index i = 3 t + k. The corner after k is (k + 1) % 3.
         let key = |i: u32| {
             let (t, k) = (self.vertices[i as usize / 3], i as usize % 3);
             let (a, b) = (t[k], t[(k + 1) % 3]);
@@ -217,7 +222,7 @@ impl SceneTriangles {
         (self.edges, self.edge_starts, self.edge_triangles) = (edges, starts, triangles);
     }
 
-    /// Joins coplanar neighbours into convex polygons, largest triangles first.
+    /// Joins coplanar neighbours into convex polygons, starting with the largest triangles.
     fn merge(&mut self) {
         self.piece_of = vec![u32::MAX; self.corners.len()];
         let mut order: Vec<u32> =
@@ -237,7 +242,7 @@ impl SceneTriangles {
     fn grow_piece(&self, first: u32) -> Piece {
         let plane = self.corners(first);
         let normal = unit_normal(&plane).unwrap_or(DVec3::ZERO);
-        // As flat as the check of proofs asks for.
+        // The same flatness that the check of proofs demands.
         let flatness = self.position_error(0.0);
         let of =
             |i: u32, k: usize| (self.vertices[i as usize][k], self.edges[i as usize][k], self.corners(i)[k]);
@@ -258,8 +263,8 @@ impl SceneTriangles {
             let Some(m) = (0..3).find(|&m| numbers[m] == b && numbers[(m + 1) % 3] == a) else { continue };
             let (c, _, pc) = of(other, (m + 2) % 3);
             let flat = normal.dot(pc - plane[0]).abs() <= flatness;
-            // Beyond the edge that it joins, and on the inner side of all others: corners that only turn the
-            // right way may turn around more than once.
+            // The new corner must be beyond the edge that it joins, and on the inner side of all others. A
+            // test that all corners turn the same way would accept rings that wind around more than once.
             let inside = |k: usize| {
                 let (x, y) = (ring[k].2, ring[(k + 1) % n].2);
                 normal.cross(y - x).normalize_or_zero().dot(pc - x)
@@ -282,19 +287,20 @@ impl SceneTriangles {
         }
     }
 
-    /// Returns the point of the world that the triangles, and lines of sight to them, are relative to.
+    /// Returns the origin in world coordinates that the triangles, and lines of sight to them, are relative
+    /// to.
     pub fn origin(&self) -> DVec3 {
         self.origin
     }
 
-    /// Returns whether nothing of `scene` has changed since the triangles were collected. False for another
-    /// scene, also for a clone.
+    /// Returns whether `scene` is the one whose triangles were collected, and has not changed since. False
+    /// for another scene, including a clone.
     pub fn is_current(&self, scene: &Scene) -> bool {
         self.cursor.is_current(scene)
     }
 
-    /// Returns the number of triangles, occluding or not. Triangles of objects with coordinates that are not
-    /// finite are left out.
+    /// Returns the number of triangles, occluding or not. Triangles of objects with a coordinate that is not
+    /// finite are not included.
     pub fn len(&self) -> usize {
         self.corners.len()
     }
@@ -320,12 +326,12 @@ impl SceneTriangles {
         self.areas[i as usize]
     }
 
-    /// Returns the side of a triangle's plane that it is seen from. `None` if it is seen from both.
+    /// Returns the half-space from which a one-sided triangle is seen. `None` if the triangle is two-sided.
     pub(crate) fn front(&self, i: u32) -> Option<&Half> {
         self.fronts[i as usize].as_ref()
     }
 
-    /// Returns whether a triangle is seen from both sides, or a viewpoint is certainly before its front.
+    /// Returns whether a triangle is two-sided, or the viewpoint `from` is certainly in front of it.
     pub(crate) fn shows(&self, i: u32, from: DVec3) -> bool {
         let [a, b, c] = self.corners(i);
         self.front(i).is_none() || sign(side(from, a, b, c, 0.0)) < 0
@@ -351,7 +357,7 @@ impl SceneTriangles {
         self.object_of[i as usize] as usize
     }
 
-    /// Returns the occluding triangles at an edge.
+    /// Returns the occluding triangles that have an edge.
     pub(crate) fn triangles_at(&self, edge: u32) -> &[u32] {
         let edge = edge as usize;
         &self.edge_triangles[self.edge_starts[edge] as usize..self.edge_starts[edge + 1] as usize]
@@ -365,12 +371,12 @@ impl SceneTriangles {
         &self.pieces[number as usize]
     }
 
-    /// Returns the triangles of a piece, `None` for an unknown number.
+    /// Returns the triangles of a convex polygon. `None` for an unknown index.
     pub(crate) fn piece_triangles(&self, number: u32) -> Option<&[u32]> {
         self.pieces.get(number as usize).map(|piece| &*piece.triangles)
     }
 
-    /// Adds a piece without checking that it is convex and occludes. Returns its index.
+    /// Adds a polygon of triangles without checking that it is convex and occludes. Returns its index.
     #[cfg(test)]
     pub(crate) fn push_piece(&mut self, triangles: &[u32]) -> u32 {
         let piece = Piece { ring: Box::default(), positions: Box::default(), triangles: triangles.into() };
@@ -378,21 +384,22 @@ impl SceneTriangles {
         self.pieces.len() as u32 - 1
     }
 
-    /// Returns a bound on the absolute error of each coordinate of a computed point, such as a midpoint of
-    /// midpoints, where no coordinate exceeds `magnitude`. 60 steps of one rounding each and a cut of four
-    /// roundings are less than `128 U` of the greatest coordinate.
+    /// Returns a bound in metres on the absolute error of each coordinate of a computed point, such as a
+    /// midpoint of midpoints. No coordinate may exceed `magnitude`, beyond those of the triangles. 60 steps
+    /// of one rounding each and a cut of four roundings are less than `128 U` of the greatest coordinate,
+    /// with `U` the unit round-off.
     pub(crate) fn position_error(&self, magnitude: f64) -> f64 {
         128.0 * U * self.magnitude.max(magnitude)
     }
 }
 
-/// Returns the unit normal of a triangle, right to the last bits however thin the triangle is. `None` for a
-/// triangle without area.
+/// Returns the unit normal of a triangle, correct except for the last bits however thin the triangle is.
+/// `None` for a triangle without area.
 ///
-/// The cross product of two sides of a thin triangle cancels: with sides of length L and a height of h, in
-/// `f64` its direction is wrong by some U L / h, and points of the triangle are off its plane by U L^2 / h.
-/// Products of 106 bits leave no such error unless h is below 2^-50 L, which coordinates of 24 bits only have
-/// near the origin.
+/// The cross product of two sides of a thin triangle cancels. With U the unit round-off, sides of length L
+/// and a height of h, its direction in `f64` is wrong by some U L / h, and points of the triangle are off its
+/// plane by U L^2 / h. Products of 106 bits leave no such error unless h is below 2^-50 L, which coordinates
+/// of 24 bits only have near the origin.
 pub(crate) fn unit_normal(t: &[DVec3; 3]) -> Option<DVec3> {
     // Scaled by a power of 2, so that no product underflows or overflows.
     let size = t.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);

@@ -1,4 +1,4 @@
-//! Convex polygons of coplanar triangles.
+//! Joining coplanar triangles into convex polygons.
 
 use super::*;
 use visibility_core::{Aabb, Object};
@@ -13,14 +13,15 @@ fn prepared(triangles: impl IntoIterator<Item = [Vec3; 3]>) -> SceneTriangles {
     SceneTriangles::new(&scene)
 }
 
-/// Two slivers that share their longest side are one piece if both are in the plane x = y + z, exactly,
-/// and two if the second is off this plane but in the plane that `f64` finds for the first.
+/// Two slivers that share their longest side are joined if both are exactly in the plane x = y + z. They are
+/// not joined if the second is off this plane, even if it is in the inexact plane that `f64` computes for the
+/// first.
 #[test]
 fn slivers_in_one_plane_are_one_piece() {
     let mut random = Random(7);
     let (mut merged, mut off) = (0, 0);
     for round in 0..500 {
-        // Multiples of 2^-52 near the origin, and of 2^-20 elsewhere: sums are single-precision numbers.
+        // Multiples of 2^-52 near the origin, and of 2^-20 elsewhere, so that sums are exact in `f32`.
         let mut int = |r: i32, unit: i32| f64::from(random.between(-r, r)) * 2f64.powi(unit);
         let (near, half) = ([int(1 << 22, -52), int(1 << 22, -52)], [int(1 << 21, -20), int(1 << 21, -20)]);
         let across = [int(4, -20), int(4, -20)];
@@ -34,7 +35,7 @@ fn slivers_in_one_plane_are_one_piece() {
         let all = single([a, b, c]).into_iter().chain([d.as_vec3()]);
         assert!(all.zip([a, b, c, d]).all(|(x, y)| x.as_dvec3() == y), "{round}");
         merged += usize::from(prepared([single([a, b, c]), single([b, a, d])]).pieces.len() == 1);
-        // Near a, at the other side of a-b than c.
+        // A point near a, on the other side of the edge a-b than c.
         let inexact = (c - b).cross(a - b).normalize();
         let mut e = (a - DVec3::new(across[0] + across[1], across[0], across[1]) * 1e-3).as_vec3();
         e.x = (b.x - ((e.y as f64 - b.y) * inexact.y + (e.z as f64 - b.z) * inexact.z) / inexact.x) as f32;
@@ -48,9 +49,9 @@ fn slivers_in_one_plane_are_one_piece() {
     assert!(merged > 450 && off > 250, "{merged} {off}");
 }
 
-/// Pieces that join several triangles are convex: all corners of a piece are on the inner side of each of its
-/// edges, or on the edge. The triangles all lie in one plane. Most share an edge with the triangle before
-/// them; some are slivers, and some are folded back over that triangle.
+/// Joined polygons are convex: all corners are on the inner side of each edge, or on the edge. The triangles
+/// all lie in one plane. Most share an edge with the triangle before them; some are slivers, and some are
+/// folded back over that triangle.
 #[test]
 fn pieces_are_convex() {
     let mut random = Random(9);
@@ -61,7 +62,8 @@ fn pieces_are_convex() {
             let mut point = || Vec3::new(random.between(-3, 3) as f32, random.between(-3, 3) as f32, 1.0);
             let (a, b, c) = (point(), point(), point());
             let side = all.last().map(|t| [t[random.below(3)], t[random.below(3)]]);
-            // Neighbours have their common side in opposite directions, folded back or not.
+            // Two neighbours have their common side in opposite directions, also if one is folded back over
+            // the other.
             let t = side.map_or([a, b, c], |[x, y]| if x == y { [a, b, c] } else { [y, x, c] });
             all.push(t);
         }

@@ -1,7 +1,7 @@
-//! An exact oracle on a grid: whether a segment touches a triangle or a box, in integers.
+//! An exact oracle on a grid, in integers: whether a segment touches a triangle or a box.
 //!
-//! Coordinates are multiples of 2^-12 metres and at most 64 metres. In these units, differences are below
-//! 2^20, and a determinant of three of them below 6 * 2^60: all fits into `i64`.
+//! Coordinates are multiples of 2^-12 metres and at most 64 metres. In grid units, differences are below
+//! 2^20, and a determinant of three of them is below 6 * 2^60: all fits into `i64`.
 
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
@@ -26,9 +26,9 @@ pub fn rounded(v: DVec3) -> DVec3 {
     (v * FINE).round() / FINE
 }
 
-/// Returns a random start of a segment to `q`: on the grid, and in a viewcell's box, in a face of it or at a
-/// corner. With `edge_of` the segment passes an edge of that triangle at 3 micrometres to .3 metres, and the
-/// start may lie outside of the box.
+/// Returns a random start on the grid of a segment that ends at `q`: inside a viewcell's box, in a face of it
+/// or at a corner. With `edge_of`, the segment passes an edge of that triangle at a distance of 3 micrometres
+/// to 0.3 metres, and the start may be outside of the box.
 pub fn start_of_segment(random: &mut Random, cell: &Viewcell, q: DVec3, edge_of: Option<[Vec3; 3]>) -> DVec3 {
     let at = |random: &mut Random, axis: usize| match random.below(4) {
         0 => cell.min[axis],
@@ -60,13 +60,13 @@ fn dot(u: Point, v: Point) -> i64 {
     (0..3).map(|k| u[k] * v[k]).sum()
 }
 
-/// Returns the sign of det(b - a, c - a, d - a).
+/// Returns the sign of det(b - a, c - a, d - a), exactly.
 fn orientation(a: Point, b: Point, c: Point, d: Point) -> i64 {
     dot(difference(b, a), cross(difference(c, a), difference(d, a))).signum()
 }
 
-/// Returns whether the closed segment from p to q and a closed triangle do not touch. False also for a
-/// segment in the triangle's plane, wherever the segment is.
+/// Returns whether the closed segment from p to q and a closed triangle do not touch. Also false for any
+/// segment in the triangle's plane, even one beside the triangle.
 pub fn misses_triangle(p: Point, q: Point, t: &[Point; 3]) -> bool {
     let (from, to) = (orientation(t[0], t[1], t[2], p), orientation(t[0], t[1], t[2], q));
     if from * to > 0 {
@@ -76,8 +76,8 @@ pub fn misses_triangle(p: Point, q: Point, t: &[Point; 3]) -> bool {
     (from, to) != (0, 0) && sides.contains(&1) && sides.contains(&-1)
 }
 
-/// Returns whether the closed segment from p to q and a closed box do not touch: whether an axis of the box,
-/// or one across the segment and an axis, separates them.
+/// Returns whether the closed segment from p to q and a closed box do not touch. They do not if an axis of
+/// the box, or the cross product of the segment and an axis, separates them.
 pub fn misses_box(p: Point, q: Point, min: Point, max: Point) -> bool {
     let axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
     let across = axes.map(|axis| cross(difference(q, p), axis));

@@ -1,4 +1,4 @@
-//! Worlds for tests, and an oracle of distances that shares no code with the search.
+//! Worlds for tests, and an oracle of distances that shares no code with the exact culler.
 #![allow(dead_code, unreachable_pub, reason = "each test uses a part")]
 
 pub mod grid;
@@ -11,7 +11,7 @@ use visibility_testing::{distance, sign_of_sum};
 
 pub type Triangle = [Vec3; 3];
 
-/// A scene of objects given by their triangles; all occlude.
+/// Makes a scene of objects given by their triangles. All objects occlude.
 pub fn scene(objects: &[Vec<Triangle>]) -> Scene {
     let mut scene = Scene::new();
     for triangles in objects {
@@ -26,7 +26,7 @@ pub fn prepared(objects: &[Vec<Triangle>]) -> Arc<SceneTriangles> {
     Arc::new(SceneTriangles::new(&scene(objects)))
 }
 
-/// Few rays, so that proofs have to decide; proofs are kept.
+/// Changes settings to few rays, so that proofs have to decide, and to keep proofs.
 pub fn few_rays(settings: ExactSettings) -> ExactSettings {
     settings.with_rays(200).with_aimed_rays(10).with_kept_proofs()
 }
@@ -36,7 +36,7 @@ pub fn quad(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> Vec<Triangle> {
     vec![[a, b, c], [a, c, d]]
 }
 
-/// The six faces of a box, two triangles each.
+/// Returns the six faces of a box, as two triangles each.
 pub fn faces(min: DVec3, max: DVec3) -> Vec<Vec<Triangle>> {
     let corner = |i: usize| {
         let at = |axis: usize| if i >> axis & 1 == 1 { max[axis] } else { min[axis] };
@@ -65,8 +65,8 @@ fn orientation(p: DVec3, q: DVec3, a: DVec3, b: DVec3) -> i32 {
     }))
 }
 
-/// Returns whether a closed segment and a closed triangle do not touch, exactly. False also for a segment in
-/// the triangle's plane unless their bounding boxes are apart.
+/// Returns whether a closed segment and a closed triangle do not touch, exactly. For a segment in the
+/// triangle's plane the answer is false unless their bounding boxes are apart.
 fn misses_exactly(p: DVec3, q: DVec3, t: &Triangle) -> bool {
     let t = t.map(Vec3::as_dvec3);
     let (min, max) = (t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]));
@@ -81,15 +81,14 @@ fn misses_exactly(p: DVec3, q: DVec3, t: &Triangle) -> bool {
     heights != [0, 0] && sides.contains(&1) && sides.contains(&-1)
 }
 
-/// Least distance of a segment from all triangles but those of one object.
+/// Returns the least distance of a segment from all triangles that do not belong to object `target`.
 pub fn clearance(objects: &[Vec<Triangle>], target: usize, p: DVec3, q: DVec3) -> f64 {
     let others = objects.iter().enumerate().filter(|(o, _)| *o != target);
     others.flat_map(|(_, t)| t).map(|t| distance(p, q, t)).fold(f64::INFINITY, f64::min)
 }
 
-/// Panics unless a seen object's segment misses the triangles of all other objects, and each proof that the
-/// search ended with holds, those of no object too.
-/// Returns the number of proofs.
+/// Panics unless each seen object's line of sight misses the triangles of all other objects, and each kept
+/// proof holds. Returns the number of proofs.
 pub fn check(
     objects: &[Vec<Triangle>],
     triangles: &SceneTriangles,
@@ -103,9 +102,9 @@ pub fn check(
     }
     for (id, verdict) in found.iter(triangles) {
         if let Verdict::Seen(witness) = verdict {
-            // The segment ends on the triangle up to rounding, and others may lie in its plane: these are
-            // missed by a shorter one. The shorter one is rounded off the line, onto edges that the line
-            // passes by less than that: these are missed by the whole one.
+            // Two segments are tested, since either may touch by rounding. The whole segment ends on the
+            // triangle up to rounding, and other triangles may lie in its plane. The shortened segment misses
+            // these, but is rounded off the line, perhaps onto edges that the whole segment passes closely.
             let short = witness.from + (witness.to - witness.from) * (1.0 - 1e-12);
             let others = objects.iter().enumerate().filter(|(o, _)| *o != id.index());
             let clear = others.flat_map(|(_, t)| t).all(|t| {

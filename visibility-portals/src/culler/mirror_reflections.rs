@@ -128,7 +128,7 @@ impl Reflections {
                 + self.seen[next..].iter().take_while(|(p, m)| (*p, m.mirror) == (parent, mirror)).count();
             let windows = next..end;
             next = end;
-            // Mirrors in mirrors end at a depth, and at a number of reflections in all.
+            // The depth of mirrors in mirrors and the number of reflections are limited.
             let depth = parent.map_or(1, |parent| self.all[parent].depth + 1);
             if depth > self.max_depth || self.count == self.max_count {
                 stats.reflections_left_out += 1;

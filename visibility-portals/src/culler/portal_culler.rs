@@ -8,8 +8,8 @@ use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, cull
 /// Conservative.
 ///
 /// Runs after a [`FrustumCuller`](visibility_core::FrustumCuller). Each call of `cull` first updates the
-/// cells by the changes of the scene. In a [`Pipeline`](visibility_core::Pipeline), which owns its stages,
-/// nobody can open doors any more: where doors move or several views share cells, use a `SharedPortalCuller`
+/// cells by the changes of the scene. A [`Pipeline`](visibility_core::Pipeline) owns its stages, so doors
+/// cannot be opened from outside: where doors move, or several views share cells, use a `SharedPortalCuller`
 /// (feature `std`). Where [reflections](PortalEye::reflections) in mirrors are drawn, keep one `SceneCells`,
 /// and one `PortalEye` per view.
 ///

@@ -147,7 +147,7 @@ impl PortalEye {
         self.anchor = eye_view.anchor;
         let synced = self.mark_changed_objects(cells, scene);
         let walk = &mut self.walk;
-        // The first reason, if any, for which all objects must stay.
+        // The first reason, if any, why all objects must stay visible.
         let why = if !synced {
             Some(NotCulled::NotSynced)
         } else if !self.start_cells.find(cells, view, eye_view.anchor, |cell| walk.start_in_full_view(cell)) {
@@ -212,9 +212,9 @@ impl PortalEye {
         true
     }
 
-    /// Calls `each` for what keeps this eye from hiding objects of `scene`, as
-    /// [`Culler::for_each_lack`](visibility_core::Culler::for_each_lack) does: the reason why the last call
-    /// of [`cull`](Self::cull) hid nothing, and a PVS of `cells` that may be of another graph.
+    /// Calls `each` for each reason why this eye may hide no objects of `scene`, or too many: the reason why
+    /// the last call of [`cull`](Self::cull) hid nothing, and a PVS of `cells` that may be of another graph.
+    /// See [`Culler::for_each_lack`](visibility_core::Culler::for_each_lack).
     pub fn for_each_lack(&self, cells: &SceneCells, scene: &Scene, each: &mut dyn FnMut(Lack)) {
         let what = self.stats.fallback.map(|why| match why {
             NotCulled::OutsideCells => "objects not culled, the eye being outside all cells",

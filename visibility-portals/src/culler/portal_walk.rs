@@ -153,7 +153,7 @@ impl PortalWalk {
                 let cell = path.cell.index();
                 (self.heads[cell], self.counts[cell], self.entered_full_view[cell]) = (NONE, 0, false);
             }
-            // An aborted walk has left its chain and its waiting cells marked.
+            // An aborted walk has left the portals of its chain, and its waiting cells, marked.
             for &(path, _) in &self.stack {
                 let path = &self.paths[path as usize];
                 if path.parent != NONE {
@@ -295,8 +295,8 @@ impl PortalWalk {
         let forward = portal.cells()[0] == from.cell;
         let next = portal.cells()[usize::from(forward)];
         let direction = id.index() * 2 + usize::from(forward);
-        // No line returns through the portal that it has just crossed. The side test cannot tell this for an
-        // eye in the portal's plane.
+        // A line does not return through the portal that it has just crossed. For an eye in the portal's
+        // plane, the test of sides below cannot tell this.
         let back = from.parent != NONE && from.portal == id;
         if !cells.doors.passes(id, forward)
             || back
@@ -319,8 +319,8 @@ impl PortalWalk {
         else {
             return;
         };
-        // Too many paths into one cell: the cell is walked once more with the full view in place of further
-        // windows.
+        // Too many paths lead into this cell. It is walked once more with the full view, instead of with
+        // further windows.
         if self.counts[next.index()] >= MAX_PATHS_PER_CELL {
             self.entered_full_view[next.index()] = true;
             self.waiting.push(next);
@@ -390,7 +390,7 @@ impl PortalWalk {
         sign: Option<f64>,
         narrowing: Narrowing,
     ) -> Option<(Window, Range<u32>)> {
-        // The polygon relative to the anchor, where differences are small and rounding is too.
+        // Corners relative to the anchor, where differences and therefore rounding errors are small.
         self.polygon.clear();
         let mut reach = 0.0f64;
         for (i, &vertex) in (0..).zip(vertices) {
@@ -400,8 +400,8 @@ impl PortalWalk {
         }
         let given = outline.error + eye_view.error + 4.0 * U * reach;
         let mut error = given;
-        // Clipped to the planes of the window and to the ends of the lines of sight. `error` grows by the
-        // rounding of each cut.
+        // The polygon is clipped to the planes of the window and to the planes where lines of sight end.
+        // `error` grows by the rounding of each cut.
         let sides = window.sides.clone().map(|i| (&self.sides[i as usize], EdgeSource::Window(i)));
         let ends = eye_view.ends.iter().map(|side| (side, EdgeSource::End));
         let is_left = sides.chain(ends).all(|(side, edge)| {
@@ -415,8 +415,8 @@ impl PortalWalk {
         let first_corner = self.corners.len() as u32;
         self.corners.extend(self.polygon.iter().map(|corner| corner.at));
         let corners = first_corner..self.corners.len() as u32;
-        // The corners are kept for the cullers of objects. An undecided portal does not narrow by its own
-        // edges.
+        // The visible corners are kept for `PortalEye::windows`. A portal whose direction is undecided does
+        // not narrow the window by its own edges.
         let Some(sign) = sign else {
             return Some((self.edge_on(eye_view, outline, vertices, window, error), corners));
         };

@@ -49,7 +49,8 @@ use visibility_core::{
 #[derive(Clone, Debug)]
 pub struct SceneCells {
     pub(super) graph: CellGraph,
-    /// Portals that were wound the wrong way in the graph as it was given, ascending.
+    /// Portals that were wound the wrong way in the graph passed to `new`, ascending. They are turned in
+    /// `graph`.
     turned: Vec<PortalId>,
     pub(super) viewcells: Viewcells,
     pub(super) tolerance: f64,
@@ -135,14 +136,14 @@ impl SceneCells {
     /// opened later adds no cell to the PVS.
     ///
     /// The [source](Pvs::source) of the PVS is compared with the [version](CellGraph::version) of the graph.
-    /// A PVS without a source may be of another graph: a culler of the cells is then approximate.
+    /// A PVS without a source may be of another graph, so cullers of these cells are then approximate.
     ///
     /// # Errors
-    /// [`SceneCellsError::Winding`] if portals were turned when the cells were made, unless the source
-    /// says that the PVS is of the turned graph: one of the graph as it was given would hide visible cells.
-    /// Call [`CellGraph::turn_portals`] before the bake. [`SceneCellsError::Pvs`] if the targets of `pvs` are
-    /// not cells, or if its counts of viewcells or targets differ from the number of cells;
-    /// [`SceneCellsError::OtherGraph`] if its source is another.
+    /// [`SceneCellsError::Winding`] if portals were turned when the cells were made and the source does not
+    /// say that the PVS is of the turned graph: a PVS of the original graph would hide visible cells. Call
+    /// [`CellGraph::turn_portals`] before the bake. [`SceneCellsError::Pvs`] if the targets of `pvs` are not
+    /// cells, or if its numbers of viewcells or targets differ from the number of cells;
+    /// [`SceneCellsError::OtherGraph`] if its source is another graph.
     pub fn with_pvs(mut self, pvs: Pvs) -> Result<Self, SceneCellsError> {
         let (cells, viewcells, targets) = (self.graph.cell_count(), pvs.viewcell_count(), pvs.target_count());
         if pvs.targets() != PvsTargets::Cells || viewcells != cells || targets != cells {
@@ -315,7 +316,8 @@ impl SceneCells {
         }
         let entry = &mut self.objects[id.index()];
         let Ok(bounds) = scene.bounds(id) else {
-            // The object was removed. Its index may already belong to another object, whose entry is kept.
+            // The object was removed. Another object may have its index already; the entry of that object is
+            // kept.
             if entry.id == Some(id) {
                 entry.id = None;
             }

@@ -17,9 +17,9 @@ pub enum SceneCellsError {
     },
     /// The tolerance, which is the value here, is negative, infinite or NaN.
     Tolerance(f64),
-    /// The bodies of a portal's cells do not tell which way the portal is wound, as the graph's error says.
+    /// The volumes of a portal's cells do not show which way the portal is wound. The value has the details.
     Graph(CellGraphError),
-    /// Portals were wound the wrong way in the graph as it was given, and have been turned. A PVS of that
+    /// Portals of the graph passed to `new` were wound the wrong way, and have been turned. A PVS of that
     /// graph would hide visible cells.
     Winding {
         /// First portal that was turned.

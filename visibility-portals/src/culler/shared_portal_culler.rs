@@ -6,13 +6,12 @@ use std::sync::{Arc, RwLock};
 use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, culler::Lack};
 
 /// Removes objects that cannot be seen through open portals, as [`PortalCuller`](super::PortalCuller) does:
-/// one [`PortalEye`], over cells behind a lock. Several views have pipelines over the same cells, on as many
-/// threads as the engine likes, and the game keeps a handle to the cells, to open and close doors between
-/// frames. Conservative.
+/// one [`PortalEye`], with cells behind a lock. Several views can use the same cells, on any number of
+/// threads, while the game keeps a handle to the cells, to open and close doors between frames. Conservative.
 ///
-/// Culling holds the lock for reading. It locks for writing only in the first frame after the scene has
-/// changed, to sync the cells. A thread that holds the lock itself while it culls waits for ever. Cells that
-/// a panic has poisoned hide nothing any more.
+/// Culling locks the cells for reading, and for writing only in the first frame after the scene has changed,
+/// to sync them. A thread that holds the lock itself while it culls deadlocks. If a panic has poisoned the
+/// lock, nothing is hidden any more.
 ///
 /// ```
 /// use std::sync::{Arc, RwLock};
@@ -98,7 +97,8 @@ impl Culler for SharedPortalCuller {
             let Ok(mut write) = cells.write() else { break };
             write.sync(scene);
         }
-        // Views of another scene, or a change, came in between twice. Or the cells are poisoned.
+        // Between two syncs, other views have twice used the cells with another scene or a changed one, or
+        // the lock is poisoned.
         let Ok(mut write) = cells.write() else {
             return visible.retain(scene, |_, _| true);
         };

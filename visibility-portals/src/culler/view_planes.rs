@@ -110,8 +110,8 @@ impl PortalView {
     /// side is on the left of the edge for `sign` 1, on the right for `sign` -1. `None` if the edge is too
     /// short or too nearly in line with the lines of sight to give a plane. See
     /// [`WindowPlane::through_edge`].
-    // Always: whether the compiler does by itself depends on how it divides the crate, and a walk through
-    // portals takes up to 1.24 of the time without.
+    // Inlined always: otherwise the compiler inlines or not depending on how it divides the crate, and a walk
+    // through portals takes up to 1.24 times as long without.
     #[inline(always)]
     pub(super) fn through_edge(&self, a: DVec3, b: DVec3, sign: f64, error: f64) -> Option<WindowPlane> {
         match self.lines {

@@ -50,7 +50,7 @@ impl Targets {
         });
         let (mut first, mut of_cell) = (alloc::vec![0], Vec::new());
         for cell in cells() {
-            // `ids` holds every object of the graph, so each search succeeds.
+            // `ids` contains every object of the graph, so every search finds its object.
             of_cell.extend(
                 graph.objects_in(cell).iter().filter_map(|id| ids.binary_search(id).ok()).map(|i| i as u32),
             );
@@ -175,7 +175,7 @@ impl Chains {
             let complete = self.search(&search, steps + share, &mut steps);
             gave_up |= !complete;
             for target in self.candidates.drain(..) {
-                // Objects that are still open after a complete search are hidden from this portal.
+                // After a complete search, objects that are still open are hidden from this portal.
                 self.seen[target as usize] |= core::mem::take(&mut self.open[target as usize]) && !complete;
             }
         }
@@ -320,7 +320,7 @@ impl Chains {
             }
         }
         if found && !left {
-            // No object is left to be found in this cell, whichever portal leads there.
+            // No open candidate is left in this cell, so portals into the cell are no goals any more.
             for out in portals.from(entered.to) {
                 let into = portals.all[out as usize].reverse;
                 self.goals.remove(into as usize);

@@ -259,7 +259,7 @@ fn edge_row(edge: &Edge, origin: DVec3, unit: f64) -> Row<6> {
     let (turn, moved) = (cross(&a, &e), cross(&shift, &e));
     let d = [0, 1, 2].map(|k| turn[k].plus(moved[k]));
     let m = e.map(|e| e.scaled(unit));
-    // Twice, to cover the final sums.
+    // The sum of the errors of both cross products, doubled to cover the final sums.
     let error = 2.0 * (error_of_cross(&a, &e) + error_of_cross(&shift, &e)) + f64::MIN_POSITIVE;
     Row { normal: [d[0], d[1], d[2], m[0], m[1], m[2]], error, least: 0.0 }
 }
@@ -281,7 +281,7 @@ fn area_row(opening: &Opening, origin: DVec3, clearance: f64) -> Row<6> {
         }
     }
     let zero = DoubleDouble::ZERO;
-    // 2 pi c^2, rounded down.
+    // The least value is 2 pi c^2, rounded down.
     Row { normal: [sum[0], sum[1], sum[2], zero, zero, zero], error, least: 6.0 * clearance * clearance }
 }
 

@@ -152,7 +152,7 @@ macro_rules! level {
     ($solve:ident, $rows:ident, $d:literal, $lower:ident, $lower_rows:ident, $less:literal) => {
         impl SeidelSolver {
             fn $solve(&mut self) -> Result<[f64; $d], Stop> {
-                // Starts in the middle, where numbers are small.
+                // Starts at zero, where numbers are small.
                 let (mut x, mut allowed) = ([0.0; $d], TOLERANCE);
                 // Invariant: `x` satisfies the rows before `i`.
                 let mut i = 0;

@@ -1,4 +1,4 @@
-//! The inequality of each row of a certificate holds for lines that stay just clear.
+//! Each row of a certificate holds for lines that keep only just the clearance.
 
 use super::*;
 use visibility_testing::Random;
@@ -57,12 +57,13 @@ fn edges_moved_by_less_than_the_clearance_are_still_passed() {
             let row = edge_row(&forth.edge(j), origin, unit);
             let across = it.direction.cross(edge.b - edge.a);
             let at = value(&row, origin, unit, it.point, it.direction);
-            // Proportional to the distance from the line that remains after the shift.
+            // The expected value is proportional to the distance between the line and the edge after the edge
+            // was shifted.
             let moved = edge.shift.dot(across.normalize());
             let right = (clearance - moved) * across.length();
             assert!((at - right).abs() < 1e-12 && at > 0.0, "{at} {right}");
             tight += u32::from(at < 0.02 * clearance * across.length());
-            // The opposite direction of passage, with the edges reversed.
+            // A line in the opposite direction, with the edges reversed.
             let at = value(&edge_row(&back.edge(j), origin, unit), origin, unit, it.point, -it.direction);
             assert!((at - right).abs() < 1e-12, "{at} {right}");
         }
@@ -87,6 +88,6 @@ fn no_line_sees_less_of_a_portal_than_the_disc_around_it() {
             least = least.min(at / row.least);
         }
     }
-    // 2 pi c^2 of 6 c^2: the bound is nearly tight.
+    // The constraint `N . d >= 6 c^2` is nearly tight, since 2 pi c^2 is possible.
     assert!(least < 1.06, "{least}");
 }

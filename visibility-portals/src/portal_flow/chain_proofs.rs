@@ -106,8 +106,8 @@ mod tests {
     use visibility_core::cells::{CellGraph, CellId};
     use visibility_core::geometry::ConvexPolygon;
 
-    /// Lines nearly in the plane of a portal, whose crossing is known exactly: beside the portal. Both
-    /// distances from the plane are sums of roundings.
+    /// Lines nearly in the plane of a portal. Each crosses the plane at a known point beside the portal. The
+    /// computed distances of its ends from the plane are sums of roundings.
     #[test]
     fn a_line_nearly_in_the_plane_of_a_portal_proves_nothing() {
         let mut random = Random(5);

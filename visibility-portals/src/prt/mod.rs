@@ -24,8 +24,8 @@ use visibility_core::{
 /// Maximum number of vertices of a portal in a file, as in the compilers that write these files.
 pub const MAX_VERTICES: usize = 64;
 
-/// Greatest number of cells, and of leaves, that a file may have beyond one for each of its bytes: cells
-/// without portals, and leaves without cells, which no line names. Memory is reserved for each.
+/// Greatest number of cells, and of leaves, that a file may announce beyond one for each of its bytes. Such
+/// cells have no portals, and such leaves no cell. Memory is reserved for each.
 const UNNAMED: usize = 1 << 16;
 
 /// Content of a portal file: cells, portals and leaves.

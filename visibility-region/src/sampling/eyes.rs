@@ -1,18 +1,18 @@
-//! Viewpoints of a viewcell: at random, and where a line meets the viewcell.
+//! Viewpoints in a viewcell: random ones, and those on a given line.
 
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_core::random::Random;
 
-/// Distance of viewpoints from the sides of a viewcell, as a fraction of its extent. A surface that only
-/// touches the boundary, such as a wall in the same plane, would otherwise be seen or not by rounding.
+/// Distance of viewpoints from the sides of a viewcell, as a fraction of its extent. At the sides themselves,
+/// rounding would decide whether a viewpoint sees a surface in the plane of the side, such as a wall.
 const INSET: f64 = 1e-6;
 
-/// Number of random points that are tried for a viewpoint if planes cut the viewcell.
+/// Number of random points that are tried for a viewpoint, in a viewcell with planes.
 const TRIES: usize = 64;
 
-/// The viewpoints of a viewcell, relative to the scene's origin.
+/// The viewpoints of a viewcell, in metres relative to the scene's origin.
 #[derive(Clone, Debug)]
 pub(super) struct Eyes<'a> {
     min: DVec3,
@@ -22,13 +22,13 @@ pub(super) struct Eyes<'a> {
 }
 
 impl<'a> Eyes<'a> {
-    /// Returns the viewpoints of a viewcell. `None` if its box is inverted or not finite.
+    /// Returns the possible viewpoints of a viewcell. `None` if its box is inverted or not finite.
     pub(super) fn new(cell: &'a Viewcell, origin: DVec3) -> Option<Self> {
         let (min, max) = (cell.min - origin, cell.max - origin);
         let inset = (max - min) * INSET;
         let (min, max) = (min + inset, max - inset);
         let usable = min.is_finite() && max.is_finite() && cell.min.cmple(cell.max).all();
-        // Rounding may invert a box that is a plane or a point.
+        // The inset rounds, and may invert a box that is flat or a point.
         usable.then(|| Self { min: min.min(max), max: min.max(max), origin, planes: &cell.planes })
     }
 
@@ -36,15 +36,15 @@ impl<'a> Eyes<'a> {
         self.planes.iter().all(|plane| plane.signed_distance(p + self.origin) >= 0.0)
     }
 
-    /// Returns the point at the fractions `part` of the box along each axis, from 0 to 1. `None` if a plane
-    /// of the viewcell cuts the point off.
+    /// Returns the point at the fractions `part`, from 0 to 1, of the box along each axis. `None` if the
+    /// point is outside one of the viewcell's planes.
     pub(super) fn at(&self, part: DVec3) -> Option<DVec3> {
         let p = (self.min + (self.max - self.min) * part).clamp(self.min, self.max);
         self.contains(p).then_some(p)
     }
 
-    /// Returns a random viewpoint, half of the time one on a side of the box. `None` if planes leave too
-    /// little of the box.
+    /// Returns a random viewpoint, with probability 1/2 on a side of the box. `None` if the planes leave too
+    /// little of the box for the tries.
     pub(super) fn random(&self, random: &mut Random) -> Option<DVec3> {
         (0..TRIES).find_map(|_| {
             let mut part = random.point();
@@ -56,8 +56,8 @@ impl<'a> Eyes<'a> {
         })
     }
 
-    /// Returns a random viewpoint on the line from `x` through `gap`, at or beyond `gap`. `None` if the line
-    /// misses the viewcell there.
+    /// Returns a random viewpoint on the line from `x` through `gap`, at or beyond `gap`. `None` if that part
+    /// of the line misses the viewcell.
     pub(super) fn on_line(&self, x: DVec3, gap: DVec3, random: &mut Random) -> Option<DVec3> {
         let along = gap - x;
         let (mut least, mut most) = (1.0f64, f64::INFINITY);

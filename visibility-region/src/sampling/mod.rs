@@ -1,17 +1,17 @@
-//! Visibility from a region by sampling: rays from the viewcell, guided to where they find most. What no ray
-//! has met counts as hidden, so the answer is a lower bound of what can be seen.
+//! Visibility from a region by sampling: rays from the viewcell, sent where they are likely to find objects.
+//! Objects that no ray meets count as hidden, so the result is a lower bound of the visible set.
 //!
 //! This work is based on: Wonka, Wimmer, Zhou, Maierhofer, Hesina and Reshetov, "Guided Visibility Sampling",
 //! 2006, and on Gotsman, Sudarsky and Fayman, "Optimized Occlusion Culling Using Five-Dimensional
-//! Subdivision", 1999, for sampling a viewcell at all.
+//! Subdivision", 1999, for the idea of sampling a viewcell.
 //!
 //! 1. Cubes of rays from the corners and the middle of the viewcell, and random rays.
-//! 2. Border sampling: from the viewpoint that a triangle was found from, rays just past its corners and
-//!    edges. A triangle that such a ray finds is sampled in its turn.
-//! 3. Reverse sampling: where something nearer blocks a ray, a ray from the point that the blocked ray was
-//!    sent to, past an edge of the blocker, back to the viewcell. This finds gaps that are seen from a small
-//!    part of the viewcell only.
-//! 4. Rays to objects not found yet, each blocked ray followed by reverse sampling.
+//! 2. Border sampling: rays just past the corners and edges of a found triangle, from the viewpoint that
+//!   found it. Triangles that these rays find are sampled in turn.
+//! 3. Reverse sampling: where a blocker ends a ray before its target point, a ray is sent from the target
+//!   point past an edge of the blocker back to the viewcell. This finds gaps that are visible only from a
+//!   small part of the viewcell.
+//! 4. Rays to objects that are not found yet. Reverse sampling follows each ray that is blocked.
 
 mod eyes;
 mod random;
@@ -29,14 +29,14 @@ use visibility_core::pvs::Viewcell;
 use visibility_core::random::Random;
 use visibility_core::{Accuracy, CullStats, ObjectId, RegionCuller, Scene, VisibleSet};
 
-/// Default number of rays of a call: see [`SamplingCuller::with_rays`]. They take a tenth of a second in a
-/// city.
+/// Default number of rays in a call, see [`SamplingCuller::with_rays`]. In a city they take a tenth of a
+/// second.
 const RAYS: usize = 100_000;
 
 /// Number of rows, and of columns, of the rays through each face of a cube around a viewpoint.
 const CUBE: usize = 16;
 
-/// Number of blockers that reverse sampling tries to look past for one target.
+/// Number of blockers past whose edges reverse sampling tries to look, for one target.
 const DETOURS: usize = 4;
 
 /// A proof that an object can be seen: a segment from a viewpoint of the viewcell to a point of the object,
@@ -64,15 +64,16 @@ pub struct SightLine {
     pub point: DVec3,
 }
 
-/// Keeps the objects that a fixed number of rays from the viewcell finds: an aggressive culler, and so a
-/// lower bound for judging conservative ones.
+/// Keeps only the objects that a fixed number of rays from the viewcell finds. Aggressive: a lower bound with
+/// which to judge conservative cullers.
 ///
-/// An object is met where its [triangles](Scene::set_triangles) are, front or back unless it is
-/// [one-sided](visibility_core::Object::one_sided), otherwise where its occluder mesh is, otherwise in its
+/// A ray meets the [triangles](Scene::set_triangles) of an object, front or back unless the object is
+/// [one-sided](visibility_core::Object::one_sided); without triangles its occluder mesh; without either its
 /// bounds. Objects that are flagged as occluders and [always drawn](Scene::is_always_drawn) block rays with
-/// their triangles or mesh, on whichever layers they are. All others, such as glass and doors, are seen and
-/// seen through. There is no near plane. A ray counts only if it meets the object for certain, and passes all
-/// blockers for certain: at an edge that two objects share, at faces that coincide, nothing is seen.
+/// their triangles or mesh, on whichever layers they are. All other objects, such as glass and doors, can be
+/// seen but do not block. There is no near plane. An object counts as seen only if a ray certainly meets it
+/// and certainly passes all blockers: at an edge that two objects share, or at faces that coincide, nothing
+/// counts as seen.
 ///
 /// # Cost
 /// About a microsecond per ray in a city of 10,000 triangles, growing logarithmically. The first call for a
@@ -116,22 +117,22 @@ impl SamplingCuller {
         Self { rays: RAYS, seed: 0, tree: TriangleTree::new(), cast: Cast::new(), sight_lines: Vec::new() }
     }
 
-    /// Sets the greatest number of rays of a call; with 0 only objects that are never culled stay. More rays
-    /// find more. A call ends earlier once all candidates are found.
+    /// Sets the greatest number of rays in a call. More rays find more objects; with 0 only objects that are
+    /// never culled stay. A call ends earlier once all candidates are found.
     #[must_use]
     pub fn with_rays(self, rays: usize) -> Self {
         Self { rays, ..self }
     }
 
-    /// Sets the start of the pseudorandom numbers. Equal seeds give equal answers; the answers of several
-    /// seeds can be united.
+    /// Sets the seed of the pseudorandom numbers. Equal seeds give equal results. The union of results with
+    /// several seeds is a valid result too.
     #[must_use]
     pub fn with_seed(self, seed: u64) -> Self {
         Self { seed, ..self }
     }
 
-    /// Returns a line of sight for each object that the last call found, in the order of finding. Objects
-    /// that were not among the candidates are listed too. Empty before the first call.
+    /// Returns a line of sight for each object that the last call found, in the order of finding, including
+    /// objects that were not candidates. Empty before the first call.
     pub fn sight_lines(&self) -> &[SightLine] {
         &self.sight_lines
     }
@@ -143,8 +144,8 @@ impl RegionCuller for SamplingCuller {
         Accuracy::Aggressive
     }
 
-    /// Removes the candidates that no ray meets. `tests` of the counters is the number of rays and of
-    /// candidates. A viewcell that is inverted or not finite sees nothing.
+    /// Removes the candidates that no ray meets. `tests` in the counters is the number of rays plus the
+    /// number of candidates. A viewcell that is inverted or not finite sees nothing.
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
         self.tree.sync(scene);
         self.sight_lines.clear();
@@ -176,7 +177,7 @@ impl RegionCuller for SamplingCuller {
         }
         let Search { found, lines, rays, .. } = search;
         let origin = scene.origin();
-        // Found in scene coordinates, reported in those of the world.
+        // Lines of sight were found in scene coordinates, and are reported in world coordinates.
         self.sight_lines.extend(lines.into_iter().filter_map(|(object, eye, point)| {
             let id = scene.id_at(object as usize)?;
             Some(SightLine { id, eye: eye + origin, point: point + origin })
@@ -187,7 +188,7 @@ impl RegionCuller for SamplingCuller {
     }
 }
 
-/// A call in progress. Points are in metres relative to the scene's origin.
+/// State of a call. Points are in metres relative to the scene's origin.
 struct Search<'a> {
     tree: &'a TriangleTree,
     cast: &'a mut Cast,
@@ -196,7 +197,7 @@ struct Search<'a> {
     rays: usize,
     /// Indices of the objects that rays have met.
     found: Bits,
-    /// Indices of the candidates that have triangles.
+    /// Indices of the candidates that have triangles, which the search tries to meet.
     wanted: Bits,
     /// Number of objects in `wanted` that no ray has met so far.
     missing: usize,
@@ -204,14 +205,14 @@ struct Search<'a> {
     explored: Bits,
     /// The triangles of `explored`, in the order in which rays met them.
     found_triangles: Vec<TriangleIndex>,
-    /// Triangles whose borders are to be sampled, each with the viewpoint that it was found from.
+    /// Triangles whose borders are still to be sampled, each with the viewpoint that found it.
     queue: VecDeque<(DVec3, TriangleIndex)>,
-    /// A line of sight to each object found: the object's index, the viewpoint, and the point of the object.
+    /// For each object found: its index, a viewpoint that sees it, and the seen point of the object.
     lines: Vec<(u32, DVec3, DVec3)>,
 }
 
-/// End of a ray: the triangle that the ray meets there, the point, relative to the scene's origin, and
-/// whether the ray is blocked there, nearer than its target.
+/// End of a ray: the triangle and the point, relative to the scene's origin, where the ray ends. `blocked`:
+/// whether this is nearer than the ray's target.
 struct End {
     triangle: TriangleIndex,
     point: DVec3,
@@ -221,7 +222,8 @@ struct End {
 impl Search<'_> {
     fn run(&mut self, eyes: &Eyes<'_>, candidates: &[usize]) {
         let all = self.rays;
-        // Parts of the rays for cubes, random rays and borders; the rest goes to objects not found.
+        // Numbers of remaining rays at which the stages of cubes, of random rays and of borders end. The rest
+        // of the rays go to objects not found yet.
         let parts = [1, 2, 6].map(|eighths| all - all / 8 * eighths);
         self.cubes(eyes, parts[0]);
         while self.goes_on(parts[1]) {
@@ -233,7 +235,7 @@ impl Search<'_> {
         while self.goes_on(parts[2]) && self.rays < before {
             before = self.rays;
             self.borders(eyes, parts[2]);
-            // Again, from other viewpoints.
+            // Borders of all found triangles are sampled again, from other viewpoints.
             for triangle in self.found_triangles.clone() {
                 let Some(eye) = eyes.random(&mut self.random) else { return };
                 self.queue.push_back((eye, triangle));
@@ -248,7 +250,7 @@ impl Search<'_> {
         self.rays > reserve && self.missing > 0
     }
 
-    /// Sends rays through the pixels of cubes around the middle and the corners of the viewcell, until
+    /// Sends rays through the pixels of cubes around the middle and the corners of the viewcell, until only
     /// `reserve` rays are left.
     fn cubes(&mut self, eyes: &Eyes<'_>, reserve: usize) {
         let corner = |i: usize| DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2 & 1) as f64);
@@ -270,8 +272,8 @@ impl Search<'_> {
         }
     }
 
-    /// Casts rays past the borders of the triangles in the queue, and of triangles found by these rays, until
-    /// `reserve` rays are left.
+    /// Casts rays past the borders of the triangles in the queue, and of triangles that these rays find,
+    /// until only `reserve` rays are left.
     fn borders(&mut self, eyes: &Eyes<'_>, reserve: usize) {
         while self.goes_on(reserve) {
             let Some((eye, triangle)) = self.queue.pop_front() else { return };
@@ -279,7 +281,8 @@ impl Search<'_> {
                 let inside = self.inside(triangle);
                 let beyond = self.past_edge(triangle, side, inside);
                 if let Some(end) = self.send(eye, beyond) {
-                    // Something nearer hides the place past the edge, or there is a gap behind the edge.
+                    // Either a nearer triangle blocks the ray past the edge, or the ray goes through a gap
+                    // behind the edge.
                     let (x, blocker) =
                         if end.blocked { (beyond, end.triangle) } else { (end.point, triangle) };
                     self.reverse(eyes, x, blocker, if end.blocked { end.point } else { beyond });
@@ -315,8 +318,9 @@ impl Search<'_> {
         }
     }
 
-    /// Casts a ray to `x` from a viewpoint that sees `x` just past a random edge of a triangle. The triangle
-    /// blocks an earlier ray to `x` at the point `near`. `None` without such a viewpoint.
+    /// Casts a ray to `x` from a viewpoint from which `x` appears just past a random edge of a triangle. The
+    /// triangle blocked an earlier ray to `x` at the point `near`. `None` if the viewcell has no such
+    /// viewpoint.
     fn reverse(&mut self, eyes: &Eyes<'_>, x: DVec3, triangle: TriangleIndex, near: DVec3) -> Option<End> {
         let side = self.random.below(3);
         let gap = self.past_edge(triangle, side, near);
@@ -334,15 +338,15 @@ impl Search<'_> {
         a + (b - a) * u + (c - a) * v
     }
 
-    /// Returns a point in the plane of a triangle, a little outside its edge `side` (0 to 2): beside `near`
-    /// three times in four, otherwise anywhere along the edge.
+    /// Returns a point in the plane of a triangle, slightly outside its edge `side` (0 to 2). With
+    /// probability 3/4 it is next to the point `near`, otherwise at a random place along the edge.
     fn past_edge(&mut self, triangle: TriangleIndex, side: usize, near: DVec3) -> DVec3 {
         let corners = self.tree.corners(triangle).map(|p| p.as_dvec3());
         let [a, b, c] = [0, 1, 2].map(|i| corners[(side + i) % 3]);
         let edge = b - a;
         let along = |p: DVec3| (p - a).dot(edge) / edge.length_squared().max(f64::MIN_POSITIVE);
         let part = match self.random.below(4) {
-            // Slightly beyond the ends too, to pass the corners.
+            // The place may be a hundredth of the edge beyond its ends, so that rays pass the corners too.
             0 => self.random.unit() * 1.02 - 0.01,
             _ => along(near).clamp(-0.01, 1.01),
         };
@@ -350,8 +354,8 @@ impl Search<'_> {
         a + edge * part + outwards * random::small(&mut self.random)
     }
 
-    /// Casts a ray through `target` and notes the objects seen. `None` if the ray cannot be cast, or has no
-    /// certain end.
+    /// Casts a ray from `eye` through `target`, and records the objects seen. `None` if the two points are
+    /// equal or not finite, if no ray is left, or if it is uncertain where the ray ends.
     fn send(&mut self, eye: DVec3, target: DVec3) -> Option<End> {
         self.rays = self.rays.checked_sub(1)?;
         let ray = Ray::through(eye, target)?;

@@ -1,4 +1,4 @@
-//! Random directions and fractions of a sampling.
+//! Random directions and small random fractions for sampling.
 
 use visibility_core::glam::DVec3;
 use visibility_core::random::Random;
@@ -14,8 +14,8 @@ pub(super) fn direction(random: &mut Random) -> DVec3 {
     DVec3::X
 }
 
-/// Returns a random fraction between 2^-27 and 1/2, mostly small: each of the 26 ranges from one power of 2
-/// to the next is equally likely.
+/// Returns a random fraction between 2^-27 and 1/2. Each of the 26 ranges from one power of 2 to the next is
+/// equally likely, so that small fractions are frequent.
 pub(super) fn small(random: &mut Random) -> f64 {
     (0.5 + 0.5 * random.unit()) / (1u64 << (1 + random.below(26))) as f64
 }

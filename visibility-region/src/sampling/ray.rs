@@ -1,9 +1,9 @@
-//! A ray against boxes and triangles, decided with margins: a triangle is missed, possibly met or certainly
-//! met.
+//! Tests of a ray against boxes and triangles with error margins: a triangle is missed, possibly met or
+//! certainly met.
 //!
-//! The sides of the ray on which the three edges of a triangle pass decide (Woop, Benthin and Wald,
-//! "Watertight Ray/Triangle Intersection", 2013). An aggressive answer needs both directions of doubt: what
-//! *may* block a ray counts as blocking, and only what is *certainly* met counts as seen.
+//! The sides on which the ray passes a triangle's three edges decide (Woop, Benthin and Wald, "Watertight
+//! Ray/Triangle Intersection", 2013). An aggressive answer needs both margins: a triangle that the ray *may*
+//! meet counts as blocking, and only a triangle that it *certainly* meets counts as seen.
 
 use visibility_core::glam::{DVec3, Vec3};
 
@@ -14,8 +14,8 @@ const U: f64 = f64::EPSILON / 2.0;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ray {
     pub(super) origin: DVec3,
-    /// Direction of the ray in scene axes. The greatest magnitude of its components is about 1. A *parameter*
-    /// of the ray is a multiple of it: the point at parameter t is the start plus t times the direction.
+    /// Direction of the ray in scene axes. Its greatest component has a magnitude of about 1. The point at
+    /// *parameter* t of the ray is the start plus t times this vector.
     pub(super) along: DVec3,
     inverse: DVec3,
     /// Squared length of `along`, from 1 to 3.
@@ -55,11 +55,11 @@ impl Ray {
         self.origin + self.along * parameter
     }
 
-    /// Returns a lower bound of the parameter at which the ray enters a box, at least 0. `None` if the ray
+    /// Returns a lower bound, at least 0, of the parameter at which the ray enters a box. `None` if the ray
     /// certainly misses the box.
     ///
-    /// A computed bound of a slab errs by a difference, an inverse and a product, less than 4u of itself.
-    /// Enter and exit are compared with twice that.
+    /// The computed bound of a slab errs by less than 4 times the unit round-off of itself: by a difference,
+    /// an inverse and a product. The comparison of entry and exit allows twice that.
     pub(super) fn enter(&self, min: Vec3, max: Vec3) -> Option<f64> {
         let (mut enter, mut exit) = (0.0f64, f64::INFINITY);
         for axis in 0..3 {
@@ -79,23 +79,24 @@ impl Ray {
         (lower <= exit + exit.abs() * (8.0 * U)).then_some(lower)
     }
 
-    /// Returns bounds on the ray's parameter at the point where the ray meets a triangle, whose corners are
+    /// Returns bounds on the ray's parameter at the point where the ray meets a triangle. The corners are
     /// known up to `slack` metres on each axis. `None` if the ray certainly misses the triangle, or certainly
-    /// meets the back of one that is one-sided.
+    /// meets the back of a one-sided triangle.
     ///
     /// # Rounding
-    /// With the corners `p` relative to the ray's origin and `d` the direction, the ray passes the edge from
-    /// `p` to `q` on the side of the sign of `d . (p x q)`. `|d| <= 1` on each axis; let `P` and `Q` be the
-    /// greatest magnitudes of the coordinates of `p` and `q`. Differences err by u of themselves, so each of
-    /// the two products in a component of the cross product errs by less than 3.1u P Q, the component by less
-    /// than 8.3u P Q. The three terms of the dot product have magnitudes up to 2 P Q and err by 10.4u P Q
-    /// each, their sum by another 12u P Q: less than 44u P Q in all. The margin is 128u P Q, and 12 (P + Q +
-    /// slack) slack for the doubt about the corners, of which 6 would do.
+    /// Let `p` and `q` be corners relative to the ray's origin, `d` the direction, and u the unit round-off
+    /// of `f64`. The ray passes the edge from `p` to `q` on the side of the sign of `d . (p x q)`. `|d| <= 1`
+    /// on each axis; let `P` and `Q` be the greatest magnitudes of the coordinates of `p` and `q`.
+    /// Differences err by u of themselves, so each of the two products in a component of the cross product
+    /// errs by less than 3.1u P Q, and the component by less than 8.3u P Q. The three terms of the dot
+    /// product have magnitudes up to 2 P Q and err by 10.4u P Q each, and their sum by another 12u P Q: less
+    /// than 44u P Q in all. The margin is 128u P Q. The error of the corners adds `12 slack (P + Q + slack)`
+    /// to the margin, twice what is needed.
     ///
-    /// The point of the triangle that is met is the mean of the corners, weighted by the three values.
-    /// Weights that err by the sum `m` of the margins move the point, within the triangle, by less than
-    /// `4 m / sum` of the difference of the corners' parameters. A corner's parameter is a dot product of
-    /// three terms over the squared length and errs by less than 32u P, and by 2 slack.
+    /// The point where the ray meets the triangle is the mean of the corners, weighted by the three values.
+    /// Weights that err by the sum `m` of the margins move the point, within the triangle, by less than `4 m
+    /// / sum` of the difference of the corners' parameters. A corner's parameter is a dot product of three
+    /// terms over the squared length, and errs by less than 32u P, and by 2 slack.
     pub(super) fn meet(&self, corners: &[Vec3; 3], slack: f64, is_one_sided: bool) -> Option<Meeting> {
         let p = corners.map(|corner| corner.as_dvec3() - self.origin);
         let size = p.map(|p| p.abs().max_element());
@@ -190,7 +191,7 @@ mod tests {
             };
             counts[0] += usize::from(is_certain(middle + aside)) + usize::from(is_certain(middle - aside));
         }
-        // At the edge itself hardly anything is decided, and beside the edge nearly everything.
+        // Hardly any ray at the edge itself is decided, and nearly every ray beside it.
         assert!(counts[0] > 58_000 && counts[2] > 29_000, "{counts:?}");
     }
 }

@@ -1,5 +1,5 @@
-//! The triangles of a scene in a binary tree of bounding boxes, for rays (Kay and Kajiya, "Ray Tracing
-//! Complex Scenes", 1986), split at the median.
+//! The triangles of a scene in a binary tree of bounding boxes, split at the median, for rays (Kay and
+//! Kajiya, "Ray Tracing Complex Scenes", 1986).
 
 use super::ray::Ray;
 use crate::blocker::Placement;
@@ -11,8 +11,7 @@ use visibility_core::{Aabb, OccluderMesh, Scene};
 /// Greatest number of triangles in a leaf.
 const LEAF: usize = 4;
 
-/// Upper bound on the relative error of a coordinate that was rounded to `f32`: 2^-23. The exact bound is
-/// half of it.
+/// Upper bound on the relative error of a coordinate that was rounded to `f32`: 2^-23, twice the exact bound.
 const ROUNDED: f64 = f32::EPSILON as f64;
 
 /// Index of a triangle in the tree.
@@ -21,25 +20,25 @@ pub(super) type TriangleIndex = u32;
 #[derive(Clone, Copy, Debug)]
 struct Node {
     bounds: Aabb,
-    /// First triangle of a leaf, an index into `TriangleTree::order`; index of the second child of an inner
-    /// node, whose first child is the next node.
+    /// For a leaf, the start of its triangles in `TriangleTree::order`. For an inner node, the index of its
+    /// second child; the first child is the next node.
     start: u32,
     /// Number of triangles of a leaf; 0 for an inner node.
     count: u32,
 }
 
-/// Properties of an object that rays need, and the range of its triangles.
+/// Properties of an object that ray casts need, and the range of its triangles.
 #[derive(Clone, Copy, Debug, Default)]
 struct Owner {
-    /// First triangle of the object.
+    /// Index of the object's first triangle.
     start: u32,
-    /// End of the object's triangles, exclusive; equal to `start` for an object without any.
+    /// End of the object's triangles, exclusive. Equal to `start` for an object without triangles.
     end: u32,
     /// Bound on the error of each coordinate of the object's triangles, in metres.
     slack: f32,
     /// Whether the object blocks rays.
     blocks: bool,
-    /// Whether rays from behind pass the object's triangles without seeing them.
+    /// Whether rays from behind pass the object's triangles, without seeing them or being blocked.
     one_sided: bool,
 }
 
@@ -57,13 +56,13 @@ pub(super) struct TriangleTree {
     nodes: Vec<Node>,
 }
 
-/// Result of a ray: the triangles that it certainly meets before anything may block it.
+/// Result of a ray: the triangles that it certainly meets before a place where it may be blocked.
 #[derive(Clone, Debug)]
 pub(super) struct Cast {
-    /// Object index, triangle and ray parameter of each triangle that the ray certainly sees.
+    /// The triangles that the ray certainly sees, each as object index, triangle and ray parameter.
     pub(super) seen: Vec<(u32, TriangleIndex, f64)>,
-    /// Triangle that ends the ray, and its parameter. `None` if nothing blocks the ray, or if it is not
-    /// certain which triangle does first.
+    /// The triangle that ends the ray, and its parameter. `None` if nothing blocks the ray, or if it is
+    /// uncertain which triangle blocks it first.
     pub(super) end: Option<(TriangleIndex, f64)>,
     hits: Vec<Hit>,
     stack: Vec<(u32, f64)>,
@@ -75,9 +74,9 @@ struct Hit {
     triangle: TriangleIndex,
     /// Lower bound of the ray's parameter at which the ray meets the triangle.
     least: f64,
-    /// Upper bound of that parameter. Infinite if the ray may miss the triangle.
+    /// Upper bound of the ray's parameter there. Infinite if the ray may miss the triangle.
     most: f64,
-    /// Whether the object of the triangle blocks rays.
+    /// Whether the triangle's object blocks rays.
     blocks: bool,
 }
 
@@ -99,9 +98,9 @@ impl TriangleTree {
         }
     }
 
-    /// Builds the tree anew if the scene has changed. An object has its triangles in the tree, or else those
-    /// of its occluder mesh, or else those of its box, which never blocks. Triangles that are not finite are
-    /// left out.
+    /// Builds the tree again if the scene has changed. An object is represented by its triangles; without
+    /// any, by those of its occluder mesh; without a mesh, by those of its box, which never blocks. Triangles
+    /// that are not finite are left out.
     pub(super) fn sync(&mut self, scene: &Scene) {
         if self.cursor.is_current(scene) {
             return;
@@ -114,7 +113,7 @@ impl TriangleTree {
         for id in scene.ids() {
             let (Ok(object), Ok(triangles)) = (scene.object(id), scene.triangles(id)) else { continue };
             let start = self.corners.len() as u32;
-            // Rays may be blocked by occluders only that are always drawn; any object may be seen.
+            // Only occluders that are always drawn block rays. Every object can be seen.
             let (blocks, one_sided) = (object.occluder && scene.is_always_drawn(id), object.one_sided);
             let mut owner = Owner { blocks, one_sided, ..Owner::default() };
             if !triangles.is_empty() {
@@ -129,8 +128,8 @@ impl TriangleTree {
                 };
                 let triangles = mesh.triangles().iter().map(|t| t.map(&mut place));
                 self.corners.extend(triangles.filter(|t| t.iter().all(|p| p.is_finite())));
-                // Corners that were placed and rounded to `f32` may be off by `slack`: a ray that passes
-                // within it is not certain to meet the triangle.
+                // Corners that were transformed and rounded to `f32` may be off by `slack` metres. A ray that
+                // passes within this distance does not certainly meet the triangle.
                 if *transform != Affine3A::IDENTITY {
                     owner.slack = (placement.doubt + largest * ROUNDED) as f32;
                 }
@@ -153,7 +152,8 @@ impl TriangleTree {
         }
     }
 
-    /// Builds the nodes above a range of triangles, whose first has the position `start` in the order.
+    /// Builds the nodes above a range of triangles. `start` is the position of the range's first triangle in
+    /// `order`.
     fn build(&mut self, range: &mut [TriangleIndex], start: usize) {
         let mut bounds = Aabb::EMPTY;
         let mut centers = Aabb::EMPTY;
@@ -194,16 +194,16 @@ impl TriangleTree {
         self.corners[triangle as usize]
     }
 
-    /// Returns the range of the triangles of an object, by its index.
+    /// Returns the range of an object's triangles. `object` is the object's index.
     pub(super) fn triangles_of(&self, object: usize) -> core::ops::Range<u32> {
         self.objects.get(object).map_or(0..0, |owner| owner.start..owner.end)
     }
 
-    /// Casts a ray, and replaces the content of `cast` with its result.
+    /// Casts a ray and stores its result in `cast`.
     ///
     /// A triangle is seen if the ray certainly meets it before any place where another object may block the
-    /// ray. Whether its own object blocks the ray there does not matter, since that part of the object is
-    /// then seen instead.
+    /// ray. If the triangle's own object blocks the ray earlier, the object is seen all the same, at that
+    /// place.
     pub(super) fn cast(&self, ray: &Ray, cast: &mut Cast) {
         let Cast { seen, end, hits, stack } = cast;
         seen.clear();
@@ -217,7 +217,7 @@ impl TriangleTree {
         {
             stack.push((0, enter));
         }
-        // The nearer child is taken first, so that `limit` soon rules out the farther nodes.
+        // The nearer child is visited first, so that `limit` soon excludes the farther nodes.
         while let Some((node, enter)) = stack.pop() {
             if enter > limit {
                 continue;
@@ -245,14 +245,15 @@ impl TriangleTree {
                 if met.least > limit {
                     continue;
                 }
-                // Every hit before the limit is kept, as the order of two hits may be uncertain.
+                // All hits before the limit are kept, since the order of two hits may be uncertain.
                 if blocks && met.is_certain() {
                     limit = limit.min(met.most);
                 }
                 hits.push(Hit { object, triangle, least: met.least, most: met.most, blocks });
             }
         }
-        // An object is compared with the first blocker, the first blocker itself with the next other object.
+        // A hit of the first blocking object is compared with the next blocking object, any other hit with
+        // the first.
         let blockers = || hits.iter().filter(|hit| hit.blocks);
         let by_least = |a: &&Hit, b: &&Hit| a.least.total_cmp(&b.least);
         let first = blockers().min_by(by_least).copied();
@@ -260,8 +261,8 @@ impl TriangleTree {
             blockers().filter(|hit| hit.object != first.object).min_by(by_least).map(|hit| hit.least)
         });
         let first_object = first.map(|hit| hit.object);
-        // Blockers beyond the limit are not all listed, so nothing there is known to be seen: the back of the
-        // object that ends the ray, for one.
+        // Blockers beyond the limit are not all listed, so no triangle there is known to be seen, such as the
+        // back of the object that ends the ray.
         for hit in hits.iter().filter(|hit| hit.most < f64::INFINITY && hit.most <= limit) {
             let free = if Some(hit.object) == first_object { second } else { first.map(|hit| hit.least) };
             if hit.most < free.unwrap_or(f64::INFINITY) {

@@ -1,28 +1,28 @@
-//! The extent of a viewcell along any axis, and the axes along which the box around a viewcell is smallest:
-//! those of the box itself for a viewcell that planes make an oriented box.
+//! The extent of a viewcell along any axis, and the axes along which the box around it is smallest. For a
+//! viewcell that planes make an oriented box, these are the axes of that box.
 
 use alloc::vec::Vec;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 
-/// Greatest number of a viewcell's planes whose normals are tried as axes, in pairs.
+/// Greatest number of planes of a viewcell whose normals are tried as axes, in pairs.
 const MAX_AXES: usize = 16;
 
-/// Other axes than the scene's are taken if the surface of the viewcell's box along them is less than this
-/// part of the surface of the box along the scene's axes. Bounds of objects are boxes along the scene's axes,
-/// and grow when turned: where the gain is smaller, more objects are found visible (measured).
+/// Axes other than the scene's are used if the box around the viewcell along them has less than this fraction
+/// of the surface of the box along the scene's axes. Bounds of objects are boxes along the scene's axes, and
+/// grow when turned: with a smaller gain, more objects are found visible (measured).
 const SMALLER: f64 = 0.3;
 
-/// A viewcell relative to the scene's origin.
+/// A viewcell with its planes, in metres relative to the scene's origin.
 #[derive(Clone, Debug)]
 pub(crate) struct CellExtent {
     pub(crate) min: DVec3,
     pub(crate) max: DVec3,
     /// Bound on the rounding errors of `min` and `max` on each axis, in metres.
     error: DVec3,
-    /// Half-spaces with unit normals that contain the viewcell, each with a bound on the rounding of its
-    /// offset.
+    /// Half-spaces with unit normals that contain the viewcell. Each has a bound in metres on the rounding of
+    /// its offset.
     planes: Vec<(Plane, f64)>,
 }
 
@@ -36,25 +36,27 @@ impl CellExtent {
         }
         let relative = |plane: Plane| {
             let offset = plane.signed_distance(origin);
-            // Normals of unit length round by 4 EPSILON, and the sum of four terms by as much of them.
+            // Normals of unit length round by 4 EPSILON, and the sum of four terms by 4 EPSILON of their
+            // magnitudes.
             let error = 8.0 * f64::EPSILON * (origin.abs().element_sum() + plane.offset.abs());
             (Plane::new(plane.normal, offset), error)
         };
         let planes = cell.planes.iter().filter_map(Plane::normalized).map(relative);
         let usable = |(plane, error): &(Plane, f64)| plane.offset.is_finite() && error.is_finite();
-        // Without an origin, the differences are exact. Others round by half an EPSILON of their result.
+        // With an origin of zero, the differences are exact. Otherwise they round by half an EPSILON of their
+        // result.
         let error = DVec3::select(origin.cmpeq(DVec3::ZERO), DVec3::ZERO, min.abs().max(max.abs()));
         let error = error * f64::EPSILON;
         Some(Self { min, max, error, planes: planes.filter(usable).collect() })
     }
 
-    /// Returns the ends of the viewcell's box along an axis of the scene, rounded outwards.
+    /// Returns the ends, in metres, of the viewcell's box along a scene axis (0 to 2), rounded outwards.
     pub(crate) fn ends(&self, axis: usize) -> [f64; 2] {
         [self.min[axis] - self.error[axis], self.max[axis] + self.error[axis]]
     }
 
-    /// Returns a lower bound of the positions of the viewcell's points along an axis of about unit length,
-    /// correct up to the rounding of three products and two sums.
+    /// Returns a lower bound, in metres, of the positions of the viewcell's points along an axis of about
+    /// unit length. It is correct up to the rounding of three products and two sums.
     ///
     /// A half-space `m . x >= -d` and the rest `s = axis - (axis . m) m` give `axis . x >= (axis . m) (-d) +
     /// s . x`. The last term is bounded by the viewcell's box. Planes perpendicular to the axis give the best
@@ -64,15 +66,15 @@ impl CellExtent {
         let reach = self.min.abs().max(self.max.abs()).element_sum();
         let of_plane = |&(plane, error): &(Plane, f64)| {
             let part = axis.dot(plane.normal);
-            // The rest rounds by less than 4 EPSILON on each axis.
+            // The remainder of the axis rounds by less than 4 EPSILON on each axis.
             let margin = error + 16.0 * f64::EPSILON * (reach + plane.offset.abs());
             (part > 0.0).then(|| of_box(axis - part * plane.normal) - part * plane.offset - margin)
         };
         self.planes.iter().filter_map(of_plane).fold(of_box(axis), f64::max)
     }
 
-    /// Returns lower and upper bounds of the positions of the viewcell's points along three axes of about
-    /// unit length, in metres. If the viewcell is empty, a lower bound may exceed its upper one.
+    /// Returns lower and upper bounds, in metres, of the positions of the viewcell's points along three axes
+    /// of about unit length. For an empty viewcell, a lower bound may exceed the upper one.
     pub(crate) fn along(&self, axes: [DVec3; 3]) -> (DVec3, DVec3) {
         let least = DVec3::from_array(axes.map(|axis| self.least(axis)));
         (least, -DVec3::from_array(axes.map(|axis| self.least(-axis))))
@@ -94,7 +96,7 @@ impl CellExtent {
                 let across = other - other.dot(first) * first;
                 let second = across.normalize_or_zero();
                 let axes = [first, second, first.cross(second)];
-                // Not for normals that are nearly parallel.
+                // Normals that are nearly parallel give no axes.
                 if across.length() > 0.1 && surface(axes) < least {
                     (best, least) = (axes, surface(axes));
                 }
@@ -110,7 +112,7 @@ mod tests {
     use alloc::vec;
     use visibility_core::glam::DQuat;
 
-    /// An oriented box of a middle and half sizes, as a viewcell.
+    /// Makes a viewcell that is an oriented box, given by its rotation, middle and half sizes.
     fn oriented(turn: DQuat, middle: DVec3, half: DVec3) -> Viewcell {
         let axes = DVec3::AXES.map(|axis| turn * axis);
         let reach = (0..3).map(|i| axes[i].abs() * half[i]).sum::<DVec3>();

@@ -1,17 +1,18 @@
-//! Extended projections of occluders: which pixels of a plane no ray from the viewcell passes unblocked.
+//! Extended projections of occluders: the pixels of a plane through which no ray from the viewcell passes
+//! unblocked.
 //!
 //! After Durand, Drettakis, Thollot and Puech, "Conservative Visibility Preprocessing Using Extended
-//! Projections", 2000, sections 3.2 and 3.3, with a rule for coverage that holds for concave, open and thin
-//! meshes as well:
+//! Projections", 2000, sections 3.2 and 3.3, with a rule for coverage that also holds for concave, open and
+//! thin meshes:
 //!
-//! The *chain* of a mesh are those of its triangles that face the whole viewcell, cut at the plane. For a ray
-//! from viewpoint v to point p of the plane, count the triangles of the chain that it crosses. The count can
-//! change with v and p only where the ray crosses an edge that bounds the chain: an edge with one drawn
-//! triangle, or a cut. (Across an edge of two drawn triangles the ray leaves one and enters the other, since
-//! both face the viewpoint.) So if from no viewpoint such an edge, the *contour*, is seen in a pixel, then
-//! the count is the same for all rays through the pixel; and if one ray certainly crosses a triangle, all do.
-//! A pixel is covered if one ray from the middle of the cell's front crosses a drawn triangle in it, and no
-//! contour edge, swept over all viewpoints and widened by the bound on rounding, meets it.
+//! The *chain* of a mesh consists of its triangles that face the whole viewcell, cut off at the plane. For a
+//! ray from viewpoint v to point p of the plane, count the triangles of the chain that the ray crosses. The
+//! count can change with v and p only where the ray crosses a *contour* edge: an edge with one triangle of
+//! the chain, or a cut. (Across an edge of two triangles the ray leaves one and enters the other, since both
+//! face the viewpoint.) If no viewpoint sees a contour edge in a pixel, the count is the same for all rays
+//! through the pixel. If one of these rays certainly crosses a triangle, all do. A pixel is therefore covered
+//! if a ray from the middle of the viewcell's front crosses a triangle of the chain in the pixel, and no
+//! contour edge, swept over all viewpoints and widened by the bound on rounding, meets the pixel.
 
 use super::direction::Direction;
 use super::hull_raster::{Spread, draw_hull};
@@ -20,7 +21,7 @@ use super::ray_map::{PixelRect, RayMap, SIDE};
 use super::window::{FARTHEST_PIXEL, Window};
 use visibility_core::glam::DVec3;
 
-/// Two maps on which one piece is drawn: its triangles and its contour.
+/// Two maps on which one piece of an occluder is drawn: the inside of its triangles, and its contour.
 #[derive(Clone, Debug)]
 pub(super) struct PieceMaps {
     inside: RayMap,
@@ -28,7 +29,7 @@ pub(super) struct PieceMaps {
     sides: Sides,
 }
 
-/// Data for drawing one occluder, the same in every step.
+/// Data for drawing one occluder on one plane.
 pub(super) struct Target<'a> {
     pub(super) direction: &'a Direction,
     pub(super) window: &'a Window,
@@ -43,10 +44,10 @@ impl PieceMaps {
         Self { inside: RayMap::new(), contour: RayMap::new(), sides: [[0.0; SIDE]; 2] }
     }
 
-    /// Adds to `map` the pixels that a piece of an occluder covers. `triangles` are those of the piece, and
-    /// `contour` the edges that bound it, both in local coordinates of the direction and before they are cut.
-    /// Each comes with two flags, for lateral axes x and y: whether it is all on the outer side of the
-    /// window's rim, see [`Window::is_outside`].
+    /// Adds to `map` the pixels that a piece of an occluder covers. `triangles` are the piece's triangles and
+    /// `contour` its boundary edges, both in local coordinates of the direction and not yet cut. Each has two
+    /// flags, for lateral axes x and y: whether all of it is on the outer side of the window's rim, see
+    /// [`Window::is_outside`].
     pub(super) fn draw(
         &mut self,
         map: &mut RayMap,
@@ -77,11 +78,11 @@ impl PieceMaps {
         self.inside.clear_rect(rect);
     }
 
-    /// Draws the new edges that arise where a triangle is cut: at the depth of the projection plane and at
-    /// the near depth of `target`. What is left of the old edges is not drawn. Nothing is drawn of a triangle
+    /// Draws the edges that arise where a triangle is cut, at the depth of the projection plane and at the
+    /// near depth of `target`. The triangle's own edges are not drawn, so nothing is drawn of a triangle
     /// strictly between the two depths. `outside`: for lateral axes x and y, whether the whole triangle is on
     /// the outer side of the window's rim, see [`Window::is_outside`]. Returns false if a projected position
-    /// is too far away to compute with.
+    /// is too far away for its precision.
     fn sweep_cuts(&mut self, target: &Target<'_>, triangle: [DVec3; 3], outside: [bool; 2]) -> bool {
         let Target { window, near, .. } = *target;
         if triangle.iter().all(|p| p.z > near && p.z < window.d) {
@@ -96,10 +97,10 @@ impl PieceMaps {
         })
     }
 
-    /// Marks the pixels in which a contour edge from `a` to `b` is seen from any viewpoint of the cell, as
-    /// far as the edge is between the near depth of `target` and the projection plane. `outside`: for lateral
+    /// Marks the pixels in which any viewpoint of the cell sees a contour edge from `a` to `b`. Only the part
+    /// of the edge between the near depth of `target` and the projection plane counts. `outside`: for lateral
     /// axes x and y, whether the whole edge is on the outer side of the window's rim. Returns false if a
-    /// projected position is too far away to compute with.
+    /// projected position is too far away for its precision.
     fn sweep_edge(&mut self, target: &Target<'_>, a: DVec3, b: DVec3, outside: [bool; 2]) -> bool {
         let Target { direction, window, near, rect } = *target;
         let (mut a, mut b) = if a.z <= b.z { (a, b) } else { (b, a) };

@@ -1,4 +1,4 @@
-//! `ExtendedProjectionCuller`: the culler that sweeps all six directions.
+//! `ExtendedProjectionCuller`: the culler that sweeps all six directions of a viewcell.
 
 use super::Sweep;
 use super::cell_extent::CellExtent;
@@ -19,22 +19,23 @@ use visibility_core::scene::{Changes, SceneCursor};
 use visibility_core::walk::Child;
 use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet, pvs::Viewcell};
 
-/// Removes the objects that the occluders of the scene together hide from all of a viewcell: conservative.
+/// Removes the objects that the occluders of the scene together hide from every point of a viewcell.
+/// Conservative.
 ///
-/// Occluders are [candidates](crate#which-objects-occlude) with meshes, concave, open and thin ones too.
-/// Meshes that are in scene coordinates, with the identity as transform, hide as one surface where they
+/// Occluders are [candidates](crate#which-objects-occlude) with meshes, including concave, open and thin
+/// ones. Meshes in scene coordinates, whose transform is the identity, occlude as one surface where they
 /// touch, if they share edges exactly. An object counts as visible if it reaches into the viewcell's box, if
 /// it begins close to a side of the box and extends far along that side, or if it reaches 16,384 times
-/// farther from the scene's origin than nine tenths of all objects. Planes of a [`Viewcell`] count as far as
-/// they make it an oriented box, or nearly.
+/// farther from the scene's origin than nine tenths of all objects. Planes of a [`Viewcell`] are used only as
+/// far as they make it an oriented box, or nearly.
 ///
 /// # Cost
-/// 20 to 100 milliseconds a viewcell in scenes of some thousand objects, up to half a second in a furnished
-/// building of 200,000 triangles. Occluders are collected nearest first, until no object is left to test: in
-/// a city, 44 times the objects take 4 times the time. The first call for a scene, and the first after a
-/// change of its occluders, sorts all edges: some hundred bytes for each triangle, shared by clones. Each
-/// clone has 2 to 4 MB of its own in such scenes: 9 bytes for each triangle, more for those that may be seen,
-/// and maps.
+/// 20 to 100 milliseconds for a viewcell in scenes of some thousand objects, up to half a second in a
+/// furnished building of 200,000 triangles. Occluders are collected nearest first, until no object is left to
+/// test: in a city, 44 times as many objects take 4 times as long. The first call for a scene, and the first
+/// after a change of its occluders, sorts all edges, which takes some hundred bytes for each triangle, shared
+/// by clones. Each clone has 2 to 4 MB of its own in such scenes: 9 bytes for each triangle, more for
+/// triangles that may be seen, and maps.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, pvs::Viewcell};
@@ -57,28 +58,30 @@ pub struct ExtendedProjectionCuller {
     /// Surfaces of the scene at `cursor`, shared by clones.
     surfaces: Arc<Surfaces>,
     cursor: SceneCursor,
-    /// Surfaces for the viewcell that was begun last: those of the scene, or of some of its objects.
+    /// Surfaces used for the viewcell that was begun last: those of the whole scene, or of some of its
+    /// objects.
     present: Arc<Surfaces>,
-    /// Effort for that viewcell.
+    /// Effort used for the viewcell that was begun last.
     effort: Effort,
-    /// Sweep of a direction of that viewcell. `None` between two directions.
+    /// Unfinished sweep of a direction of the viewcell that was begun last. `None` between two directions.
     running: Option<Running>,
     /// Box around the viewcell that was begun last, and the [`usable_bounds`] of the scene. `None` if no
     /// object can be found hidden from the viewcell.
     cell_box: Option<(CellBox, Aabb)>,
     pieces: Pieces,
     sweep: Sweep,
-    /// Occludees (objects and nodes) assigned to each of the six directions.
+    /// Items to be tested (objects and nodes of the hierarchy), assigned to each of the six directions.
     lists: [Vec<Item>; 6],
-    /// Whether `lists` holds what is asked in the directions of the viewcell that are not swept yet. If not,
-    /// the occludees are assigned anew for each direction.
+    /// Whether `lists` is valid for the directions of the viewcell that are not swept yet. If not, items are
+    /// assigned again for each direction.
     is_assigned: bool,
-    /// Occludees of the present direction that are still tested, with the children of opened nodes.
+    /// Items of the present direction that are still to be tested. Nodes may have been replaced by their
+    /// children.
     asked: Vec<Item>,
-    /// Projections of the occludees in `asked` onto the present plane, in metres: least and greatest
-    /// coordinate along x, then along y.
+    /// Projections of the items in `asked` onto the present plane, in metres: least and greatest coordinate
+    /// along x, then along y.
     projections: Vec<[[f64; 2]; 2]>,
-    /// Scratch memory for coordinates of the occludees.
+    /// Scratch memory for coordinates of items.
     coordinates: Vec<f64>,
     stack: Vec<Option<usize>>,
     /// Indices of the objects found hidden from the viewcell that was begun last.
@@ -92,7 +95,7 @@ impl Default for ExtendedProjectionCuller {
 }
 
 impl ExtendedProjectionCuller {
-    /// Creates a culler without surfaces of a scene. The first call collects them.
+    /// Creates a culler without surfaces. The first call collects them.
     pub fn new() -> Self {
         Self {
             surfaces: Arc::default(),
@@ -113,9 +116,9 @@ impl ExtendedProjectionCuller {
         }
     }
 
-    /// Collects the surfaces of the scene anew if occluders have changed. Takes O(n log n) time for n
-    /// triangles then, otherwise time in proportion to the changes. [`cull`](RegionCuller::cull) calls this;
-    /// called before a culler is cloned, it lets all clones share the surfaces.
+    /// Collects the surfaces of the scene again if occluders have changed. This takes O(n log n) time for n
+    /// triangles, otherwise time in proportion to the changes. [`cull`](RegionCuller::cull) calls this.
+    /// Called before a culler is cloned, it lets all clones share the surfaces.
     pub fn sync(&mut self, scene: &Scene) {
         let known = &self.surfaces.objects;
         let changed = match self.cursor.follow(scene) {
@@ -129,8 +132,8 @@ impl ExtendedProjectionCuller {
         }
     }
 
-    /// Sweeps all directions with maps that cover a convex cone of rays, so that a set bit of a map holds for
-    /// every ray from the cell through its pixel, not for rays to the occludees alone. Calls `each` for each
+    /// Sweeps all directions with maps for a convex cone of rays: a set bit of a map holds for every ray from
+    /// the cell through the bit's pixel, not only for rays to the tested objects. Calls `each` for each
     /// plane, with its direction, its window and its map.
     pub(crate) fn sweep_open(
         &mut self,
@@ -155,7 +158,7 @@ impl ExtendedProjectionCuller {
             let rims = [0, 1].map(|lat| Rim::of(list, lat, direction, &mut self.coordinates));
             self.sweep.begin();
             let (mut nearest, mut left) = (Nearest::new(&all, direction, &cone, true), Effort::FULL);
-            // A bit holds for all rays of the cone, so occluders of all of the cone are needed.
+            // A bit must hold for all rays of the cone, so all occluders in the cone are drawn.
             let (mut work, mut count) = (Work::UNLIMITED, 0);
             while let Some(range) = nearest.advance(&all, &mut self.pieces, direction, &cone, None, &mut work)
             {
@@ -173,8 +176,8 @@ impl ExtendedProjectionCuller {
     }
 
     /// Removes hidden objects as [`cull`](RegionCuller::cull) does, until `stop` returns true. `stop` is
-    /// called before each projection plane, after the scene's changes are taken over. Once it has returned
-    /// true, it must do so in all later calls. Objects that are not found hidden by then stay in `visible`.
+    /// called before each projection plane, after the scene's changes are applied. Once it has returned true,
+    /// it must return true in all later calls. Objects that are not found hidden by then stay in `visible`.
     pub fn cull_until(
         &mut self,
         scene: &Scene,
@@ -190,7 +193,7 @@ impl ExtendedProjectionCuller {
     /// viewcell's box. The box is divided into `parts` along each of its two longer axes. An object that is
     /// hidden from each part is hidden from the whole viewcell, and a sweep from a small part mostly finds
     /// more objects hidden than one from the whole. Each sweep tests only the objects that all sweeps before
-    /// have found hidden, so that 2 by 2 parts take two to three times as long as one sweep for the whole.
+    /// have found hidden, so 2 by 2 parts take two to three times as long as one sweep from the whole.
     /// Nothing is removed if `stop` returns true at the end, or if `parts` is 0.
     pub fn cull_in_parts(
         &mut self,
@@ -205,13 +208,14 @@ impl ExtendedProjectionCuller {
         let extent = cell.max - cell.min;
         let shortest = extent.min_position();
         let (a, b) = ((shortest + 1) % 3, (shortest + 2) % 3);
-        // What all parts so far have found hidden.
+        // Candidates that all sweeps so far have found hidden.
         let mut asked = visible.clone();
         let each = u64::from(parts);
         for part in 0..each * each {
             let (mut min, mut max) = (cell.min, cell.max);
             for (axis, at) in [(a, part % each), (b, part / each)] {
-                // Neighbours end at the same number, and the last at the viewcell's own.
+                // Neighbouring parts share their ends exactly, and the last part ends where the viewcell
+                // does.
                 let end = |at: u64| cell.min[axis] + extent[axis] * (at as f64 / f64::from(parts));
                 (min[axis], max[axis]) = (end(at), if at + 1 < each { end(at + 1) } else { cell.max[axis] });
             }
@@ -223,13 +227,13 @@ impl ExtendedProjectionCuller {
             }
         }
         let is_whole = parts > 0 && !stop();
-        // What is retained is counted in any case.
+        // The call is needed even if nothing is removed, since it counts the candidates.
         stats += visible.retain(scene, |id, _| !(is_whole && asked.contains(scene, id)));
         stats
     }
 
-    /// Removes hidden objects as [`cull_until`](Self::cull_until) does, with the objects of `occluding`, by
-    /// index, as the only occluders.
+    /// Removes hidden objects as [`cull_until`](Self::cull_until) does. The only occluders are the objects
+    /// whose indices are in `occluding`.
     fn cull_behind(
         &mut self,
         scene: &Scene,
@@ -254,8 +258,8 @@ impl ExtendedProjectionCuller {
         stats
     }
 
-    /// Begins a viewcell: forgets what was found for the last one. Of the occluders, those in `surfaces` hide
-    /// by their pieces there, and must be as they were when the surfaces were collected.
+    /// Begins a viewcell, and drops the results of the last one. Occluders that are in `surfaces` occlude by
+    /// their pieces there, and must be as they were when the surfaces were collected.
     pub(crate) fn begin(&mut self, scene: &Scene, cell: &Viewcell, surfaces: Arc<Surfaces>, effort: Effort) {
         self.hidden.reset(scene.index_limit());
         self.pieces.begin(&surfaces, &effort);
@@ -266,7 +270,7 @@ impl ExtendedProjectionCuller {
         self.is_assigned = false;
     }
 
-    /// Divides the asked objects among the six directions.
+    /// Assigns the objects to be tested to the six directions.
     fn assign(
         &mut self,
         scene: &Scene,
@@ -280,7 +284,7 @@ impl ExtendedProjectionCuller {
         stats.nodes += occludees::assign(scene, asked, bounds, &boxes, lists, stack);
     }
 
-    /// Ends the viewcell that was begun last, and lets go of its surfaces.
+    /// Ends the viewcell that was begun last, and releases its surfaces.
     pub(crate) fn end(&mut self) {
         self.present = Arc::default();
         self.running = None;
@@ -291,21 +295,21 @@ impl ExtendedProjectionCuller {
         &self.hidden
     }
 
-    /// Forgets the sweep of the direction that is under way. What it has found hidden stays. Returns whether
-    /// one was.
+    /// Drops the unfinished sweep of a direction. Objects that it has found hidden stay so. Returns whether
+    /// there was one.
     pub(crate) fn restart(&mut self) -> bool {
         self.running.take().is_some()
     }
 
     /// Sweeps one direction, numbered as by [`CellBox::direction`], until it is done or `work` is used up,
-    /// and adds the objects that it finds hidden to [`hidden`](Self::hidden). Goes on with the sweep that the
-    /// last call left undone, if any: then `ask` and `index` must be the same. Returns whether the sweep is
-    /// done.
+    /// and adds the objects that it finds hidden to [`hidden`](Self::hidden). Continues the sweep that the
+    /// last call left unfinished, if any: `ask` and `index` must then be the same. Returns whether the sweep
+    /// is done.
     ///
     /// The objects of `ask.occluding` and the origin of the scene must not have changed since
-    /// [`begin`](Self::begin). Other objects may have. What changed since the sweep of the direction was
-    /// begun may be among the hidden objects by mistake. If objects are asked as a set, the layout of the
-    /// scene must have stayed the same since then.
+    /// [`begin`](Self::begin). Other objects may have changed, but those that did since the sweep of the
+    /// direction was begun may be wrongly among the hidden objects. If the objects to be tested are given as
+    /// a set, the layout of the scene must be the same since then.
     pub(crate) fn sweep_direction(
         &mut self,
         scene: &Scene,
@@ -342,8 +346,8 @@ impl ExtendedProjectionCuller {
         is_done
     }
 
-    /// Goes on with the sweep of a direction until it is done or `work` is used up, and marks the items of
-    /// `list` that are hidden. Returns whether the sweep is done.
+    /// Continues the sweep of a direction until it is done or `work` is used up. Marks the objects of hidden
+    /// items of `list`. Returns whether the sweep is done.
     fn go_on(
         &mut self,
         job: &Job<'_>,
@@ -355,7 +359,7 @@ impl ExtendedProjectionCuller {
         let Job { all, direction, .. } = job;
         let Running { cone, rims, nearest, left, planes, window } = running;
         while !work.is_used_up() {
-            // The occluders before the present plane are drawn, and the items behind it tested.
+            // The occluders in front of the present plane are drawn, then the items behind it are tested.
             if let Some(present) = window {
                 let place = |source| all.place(&self.pieces, direction, source);
                 let (occluders, count) = (nearest.occluders(), &mut stats.occluders);
@@ -367,8 +371,8 @@ impl ExtendedProjectionCuller {
                 *window = None;
             }
             let Some(d) = planes.pop() else {
-                // Portions of occluders from near to far. Each serves the planes before the next portion
-                // begins.
+                // Occluders come in portions, nearest first. Each portion serves the planes up to where the
+                // next portion begins.
                 if list.is_empty() {
                     return true;
                 }
@@ -385,7 +389,8 @@ impl ExtendedProjectionCuller {
             }
             job.drop_reached(d, list, stats);
             self.projections.clear();
-            // The window of the map is as small as holds the projections of all items still asked about.
+            // The window of the map is as small as possible: it holds the projections of all items still to
+            // be tested.
             self.projections.extend(list.iter().map(|item| direction.occludee(d, &item.bounds)));
             let unite = |a: [[f64; 2]; 2], b: [[f64; 2]; 2]| {
                 [0, 1].map(|lat| [a[lat][0].min(b[lat][0]), a[lat][1].max(b[lat][1])])
@@ -399,8 +404,8 @@ impl ExtendedProjectionCuller {
         false
     }
 
-    /// Removes from `list` the items that are hidden behind the present plane, and marks their objects. A
-    /// node that may be hidden in part is replaced by its children.
+    /// Removes from `list` the items that are found hidden behind the present plane, and marks their objects.
+    /// A node that may be partly hidden is replaced by its children.
     fn test(&mut self, job: &Job<'_>, window: &Window, list: &mut Vec<Item>, stats: &mut CullStats) {
         let (mut at, mut kept) = (0, 0);
         while let Some(&item) = list.get(at) {
@@ -427,8 +432,8 @@ impl ExtendedProjectionCuller {
     }
 }
 
-/// Work for a plane: reprojection of the map. For an item on a plane. For an occluder whose planes are
-/// chosen.
+/// Costs in nanoseconds of [`Work`]: of the reprojection of the map to a plane, of the test of an item on a
+/// plane, and of an occluder when planes are chosen.
 const PLANE: u64 = 60_000;
 const ITEM: u64 = 60;
 const CHOICE: u64 = 400;
@@ -437,13 +442,13 @@ const CHOICE: u64 = 400;
 pub(crate) struct Ask<'a> {
     /// Indices of the objects that may occlude.
     pub(crate) occluding: &'a Bits,
-    /// Objects to be tested. Others are not found hidden.
+    /// Objects to be tested. Other objects are not found hidden.
     pub(crate) asked: Asked<'a>,
-    /// Function that returns true once no more planes are to be swept.
+    /// Called before each plane. The sweep ends once it returns true.
     pub(crate) stop: &'a dyn Fn() -> bool,
 }
 
-/// The sweep of one direction: what stays the same from plane to plane.
+/// The inputs of one direction's sweep, which do not change from plane to plane.
 struct Job<'a> {
     scene: &'a Scene,
     ask: &'a Ask<'a>,
@@ -451,22 +456,22 @@ struct Job<'a> {
     all: Occluders<'a>,
 }
 
-/// Sweep of one direction that is under way, beside its map and the items that are still asked about.
+/// State of the sweep of one direction, except its map and the items that are still to be tested.
 #[derive(Clone, Debug)]
 struct Running {
     cone: Cone,
     rims: [Option<Rim>; 2],
     nearest: Nearest,
-    /// Planes that may still be chosen.
+    /// Numbers of planes that may still be chosen.
     left: Effort,
-    /// Distances in metres of the planes of the present portion that are still to be swept, farthest first.
+    /// Distances in metres of the present portion's planes that are still to be swept, farthest first.
     planes: Vec<f64>,
     /// The present plane. `None` once its occluders are drawn and the items behind it are tested.
     window: Option<Window>,
 }
 
 impl Running {
-    /// Begins the sweep of a direction that asks about `items`. `None` without items. `scratch` is scratch
+    /// Begins the sweep of a direction that tests `items`. `None` if there are no items. `scratch` is scratch
     /// memory.
     fn new(job: &Job<'_>, items: &[Item], left: Effort, scratch: &mut Vec<f64>) -> Option<Self> {
         let direction = job.direction;
@@ -479,9 +484,9 @@ impl Running {
 }
 
 impl Job<'_> {
-    /// Removes from `list` the objects that are not strictly behind the plane at `d`. They count as visible:
-    /// tested on such a plane, an object would hide itself, or objects in the plane of its front. Nodes are
-    /// replaced by their children, which may be farther.
+    /// Removes from `list` the objects that are not strictly behind the plane at distance `d`. They count as
+    /// visible: on such a plane, an object could hide itself, or objects in the plane of its front. Nodes are
+    /// replaced by their children, which may be farther away.
     fn drop_reached(&self, d: f64, list: &mut Vec<Item>, stats: &mut CullStats) {
         let reach = d + self.direction.guard();
         let mut at = 0;
@@ -497,18 +502,19 @@ impl Job<'_> {
         }
     }
 
-    /// Adds the children of a node to `list`. Rays to them are rays to the node, so the map holds for them.
+    /// Adds the children of a node to `list`. Rays to the children are also rays to the node, so the map
+    /// holds for them.
     fn open_node(&self, node: usize, list: &mut Vec<Item>, stats: &mut CullStats) {
         stats.nodes += 1;
-        // Objects that are asked one by one have no nodes.
+        // Objects that are tested one by one have no nodes.
         if let Asked::Set(visible) = self.ask.asked {
             occludees::for_each_child(self.scene, visible, self.direction, node, |child| list.push(child));
         }
     }
 }
 
-/// Encloses a viewcell in a box along the axes that suit it best. `None` for a viewcell that is empty or not
-/// finite.
+/// Encloses a viewcell in a box along the axes for which the box is small. `None` for a viewcell that is
+/// empty or not finite.
 fn cell_box(scene: &Scene, cell: &Viewcell, bounds: &Aabb) -> Option<CellBox> {
     let extent = CellExtent::new(cell, scene.origin())?;
     CellBox::new(&extent, bounds, extent.axes())

@@ -1,43 +1,45 @@
-//! The six directions that leave a viewcell, each with coordinates of its own.
+//! The six directions out of a viewcell, each with local coordinates.
 //!
-//! Extended projections onto planes across one of these directions split into two 2D problems (Durand,
-//! Drettakis, Thollot and Puech, "Conservative Visibility Preprocessing Using Extended Projections", 2000,
-//! sections 3.1 and 4.3): a ray is followed along each lateral axis by itself.
+//! Extended projections onto planes across one of these directions split into two 2D problems, since a ray
+//! can be followed along each lateral axis independently (Durand, Drettakis, Thollot and Puech, "Conservative
+//! Visibility Preprocessing Using Extended Projections", 2000, sections 3.1 and 4.3).
 //!
-//! Local coordinates are an affine image of scene coordinates. Lines stay lines under such a map, so nothing
-//! here depends on the axes being exactly orthogonal or of unit length: it suffices that the viewcell,
-//! mapped, lies within the box of [`Direction::half`] and [`Direction::depth`].
+//! Local coordinates are an affine image of scene coordinates. Affine maps preserve lines, so the axes need
+//! not be exactly orthogonal or of unit length. It is enough that the mapped viewcell lies within the box of
+//! [`Direction::half`] and [`Direction::depth`].
 
 use super::cell_extent::CellExtent;
 use visibility_core::Aabb;
 use visibility_core::glam::DVec3;
 
-/// A box around a viewcell, with axes of its own, relative to the scene's origin.
+/// A box around a viewcell along its own axes, relative to the scene's origin.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CellBox {
     /// Rows of the map from scene coordinates to the axes of the box.
     axes: [DVec3; 3],
-    /// Middle of the box along `axes`, in metres relative to the scene's origin.
+    /// Centre of the box along `axes`, in metres relative to the scene's origin.
     center: DVec3,
     /// Half the extent of the box along `axes`, in metres.
     half: DVec3,
-    /// For each axis of the box that is an axis of the scene: that axis, and the ends of the viewcell along
-    /// it, rounded outwards. `None` for any other axis.
+    /// For each axis of the box: the scene axis (0 to 2) that it equals, and the ends of the viewcell along
+    /// it, rounded outwards. `None` if the axis is no scene axis.
     exact: [Option<(usize, [f64; 2])>; 3],
     /// Bound on the error of every local coordinate, in metres; see [`Direction::error`].
     error: f64,
 }
 
 impl CellBox {
-    /// Encloses a viewcell in a box along `axes`, of about unit length. `bounds` contains all objects that
-    /// can be culled. `None` for a viewcell that is empty, or so large that numbers are not finite.
+    /// Encloses a viewcell in a box along `axes`, which have about unit length. `bounds` contains all objects
+    /// that can be culled. `None` for a viewcell that is empty, or so large that coordinates overflow.
     pub(crate) fn new(cell: &CellExtent, bounds: &Aabb, axes: [DVec3; 3]) -> Option<Self> {
         let reach = |p: DVec3, q: DVec3| p.abs().max(q.abs()).element_sum();
         let magnitude = reach(cell.min, cell.max) + reach(bounds.min.as_dvec3(), bounds.max.as_dvec3());
         // With u = EPSILON / 2: a row times a point rounds three products and two sums, each of at most the
-        // magnitude above, and the offset subtracted below as much: less than 16 u of the magnitude in all.
+        // magnitude above. The offset, subtracted below, rounds as much: less than 16 u of the magnitude in
+        // all.
         let error = 16.0 * f64::EPSILON * magnitude + f64::MIN_POSITIVE;
-        // The subtraction of the origin rounds by u of its result, and the corners as the rest does.
+        // Subtracting the origin rounds by half an EPSILON of the result. The corners round as other points
+        // do.
         let (low, high) = cell.along(axes);
         if !low.cmple(high).all() {
             return None;
@@ -51,7 +53,7 @@ impl CellBox {
     }
 
     /// Converts a point from scene coordinates to coordinates along the axes of the box, relative to the
-    /// middle of the box.
+    /// box's centre.
     pub(crate) fn to_axes(self, p: DVec3) -> DVec3 {
         DVec3::from_array(self.axes.map(|axis| axis.dot(p))) - self.center
     }
@@ -61,18 +63,18 @@ impl CellBox {
         self.half
     }
 
-    /// Returns a bound on the error of coordinates relative to the box, in metres.
+    /// Returns a bound, in metres, on the error of coordinates along the box's axes.
     pub(crate) fn error(&self) -> f64 {
         self.error
     }
 
-    /// Returns whether the axes are a left-handed system.
+    /// Returns whether the axes of the box are left-handed.
     pub(crate) fn is_mirrored(&self) -> bool {
         self.axes[0].cross(self.axes[1]).dot(self.axes[2]) < 0.0
     }
 
-    /// Returns direction `index`, 0 to 5: out of the box along its axis `index % 3`, forwards for indices
-    /// below 3.
+    /// Returns direction `index`, 0 to 5: along axis `index % 3` of the box, forwards for indices below 3 and
+    /// backwards for others.
     pub(crate) fn direction(&self, index: usize) -> Direction {
         let (outward, a, b) = (index % 3, (index + 1) % 3, (index + 2) % 3);
         let sign = if index < 3 { 1.0 } else { -1.0 };
@@ -87,8 +89,8 @@ impl CellBox {
     }
 }
 
-/// Local coordinates of one direction: x and y across it, 0 in the middle of the viewcell, and z along it, 0
-/// on the front of the viewcell's box. The box is at z from `-depth` to 0.
+/// Local coordinates of one direction: x and y across it, with 0 in the middle of the viewcell, and z along
+/// it, with 0 at the front of the viewcell's box. The box extends in z from `-depth` to 0.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Direction {
     /// Rows of the map from scene coordinates to local ones, before `offset` is subtracted.
@@ -96,9 +98,9 @@ pub(crate) struct Direction {
     pub(crate) offset: [f64; 3],
     /// Half the extent of the viewcell along local x and y, in metres.
     pub(crate) half: [f64; 2],
-    /// For each of local x and y that runs along an axis of the scene: that axis, and the ends of the
-    /// viewcell along it relative to the scene's origin, rounded outwards. `None` for a local axis that runs
-    /// otherwise.
+    /// For local x and local y: the scene axis that it runs along, and the ends of the viewcell along that
+    /// axis, relative to the scene's origin and rounded outwards. `None` if it does not run along a scene
+    /// axis.
     pub(crate) exact: [Option<(usize, [f64; 2])>; 2],
     /// Extent of the viewcell along local z, in metres.
     pub(crate) depth: f64,
@@ -114,7 +116,7 @@ pub(crate) struct LocalBox {
 }
 
 impl Direction {
-    /// Returns local bounds of a box of the scene, correct up to [`error`](Self::error).
+    /// Returns the local bounds of a box in scene coordinates, correct up to [`error`](Self::error).
     #[inline]
     pub(crate) fn local_box(&self, bounds: &Aabb) -> LocalBox {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
@@ -126,16 +128,17 @@ impl Direction {
         LocalBox { lo: DVec3::new(x.0, y.0, z.0) - offset, hi: DVec3::new(x.1, y.1, z.1) - offset }
     }
 
-    /// Returns whether the viewcell is certainly outside a box whose coordinates have errors up to `error`.
+    /// Returns whether the viewcell is certainly outside a local box whose coordinates have errors up to
+    /// `error`.
     pub(crate) fn is_outside(&self, b: &LocalBox, error: f64) -> bool {
         let ends = [self.half[0], self.half[1], 0.0];
         let begins = [-self.half[0], -self.half[1], -self.depth];
         (0..3).any(|axis| b.lo[axis] > ends[axis] + error || b.hi[axis] < begins[axis] - error)
     }
 
-    /// Returns the distance in metres that an object must keep from a plane to be certainly behind or before
-    /// it. Local coordinates of occluders err by up to 4 [`error`](Self::error), those of occludees by up to
-    /// 1; a plane's own distance is exact.
+    /// Returns the least distance in metres between an object and a plane at which the object is certainly
+    /// behind or in front of the plane. Local coordinates err by up to 4 [`error`](Self::error) for occluders
+    /// and up to 1 for occludees; a plane's own distance is exact.
     pub(crate) fn guard(&self) -> f64 {
         8.0 * self.error
     }
@@ -145,8 +148,8 @@ impl Direction {
         self.half[0].max(self.half[1])
     }
 
-    /// Returns the least and greatest coordinate along lateral axis `lat` (0 or 1), in metres, at which rays
-    /// from the viewcell through a point meet a plane. The point is at lateral position `x`. `near` and `far`
+    /// Returns the least and greatest coordinate along lateral axis `lat` (0 or 1), in metres, where rays
+    /// from the viewcell through a point meet a plane. `x` is the point's lateral position. `near` and `far`
     /// are the factors that [`beyond`](Self::beyond) returns for the point's depth and the plane.
     #[inline]
     pub(crate) fn spread(&self, x: f64, lat: usize, [near, far]: [f64; 2]) -> [f64; 2] {
@@ -154,20 +157,20 @@ impl Direction {
         [x + (a * near).min(a * far), x + (b * near).max(b * far)]
     }
 
-    /// Returns the two factors for [`spread`](Self::spread), the first for viewpoints on the front of the
-    /// cell, the second for those on its back. A factor is the distance from a point at depth `z` to the
-    /// plane at depth `d`, divided by the distance from the viewpoint to the point, both along local z.
+    /// Returns two factors for [`spread`](Self::spread): one for viewpoints on the front of the cell, one for
+    /// those on its back. A factor is the distance from a point at depth `z` to the plane at depth `d`,
+    /// divided by the distance from the viewpoint to the point, both along local z.
     #[inline]
     pub(crate) fn beyond(&self, z: f64, d: f64) -> [f64; 2] {
         [(d - z) / z, (d - z) / (z + self.depth)]
     }
 
-    /// Returns the ranges along local x and y, in metres, in which rays from the viewcell to a box behind the
-    /// plane at `d` meet that plane: the extended projection of an occludee, by separating lines.
+    /// Returns the ranges along local x and y, in metres, where rays from the viewcell to a box behind the
+    /// plane at `d` meet that plane: the extended projection of an occludee.
     #[inline]
     pub(crate) fn occludee(&self, d: f64, b: &LocalBox) -> [[f64; 2]; 2] {
-        // From viewpoint v at depth w behind the front, to x at z: v + (x - v) t with t = (d + w) / (z + w),
-        // which is least for w = 0 and the far z, and greatest for the near z.
+        // A ray from viewpoint v, at depth w behind the front, to x at depth z meets the plane at v + (x - v)
+        // t with t = (d + w) / (z + w). t is least for w = 0 and the far z, and greatest for the near z.
         let (least, most) = (d / b.hi.z, (d + self.depth) / (b.lo.z + self.depth));
         [0, 1].map(|lat| {
             let h = self.half[lat];
@@ -176,12 +179,13 @@ impl Direction {
         })
     }
 
-    /// Tests whether the box `b` may meet a segment from the viewcell to the box `other`, at a depth from 0,
-    /// the front of the viewcell's box, to the least depth of `other`. Both boxes are in local coordinates.
-    /// True if undecided; false is certain.
+    /// Tests whether the box `b` may meet a segment from the viewcell to the box `other`, at a depth between
+    /// 0, the front of the viewcell's box, and the least depth of `other`. Both boxes are in local
+    /// coordinates. False is certain; true may also mean undecided.
     pub(crate) fn is_between(&self, b: &LocalBox, other: &LocalBox) -> bool {
         let (near, far) = (b.lo.z.max(0.0), b.hi.z.min(other.lo.z));
-        // The ends of the projection are convex in the plane's distance, so they are greatest at an end.
+        // The ends of the projection are convex functions of the plane's distance, so the greatest are at
+        // either plane.
         let (first, last) = (self.occludee(near, other), self.occludee(far, other));
         near <= far
             && (0..2).all(|lat| {
@@ -190,15 +194,16 @@ impl Direction {
             })
     }
 
-    /// Returns the least width along lateral axis `lat` (0 or 1) of the projection onto the plane at `d` of
-    /// an occludee at depth `z` or more, in metres: the width of the projection of a point at depth `z`.
+    /// Returns the least width in metres, along lateral axis `lat` (0 or 1), that the projection of an
+    /// occludee at depth `z` or more has on the plane at `d`. It is the width of the projection of a point at
+    /// depth `z`.
     pub(crate) fn least_width(&self, d: f64, z: f64, lat: usize) -> f64 {
         2.0 * self.half[lat] * (1.0 - d / z)
     }
 
-    /// Returns a range along lateral axis `lat` (0 or 1) that holds all points of the plane at depth `d` that
-    /// a box covers as seen from every viewpoint. Of the box, the part between the depths `near > 0` and `far
-    /// <= d` counts. The ends of an empty range are swapped.
+    /// Returns a range along lateral axis `lat` (0 or 1), in metres, that contains all points of the plane at
+    /// depth `d` that a box covers as seen from every viewpoint. Only the part of the box between the depths
+    /// `near > 0` and `far <= d` counts. If the range is empty, its end is below its start.
     pub(crate) fn common_view(&self, d: f64, b: &LocalBox, [near, far]: [f64; 2], lat: usize) -> [f64; 2] {
         let (mut left, mut right) = (f64::NEG_INFINITY, f64::INFINITY);
         for w in [0.0, self.depth] {

@@ -1,13 +1,13 @@
-//! Pixels that the convex hull of two rectangles meets.
+//! Drawing of the pixels that the convex hull of two rectangles meets.
 
 use super::ray_map::{PixelRect, RayMap};
 
-/// A rectangle in pixel coordinates: minimum and maximum x, then y. It contains the pixels in which rays from
-/// the viewcell through one end of a contour edge arrive.
+/// A rectangle in pixel coordinates: least and greatest x, then y. It contains the pixels where rays from the
+/// viewcell through one end of a contour edge arrive.
 pub(super) type Spread = [[f64; 2]; 2];
 
-/// Sets the pixels of `rect` that the convex hull of two rectangles meets: those in which a contour edge may
-/// be seen whose ends may be seen in the rectangles.
+/// Sets the pixels of `rect` that the convex hull of two rectangles meets. If each rectangle contains the
+/// projections of one end of an edge, these are the pixels in which the edge may be seen.
 pub(super) fn draw_hull(map: &mut RayMap, p: &Spread, q: &Spread, rect: PixelRect) {
     let (low, high) = (p[1][0].min(q[1][0]), p[1][1].max(q[1][1]));
     let (left, right) = (p[0][0].min(q[0][0]), p[0][1].max(q[0][1]));
@@ -16,11 +16,11 @@ pub(super) fn draw_hull(map: &mut RayMap, p: &Spread, q: &Spread, rect: PixelRec
         return;
     }
     let left = Side::new([p[0][0], p[1][0], p[1][1]], [q[0][0], q[1][0], q[1][1]]);
-    // The right side is the left one of the mirror image.
+    // The right side is found as the left side of the mirror image.
     let right = Side::new([-p[0][1], p[1][0], p[1][1]], [-q[0][1], q[1][0], q[1][1]]);
     for row in first as usize..=(last as usize).min(rect.y[1]) {
         let band = [(row as f64).max(low), (row as f64 + 1.0).min(high)];
-        // Pixels are compared, not clamped ends: a hull within the right half of the last column counts.
+        // Clamping the ends before the comparison would lose a hull within the right half of the last column.
         let (a, b) = (left.least(band).max(rect.x[0] as f64), -right.least(band));
         if a <= b && a < rect.x[1] as f64 + 1.0 {
             map.set_span(row, a as usize, (b as usize).min(rect.x[1]));
@@ -28,28 +28,28 @@ pub(super) fn draw_hull(map: &mut RayMap, p: &Spread, q: &Spread, rect: PixelRec
     }
 }
 
-/// The left side of the hull of two vertical segments: a convex function of y.
+/// The left boundary of the convex hull of two vertical segments: x as a convex function of y.
 struct Side {
-    /// x of the segment farther to the left, in pixels.
+    /// x of the segment that is farther to the left, in pixels.
     x: f64,
-    /// Least and greatest y of that segment, in pixels.
+    /// Least and greatest y of the left segment, in pixels.
     ends: [f64; 2],
-    /// x of the other segment, in pixels.
+    /// x of the segment that is farther to the right, in pixels.
     other: f64,
-    /// Change of x per row along the line between the ends of least y of the two segments, then along the
-    /// line between their ends of greatest y. 0 where the two ends have equal y.
+    /// Change of x per row along two lines: from the lower end of one segment to the lower end of the other,
+    /// and from upper end to upper end. 0 where the two ends have equal y.
     slopes: [f64; 2],
 }
 
 impl Side {
-    /// Makes the left side of the hull of two vertical segments, each given as x, least y and greatest y.
+    /// Makes the left boundary of the hull of two vertical segments, each given as x, least y and greatest y.
     fn new(p: [f64; 3], q: [f64; 3]) -> Self {
         let ([x, low, high], [other, other_low, other_high]) = if p[0] <= q[0] { (p, q) } else { (q, p) };
         let slope = |from: f64, to: f64| if from == to { 0.0 } else { (other - x) / (to - from) };
         Self { x, ends: [low, high], other, slopes: [slope(low, other_low), slope(high, other_high)] }
     }
 
-    /// Returns the least x within a band of y, which must meet the hull.
+    /// Returns the least x of the boundary within a band of y, which must meet the hull.
     #[inline]
     fn least(&self, [low, high]: [f64; 2]) -> f64 {
         let x = if low > self.ends[1] {
@@ -59,7 +59,8 @@ impl Side {
         } else {
             self.x
         };
-        // Where a slope is infinite or NaN, the whole side counts.
+        // NaN, from an infinite slope, gives the x of the left segment. The result is at most that of the
+        // right one.
         if x > self.x { x.min(self.other) } else { self.x }
     }
 }
@@ -69,11 +70,11 @@ mod tests {
     use super::*;
     use alloc::vec::Vec;
 
-    /// Eighths of a pixel, in the units of the oracle: 64 units to a pixel.
+    /// An eighth of a pixel in the units of the oracle, which are 64ths of a pixel.
     const EIGHTH: i64 = 8;
 
     /// Tests by separating lines, in integers, whether the hull of two rectangles meets the square of a pixel
-    /// that is moved outwards by `grow` units on each side.
+    /// that is enlarged by `grow` units on each side.
     fn meets(p: [[i64; 2]; 2], q: [[i64; 2]; 2], [x, y]: [usize; 2], grow: i64) -> bool {
         let corners = |[x, y]: [[i64; 2]; 2]| [[x[0], y[0]], [x[1], y[0]], [x[1], y[1]], [x[0], y[1]]];
         let square = corners([x, y].map(|at| [at as i64 * 64 - grow, (at as i64 + 1) * 64 + grow]));
@@ -91,8 +92,8 @@ mod tests {
         })
     }
 
-    /// Draws a hull whose ends are in units of the oracle, and tests each pixel in and around the rectangle.
-    /// Pixels that the hull only touches from outside may be set or not.
+    /// Draws the hull of two rectangles in units of the oracle, and tests each pixel in and around `rect`. A
+    /// pixel that the hull only touches from outside may be set or not.
     fn check(map: &mut RayMap, p: [[i64; 2]; 2], q: [[i64; 2]; 2], rect: PixelRect) {
         let pixels = |spread: [[i64; 2]; 2]| spread.map(|range| range.map(|end| end as f64 / 64.0));
         draw_hull(map, &pixels(p), &pixels(q), rect);
@@ -107,8 +108,8 @@ mod tests {
         map.clear_rect(PixelRect { x: [0, 6], y: [0, 6] });
     }
 
-    /// Ranges whose ends are on, just before and just after the ends and the middles of the first and the
-    /// last of some pixels. Points as well.
+    /// Ranges whose ends are at, just before or just after the ends and the middles of the first and the last
+    /// pixel. Includes single points.
     fn ranges([first, last]: [usize; 2]) -> Vec<[i64; 2]> {
         let mut ends: Vec<i64> = [first, last]
             .iter()

@@ -1,5 +1,5 @@
 //! The occlusion sweep: in each of six directions, projection planes move away from the viewcell. A map of
-//! the rays that are blocked before the plane is carried on from plane to plane.
+//! the rays that are blocked in front of the plane is transferred from plane to plane.
 
 pub(crate) mod cell_extent;
 mod coverage;
@@ -36,7 +36,7 @@ use ray_map::RayMap;
 use window::Window;
 
 /// Depth at which the near end of a piece that joins several meshes is cut off, as a fraction of the depth of
-/// the plane that the piece is drawn on.
+/// the plane on which the piece is drawn.
 const CUT: f64 = 0.3;
 
 /// The map of a sweep along one direction, and scratch memory. One value serves any number of sweeps.
@@ -48,14 +48,13 @@ pub(crate) struct Sweep {
     /// Window of the map. `None` before the first plane of a sweep.
     window: Option<Window>,
     /// Occluders that the sweep has reached and that are still to be drawn: the index of each, and the number
-    /// of planes behind it on which it is still to be drawn.
+    /// of planes behind the occluder on which it is still to be drawn.
     open: Vec<(usize, usize)>,
-    /// Number of elements of `open` that have been drawn on the present plane, and number of these that are
-    /// drawn again on the next one: they are moved to the front of `open`.
+    /// Number of elements of `open` that have been drawn on the present plane, and number of those among them
+    /// that are drawn again on the next plane. The latter are moved to the front of `open`.
     drawn: usize,
     kept: usize,
-    /// Number of occluders that the sweep has reached: those whose nearest point lies before the present
-    /// plane.
+    /// Number of occluders that the sweep has reached: their nearest point is in front of the present plane.
     begun: usize,
 }
 
@@ -81,9 +80,9 @@ impl Sweep {
         self.begun = 0;
     }
 
-    /// Moves the map on to the plane of `window`: reprojects the covered pixels, and takes the occluders that
-    /// begin before the plane to those that are drawn on `again` planes behind them. `occluders` are those of
-    /// the whole sweep, nearest first. All of them must have been drawn on the plane before.
+    /// Moves the map to the plane of `window`. Covered pixels are reprojected, and occluders that begin in
+    /// front of the plane are added to those to be drawn, until `again` planes behind them. `occluders` are
+    /// those of the whole sweep, nearest first. All reached ones must have been drawn on the plane before.
     pub(crate) fn move_to(
         &mut self,
         direction: &Direction,
@@ -106,7 +105,7 @@ impl Sweep {
     }
 
     /// Draws occluders on the present plane, until all are drawn or `work` is used up. Returns whether all
-    /// are drawn. `place` must return the occluder of a source in local coordinates. Adds the number of
+    /// are drawn. `place` must return an occluder in local coordinates, given its source. Adds the number of
     /// occluders drawn to `count`.
     pub(crate) fn draw<'a>(
         &mut self,
@@ -123,7 +122,7 @@ impl Sweep {
                 return false;
             }
             let candidate = &occluders[index];
-            // A long piece is cut closer to the plane: what is nearer was drawn on the planes before.
+            // A long piece is cut closer to the plane, since its nearer part was drawn on the planes before.
             let near = if candidate.joins { cone.near.max(CUT * window.d) } else { cone.near };
             if let Some(occluder) = place(candidate.source) {
                 *count +=

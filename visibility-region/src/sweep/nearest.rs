@@ -1,4 +1,4 @@
-//! Occluders of one direction, collected from the nearest on and in portions. Where the nearest houses hide
+//! Collection of the occluders of one direction, nearest first and in portions. Where the nearest houses hide
 //! everything, a sweep never touches the rest of a city.
 
 use super::direction::{CellBox, Direction, LocalBox};
@@ -17,19 +17,19 @@ use visibility_core::bits::Bits;
 use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy};
 use visibility_core::{ObjectId, Scene};
 
-/// Number of occluding objects of the first portion. Each further portion doubles it. The planes right behind
-/// occluders are chosen portion by portion: a smaller number is faster, and chooses worse planes.
+/// Number of occluding objects in the first portion. Each further portion is twice as large. Planes behind
+/// occluders are chosen portion by portion: a smaller number here is faster, and chooses worse planes.
 const FIRST_PORTION: usize = 4096;
 
-/// Greatest number of occludees with which each occluder is compared before it is collected. With more
-/// occludees, no occluder is left out.
+/// Greatest number of occludees for which each occluder is tested before it is collected. With more
+/// occludees, no occluder is skipped.
 const FEW: usize = 128;
 
-/// Work for an entry of the queue, and for a triangle of which pieces are made.
+/// Costs in nanoseconds of [`Work`]: of an entry of the queue, and of a triangle when pieces are made.
 const ENTRY: u64 = 150;
 const TRIANGLE: u64 = 300;
 
-/// Occluders that one call may use.
+/// The occluders of a scene that one call may use.
 #[derive(Clone, Copy)]
 pub(crate) struct Occluders<'a> {
     pub(crate) scene: &'a Scene,
@@ -40,7 +40,8 @@ pub(crate) struct Occluders<'a> {
     pub(crate) cell_box: &'a CellBox,
 }
 
-/// A node or an object of the scene's hierarchy, ordered by depth: the nearest is the greatest.
+/// A node or an object of the scene's hierarchy, ordered by depth so that a max-heap returns the nearest
+/// first.
 #[derive(Clone, Debug)]
 struct Entry {
     child: Child,
@@ -67,27 +68,27 @@ impl PartialEq for Entry {
 
 impl Eq for Entry {}
 
-/// The occluders of one direction that have been collected, and the queue of nodes and objects still to be
-/// visited.
+/// The occluders of one direction that have been collected so far, and the queue of nodes and objects still
+/// to be visited.
 #[derive(Clone, Debug)]
 pub(crate) struct Nearest {
     queue: BinaryHeap<Entry>,
     /// Indices of the clusters of surfaces whose pieces have been collected.
     listed: Bits,
-    /// The collected occluders. The first `settled` are complete and in their final order: by depth.
+    /// The collected occluders. The first `settled` of them are complete and in their final order, by depth.
     occluders: Vec<Candidate>,
     settled: usize,
     portion: usize,
-    /// Number of occluding objects collected for the portion at work.
+    /// Number of occluding objects collected for the present portion.
     count: usize,
-    /// Range of depths in metres of the planes that the last portion serves. All occluders that begin before
-    /// its end are collected.
+    /// Range of depths in metres of the planes that the last portion serves. All occluders that begin in
+    /// front of the range's end are collected.
     complete: Range<f64>,
 }
 
 impl Nearest {
-    /// Begins at the occluders within `cone`. With `by_node`, the hierarchy of the scene must stay as it is
-    /// from now on; otherwise it is not used, and this takes time for each occluder.
+    /// Begins with the occluders within `cone`. With `by_node`, the hierarchy of the scene must not change
+    /// from now on. Without it, the hierarchy is not used, and this takes time for each occluder.
     pub(crate) fn new(all: &Occluders<'_>, direction: &Direction, cone: &Cone, by_node: bool) -> Self {
         let mut new = Self {
             queue: BinaryHeap::new(),
@@ -112,10 +113,10 @@ impl Nearest {
         new
     }
 
-    /// Collects the next portion of occluders. `asked` are the occludees that are still to be tested: if
-    /// given, occluders that no ray to one of them meets may be left out. Returns the range of depths, in
-    /// metres, of the planes that the portion serves. `None` after the last portion, and if `work` is used up
-    /// before the portion is collected: the next call goes on with it.
+    /// Collects the next portion of occluders. `asked`: the occludees that are still to be tested, if
+    /// occluders that meet no ray to them may be left out. Returns the range of depths, in metres, of the
+    /// planes that the portion serves. `None` after the last portion, and if `work` is used up before the
+    /// portion is complete: the next call then continues it.
     pub(crate) fn advance(
         &mut self,
         all: &Occluders<'_>,
@@ -129,8 +130,8 @@ impl Nearest {
             return None;
         }
         let before = self.complete.end;
-        // With few items left, occluders beside all of their lines of sight are skipped. With many, the test
-        // would cost more than drawing.
+        // With few occludees left, occluders beside all lines of sight to them are skipped. With many, this
+        // test would cost more than drawing.
         let asked = asked.filter(|items| before > 0.0 && items.len() <= FEW);
         let mut end = f64::INFINITY;
         while let Some(entry) = self.queue.pop() {
@@ -139,7 +140,7 @@ impl Nearest {
                 return None;
             }
             work.use_up(1, ENTRY);
-            // The portion is full: the planes that it serves end where the next occluder begins.
+            // The portion is full. The planes that it serves end where the next occluder begins.
             if self.count >= self.portion && entry.bounds.lo.z > before.max(cone.near) {
                 end = entry.bounds.lo.z;
                 self.queue.push(entry);
@@ -159,8 +160,8 @@ impl Nearest {
                 }
             }
         }
-        // Occluders that begin before the end are settled, in the order in which they begin. Portions double,
-        // so that their number is logarithmic.
+        // Occluders that begin before the range's end are final, in the order in which they begin. Portions
+        // double in size, so that their number is logarithmic.
         let open = &mut self.occluders[self.settled..];
         open.sort_by(|a, b| a.begins.total_cmp(&b.begins));
         self.settled += open.partition_point(|occluder| occluder.begins < end);
@@ -174,8 +175,8 @@ impl Nearest {
         self.complete.end == f64::INFINITY
     }
 
-    /// Returns the occluders collected so far that begin before the end of the last portion. Those of earlier
-    /// portions keep their indices.
+    /// Returns the occluders collected so far that begin in front of the end of the last portion's range.
+    /// Indices of earlier occluders do not change.
     pub(crate) fn occluders(&self) -> &[Candidate] {
         &self.occluders[..self.settled]
     }
@@ -195,8 +196,8 @@ impl Nearest {
         });
     }
 
-    /// Collects the occluders of an object, and of the cluster that it belongs to. Returns the number of
-    /// their triangles.
+    /// Collects the occluders of an object and of its cluster. Returns a measure of the work: the number of
+    /// the cluster's triangles, or the number of the mesh's parts if the object has no cluster.
     fn collect(
         &mut self,
         all: &Occluders<'_>,
@@ -246,8 +247,8 @@ impl<'a> Occluders<'a> {
     }
 }
 
-/// Returns the data of an occluder that the choice of planes needs. `None` if the occluder cannot cover a
-/// pixel of the cone, or its coordinates are too imprecise.
+/// Returns the data of an occluder that is needed to choose planes. `None` if the occluder cannot cover a
+/// pixel of the cone, or if its coordinates are too imprecise.
 fn candidate(
     all: &Occluders<'_>,
     pieces: &Pieces,

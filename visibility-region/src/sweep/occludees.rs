@@ -1,5 +1,5 @@
-//! Occludees: nodes and objects of the scene's hierarchy, each assigned to the direction in which it is
-//! farthest.
+//! Occludees, the nodes and objects of the scene's hierarchy that are tested. Each is assigned to the
+//! direction in which it is farthest.
 
 use super::direction::{Direction, LocalBox};
 use crate::extent::contains;
@@ -8,31 +8,31 @@ use visibility_core::bits::Bits;
 use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy};
 use visibility_core::{Aabb, ObjectId, Scene, VisibleSet};
 
-/// A node or an object in local coordinates of the direction that it is assigned to.
+/// A node or an object to be tested, in local coordinates of its assigned direction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Item {
     pub(crate) child: Child,
     pub(crate) bounds: LocalBox,
-    /// Bounds in coordinates of the scene.
+    /// Bounds in scene coordinates.
     pub(crate) scene_bounds: Aabb,
 }
 
-/// Greatest slope of rays that a map holds, in lateral metres per metre of depth. Objects farther aside count
-/// as visible.
+/// Greatest slope of rays that a map holds, in lateral metres per metre of depth. Objects that are farther to
+/// the side count as visible.
 const STEEPEST: f64 = 4.0;
 
-/// Objects to be assigned to directions.
+/// Objects to be tested, which are assigned to directions.
 #[derive(Clone, Copy)]
 pub(crate) enum Asked<'a> {
-    /// The objects of a set. Whole nodes of the hierarchy are assigned where that is possible.
+    /// The objects of a set. Where possible, whole nodes of the hierarchy are assigned.
     Set(&'a VisibleSet),
-    /// Objects of the scene, one by one.
+    /// Objects of the scene, assigned one by one.
     Objects(&'a [ObjectId]),
 }
 
-/// Assigns the objects of `asked` to the six directions. Where all objects below a node are farthest along
-/// one direction, or nearly, the whole node is assigned. Objects that reach out of `usable_bounds`, into the
-/// box of the viewcell, or too far aside of it, are left out: they count as visible. Returns the number of
+/// Assigns the objects of `asked` to the six directions. A whole node is assigned if all objects below it are
+/// farthest along one direction, or nearly. Objects are left out, and so count as visible, if they reach out
+/// of `usable_bounds` or into the box of the viewcell, or are too far to its side. Returns the number of
 /// nodes visited.
 pub(crate) fn assign(
     scene: &Scene,
@@ -76,7 +76,8 @@ pub(crate) fn assign(
                     }
                 }
                 Child::Node(below) => {
-                    // An object below may be as far along another direction as the node reaches there.
+                    // An object below the node may be as far along another direction as the far side of the
+                    // node's box is.
                     let others = (0..6).filter(|&i| i != farthest).map(|i| boxes[i].hi.z);
                     if usable && others.fold(0.0, f64::max) * 0.75 <= bounds.lo.z {
                         lists[farthest].push(Item { child, bounds, scene_bounds });
@@ -90,24 +91,25 @@ pub(crate) fn assign(
     nodes
 }
 
-/// Returns the index of the direction along which a box is farthest away. `boxes` is the box in the local
-/// coordinates of each direction.
+/// Returns the index of the direction along which the near side of a box is farthest away. `boxes` is the box
+/// in the local coordinates of each direction.
 fn farthest(boxes: &[LocalBox; 6]) -> usize {
     (1..6).fold(0, |best, i| if boxes[i].lo.z > boxes[best].lo.z { i } else { best })
 }
 
-/// Tests whether a box may be an occludee of a direction. `local` and `bounds` are its bounds in local and in
-/// scene coordinates.
+/// Tests whether a box may be an occludee of a direction. `local` is the box in local coordinates, `bounds`
+/// in scene coordinates.
 fn is_usable(usable_bounds: &Aabb, direction: &Direction, local: &LocalBox, bounds: &Aabb) -> bool {
     contains(usable_bounds, bounds) && local.lo.z > direction.guard() && is_ahead(direction, local)
 }
 
-/// Tests whether the rays to a box are no steeper than [`STEEPEST`].
+/// Tests whether all rays from the viewcell's front to a box have a slope of at most [`STEEPEST`].
 fn is_ahead(direction: &Direction, b: &LocalBox) -> bool {
     (0..2).all(|lat| b.lo[lat].abs().max(b.hi[lat].abs()) - direction.half[lat] <= STEEPEST * b.lo.z)
 }
 
-/// Calls `each` with the children of a node that are candidates, in local coordinates.
+/// Calls `each` with the children of a node, in local coordinates. Objects that are no candidates are left
+/// out.
 pub(crate) fn for_each_child(
     scene: &Scene,
     visible: &VisibleSet,

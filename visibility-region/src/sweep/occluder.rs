@@ -8,25 +8,25 @@ use super::window::Window;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{ObjectId, OccluderMesh};
 
-/// Key by which an occluder is found again in the scene or among the pieces.
+/// Identifies an occluder in the scene or among the pieces of a viewcell.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Source {
     /// Index of a piece among the [`Pieces`] of the viewcell.
     Piece(u32),
-    /// A part of an object's mesh, by index.
+    /// A part of an object's mesh, by the object's id and the part's index.
     Part(ObjectId, u32),
 }
 
-/// An occluder placed in local coordinates of a direction.
+/// An occluder in local coordinates of a direction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Occluder<'a> {
     pub(super) shape: Shape<'a>,
-    /// Rows of the map from mesh coordinates to local coordinates of the direction, before `offset` is added.
+    /// Rows of the map from mesh coordinates to local coordinates, before `offset` is added.
     rows: [DVec3; 3],
     offset: DVec3,
     /// Bound on the error of each local coordinate of a vertex, in metres.
     pub(super) error: f64,
-    /// True if the map mirrors, so that front faces run clockwise in local coordinates.
+    /// True if the map mirrors: front faces then run clockwise in local coordinates.
     pub(super) mirrored: bool,
     pub(crate) bounds: LocalBox,
 }
@@ -34,14 +34,15 @@ pub(crate) struct Occluder<'a> {
 /// Geometry from which an occluder is drawn.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Shape<'a> {
-    /// A mesh, or one part of a mesh, in coordinates of its own.
+    /// A mesh, or a part of a mesh, in mesh coordinates.
     Mesh(&'a OccluderMesh),
-    /// A piece of surfaces: its triangles, all of which face the cell, and the segments that bound it.
+    /// A piece of joined surfaces: its triangles, all of which face the viewcell, and the segments of its
+    /// boundary.
     Piece { surfaces: &'a Surfaces, triangles: &'a [u32], contour: &'a [u32] },
 }
 
 impl<'a> Occluder<'a> {
-    /// Places a mesh. `None` if its transform flattens it, or if numbers are not finite.
+    /// Makes the occluder of a mesh. `None` if its transform flattens it, or if coordinates are not finite.
     pub(crate) fn new(direction: &Direction, mesh: &'a OccluderMesh, transform: &Affine3A) -> Option<Self> {
         let columns = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis]
             .map(|column| DVec3::from_array(column.to_array().map(f64::from)));
@@ -54,12 +55,12 @@ impl<'a> Occluder<'a> {
         let magnitude = translation.abs().element_sum()
             + (0..3).map(|axis| columns[axis].abs().element_sum() * far[axis]).sum::<f64>();
         // The products of rows and columns round three products and two sums, those with a vertex as many,
-        // and the offset is added: with u = EPSILON / 2, less than 16 u of the magnitude, and the offset's
-        // own error is the direction's.
+        // and the offset is added. With u = EPSILON / 2 this is less than 16 u of the magnitude. The error of
+        // the offset is that of the direction.
         let error = 16.0 * f64::EPSILON * magnitude + direction.error;
         let determinant = rows[0].cross(rows[1]).dot(rows[2]);
         let size: f64 = rows.iter().map(|row| row.abs().element_sum()).product();
-        // Each of the six products of the determinant rounds by some u of at most `size`.
+        // Each of the six products of the determinant rounds by a few EPSILON of at most `size`.
         if !(determinant.abs() > 32.0 * f64::EPSILON * size && error.is_finite()) {
             return None;
         }
@@ -74,7 +75,7 @@ impl<'a> Occluder<'a> {
         Some(Self { shape, rows, offset, error, mirrored: determinant < 0.0, bounds })
     }
 
-    /// Makes the occluder of a piece in the coordinates of a direction.
+    /// Makes the occluder of a piece, in local coordinates of a direction.
     pub(crate) fn piece(
         direction: &Direction,
         surfaces: &'a Surfaces,
@@ -87,29 +88,30 @@ impl<'a> Occluder<'a> {
             shape: Shape::Piece { surfaces, triangles, contour },
             rows: direction.rows,
             offset: -DVec3::from_array(direction.offset),
-            // As above, with a transform that does not round.
+            // The same bound as for a mesh that has the identity as its transform, which does not round.
             error: 16.0 * f64::EPSILON * far + direction.error,
             mirrored: false,
             bounds: direction.local_box(&piece.bounds),
         }
     }
 
-    /// Returns a vertex in local coordinates of the direction, given in mesh coordinates.
+    /// Converts a vertex from mesh coordinates to local coordinates.
     pub(super) fn local(&self, p: Vec3) -> DVec3 {
         let p = p.as_dvec3();
         DVec3::new(self.rows[0].dot(p), self.rows[1].dot(p), self.rows[2].dot(p)) + self.offset
     }
 
-    /// Returns whether the error of the occluder's vertices is within the margins of planes and occludees: at
-    /// most 4 times that of points of the scene. False for a mesh whose transform cancels nearly all digits.
+    /// Returns whether the error of the occluder's vertices is within the margins that planes and occludees
+    /// keep: at most 4 times the error of points of the scene. False for a mesh whose transform cancels
+    /// nearly all digits.
     pub(crate) fn is_precise(&self, direction: &Direction) -> bool {
         self.error <= 4.0 * direction.error
     }
 }
 
-/// Returns a rectangle with all pixels that the part of an occluder between depth `near` and the plane can
-/// cover: those within the projections of `bounds`, which contain the occluder, from all viewpoints. `None`
-/// if there is no whole pixel.
+/// Returns the rectangle of all pixels that the part of an occluder between depth `near` and the plane can
+/// cover. They are within the projections of `bounds`, which contain the occluder, from all viewpoints.
+/// `None` if the rectangle contains no whole pixel.
 pub(super) fn pixels_behind(
     bounds: &LocalBox,
     direction: &Direction,

@@ -1,6 +1,6 @@
-//! Draws occluders: their triangles that face the viewcell, in pieces that are joined across edges. Each
-//! piece is a chain of its own, with its own contour, so that the contour of one leaf of a tree does not undo
-//! what another leaf covers.
+//! Draws occluders: their triangles that face the viewcell, in pieces that are connected across edges. Each
+//! piece is drawn with its own contour, so that the contour of one leaf of a tree does not remove what
+//! another leaf covers.
 
 use super::coverage::{PieceMaps, Target};
 use super::direction::{Direction, LocalBox};
@@ -13,18 +13,18 @@ use alloc::vec::Vec;
 use visibility_core::OccluderMesh;
 use visibility_core::glam::DVec3;
 
-/// Work for an occluder that may not cover a pixel, and for a triangle or a contour edge of one that may,
-/// besides that of its rows of pixels.
+/// Costs in nanoseconds of [`Work`]: of an occluder that cannot cover a pixel, and of a triangle or contour
+/// edge of another occluder, without its rows of pixels.
 const OCCLUDER: u64 = 80;
 const SIDE_WORK: u64 = 80;
 
-/// Scratch memory for drawing.
+/// Scratch memory for drawing occluders.
 #[derive(Clone, Debug)]
 pub(crate) struct OccluderRaster {
     maps: PieceMaps,
     vertices: Vec<DVec3>,
-    /// Facing of each triangle of the mesh at work: 1 if its front faces the whole cell, -1 if its back does,
-    /// 0 if neither. 2 or -2 once the triangle is in a piece.
+    /// Facing of each triangle of the present mesh: 1 if its front faces the whole viewcell, -1 if its back
+    /// does, 0 if neither. 2 or -2 once the triangle is in a piece.
     facing: Vec<i8>,
     stack: Vec<u32>,
     piece: Vec<u32>,
@@ -41,9 +41,9 @@ impl OccluderRaster {
         }
     }
 
-    /// Adds to `map` the pixels that an occluder covers. Parts nearer than depth `near` do not count. Counts
-    /// the work. Returns false if the occluder was not drawn, since it can cover no pixel that is not covered
-    /// yet, or is too imprecise.
+    /// Adds to `map` the pixels that an occluder covers. Parts nearer than depth `near` do not count.
+    /// Subtracts the cost from `work`. Returns false if the occluder was not drawn, since it cannot cover a
+    /// further pixel or is too imprecise.
     pub(crate) fn draw(
         &mut self,
         map: &mut RayMap,
@@ -94,16 +94,16 @@ impl OccluderRaster {
         if fronts {
             self.draw_chain(map, target, mesh, 1);
         }
-        // From outside of a convex solid, what its back faces cover is covered: see `pieces`. Other closed
-        // meshes show their backs to nobody outside.
+        // Seen from outside a convex solid, everything that its back faces cover is covered by the solid: see
+        // `pieces`. Backs of other closed meshes cannot be seen from outside.
         let is_solid = mesh.is_convex() && target.direction.is_outside(&occluder.bounds, occluder.error);
         if backs && (is_solid || mesh.is_two_sided() && !(fronts && mesh.is_closed())) {
             self.draw_chain(map, target, mesh, -1);
         }
     }
 
-    /// Returns whether the errors of vertices, projected onto this plane, stay below a quarter of [`SLACK`]
-    /// pixels. Otherwise the occluder is not drawn.
+    /// Returns whether the errors of vertices, projected onto this plane, are below a quarter of [`SLACK`]
+    /// pixels. If not, the occluder is not drawn.
     fn decides(direction: &Direction, window: &Window, occluder: &Occluder<'_>, near: f64) -> bool {
         // A vertex at (x, z) is seen at x + (x - v) (d - z) / (z + w). With w >= 0 and |v| <= h its
         // derivative by x is at most d / z, that by z at most (|x| + h) d / z^2.
@@ -115,8 +115,8 @@ impl OccluderRaster {
         })
     }
 
-    /// Classifies the triangles by the side that faces the viewcell. Returns whether any shows its front, and
-    /// whether any shows its back.
+    /// Finds out which side of each triangle faces the viewcell. Returns two flags: whether any triangle
+    /// shows its front, and whether any shows its back.
     fn classify(
         &mut self,
         direction: &Direction,
@@ -137,8 +137,8 @@ impl OccluderRaster {
         (fronts, backs)
     }
 
-    /// Draws the triangles whose `facing` is `side`, piece by piece: 1 for those that show their front, -1
-    /// for those that show their back.
+    /// Draws the triangles whose `facing` equals `side`, piece by piece. `side` is 1 for triangles that show
+    /// their front, -1 for those that show their back.
     fn draw_chain(&mut self, map: &mut RayMap, target: &Target<'_>, mesh: &OccluderMesh, side: i8) {
         for first in 0..self.facing.len() {
             if self.facing[first] != side {
@@ -147,7 +147,7 @@ impl OccluderRaster {
             self.collect_piece(mesh, first as u32, side);
             let (vertices, facing, piece) = (&self.vertices, &self.facing, &self.piece);
             let corners = |t: u32| mesh.triangles()[t as usize].map(|i| vertices[i as usize]);
-            // Most leaves of a tree are narrower than the viewcell, and cover nothing.
+            // Most leaves of a tree are narrower than the viewcell, and so cover no pixel.
             let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
             for corner in piece.iter().flat_map(|&t| corners(t)) {
                 (lo, hi) = (lo.min(corner), hi.max(corner));
@@ -168,7 +168,7 @@ impl OccluderRaster {
         }
     }
 
-    /// Collects into `piece` the triangles of facing `side` that are joined to `first` across edges.
+    /// Collects into `piece` the triangles with facing `side` that are connected to `first` across edges.
     fn collect_piece(&mut self, mesh: &OccluderMesh, first: u32, side: i8) {
         self.piece.clear();
         self.stack.push(first);
@@ -187,7 +187,7 @@ impl OccluderRaster {
     }
 }
 
-/// Returns the triangle on the other side of an edge that has exactly two, otherwise `None`.
+/// Returns the other triangle at an edge. `None` unless the edge has exactly two triangles.
 #[inline]
 fn neighbour(mesh: &OccluderMesh, edge: u32, triangle: u32) -> Option<u32> {
     let edge = &mesh.edges()[edge as usize];

@@ -1,18 +1,17 @@
-//! Pieces of surfaces that face a viewcell, each with its contour.
+//! Pieces: connected surfaces that face a viewcell, each with its contour.
 //!
-//! Every triangle that shows the whole cell one side is turned to face the cell. Two such triangles on one
-//! segment that run along it in opposite ways are *paired*: a ray that crosses the segment leaves one and
-//! enters the other, so the segment bounds neither. Sides that are left over bound the chain: together they
-//! are its contour, as the signed sum of sides on a segment demands. Of several possible partners a side
-//! takes the one that lies flattest beside it. So where three triangles meet on an edge, as at the walls
-//! between houses of a row, the wall is left unpaired, and the fronts and roofs of the row become one
-//! surface.
+//! Every triangle that shows one side to the whole cell is turned to face the cell. Two such triangles on one
+//! segment that run along it in opposite directions are *paired*: a ray that crosses the segment leaves one
+//! and enters the other, so the segment does not bound them. The remaining sides bound the surface: together
+//! they are its contour. If a side has several possible partners, it is paired with the one that continues
+//! the surface most flatly. So where three triangles meet at an edge, as at the walls between houses of a
+//! row, the wall stays unpaired, and the fronts and roofs of the row become one surface.
 //!
-//! Triangles that are paired, directly or by others, are a piece.
+//! A piece consists of triangles that are paired, directly or through others.
 //!
-//! A convex solid hides what lies behind its front faces from one end of the cell, and behind its back faces
-//! from the other. If the cell is wider than the solid, the hidden region narrows with the distance from the
-//! faces that are drawn, and the back faces begin farther away. So both are drawn.
+//! From one end of the cell, a convex solid hides what lies behind its front faces, and from the other end,
+//! what lies behind its back faces. If the cell is wider than the solid, the hidden region narrows with the
+//! distance from the drawn faces, and the back faces start farther away. So both are drawn.
 
 use super::direction::CellBox;
 use super::effort::Effort;
@@ -23,51 +22,51 @@ use visibility_core::Aabb;
 use visibility_core::bits::Bits;
 use visibility_core::glam::DVec3;
 
-/// Greatest number of drawn triangles that run along one segment the same way, for pairs to be sought there.
-/// Finding the flattest partner takes the square of their number. Where more meet, the segment bounds all of
-/// them.
+/// Greatest number of drawn triangles that run along one segment in the same direction for which pairs are
+/// sought. The search for the flattest partner takes the square of their number. With more triangles, the
+/// segment bounds all of them.
 const MAX_ON_SEGMENT: usize = 32;
 
-/// The pieces of one viewcell.
+/// The pieces of surfaces that face one viewcell.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pieces {
-    /// Facing of each triangle of the clusters whose pieces are found, by triangle: 1 if its front faces the
-    /// whole cell, -1 if its back occludes and faces the whole cell, otherwise 0. 0 for triangles of objects
-    /// that do not occlude in this call.
+    /// Facing of each triangle of the clusters in `found`, by triangle: 1 if its front faces the whole cell,
+    /// -1 if its back occludes and faces the whole cell, otherwise 0. 0 for triangles of objects that do not
+    /// occlude in this call.
     facing: Vec<i8>,
     parent: Vec<u32>,
-    /// While triangles are paired: number of triangles of each piece, at the index of the triangle that
-    /// represents the piece. Afterwards: the index of the piece, at the index of that triangle.
+    /// Indexed by the triangle that represents a piece. While triangles are paired: the number of triangles
+    /// of the piece. Afterwards: the index of the piece.
     count: Vec<u32>,
-    /// Clusters whose pieces are found.
+    /// Clusters whose pieces have been found.
     found: Bits,
     ranges: Vec<[u32; 2]>,
-    /// Scratch memory for the contours of the cluster at work: a triangle of a piece, and a segment that
-    /// bounds the piece there, in the order in which they were found.
+    /// Scratch memory for the contours of the present cluster: pairs of a triangle and a segment that bounds
+    /// the triangle's piece there, in the order in which they were found.
     bounding: Vec<(u32, u32)>,
     triangles: Vec<u32>,
     contours: Vec<u32>,
     pieces: Vec<Piece>,
     plus: Vec<u32>,
     minus: Vec<u32>,
-    /// Greatest number of triangles of a piece, and whether pieces join parts of one mesh.
+    /// Greatest number of triangles in a piece.
     max_triangles: u32,
     joins: bool,
 }
 
-/// A piece: its bounds, and the ranges of its triangles and of its contour segments in the lists of
-/// [`Pieces`], first and end (exclusive).
+/// A piece: its bounds, and the ranges, as start and exclusive end, of its triangles and of its contour
+/// segments in the lists of [`Pieces`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Piece {
     pub(crate) bounds: Aabb,
     triangles: [u32; 2],
     contour: [u32; 2],
-    /// True if the piece joins triangles of several parts of meshes.
+    /// True if the piece contains triangles of several parts of meshes.
     pub(crate) joins: bool,
 }
 
 impl Pieces {
-    /// Removes the pieces of the last viewcell, and takes the rules for those of the next from `effort`.
+    /// Removes the pieces of the last viewcell, and sets the limits for those of the next from `effort`.
     pub(crate) fn begin(&mut self, surfaces: &Surfaces, effort: &Effort) {
         (self.max_triangles, self.joins) = (effort.max_triangles, effort.joins);
         self.triangles.clear();
@@ -81,8 +80,8 @@ impl Pieces {
         self.count.resize(count, 0);
     }
 
-    /// Finds the pieces of a cluster's occluding objects, unless they are found already. Pieces of single
-    /// parts of meshes come first, then those that join several parts, if they are to. Returns their indices.
+    /// Finds the pieces of a cluster's occluding objects, unless they have been found already. Returns their
+    /// indices: pieces of single parts of meshes come first, then, if wanted, pieces that join several parts.
     pub(crate) fn find(
         &mut self,
         surfaces: &Surfaces,
@@ -96,7 +95,7 @@ impl Pieces {
             for &triangle in surfaces.triangles_of(cluster) {
                 let surface = &surfaces.triangles[triangle as usize];
                 let part = surfaces.part(surface);
-                // An object may have been listed anew, in another cluster.
+                // An object may have been listed again, in another cluster.
                 let owner = part.owner as usize;
                 let is_present = occluding.contains(owner) && surfaces.cluster_of(owner) == Some(cluster);
                 let facing = match is_present {
@@ -142,8 +141,8 @@ impl Pieces {
         &self.contours[piece.contour[0] as usize..piece.contour[1] as usize]
     }
 
-    /// Pairs the drawn triangles on each segment of a cluster, those of one part with each other. With
-    /// `joins`, triangles of different parts are paired too.
+    /// Pairs the drawn triangles of the same part on each segment of a cluster. With `joins`, triangles of
+    /// different parts are paired too.
     fn pair(&mut self, surfaces: &Surfaces, cluster: usize, joins: bool) {
         for &triangle in surfaces.triangles_of(cluster) {
             self.parent[triangle as usize] = triangle;
@@ -154,8 +153,8 @@ impl Pieces {
         for &segment in surfaces.segments_of(cluster) {
             self.plus.clear();
             self.minus.clear();
-            // Sides of drawn triangles on this segment, by the direction in which the triangle's outline runs
-            // along it as seen from the cell.
+            // Sides of drawn triangles on this segment, grouped by the direction in which the triangle's
+            // outline, as seen from the cell, runs along the segment.
             for &side in surfaces.sides(segment as usize) {
                 let (triangle, forward) = (side / 2, side % 2 == 1);
                 match self.facing[triangle as usize] {
@@ -164,7 +163,7 @@ impl Pieces {
                     _ => self.minus.push(triangle),
                 }
             }
-            // Too many triangles on one segment to pair: each of them ends there.
+            // There are too many triangles on this segment to pair them: the segment bounds each of them.
             if self.plus.len().max(self.minus.len()) > MAX_ON_SEGMENT {
                 let all = self.plus.iter().chain(&self.minus);
                 self.bounding.extend(all.map(|&triangle| (triangle, segment)));
@@ -173,7 +172,7 @@ impl Pieces {
             while let Some(first) = self.plus.pop() {
                 let fits = |&(_, &other): &(usize, &u32)| joins || part(first) == part(other);
                 let partners = self.minus.iter().enumerate().filter(fits);
-                // The partner that bends the surface least is taken, so that pieces stay flat.
+                // The partner that bends the surface least is chosen, so that pieces stay flat.
                 let partner = if self.minus.len() == 1 {
                     partners.map(|(at, _)| at).next()
                 } else {
@@ -190,13 +189,13 @@ impl Pieces {
                     None => self.bounding.push((first, segment)),
                 }
             }
-            // A side without a partner is on the contour of its piece.
+            // A side without a partner belongs to the contour of its piece.
             self.bounding.extend(self.minus.iter().map(|&triangle| (triangle, segment)));
         }
     }
 
-    /// Returns the square of the cosine of the angle between the normals of two drawn triangles, both turned
-    /// to face the cell, with the sign of the cosine: from -1 for folded back to 1 for coplanar.
+    /// Returns the squared cosine, with the sign of the cosine, of the angle between the normals of two drawn
+    /// triangles, both turned to face the cell: from -1 for folded back to 1 for coplanar.
     fn flatness(&self, surfaces: &Surfaces, a: u32, b: u32) -> f64 {
         let [m, n] = [a, b].map(|triangle| {
             let [p, q, r] = surfaces.triangles[triangle as usize].corners.map(|p| p.as_dvec3());
@@ -206,13 +205,14 @@ impl Pieces {
         dot * dot.abs() / (m.length_squared() * n.length_squared())
     }
 
-    /// Lists the pieces that [`pair`](Self::pair) found. With `joins`, only pieces of several parts.
+    /// Lists the pieces that [`pair`](Self::pair) has formed. With `joins`, lists only pieces of several
+    /// parts.
     fn collect(&mut self, surfaces: &Surfaces, cluster: usize, joins: bool) {
         let (facing, parent, number) = (&self.facing, &mut self.parent, &mut self.count);
         let triangles = surfaces.triangles_of(cluster);
         let drawn = || triangles.iter().copied().filter(|&triangle| facing[triangle as usize] != 0);
         let first_piece = self.pieces.len();
-        // The representative of a piece is its first triangle, so it comes before the others.
+        // A piece is represented by its first triangle, so the representative comes before the others.
         for &triangle in triangles {
             number[triangle as usize] = u32::MAX;
         }
@@ -230,7 +230,7 @@ impl Pieces {
             piece.triangles[1] += 1;
         }
         if joins {
-            // Pieces of one part are there already.
+            // Pieces of a single part are listed already.
             let pieces = &mut self.pieces;
             let mut kept = first_piece;
             let mut renumber = alloc::vec![u32::MAX; pieces.len() - first_piece];
@@ -249,8 +249,8 @@ impl Pieces {
                 }
             }
         }
-        // Counting sort: counts of triangles and contour segments by piece, then starts, then the items in
-        // place.
+        // Counting sort by piece: triangles and contour segments are counted, then the starts are summed,
+        // then the items are put in place.
         for &(triangle, _) in &self.bounding {
             if let Some(piece) = self.pieces.get_mut(number[find(parent, triangle) as usize] as usize) {
                 piece.contour[1] += 1;
@@ -279,14 +279,14 @@ impl Pieces {
     }
 }
 
-/// Joins the pieces of two triangles. Returns false, and leaves them apart, if they are different pieces that
-/// have more than `most` triangles together.
+/// Joins the pieces of two triangles. Returns false, and does not join them, if they are different pieces
+/// with more than `most` triangles in total.
 fn unite(parent: &mut [u32], count: &mut [u32], triangles: [u32; 2], most: u32) -> bool {
     let [a, b] = triangles.map(|triangle| find(parent, triangle));
     if a == b {
         return true;
     }
-    // The first triangle of a piece represents it.
+    // A piece is represented by its first triangle.
     let (root, other) = (a.min(b), a.max(b));
     let sum = count[a as usize] + count[b as usize];
     if sum > most {
@@ -298,12 +298,12 @@ fn unite(parent: &mut [u32], count: &mut [u32], triangles: [u32; 2], most: u32) 
 }
 
 impl CellBox {
-    /// Returns 1 if the front of a triangle of the scene faces all of the box, -1 if its back does, 0 if its
-    /// plane cuts the box or nearly does.
+    /// Returns 1 if the front of a triangle, in scene coordinates, faces the whole box, -1 if its back does,
+    /// and 0 if its plane cuts the box or nearly does.
     fn facing(&self, corners: [DVec3; 3]) -> i8 {
         let corners = corners.map(|p| self.to_axes(p));
         // Corners may be farther away than the error of the box allows for. Pieces whose corners err by more
-        // than 4 times as much are not drawn.
+        // than 4 times that error are not drawn.
         facing(corners, DVec3::ZERO, self.half(), 4.0 * self.error(), self.is_mirrored())
     }
 }
@@ -317,8 +317,8 @@ mod tests {
     use visibility_core::pvs::Viewcell;
     use visibility_core::{Object, OccluderMesh, Scene, VisibleSet};
 
-    /// Returns the number of triangles and contour segments of each piece of a book whose spine many pages
-    /// share, half of them on either side.
+    /// Returns the numbers of triangles and contour segments of each piece of a book. Its spine is a segment
+    /// that all pages share; half of them are on either side.
     fn book(pages: usize) -> Vec<[usize; 2]> {
         let mut scene = Scene::new();
         let spine = [Vec3::new(5.0, 0.0, -1.0), Vec3::new(5.0, 0.0, 1.0)];

@@ -1,13 +1,13 @@
-//! Choice of occluders and projection planes.
+//! Choice of occluders and of projection planes.
 //!
-//! Planes are put right behind the occluders that, each by itself, cover the largest share of the rays to the
-//! occludees, and at geometrically growing distances (Durand, Drettakis, Thollot and Puech, "Conservative
-//! Visibility Preprocessing Using Extended Projections", 2000, section 6.1, puts one behind each occluder and
-//! counts pixels). Planes are chosen one after another, by the largest share that one occluder before the
-//! plane covers, times the gap between the plane and the nearest one chosen already. The sum of shares would
-//! favour planes behind many small occluders, none of which covers a pixel, and shares alone would put nearly
-//! all planes behind the nearest occluders, where a plane hides little that the next one does not hide as
-//! well.
+//! Planes are placed right behind the occluders that individually cover the largest share of the rays to the
+//! occludees, and at geometrically growing distances. (Durand, Drettakis, Thollot and Puech, "Conservative
+//! Visibility Preprocessing Using Extended Projections", 2000, section 6.1, place one behind each occluder
+//! and count pixels.) Planes are chosen one after another, by the largest share that one occluder in front of
+//! the plane covers, times the gap between the plane and the nearest one chosen already. The sum of shares
+//! would favour planes behind many small occluders, none of which covers a pixel. Shares alone would place
+//! nearly all planes behind the nearest occluders, where a plane hides little that the next one does not hide
+//! too.
 
 use super::direction::{Direction, LocalBox};
 use super::effort::Effort;
@@ -18,28 +18,29 @@ use crate::extent::quantile;
 use alloc::vec::Vec;
 use core::ops::Range;
 
-/// Least ratio of the distances of two planes that are put right behind occluders. Of planes closer together,
-/// only the farthest is considered.
+/// Least ratio of the distances of two planes that are placed right behind occluders. Of planes that are
+/// closer, only the farthest is considered.
 const APART: f64 = 1.004;
 
-/// Cone of rays from the viewcell to all occludees of a direction: its slopes, and its range of depths.
+/// Cone of the rays from the viewcell to all occludees of a direction: its slopes and its range of depths.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cone {
     /// Least and greatest slope of the rays from the middle of the viewcell's back to the occludees:
-    /// `slopes[axis][end]`, where `axis` is 0 for local x and 1 for local y, and `end` is 0 for the least
-    /// slope and 1 for the greatest. A slope is metres along that axis per metre of depth (local z), where
-    /// depth is counted from the back of the viewcell.
+    /// `slopes[axis][end]`, with `axis` 0 for local x and 1 for local y, and `end` 0 for the least and 1 for
+    /// the greatest slope. A slope is in metres along that axis per metre of depth (local z), counted from
+    /// the back of the viewcell.
     slopes: [[f64; 2]; 2],
-    /// Depth of the first plane, in metres. Occludees that are not behind it count as visible.
+    /// Depth of the first plane, in metres. An occludee that is not behind it counts as visible.
     pub(crate) first: f64,
-    /// Greatest depth at which an occludee begins, in metres. No occludee is behind a plane farther away.
+    /// Greatest depth, in metres, at which an occludee begins. No occludee is behind a more distant plane.
     pub(crate) deepest: f64,
     /// Depth in metres at which the near ends of occluders are cut off.
     pub(crate) near: f64,
 }
 
 impl Cone {
-    /// Encloses the rays to `items`. `None` without items, or if no plane fits before them.
+    /// Makes the cone of the rays to `items`. `None` if there are no items, or if no plane fits in front of
+    /// them.
     pub(crate) fn around(direction: &Direction, items: &[Item]) -> Option<Self> {
         let mut slopes = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
         let mut deepest = 0.0f64;
@@ -52,16 +53,17 @@ impl Cone {
                 }
             }
         }
-        // The first plane: a twentieth of the cell's width, which a person passes in a step, but for tiny
-        // cells not below what the number of planes allows. The median does not depend on an object far away.
+        // The first plane is at a twentieth of the cell's width, which a person passes in a step, but for
+        // tiny cells not nearer than the number of planes allows. The median is not affected by one object
+        // far away.
         let mut depths: Vec<f64> = items.iter().map(|item| item.bounds.lo.z).collect();
         let usual = quantile(&mut depths, 0.5)?;
         let first = (0.05 * direction.widest()).max(2e-3 * usual).min(0.5 * deepest);
         (first > 0.0).then_some(Self { slopes, first, deepest, near: 0.5 * first })
     }
 
-    /// Returns a wider cone, which contains the cell's own shape swept along the direction. A ray between the
-    /// cell and a point of this cone, at any depth, stays in it: it is convex, and contains the cell.
+    /// Returns a wider cone, which contains the cell's own shape swept along the direction. It is convex and
+    /// contains the cell, so a ray from the cell to a point of this cone, at any depth, stays in it.
     pub(crate) fn opened(&self) -> Self {
         Self { slopes: self.slopes.map(|[low, high]| [low.min(0.0), high.max(0.0)]), ..*self }
     }
@@ -73,7 +75,7 @@ impl Cone {
         [low - direction.half[lat], high + direction.half[lat]]
     }
 
-    /// Tests whether a box may meet the cone between `near` and `deepest`.
+    /// Tests whether a box may meet the cone at a depth between `near` and `deepest`.
     pub(crate) fn meets(&self, direction: &Direction, b: &LocalBox) -> bool {
         b.hi.z > self.near
             && b.lo.z < self.deepest
@@ -91,10 +93,10 @@ impl Cone {
         (0..2)
             .map(|lat| {
                 let [low, high] = self.at(direction, far, lat);
-                // Views from both ends of the cell lose this much of it. Thin parts close to the plane lose
-                // less than the whole, so at most half is taken off.
+                // The part of the width that not all viewpoints of the cell see covered. A thin occluder
+                // close to the plane loses less than its bounds suggest, so at most half is subtracted.
                 let lost = direction.half[lat] * (far - near) / near;
-                // Seen from the middle of the cell's front, the near end appears larger by this ratio.
+                // As seen from the middle of the cell's front, the near end appears larger by this ratio.
                 let ratio = far / near;
                 let (left, right) = (b.lo[lat].min(b.lo[lat] * ratio), b.hi[lat].max(b.hi[lat] * ratio));
                 let width = right.min(high) - left.max(low);
@@ -105,9 +107,9 @@ impl Cone {
             .product()
     }
 
-    /// Returns the data of an occluder that the choice of planes needs. `joins`: true if the occluder is a
-    /// piece that joins several meshes. `None` if the occluder cannot cover a pixel, or its coordinates are
-    /// too imprecise.
+    /// Returns the data of an occluder that is needed to choose planes. `joins`: whether the occluder is a
+    /// piece that joins several meshes. `None` if the occluder cannot cover a pixel, or if its coordinates
+    /// are too imprecise.
     pub(crate) fn candidate(
         &self,
         direction: &Direction,
@@ -117,7 +119,8 @@ impl Cone {
     ) -> Option<Candidate> {
         let LocalBox { lo, hi } = occluder.bounds;
         let share = self.share(direction, &occluder.bounds);
-        // A piece of several objects is long, and planes right behind its parts serve it better.
+        // A piece of several objects is long, so planes right behind its parts serve better than one behind
+        // its end.
         (share > 0.0 && occluder.is_precise(direction)).then_some(Candidate {
             begins: lo.z,
             ends: hi.z,
@@ -128,8 +131,8 @@ impl Cone {
     }
 }
 
-/// Depths of an occluder, and the share of the cone that it covers. Candidates are many, and therefore small:
-/// the occluder itself is placed again whenever it is drawn.
+/// Depths of an occluder, and the share of the cone that it covers. Candidates are many and therefore small:
+/// the occluder itself is placed again each time it is drawn.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidate {
     /// Depth of the occluder's nearest point, in metres.
@@ -142,9 +145,9 @@ pub(crate) struct Candidate {
     pub(crate) joins: bool,
 }
 
-/// Chooses the distances in metres of the projection planes within `range`, ascending, all before
-/// `cone.deepest`. At most `left.behind` of them are put right behind occluders, the best ones of this range.
-/// `left.behind` is reduced by their number, and what is left serves later ranges.
+/// Chooses the distances in metres of the projection planes within `range`, ascending, all less than
+/// `cone.deepest`. At most `left.behind` of them, the best of this range, are placed right behind occluders.
+/// Their number is subtracted from `left.behind`, which then limits later ranges.
 pub(crate) fn distances(
     direction: &Direction,
     cone: &Cone,
@@ -158,7 +161,7 @@ pub(crate) fn distances(
         .filter(|(d, share)| *share > 0.0 && *d > cone.first && *d < cone.deepest && range.contains(d))
         .collect();
     behind.sort_by(|a, b| a.0.total_cmp(&b.0));
-    // Of planes that nearly coincide the last is behind the occluders of all.
+    // Of planes that nearly coincide, the last is behind the occluders of all, so it is kept.
     behind.dedup_by(|later, kept| {
         let same = later.0 < kept.0 * APART;
         if same {
@@ -172,9 +175,10 @@ pub(crate) fn distances(
     }
     let growing = core::iter::successors(Some(cone.first), |d| Some(d * growth)).take(left.growing);
     let mut all: Vec<f64> = growing.clone().filter(|d| *d < cone.deepest && range.contains(d)).collect();
-    // Gap between two planes: the ratio of their distances, less 1.
+    // Gap between two planes: the ratio of their distances minus 1.
     let gap = |a: f64, b: f64| a.max(b) / a.min(b) - 1.0;
-    // Each plane behind an occluder, with its share and the gap to the nearest chosen plane: 0 once chosen.
+    // Planes behind occluders, each with its distance, its share, and its gap to the nearest chosen plane: 0
+    // once the plane itself is chosen.
     let mut open: Vec<(f64, f64, f64)> = behind
         .into_iter()
         .map(|(d, share)| (d, share, growing.clone().fold(f64::INFINITY, |least, g| least.min(gap(d, g)))))
@@ -198,7 +202,7 @@ mod tests {
     use super::*;
     use visibility_core::glam::DVec3;
 
-    /// Returns the planes for occluders given by their greatest depths and shares.
+    /// Returns the planes chosen for occluders that are given by their greatest depths and their shares.
     fn planes_behind(occluders: impl Iterator<Item = (f64, f64)>) -> Vec<f64> {
         let direction = Direction {
             rows: [DVec3::X, DVec3::Y, DVec3::Z],

@@ -1,4 +1,4 @@
-//! Parts of triangles between two depths, and the pixels that they fill.
+//! Cutting of triangles at two depths, and the pixels that the remaining polygons fill.
 
 use super::ray_map::{PixelRect, RayMap, SIDE};
 use super::window::{FARTHEST_PIXEL, Window};
@@ -11,15 +11,15 @@ pub(super) fn cut(a: DVec3, b: DVec3, z: f64) -> DVec3 {
     DVec3::new(p.x, p.y, z)
 }
 
-/// For each row of a map, the x at which an upward edge crosses the middle line of the row, and the x at
-/// which a downward edge does.
+/// For each row of a map, two x in pixels: where an upward edge of a polygon crosses the middle line of the
+/// row, and where a downward edge does.
 pub(super) type Sides = [[f64; SIDE]; 2];
 
-/// Returns the rows from `first` to `last`, both included, the y of whose middle lines is at least `low` and
-/// less than `high`.
+/// Returns the rows from `first` to `last`, both included, whose middle line has a y of at least `low` and
+/// less than `high`, in pixels.
 fn rows_between([low, high]: [f64; 2], [first, last]: [usize; 2]) -> Range<usize> {
     let from = |y: f64| {
-        // Casts round towards zero, and to zero what is negative.
+        // The casts round towards zero, and turn negative numbers into zero.
         let above = (y - 0.5).min(SIDE as f64);
         above as usize + usize::from(above > above as usize as f64)
     };
@@ -54,7 +54,7 @@ impl Polygon {
         }
         let mut kept = Self { points: self.points, count: 0 };
         let mut push = |p| {
-            // A convex polygon of three corners has at most one more after each of two cuts.
+            // Each of two cuts adds at most one corner to the three of a triangle.
             if kept.count < kept.points.len() {
                 kept.points[kept.count] = p;
                 kept.count += 1;
@@ -65,7 +65,8 @@ impl Polygon {
             if !behind(a) {
                 push(a);
             }
-            // The same point whichever way the edge runs: neighbours are cut at the same points.
+            // The crossing is computed from the end with the lesser z, so that neighbours with the same edge
+            // get the same point.
             let (low, high) = if a.z <= b.z { (a, b) } else { (b, a) };
             if low.z < at && high.z > at {
                 push(cut(low, high, at));
@@ -74,9 +75,9 @@ impl Polygon {
         *self = kept;
     }
 
-    /// Sets in `inside` the pixels of `rect` in which the polygon, seen from the middle of the cell's front,
-    /// meets the middle line of the pixel's row, beside a rim on the rim's inner side. Pixels that are set in
-    /// `map` may be left out. Returns whether any was set. `sides` is scratch.
+    /// Sets the pixels of `rect` in `inside` whose row's middle line the polygon meets within the pixel, as
+    /// seen from the middle of the cell's front. Beside a rim, only the rim's inner side counts. Pixels that
+    /// are set in `map` may be left out. Returns whether any pixel was set. `sides` is scratch memory.
     pub(super) fn fill(
         &self,
         inside: &mut RayMap,
@@ -112,8 +113,8 @@ impl Polygon {
         if map.all_set(PixelRect { x: [left as usize, right], y: [first, last] }) {
             return false;
         }
-        // The rows whose middle lines are between the least and the greatest y: each is crossed by an edge
-        // that runs up and by one that runs down. Beyond `rect` there are none.
+        // The rows whose middle lines are between the least and the greatest y. Each is crossed by one upward
+        // and one downward edge. Rows outside `rect` are left out.
         let rows = rows_between([low, high], [first, last]);
         for i in 0..count {
             let (a, b) = (p[i], p[if i + 1 == count { 0 } else { i + 1 }]);
@@ -129,7 +130,8 @@ impl Polygon {
             let [up, down] = sides.each_ref().map(|side| side[row]);
             let [left, right] = window.clip_at_rim([up.min(down), up.max(down)], 0);
             let left = left.max(rect.x[0] as f64);
-            // Pixels are compared, not clamped ends: a span within the right half of the last column counts.
+            // Clamping the ends before the comparison would lose a span within the right half of the last
+            // column.
             if left <= right && left < rect.x[1] as f64 + 1.0 {
                 inside.set_span(row, left as usize, (right as usize).min(rect.x[1]));
                 any = true;
@@ -143,8 +145,8 @@ impl Polygon {
 mod tests {
     use super::*;
 
-    /// Tests by separating lines, in integers, whether a triangle meets the middle line of a pixel, longer by
-    /// `grow` units at both ends. 64 units are a pixel.
+    /// Tests by separating lines, in integers, whether a triangle meets the middle line of a pixel that is
+    /// extended by `grow` units at both ends. A pixel is 64 units wide.
     fn meets(triangle: [[i64; 2]; 3], [x, y]: [usize; 2], grow: i64) -> bool {
         let (x, y) = (x as i64 * 64, y as i64 * 64 + 32);
         let line = [[x - grow, y], [x + 64 + grow, y]];
@@ -182,7 +184,7 @@ mod tests {
                         (rect.x[0]..=rect.x[1]).contains(&x) && (rect.y[0]..=rect.y[1]).contains(&y);
                     let is_set = inside.get(x, y);
                     is_any |= is_set;
-                    // A middle line at the greatest y is not crossed.
+                    // A middle line at the triangle's greatest y does not count as crossed.
                     let is_crossed = is_inside && (low..high).contains(&(y as i64 * 64 + 32));
                     assert!(!(is_crossed && meets(triangle, [x, y], -1)) || is_set, "{x} {y} {triangle:?}");
                     assert!(is_crossed && meets(triangle, [x, y], 1) || !is_set, "{x} {y} {triangle:?}");

@@ -1,19 +1,19 @@
-//! Bit maps of rays: one bit for each pixel of a projection plane.
+//! Bit maps of blocked rays: one bit for each pixel of a projection plane.
 //!
-//! Erosion of such a map by a rectangle that varies with the pixel is the reprojection of extended
-//! projections (Durand, Drettakis, Thollot and Puech, "Conservative Visibility Preprocessing Using Extended
+//! The reprojection of extended projections is an erosion of such a map by a rectangle that varies with the
+//! pixel (Durand, Drettakis, Thollot and Puech, "Conservative Visibility Preprocessing Using Extended
 //! Projections", 2000, section 5.1). It works on rows of words and on runs of bits, never on single pixels.
 
 use alloc::vec::Vec;
 
 /// Width and height of a map, in pixels.
 pub(crate) const SIDE: usize = 512;
-/// Number of words of a row.
+/// Number of 64-bit words in a row.
 const WORDS: usize = SIDE / 64;
 
 type Row = [u64; WORDS];
 
-/// A rectangle of pixels, ends included.
+/// A rectangle of pixels. Both ends of each range are included.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct PixelRect {
     /// First and last column.
@@ -22,14 +22,14 @@ pub(crate) struct PixelRect {
     pub(crate) y: [usize; 2],
 }
 
-/// A map of `SIDE` by `SIDE` bits.
+/// A map of `SIDE` by `SIDE` pixels with one bit each.
 #[derive(Clone, Debug)]
 pub(crate) struct RayMap {
     rows: Vec<Row>,
 }
 
-/// For each pixel of a new map along one axis, the first and last pixel of the former map that rays through
-/// the pixel may meet. Both never decrease from one pixel to the next.
+/// For each column (or row) of pixels of a new map, the first and last column (or row) of the former map that
+/// rays through it may meet. Both never decrease from one pixel to the next.
 pub(crate) type Ranges = [[u16; 2]; SIDE];
 
 impl RayMap {
@@ -41,7 +41,7 @@ impl RayMap {
         self.rows.fill([0; WORDS]);
     }
 
-    /// Clears the pixels of `rect`, and the other pixels in the same words.
+    /// Clears the pixels of `rect`, and other pixels that share a word with them.
     pub(crate) fn clear_rect(&mut self, rect: PixelRect) {
         for row in &mut self.rows[rect.y[0]..=rect.y[1]] {
             row[rect.x[0] / 64..=rect.x[1] / 64].fill(0);
@@ -66,9 +66,9 @@ impl RayMap {
         })
     }
 
-    /// Returns false only if no rectangle within `rect` of at least `least[0]` columns and `least[1]` rows is
-    /// all set. True does not mean that there is one. Where `least` is more than half of `rect`, all such
-    /// rectangles have the middle in common.
+    /// Returns false only if no rectangle within `rect` of at least `least[0]` columns and `least[1]` rows
+    /// has all pixels set. True does not mean that one has. If `least` is more than half of `rect`, all such
+    /// rectangles contain the middle of `rect`, which is tested.
     pub(crate) fn may_hold(&self, rect: PixelRect, least: [usize; 2]) -> bool {
         let middle = |[first, last]: [usize; 2], least: usize| {
             let middle = [(last + 1).saturating_sub(least).max(first), (first + least - 1).min(last)];
@@ -90,7 +90,7 @@ impl RayMap {
         self.rows.iter().flatten().any(|&word| word != 0)
     }
 
-    /// Tests whether a pixel is set in `other` but not in this map, in the words that hold `rect`.
+    /// Tests whether any pixel, in the words that hold `rect`, is set in `other` but not in this map.
     pub(crate) fn lacks(&self, other: &Self, rect: PixelRect) -> bool {
         let words = rect.x[0] / 64..=rect.x[1] / 64;
         (rect.y[0]..=rect.y[1]).any(|y| {
@@ -101,7 +101,7 @@ impl RayMap {
         })
     }
 
-    /// Sets the pixels that are set in `inside` and not in `contour`, in the words that hold `rect`.
+    /// Sets the pixels that are set in `inside` and not in `contour`, for all words that hold `rect`.
     pub(crate) fn add_difference(&mut self, inside: &Self, contour: &Self, rect: PixelRect) {
         for y in rect.y[0]..=rect.y[1] {
             for x in rect.x[0] / 64..=rect.x[1] / 64 {
@@ -115,12 +115,13 @@ impl RayMap {
         self.rows[y][x / 64] >> (x % 64) & 1 != 0
     }
 
-    /// Replaces the map with its erosion: a pixel of the result is set if all pixels in its column's range of
-    /// `columns` and its row's range of `rows` were. Linear in the number of words and of runs of bits.
+    /// Replaces the map with its erosion. A pixel of the result is set if all former pixels in its column's
+    /// range of `columns` and its row's range of `rows` were set. Takes time linear in the number of words
+    /// and of runs of bits.
     pub(crate) fn erode(&mut self, columns: &Ranges, rows: &Ranges, scratch: &mut RayMap) {
         self.and_rows(rows, scratch);
-        // A run of set bits keeps the pixels whose ranges lie within the run: from the first pixel whose
-        // range begins in the run to the last whose range ends there.
+        // Of a run of set bits, the pixels remain whose ranges are within the run: from the first pixel whose
+        // range begins in the run to the last whose range ends in it.
         let (mut begins, mut ends) = ([0u16; SIDE + 1], [0u16; SIDE + 1]);
         let (mut first, mut last) = (0, 0);
         for at in 0..SIDE {
@@ -131,7 +132,7 @@ impl RayMap {
                 last += 1;
             }
             begins[at] = first as u16;
-            // One past the last pixel whose range ends at or before `at`.
+            // One past the last pixel whose range ends at or before column `at`.
             ends[at] = last as u16;
         }
         for (row, out) in scratch.rows.iter().zip(&mut self.rows) {
@@ -148,11 +149,12 @@ impl RayMap {
         }
     }
 
-    /// Writes to row `j` of `out` the conjunction of the rows of this map from `ranges[j][0]` to
-    /// `ranges[j][1]`. Ends of ranges never decrease, so a queue of two stacks needs three conjunctions a
-    /// row.
+    /// Writes to row `j` of `out` the bitwise AND of the rows of this map from `ranges[j][0]` to
+    /// `ranges[j][1]`. Ends of ranges never decrease, so a queue of two stacks needs three AND operations for
+    /// each row.
     fn and_rows(&self, ranges: &Ranges, out: &mut RayMap) {
-        // `suffix[r]`: conjunction of rows r to `middle`. `back`: of the rows after `middle` up to `end`.
+        // `suffix[r]` is the AND of rows r to `middle`; `back` is the AND of the rows after `middle` up to
+        // `end`.
         let mut suffix = [[0; WORDS]; SIDE];
         let (mut middle, mut end, mut back) = (None, None, [u64::MAX; WORDS]);
         for (range, out) in ranges.iter().zip(&mut out.rows) {
@@ -192,8 +194,8 @@ fn set_span(row: &mut Row, first: usize, last: usize) {
     }
 }
 
-/// Returns the first position from `at` on whose bit differs from the bits of `than`, which are all 0 or all
-/// 1. `None` if all are equal.
+/// Returns the first position from `at` on whose bit differs from `than`, a word of all zeros or all ones.
+/// `None` if all bits are equal to it.
 fn next(row: &Row, at: usize, than: u64) -> Option<usize> {
     let mut word = at / 64;
     let mut bits = (*row.get(word)? ^ than) & u64::MAX << (at % 64);
@@ -247,12 +249,12 @@ mod tests {
         }
     }
 
-    /// Columns at which words begin and end, and their neighbours.
+    /// Returns columns at the borders and in the middle of words.
     fn columns() -> impl Iterator<Item = usize> + Clone {
         (0..SIDE).filter(|x| matches!(x % 64, 0..=1 | 31 | 62..=63))
     }
 
-    /// Ends of spans and rectangles at all boundaries of words, bit by bit.
+    /// Spans and rectangles that begin and end at borders of words, compared bit by bit.
     #[test]
     fn spans_hold_their_pixels_and_no_others() {
         let mut map = RayMap::new();
@@ -277,7 +279,7 @@ mod tests {
                     && !map.all_set(PixelRect { y: [1, 2], ..rect }),
                 "{first} to {last}: the rows above and below are not set"
             );
-            // One hole, at either end.
+            // A single cleared pixel, in the first or the last column.
             for hole in rect.x {
                 let mut other = map.clone();
                 other.rows[2][hole / 64] &= !(1 << (hole % 64));
@@ -296,7 +298,7 @@ mod tests {
         }
     }
 
-    /// Runs that begin and end at all boundaries of words, eroded by ranges that end at the map's sides.
+    /// Runs that begin and end at borders of words, eroded by ranges that end at the sides of the map.
     #[test]
     fn erosion_of_a_run_is_what_its_ranges_say() {
         let mut scratch = RayMap::new();
@@ -307,7 +309,7 @@ mod tests {
             let mut runs = columns().flat_map(|a| columns().map(move |b| [a, b])).filter(|[a, b]| a <= b);
             let mut next_run = || runs.next();
             while let Some(run) = next_run() {
-                // A run in each row.
+                // One run in each row.
                 let mut all = alloc::vec![run];
                 all.extend(core::iter::from_fn(&mut next_run).take(SIDE - 1));
                 let mut map = RayMap::new();
@@ -323,12 +325,12 @@ mod tests {
         }
     }
 
-    /// Tests every rectangle of the least size within one that is around them, pixel by pixel.
+    /// Compares `may_hold` with a test of every rectangle of the least size within `rect`, pixel by pixel.
     #[test]
     fn a_rectangle_that_holds_no_covered_one_is_found_out_often() {
         let mut rng = Random(9);
         let mut map = RayMap::new();
-        // Rectangles of pixels within the first columns, with a few holes.
+        // Random rectangles of set pixels within the first columns, with a few holes.
         const MAX: usize = 80;
         for _ in 0..40 {
             let (x, y) = (rng.below(MAX), rng.below(MAX));
@@ -338,7 +340,7 @@ mod tests {
         let (mut holding, mut empty, mut refused) = ([0; 4], [0; 4], [0; 4]);
         for _ in 0..40_000 {
             let mut side = || {
-                // In part beyond all that is covered.
+                // The range may begin beyond all set pixels.
                 let (first, size) = (rng.below(MAX) + rng.pick(&[0, 0, 128]), 1 + rng.below(12));
                 ([first, first + size - 1], 1 + rng.below(size))
             };
@@ -347,18 +349,19 @@ mod tests {
             let holds = (y[0]..=y[1] + 1 - height).any(|y| (x[0]..=x[1] + 1 - width).any(|x| rect(x, y)));
             let may_hold = map.may_hold(PixelRect { x, y }, [width, height]);
             assert!(may_hold || !holds, "{width} by {height} in {x:?} {y:?}");
-            // Whether all such rectangles have a pixel in common, along x and y.
+            // Whether all rectangles of the least size have a pixel in common, along x and along y.
             let [wide, high] = [(x, width), (y, height)].map(|([a, b], least)| 2 * least > b - a + 1);
             let kind = usize::from(wide) + 2 * usize::from(high);
             holding[kind] += usize::from(holds);
             empty[kind] += usize::from(!holds);
             refused[kind] += usize::from(!may_hold);
         }
-        // Across a boundary of words, one of which is empty.
+        // A span across the border between two words.
         map.clear();
         map.set_span(3, 61, 63);
         assert!(map.may_hold(PixelRect { x: [58, 69], y: [3, 3] }, [3, 1]), "a span that ends with a word");
-        // Of the rectangles that hold none, at least this part is found out, by whether pixels are common.
+        // At least this fraction of the tests without a set rectangle must return false, by whether all
+        // rectangles have a pixel in common.
         for (kind, part) in [0.8, 0.9, 0.75, 0.97].into_iter().enumerate() {
             assert!(holding[kind] > 1000 && empty[kind] > 500, "{holding:?} {empty:?}");
             let found = refused[kind] as f64 / empty[kind] as f64;

@@ -1,9 +1,9 @@
-//! The opaque surfaces of a scene, with the segments along which their triangles meet.
+//! The opaque surfaces of a scene, and the segments along which their triangles meet.
 //!
-//! Occluders that touch hide more together than each by itself: no ray passes between two walls that share an
+//! Occluders that touch hide more together than individually: no ray passes between two walls that share an
 //! edge. A *side* is an edge of a triangle. Triangles meet along segments: two sides with equal ends, or the
-//! common part of two sides on one line along an axis, as where a long wall meets two short ones. Positions
-//! are compared bit by bit, so nothing is joined that is not joined exactly.
+//! common part of two sides on one axis-parallel line, as where a long wall meets two short ones. Positions
+//! are compared bit by bit, so triangles are joined only where they meet exactly.
 
 use crate::solids;
 use alloc::vec::Vec;
@@ -12,23 +12,23 @@ use visibility_core::glam::{Affine3A, Vec3};
 use visibility_core::scene::Triangle;
 use visibility_core::{Aabb, ObjectId, Scene};
 
-/// Triangles of occluders whose mesh coordinates are scene coordinates, and their segments: of all occluders
-/// of a scene together, or of each object by itself.
+/// Triangles of occluders whose mesh coordinates are scene coordinates, and the segments along which they
+/// meet. Segments join all occluders of a scene, or only triangles of the same object.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Surfaces {
     pub(crate) triangles: Vec<Surface>,
     pub(crate) segments: Vec<[Vec3; 2]>,
-    /// Sides of triangles on each segment, as twice the index of the triangle, plus 1 if the triangle runs
-    /// from the first end to the second.
+    /// For each segment, the sides of triangles on it: twice the index of the triangle, plus 1 if the
+    /// triangle runs from the segment's first end to the second.
     sides: Groups,
     /// Indices of the objects whose triangles are in `triangles`.
     pub(crate) objects: Bits,
     parts: Vec<Part>,
-    /// Cluster of each object, by object index. Objects whose triangles meet along segments, directly or
-    /// through others, are one cluster; each object is one if it was listed [by itself](Self::list).
-    /// `u32::MAX` for objects that are not in `objects`.
+    /// Cluster of each object, by object index. A cluster is a set of objects whose triangles meet along
+    /// segments, directly or through others. An object that was listed [by itself](Self::list) is a cluster
+    /// of its own. `u32::MAX` for objects that are not in `objects`.
     cluster_of: Vec<u32>,
-    /// Number of triangles of objects that have been listed anew since, in another cluster.
+    /// Number of outdated triangles: their objects have since been listed again, in another cluster.
     unused: usize,
     /// Indices of the triangles of each cluster.
     cluster_triangles: Groups,
@@ -36,7 +36,7 @@ pub(crate) struct Surfaces {
     cluster_segments: Groups,
 }
 
-/// Numbers in groups: group `g` is `members[starts[g]..starts[g + 1]]`.
+/// Numbers sorted into groups: group `g` is `members[starts[g]..starts[g + 1]]`.
 #[derive(Clone, Debug)]
 struct Groups {
     starts: Vec<u32>,
@@ -60,7 +60,7 @@ impl Groups {
         self.starts.len() - 1
     }
 
-    /// Sorts the numbers 0, 1, 2 and so on by group. `group_of` yields the group of each number in turn.
+    /// Sorts the numbers 0, 1, 2 and so on into groups. `group_of` yields the group of each number in turn.
     fn new(groups: usize, group_of: impl Iterator<Item = u32> + Clone) -> Self {
         let mut starts = alloc::vec![0u32; groups + 1];
         let mut count = 0;
@@ -85,19 +85,19 @@ impl Groups {
     }
 }
 
-/// Effect of the back of a triangle on rays.
+/// How the back of a triangle affects rays.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Back {
-    /// Rays pass the back.
+    /// Rays pass through the back.
     Transparent,
-    /// The back occludes as the front does.
+    /// The back blocks rays as the front does.
     Opaque,
-    /// The back occludes rays from outside of the convex solid that the triangle bounds: such a ray has
-    /// passed the front of another triangle of the solid.
+    /// The back blocks rays that come from outside of the convex solid to which the triangle belongs: such a
+    /// ray has passed the front of another triangle of the solid.
     OfSolid,
 }
 
-/// A triangle of an object.
+/// A triangle of an occluder, in scene coordinates.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Surface {
     pub(crate) corners: Triangle,
@@ -114,31 +114,31 @@ pub(crate) struct Part {
     pub(crate) bounds: Aabb,
 }
 
-/// A side of a triangle, on the line that `key` names.
+/// A side of a triangle, on the line that is identified by `key`.
 struct LineSide {
-    /// For a side along an axis: the axis (0 to 2), and the bits of the two other coordinates. For any other
-    /// side: 3, and the numbers of its two end points, the lesser first.
+    /// For a side along an axis: the axis (0 to 2), and the bits of the other two coordinates. For any other
+    /// side: 3, and the numbers of its two end points, the lower first.
     key: [u32; 3],
-    /// Coordinates of the two ends along the axis that the line is parallel to, ascending, in metres. Both 0
-    /// for lines of other directions.
+    /// For a side along an axis: the coordinates of its ends along this axis, ascending, in metres. Both 0
+    /// for other sides.
     ends: [f32; 2],
-    /// Twice the index of the triangle, plus 1 if the side runs in the direction of its line: as in
+    /// Twice the index of the triangle, plus 1 if the side runs in the direction of its line, as in
     /// [`Surfaces::sides`].
     side: u32,
     /// Corner of the triangle, from 0 to 2, at which the side begins.
     corner: u32,
 }
 
-/// Greatest mean number of triangles of the occluders of a level that is modelled wall by wall.
+/// Greatest mean number of triangles for each occluder with which a level counts as modelled wall by wall.
 const WALL: usize = 32;
 
-/// Greatest ratio of the number of segments on a line to the number of its sides. A line with more is not
-/// divided: its sides join where they have equal ends. This bounds memory where many long sides and many
-/// short ones lie on one line.
+/// Greatest ratio of the number of segments on a line to the number of sides. A line with more is not
+/// divided: its sides join only where they have equal ends. This bounds memory where many long sides and many
+/// short ones are on one line.
 const MAX_SEGMENTS: usize = 16;
 
-/// Returns the representative of the set that `at` is in, and shortens the way to it. `parent` is a
-/// union-find forest: representatives are their own parents.
+/// Returns the representative of the set that contains `at`, and shortens the path to it. `parent` is a
+/// union-find forest, in which a representative is its own parent.
 pub(super) fn find(parent: &mut [u32], mut at: u32) -> u32 {
     while parent[at as usize] != at {
         parent[at as usize] = parent[parent[at as usize] as usize];
@@ -158,25 +158,25 @@ impl Surfaces {
     }
 
     /// Collects the surfaces of a scene if its occluders have few triangles on average, as in levels that are
-    /// modelled wall by wall. Collects none if they have more: what is gained where objects meet does not pay
-    /// then, and each is to be [listed](Self::list) by itself.
+    /// modelled wall by wall. Otherwise collects none, since joining objects would then cost more than it
+    /// gains: each object is to be [listed](Self::list) by itself.
     pub(crate) fn of_walls(scene: &Scene) -> Self {
         let meshes = || scene.ids().filter_map(|id| scene.occluder(id));
         let triangles: usize = meshes().map(|(mesh, _)| mesh.triangles().len()).sum();
         if triangles <= WALL * meshes().count() { Self::new(scene) } else { Self::default() }
     }
 
-    /// Returns whether a cluster is of several objects.
+    /// Returns whether a cluster consists of several objects.
     pub(crate) fn joins_objects(&self, cluster: usize) -> bool {
         let triangles = self.triangles_of(cluster);
         let owner = |&triangle: &u32| self.part(&self.triangles[triangle as usize]).owner;
-        // Triangles of an object are in a row.
+        // The triangles of an object are consecutive.
         triangles.first().map(owner) != triangles.last().map(owner)
     }
 
-    /// Lists the surfaces of the object of an index by themselves, as they are now: they meet no other
-    /// object's. Takes O(n log n) time for n triangles. An object that is listed again leaves its former
-    /// surfaces behind, unused. Returns the number of triangles.
+    /// Lists the present surfaces of the object with an index, without joining them with other objects. Takes
+    /// O(n log n) time for n triangles. If the object was listed before, its former surfaces stay, unused.
+    /// Returns the number of triangles.
     pub(crate) fn list(&mut self, scene: &Scene, index: usize) -> usize {
         self.cluster_of.resize(self.cluster_of.len().max(index + 1), u32::MAX);
         if let Some(cluster) = self.cluster_of(index) {
@@ -196,12 +196,12 @@ impl Surfaces {
         self.triangles.len() - triangles
     }
 
-    /// Returns whether most triangles belong to no object any more.
+    /// Returns whether most triangles are outdated, because their objects have been listed again.
     pub(crate) fn is_mostly_unused(&self) -> bool {
         2 * self.unused > self.triangles.len()
     }
 
-    /// Adds the triangles of an object. Returns false, and adds none, for one that is not to be
+    /// Adds the triangles of an object. Returns false, and adds none, if the object should not be
     /// [among](Self::has) the surfaces.
     fn add(&mut self, scene: &Scene, id: ObjectId) -> bool {
         let Some((mesh, _)) = scene.occluder(id).filter(|_| Self::has(scene, id)) else { return false };
@@ -210,12 +210,12 @@ impl Surfaces {
         for part in solids::pieces(mesh) {
             let back = match () {
                 () if part.is_convex() => Back::OfSolid,
-                // No back of a closed mesh is seen from outside.
+                // The back of a closed mesh cannot be seen from outside.
                 () if part.is_two_sided() && !part.is_closed() => Back::Opaque,
                 () => Back::Transparent,
             };
             self.triangles.extend(part.triangles().iter().map(|t| Surface {
-                // Adding zero makes zeros of both signs equal.
+                // The sum turns -0 into 0, so that equal coordinates have equal bits.
                 corners: t.map(|i| part.positions()[i as usize] + 0.0),
                 part: self.parts.len() as u32,
                 back,
@@ -225,8 +225,8 @@ impl Surfaces {
         true
     }
 
-    /// Returns whether the triangles of an object are among the surfaces of the scene: whether it is an
-    /// occluder with a mesh in scene coordinates.
+    /// Returns whether an object should be among the surfaces: whether it is an occluder with a mesh in scene
+    /// coordinates.
     pub(crate) fn has(scene: &Scene, id: ObjectId) -> bool {
         scene.occluder(id).is_some_and(|(_, transform)| transform == Affine3A::IDENTITY)
     }
@@ -259,7 +259,7 @@ impl Surfaces {
             let sides = self.sides(segment);
             for pair in sides.windows(2) {
                 let [a, b] = [pair[0], pair[1]].map(|side| find(&mut parent, owner(side / 2)));
-                // The first object of a cluster represents it.
+                // A cluster is represented by its first object.
                 parent[a.max(b) as usize] = a.min(b);
             }
         }
@@ -286,18 +286,18 @@ impl Surfaces {
         &self.parts[surface.part as usize]
     }
 
-    /// Returns the sides on a segment, as twice the index of the triangle, plus 1 if the triangle runs from
-    /// the first end to the second.
+    /// Returns the sides of triangles on a segment: twice the index of the triangle, plus 1 if the triangle
+    /// runs from the segment's first end to the second.
     pub(crate) fn sides(&self, segment: usize) -> &[u32] {
         self.sides.get(segment)
     }
 
-    /// Finds the segments along which triangles `first` and later ones meet.
+    /// Finds the segments along which triangles meet, for the triangles from index `first` on.
     fn find_segments(&mut self, first: usize) {
         let mut sides = self.line_sides(first);
         sides.sort_unstable_by(|a, b| a.key.cmp(&b.key).then(a.side.cmp(&b.side)));
-        // Sides along an axis that lie on one line may overlap in part, as at T-junctions: the line is cut at
-        // all ends, so that each segment has the same sides everywhere.
+        // Sides on one line along an axis may overlap in part, as at T-junctions. The line is cut at all
+        // their ends, so that each segment is on the same sides over its whole length.
         let mut cuts: Vec<f32> = Vec::new();
         for line in sides.chunk_by(|a, b| a.key == b.key) {
             if line[0].key[0] == 3 {
@@ -313,8 +313,8 @@ impl Surfaces {
             let mut pieces: Vec<([u32; 2], u32)> = Vec::new();
             for side in line {
                 let [low, high] = side.ends.map(|x| at(x) as u32);
-                // Too many cuts for too few sides: each side stays one segment. Then fewer triangles join,
-                // which loses nothing but occlusion.
+                // With too many cuts for the number of sides, each side stays one segment. Then fewer
+                // triangles join, which costs only occlusion.
                 if count > MAX_SEGMENTS * line.len() {
                     pieces.push(([low, high], side.side));
                 } else {
@@ -340,16 +340,16 @@ impl Surfaces {
         self.sides.push(sides);
     }
 
-    /// Returns the two ends of a triangle's side, in the direction of its line: the same for all sides with
-    /// one `key`, whichever way their triangles turn. On a line along an axis, the lesser coordinate comes
-    /// first.
+    /// Returns the two ends of a triangle's side, in the direction of its line: the same order for all sides
+    /// with one `key`, however their triangles turn. On a line along an axis, the end with the lesser
+    /// coordinate comes first.
     fn points(&self, side: &LineSide) -> [Vec3; 2] {
         let corners = self.triangles[side.side as usize / 2].corners;
         let (a, b) = (corners[side.corner as usize], corners[(side.corner as usize + 1) % 3]);
         if side.side % 2 == 1 { [a, b] } else { [b, a] }
     }
 
-    /// Returns the sides of triangles `first` and later ones with the lines that they are on.
+    /// Returns the sides of the triangles from index `first` on, each with its line.
     fn line_sides(&self, first: usize) -> Vec<LineSide> {
         let bits = |p: Vec3| p.to_array().map(f32::to_bits);
         let triangles = &self.triangles[first..];
@@ -364,8 +364,8 @@ impl Surfaces {
             for corner in 0..3 {
                 let (a, b) = (surface.corners[corner], surface.corners[(corner + 1) % 3]);
                 let same = [a.x == b.x, a.y == b.y, a.z == b.z];
-                // A side along an axis is keyed by the axis and its two other coordinates, so that all sides
-                // on the line have one key. Any other side is keyed by its end points.
+                // The key of a side along an axis is the axis and the other two coordinates, so that all
+                // sides on the line have the same key. The key of any other side is its two end points.
                 if same.iter().filter(|&&same| same).count() == 2 {
                     let axis = same.iter().position(|same| !same).unwrap_or(0);
                     let forward = a[axis] < b[axis];

@@ -1,4 +1,4 @@
-//! Windows of projection planes: the rectangle that a map covers, and its pixels.
+//! Windows of projection planes: the rectangles that maps cover, and their pixels.
 
 use super::direction::Direction;
 use super::occludees::Item;
@@ -7,62 +7,61 @@ use alloc::vec::Vec;
 use visibility_core::Aabb;
 use visibility_core::glam::Vec3;
 
-/// Margin in pixels of every decision. All pixel coordinates that decide are in error by less: see
-/// [`Window::fit`] for the lateral positions and [`OccluderRaster`](super::occluder_raster::OccluderRaster)
-/// for projected vertices.
+/// Margin in pixels of every decision. The error of each pixel coordinate that decides is smaller: see
+/// [`Window::fit`] for lateral positions and [`OccluderRaster`](super::occluder_raster::OccluderRaster) for
+/// projected vertices.
 pub(crate) const SLACK: f64 = 1.0 / 1024.0;
 
-/// Greatest magnitude of a pixel coordinate that is used: 2^30, whose rounding errors are below `SLACK /
-/// 2^10`.
+/// Greatest magnitude of a pixel coordinate that is used, 2^30. Its rounding errors are below `SLACK / 2^10`.
 pub(crate) const FARTHEST_PIXEL: f64 = 1_073_741_824.0;
 
 /// Least width of a window, in units of the rounding error of positions on it: 2^26.
 const WIDTH: f64 = 67_108_864.0;
 
-/// Distance in pixels from a [`Rim`] to the boundary between pixels next to it. Edges at the rim, with their
-/// margin, then mark pixels on one side of the boundary alone.
+/// Distance in pixels from a [`Rim`] to the boundary between pixels next to it. Edges at the rim, widened by
+/// their margin, then mark pixels on one side of the boundary only.
 const BESIDE: f64 = 4.0 * SLACK;
 
-/// A coordinate along a lateral axis at which most objects begin, or end, such as the ground that houses
-/// stand on. Rays to these objects pass on its inner side. If a pixel had rays of both sides, the lower edge
-/// of a house in front would open the pixel to all objects behind it.
+/// A coordinate along a lateral axis at which most objects begin or end, such as the ground that houses stand
+/// on. Rays to these objects pass on its inner side. If a pixel had rays on both sides, the lower edge of a
+/// house in front would open the pixel for all objects behind it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rim {
     at: f64,
     /// 1 if the objects begin at the rim and lie at greater coordinates, -1 if they end there.
     inwards: f64,
-    /// Axis of the scene and exact position of the rim along it, if all of the viewcell is on the inner side
+    /// Axis of the scene, and exact position of the rim along it, if the whole viewcell is on the inner side
     /// of the rim or touches it. `None` otherwise.
     exact: Option<(usize, f64)>,
 }
 
 /// A rim that the viewcell does not cross, as a boundary between the pixels of a window.
 ///
-/// The pixels on the inner side of this boundary stand for exactly the points on the inner side of the rim,
-/// and the others for the points beyond it. By coordinates, the boundary lies [`BESIDE`] pixels off the rim,
-/// and every range of pixels is widened by as much. Rays from the viewcell through an inner pixel stay on the
-/// inner side of the rim. So an edge on the outer side, or at the rim, does not meet them. (Rays in the plane
-/// of the rim meet an edge at the rim, and its triangle blocks them there. Nor would they see an object that
-/// rays beside them do not: what is seen is seen by an open set of rays.)
+/// The pixels on the inner side of this boundary represent exactly the points on the inner side of the rim,
+/// and the other pixels the points beyond it. In coordinates, the boundary lies [`BESIDE`] pixels off the
+/// rim, and every range of pixels is widened by as much. Rays from the viewcell through an inner pixel stay
+/// on the inner side of the rim. So an edge on the outer side, or at the rim, does not meet them. (Rays in
+/// the plane of the rim do meet an edge at the rim, and its triangle blocks them there. They see no object
+/// that rays beside them do not see, since a visible point is visible to an open set of rays.)
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct ExactRim {
     at: f64,
     inwards: f64,
     exact: (usize, f64),
-    /// Index of the column or row of pixels next to the boundary, on its inner side.
+    /// Index of the column or row of pixels next to the boundary, on the rim's inner side.
     inner: usize,
 }
 
 impl ExactRim {
     /// Returns the part of a range of pixel coordinates that is on the inner side of the rim. The caller
-    /// knows that all points in the range are on that side.
+    /// knows that all represented points are on that side.
     fn clip_inwards(&self, [low, high]: [f64; 2]) -> [f64; 2] {
         let inner = self.inner as f64;
         if self.inwards > 0.0 { [low.max(inner), high] } else { [low, high.min(inner + 1.0 - SLACK)] }
     }
 
     /// Returns the part of a range of pixel coordinates that is on the outer side of the rim. The caller
-    /// knows that all points in the range are on that side or at the rim.
+    /// knows that all represented points are on that side or at the rim.
     fn clip_outwards(&self, [low, high]: [f64; 2]) -> [f64; 2] {
         let inner = self.inner as f64;
         if self.inwards > 0.0 {
@@ -74,9 +73,9 @@ impl ExactRim {
         }
     }
 
-    /// Returns the part of a range of pixel coordinates that may reach into the pixel next to the boundary on
-    /// its inner side. A range that comes from the outer side and ends at the rim, up to rounding, meets that
-    /// pixel by its coordinates, but none of the points that the pixel stands for: it ends before the pixel.
+    /// Removes the first inner pixel from a range of pixel coordinates that comes from the outer side and
+    /// ends at the rim, up to rounding. By its coordinates the range meets this pixel, but it meets none of
+    /// the points that the pixel represents. Other ranges are unchanged.
     fn clip_at_rim(&self, [low, high]: [f64; 2]) -> [f64; 2] {
         let inner = self.inner as f64;
         if self.inwards > 0.0 {
@@ -90,8 +89,8 @@ impl ExactRim {
 }
 
 impl Rim {
-    /// Returns the rim at the coordinate along lateral axis `lat` (0 or 1) at which most items begin, or most
-    /// end, up to rounding. `None` if no two share one.
+    /// Returns the rim along lateral axis `lat` (0 or 1): the coordinate, up to rounding, at which most items
+    /// begin, or that at which most end. `None` if no two items share such a coordinate.
     pub(crate) fn of(
         items: &[Item],
         lat: usize,
@@ -116,8 +115,8 @@ impl Rim {
             }
         }
         let (range, inwards) = best?;
-        // Where the lateral axis is an axis of the world, the coordinate is known to the last bit, and can be
-        // compared with the cell's face without error.
+        // If the lateral axis is an axis of the world, the coordinate is exact, and can be compared with the
+        // cell's face without error.
         let exact = direction.exact[lat].and_then(|(axis, cell)| {
             let outermost = items
                 .iter()
@@ -139,13 +138,14 @@ impl Rim {
     }
 }
 
-/// A projection plane at a distance, with the rectangle on it that its map covers.
+/// A projection plane, with the rectangle on it that its map covers.
 ///
-/// A map's bit says: every *asked* ray through the closed pixel is blocked before the plane. A ray is asked
-/// if it passes through the windows of this plane and of all earlier planes of the sweep.
+/// A set bit of the map says that every *asked* ray through the closed pixel is blocked in front of the
+/// plane. A ray is asked if it passes through the windows of this plane and of all earlier planes of the
+/// sweep.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Window {
-    /// Distance in metres from the front of the viewcell.
+    /// Distance of the plane in metres from the front of the viewcell.
     pub(crate) d: f64,
     /// Least and greatest coordinate of the window along x, then along y, in metres.
     pub(crate) ends: [[f64; 2]; 2],
@@ -157,8 +157,8 @@ pub(crate) struct Window {
 
 impl Window {
     /// Fits a window on the plane at distance `d` around the rectangle `ends`, which may be a point but not
-    /// empty: least and greatest x, then y, in metres. Along an axis with a rim, a boundary between pixels
-    /// lies next to the rim. `None` if the numbers are not finite.
+    /// empty: least and greatest x, then y, in metres. Along an axis with a rim, a boundary between pixels is
+    /// placed next to the rim. `None` if the results are not finite.
     pub(crate) fn fit(
         direction: &Direction,
         d: f64,
@@ -169,16 +169,17 @@ impl Window {
         let ends = [0, 1].map(|lat| {
             let [low, high] = ends[lat];
             // Positions on the plane are sums of three terms within the magnitudes here, each rounded a few
-            // times: in error by less than 16 EPSILON of them and of the error of their coordinates, which
-            // the factor (d + depth) / (z + depth) <= 1 does not enlarge. The window is at least 2^26 times
-            // that wide, so the error is below SIDE / 2^26 < SLACK / 64 pixels.
+            // times. They are wrong by less than 16 EPSILON of the magnitudes, and by the error of their
+            // coordinates, which the factor (d + depth) / (z + depth) <= 1 does not enlarge. The window is at
+            // least 2^26 times as wide, so the error is below SIDE / 2^26 < SLACK / 64 pixels.
             let magnitude = low.abs() + high.abs() + direction.widest();
             let pad = (high - low) * 1e-3 + (magnitude * f64::EPSILON + direction.error) * WIDTH;
             let (low, high) = (low - pad, high + pad);
             let Some(rim) = rims[lat].filter(|rim| low < rim.at && rim.at < high) else {
                 return [low, high];
             };
-            // One pixel is left for the shift.
+            // One pixel is reserved for moving the window so that the boundary between pixels is next to the
+            // rim.
             let pixel = (high - low) / (SIDE - 1) as f64;
             let side = if rim.exact.is_some() { -rim.inwards } else { rim.inwards };
             let boundary = (rim.at + side * BESIDE * pixel - low) / pixel;
@@ -216,21 +217,21 @@ impl Window {
         self.scale[lat]
     }
 
-    /// Returns by how many pixels each end of a range along lateral axis `lat` (0 or 1) must be moved
-    /// outwards.
+    /// Returns the number of pixels by which each end of a range along lateral axis `lat` (0 or 1) must be
+    /// moved outwards.
     fn margin(&self, lat: usize) -> f64 {
         if self.rims[lat].is_some() { SLACK + BESIDE } else { SLACK }
     }
 
     /// Returns a range of pixel coordinates along axis `lat` (0 or 1) that certainly contains the positions
-    /// from `low` to `high`, in metres: at each end it is wider by [`margin`](Self::margin).
+    /// from `low` to `high`, in metres. Each end is moved outwards by [`margin`](Self::margin).
     pub(crate) fn widened(&self, [low, high]: [f64; 2], lat: usize) -> [f64; 2] {
         [self.pixel(low, lat) - self.margin(lat), self.pixel(high, lat) + self.margin(lat)]
     }
 
-    /// Returns two flags, for lateral axes x and y: whether all points are at the window's rim of that axis
-    /// or on its outer side, away from most objects. False for an axis without a rim. The points are exact
-    /// and relative to the scene's origin.
+    /// Returns, for lateral axes x and y, whether all points are at the window's rim of that axis or on its
+    /// outer side, away from most objects. False for an axis without a rim. The points are exact and relative
+    /// to the scene's origin.
     pub(crate) fn is_outside(&self, points: &[Vec3]) -> [bool; 2] {
         self.rims.map(|rim| {
             rim.is_some_and(|ExactRim { inwards, exact: (axis, at), .. }| {
@@ -240,22 +241,22 @@ impl Window {
     }
 
     /// Returns the part of a range of pixel coordinates that is on the outer side of the rim of lateral axis
-    /// `lat`. The caller knows that all points in the range are there, see [`is_outside`](Self::is_outside).
+    /// `lat`, see [`is_outside`](Self::is_outside). The caller knows that all represented points are there.
     /// Unchanged without a rim.
     pub(crate) fn clip_outwards(&self, range: [f64; 2], lat: usize) -> [f64; 2] {
         self.rims[lat].map_or(range, |rim| rim.clip_outwards(range))
     }
 
-    /// Returns a range of pixel coordinates along axis `lat` (0 or 1) without the pixel on the inner side of
-    /// the rim, if the range comes from the outer side and does not pass the rim. Unchanged without a rim.
-    /// The range may be empty afterwards, its end below its start.
+    /// Removes the first pixel on the inner side of the rim from a range of pixel coordinates along axis
+    /// `lat` (0 or 1), if the range comes from the outer side and does not pass the rim. Unchanged without a
+    /// rim. The range may then be empty, with its end below its start.
     pub(super) fn clip_at_rim(&self, range: [f64; 2], lat: usize) -> [f64; 2] {
         self.rims[lat].map_or(range, |rim| rim.clip_at_rim(range))
     }
 
-    /// Returns the pixels that the projection of an occludee onto the plane may meet. The projection is given
-    /// by its least and greatest coordinate along x, then along y, in metres. `bounds` are those of the
-    /// occludee in scene coordinates. `None` if the projection reaches out of the window.
+    /// Returns the pixels that the projection of an occludee onto the plane may meet. The projection is its
+    /// least and greatest coordinate along x, then along y, in metres. `bounds` are the occludee's bounds in
+    /// scene coordinates. `None` if the projection is not within the window.
     pub(crate) fn pixels(&self, [x, y]: [[f64; 2]; 2], bounds: &Aabb) -> Option<PixelRect> {
         let along = |range: [f64; 2], lat| {
             let [mut low, mut high] = self.widened(range, lat);
@@ -275,11 +276,11 @@ impl Window {
         Some(PixelRect { x: along(x, 0)?, y: along(y, 1)? })
     }
 
-    /// Returns the least number of pixels along each lateral axis that the projection of an occludee meets
-    /// whose depth is at least `z` metres. At least 1.
+    /// Returns, for each lateral axis, the least number of pixels that the projection of an occludee with a
+    /// depth of at least `z` metres meets. At least 1.
     pub(crate) fn min_pixels(&self, direction: &Direction, z: f64) -> [usize; 2] {
         [0, 1].map(|lat| match self.rims[lat] {
-            // Ranges are cut off at the rim.
+            // Ranges may be cut off at the rim.
             Some(_) => 1,
             None => ((direction.least_width(self.d, z, lat) * self.scale[lat]) as usize).max(1),
         })
@@ -291,11 +292,11 @@ impl Window {
     }
 
     /// Returns for each column (`lat` 0) or row (`lat` 1) of pixels of this window the first and last one of
-    /// the earlier window `from` that asked rays through it may meet. This is the reprojection with the cell
-    /// itself as the source of the rays.
+    /// the earlier window `from` that asked rays through it may meet. This is the reprojection for rays from
+    /// the viewcell.
     pub(crate) fn reprojection(&self, direction: &Direction, from: &Self, lat: usize) -> Ranges {
-        // A ray from v, at w behind the front, to p on this plane meets the earlier one at
-        // p (1 - t) + v t with t = (d - from.d) / (d + w).
+        // A ray from v, at depth w behind the front, to p on this plane meets the earlier plane at the
+        // position p (1 - t) + v t with t = (d - from.d) / (d + w).
         let (h, gap) = (direction.half[lat], self.d - from.d);
         let t = [gap / self.d, gap / (self.d + direction.depth)];
         let size = self.pixel_size(lat);
@@ -305,14 +306,14 @@ impl Window {
             let mut a = self.ends[lat][0] + i as f64 * size;
             let mut b = self.ends[lat][0] + (i + 1) as f64 * size;
             if let Some(rim) = &self.rims[lat] {
-                // The pixels on both sides of the rim end there.
+                // The pixels on both sides of the rim end at the rim.
                 let first_above = if rim.inwards > 0.0 { rim.inner } else { rim.inner + 1 };
                 a = if i == first_above { rim.at } else { a };
                 b = if i + 1 == first_above { rim.at } else { b };
             }
             let low = t.map(|t| a * (1.0 - t) - h * t);
             let high = t.map(|t| b * (1.0 - t) + h * t);
-            // Asked rays stay within the earlier window, so what is beyond its rim need not be blocked.
+            // Asked rays stay within the earlier window, so pixels beyond its rim need not be blocked.
             let [mut low, mut high] = from.widened([low[0].min(low[1]), high[0].max(high[1])], lat);
             if let (Some(own), Some(other)) = (&self.rims[lat], &from.rims[lat])
                 && own.exact == other.exact
@@ -322,7 +323,7 @@ impl Window {
                 [low, high] = other.clip_inwards([low, high]);
             }
             let clamp = |x: f64| x.max(0.0).min((SIDE - 1) as f64) as usize;
-            // In real numbers the ends never decrease; rounding must not make them do so.
+            // In exact arithmetic the ends never decrease. Rounding must not make them decrease.
             first = clamp(low).max(first);
             last = clamp(high).max(last);
             *range = [first.min(last) as u16, last as u16];
@@ -340,7 +341,7 @@ mod tests {
     use visibility_core::pvs::Viewcell;
 
     impl Window {
-        /// Returns a window at distance 1 whose pixels are a metre wide and begin at 0.
+        /// Returns a window at distance 1 whose pixels are a metre wide, with the first pixel at 0.
         pub(crate) fn unit() -> Self {
             Self::from_zero(1.0, [[0.0, SIDE as f64]; 2])
         }
@@ -352,7 +353,7 @@ mod tests {
         }
     }
 
-    /// All ends are in units of the slack, 1024 of which are a pixel.
+    /// Compares with integers: all ends of ranges are in units of the slack, 1/1024 of a pixel.
     #[test]
     fn pixels_of_occludees_are_those_of_integer_arithmetic() {
         let (window, side) = (Window::unit(), SIDE as i64);
@@ -366,15 +367,15 @@ mod tests {
             let found = window.pixels([range, [3.5, 4.5]], &bounds).map(|rect| rect.x);
             let turned = window.pixels([[3.5, 4.5], range], &bounds).map(|rect| rect.y);
             assert_eq!(found, turned, "{low} to {high}: pixels along x and along y");
-            // Every pixel that the closed range comes near must be asked, and be within the window.
+            // Every pixel within a unit of the closed range must be tested, and be within the window.
             let near = [low - 1, high + 1].map(|at| at.div_euclid(1024));
             let is_within = low <= high + 2 && near[0] >= 0 && near[1] < side;
             assert_eq!(found, is_within.then(|| near.map(|at| at as usize)), "{low} to {high}");
         }
     }
 
-    /// Follows the rays from the corners of the cell through the corners of each pixel in integers, whose
-    /// unit is a 512th of a metre, times the distance to the viewpoint.
+    /// Follows rays from the corners of the cell through the corners of each pixel in integers. Their unit is
+    /// a 512th of a metre divided by the distance to the viewpoint.
     #[test]
     fn reprojected_pixels_contain_all_that_rays_through_them_meet() {
         let side = SIDE as i128;
@@ -401,7 +402,8 @@ mod tests {
                             let away = i128::from(d) + back * i128::from(depth);
                             let at = p * away + (v - p) * i128::from(d - from_d);
                             let (at, by) = (at - side * i128::from(from[0]) * away, away * wide(from));
-                            // The first and the last pixel that are met, beyond their common boundary.
+                            // The first and the last pixel that the rays meet, apart from pixels that they
+                            // only touch.
                             least = least.min(at.div_euclid(by));
                             most = most.max((at + by - 1).div_euclid(by) - 1);
                         }

@@ -1,7 +1,8 @@
-//! Random scenes of occluders, and rays that look for objects hidden by mistake.
+//! Random scenes of occluders, and rays that search for objects hidden by mistake.
 //!
-//! The rays share no projection, clipping or raster code with what they judge: each is intersected with all
-//! triangles. A ray counts as unobstructed only if it misses every triangle by more than rounding.
+//! The rays share no projection, clipping or raster code with the cullers that they judge: each is
+//! intersected with all triangles. A ray counts as unobstructed only if it misses every triangle by more than
+//! rounding.
 #![allow(dead_code, unreachable_pub)]
 
 mod point_shadows;
@@ -14,7 +15,7 @@ use visibility_core::scene::Triangle;
 use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, RegionCuller, Scene, VisibleSet, pvs::Viewcell};
 use visibility_testing::Random;
 
-/// A scene with the triangles that occlude, each with whether its back does too.
+/// A scene with its occluding triangles. Each has a flag that says whether its back occludes too.
 pub struct World {
     pub scene: Scene,
     pub triangles: Vec<([DVec3; 3], bool)>,
@@ -62,13 +63,13 @@ impl World {
         self.add(&cuboid(min, max), false, Affine3A::IDENTITY).unwrap()
     }
 
-    /// Returns whether a segment misses all triangles by more than rounding.
+    /// Returns whether a segment misses all occluding triangles by more than rounding.
     pub fn is_free(&self, from: DVec3, to: DVec3) -> bool {
         let met = |(t, two_sided): &([DVec3; 3], bool)| hit(from, to - from, t, *two_sided);
         !self.triangles.iter().filter_map(met).any(|at| at <= 1.0 + 1e-9)
     }
 
-    /// Returns the objects that a culler hides from a cell.
+    /// Returns the objects that a culler hides from a viewcell.
     pub fn hidden(&self, culler: &mut dyn RegionCuller, cell: &Viewcell) -> BTreeSet<ObjectId> {
         let mut visible = VisibleSet::new();
         culler.cull(&self.scene, cell, &mut visible);
@@ -77,8 +78,9 @@ impl World {
         self.scene.ids().filter(|id| !seen.contains(id)).collect()
     }
 
-    /// Returns an object of `hidden` that is seen by one of `count` rays from the cell: some at random, most
-    /// close past an edge of an occluder. `Err` with the object, the viewpoint and the direction.
+    /// Searches with `count` rays from the viewcell for an object of `hidden` that a ray sees. Some rays are
+    /// random, most pass close to an edge of an occluder. `Err` with the object, the viewpoint and the
+    /// direction if one is found.
     pub fn search(
         &self,
         rng: &mut Random,
@@ -90,7 +92,8 @@ impl World {
         self.search_from(rng, &|part| cell.min + size * part, hidden, count)
     }
 
-    /// Searches like [`search`](Self::search) from the viewpoints that `eye` makes of fractions from 0 to 1.
+    /// Searches as [`search`](Self::search) does, from viewpoints that `eye` computes from three fractions
+    /// from 0 to 1.
     pub fn search_from(
         &self,
         rng: &mut Random,
@@ -103,7 +106,7 @@ impl World {
             return Ok(());
         }
         for _ in 0..count {
-            // Viewpoints at corners, on edges and on faces find most.
+            // Viewpoints at corners, on edges and on faces find most hidden objects.
             let at = DVec3::from_array([0, 1, 2].map(|_| match rng.below(3) {
                 0 => 0.0,
                 1 => 1.0,
@@ -147,7 +150,7 @@ impl World {
     }
 }
 
-/// Returns where a ray meets a triangle, or passes it by no more than rounding.
+/// Returns the ray parameter where a ray meets a triangle, or passes it within rounding.
 fn hit(eye: DVec3, direction: DVec3, &[a, b, c]: &[DVec3; 3], two_sided: bool) -> Option<f64> {
     let (e, f) = (b - a, c - a);
     let p = direction.cross(f);
@@ -167,7 +170,7 @@ fn hit(eye: DVec3, direction: DVec3, &[a, b, c]: &[DVec3; 3], two_sided: bool) -
     (u >= -near && v >= -near && u + v <= 1.0 + near && t >= 0.0).then_some(t)
 }
 
-/// Returns where a ray enters a box.
+/// Returns the ray parameter where a ray enters a box.
 fn entry(eye: DVec3, direction: DVec3, bounds: &Aabb) -> Option<f64> {
     let (mut first, mut last) = (0.0f64, f64::INFINITY);
     for axis in 0..3 {
@@ -189,7 +192,8 @@ pub fn cuboid(min: [f32; 3], max: [f32; 3]) -> Vec<Triangle> {
     OccluderMesh::CUBOID.map(|t| t.map(|i| corners[i as usize])).to_vec()
 }
 
-/// A prism over a polygon of the xy plane, cut into triangles by `fan`, with or without top and bottom.
+/// Makes a prism over a polygon in the xy plane, which `fan` cuts into triangles. `capped`: with top and
+/// bottom.
 pub fn prism(outline: &[[f32; 2]], fan: &[[usize; 3]], height: [f32; 2], capped: bool) -> Vec<Triangle> {
     let at = |i: usize, z: f32| Vec3::new(outline[i][0], outline[i][1], z);
     let mut all = Vec::new();
@@ -207,8 +211,8 @@ pub fn prism(outline: &[[f32; 2]], fan: &[[usize; 3]], height: [f32; 2], capped:
     all
 }
 
-/// A random world around a cell at the origin, `scale` metres large: occluders of many shapes near the cell,
-/// and objects that hide nothing.
+/// Makes a random world around a viewcell at the origin, `scale` metres large: occluders of many shapes near
+/// the viewcell, and objects that do not occlude.
 pub fn random_world(rng: &mut Random, scale: f64) -> (World, Viewcell) {
     let mut world = World::new();
     let size = DVec3::from_array([0, 1, 2].map(|_| scale * rng.pick(&[0.0, 0.1, 0.5, 1.0, 3.0])));
@@ -229,12 +233,12 @@ pub fn random_world(rng: &mut Random, scale: f64) -> (World, Viewcell) {
         let (w, h) = (s(rng, 1.0, 8.0), s(rng, 1.0, 8.0));
         let triangles = match rng.below(6) {
             0 => cuboid([-w, -w, -h], [w, w, h]),
-            // A plate, open and thin.
+            // A plate: open and thin.
             1 => {
                 let p = [[-w, -h], [w, -h], [w, h], [-w, h]].map(|[y, z]| Vec3::new(0.0, y, z));
                 vec![[p[0], p[1], p[2]], [p[0], p[2], p[3]]]
             }
-            // An L, concave, closed or without top and bottom.
+            // An L-shaped prism: concave, closed or without top and bottom.
             2 => {
                 let t = w * 0.3;
                 let outline = [[-w, -w], [w, -w], [w, -w + t], [-w + t, -w + t], [-w + t, w], [-w, w]];
@@ -248,7 +252,7 @@ pub fn random_world(rng: &mut Random, scale: f64) -> (World, Viewcell) {
                     cuboid([x, -w * 0.5, -h], [x + w * 0.5, w * 0.5, h * rng.range(0.2, 1.0) as f32])
                 })
                 .collect(),
-            // A wall with a hole, of one piece.
+            // A wall with a hole, as one mesh.
             4 => {
                 let (a, b) = (w * rng.range(0.001, 0.3) as f32, h * rng.range(0.001, 0.3) as f32);
                 let outer = [[-w, -h], [w, -h], [w, h], [-w, h]].map(|[y, z]| Vec3::new(0.0, y, z));
@@ -273,11 +277,11 @@ pub fn random_world(rng: &mut Random, scale: f64) -> (World, Viewcell) {
                 })
                 .collect(),
         };
-        // Some turn their backs outwards.
+        // One occluder in four has reversed winding.
         let triangles: Vec<Triangle> =
             if rng.one_in(4) { triangles.iter().map(|[a, b, c]| [*a, *c, *b]).collect() } else { triangles };
         if rng.one_in(2) {
-            // In scene coordinates: such surfaces are joined with each other.
+            // Given in scene coordinates, these surfaces are joined with one another.
             let triangles: Vec<Triangle> =
                 triangles.iter().map(|t| t.map(|p| transform.transform_point3(p))).collect();
             let cut = rng.below(triangles.len());

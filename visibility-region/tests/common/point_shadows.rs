@@ -1,15 +1,16 @@
-//! A culler from a point, for tests of cullers that ask one.
+//! A culler from a point, for tests of cullers that use one.
 
 use visibility_core::glam::{DAffine3, DVec3};
 use visibility_core::{Aabb, Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 
-/// Hides from a point what a single cuboid among the occluders hides: each segment to a corner of the box
-/// passes the inside of the cuboid. Works with slabs in the coordinates of the mesh, unlike the crate.
+/// Removes the objects that a single cuboid among the occluders hides from a point: each segment from the
+/// point to a corner of the object's box passes through the inside of the cuboid. Works with slabs in mesh
+/// coordinates, unlike the crate.
 #[derive(Clone, Debug)]
 pub struct PointShadows;
 
 impl PointShadows {
-    /// Returns whether the segment passes the inside of the box, shrunk by a margin.
+    /// Returns whether the segment passes through the inside of the box, shrunk by a margin.
     fn passes(bounds: &Aabb, from: DVec3, to: DVec3) -> bool {
         let (mut enter, mut leave) = (0.0f64, 1.0f64 - 1e-7);
         for axis in 0..3 {

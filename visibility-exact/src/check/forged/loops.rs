@@ -1,8 +1,8 @@
-//! Forged loops: rings of occluders, and the lines outside of their edges.
+//! Forged proofs with loops: rings of occluder corners, and the lines outside of their edges.
 
 use super::*;
 
-/// A ring larger than its occluder.
+/// A loop that is larger than the occluder on which it is said to lie.
 #[test]
 fn loops_away_from_their_occluder_are_refused() {
     let small = [[40.0, 3.0, 3.0], [40.0, 5.0, 3.0], [40.0, 4.0, 5.0]];
@@ -18,7 +18,7 @@ fn loops_away_from_their_occluder_are_refused() {
     }
 }
 
-/// Occluders behind the viewcell, and behind the target.
+/// Loops on occluders behind the viewcell and behind the target.
 #[test]
 fn loops_beyond_the_ends_of_segments_are_refused() {
     for x in [-4.0, 81.0] {
@@ -31,7 +31,7 @@ fn loops_beyond_the_ends_of_segments_are_refused() {
     }
 }
 
-/// An occluder inside the viewcell by less than the error of positions: segments start before it.
+/// An occluder inside the viewcell by less than the error of positions: segments start in front of it.
 #[test]
 fn loops_just_inside_the_viewcell_are_refused() {
     let wall = WALL.map(|[_, y, z]| [8.0, y, z]);
@@ -51,8 +51,8 @@ fn loops_just_inside_the_viewcell_are_refused() {
     );
 }
 
-/// A one-sided occluder in the plane of the viewcell's face, whose back is towards the viewcell: segments from
-/// the face do not cross it.
+/// A one-sided occluder in the plane of the viewcell's face, with its back to the viewcell. Segments from the
+/// face do not cross this occluder.
 #[test]
 fn loops_in_the_plane_of_the_viewcell_that_show_their_back_are_refused() {
     let wall = WALL.map(|[_, y, z]| [8.0, y, z]);
@@ -76,7 +76,7 @@ fn loops_in_the_plane_of_the_viewcell_that_show_their_back_are_refused() {
     }
 }
 
-/// A plate in the target's plane, larger than the target.
+/// A loop on a plate that lies in the target's plane and is larger than the target.
 #[test]
 fn loops_in_the_plane_of_the_target_are_refused() {
     let world = World::new(TARGET, &[WALL.map(|[_, y, z]| [80.0, y, z])]);
@@ -87,8 +87,8 @@ fn loops_in_the_plane_of_the_target_are_refused() {
     assert!(matches!(world.error(LINE, vec![step]), LOOP | MALFORMED), "a loop without corners");
 }
 
-/// Corners that are said to be the target's, and are behind the target: far ones, and one of an occluder that
-/// holds another corner of the target.
+/// Loops with corners that are falsely tagged as the target's and lie behind the target: far corners, and one
+/// of an occluder that has another corner of the target.
 #[test]
 fn corners_that_are_not_the_targets_are_refused() {
     let tilted = [[70.0, 52.0, -48.0], [90.0, 32.0, 92.0], [90.0, -200.0, -90.0]];
@@ -127,7 +127,7 @@ fn loops_that_lines_pass_outside_are_refused() {
         LOOP,
         "a loop below the line of sight"
     );
-    // All lines pass outside of the first edge, or the second, inside of the others.
+    // All lines pass outside of the first or the second edge, and inside of the others.
     let above = HALF_WALL.map(|[x, y, z]| [x, y, z - 40.0]);
     let world = World::new(TARGET, &[above]);
     let line = [[8.0, 4.0, -40.0], [80.0, 4.0, -38.0]];
@@ -138,7 +138,7 @@ fn loops_that_lines_pass_outside_are_refused() {
     );
 }
 
-/// A ring of which an edge that lines pass outside of is not asked about, and a side that is no sign.
+/// Loops with fewer or more edges than corners.
 #[test]
 fn malformed_loops_are_refused() {
     let world = World::new(TARGET, &[HALF_WALL]);
@@ -149,7 +149,7 @@ fn malformed_loops_are_refused() {
     assert_eq!(world.error(OVER, vec![step]), MALFORMED, "more edges than corners");
 }
 
-/// Edges in the middle of the segments, of which it is said that no line passes outside.
+/// Loops with edges across the segments, of which the proof falsely says that no line passes outside.
 #[test]
 fn edges_that_lines_pass_outside_are_refused() {
     let world = World::new(TARGET, &[HALF_WALL]);
@@ -158,11 +158,12 @@ fn edges_that_lines_pass_outside_are_refused() {
         .map(|edges| ring(world.piece(1), &world.shapes[1], line, &edges));
     drop(good);
     assert_eq!(world.error(OVER, vec![step]), WEIGHTS, "an edge that lines pass on both sides of");
-    // The row of the first edge, which excludes, does not remain.
+    // A row lasts only while its own edge is checked: the row of the first edge is gone, so the second weight
+    // has no row.
     let edges = [never(&[1.0]), LoopEdge::Inside, never(&[1.0, 0.0])];
     let step = ring(world.piece(1), &world.shapes[1], line, &edges);
     assert_eq!(world.error(OVER, vec![step]), WEIGHTS, "an edge excluded by a row that is gone");
-    // All lines pass above.
+    // All lines pass above the occluder.
     let below = HALF_WALL.map(|[x, y, z]| [x, y, z - 40.0]);
     let world = World::new(TARGET, &[below]);
     let line = [[8.0, 4.0, -40.0], [80.0, 4.0, -38.0]];
@@ -173,14 +174,15 @@ fn edges_that_lines_pass_outside_are_refused() {
     }
 }
 
-/// Nodes of the lines outside of an edge, which are said to be empty.
+/// Parts of a divided node that hold lines, and that the proof falsely calls empty.
 #[test]
 fn nodes_with_lines_are_not_empty() {
     let world = World::new(TARGET, &[HALF_WALL]);
     let line = [[8.0, 4.0, 2.0], [80.0, 4.0, 2.5]];
     let edges = [LoopEdge::Divides, LoopEdge::Inside, LoopEdge::Divides];
     let step = ring(world.piece(1), &world.shapes[1], line, &edges);
-    // The first weights hold. With the second the lines would have to be outside of the first edge.
+    // The weights of the first part are right. Those of the second would need the lines to be outside of the
+    // first edge.
     for weights in [&[1.0, 0.0][..], &[1.0, 0.0, 0.0], &[0.0, 1.0], &[1.0], &[]] {
         let steps = vec![step.clone(), empty(&[1.0]), empty(weights)];
         assert_eq!(world.error(OVER, steps), WEIGHTS, "{weights:?}");
@@ -203,7 +205,7 @@ fn nodes_with_lines_are_not_empty() {
     }
 }
 
-/// The rows of one half's loop are not those of the other half, nor of the next pair of polygons.
+/// Rows of the loop in one half are not used in the other half.
 #[test]
 fn rows_end_with_their_loop() {
     let world = World::new(TARGET, &[WALL]);
@@ -212,7 +214,7 @@ fn rows_end_with_their_loop() {
     let halves = Step::Halves { of_p: true, across: false };
     let steps = vec![halves.clone(), good.clone(), empty(&[1.0]), good.clone(), empty(&[1.0])];
     assert_eq!(world.proof(steps).check(&world.triangles), Ok(()), "the rows of each half hold");
-    // A wall that is seen past on one half of P.
+    // A wall that some lines of sight from one half of the viewcell's face pass by.
     let world = World::new(TARGET, &[[[9.0, -300.0, -100.0], [9.0, -300.0, 1000.0], [9.0, 4.0, 4.0]]]);
     let world = World { shapes: world.shapes, ..World::new(TARGET, &[WALL]) };
     let steps = vec![halves, good, empty(&[1.0]), empty(&[1.0])];

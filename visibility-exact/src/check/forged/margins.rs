@@ -1,12 +1,13 @@
-//! Forgeries within the margins of sides, pieces, weights and corners.
+//! Forged proofs that are wrong by less than a margin: of sides, polygons of occluders, weights and corners.
 
 use super::*;
 
-/// Edges that lines pass by less than the error of positions: whatever the number that says on which side.
+/// Lines pass these edges within the error of positions: the proof is refused for either sign of the side.
 #[test]
 fn edges_within_the_error_of_positions_are_not_passed() {
     let target = [[72.0, 2.0, 0.5], [72.0, 6.0, 0.5], [72.0, 4.0, 2.0]];
-    // The upper edge is on the segments from the upper side of P to the target's upper corner.
+    // The upper edge of the occluder touches the segments from the viewcell face's upper side to the target's
+    // upper corner.
     let mut world = World::new(target, &[HALF_WALL.map(|[x, y, z]| [x, y, z + 1.0])]);
     let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
     let line = [[8.0, 4.0, 4.0], [72.0, 4.0, 1.0]];
@@ -24,12 +25,12 @@ fn edges_within_the_error_of_positions_are_not_passed() {
     }
 }
 
-/// An occluder at a corner of the target that hides all of a half but a part at the middle of its side; the
-/// other half is hidden.
+/// An occluder at a corner of the target hides one half of the target, apart from a region at the middle of
+/// its side. The other half is hidden.
 #[test]
 fn mixtures_of_other_corners_are_not_on_an_edge() {
     let at_corner = [TARGET[2], [79.0, 4.0, -200.0], [79.0, -200.0, 6.5]];
-    // Below the line from (2, 2) through (5, 4), and above.
+    // Occluders below and above the line from (2, 2) through (5, 4), in y and z.
     let below = [[79.0, -298.0, -197.7], [79.0, 302.0, 202.3], [79.0, 300.0, -400.0]];
     let world = World::new(TARGET, &[at_corner, below]);
     let Step::Loop { piece, ring: corners, side, edges } =
@@ -47,7 +48,7 @@ fn mixtures_of_other_corners_are_not_on_an_edge() {
         LOOP,
         "a ring whose corners mix other corners"
     );
-    // The first half is well.
+    // The step of the first half is accepted.
     assert_eq!(
         world.proof(vec![halves, hidden]).check(&world.triangles).err(),
         MALFORMED,
@@ -55,7 +56,8 @@ fn mixtures_of_other_corners_are_not_on_an_edge() {
     );
 }
 
-/// Polygons that do not occlude, are not convex, or not flat: lines pass between their triangles.
+/// Loops on polygons that do not occlude, or are not convex, or not flat, so that lines pass between their
+/// triangles.
 #[test]
 fn pieces_that_are_no_convex_polygon_of_occluders_are_refused() {
     let of = |shapes: &[(Triangle, bool)]| {
@@ -80,7 +82,7 @@ fn pieces_that_are_no_convex_polygon_of_occluders_are_refused() {
     let mut world = of(&[(TARGET, true), (WALL, false)]);
     let piece = world.triangles.push_piece(&[1]);
     refused(world, piece, &WALL.map(|[x, y, z]| at(x, y, z)));
-    // Two triangles in one plane, apart.
+    // Two triangles in one plane that do not touch.
     let left = [[40.0, -300.0, -100.0], [40.0, -30.0, 4.0], [40.0, -300.0, 400.0]];
     let right = left.map(|[x, y, z]| [x, -y, z]);
     let mut world = of(&[(TARGET, true), (left, true), (right, true)]);
@@ -97,13 +99,14 @@ fn pieces_that_are_no_convex_polygon_of_occluders_are_refused() {
     refused(world, piece, &corners);
 }
 
-/// Returns a node in which all pairs of points of two polygons are asked about, without scene.
+/// Returns a node of all segments from polygon `p` to polygon `q`, independent of any scene.
 fn node(p: &[DVec3], q: &[DVec3], near: Option<f64>) -> Sight {
     let half = Half { normal: DVec3::X, offset: 1e9 };
     Sight { p: Polygon::new(p), q: Polygon::new(q), before_p: half, before_q: half, near }
 }
 
-/// Three edges that a line between two corners passes on the given sides, by exact integers.
+/// Three edges that a line from the viewcell's face to the target passes on the given sides, by exact
+/// integers.
 #[test]
 fn corners_with_lines_are_refused() {
     let world = World::new(TARGET, &[]);
@@ -127,7 +130,7 @@ fn corners_with_lines_are_refused() {
         let edges = [int(12), int(12), int(12)].map(|a| [a, a + int(9)]);
         let sight = node(&p, &q, None);
         let sides = |p: DVec3, q: DVec3| edges.map(|[a, b]| sign((q - p).dot((a - p).cross(b - p))));
-        // To a corner, or to the middle of a side.
+        // The line ends at a corner of the target or at the middle of its side.
         let seen = sides(p[round % 2], (q[0] + q[round / 3 % 2]) * 0.5);
         let rows: [Divider; 3] =
             core::array::from_fn(|k| ([(edges[k][0], None), (edges[k][1], None)], seen[k]));
@@ -146,10 +149,10 @@ fn corners_with_lines_are_refused() {
     assert!(tried > 60_000 && excluded > 100, "{tried} {excluded}");
 }
 
-/// Three edges that a line along z passes on the given sides, and a proof of the corner of positions that are
-/// wrong by `DELTA`. In the first case, errors of the line's ends decide the sign of c . d for one edge, in
-/// the second those of another edge do, and in the third those of the ends decide the sign of the form. The
-/// line of the first two is far from the edges.
+/// Three edges that a line along z passes on the given sides. The proof of the corner must fail for positions
+/// that may be wrong by `DELTA`. What positions may change differs by case: the sign of c . d for one edge by
+/// the line's ends (case 1) or by the ends of another edge (case 2), the sign of the form by the line's ends
+/// (case 3). In cases 1 and 2 the line is far from the edges.
 #[test]
 fn corners_within_the_errors_of_positions_are_refused() {
     const DELTA: f64 = 1.0 / 256.0;
@@ -192,7 +195,7 @@ fn corners_within_the_errors_of_positions_are_refused() {
     ];
     let world = World::new(TARGET, &[]);
     for (number, (moved, edges, error)) in cases.into_iter().enumerate() {
-        // Exact: all numbers have few digits.
+        // These products are exact, since all numbers have few digits.
         for [a, b] in edges {
             let side = (ends[1] - ends[0]).dot((a - ends[0]).cross(b - ends[0]));
             assert!(side > 0.0, "{number}: the line is on another side of an edge: {side}");
@@ -214,8 +217,8 @@ fn sign(x: f64) -> f64 {
     if x == 0.0 { 0.0 } else { x.signum() }
 }
 
-/// One line that meets three edges, in numbers whose products have more than 106 digits, without errors of
-/// positions: the form is 0 up to rounding.
+/// One line meets three edges, so the form is 0 up to rounding. Products of the coordinates have more than
+/// 106 bits, and positions count as exact.
 #[test]
 fn corners_on_a_line_are_refused() {
     let world = World::new(TARGET, &[]);
@@ -241,8 +244,8 @@ fn corners_on_a_line_are_refused() {
     }
 }
 
-/// Three edges in one plane that meet one line in one point, almost along each other, of numbers with more
-/// than 53 digits: products of two of them are wrong by much of themselves, and the form is 0 up to that.
+/// Three edges in one plane meet a line in one point and are almost parallel. Their coordinates have more
+/// than 53 bits, so products of two cancel almost completely, and the form is 0 up to this rounding.
 #[test]
 fn corners_of_edges_along_each_other_are_refused() {
     let world = World::new(TARGET, &[]);
@@ -253,7 +256,7 @@ fn corners_of_edges_along_each_other_are_refused() {
     for round in 0..5000 {
         let mut unit = || random.fine_range(1.0, 2.0);
         let (y, z) = (unit(), unit());
-        // Around the line from one edge to the next by less than half a turn each.
+        // Seen along the line, each end is less than half a turn from the next.
         let small = [unit(), unit()].map(|part| part * 2f64.powi(-40 - round % 8));
         let ends = [[y, z], [-y - small[0], -z + small[1]], [-y + small[1], -z - small[0]]];
         let d = DVec3::X * unit();
@@ -271,8 +274,8 @@ fn corners_of_edges_along_each_other_are_refused() {
     }
 }
 
-/// Lines on both sides of an edge, given three times from different ends: weights for which the sum of sides
-/// is 0 up to rounding.
+/// Lines on both sides of one edge that is given as three rows with different ends. With the chosen weights
+/// the sum of sides is 0 up to rounding, and excludes nothing.
 #[test]
 fn weights_that_cancel_are_refused() {
     let world = World::new(TARGET, &[]);
@@ -283,7 +286,7 @@ fn weights_that_cancel_are_refused() {
     for round in 0..3000 {
         let mut int = || DVec3::from_array(core::array::from_fn(|_| f64::from(random.between(-900, 900))));
         let (p, a, b, c) = (int(), int(), int(), int());
-        // Lines through two points at both sides of a point of the edge.
+        // Lines end at two points on either side of the edge.
         let q = [1.0, -0.371].map(|side| a + (b - a) * 0.5 - p + a + c * side);
         let sight = node(&[p; 3], &[q[0], q[1], q[1]], Some(0.0));
         let (s, t) = (f64::from(1 + (round % 7)), f64::from(3 + (round % 11)));
@@ -296,8 +299,8 @@ fn weights_that_cancel_are_refused() {
     }
 }
 
-/// A loop with a corner behind the target's plane by less than the errors of heights, beside the target, the
-/// others before it.
+/// A loop with one corner beside the target and behind the target's plane by less than the error of heights.
+/// Its other corners are in front of the plane.
 #[test]
 fn corners_next_to_the_plane_of_the_target_are_not_before_it() {
     let mut random = Random(8);
@@ -314,7 +317,7 @@ fn corners_next_to_the_plane_of_the_target_are_not_before_it() {
         let (check, sight) = world.node_from(normal);
         let corners = world.shapes[1].map(|x| (x, None));
         assert!(!check.is_on_piece(&sight, world.piece(1), &corners), "{round}");
-        // The height over the plane is the target's by rounding.
+        // Up to rounding, the corner is on the target's plane.
         assert!(
             sight.before_q.height(corners[0].0).abs() < check.delta,
             "{round}: the corner is on the target's plane, up to rounding"
@@ -322,8 +325,9 @@ fn corners_next_to_the_plane_of_the_target_are_not_before_it() {
     }
 }
 
-/// Surfaces of two triangles that meet in a ridge from a corner of the target over the target: one that dips
-/// below the plane by less than rounding, and a tent behind the plane whose ridge is over it.
+/// Surfaces of two triangles that meet in a ridge from a corner of the target over the target. In one case
+/// the ridge dips below the plane by less than rounding; in the other it is the top of a tent behind the
+/// plane.
 #[test]
 fn ridges_next_to_the_plane_of_the_target_are_refused() {
     let mut random = Random(9);
@@ -337,7 +341,7 @@ fn ridges_next_to_the_plane_of_the_target_are_refused() {
         let is_tent = round % 2 == 1;
         let depth = normal * random.fine_range(50.0, 800.0) * if is_tent { -1.0 } else { 1.0 };
         let middle = far * random.fine_range(0.3, 1.2) + depth;
-        // The greatest coordinate is that of the viewcell.
+        // The viewcell has the greatest coordinate of all.
         let min = (far * 0.5 + normal * 60_000.0).round();
         let max = min + DVec3::ONE;
         let delta = 128.0 * 2f64.powi(-53) * min.abs().max(max.abs()).max_element();

@@ -1,5 +1,5 @@
-//! Forged proofs that a target is hidden which a segment sees: each is refused by one condition of the check
-//! alone, and accepted without it.
+//! Forged proofs: each claims that a target is hidden although a segment sees it. One condition of the check
+//! refuses the proof, and without this condition the check would accept it.
 //!
 //! | condition | tests |
 //! |---|---|
@@ -39,8 +39,8 @@
 //! | `excludes`: weights, sums, rounding | `edges_that_lines_pass_outside_are_refused`, `weights_that_cancel_are_refused` |
 //! | `corner_excludes`: signs, form, rounding | `corners_with_lines_are_refused`, `corners_on_a_line_are_refused`, `corners_of_edges_along_each_other_are_refused`, `corners_within_the_errors_of_positions_are_refused` |
 //!
-//! Two conditions are kept for which no forged proof was found: a triangle of `touches_beside` has a corner
-//! that is not the target's, and no end of a line of `crosses` is on the plane of a triangle.
+//! No forged proof was found for two conditions, which are kept: that a triangle in `touches_beside` has a
+//! corner that is not the target's, and that no end of a line in `crosses` is on the plane of a triangle.
 
 mod loops;
 mod margins;
@@ -62,7 +62,7 @@ use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Object, Scene};
 use visibility_testing::{Random, distance, orientation_sign};
 
-/// A triangle target, number 0, among occluders, numbers from 1 on, and a viewcell.
+/// A viewcell, a target triangle with number 0, and occluder triangles with numbers from 1 on.
 struct World {
     triangles: SceneTriangles,
     /// Corners of the target, then of each occluder, in scene coordinates.
@@ -73,12 +73,12 @@ struct World {
 
 type Triangle = [[f32; 3]; 3];
 
-/// A target in the plane x = 80, before the face x = 8 of [`CELL`] and before no other.
+/// A target in the plane x = 80. Of the faces of [`CELL`] only x = 8 faces it.
 const TARGET: Triangle = [[80.0, 2.0, 2.0], [80.0, 6.0, 2.0], [80.0, 4.0, 6.0]];
 const CELL: CellBox = CellBox { min: DVec3::ZERO, max: DVec3::splat(8.0) };
 /// A wall at x = 40 that hides [`TARGET`] from [`CELL`].
 const WALL: Triangle = [[40.0, -300.0, -100.0], [40.0, 300.0, -100.0], [40.0, 0.0, 400.0]];
-/// The part of a wall below z = 4.
+/// The part below z = 4 of a wall at x = 40.
 const HALF_WALL: Triangle = [[40.0, 300.0, 4.0], [40.0, 0.0, -400.0], [40.0, -300.0, 4.0]];
 
 fn scene_of(shapes: &[(Triangle, bool)]) -> SceneTriangles {
@@ -103,16 +103,16 @@ impl World {
         Proof { cell: self.cell, target: Target::Triangle(0), clearance: self.clearance, steps }
     }
 
-    /// Returns the error of a proof, in a world in which a segment sees the target. `None` if the check
-    /// accepts it.
+    /// Returns the error that the check reports for a forged proof, `None` if the check accepts it. Asserts
+    /// that the segment `seen` sees the target.
     fn error(&self, seen: [[f64; 3]; 2], steps: Vec<Step>) -> Option<ProofError> {
         assert!(self.sees(seen.map(DVec3::from_array)), "no segment of this world sees the target");
         self.proof(steps).check(&self.triangles).err()
     }
 
     /// Returns whether a segment starts in the viewcell, ends on the target, and touches no occluder before
-    /// its end: by exact determinants, of coordinates of 24 bits. With a clearance no occluder is within 6
-    /// clearances.
+    /// its end. Exact, by determinants of coordinates of 24 bits. With a clearance, no occluder may be within
+    /// 6 clearances.
     fn sees(&self, [from, to]: [DVec3; 2]) -> bool {
         let is_inside = self.cell.min.cmple(from).all() && from.cmple(self.cell.max).all();
         let is_on = |t: &[DVec3; 3]| {
@@ -133,7 +133,8 @@ impl World {
         is_inside && is_on(&self.shapes[0]) && self.shapes[1..].iter().all(|t| is_free(t) && is_far(t))
     }
 
-    /// Returns the state of a check, and the one pair of polygons that sees the target from a side.
+    /// Returns the state of a check, and the one pair of viewcell polygon and target polygon that face each
+    /// other along `side`.
     fn node_from(&self, side: DVec3) -> (Check<'_>, Sight) {
         let target = Target::Triangle(0);
         let delta = position_error(&self.triangles, &self.cell, target, self.clearance).unwrap();
@@ -145,8 +146,8 @@ impl World {
         (Check { triangles, clearance, delta, target_vertices, steps, splits: 0 }, sight)
     }
 
-    /// Asserts that a line crosses triangle `number`, and that the surface of this triangle alone, which the
-    /// line is said to cross, is refused for a target that the segment `seen` sees.
+    /// Asserts that a line crosses triangle `number`, and that the check refuses a proof with this triangle
+    /// as its only surface, since the segment `seen` sees the target.
     fn refuses_surface(
         &self,
         number: u32,
@@ -172,7 +173,7 @@ fn moved_surface(triangles: &[u32], moved: Vec<(u32, DVec3)>, line: [[f64; 3]; 2
     Step::Surface { triangles: triangles.into(), moved: moved.into(), line: line.map(DVec3::from_array) }
 }
 
-/// Returns a loop of three or more corners, that are no corners of the target, around a line.
+/// Returns a loop around a line. It has three or more corners, none of them a corner of the target.
 fn ring(piece: u32, corners: &[DVec3], line: [[f64; 3]; 2], edges: &[LoopEdge]) -> Step {
     let [p, q] = line.map(DVec3::from_array);
     let side = (q - p).dot((corners[0] - p).cross(corners[1] - p)).signum();
@@ -198,8 +199,8 @@ const LOOP: Option<ProofError> = Some(ProofError::Loop);
 const WEIGHTS: Option<ProofError> = Some(ProofError::Weights);
 const MALFORMED: Option<ProofError> = Some(ProofError::Form);
 
-/// Returns a triangle of integers whose plane holds the origin, which is beyond the side from its second to
-/// its third corner: points next to the origin have any small height over the plane.
+/// Returns a triangle of integers whose plane holds the origin. The origin is outside, beyond the side from
+/// the second to the third corner, so that points next to it have any small height over the plane.
 fn plane_through_the_origin(random: &mut Random) -> Triangle {
     loop {
         let mut int = || -> [f32; 3] { core::array::from_fn(|_| random.between(-900, 900) as f32) };
@@ -212,7 +213,7 @@ fn plane_through_the_origin(random: &mut Random) -> Triangle {
     }
 }
 
-/// The steps that the forgeries are made of hold where they are true.
+/// Correct steps of the same kinds as the forged ones are accepted.
 #[test]
 fn true_steps_hold() {
     let world = World::new(TARGET, &[WALL]);
@@ -225,7 +226,7 @@ fn true_steps_hold() {
     let divides = ring(world.piece(1), &world.shapes[1], LINE, &divides);
     let steps = vec![divides, empty(&[1.0]), empty(&[0.0, 1.0])];
     assert_eq!(world.proof(steps).check(&world.triangles), Ok(()), "a loop that divides, with its parts");
-    // Two triangles of which neither is enough.
+    // Two triangles that hide the target together, but not alone.
     let [a, b, c] = WALL;
     let middle = [40.0, 4.0, -100.0];
     let world = World::new(TARGET, &[[a, middle, c], [middle, b, c]]);
@@ -240,7 +241,8 @@ fn true_steps_hold() {
         SURFACE,
         "one of the two triangles"
     );
-    // A wall whose upper edge is in the way, and moves out of it; the line crosses what it moved over.
+    // A wall whose upper edge is in the way until the clearance moves it. The line crosses the strip that the
+    // edge moved over.
     let mut world = World::new(TARGET, &[HALF_WALL.map(|[x, y, z]| [x, y, z + 2.75])]);
     world.clearance = 0.125;
     let [a, _, b] = world.triangles.vertices(1);

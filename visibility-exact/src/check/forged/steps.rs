@@ -1,6 +1,6 @@
-//! Forged steps that the check refuses: steps with numbers of triangles, pieces and rows that do not exist,
-//! proofs nested too deeply, steps too few or too many for the nodes, and targets that the viewcell sees only
-//! from closer to their plane than the clearance, of which a proof says nothing.
+//! Forged steps that the check refuses: numbers of triangles, polygons and rows that do not exist, proofs
+//! nested too deeply, too few or too many steps, and targets over whose plane no viewpoint is higher than the
+//! clearance, which no proof covers.
 
 use super::*;
 
@@ -44,7 +44,7 @@ fn deep_proofs_are_refused() {
 fn nodes_without_a_step_are_refused() {
     let world = World::new(TARGET, &[HALF_WALL]);
     assert_eq!(world.error(OVER, vec![]), MALFORMED, "a proof without steps");
-    // The lower half of P does not see the target's lower part: only one half has a step.
+    // The proof has no step for the segments that pass outside of the dividing edge.
     let [below, above] = [[[8.0, 4.0, 2.0], [80.0, 4.0, 2.5]], OVER];
     let edges = [LoopEdge::Inside, LoopEdge::Inside, LoopEdge::Divides];
     let divides = ring(world.piece(1), &world.shapes[1], below, &edges);
@@ -70,8 +70,8 @@ fn steps_too_many_are_refused() {
     );
 }
 
-/// A viewcell that reaches less far in front of the target's plane than the clearance. A proof says nothing
-/// of the target from there, so an empty proof must be refused, except at a height of 0.
+/// A viewcell that reaches less far in front of the target's plane than the clearance. No proof covers the
+/// target from there, so an empty proof must be refused, unless the height is 0.
 #[test]
 fn targets_seen_from_less_than_the_clearance_are_refused() {
     let mut world = World::new(TARGET, &[]);
@@ -92,8 +92,8 @@ fn targets_seen_from_less_than_the_clearance_are_refused() {
     }
 }
 
-/// A viewcell over the target's plane by less than the errors of heights, but by more than a clearance that
-/// is as small.
+/// A viewcell over the target's plane by less than the error of heights, and by more than a clearance that is
+/// even smaller.
 #[test]
 fn clearances_within_the_error_of_positions_are_refused() {
     let mut random = Random(1);
@@ -104,7 +104,7 @@ fn clearances_within_the_error_of_positions_are_refused() {
         let normal = unit_normal(&world.shapes[0]).unwrap();
         let unit = world.triangles.position_error(0.0) / 128.0;
         world.clearance = 1.5 * unit;
-        // Its farthest corner from the plane is 1.6 units over it.
+        // The farthest corner of the viewcell is 1.6 units over the target's plane.
         let corner = normal.signum() * f64::from((1.6 * unit / normal.abs().element_sum()) as f32);
         world.cell = CellBox { min: corner.min(DVec3::ZERO), max: corner.max(DVec3::ZERO) };
         let seen = [corner, world.shapes[0][0]].map(|x| x.to_array());

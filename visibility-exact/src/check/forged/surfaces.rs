@@ -1,4 +1,5 @@
-//! Forged surfaces: what blocks, where boundaries move, and lines across them.
+//! Forged proofs with surfaces: triangles that do not block, boundaries that move too far, and sample lines
+//! that do not cross.
 
 use super::*;
 
@@ -13,8 +14,8 @@ fn triangles_that_do_not_occlude_are_refused() {
     );
 }
 
-/// Segments that start before P's plane or beside P, or end behind Q's plane or beside Q, and cross what is
-/// there.
+/// Sample lines that are no segments of the node: they start behind or beside the viewcell polygon, or end
+/// behind or beside the target polygon, and cross a triangle there.
 #[test]
 fn lines_of_other_nodes_are_refused() {
     let behind = [[-4.0, -30.0, -30.0], [-4.0, 30.0, -30.0], [-4.0, 4.0, 90.0]];
@@ -34,10 +35,11 @@ fn lines_of_other_nodes_are_refused() {
     }
 }
 
-/// A plane through P or Q, beyond the segments on all sides: it blocks the segments to one part.
+/// A surface through the viewcell polygon or the target polygon that is larger than all segments'
+/// cross-section: it blocks the segments to one part only.
 #[test]
 fn surfaces_that_cut_an_end_of_segments_are_refused() {
-    // In the planes y - x = -4 and y - x = -76.
+    // These triangles lie in the planes y - x = -4 and y - x = -76.
     let through_p = [[-92.0, -96.0, -400.0], [-92.0, -96.0, 400.0], [204.0, 200.0, 0.0]];
     let through_q = [[16.0, -60.0, -400.0], [16.0, -60.0, 400.0], [476.0, 400.0, 0.0]];
     let world = World::new(TARGET, &[through_p]);
@@ -56,8 +58,8 @@ fn surfaces_that_cut_an_end_of_segments_are_refused() {
     );
 }
 
-/// A wall with a corner in the middle of the segments, which is moved by more than three clearances; the
-/// vertex of the lowest number, the vertex of the highest number.
+/// A wall with a corner in the middle of the segments, moved by more than three clearances. The moved vertex
+/// has the lowest number, then the highest.
 #[test]
 fn boundaries_that_move_too_far_are_refused() {
     for x in [39.0, 41.0] {
@@ -88,7 +90,7 @@ fn boundaries_that_segments_meet_are_refused() {
     );
 }
 
-/// An occluder that holds a corner of the target and leans over a part of it.
+/// An occluder that has a corner of the target and leans over a part of the target.
 #[test]
 fn edges_from_a_corner_of_the_target_before_it_are_refused() {
     let mut random = Random(2);
@@ -112,7 +114,8 @@ fn edges_from_a_corner_of_the_target_before_it_are_refused() {
     assert!(tried > 10, "{tried}");
 }
 
-/// A wall half a clearance before Q, of which the edge in the middle of Q moves behind Q.
+/// A wall half a clearance before the target polygon. Its edge, which crosses the polygon's middle, moves
+/// behind the polygon.
 #[test]
 fn strips_that_cut_an_end_of_segments_are_refused() {
     let wall = [[79.75, 4.0, -100.0], [79.75, 4.0, 100.0], [79.75, 200.0, 0.0]];
@@ -129,7 +132,8 @@ fn strips_that_cut_an_end_of_segments_are_refused() {
     );
 }
 
-/// A closed tetrahedron among the segments, and a line through one of its edges and one face.
+/// A surface that is a closed tetrahedron among the segments, and a sample line through one edge and one face
+/// of it.
 #[test]
 fn lines_through_an_edge_of_a_surface_are_refused() {
     let [a, b, c, d] = [[40.0, 3.0, 3.0], [40.0, 5.0, 3.0], [44.0, 4.0, 6.0], [44.0, 8.0, 0.0]];
@@ -143,7 +147,7 @@ fn lines_through_an_edge_of_a_surface_are_refused() {
         SURFACE,
         "a line through an edge of the surface"
     );
-    // Lines through a corner, of more digits than products have.
+    // Lines through a corner of the tetrahedron, with coordinates of more bits than a product can hold.
     let mut random = Random(3);
     for round in 0..3000 {
         let mut near = |[y, z]: [f32; 2]| {
@@ -160,8 +164,8 @@ fn lines_through_an_edge_of_a_surface_are_refused() {
     }
 }
 
-/// A small triangle among the segments whose boundary moves out of the segments' way below them, and a line
-/// through the triangle that leaves through the diagonal of a strip.
+/// A small triangle among the segments. Its boundary moves below the segments, out of their way. The sample
+/// line passes the triangle, and leaves through the diagonal of a strip.
 #[test]
 fn lines_through_an_edge_of_a_strip_are_refused() {
     let target = [[80.0, 0.5, 0.5], [80.0, 7.5, 0.5], [80.0, 0.5, 7.5]];
@@ -203,7 +207,8 @@ fn surfaces_that_are_crossed_an_even_number_of_times_are_refused() {
     }
 }
 
-/// Triangles beside a line, which crosses their planes, and beyond its ends.
+/// Triangles that a line does not cross: beside the line, though it crosses their planes, and beyond its
+/// ends.
 #[test]
 fn surfaces_that_a_line_does_not_cross_are_refused() {
     let beside = [[40.0, 60.0, -30.0], [40.0, 90.0, -30.0], [40.0, 75.0, 90.0]];
@@ -219,7 +224,8 @@ fn surfaces_that_a_line_does_not_cross_are_refused() {
     }
 }
 
-/// The target itself, which a line crosses that ends behind it by less than the error of positions.
+/// The target itself as the surface. The sample line ends behind the target by less than the error of
+/// positions.
 #[test]
 fn the_target_itself_is_refused() {
     let world = World::new(TARGET, &[]);
@@ -228,7 +234,8 @@ fn the_target_itself_is_refused() {
     world.refuses_surface(0, line, LINE, "the target as its own occluder");
 }
 
-/// A triangle that holds a corner of the target and cuts it in two: one part of the target is behind.
+/// A triangle that has a corner of the target and cuts the target in two: one part of the target is behind
+/// it.
 #[test]
 fn surfaces_at_a_corner_of_the_target_that_cut_it_are_refused() {
     let cut = [[80.0, 2.0, 2.0], [79.875, 52.0, -48.0], [80.125, 32.0, 92.0]];
@@ -237,7 +244,8 @@ fn surfaces_at_a_corner_of_the_target_that_cut_it_are_refused() {
     world.refuses_surface(1, hidden, seen, "a surface through the target's corner");
 }
 
-/// A triangle from a corner of the target through P: it blocks the segments from above.
+/// A triangle from a corner of the target through the viewcell polygon. It blocks only the segments from
+/// above.
 #[test]
 fn surfaces_at_the_target_that_cut_the_start_of_segments_are_refused() {
     let world = World::new(TARGET, &[[TARGET[2], [-64.0, -300.0, 2.0], [-64.0, 300.0, 2.0]]]);

@@ -1,9 +1,11 @@
-//! Forgeries next to the plane of the target, by less than the errors of heights and positions.
+//! Forged proofs about points that are off the target's plane by less than the errors of heights and
+//! positions.
 
 use super::*;
 
-/// A target whose plane cuts the viewcell, and a plate that hangs from its front edge. P holds points behind
-/// the plane by less than the errors of heights; a line from there passes under the edge.
+/// A target whose plane cuts the viewcell, and a plate that hangs from the target's front edge. The viewcell
+/// polygon has points behind the plane, by less than the error of heights; a line from such a point passes
+/// under the edge.
 #[test]
 fn lines_that_start_behind_the_plane_of_the_target_are_refused() {
     let [a, b, c] = [[16.0, 2.0, 2.25], [16.0, 6.0, 2.25], [80.0, 4.0, 4.25]];
@@ -18,7 +20,7 @@ fn lines_that_start_behind_the_plane_of_the_target_are_refused() {
         "the line from below the plane crosses the surface"
     );
     assert!(!check.surface_blocks(&sight, &[1], &[], below), "the line from below the plane is not blocked");
-    // A line from before the plane passes over the edge.
+    // A line that starts in front of the target's plane passes over the edge.
     assert_eq!(
         crosses(line(4.0), &world.shapes[1]),
         Some(false),
@@ -30,8 +32,8 @@ fn lines_that_start_behind_the_plane_of_the_target_are_refused() {
     );
 }
 
-/// A sill before the target, over its plane by less than the errors of heights: a line that starts and ends
-/// lower meets it, and others do not.
+/// A sill in front of the target, over the target's plane by less than the error of heights. A line that
+/// starts and ends below the sill's height meets the sill; other lines do not.
 #[test]
 fn edges_next_to_the_plane_of_the_target_are_met() {
     let target = [[8.0, 2.0, 0.25], [8.0, 6.0, 0.25], [72.0, 4.0, 2.25]];
@@ -58,8 +60,8 @@ fn edges_next_to_the_plane_of_the_target_are_met() {
     }
 }
 
-/// A plate that hangs from the target's lower side, behind the target, and a line that ends behind the target
-/// by less than the errors of positions.
+/// A plate that hangs from the target's lower side, behind the target. The sample line ends behind the target
+/// by less than the error of positions.
 #[test]
 fn lines_that_end_behind_the_plane_of_the_target_are_refused() {
     let [a, b, _] = TARGET;
@@ -69,8 +71,8 @@ fn lines_that_end_behind_the_plane_of_the_target_are_refused() {
     world.refuses_surface(1, line, LINE, "a line that ends behind the target's plane");
 }
 
-/// A viewcell that is over the plane of the target's upper side by less than the errors of heights, at one
-/// edge, and sees this side from there; a plate hides the lower side.
+/// One edge of the viewcell is over the plane of the target's upper side by less than the error of heights,
+/// and sees this side. A plate hides the target's lower side.
 #[test]
 fn what_is_seen_from_next_to_its_plane_alone_is_not_hidden() {
     let [a, b, c] = [[76.0, 2.0, -0.125], [76.0, 6.0, -0.125], [84.0, 4.0, -0.375]];
@@ -95,8 +97,8 @@ fn what_is_seen_from_next_to_its_plane_alone_is_not_hidden() {
     }
 }
 
-/// A tetrahedron on a corner of the target, and a line that ends inside it, by less than the errors of
-/// positions before the target.
+/// A tetrahedron on a corner of the target. The sample line ends inside the tetrahedron, in front of the
+/// target by less than the error of positions.
 #[test]
 fn lines_that_end_next_to_a_surface_at_the_target_are_refused() {
     let [a, b, c, d] = [TARGET[0], [70.0, 12.0, 10.0], [70.0, 8.0, 12.0], [70.0, 10.0, 7.0]];
@@ -110,7 +112,7 @@ fn lines_that_end_next_to_a_surface_at_the_target_are_refused() {
     );
 }
 
-/// The ring of the target's own triangle: its corners are before its plane by rounding.
+/// A loop around the target's own triangle: by rounding, its corners are in front of the target's plane.
 #[test]
 fn the_ring_of_the_target_is_refused() {
     let mut random = Random(4);

@@ -1,5 +1,5 @@
-//! Certificates against exact arithmetic: no rounding, no sign and no failed elimination produces a false
-//! proof.
+//! Certificates are compared with exact arithmetic: rounding, signs and failed eliminations never produce a
+//! false proof.
 
 use super::*;
 use alloc::vec::Vec;
@@ -44,13 +44,14 @@ fn what_rounding_leaves_of_sums_that_cancel_is_no_proof() {
         let add = |sum: DoubleDouble, i: usize| sum.plus(l[i].times(nearest(h[i])));
         let rounded = exact((0..4).fold(DoubleDouble::ZERO, add));
         let near = rest.abs() as f64;
-        // The remainder of the normals against a least value that it can just reach.
+        // The remainder of the normals, with a least value that it can just reach: this is no contradiction.
         let rows = |least| [row(h[0], 0.0), row(h[1], 0.0), row(h[2], 0.0), row(-1, 0.0), row(0, least)];
         assert!(!proves(&rows(near), &[1.0], &multipliers), "{l:?} {h:?}");
         tempting[0] += u32::from(rounded.abs() < rest.abs());
-        // With an allowance for the rounding the multipliers are a proof: 2^-90 of 2^118.
+        // The multipliers are a proof if the least value allows for their rounding, by 2^28 = 2^-90 of 2^118.
         assert!(proves(&rows(near + 2f64.powi(28)), &[1.0], &multipliers), "{l:?} {h:?}");
-        // The same remainder on the left side: least values that cancel, against a normal.
+        // The least values, instead of the normals, now cancel up to the remainder, which stands against one
+        // normal.
         let least = |i: usize| row(0, h[i] as f64);
         let rows = |normal| [least(0), least(1), least(2), least(3), row(normal, 0.0)];
         assert!(!proves(&rows(rest.abs()), &[1.0], &multipliers), "{l:?} {h:?}");
