@@ -1,5 +1,5 @@
-//! Program `tradeoff`: measures every culler at each setting of its dial on every scene, and writes times,
-//! triangles left to draw and errors.
+//! Program `tradeoff`: measures every culler at several settings on every scene, and writes times, triangles
+//! left to draw, and errors.
 
 use clap::Parser;
 use peak_alloc::PeakAlloc;
