@@ -15,8 +15,8 @@ const EYE: f32 = 1.6;
 const STEP: f32 = 0.5;
 /// Least depth in metres of solid spans below a place on a roof.
 const ROOF: f32 = 2.0;
-/// Greatest share of all non-empty columns that a roof covers. A larger region is a roof only if its area in
-/// square metres is at most the second number.
+/// Size limits of a roof: its area is below this share of all non-empty columns, or below [`ROOF_AREA`]
+/// square metres.
 const ROOF_SHARE: f64 = 0.25;
 const ROOF_AREA: f64 = 900.0;
 /// Number of places from the open inwards that count as eaves instead of a room although they have a ceiling:
@@ -24,10 +24,11 @@ const ROOF_AREA: f64 = 900.0;
 const EAVES: usize = 4;
 /// Least number of borders of a room per way out of it. A strip along a wall has about one.
 const LEAST_BORDERS: usize = 2;
-/// Number in place of a missing place.
+/// Place number that means "no place".
 pub(super) const NO_PLACE: u32 = u32::MAX;
 
-/// Floors of a map with free height above, and the places on them. A place has the number of its first floor.
+/// Floors of a map with free height above, and the places on them. A place has the number of the floor at its
+/// least column.
 pub(super) struct Places {
     /// For each column, the number of its first floor; at the end, the number of all floors.
     first: Vec<u32>,
