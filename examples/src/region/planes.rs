@@ -63,8 +63,8 @@ impl PlaneMap {
         self.covered[at[1] * SIDE + at[0]]
     }
 
-    /// Returns horizontal segments along an edge of the map, in world space: one for each column of squares in
-    /// which some square is entirely covered.
+    /// Returns horizontal segments along an edge of the map, in world space: one for each column of squares
+    /// with a square that is entirely covered.
     pub fn covered_segments(&self, up: DVec3) -> Vec<[DVec3; 2]> {
         let Some([level, upright]) = self.level_and_upright(up) else { return Vec::new() };
         let is_covered = |i: &usize| (0..SIDE).any(|j| self.at([level, upright], [*i, j]) == 1.0);

@@ -12,12 +12,12 @@ pub struct Known {
     /// Settings of the dial that are worth comparing, from the most accurate to the fastest. Empty if the
     /// culler has no dial.
     pub dials: &'static [&'static str],
-    /// Function that makes the culler for a world. `dial` is the text after the colon in `name:dial`, `None`
-    /// without a colon.
+    /// Function that makes the culler for a world. `dial` is the setting after the colon in `name:dial`,
+    /// `None` without a colon.
     pub(super) make: fn(dial: Option<&str>, world: &World) -> Made,
 }
 
-/// Culler, or the reason why it does not suit the dial or the scene.
+/// Culler, or the reason why it does not suit the setting or the scene.
 pub(super) type Made = Result<Box<dyn Culler + Send + Sync>, String>;
 
 /// Returns an error if a dial is given, for cullers that have none.

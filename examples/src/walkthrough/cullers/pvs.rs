@@ -36,8 +36,8 @@ pub(super) const KNOWN: &[Known] = &[
     },
 ];
 
-/// Reads the sets of a file for the scene of a world. Says on standard error, once, how many cameras are
-/// outside all viewcells, if any.
+/// Reads the visible sets of a file for the scene of a world. If cameras are outside all viewcells, prints
+/// their number on standard error once.
 fn baked(file: &str, world: &World) -> Made {
     let sets = world.prepared.get(&format!("sets of the file {file}"), || {
         let sets = read_sets(Path::new(file), world)?;
