@@ -229,8 +229,7 @@ mod tests {
             "{} settings were tried, and the list is read",
             advice.tried
         );
-        // With a quick choice, cells are not made just to bake sets; only the culler that uses the scene's
-        // own cells is tried.
+        // A quick choice does not bake sets for made cells, but tries portal culling with made cells.
         let mut outdoors = World::new(built_in("town:1").unwrap(), (64, 36), Some(1)).unwrap();
         outdoors.makes_cells = true;
         let has = |world, name: &str| cullers::quick_entries(world).iter().any(|entry| entry.contains(name));

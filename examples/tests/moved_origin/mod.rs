@@ -32,8 +32,8 @@ struct Count {
     occluded: usize,
 }
 
-/// Culls one view with the frustum and then a culler. In every fourth frame the origin moves between these
-/// two. Panics if a certainly visible object is missing.
+/// Culls one view with the frustum and then a culler. In a quarter of the frames the origin moves between
+/// these two. Panics if a certainly visible object is missing.
 fn judge(live: &mut dyn Live, scene: &mut Scene, frame: usize, rng: &mut Random, count: &mut Count) {
     let camera = Camera::random(scene, live.reach(), rng);
     let name = live.name().to_owned();
