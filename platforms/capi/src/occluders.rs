@@ -24,9 +24,9 @@ pub unsafe extern "C" fn vis_scene_add_mesh(
     mesh: *mut u64,
 ) -> vis_status {
     border(|| {
-        // SAFETY: by rule P1 of `visibility.h`, null or valid to read: 3 numbers for each of `position_count`.
+        // SAFETY: by rule P1 of `visibility.h`, null or valid to read: 3 numbers per position.
         let positions = unsafe { array(positions.cast::<[f32; 3]>(), position_count, "positions") }?;
-        // SAFETY: by rule P1 of `visibility.h`, null or valid to read: 3 indices for each of `triangle_count`.
+        // SAFETY: by rule P1 of `visibility.h`, null or valid to read: 3 indices per triangle.
         let indices = unsafe { array(indices.cast::<[u32; 3]>(), triangle_count, "indices") }?;
         // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (scene, mut id) = unsafe { (reference(scene, "scene")?, out(mesh, "mesh")?) };

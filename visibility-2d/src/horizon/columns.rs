@@ -1,4 +1,5 @@
-//! The columns of the picture: each has a few steps, behind which everything between two heights is hidden.
+//! Columns of the horizon's picture. Each has a few steps; behind a step, everything between two heights is
+//! hidden.
 
 use super::frame::{FACES, Frame};
 use super::outline::{Corner, CornerError, Edge, Outline, Post};
@@ -7,11 +8,11 @@ use alloc::vec::Vec;
 use core::ops::Range;
 
 /// Number of steps that a column keeps. With one fewer, a tower behind a house replaces a part of the house's
-/// occlusion; one more changed next to nothing (measured).
+/// occlusion; one more made hardly any difference (measured).
 pub(crate) const STEPS: usize = 3;
 
-/// A step of a column: every line of sight through the column whose height in the picture is between `low`
-/// and `high` has met an occluder where the inverse of its depth is at least `inverse_depth`.
+/// Step of a column. Every line of sight through the column with a height in the picture between `low` and
+/// `high` has met an occluder at an inverse depth of at least `inverse_depth`.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Step {
     pub(crate) inverse_depth: f32,
@@ -20,7 +21,7 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    /// A step that hides nothing.
+    /// Step that hides nothing.
     const OPEN: Self = Self { inverse_depth: 0.0, low: f32::INFINITY, high: f32::NEG_INFINITY };
 
     /// Returns whether this step hides everything that `other` hides.
@@ -28,7 +29,7 @@ impl Step {
         self.inverse_depth >= other.inverse_depth && self.low <= other.low && self.high >= other.high
     }
 
-    /// Returns whether the heights of the two steps have a height in common.
+    /// Returns whether the height ranges of the two steps intersect.
     fn meets(&self, other: &Self) -> bool {
         self.low <= other.high && other.low <= self.high
     }
@@ -37,11 +38,11 @@ impl Step {
 /// Number of columns of a [`Block`].
 pub(crate) const BLOCK: usize = 8;
 
-/// The steps of eight neighbouring columns, by step and column: tested together.
+/// Steps of eight neighbouring columns, which are tested together, indexed by step and column.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Block {
-    /// Step that hides only what every column of the block hides, made from the step with the highest top in
-    /// each.
+    /// Step that hides only what every column of the block hides, made from each column's step with the
+    /// highest top.
     common: Step,
     inverse_depth: [[f32; BLOCK]; STEPS],
     low: [[f32; BLOCK]; STEPS],
@@ -88,20 +89,20 @@ impl Block {
         self.common = all;
     }
 
-    /// Returns whether all columns hide a surface from height `low` to `high` at inverse depth
-    /// `inverse_depth` or less, by the step that they have in common.
+    /// Returns whether the common step hides, in all columns, a surface between the heights `low` and `high`
+    /// at inverse depth `inverse_depth` or less.
     #[inline(always)]
     pub(crate) fn is_hidden_throughout(&self, inverse_depth: f32, low: f32, high: f32) -> bool {
         let Step { inverse_depth: w, low: from, high: to } = self.common;
         (w > inverse_depth) & (from < low) & (to > high)
     }
 
-    /// Returns a mask of the columns with a step that hides a surface from height `low` to `high` at inverse
-    /// depth `inverse_depth` or less.
-    // Not inlined, since it compiles to vector instructions only by itself.
+    /// Returns a mask of the columns with a step that hides a surface between the heights `low` and `high` at
+    /// inverse depth `inverse_depth` or less.
+    // Not inlined, because it only compiles to vector instructions as a separate function.
     #[inline(never)]
     pub(crate) fn hides(&self, inverse_depth: f32, low: f32, high: f32) -> u32 {
-        // Masks by selection, without shifts: SSE2 shifts all lanes by the same number.
+        // Masks are made by selection instead of shifts, since SSE2 shifts all lanes by the same number.
         const BITS: [u32; BLOCK] = [1, 2, 4, 8, 16, 32, 64, 128];
         let mut any = [0u32; BLOCK];
         for step in 0..STEPS {
@@ -115,14 +116,14 @@ impl Block {
     }
 }
 
-/// All columns of the four faces of the picture.
+/// Columns of the four faces of the picture.
 #[derive(Clone, Debug)]
 pub(crate) struct Columns {
     per_face: usize,
-    /// Blocks of the columns of all faces, face by face. The columns of each face are rounded up to whole
-    /// blocks.
+    /// Blocks of columns of all faces, face by face. The number of columns of each face is rounded up to
+    /// whole blocks.
     blocks: Vec<Block>,
-    /// Half-open range of the columns of each face that are in view. Empty for a face that is not.
+    /// Half-open range of the columns in view of each face. Empty for a face that is not in view.
     seen: [Range<usize>; FACES],
     outline: Outline,
     /// Scratch of [`draw`](Self::draw), one entry per side of a column: top, negated bottom, inverse depth.
@@ -145,13 +146,13 @@ impl Columns {
         self.per_face
     }
 
-    /// Returns the half-open range of the columns of a face that are in view, empty if none is.
+    /// Returns the half-open range of the columns in view of a face. Empty if none is.
     pub(crate) fn seen(&self, face: usize) -> Range<usize> {
         self.seen[face].clone()
     }
 
-    /// Returns the columns of one face, in blocks of [`BLOCK`] from its right edge on. The last block may
-    /// have columns beyond the face.
+    /// Returns the columns of one face, in blocks of [`BLOCK`] from its right edge. The last block may have
+    /// columns beyond the face.
     pub(crate) fn face(&self, face: usize) -> &[Block] {
         let count = self.per_face.div_ceil(BLOCK);
         &self.blocks[face * count..][..count]
@@ -162,7 +163,7 @@ impl Columns {
         &mut self.blocks[face * count..][..count]
     }
 
-    /// Takes the range of columns in view from a new frame, and empties these columns.
+    /// Takes the range of columns in view from a new frame, and clears these columns.
     pub(crate) fn begin(&mut self, frame: &Frame) {
         for (face, seen) in frame.seen.iter().enumerate() {
             let last = self.per_face as f64;
@@ -189,9 +190,9 @@ impl Columns {
         }
     }
 
-    /// Adds a wall of upright panels, two posts each. Their front is to the right of the way from the first
-    /// post to the second; their back hides only if `two_sided`. `error` bounds the distance of each post
-    /// from the exact one, in metres.
+    /// Adds a wall of upright panels, two posts each. A panel's front is to the right when walking from its
+    /// first post to its second; its back only hides if `two_sided`. `error` bounds the distance in metres of
+    /// each post from the exact one.
     pub(crate) fn draw_wall(&mut self, frame: &Frame, posts: &[Post], error: f64, two_sided: bool) {
         for face in 0..FACES {
             if self.seen[face].is_empty() {
