@@ -215,30 +215,29 @@ impl Columns {
         block.summarize();
     }
 
-    /// Adds the area between two outlines to the columns of a face that both outlines span. Each outline runs
-    /// from its first to its last column. `bends` is true if the outlines may bend inwards, as those of walls
-    /// do.
+    /// Adds the area between two outlines to the columns of a face that both outlines span. `bends` is true
+    /// if the outlines may bend inwards, as those of walls do.
     fn draw(&mut self, face: usize, outline: &Outline, bends: bool) {
         let Outline { upper, lower, error, .. } = outline;
         let ([first, .., last], [low_first, .., low_last]) = (&upper[..], &lower[..]) else { return };
         let begin = first.column.max(low_first.column) + error.column;
         let end = last.column.min(low_last.column) - error.column;
         let seen = self.seen[face].clone();
-        // Whole columns, clamped to those in view.
+        // The whole columns that both outlines span, clamped to those in view.
         let begin = (ceil(begin).max(seen.start as f64)) as usize;
         let end = (end.min(seen.end as f64).max(0.0)) as usize;
         if begin >= end {
             return;
         }
         let sides = &mut self.sides;
-        // Upper height, lower height (negated) and inverse depth at each boundary between columns, each
-        // bounded so that the face hides no more than it does.
+        // Upper height, negated lower height and inverse depth at each boundary between columns. Each is
+        // bounded such that the column hides no more than the occluder does.
         sides.iter_mut().for_each(|entries| entries[begin..=end].fill(f64::INFINITY));
         let [highs, lows, inverse_depths] = sides;
         sample(&mut highs[begin..=end], &mut inverse_depths[begin..=end], begin, upper, error, 1.0);
         sample(&mut lows[begin..=end], &mut inverse_depths[begin..=end], begin, lower, error, -1.0);
-        // Between two boundaries an outline of a wall may dip at a corner: the corner's height counts for its
-        // column.
+        // The outline of a wall may dip at a corner between two boundaries, so the corner's height also
+        // counts for its column.
         if bends {
             for (outline, heights, sense) in [(upper, &mut *highs, 1.0), (lower, &mut *lows, -1.0)] {
                 for corner in &outline[1..outline.len() - 1] {
@@ -254,7 +253,7 @@ impl Columns {
             let least =
                 |of: &[f64]| (if of[column] < of[column + 1] { of[column] } else { of[column + 1] }) as f32;
             let (high, low, inverse_depth) = (least(highs), -least(lows), least(inverse_depths));
-            // Rounding to `f32` errs by 2^-24 of a number, or by the least denormal number.
+            // Rounding to `f32` has an error of 2^-24 of the number, or of the least denormal number.
             let step = Step {
                 inverse_depth: inverse_depth - inverse_depth * INWARDS,
                 low: low + (low.abs() * INWARDS + f32::MIN_POSITIVE),
@@ -271,15 +270,15 @@ impl Columns {
 /// Relative amount by which a number is moved inwards after rounding to `f32`: twice the unit round-off.
 const INWARDS: f32 = f32::EPSILON;
 
-/// Returns the least whole number that is not less than `x`.
+/// Returns the smallest integer not less than `x`.
 fn ceil(x: f64) -> f64 {
     let whole = x.clamp(-1e15, 1e15) as i64 as f64;
     if whole < x { whole + 1.0 } else { whole }
 }
 
 /// Lowers `heights` and `inverse_depths` to at most the height (times `sense`, 1 or -1) and the inverse depth
-/// of an outline, less the error bounds. Each entry is for a side between two columns, from the right side of
-/// column `begin` on.
+/// of an outline, minus the error bounds. Each entry is for a boundary between two columns, starting at the
+/// right side of column `begin`.
 fn sample(
     heights: &mut [f64],
     inverse_depths: &mut [f64],
@@ -290,7 +289,7 @@ fn sample(
 ) {
     let last = (begin + heights.len() - 1) as f64;
     for pair in outline.windows(2) {
-        // The sides that the exact edge may cross.
+        // Boundaries that the exact edge may cross.
         let (from, to) = (pair[0].column - error.column, pair[1].column + error.column);
         if to < begin as f64 || from > last {
             continue;
@@ -309,8 +308,8 @@ fn sample(
 }
 
 /// Lowers `heights` and `inverse_depths` to at most the height (times `sense`, 1 or -1) and the inverse depth
-/// of a corner, less the error bounds, at the right side of each column that the exact corner may be in.
-/// Entries are those of [`sample`]. The column to the right, which has this side too, is lowered with it.
+/// of a corner, minus the error bounds, at the right side of each column that the exact corner may be in.
+/// Entries are those of [`sample`]. This also lowers the column to the right, which shares this side.
 fn lower_at(
     heights: &mut [f64],
     inverse_depths: &mut [f64],
@@ -337,11 +336,11 @@ fn lower_at(
 /// Adds a step to a column of a block. If the column is full, the step that spans the least height, old or
 /// new, is dropped.
 fn insert(block: &mut Block, column: usize, step: Step) {
-    // Most columns are drawn once.
+    // Shortcut for the first step of a column, since most columns are drawn only once.
     if block.high.iter().all(|high| high[column] == f32::NEG_INFINITY) {
         return block.set_step(0, column, step);
     }
-    // Behind the farther of two steps whose heights meet, the union of both heights is hidden.
+    // If the height ranges of two steps meet, their union is hidden behind the farther of the two.
     let mut steps: [Step; STEPS] = core::array::from_fn(|old| block.step(old, column));
     let mut new = step;
     for old in &steps {
@@ -380,13 +379,13 @@ mod tests {
     use visibility_core::Aabb;
     use visibility_testing::{End, UNIT, ends, ends_f32};
 
-    /// Columns of each face.
+    /// Number of columns of each face.
     const COUNT: usize = 16;
 
-    /// Greatest distance in ranks from a border within which margins may decide either way.
+    /// Greatest distance in ranks from a border at which margins may decide either way.
     const HAIR: i64 = 2;
 
-    /// Returns columns of which some, of face 0, are in view. `begin` and `end` are in columns.
+    /// Returns columns of which only a part of face 0 is in view, from `begin` to `end`, in columns.
     fn columns(begin: f64, end: f64) -> Columns {
         let mut columns = Columns::new(COUNT);
         let mut seen = [const { 0.0..0.0 }; FACES];
@@ -418,7 +417,7 @@ mod tests {
         }
     }
 
-    /// Returns an outline from height -1 up to the given corners: columns and heights, at depth 1.
+    /// Returns an outline from height -1 up to the given corners (column and height), at depth 1.
     fn outline(upper: &[(f64, f64)], error: f64) -> Outline {
         let corner = |&(column, height): &(f64, f64)| Corner { column, height, inverse_depth: 1.0 };
         let lower = [upper[0].0, upper[upper.len() - 1].0].map(|column| (column, -1.0));
@@ -429,7 +428,7 @@ mod tests {
         outline
     }
 
-    /// Returns whether a column hides what is up to a height, a little behind the outlines.
+    /// Returns whether a column hides a surface at a height, slightly behind the outlines.
     fn hides(columns: &Columns, column: usize, height: f32) -> bool {
         columns.face(0)[column / BLOCK].hides(0.9, -0.9, height) >> (column % BLOCK) & 1 == 1
     }
@@ -447,7 +446,7 @@ mod tests {
                             && start(column + 1) <= high.rank - ranks - hair
                     };
                     let is_hidden = hides(&columns, column, 0.9);
-                    // Sums of an end and an error round to the next number, for which errors allow.
+                    // The sum of an end and an error is rounded to the next number, for which errors allow.
                     let is_held = holds(-i64::from(error > 0.0));
                     assert!(!is_hidden || is_held, "{low:?} to {high:?}, {error}: not all of {column}");
                     let is_seen = (2..=12).contains(&column);
@@ -462,8 +461,8 @@ mod tests {
         }
     }
 
-    /// A wall that is lower at one corner, as a notch or as a step down or up: the column that the corner is
-    /// in hides no more than the lower height.
+    /// A wall that is lower at one corner, as a notch or as a step. The column of the corner must not hide
+    /// above the lower height.
     #[test]
     fn corners_lower_the_columns_that_they_are_in() {
         for End { value, rank } in ends(1, 15) {
@@ -484,7 +483,7 @@ mod tests {
                     let what = || std::format!("shape {shape}, corner {value}, column {column}");
                     assert!(!is_low || !hides(&columns, column, 0.26), "{}", what());
                     assert!(hides(&columns, column, 0.24), "{}", what());
-                    // The side before the corner is lower, and with it the column before that.
+                    // The boundary before the corner is lowered, and with it the column before that.
                     let is_clear = start(column + 2) + HAIR < rank || start(column) - HAIR > rank;
                     assert!(is_low || !is_clear || shape == 0 || hides(&columns, column, 0.9), "{}", what());
                 }
@@ -492,13 +491,13 @@ mod tests {
         }
     }
 
-    /// A flat box before columns that all hide it but one.
+    /// A flat box behind columns, all of which hide it except one.
     #[test]
     fn boxes_are_hidden_unless_they_meet_the_only_open_column() {
         let mut frame = Frame::BLIND;
         frame.error = 0.0;
         let eye = QueryEye::new(&frame);
-        // At a depth of half the columns, a metre is a column.
+        // At a depth of half the number of columns, a column is a metre wide.
         let (half, all) = (COUNT as i16 / 2, ends_f32(-9, 9));
         let depth = f32::from(half);
         for open in 0..COUNT {
