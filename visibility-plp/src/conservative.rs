@@ -73,9 +73,9 @@ pub struct ConservativePlpCuller<S, M> {
     /// Cells of `waiting` that the map may find hidden, each with its scene-relative box, sorted by cell
     /// number.
     sorted: Vec<(u32, Aabb)>,
-    /// Counts of the last frame.
+    /// Counters of the last frame.
     stats: ConservativeStats,
-    /// The scene of the last frame, which the map's memory of earlier frames belongs to.
+    /// The scene of the last frame, to which the map's memory of earlier frames belongs.
     scene: SceneCursor,
 }
 
@@ -258,7 +258,7 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
         sorted.reserve(cells);
         while let Some(cell) = walk.next() {
             if walk.step(&frame, cell) == Projected::OutOfBudget {
-                // The remaining layers of the cell are still to be tested.
+                // The cell has further layers to be projected.
                 walk.put_back(cell);
                 break;
             }

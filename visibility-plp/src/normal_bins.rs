@@ -365,12 +365,12 @@ mod tests {
         let all = Aabb::from_arrays([-1500.0; 3], [1500.0; 3]);
         for round in 0..2000 {
             let normal = random.direction();
-            // In turn: far enough apart for a bin that is not flat, and close enough for a flat bin.
+            // In turn: normals far enough apart for a bin that is not flat, and close enough for a flat bin.
             let lean = if round % 2 == 0 { 3e-6 } else { 5e-7 } * (1.0 + 0.5 * random.float());
             let lean = normal.any_orthonormal_vector() * lean;
             let mut scene = Scene::new();
             for m in [normal + lean, normal - lean].map(DVec3::normalize) {
-                // Large and around the origin, so that the triangle's normal is known to ten digits.
+                // A large triangle around the origin, so that its normal is known to ten digits.
                 let (u, v) = m.any_orthonormal_pair();
                 let t = [u * 1e3, v * 1e3, -(u + v) * 1e3].map(|p| p.as_vec3());
                 let id = scene.insert(Object::new(Aabb::from_points(t)));
@@ -385,7 +385,7 @@ mod tests {
                 };
                 let n = DVec3::from_array(bin.normal.map(f64::from));
                 if bin.spread == 0.0 || (bin.spread <= FLAT) != (round % 2 == 1) {
-                    // The two normals fell into different bins.
+                    // Skipped, since the two normals fell into different bins.
                     continue;
                 }
                 let away = (m - n).normalize() * 1000.0;
@@ -494,14 +494,15 @@ mod tests {
             let across = (axis + 1 + round % 2) % 3;
             normal[across] = f64::from(lean) * if random.float() < 0.0 { 1.0 } else { -1.0 };
             let normal = DVec3::from_array(normal);
-            // Flat along the axis in which the normal has no component, so that the bound has no slack there.
+            // The box is flat along the axis in which the normal has no component, so that the bound has no
+            // slack there.
             let mut half = random.direction().abs().as_vec3() * 0.01;
             half[3 - axis - across] = 0.0;
             let center = random.direction().as_vec3();
             let cell = Aabb::new(center - half, center + half);
             let (min, max) = (cell.min.as_dvec3(), cell.max.as_dvec3());
             let q = DVec3::select(normal.cmpgt(DVec3::ZERO), min, max);
-            // In the plane through that corner, up to rounding and a distance of 1e-7.
+            // The eye is in the plane through that corner, up to rounding and a distance of 1e-7.
             let mut eye = (min + max) * 0.5;
             eye[across] += normal[across].signum() * 1000.0 * random.float().abs();
             eye[axis] = q[axis] - (normal[across] * (eye[across] - q[across]) - 1e-7) / normal[axis];

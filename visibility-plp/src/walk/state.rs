@@ -260,7 +260,7 @@ impl Walk {
         self.candidate_count = 0;
         (self.reached, self.projected) = (0, 0);
         self.taken.reset(frame.scene.index_limit().max(content.index_limit()));
-        // Most candidates that one cell can have, in whole batches.
+        // Largest number of candidates that one cell can have, rounded up to whole batches.
         let at_once = self.candidates.len();
         make_room(&mut self.seen, at_once);
         make_room(&mut self.tested, at_once * MAX_TESTED_TRIANGLES);
@@ -270,7 +270,8 @@ impl Walk {
         }
         self.front.reserve(cells);
         make_room(&mut self.sides, content.side_count);
-        // The cell with the most faces decides the room for faces. Faces are counted once for each content.
+        // The cell with the most faces determines the capacity for faces. Faces are counted once for each
+        // content.
         let mut most_faces = 0;
         for cell in 0..cells as u32 {
             let mut count = 0;
