@@ -79,7 +79,7 @@ fn backface(c: &mut Criterion) {
             });
         });
 
-        // As many boxes as clusters. Every block of boxes crosses planes of every view.
+        // The scene has as many boxes as clusters. Every block of boxes crosses planes of every view.
         let mut scene = Scene::new();
         scene.insert_batch((0..count).map(|i| {
             let x = i as f32 / count as f32;

@@ -44,7 +44,7 @@ fn a_bake_that_is_killed_ten_times_has_the_bytes_of_one_that_is_not() {
         }
         sleep(Duration::from_micros(random.below(30_000) as u64));
         if let Some(status) = running.try_wait().unwrap() {
-            // On a busy machine the bake may finish before it is killed. Then it starts anew.
+            // On a busy machine the bake may finish before it is killed. Then the next bake starts anew.
             assert!(
                 status.success() && !state.exists(),
                 "the bake that was quicker has succeeded, and removed its state"

@@ -161,7 +161,7 @@ fn more_viewcells_than_can_be_kept_are_refused_with_their_number() {
         let count = said.split_whitespace().find_map(|word| word.parse::<u128>().ok());
         assert!(count.is_some_and(|count| count > 1 << 24) && said.contains("viewcells"), "{said}");
     }
-    // So many viewcells would fit into memory, but cannot be made within a second.
+    // This many viewcells would fit into memory, but cannot be made within a second.
     let said = refused("0.0001", &["--time", "1"]);
     assert!(said.starts_with("error: the viewcells were not made in time: larger ones (--size)"), "{said}");
     assert!(names(&folder).is_empty(), "no file is left");

@@ -155,7 +155,7 @@ fn object_space() {
         let frusta = ShadowFrusta::new(&empty, Occluders::new(&empty), regions, 8);
         show("regions of nothing", &world, ShadowFrustaCuller::new(frusta.into()));
     }
-    // More regions than can exist. The scene has only one box because each region takes time.
+    // The number of regions is above the limit. The scene has only one box because each region takes time.
     let mut small = Scene::new();
     small.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
     assert!(

@@ -16,7 +16,7 @@ struct Case {
 
 /// Makes a wall of random size at a random scale, with faces perpendicular to the axes.
 fn case(random: &mut Random, scale: f32, columns: usize) -> Case {
-    // Not representable in `f32`, so that differences are rounded.
+    // The eye is not representable in `f32`, so that differences from it are rounded.
     let exact = random.fine_vector(1.0) * f64::from(scale);
     let eye = exact.as_vec3();
     let x = eye.x + random.fine_range(2.0, 5.0) as f32 * scale;

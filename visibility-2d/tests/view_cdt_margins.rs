@@ -35,7 +35,7 @@ fn a_box_that_touches_a_wall_is_visible() {
     let mut hidden = 0;
     for round in 0..14_000 {
         let scale = SCALES[round % SCALES.len()];
-        // Not representable in `f32`, so that differences are rounded.
+        // The eye is not representable in `f32`, so that differences from it are rounded.
         let eye = random.fine_vector(1.0) * f64::from(scale);
         let [x, y, z] = eye.as_vec3().to_array();
         let front = x + random.fine_range(2.0, 5.0) as f32 * scale;

@@ -19,7 +19,7 @@ pub struct ObjectPixels {
     /// in each pixel in which it is in front of the opaque triangle, together with other objects that show
     /// there.
     pub pixels: u32,
-    /// Number of pixels for which this object ties with other objects (rounding alone decides which of them
+    /// Number of pixels for which this object ties with other objects (only rounding decides which of them
     /// the image shows): see [ties](crate#ties).
     pub tied_pixels: u32,
 }
@@ -48,7 +48,7 @@ pub struct SampledVisibility {
     triangle_pixels: Vec<(u32, u32)>,
     /// Number of triangles of all objects.
     triangles: u32,
-    /// Objects of the tied pixels, sorted by pixel. Objects tie for a pixel if rounding alone decides which
+    /// Objects of the tied pixels, sorted by pixel. Objects tie for a pixel if only rounding decides which
     /// of them the image shows. Within a pixel, the object that the image shows comes first.
     ties: Vec<Tie>,
     /// Number of objects that at least one pixel shows, or that tie in depth with its shown object.
@@ -57,7 +57,7 @@ pub struct SampledVisibility {
     visible_triangles: u32,
     /// Number of pixels that show a triangle.
     covered_pixels: u32,
-    /// Number of pixels for which several objects tie, that is, rounding alone decides which of them the
+    /// Number of pixels for which several objects tie, that is, only rounding decides which of them the
     /// image shows.
     tied_pixels: u32,
     /// Sum over all pixels of the number of triangles drawn that cover the pixel.
@@ -102,13 +102,13 @@ impl SampledVisibility {
         self.covered_pixels
     }
 
-    /// Returns the number of pixels for which several objects tie, that is, rounding alone decides which of
+    /// Returns the number of pixels for which several objects tie, that is, only rounding decides which of
     /// them the image shows: see [ties](crate#ties).
     pub fn tied_pixels(&self) -> u32 {
         self.tied_pixels
     }
 
-    /// Returns, for each tied pixel, the indices of the objects that tie for it: rounding alone decides which
+    /// Returns, for each tied pixel, the indices of the objects that tie for it: only rounding decides which
     /// of them the image shows. The first is the object that the image shows there.
     pub(crate) fn ties(&self) -> impl Iterator<Item = impl Iterator<Item = usize> + Clone> {
         self.ties.chunk_by(|a, b| a.pixel == b.pixel).map(|tie| tie.iter().map(|one| one.object as usize))

@@ -58,7 +58,7 @@ impl Camera {
         let Window { left, right, bottom, top } = self.window;
         let (sx, sy) = (2.0 / (right - left), 2.0 / (top - bottom));
         let (cx, cy) = ((right + left) / (right - left), (top + bottom) / (top - bottom));
-        // From camera space (right, up, forward) to clip space.
+        // Projects from camera space (right, up, forward) to clip space.
         let project = if self.parallel {
             DMat4::from_cols(
                 DVec4::X * sx,
@@ -182,7 +182,7 @@ fn perspective_in_all_conventions_equals_rays() {
     let (mut covered, mut close) = (0, 0);
     for round in 0..12 {
         let camera = camera(&mut random, round, 0.5, 14.0, false);
-        // In every third round only few triangles, which leave gaps.
+        // Every third round has only few triangles, which leave gaps.
         let triangles = soup(&mut random, camera.pose.eye, if round % 3 == 0 { 8 } else { 120 });
         let endless = Camera { far: f64::INFINITY, ..camera };
         for depth in [Depth::NegativeOneToOne, Depth::ZeroToOne, Depth::Reversed] {

@@ -202,7 +202,7 @@ fn the_advisor_asks_the_scene_how_objects_are_drawn() {
     let visible = |scene: &Scene| {
         Advisor::new(scene, &view(DVec3::X), DrawCost::default()).unwrap().facts().visible_objects
     };
-    // Of the first and all other rectangles, one or the other are seen from behind.
+    // The eye sees either the first rectangle or all others from behind.
     let fronts = visible(&scene);
     scene.ids().collect::<Vec<_>>().into_iter().for_each(|id| scene.set_one_sided(id, false).unwrap());
     assert_eq!((fronts, visible(&scene)), (2.0, 1.0), "objects visible, one-sided and two-sided");

@@ -284,8 +284,8 @@ mod tests {
             let mut point = || DVec3::new(random.float(), random.float(), random.float()).as_vec3();
             let (q, u, v) = (point(), point(), point());
             let triangle = match i % 3 {
-                // In turn: all corners in the box; one corner of a large triangle in the box; the normal
-                // almost along an axis.
+                // Successive rounds test: all corners in the box; one corner of a large triangle in the box;
+                // the normal almost along an axis.
                 0 => [q, u, v],
                 1 => [q, q + u * 100.0, q + v * 100.0],
                 _ => [q, q + Vec3::new(u.x, u.y, u.z * 1e-3), q + Vec3::new(v.x, v.y, v.z * 1e-3)],
@@ -365,7 +365,8 @@ mod tests {
         let all = Aabb::from_arrays([-1500.0; 3], [1500.0; 3]);
         for round in 0..2000 {
             let normal = random.direction();
-            // In turn: normals far enough apart for a bin that is not flat, and close enough for a flat bin.
+            // Rounds alternate between normals far enough apart for a bin that is not flat, and close enough
+            // for a flat bin.
             let lean = if round % 2 == 0 { 3e-6 } else { 5e-7 } * (1.0 + 0.5 * random.float());
             let lean = normal.any_orthonormal_vector() * lean;
             let mut scene = Scene::new();
@@ -423,9 +424,9 @@ mod tests {
         let mut random = Random(63);
         let (mut told, mut wrong_without, mut offsets) = (0, 0, Vec::new());
         for _ in 0..30_000 {
-            // In units of 2^-30. The first corner is near the origin and in finer steps than the others, so
-            // that products of edges have more digits than f64. The last corner is so close to the middle of
-            // the others that `unit_normal` just accepts or just rejects the triangle.
+            // Coordinates are in units of 2^-30. The first corner is near the origin and in finer steps than
+            // the others, so that products of edges have more digits than f64. The last corner is so close to
+            // the middle of the others that `unit_normal` just accepts or just rejects the triangle.
             let (a, b) = (random.integers(1 << 14), random.integers(1 << 22));
             let beside = random.integers(4);
             let c = [0, 1, 2].map(|i| (b[i] / 2 + beside[i]) << 14);

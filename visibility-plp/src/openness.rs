@@ -67,7 +67,7 @@ pub(crate) fn openness_by_index(scene: &Scene) -> Vec<f32> {
     let corners = || triangles.iter().flat_map(|(_, t)| t);
     let (min, max) = corners().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), &p| (a.min(p), b.max(p)));
     let center = min * 0.5 + max * 0.5;
-    // In f64, since squared areas overflow f32 before coordinates do.
+    // The length is in f64, since squares overflow f32 before coordinates do.
     let radius = (max - center).as_dvec3().length();
     if !(radius > 0.0 && radius < f64::from(f32::MAX)) {
         return by_index;

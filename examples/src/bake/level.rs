@@ -41,9 +41,9 @@ pub struct Level {
 
 /// Storage of a level's triangles: memory or a file.
 enum Content {
-    /// In memory.
+    /// The triangles are in memory.
     World(Box<World>),
-    /// In a file.
+    /// The triangles are in a file.
     File(Arc<TiledScene<'static>>),
 }
 

@@ -76,17 +76,17 @@ impl Default for Places {
 /// Method of placing viewcells.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Placement {
-    /// In the free space that a camera reaches from the scene's walks, and along the walks.
+    /// Viewcells fill the free space that a camera reaches from the scene's walks, and lie along the walks.
     Free,
-    /// Above the floors where one can stand.
+    /// Viewcells lie above the floors where one can stand.
     Stand,
-    /// Along the scene's walks.
+    /// Viewcells lie along the scene's walks.
     Walks,
-    /// At all places of a box.
+    /// Viewcells fill a box, as a grid.
     Grid,
-    /// The scene's own cells.
+    /// Viewcells are the scene's own cells.
     Graph,
-    /// Above the triangles of a file.
+    /// Viewcells lie above the triangles of a file.
     Above(PathBuf),
 }
 

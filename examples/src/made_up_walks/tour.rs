@@ -138,7 +138,7 @@ impl<'a> LocalPlaces<'a> {
                 }
             }
         }
-        // Of several best places, the first one, which is the nearest.
+        // Of several equally good places, the first wins. It is the nearest.
         near.into_iter().rev().max_by_key(|&at| self.distances[at as usize]).unwrap_or(at)
     }
 

@@ -134,7 +134,7 @@ impl Sample {
     /// prepared for an earlier entry take no time.
     fn seconds(&self, entry: &str) -> f64 {
         let start = Instant::now();
-        // Only the time counts; an error for an unsuitable culler is ignored.
+        // Only the time is measured here; an error for an unsuitable culler is ignored.
         let _ = cullers::parse(entry, &self.world);
         start.elapsed().as_secs_f64() * self.factor
     }

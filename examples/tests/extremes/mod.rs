@@ -20,7 +20,7 @@ use visibility_core::{Accuracy, FrustumCuller, Pipeline, View, VisibleSet};
 use visibility_examples::walkthrough::cullers::{self, parse};
 use visibility_testing::Random;
 
-/// Returns all cullers at each setting of their dials, without pipelines of several stages. The environment
+/// Returns all cullers at each of their settings, without pipelines of several stages. The environment
 /// variable `EXTREMES_CULLERS` filters them by prefix.
 fn entries() -> Vec<String> {
     let all = cullers::entries().into_iter().filter(|entry| !entry.contains('+'));

@@ -78,7 +78,7 @@ pub struct BakedLevel {
 /// State of an entity with a [`BakedObject`] relative to the bake. Absent while its position is unknown.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Place {
-    /// At its baked position: the entity's object in the scene, and its index in the bake.
+    /// The entity is at its baked position. The fields are its object in the scene and its index in the bake.
     AsBaked(ObjectId, u32),
     /// Changed since it was at its baked position.
     Changed,

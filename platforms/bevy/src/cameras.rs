@@ -208,7 +208,8 @@ pub(crate) fn cull_cameras(
         let (culling, view) = match (view, own.as_mut()) {
             (Some(view), Some(own)) if !culls_nothing => (&mut **own, view),
             (Some(view), None) if !culls_nothing => (&mut *frustum, view),
-            // Also if the camera has no valid projection: then everything on its layers may be in view.
+            // A camera without a valid projection is not culled either, since everything on its layers may be
+            // in view.
             _ => (&mut *everything, any_view()),
         };
         let view = view.with_layers(layer_mask(own_layers));

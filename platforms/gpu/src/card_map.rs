@@ -115,7 +115,7 @@ impl CardMap {
                 |axis: usize| if corner >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
             let position = self.clip_from_scene * Vec3::new(pick(0), pick(1), pick(2)).extend(1.0);
             let w = position.w - error[3];
-            // Also false for NaN and infinities.
+            // False also for NaN and infinities.
             let beyond_near = w > 0.0 && position.z + error[2] < w;
             if !beyond_near {
                 return false;

@@ -18,10 +18,12 @@ use wgpu::BufferUsages;
 /// Time at which [`CardQueries`] delivers answers.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Delay {
-    /// In the first frame that begins after the answers have arrived. Never waits for the card.
+    /// Answers are delivered in the first frame that begins after they have arrived. No frame waits for the
+    /// card.
     Arrival,
-    /// A fixed number of frames, at least 1, after the frame that asked. Waits for the card if answers have
-    /// not arrived. A delay of 1 stalls until the card is done.
+    /// Answers are delivered a fixed number of frames, at least 1, after the frame that asked. If they have
+    /// not arrived by then, the frame waits for the card. With 1, the frame always waits until the card is
+    /// done.
     Frames(u32),
 }
 

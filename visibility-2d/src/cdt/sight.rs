@@ -31,10 +31,10 @@ const RIGHT: u8 = 2;
 /// Position of a walk from triangle to triangle along a segment.
 #[derive(Clone, Copy, Debug)]
 enum At {
-    /// In the triangle of this half-edge, about to cross it.
+    /// The walk is in the triangle of this half-edge, about to cross the half-edge.
     Edge(u32),
-    /// At the origin of this half-edge. The second number has the sides ([`LEFT`], [`RIGHT`]) on which the
-    /// segment may have come to the vertex: both, unless it came along a blocking wall.
+    /// The walk is at the origin of this half-edge. The second number has the sides ([`LEFT`], [`RIGHT`]) on
+    /// which the segment may have come to the vertex: both, unless it came along a blocking wall.
     Vertex(u32, u8),
 }
 

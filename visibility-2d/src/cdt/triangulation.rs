@@ -38,13 +38,13 @@ pub(crate) fn previous(h: u32) -> u32 {
 /// Place of a point in a triangulation: a triangle, a half-edge or a vertex.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Place {
-    /// Strictly inside the triangle with this index.
+    /// The point is strictly inside the triangle with this index.
     Triangle(u32),
-    /// On a half-edge, between its ends.
+    /// The point is on a half-edge, between its ends.
     Edge(u32),
-    /// At the origin of a half-edge.
+    /// The point is at the origin of a half-edge.
     Vertex(u32),
-    /// Outside all triangles.
+    /// The point is outside all triangles.
     Outside,
 }
 

@@ -6,7 +6,7 @@
 
 use alloc::vec::Vec;
 
-/// Number of sectors into which the full turn around the eye is divided, equal in direction numbers.
+/// Number of sectors of the full turn around the eye, all with equal ranges of direction numbers.
 const SECTORS: usize = 256;
 
 /// Number of sectors per unit of direction numbers.

@@ -135,7 +135,7 @@ fn an_outlier_leaves_the_tree_tight() {
             };
             extent(0) > 16.0 || extent(1) > 16.0
         };
-        // At most the leaf with the outlier is wide.
+        // At most one leaf is wide: the one with the outlier.
         assert!(made.discs.chunks(LEAF).filter(is_wide).count() <= 1, "{outlier}");
     }
 }

@@ -79,8 +79,9 @@ impl Node {
     /// x and y, clamped to -1e300 to 1e300.
     pub(crate) fn around(&self, [x, y]: [f64; 2]) -> [f64; 4] {
         let radius = f64::from(self.radius);
-        // Three roundings of at most `u (|away| + radius)` each, so bounds are moved outwards by `4u` of
-        // this. Bounds may be infinite, since discs lie within 4e150.
+        // Three roundings err by at most `u (|away| + radius)` each, where `u` is half of `EPSILON`. So
+        // bounds are moved outwards by four times this error. They may be infinite, since discs lie within
+        // 4e150.
         let by = |away: f64| (radius + 2.0 * f64::EPSILON * (away.abs() + radius)).min(f64::MAX);
         let low = |bound: f32, at: f64| {
             let away = f64::from(bound) - at;

@@ -99,7 +99,7 @@ impl Block {
 
     /// Returns a mask of the columns with a step that hides a surface between the heights `low` and `high` at
     /// inverse depth `inverse_depth` or less.
-    // Not inlined, because it only compiles to vector instructions as a separate function.
+    // Not inlined, because the loop compiles to vector instructions only in a separate function.
     #[inline(never)]
     pub(crate) fn hides(&self, inverse_depth: f32, low: f32, high: f32) -> u32 {
         // Masks are made by selection instead of shifts, since SSE2 shifts all lanes by the same number.

@@ -24,7 +24,7 @@ use alloc::vec::Vec;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{Aabb, ObjectId, Scene};
 
-/// Maximum number of sheets of a scene. Each sheet takes its own time in a frame.
+/// Maximum number of sheets of a scene. Each sheet adds to the time of a frame.
 const MAX_SHEETS: usize = 4;
 
 /// Least area of a sheet on the plan, as a fraction of the rectangle around all triangles of the scene that
@@ -69,7 +69,7 @@ pub(crate) struct GroundObject {
     pub(crate) bounds: Aabb,
 }
 
-/// Square of the plan, on the finest level or joined from several.
+/// Square of the plan: one square of the finest level, or several joined.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Square {
     /// Least height of the sheet over the square in metres, rounded downwards.
@@ -204,7 +204,7 @@ impl Sheet {
         // Squares must be much larger than the error of coordinates; otherwise a triangle could be put into a
         // wrong square.
         let error = error + 16.0 * f64::EPSILON * size;
-        // Also false for NaN and infinite extents.
+        // False also for NaN and infinite extents.
         let fits = error < 0.01 * PAD * side && width < side * 1e7 && depth < side * 1e7;
         if !fits {
             return None;
@@ -251,7 +251,7 @@ impl Sheet {
         let unbroken = || squares.iter().filter(|square| square.owners != BROKEN);
         let bottom = unbroken().map(|square| square.low).fold(f32::INFINITY, f32::min);
         let top = unbroken().map(|square| square.high).fold(f32::NEG_INFINITY, f32::max);
-        // A flat sheet hides nothing from eyes above it. Also false if no square is unbroken.
+        // A flat sheet hides nothing from eyes above it. If all squares are broken, the test is false too.
         let is_hilly = f64::from(top) - f64::from(bottom) > MIN_HEIGHT * width.min(depth);
         if !is_hilly {
             return None;

@@ -281,8 +281,8 @@ impl Shapes {
                 let q = n / w;
                 let margin = 2.0 * ((of.error[3] + q.abs() * of.error[2]) / w + 4.0 * U * q.abs());
                 if w > 1024.0 * of.error[2] {
-                    // Also for a corner before the near plane, since with an oblique plane a cut may be as
-                    // far away as this corner.
+                    // A corner before the near plane counts too, since an oblique near plane may cut the
+                    // triangle as far away as this corner.
                     floor = floor.min(q - margin);
                 } else if w > 0.0 || of.is_beyond(vertex) {
                     floor = f64::NEG_INFINITY;

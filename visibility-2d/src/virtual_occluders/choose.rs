@@ -22,7 +22,7 @@ pub(crate) fn choose(umbrae: &mut Vec<Umbra>, boxes: &[PlanBox], most: usize) {
     let mut hidden = Bits::new(boxes.len());
     let mut chosen = 0;
     while chosen < most.min(umbrae.len()) {
-        // Of several equal umbrae the first wins, which has the nearest line of the largest seed.
+        // Of several umbrae with the same value, the first wins. It has the nearest line of the largest seed.
         let (index, most) = (chosen..umbrae.len())
             .map(|index| (index, hides[index].count_without(&hidden)))
             .fold((chosen, 0), |best, next| if next.1 > best.1 { next } else { best });

@@ -68,7 +68,7 @@ impl<T: ?Sized> FrameContext<'_, T> {
     }
 
     /// Returns how much of the budget an object takes: 1 for a budget in objects, the object's cost for a
-    /// budget by cost. 0 for an id that is not in the scene and a budget by cost.
+    /// budget by cost. With a budget by cost, an id that is not in the scene takes 0.
     pub(super) fn cost(&self, id: ObjectId) -> u64 {
         match self.settings.budget {
             Budget::Objects(_) => 1,

@@ -74,8 +74,8 @@ fn occluders_of(world: &World) -> Result<Arc<Occluders>, String> {
     world.prepared.get("large occluders", || Ok(Occluders::new(&world.scene)))
 }
 
-/// Reads the dial as a whole number of at least one; other text is an error. Without a dial the number is
-/// `unset`.
+/// Reads the setting (dial) as a whole number of at least one; other text is an error. Without a setting, the
+/// number is `unset`.
 fn number(dial: Option<&str>, unset: usize) -> Result<usize, String> {
     let Some(dial) = dial else { return Ok(unset) };
     dial.parse().ok().filter(|&n| n > 0).ok_or_else(|| format!("`{dial}` is no number of one or more"))

@@ -45,7 +45,7 @@ pub fn listing() -> String {
 const PIPELINES: &[&str] =
     &["portals+hzb", "pvs+portals", "pvs+portals+hzb", "hzb+naylor", "plp:10%+hzb", "horizon+hzb"];
 
-/// Returns all entries that are worth comparing: `frustum`, each culler at each setting of its dial, then the
+/// Returns all entries that are worth comparing: `frustum`, each culler at each of its settings, then the
 /// pipelines.
 pub fn entries() -> Vec<String> {
     let mut entries = vec!["frustum".to_owned()];
@@ -70,8 +70,8 @@ pub fn quick_entries(world: &World) -> Vec<String> {
 }
 
 /// Makes pipelines from a list of entries separated by commas, such as `frustum,a,a+b:10%`. The entry `a+b`
-/// runs `b` after `a`, and `b:10%` sets the dial of `b`. Every pipeline begins with the frustum. Each entry
-/// is returned with its pipeline; spaces around entries and cullers are removed.
+/// runs `b` after `a`, and `b:10%` gives `b` the setting `10%`. Every pipeline begins with the frustum. Each
+/// entry is returned with its pipeline; spaces around entries and cullers are removed.
 ///
 /// # Errors
 ///
@@ -110,9 +110,9 @@ pub enum CullerError {
         /// Name of the culler as it was asked for.
         name: String,
     },
-    /// Culler that does not suit the setting of its dial or the scene.
+    /// Culler that does not suit its setting or the scene.
     Unsuited {
-        /// Culler with its dial, as it was asked for.
+        /// Culler with its setting, as it was asked for.
         culler: String,
         /// Explanation, for a person, of what does not suit.
         why: String,

@@ -67,8 +67,8 @@ fn octree_of(world: &World) -> Result<Arc<OctreeTessellation>, String> {
     world.prepared.get("an octree", || Ok(OctreeTessellation::new(&world.scene)))
 }
 
-/// Returns a budget in triangles from a dial such as `10%` of all triangles. Without a dial the budget is 10
-/// %. Returns an error unless the percentage is from 0 to 100.
+/// Returns a budget in triangles from a setting such as `10%` of all triangles. Without a setting, the budget
+/// is `10%`. Returns an error unless the percentage is from 0 to 100.
 fn budget(dial: Option<&str>, world: &World) -> Result<Budget, String> {
     let dial = dial.unwrap_or("10%");
     let share = dial.strip_suffix('%').and_then(|number| number.trim().parse::<f64>().ok());
