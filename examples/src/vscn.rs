@@ -25,8 +25,8 @@ const COUNT_BYTES: u64 = 4;
 /// Returns [`SourceError::Content`] with the byte offset when the magic number is wrong, a count exceeds the
 /// rest of the file, or bytes follow the last object.
 pub fn parse(bytes: &[u8], path: &Path) -> Result<Vec<Vec<[Vec3; 3]>>, SourceError> {
-    // No capacity is reserved, since an empty list takes more memory than the four bytes that a false count
-    // needs per object.
+    // No capacity is reserved for a count that may be false: an object takes four bytes in the file, and its
+    // empty list takes more in memory.
     let mut scene = Vec::new();
     read(bytes, bytes.len() as u64, path, &mut |triangles| scene.push(triangles))?;
     Ok(scene)

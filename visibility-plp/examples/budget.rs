@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             lamps.push(scene.insert(Aabb::new(foot, foot + Vec3::new(0.2, 0.2, 4.0))));
         }
     }
-    // Smaller cells than by default, since a box has only eight corners.
+    // A leaf holds fewer vertices than by default, since each box has only eight.
     let fineness = Fineness { vertices: 32, ..Fineness::default() };
     let cells = Arc::new(OctreeTessellation::from_scene(&scene, fineness));
     println!("{} objects in {} cells", scene.len(), cells.content().cell_count());

@@ -93,8 +93,8 @@ impl CellFrustum {
         for with_eye_inside in [true, false] {
             for plane in view.planes(origin).as_slice() {
                 let bounded = BoundedPlane::new(plane, reach);
-                // The products and sums of a signed distance are rounded by less than 1e-15 of these terms.
-                // The error of the plane's own offset adds to that.
+                // The products and sums of a signed distance are rounded by less than 1e-15 of their
+                // magnitudes. The error of the plane's own offset adds to this.
                 let eye_is_inside = match eye {
                     Eye::Point(eye) => {
                         bounded.distance(eye)
@@ -168,7 +168,7 @@ impl CellFrustum {
         triangles: impl Iterator<Item = &'a Triangle> + Clone,
         planes: u16,
     ) -> bool {
-        // Free of branches on a distance, which would be mispredicted half of the time.
+        // The loop does not branch on distances, since such branches would be mispredicted half of the time.
         let mut outside = false;
         for (i, plane) in self.planes[..self.count].iter().enumerate() {
             if planes >> i & 1 != 0 {
@@ -264,8 +264,8 @@ mod tests {
                     (true, 1) => nearest.next_up(),
                     _ => nearest.next_down(),
                 };
-                // The box lies beyond the corner: on the outer side except for the corner, or on the inner
-                // side.
+                // The box touches the plane only at this corner and lies on the outer side, or it lies on the
+                // inner side.
                 let beyond = [0, 1, 2].map(|i| corner[i] - sign as i64 * normal[i].signum() * size[i]);
                 let float = |p: IntVector| Vec3::from_array(p.map(|x| x as f32));
                 let bounds = Aabb::from_points([float(corner), float(beyond)]);
@@ -318,7 +318,7 @@ mod tests {
             let beside = if round % 2 == 0 { random.whole(2) } else { random.whole(1 << 34) };
             let mut eye = within([a, b, c], s, t);
             eye[0] += beside;
-            // Skipped where f64 cannot represent the eye exactly.
+            // The round is skipped if f64 cannot represent the eye exactly.
             if eye.iter().any(|x| x.abs() > 1 << 53) {
                 continue;
             }

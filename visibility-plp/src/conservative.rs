@@ -176,7 +176,8 @@ fn drop_hidden<T: Tessellation + ?Sized, M: OcclusionMap>(
 ) {
     sorted.clear();
     let bounds = waiting.iter().map(|&cell| (cell, frame.tessellation.cell_bounds(cell)));
-    // View rays cross the other cells before reaching anything in view, and the map has no depth there.
+    // Only cells beyond the near plane are tested. The map has no depth for the space before it, which view
+    // rays cross first.
     sorted.extend(bounds.filter(|(_, bounds)| frame.frustum.is_beyond_near(bounds)));
     sorted.sort_unstable_by_key(|&(cell, _)| cell);
     let mut rest = &sorted[..];

@@ -386,7 +386,7 @@ mod tests {
                 };
                 let n = DVec3::from_array(bin.normal.map(f64::from));
                 if bin.spread == 0.0 || (bin.spread <= FLAT) != (round % 2 == 1) {
-                    // Skipped, since the two normals fell into different bins.
+                    // The round is skipped, since the two normals fell into different bins.
                     continue;
                 }
                 let away = (m - n).normalize() * 1000.0;
@@ -394,8 +394,8 @@ mod tests {
                     + triangle[1].as_dvec3() / 3.0
                     + triangle[2].as_dvec3() / 3.0;
                 for (sign, corner) in [(1.0, -1.0), (-1.0, 1.0)] {
-                    // A box with one corner, towards the normal or opposite to it, at a point of the
-                    // triangle.
+                    // One corner of the box is at a point of the triangle: the corner farthest along the
+                    // normal, or the opposite one.
                     let half = Vec3::splat(0.001);
                     let center = q.as_vec3() - n.as_vec3().signum() * half * corner;
                     let cell = Aabb::new(center - half, center + half);
@@ -503,7 +503,7 @@ mod tests {
             let cell = Aabb::new(center - half, center + half);
             let (min, max) = (cell.min.as_dvec3(), cell.max.as_dvec3());
             let q = DVec3::select(normal.cmpgt(DVec3::ZERO), min, max);
-            // The eye is in the plane through that corner, up to rounding and a distance of 1e-7.
+            // The eye is before the plane through the corner `q`, by 1e-7 up to rounding.
             let mut eye = (min + max) * 0.5;
             eye[across] += normal[across].signum() * 1000.0 * random.float().abs();
             eye[axis] = q[axis] - (normal[across] * (eye[across] - q[across]) - 1e-7) / normal[axis];

@@ -283,7 +283,8 @@ fn enclosing(nodes: &[Node], grid: &Grid, shape: &Shape) -> (u32, [u32; 3], u32)
     let corners = shape.corners();
     let corners = corners.as_slice();
     let (least, most) = corners.iter().fold((corners[0], corners[0]), |(a, b), &p| (a.min(p), b.max(p)));
-    // A thousandth of a step on each side, far more than rounding and the tolerance of the overlap tests.
+    // The shape is enlarged by a thousandth of a step on each side, far more than rounding and the tolerance
+    // of the overlap tests.
     let hair = DVec3::splat(grid.step * 1e-3);
     let [low, high] = [grid.voxel(least - hair), grid.voxel(most + hair)];
     let (mut node, mut voxel, mut side) = (0, [0; 3], STEPS);

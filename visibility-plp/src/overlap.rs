@@ -45,7 +45,7 @@ pub(crate) fn triangle_meets_box(triangle: &[DVec3; 3], center: DVec3, half: DVe
             }
         }
     }
-    // Reached for a triangle of NaN corners too, since every comparison above was false.
+    // A triangle of NaN corners also meets the box, since every comparison above was false.
     true
 }
 
@@ -217,7 +217,7 @@ mod tests {
             }
             let half: IntVector = [(); 3].map(|()| {
                 let half = 1 + (random.whole(1 << 54).abs() >> shift(&mut random, 40));
-                // Rounded to the digits that f64 can represent.
+                // The lowest bits are cleared that f64 cannot represent.
                 half & !(half >> 53)
             });
             // `sides` is the direction from the point in which the box lies.

@@ -135,7 +135,7 @@ impl Constrainer {
             }
         };
         mark(of, h, walls);
-        // A limit on the flips, because those of a long wall's neighbours could take quadratic time.
+        // The number of flips is limited, because the flips near a long wall could take quadratic time.
         of.restore_delaunay(16 * self.steps.len() + 64);
         self.tasks.push(Task { from: rest, to, walls, is_part });
     }
@@ -207,7 +207,7 @@ impl Constrainer {
         of.unify(&self.removed);
         let left = self.steps.len();
         self.steps.extend(self.right.drain(..).rev());
-        // An edge whose two triangles are both removed is two steps.
+        // An edge between two removed triangles appears as two steps.
         for (index, step) in (0u32..).zip(&self.steps) {
             of.edges[step.inner as usize].twin = STEP | index;
         }

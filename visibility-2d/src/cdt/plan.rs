@@ -137,8 +137,8 @@ impl Plan {
             }
         }
         let [low, high] = bounds_of(&ends);
-        // 4 units in the last place of the greatest coordinate, so that rectangle and walls differ; at least
-        // the least coordinate, and at most the greatest.
+        // The margin is at least 4 units in the last place of the greatest coordinate, so that rectangle and
+        // walls differ. It is clamped to the magnitudes that coordinates may have.
         let size = low.iter().chain(&high).fold(MIN_MAGNITUDE, |size, x| size.max(x.abs()));
         let margin = margin([low, high]).max(4.0 * f64::EPSILON * size).clamp(MIN_MAGNITUDE, MAX_MAGNITUDE);
         // The curve covers the walls without the margin. With a large margin, all walls could be at one
@@ -251,7 +251,7 @@ impl Plan {
         self.walls_of_pieces.truncate(kept);
         self.first_wall.push(kept as u32);
         self.piece_edge.push(h);
-        // Several pieces share a list before, so the copies may be much longer in total.
+        // Several pieces shared one list before the copying, so the copies may be much longer in total.
         if kept > MAX_WALLS { Err(PlanError::TooMany { count: kept }) } else { Ok(()) }
     }
 

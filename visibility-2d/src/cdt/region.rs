@@ -404,8 +404,8 @@ fn clip(answer: &mut RegionVisibility, beam: Beam, apex: u32, sign: i8, edge: u3
     }
     let before = answer.sides[first + begin].vertex;
     let after = answer.sides[first + if end == count { 0 } else { end }].vertex;
-    // Lines pass the vertices of earlier edges before this one, which gives the direction of the corner
-    // lines.
+    // Lines pass the vertices of earlier edges before the apex, so corner lines run from these vertices to
+    // the apex.
     answer.sides.push(Side { vertex: after, corner: [after, apex] });
     answer.sides.push(Side { vertex: apex, corner: [before, apex] });
     let sides = (kept, answer.sides.len() as u32);

@@ -146,7 +146,7 @@ fn check_piles(seeds: core::ops::Range<u64>) {
     for seed in seeds {
         let walls = piled_walls(&mut Random(seed));
         let Ok(plan) = Plan::new(&walls) else {
-            // Very few piles are refused, when bending does not end.
+            // A pile is refused if bending its walls does not end, which is very rare.
             refused += 1;
             continue;
         };

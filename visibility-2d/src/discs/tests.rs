@@ -35,11 +35,11 @@ fn a_cut_closes_nothing_outside_its_bounds() {
     let mut random = Random(7);
     let mut gaps = Gaps::new();
     for _ in 0..200_000 {
-        // Widths of about twice the error, for which rounding may swap the moved ends.
+        // Intervals are about twice as wide as the error, so that rounding may swap the moved ends.
         let error = random.fine_range(8.0, 9.0) * f64::EPSILON;
         let (before, width) = (random.fine_range(0.0, 4.0) * error, random.fine_range(0.0, 4.0) * error);
-        // Anywhere, or across direction 0, where the number of the last end is more precise than that of the
-        // first.
+        // The interval is anywhere, or across direction 0, where the number of the last end is more precise
+        // than that of the first.
         let anywhere = random.fine_range(0.0, 3.99);
         let over = (4.0 - before, if width > before { width - before } else { 4.0 - (before - width) });
         let (first, last) = [(anywhere, anywhere + width), over][random.below(2)];

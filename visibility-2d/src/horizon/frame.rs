@@ -136,7 +136,8 @@ fn seen_columns(projection: &ViewProjection, up: UpAxis) -> Option<[Range<f64>; 
         let left_over = (forth * corner - target).length();
         let size = norm(&forth) * corner.length_squared();
         let off = norm(&back) * (left_over * left_over + 256.0 * U * U * size);
-        // Squared values, to avoid square roots: `off` is the squared error, here that of twice the error.
+        // Values are squared, to avoid square roots: `off` is the squared error, and 4 `off` the square of
+        // twice the error.
         (up.split(corner), 4.0 * off)
     });
     // If all four corners point to one side of a line through the eye, by a good margin, the view is within

@@ -170,7 +170,7 @@ impl Outline {
         }
         self.cut.truncate(kept);
         self.project_cut(e, columns);
-        // A ring of panels has no first one, so begin where a run does.
+        // In a ring no panel is the first, so the walk starts at a panel that begins a run.
         let count = kept / 2;
         self.panels_left = count;
         self.next_panel = (0..count).find(|&i| !self.continues((i + count - 1) % count, i)).unwrap_or(0);

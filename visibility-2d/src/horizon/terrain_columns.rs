@@ -64,7 +64,7 @@ impl Drawn<'_> {
 fn is_outside(planes: &ViewPlanes, bounds: &Aabb) -> bool {
     let (center, half) = (bounds.center().as_dvec3(), bounds.half_extent().as_dvec3());
     planes.as_slice().iter().any(|ViewPlane { plane, error }| {
-        // Centre and half extent are rounded to `f32`.
+        // The factors 1.001 and 1e-6 cover the rounding of centre and half extent to `f32`.
         let reach = plane.normal.abs().dot(half * 1.001 + center.abs() * 1e-6);
         let most = plane.signed_distance(center) + reach;
         most < -(4.0 * plane.error_bound(center.abs() + half) + error)
@@ -215,7 +215,7 @@ impl<'a> Wedge<'a> {
                 continue;
             };
             // A line of sight lower than this in the picture is below the sheet at one end of the ring, which
-            // suffices.
+            // suffices to block it.
             let run = &mut self.run;
             let under = low / if low > 0.0 { from } else { to };
             let mut step = None;

@@ -168,8 +168,8 @@ impl CellSolids {
                 }
             }
         }
-        // The largest `MAX_SOLIDS` solids. Equal sizes are ordered by index, so that the choice is always the
-        // same.
+        // Only the largest `MAX_SOLIDS` solids are kept. Equal sizes are ordered by index, so that the choice
+        // is always the same.
         if self.ranked.len() > MAX_SOLIDS {
             self.ranked.select_nth_unstable_by(MAX_SOLIDS, |a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
             self.ranked.truncate(MAX_SOLIDS);

@@ -209,7 +209,8 @@ fn slopes(boxes: &[PlanBox], cell: &CellBox, highest: f64) -> Vec<f64> {
     let mut slopes = Vec::new();
     if !all.is_empty() {
         let at = |part: f64| all[((all.len() - 1) as f64 * part) as usize];
-        // Slightly increased, so that the object at the quantile is within the slope by more than rounding.
+        // Slopes are slightly increased, so that the object at the quantile is within its slope by more than
+        // rounding.
         slopes.extend(SLICES.map(|part| at(part) * (1.0 + 1e-6) + 1e-9));
     }
     slopes.dedup();

@@ -85,7 +85,8 @@ impl Mesh {
     fn close_gaps(&mut self) {
         let mut free = core::mem::take(&mut self.free);
         free.sort_unstable();
-        // The largest index first, so that the cell that is moved is never itself unused.
+        // Gaps are closed from the largest index down, so that the cell moved into a gap is never itself
+        // unused.
         for gap in free.into_iter().rev() {
             self.cells.swap_remove(gap as usize);
             self.neighbours.swap_remove(gap as usize);
