@@ -152,7 +152,8 @@ impl Level {
         [self.eyes.len(), inside]
     }
 
-    /// Returns the gap that the job asks for.
+    /// Returns the gap that the job allows: the share of the reported triangles neither seen nor proven
+    /// hidden.
     pub fn gap(&self) -> f64 {
         self.gap
     }

@@ -13,10 +13,11 @@ use std::fmt::Write;
 use std::path::Path;
 use visibility_bake::CellSandwich;
 
-/// Number of viewcells with the greatest gaps that get pictures of their own.
+/// Number of viewcells that get pictures of their own: those with the largest share of undecided triangles.
 const WORST: usize = 4;
 
-/// Colors of the heat map: a viewcell without gap, with half the greatest gap, and with the greatest gap.
+/// Colors of the heat map: for a viewcell without undecided triangles (no gap), with half the greatest gap,
+/// and with the greatest gap.
 const RAMP: [Color; 3] = [VISIBLE, [246, 222, 110], [190, 28, 40]];
 
 /// Writes the pictures of a bake to a folder: `gaps.png` and `gaps.svg`, and `worst-N.png` for viewcell N.
@@ -84,7 +85,8 @@ fn bounds_px(map: &Map, cell: &Cell) -> [f64; 4] {
     [p[0].min(q[0]), p[1].min(q[1]), (p[0] - q[0]).abs(), (p[1] - q[1]).abs()]
 }
 
-/// Returns the color of a gap, on a scale that ends at the greatest gap.
+/// Returns the color of a gap (a viewcell's share of undecided triangles), on a scale that ends at the
+/// greatest gap.
 fn color(gap: f64, greatest: f64) -> Color {
     let at = if greatest > 0.0 { (gap / greatest * 2.0).clamp(0.0, 2.0) } else { 0.0 };
     let (first, part) = if at < 1.0 { (0, at) } else { (1, at - 1.0) };

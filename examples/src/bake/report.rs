@@ -36,7 +36,7 @@ pub struct Report {
     /// Version of the level, in hexadecimal digits. A game whose scene has only boxes passes it to the loader
     /// of the file.
     pub version: String,
-    /// The gap that was asked for.
+    /// Gap that was asked for: the greatest share of the reported triangles neither seen nor proven hidden.
     pub asked_gap: f64,
     /// Number of viewcells whose gap exceeds the one asked for.
     pub viewcells_over_gap: usize,

@@ -80,7 +80,7 @@ pub struct BakedLevel {
 enum Place {
     /// The entity is at its baked position. The fields are its object in the scene and its index in the bake.
     AsBaked(ObjectId, u32),
-    /// Changed since it was at its baked position.
+    /// The entity has changed since it was at its baked position.
     Changed,
 }
 

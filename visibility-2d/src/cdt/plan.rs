@@ -13,7 +13,7 @@ use visibility_core::stamp::Stamp;
 /// for some walls that overlap.
 const MAX_WALLS: usize = 4 * MAX_VERTICES;
 
-/// Half-edge of a plan. 8 bytes small, since queries read half-edges in random order.
+/// Half-edge of a plan. It takes only 8 bytes, since queries read half-edges in random order.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HalfEdge {
     /// Vertex at which the half-edge begins.

@@ -33,9 +33,9 @@ use visibility_core::geometry::sqrt;
 /// Index that no disc has.
 const NONE: u32 = u32::MAX;
 
-/// Distance between the eye and a bitangent at which a class counts as ended, as a fraction of the lengths
-/// from which the distance is computed. Bitangents of two discs that pass the test of [`MIN_SINE`] have a
-/// rounding error of about `1e-12` of these lengths.
+/// Distance from a bitangent (a line that touches two discs) below which the eye counts as beyond it, as a
+/// fraction of the lengths from which the distance is computed. Bitangents of two discs that pass the test of
+/// [`MIN_SINE`] have a rounding error of about `1e-12` of these lengths.
 const MARGIN: f64 = 1e-9;
 
 /// Least sine of the angle between a bitangent and the perpendicular to the line through both centres. Below
@@ -48,13 +48,14 @@ const MIN_SINE: f64 = 1e-4;
 pub struct ZoneWork {
     /// Number of tangent segments at the eye after the move.
     pub segments: usize,
-    /// Number of tangent segments with a new pivot or front (elementary steps of the zone).
+    /// Number of tangent segments that touch another disc than before, or end at another disc (elementary
+    /// steps of the zone).
     pub steps: usize,
-    /// Number of tangent segments whose class did not hold for the new eye, because the eye has left the
-    /// class, or moved beyond the zone's reach.
+    /// Number of tangent segments that may have changed their discs, because the eye has left the region
+    /// where they certainly keep them, or moved beyond the zone's reach.
     pub ended: usize,
     /// Whether all segments were rebuilt: in the first move, for an eye that touches a disc or has moved far,
-    /// and if rounding is undecided. If false, only segments whose class had ended were rebuilt.
+    /// and if rounding is undecided. If false, only segments that may have changed their discs were rebuilt.
     pub rebuilt: bool,
 }
 
@@ -65,7 +66,8 @@ struct HalfPlane {
     offset: f64,
 }
 
-/// Class of a tangent segment, as the set of eye positions for which the segment certainly stays in it.
+/// Eye positions for which a tangent segment certainly keeps its class: the disc that it touches (pivot), and
+/// the disc where it ends (front).
 #[derive(Clone, Copy, Debug, Default)]
 struct Class {
     anchor: [f64; 2],
@@ -105,9 +107,8 @@ struct Arc {
 ///
 /// # Exactness
 /// The discs reported are those that [`DiscZone::look`] reports for the same eye, in another order. Nothing
-/// visible is left out: if rounding makes a class undecided, the discs are computed from scratch. If any
-/// discs overlap or touch, or have radius 0, classes do not exist, and each move computes the discs from
-/// scratch.
+/// visible is left out: if rounding leaves undecided whether the discs seen have changed, they are computed
+/// from scratch. If any discs overlap or touch, or have radius 0, each move computes the discs from scratch.
 ///
 /// ```
 /// use visibility_2d::discs::{Disc, Discs, KineticZone};
@@ -199,10 +200,10 @@ fn left_of([x, y]: [f64; 2]) -> [f64; 2] {
 }
 
 impl<'a> KineticZone<'a> {
-    /// Makes a zone without an eye. Classes of tangent segments are derived for eyes within `reach` metres of
-    /// the present one. A good reach is some tens of times the distance that the eye moves in a frame; a
-    /// greater one makes the derivation slower. NaN and negative numbers count as 0, with which each move
-    /// starts from scratch.
+    /// Makes a zone without an eye. The regions in which the tangent segments at the eye stay the same are
+    /// derived for eyes within `reach` metres of the present one. A good reach is some tens of times the
+    /// distance that the eye moves in a frame; a greater one makes the derivation slower. NaN and negative
+    /// numbers count as 0, with which each move starts from scratch.
     pub fn new(discs: &'a Discs, reach: f64) -> Self {
         let mut places = alloc::vec![0; discs.len()];
         for (place, &index) in (0..).zip(&discs.indices) {
@@ -307,8 +308,8 @@ impl<'a> KineticZone<'a> {
         Some(())
     }
 
-    /// Makes `next_arcs` from the present arcs, and recomputes the arcs beside classes that have ended.
-    /// `None` if the zone must be rebuilt.
+    /// Makes `next_arcs` from the present arcs, and recomputes the arcs beside tangent segments whose class
+    /// has ended. `None` if the zone must be rebuilt.
     fn mend(&mut self, eye: [f64; 2]) -> Option<()> {
         self.next_arcs.clear();
         let count = self.arcs.len();
@@ -365,7 +366,8 @@ impl<'a> KineticZone<'a> {
         Arc { disc, pivot, front, is_first, class }
     }
 
-    /// Derives the class of a tangent segment. `None` if rounding makes it undecided.
+    /// Derives the eye positions for which a tangent segment keeps its pivot (the disc that it touches) and
+    /// its front (the disc where it ends). `None` if rounding makes them undecided.
     fn class(&self, eye: [f64; 2], pivot: u32, front: u32, is_first: bool) -> Option<Class> {
         let mut search = Search::new(self.discs, eye, pivot, front, is_first, self.reach)?;
         let mut stack: SmallVec<[(usize, usize); 64]> = SmallVec::new();
@@ -405,29 +407,31 @@ fn span(disc: &Disc, eye: [f64; 2]) -> Option<(f64, f64)> {
     (error <= WIDEST_ERROR).then_some((first, last))
 }
 
-/// Bound of a class: a direction of the rolling segment, and the sine of its angle to the segment's present
-/// direction.
+/// Bound of a tangent segment that rolls along the disc that it touches: its direction there, and the sine of
+/// the angle to its present direction.
 #[derive(Clone, Copy, Debug)]
 struct Bound {
     along: [f64; 2],
     sine: f64,
 }
 
-/// Search for the bitangents that bound the class of a tangent segment.
+/// Search for the bitangents up to which a tangent segment can roll along its pivot, the disc that it
+/// touches.
 struct Search<'a> {
     discs: &'a [Disc],
     eye: [f64; 2],
     pivot: Disc,
     front: Option<Disc>,
-    /// Signed distance of the pivot's centre to the left of the segment: plus or minus the pivot's radius.
+    /// Signed distance of the centre of the pivot (the disc that the segment touches) to the left of the
+    /// segment: plus or minus the pivot's radius.
     aside: f64,
     /// Unit direction of the segment.
     along: [f64; 2],
-    /// Length of the segment from the eye to the pivot, in metres.
+    /// Length of the segment from the eye to the pivot, the disc that the segment touches, in metres.
     length: f64,
     reach: f64,
     /// Greatest distance from the eye, in metres along the segment, at which the segment may meet `front`,
-    /// the disc that stops it. Infinite without front.
+    /// the disc that stops it. Infinite if no disc stops it.
     farthest: f64,
     /// Nearest bitangents found so far on the clockwise and on the counter-clockwise side of the segment.
     bounds: [Bound; 2],
@@ -533,7 +537,7 @@ impl<'a> Search<'a> {
         Some(())
     }
 
-    /// Returns the class between the bounds. `None` if the eye lies on one of them.
+    /// Returns the eye positions between the two bounds. `None` if the eye lies on one of them.
     fn finish(&self) -> Option<Class> {
         let from_pivot = minus(self.eye, self.pivot.center);
         let size = from_pivot[0].abs() + from_pivot[1].abs() + self.reach;

@@ -75,7 +75,8 @@ pub(crate) struct Outline {
     pub(crate) error: CornerError,
     cut: Vec<Relative>,
     projected: Vec<Projected>,
-    /// Panel of a wall at which the next run begins.
+    /// Panel of a wall at which the next run begins: panels that follow each other in one direction of the
+    /// picture.
     next_panel: usize,
     /// Number of the wall's panels that are in no run so far.
     panels_left: usize,

@@ -24,7 +24,7 @@ use alloc::vec::Vec;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{Aabb, ObjectId, Scene};
 
-/// Maximum number of sheets of a scene. Each sheet adds to the time of a frame.
+/// Maximum number of sheets (connected ground) of a scene. Each sheet adds to the time of a frame.
 const MAX_SHEETS: usize = 4;
 
 /// Least area of a sheet on the plan, as a fraction of the rectangle around all triangles of the scene that

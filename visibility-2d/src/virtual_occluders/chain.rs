@@ -254,8 +254,8 @@ impl Task<'_> {
         };
         let is_good = |link: &Link| left_of(at, seen, link.to) > 0.0 && self.is_chord(at, link.from, link.to);
         let widest = link(from, to);
-        // A joint holds from points on both sides of the line through it, while chords whose ends overlap do
-        // not. So a joint is preferred.
+        // A joint, a point of both solids, also holds for points beyond the line through it; chords whose
+        // ends overlap hold on one side only. So a joint is preferred.
         if let Some(joined) = last.and_then(|last| self.join(at, last, &widest)) {
             return Some(joined);
         }
