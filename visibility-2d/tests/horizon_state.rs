@@ -1,6 +1,6 @@
-//! Tests of contracts 4 and 5 for the horizon. Scenes are swapped, mixed, cloned, reverted and dropped under
-//! a live culler, whose answers must equal those of a culler that has seen no other scene. A warm frame must
-//! allocate nothing.
+//! Tests that the horizon culler carries nothing over from other scenes, and allocates nothing in a warm
+//! frame. Scenes are swapped, mixed, cloned, reverted and dropped under a live culler, whose answers must
+//! equal those of a culler that has seen no other scene.
 
 use std::sync::Arc;
 use visibility_2d::horizon::{Horizon, HorizonCuller, HorizonOccluders, UpAxis};

@@ -10,7 +10,7 @@
 //!
 //! A *claim* records a triangle that ties for a pixel with the triangle that the pixel shows: it comes within
 //! [`EDGE_TIE`] of the pixel's centre, is at least as near there up to [`DEPTH_TIE`], and belongs to another
-//! object. Rounding alone decides which of the two the pixel shows.
+//! object. Only rounding decides which of the two the pixel shows.
 
 use alloc::vec::Vec;
 

@@ -1,4 +1,4 @@
-//! Growth of a virtual occluder along a line behind a seed.
+//! Growth of a virtual occluder along a line behind a seed, the solid that the line was laid behind.
 
 use super::cell_solids::{CellBox, CellSolids};
 use super::chain::{BackLine, Chain, Task, WIDEST};

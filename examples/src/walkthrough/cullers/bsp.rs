@@ -1,4 +1,5 @@
-//! Entries of the object-space cullers: BSP trees, occlusion trees, shadow frusta, large occluders.
+//! Command-line entries of the object-space cullers: BSP trees, occlusion trees, shadow frusta, large
+//! occluders.
 
 use super::known::{Known, no_dial};
 use crate::walkthrough::World;

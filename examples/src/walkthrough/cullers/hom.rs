@@ -1,4 +1,4 @@
-//! Entries of the hierarchical occlusion maps, whose setting is the opacity threshold.
+//! Command-line entries of the hierarchical occlusion maps, whose setting is the opacity threshold.
 
 use super::known::{Known, Made};
 use visibility_hzb::{DepthEstimate, Hom, HomCuller};

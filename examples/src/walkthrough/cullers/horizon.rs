@@ -1,4 +1,4 @@
-//! Entries of the horizon, whose setting (dial) is the number of columns.
+//! Command-line entries of the horizon culler, whose setting (dial) is the number of columns.
 
 use super::known::Known;
 use crate::walkthrough::World;

@@ -1,5 +1,5 @@
-//! Entries of the hierarchical z-buffer, with settings for its resolution, its rule of pixel coverage and the
-//! price of hiding an object.
+//! Command-line entries of the hierarchical z-buffer, with settings for its resolution, its rule of pixel
+//! coverage and the price of hiding an object.
 
 use super::known::{Known, Made};
 use crate::arguments::parse_size;

@@ -1,4 +1,4 @@
-//! Entry in the tables of cullers.
+//! Entry in the tables of cullers that can be chosen on the command line.
 
 use crate::walkthrough::World;
 use visibility_core::Culler;

@@ -1,5 +1,5 @@
-//! Entries of prioritized-layered projection, of its conservative form, and of sorting by distance as their
-//! baseline.
+//! Command-line entries of prioritized-layered projection, of its conservative form, and of sorting by
+//! distance as their baseline.
 
 use super::known::Known;
 use crate::walkthrough::World;

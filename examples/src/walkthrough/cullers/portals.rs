@@ -1,4 +1,4 @@
-//! Entry of the portal culler.
+//! Command-line entry of the portal culler.
 
 use super::known::Known;
 use crate::source::tolerance;

@@ -1,4 +1,5 @@
-//! Entry of the potentially visible sets of cells, which are baked when they are first asked for.
+//! Command-line entry of the potentially visible sets of cells, which are baked when they are first asked
+//! for.
 
 use super::known::{Known, Made};
 use crate::eprintln;

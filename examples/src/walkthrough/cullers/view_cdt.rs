@@ -1,4 +1,4 @@
-//! Entries of the triangulated image, with a setting for the number of its vertices.
+//! Command-line entries of the triangulated image, with a setting for the number of its vertices.
 
 use super::known::{Known, Made};
 use visibility_2d::view_cdt::ViewCdt;
