@@ -245,7 +245,7 @@ fn small_solids_beside_large_ones_are_left_out() {
     let chairs = [(); 60].map(|()| insert(1.0));
     let mut occluders = HorizonOccluders::new(&scene, UpAxis::Z);
     assert_eq!(occluders.solid_count(), walls.len(), "solids taken: the walls");
-    // A chair that moves stays out; one that grows is included.
+    // A chair that moves remains too small to be an occluder; a chair that grows becomes one.
     scene.set_bounds(chairs[0], Aabb::from_arrays([5.0; 3], [6.0; 3])).unwrap();
     let grown = Aabb::from_arrays([0.0; 3], [1.5; 3]);
     let wardrobe = scene.add_mesh(OccluderMesh::cuboid(&grown).unwrap());
