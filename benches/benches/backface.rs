@@ -1,8 +1,8 @@
-//! Benchmark of backface culling beside frustum culling: 64 cones or 64 boxes per kernel call, in one run.
-//! Throughput is in clusters per second.
+//! Benchmark of backface culling compared with frustum culling: 64 cones or 64 boxes per kernel call, in one
+//! run. Throughput is in clusters per second.
 //!
-//! The kernels are not public, so both are measured through their cullers, on a scene whose blocks must all
-//! be tested. The cones are also measured as an array, as [`Cones`] tests them.
+//! The kernels are not public, so both are measured through their cullers, on a scene in which every block
+//! must be tested. Cones are also measured in an array, as [`Cones`] tests them.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;
@@ -11,8 +11,8 @@ use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Culler, FrustumCuller, Object, Pose, Scene, View, VisibleSet, view::Eye};
 use visibility_frame::backface::{BackfaceCuller, Cones, NormalCone};
 
-/// Makes `count` clusters like those of meshes, as bounds and normal cone: patches about a metre wide with
-/// random orientation.
+/// Makes `count` clusters like those of real meshes, as bounds and normal cones: patches about a metre wide
+/// with random orientation.
 fn clusters(count: usize) -> Vec<(Aabb, NormalCone)> {
     let mut random = Random(1);
     // Fitting a cone is slow, so 256 patches are repeated.
@@ -55,7 +55,7 @@ fn backface(c: &mut Criterion) {
         });
 
         let mut scene = Scene::new();
-        // One object per cluster, with the cluster's bounds and cone.
+        // One object for each cluster, with the cluster's bounds and cone.
         let one_sided = |bounds| Object { one_sided: true, ..Object::new(bounds) };
         let ids = scene.insert_batch(clusters.iter().map(|(bounds, _)| one_sided(*bounds)));
         let mut culler = BackfaceCuller::new();
@@ -79,7 +79,7 @@ fn backface(c: &mut Criterion) {
             });
         });
 
-        // As many boxes as clusters; every block of boxes crosses planes of every view.
+        // The scene has as many boxes as clusters. Every block of boxes crosses planes of every view.
         let mut scene = Scene::new();
         scene.insert_batch((0..count).map(|i| {
             let x = i as f32 / count as f32;

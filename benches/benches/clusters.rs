@@ -1,8 +1,8 @@
-//! Benchmark of the clusters of instances beside what engines write by hand: 1,000 instances of a mesh of
-//! 1,000 clusters, one view, one thread. The loop by hand transforms the bounding sphere and the normal cone
-//! of every cluster of every visible instance and tests both, without bounds on rounding, and is right only
-//! for rotations and uniform scales. Both begin with the same visible set. Throughput is in clusters of the
-//! visible instances per second.
+//! Benchmark of culling the clusters of instances, compared with a hand-written loop as in engines: 1,000
+//! instances of a mesh of 1,000 clusters, one view, one thread. The loop transforms the bounding sphere and
+//! the normal cone of every cluster of every visible instance and tests both, without bounds on rounding, and
+//! is only correct for rotations and uniform scales. Both begin with the same visible set. Throughput is in
+//! clusters of the visible instances per second.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::f32::consts::{PI, TAU};
@@ -14,7 +14,7 @@ use visibility_core::{Aabb, FrustumCuller, Object, ObjectId, Pipeline, Pose, Sce
 use visibility_frame::backface::NormalCone;
 use visibility_frame::clusters::{ClusterInstance, ClusterMesh, ClusterView, VisibleCluster};
 
-/// A cluster as meshoptimizer describes it: bounding sphere, and cone with apex, axis and cutoff.
+/// Cluster in the form of meshoptimizer: bounding sphere, and cone with apex, axis and cutoff.
 #[derive(Clone, Copy)]
 struct Meshlet {
     center: Vec3,
@@ -27,7 +27,7 @@ struct Meshlet {
 const RINGS: usize = 25;
 const SECTORS: usize = 40;
 
-/// Makes the triangles of the 1,000 clusters of a sphere of radius 1, 32 to a cluster.
+/// Makes the triangles of 1,000 clusters on a sphere of radius 1, 32 triangles per cluster.
 fn sphere() -> Vec<Vec<[Vec3; 3]>> {
     let at = |ring: usize, sector: usize| {
         let (up, around) =
@@ -61,7 +61,7 @@ fn meshlet(triangles: &[[Vec3; 3]]) -> Meshlet {
     }
 }
 
-/// The loop by hand: appends the visible clusters of one instance.
+/// Hand-written loop: appends the visible clusters of one instance.
 fn by_hand(
     meshlets: &[Meshlet],
     transform: &Affine3A,
@@ -107,7 +107,7 @@ fn clusters(c: &mut Criterion) {
         let center = Vec3::from(transform.translation);
         Object { one_sided: true, ..Object::new(Aabb::new(center - reach, center + reach)) }
     }));
-    // A camera in the midst of the instances, and one that sees them all.
+    // One camera among the instances, and one that sees all of them.
     for (name, eye, fov) in
         [("amid", DVec3::new(-20.0, 0.0, 0.0), 1.0), ("all", DVec3::new(-420.0, 0.0, 0.0), 0.8)]
     {

@@ -1,5 +1,5 @@
-//! Benchmark of building a scene from boxes and of rebuilding it, beside sorting as many keys and the BVH
-//! builders of other crates.
+//! Benchmark of building a scene from boxes and of rebuilding it, compared with sorting as many keys and with
+//! the BVH builders of other crates.
 
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use parry3d::partitioning::BvhBuildStrategy;

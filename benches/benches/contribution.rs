@@ -1,9 +1,9 @@
-//! Benchmark of culling by size: a million boxes of which about 1 % is large enough, by the contribution
-//! culler, by a test of each box in `VisibleSet::retain`, and by a plain loop over all boxes, which is what
-//! engines begin with. Once with all boxes as candidates, once behind the frustum; and by draw ranges.
+//! Benchmark of culling by size: a million boxes of which about 1 % are large enough. Compared are the
+//! contribution culler, a test of each box in `VisibleSet::retain`, and a plain loop over all boxes, as in
+//! simple engines. Candidates are all boxes, or those that the frustum leaves. Draw ranges are measured too.
 //!
-//! Three sets of boxes: all of 0.5 to 3 m; the same with one box in a hundred a hundred times as large, so
-//! that nodes hold large and small ones; and crowds of small boxes around large ones.
+//! There are three sets of boxes: boxes of 0.5 to 3 m; the same with one box in a hundred enlarged a hundred
+//! times, so that nodes contain large and small ones; and clusters of small boxes around large ones.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::{hint::black_box, time::Duration};
@@ -14,7 +14,7 @@ use visibility_frame::lod::ContributionCuller;
 const COUNT: usize = 1_000_000;
 const PICTURE_HEIGHT: f64 = 1080.0;
 
-/// Inputs by name.
+/// Names and boxes of the inputs.
 fn inputs() -> [(&'static str, Vec<Aabb>); 3] {
     let small = boxes(COUNT, Order::Random);
     let mut random = Random(7);
@@ -38,19 +38,19 @@ fn inputs() -> [(&'static str, Vec<Aabb>); 3] {
     [("small", small), ("one in a hundred large", some_large), ("crowds", crowds)]
 }
 
-/// Squared ratio of distance and diagonal up to which an object is large enough, for the workload's field of
-/// view of 60 degrees.
+/// Returns the greatest squared ratio of distance to diagonal at which an object is large enough, for the
+/// workload's field of view of 60 degrees.
 fn limit(pixels: f64) -> f32 {
     let per_metre = 0.5 * PICTURE_HEIGHT / 30f64.to_radians().tan() / pixels;
     (per_metre * per_metre) as f32
 }
 
-/// What a user would write: whether the sphere around a box is large enough at the distance of the box.
+/// Test that a user would write: whether the sphere around a box is large enough at the distance of the box.
 fn is_large(bounds: &Aabb, eye: glam::Vec3, limit: f32) -> bool {
     eye.clamp(bounds.min, bounds.max).distance_squared(eye) <= bounds.min.distance_squared(bounds.max) * limit
 }
 
-/// Returns the size in pixels that about 1 % of the boxes have.
+/// Returns the size in pixels that about 1 % of the boxes exceed.
 fn one_percent(boxes: &[Aabb], eye: glam::Vec3) -> f64 {
     let (mut least, mut most) = (0.0, 1e6);
     for _ in 0..50 {
@@ -128,7 +128,7 @@ fn contribution(c: &mut Criterion) {
                 });
             }
         }
-        // The same share of objects by draw ranges, of 100 to 160 m.
+        // Draw ranges of 100 to 160 m leave the same share of objects.
         let mut random = Random(3);
         for &id in &ids {
             let range = DrawRange { end: random.within(100.0, 160.0), ..DrawRange::ALWAYS };

@@ -1,4 +1,4 @@
-//! Benchmark of exact answers from a viewcell of a house: rays alone, and rays with proofs.
+//! Benchmark of exact visibility from a viewcell of a house: with rays only, and with rays and proofs.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use std::hint::black_box;

@@ -19,8 +19,8 @@ fn frustum(c: &mut Criterion) {
                 for contender in &mut contenders::all(&boxes, &views) {
                     let mut frame = 0;
                     group.bench_function(BenchmarkId::from_parameter(contender.name()), |b| {
-                        // The check is here, so that benchmarks that the command line filters out cost
-                        // nothing.
+                        // The check is inside the closure, so that benchmarks excluded on the command line
+                        // cost nothing.
                         verify(contender.as_mut(), &boxes, &views);
                         b.iter(|| {
                             frame = (frame + 1) % FRAMES;

@@ -2,9 +2,9 @@
 //! that coincide, are nested, lie side by side in one plane, or are scattered.
 //!
 //! `cargo bench --bench growth` prints, for 2,000, 4,000, ... 32,000 boxes, the time in milliseconds and its
-//! ratio to the time before the last doubling: about 2 for linear, 4 for quadratic growth. A series ends
-//! after the first build that takes more than two seconds. A word after `--` selects the lines whose
-//! structure or input contains it: `cargo bench --bench growth -- occluders`.
+//! ratio to the time for half as many boxes: about 2 for linear, 4 for quadratic growth. A series ends after
+//! the first build that takes more than two seconds. A word after `--` selects the lines whose structure or
+//! input contains it: `cargo bench --bench growth -- occluders`.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -43,7 +43,7 @@ const INPUTS: &[Input] = &[
         (0..count).map(|i| Aabb::from_arrays([i as f32, 0.0, 0.0], [(i + count) as f32, 8.0, 0.5])).collect()
     }),
     ("crossing slabs", |count| {
-        // Half of the slabs along x, half along y, in one plane: their sides form a grid.
+        // Half of the slabs run along x, half along y, in one plane: their sides form a grid.
         let half = count as f32 / 2.0;
         (0..count)
             .map(|i| {

@@ -1,5 +1,5 @@
 //! Benchmark of hierarchical occlusion maps: updating the pyramid, the overlap test by outcome and size, and
-//! a frame of a synthetic town, beside the z-buffer.
+//! a frame of a synthetic town, compared with the z-buffer.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;

@@ -1,5 +1,5 @@
-//! Benchmark of horizons beside the z-buffer on built-in cities, and of zones among discs, from scratch and
-//! kept.
+//! Benchmark of horizons on built-in cities, compared with the z-buffer, and of visible discs, computed from
+//! scratch and updated.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use visibility_2d::discs::{Disc, DiscView, DiscZone, Discs, KineticZone};
@@ -52,16 +52,16 @@ fn forest(radius: f64) -> Vec<Disc> {
     discs
 }
 
-/// Radius in metres of a circle of 1,024 steps of 5 cm.
+/// Radius in metres of a circular walk of 1,024 steps of 5 cm.
 const CIRCLE: f64 = 0.05 * 1024.0 / std::f64::consts::TAU;
 
-/// Returns the eye at a step of a walk around the circle.
+/// Returns the eye at a step of the circular walk.
 fn circle(step: u32) -> [f64; 2] {
     let (sin, cos) = (f64::from(step) * std::f64::consts::TAU / 1024.0).sin_cos();
     [2000.0 + CIRCLE * cos, 2000.0 + CIRCLE * sin]
 }
 
-/// Prints the mean work of the first 64 moves around the circle.
+/// Prints the mean work of the first 64 moves on the circular walk.
 fn count_work(kept: &mut KineticZone, radius: f64, reach: f64) {
     let (mut seen, mut segments, mut steps, mut ended, mut rebuilt) = (0, 0, 0, 0, 0);
     kept.move_to(circle(0));
@@ -82,8 +82,8 @@ fn count_work(kept: &mut KineticZone, radius: f64, reach: f64) {
     );
 }
 
-/// Measures a full turn from successive eyes of a walk among discs, by radius in metres, the same for a ball
-/// of eyes, and making the set.
+/// Measures looking all around from successive eyes of a walk among discs, by radius in metres; the same for
+/// a ball of eyes; and making the set of discs.
 fn zones(c: &mut Criterion) {
     let mut group = c.benchmark_group("discs");
     group.sample_size(10);
@@ -109,8 +109,9 @@ fn zones(c: &mut Criterion) {
     group.finish();
 }
 
-/// Measures moves of an eye around a circle among the discs that leave the circle free, by radius in metres:
-/// the kept zone by the reach of its classes, beside the zone from scratch.
+/// Measures moves of an eye on the circular walk among discs, by radius in metres: updating the visible
+/// discs, by the reach of their classes, compared with computing them from scratch. Discs leave the circle
+/// free.
 fn moves(c: &mut Criterion) {
     let mut group = c.benchmark_group("moves of 5 cm among discs");
     group.sample_size(10);

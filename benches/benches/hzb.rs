@@ -27,7 +27,7 @@ fn cube(random: &mut Random, pixels: f32) -> Aabb {
     Aabb::new(middle - 0.5 * pixels, middle + 0.5 * pixels)
 }
 
-/// Measures drawing 64 cubes, which do not hide each other entirely, into an empty buffer, with each
+/// Measures drawing 64 cubes, none of which the others hide entirely, into an empty buffer, with each
 /// instruction set.
 fn raster(c: &mut Criterion) {
     let mut group = c.benchmark_group("hzb/raster 64 boxes");

@@ -1,6 +1,6 @@
-//! Benchmark of moving 1 %, 10 % and all of the objects each frame, with and without `maintain`, and of
-//! culling afterwards, beside one sort of as many keys; and of moving occluders, by transforms and by bounds
-//! and meshes.
+//! Benchmark of moving 1 %, 10 % and all of the objects in each frame, with and without `maintain`, and of
+//! culling afterwards, compared with one sort of as many keys. Also of moving occluders, by transforms and by
+//! bounds and meshes.
 
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
@@ -10,7 +10,7 @@ use visibility_benches::workload::{FRAMES, Order, Share, boxes, views};
 use visibility_core::glam::Affine3A;
 use visibility_core::{Aabb, FrustumCuller, Object, OccluderMesh, Pipeline, Scene, VisibleSet};
 
-/// Budgets, in blocks, with which `maintain` is called each frame; `None` never calls it.
+/// Budgets, in blocks, for `maintain` in each frame. `None` never calls it.
 const BUDGETS: [(&str, Option<usize>); 3] =
     [("alone", None), ("with maintain(256)", Some(BUDGET)), ("with maintain of all", Some(usize::MAX))];
 
@@ -66,8 +66,8 @@ fn moving(c: &mut Criterion) {
     }
 }
 
-/// Moves 48,700 occluders each frame: by one batch of transforms, and by a batch of bounds and `set_mesh` for
-/// each.
+/// Moves 48,700 occluders in each frame: by one batch of transforms, or by a batch of bounds and `set_mesh`
+/// for each.
 fn occluders(c: &mut Criterion) {
     const COUNT: usize = 48_700;
     let boxes = boxes(COUNT, Order::Random);
@@ -76,12 +76,12 @@ fn occluders(c: &mut Criterion) {
     let mesh = by_transforms.add_mesh(OccluderMesh::cuboid(&local).expect("a box is a mesh"));
     let ids = by_transforms.insert_batch(boxes.iter().map(|b| Object { occluder: true, ..Object::new(*b) }));
     let mut by_bounds = by_transforms.clone();
-    // Meshes of the original keep their ids in the clone.
+    // The clone has the same mesh ids as the original.
     for &id in &ids {
         by_transforms.set_local_bounds(id, local).expect("just inserted");
         by_transforms.set_mesh(id, mesh, Affine3A::IDENTITY).expect("just inserted");
     }
-    // Two states that the frames alternate between, a quarter of a metre apart.
+    // Two sets of transforms, a quarter of a metre apart, between which the frames alternate.
     let states = [0.0, 0.25].map(|shift| {
         let place = |b: &Aabb| Affine3A::from_translation(b.center() + shift);
         let transforms: Vec<_> = ids.iter().zip(&boxes).map(|(&id, b)| (id, place(b))).collect();

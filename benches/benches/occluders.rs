@@ -1,5 +1,5 @@
-//! Benchmark of the object-space cullers on built-in scenes, beside the z-buffer: preparation, whole frames
-//! of the walks, and frames of an eye that hardly moves.
+//! Benchmark of the object-space cullers on built-in scenes, compared with the z-buffer: preparation, whole
+//! frames of the walks, and frames with an eye that hardly moves.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! Benchmarks of visibility on a plan: queries and builds.
 //!
 //! Maps are floors of rooms with jittered corners, doors and pillars, and a forest of short walls. Each
-//! iteration asks from 100 eyes, so times of queries are to be divided by 100.
+//! iteration queries from 100 eyes, so the time of a query is a hundredth of the printed time.
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
@@ -54,7 +54,7 @@ fn rooms(n: i32, random: &mut Random) -> Vec<Wall> {
     walls
 }
 
-/// Makes walls 3 units long, one to 100 square units.
+/// Makes walls 3 units long, one per 100 square units.
 fn forest(count: usize, random: &mut Random) -> Vec<Wall> {
     let side = (count as f64).sqrt() * 10.0;
     (0..count)

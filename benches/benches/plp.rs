@@ -6,7 +6,8 @@ use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Culler, Object, Pose, Scene, View, VisibleSet};
 use visibility_plp::{Budget, DelaunayTessellation, OctreeTessellation, PlpCuller, Solidity, Tessellation};
 
-/// Makes `side` by `side` hollow boxes on streets, each of 600 triangles that are objects of their own.
+/// Makes `side` by `side` hollow boxes on streets. Each box has 600 triangles, and each triangle is an
+/// object.
 fn town(side: usize) -> Scene {
     let mut scene = Scene::new();
     for house in 0..side * side {

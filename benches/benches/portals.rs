@@ -1,5 +1,5 @@
 //! Benchmark of portal culling: frames by the number of portals that the view crosses, with both kinds of
-//! narrowing, and opening and closing a thousand doors.
+//! narrowing, and the opening and closing of a thousand doors.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;

@@ -1,7 +1,7 @@
-//! Benchmarks of a potentially visible set: finding and decoding a row, in a town of 10,000 objects and 1,024
-//! viewcells, of which each sees what is near, and less and less of what is far; and culling by a set of
-//! which a row has 36 objects of 136,900, after the frustum and without its time, beside a look at each
-//! object that the frustum leaves.
+//! Benchmarks of a potentially visible set. Finding and decoding a row, in a town of 10,000 objects and 1,024
+//! viewcells, where each viewcell sees near objects, and fewer objects the farther away they are. Culling by
+//! a set whose rows have 36 of 136,900 objects, after the frustum and without its time, compared with looking
+//! up each object that the frustum leaves.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
@@ -11,26 +11,27 @@ use visibility_core::glam::{DVec2, DVec3, Vec3};
 use visibility_core::pvs::{Pvs, PvsCuller, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells};
 use visibility_core::{Aabb, CullStats, Culler, FrustumCuller, ObjectId, Pose, Scene, View, VisibleSet};
 
-/// Viewcells on an axis.
+/// Number of viewcells along each axis.
 const CELLS: u32 = 32;
-/// Objects on an axis where rows are decoded, and where frames are culled.
+/// Number of objects along each axis, for decoding rows and for culling frames.
 const OBJECTS: [u32; 2] = [100, 370];
 /// Length of a side of the town in metres.
 const TOWN: f64 = 3700.0;
 /// Height of the viewcells in metres.
 const HEIGHT: f64 = 10.0;
 
-/// Returns the place of a viewcell or object of the given number, of `side` on an axis, in units of the town.
+/// Returns the position of a viewcell or object by its number, with `side` of them along each axis. The town
+/// has side 1.
 fn place(number: u32, side: u32) -> DVec2 {
     DVec2::new(f64::from(number % side) + 0.5, f64::from(number / side) + 0.5) / f64::from(side)
 }
 
-/// Returns a number of the object between 0 and 1, the same each time.
+/// Returns the relative height of an object, from 0 to 1, always the same for one object.
 fn tallness(object: u32) -> f64 {
     f64::from(object.wrapping_mul(2_654_435_761) >> 24) / 256.0
 }
 
-/// Makes a set of the objects that each viewcell sees, and the viewcells.
+/// Makes a set of the objects that each viewcell sees. Returns the set, the viewcells, and the rows.
 fn set(objects: u32, sees: impl Fn(u32, u32) -> bool) -> (Pvs, Viewcells, Vec<Vec<u32>>) {
     let row = |cell| (0..objects * objects).filter(|&object| sees(cell, object)).collect();
     let rows: Vec<Vec<u32>> = (0..CELLS * CELLS).map(row).collect();
@@ -49,7 +50,8 @@ fn set(objects: u32, sees: impl Fn(u32, u32) -> bool) -> (Pvs, Viewcells, Vec<Ve
 
 fn rows(c: &mut Criterion) {
     let objects = OBJECTS[0];
-    // Objects are tall or not, and what is seen far away depends on both ends, but not by chance.
+    // Objects are of different heights, so whether a far object is seen depends on viewcell and object, and
+    // neighbouring rows are similar.
     let (pvs, viewcells, _) = set(objects, |cell, object| {
         place(cell, CELLS).distance(place(object, objects)) < 0.03 + 0.3 * tallness(object).powi(6)
     });
@@ -65,12 +67,12 @@ fn rows(c: &mut Criterion) {
     });
 }
 
-/// What a culler by a set does without masks: each object that is left is looked up.
+/// Culler by a set without masks: looks up each candidate object.
 struct ObjectByObject {
     sets: Arc<ScenePvs>,
     entered: Option<ViewcellId>,
     seen: Vec<u64>,
-    /// Object of each index. All objects have their index for a target.
+    /// Object of each index. The target of an object is its index.
     listed: Vec<Option<ObjectId>>,
     hidden: Vec<bool>,
     changed: Vec<bool>,
@@ -170,12 +172,12 @@ fn frames(c: &mut Criterion) {
             println!("{left} objects left");
         }
     }
-    // An object leaves its block in each frame, so that the layout of the scene changes.
+    // One object leaves its block in each frame, so that the layout of the scene changes.
     let moved = |frame: usize| {
         let min = Vec3::new(if frame.is_multiple_of(2) { 0.0 } else { 3000.0 }, 0.0, 0.0);
         Aabb::new(min, min + 5.0)
     };
-    // A set of a fresh copy, whose log of changes the culler follows from the start.
+    // Culls a fresh copy of the scene, so that the culler follows its change log from the start.
     let mut scene = scene.clone();
     let (pvs, viewcells) = (sets.pvs().clone(), sets.viewcells().clone());
     let of_copy = ScenePvs::new(&scene, pvs, viewcells, ids.iter().copied().zip(0..));

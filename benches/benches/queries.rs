@@ -1,6 +1,6 @@
-//! Benchmark of queries of a scene of 100,000 and of a million boxes: objects in a sphere, in a box and on a
-//! ray, the first hit and the eight nearest, each beside a loop over an array of the boxes, which is what
-//! users write without a hierarchy.
+//! Benchmark of scene queries among 100,000 and a million boxes: objects in a sphere, in a box and on a ray,
+//! the first hit and the eight nearest. Each is compared with a loop over an array of the boxes, as users
+//! write without a hierarchy.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use glam::Vec3;
@@ -10,7 +10,7 @@ use visibility_core::geometry::Sphere;
 use visibility_core::{Aabb, ObjectId, Scene};
 use visibility_frame::queries::{Neighbor, Ray, RayHit, SceneQuery};
 
-/// Number of different queries, asked in turn.
+/// Number of different queries, which are asked in turn.
 const QUERIES: usize = 64;
 const RADIUS: f32 = 10.0;
 const NEAREST: usize = 8;
@@ -19,8 +19,8 @@ fn distance_squared(bounds: &Aabb, point: Vec3) -> f32 {
     point.clamp(bounds.min, bounds.max).distance_squared(point)
 }
 
-/// Distance to the box in lengths of the direction of which `inverse` is the reciprocal; `None` if the ray
-/// misses the box.
+/// Returns the distance to the box in lengths of the ray's direction. `inverse` has the reciprocals of the
+/// direction. `None` if the ray misses the box.
 fn enter(bounds: &Aabb, origin: Vec3, inverse: Vec3) -> Option<f32> {
     let (a, b) = ((bounds.min - origin) * inverse, (bounds.max - origin) * inverse);
     let (enter, leave) = (a.min(b).max_element().max(0.0), a.max(b).min_element());

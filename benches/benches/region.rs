@@ -1,5 +1,5 @@
-//! Benchmark of visibility from viewcells: the sweep beside 40 item-buffer cubes of 256 by 256 pixels from
-//! the same viewcell, and the sweep in a city of ten times the objects.
+//! Benchmark of visibility from viewcells: the sweep, compared with 40 item-buffer cubes of 256 by 256 pixels
+//! from the same viewcell, and the sweep in a city with ten times as many objects.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use std::hint::black_box;

@@ -1,5 +1,5 @@
-//! Benchmark of what is made of a visible set: iteration in hierarchy order and by index while entities are
-//! written, bits for a GPU, and groups by mesh beside a `HashMap` filled by hand.
+//! Benchmark of processing a visible set: iteration in hierarchy order and by index while writing to
+//! entities, bits for a GPU, and groups by mesh compared with a hand-written `HashMap`.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use std::{collections::HashMap, hint::black_box, time::Duration};
@@ -7,7 +7,7 @@ use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet};
 use visibility_frame::DrawList;
 
-/// A component of an entity, as large as a cache line: what an engine writes for each visible object.
+/// Component of an entity with the size of a cache line, written for each visible object as in an engine.
 #[derive(Clone)]
 #[repr(align(64))]
 struct Component([f32; 16]);
@@ -74,7 +74,7 @@ fn results(c: &mut Criterion) {
             ids.sort_unstable();
         });
     });
-    // Rows of a set with a list, and of a set that has masks alone.
+    // Measures a set with a list of objects, and a set with only masks.
     for (name, set) in [("listed", &visible), ("masks", &again)] {
         group.bench_function(format!("write bits, {name}"), |b| {
             b.iter(|| set.write_bits(&scene, black_box(&mut bits)));

@@ -1,6 +1,6 @@
-//! Table of frames of the z-buffer over scenes of growing size: occluders drawn, boxes tested, time and
-//! reported objects, against the objects that are in the frustum and those that are visible. Time should
-//! follow what is visible: a city that is a hundred times larger should take no longer.
+//! Table of z-buffer frames for scenes of growing size: occluders drawn, boxes tested, time and reported
+//! objects, compared with the objects in the frustum and the visible objects. Time should depend on the
+//! visible part: a city that is a hundred times larger should take no longer.
 //!
 //! `cargo bench -p visibility-benches --bench sizes` measures all built-in scenes; names of scenes or paths
 //! of files after `--` are measured instead.
@@ -66,7 +66,7 @@ fn row(name: &str) -> Result<(), Box<dyn std::error::Error>> {
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // Without `--bench`, which `cargo bench` adds, the program is a test that it runs.
+    // Without `--bench`, which `cargo bench` adds, this program runs as a short test.
     let is_bench = std::env::args().any(|word| word == "--bench");
     let named: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
     println!("| scene | objects | in view | visible | reported | occluders drawn | boxes tested | us |");

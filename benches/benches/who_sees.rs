@@ -1,6 +1,6 @@
-//! Benchmarks of who sees whom, in a building of 16 x 16 rooms of 8 m with doors: a tick of a shooter's
-//! server (64 players, 5,000 things of which each tenth moves), and 4,000 movers among themselves; by the
-//! plan, by the matrix of its rooms, and, for one player, by nine rays to each target.
+//! Benchmarks of visibility between movers in a building of 16 x 16 rooms of 8 m with doors: a tick of a
+//! shooter's server (64 players, and 5,000 things of which every tenth moves), and 4,000 movers among
+//! themselves. Methods are the plan, the matrix of its rooms, and, for one player, nine rays to each target.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
@@ -10,12 +10,12 @@ use visibility_core::pvs::{Viewcell, Viewcells};
 use visibility_core::random::Random;
 use visibility_core::who_sees::{Reach, SightCells, ViewcellMatrix, WhoSees};
 
-/// Rooms on an axis, and their width and height in metres.
+/// Number of rooms along each axis, and their width and height in metres.
 const ROOMS: u32 = 16;
 const WIDTH: f64 = 8.0;
 const HEIGHT: f64 = 3.0;
 
-/// Returns the walls between the rooms. Two of three have a door of a metre.
+/// Returns the walls between the rooms. Two walls in three have a door of a metre.
 fn plan(random: &mut Random) -> Plan {
     let mut walls = Vec::new();
     for (axis, line, room) in (0..2)
@@ -36,7 +36,7 @@ fn plan(random: &mut Random) -> Plan {
     Plan::new(&walls).expect("finite walls")
 }
 
-/// Returns the matrix of the rooms, each the reach of a mover that fills it.
+/// Returns the visibility matrix of the rooms. Each room is the reach of a mover that fills it.
 fn matrix(plan: &Plan) -> ViewcellMatrix {
     let rooms: Vec<Viewcell> = (0..ROOMS * ROOMS)
         .map(|room| {
@@ -52,7 +52,7 @@ fn matrix(plan: &Plan) -> ViewcellMatrix {
     ViewcellMatrix::new(Viewcells::new(rooms), &rows)
 }
 
-/// Returns two ticks of movers at random places, of which each `moving`-th moves between the two.
+/// Returns the movers at two ticks, at random places. Every `moving`-th mover moves between the two.
 fn ticks(random: &mut Random, count: usize, moving: usize) -> [Vec<Reach>; 2] {
     let extent = f64::from(ROOMS) * WIDTH - 2.0;
     let mut person = || {

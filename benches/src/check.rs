@@ -5,8 +5,8 @@ use crate::contenders::Contender;
 use treeculler::{Frustum, Vec3};
 use visibility_core::{Aabb, View, glam::DVec3};
 
-/// Distance from a plane in metres within which an answer may be either, since contenders compute in f32 with
-/// coordinates up to 500 m.
+/// Distance from a plane in metres within which either answer is accepted, since contenders compute in f32
+/// with coordinates up to 500 m.
 const TOLERANCE: f64 = 1e-2;
 
 /// Counts of the boxes that a contender reported in one frame, rightly or wrongly.

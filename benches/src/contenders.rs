@@ -1,9 +1,8 @@
-//! Contenders of the frustum benchmark: this library, the plain loop that engines begin with, and other
-//! crates.
+//! Contenders of the frustum benchmark: this library, a plain loop as in simple engines, and other crates.
 //!
 //! Each contender holds the boxes and the frustum of every frame in its own types, made in advance, and
-//! writes the visible boxes to a buffer that it keeps. Each is used as its documentation recommends; of
-//! several ways, the fastest in our measurements is used.
+//! writes the visible boxes to a buffer that it keeps. Each is used as its documentation recommends, and in
+//! the fastest of several ways according to our measurements.
 
 use bvh::aabb::{Bounded, IntersectsAabb};
 use bvh::bounding_hierarchy::BHShape;
@@ -81,9 +80,9 @@ fn planes(view: &View) -> Planes {
     })
 }
 
-/// Loop over centres and half extents with glam, as engines begin with. With `EARLY` a box is left at the
-/// first plane that excludes it, which pays where neighbours have equal answers; otherwise all six planes are
-/// tested without a branch.
+/// Loop over centres and half extents with glam, as in simple engines. With `EARLY`, the test of a box ends
+/// at the first plane that excludes it, which pays if neighbouring boxes have equal answers. Otherwise all
+/// six planes are tested without a branch.
 struct Plain<const EARLY: bool> {
     boxes: Vec<(Vec3, Vec3)>,
     frames: Vec<Planes>,
@@ -187,7 +186,7 @@ impl<const COHERENT: bool> Contender for TreeCuller<COHERENT> {
     }
 }
 
-/// Tests whether a box is on the inner side of each plane at least in part; touching counts as inside. False
+/// Tests whether a box is at least partly on the inner side of each plane; touching counts as inside. False
 /// if a corner is NaN.
 #[inline(always)]
 fn in_view(planes: &Planes, min: Vec3, max: Vec3) -> bool {
@@ -195,7 +194,8 @@ fn in_view(planes: &Planes, min: Vec3, max: Vec3) -> bool {
     planes.iter().all(|p| p.normal.dot(center) + p.size.dot(half) + p.offset >= 0.0)
 }
 
-/// Contender parry3d: its hierarchy from the binned builder (PLOC takes longer to build and culls no faster).
+/// Contender parry3d: its hierarchy from the binned builder, since the PLOC builder takes longer and its
+/// hierarchy culls no faster.
 struct Parry {
     tree: parry3d::partitioning::Bvh,
     frames: Vec<Planes>,
@@ -243,8 +243,7 @@ impl Contender for Parry {
     }
 }
 
-/// Box with the index of its object and of its node in the tree, as the `bvh` crate requires of the shapes
-/// that it builds from.
+/// Box with the index of its object and of its node in the tree, which the `bvh` crate requires.
 #[derive(Clone, Debug)]
 pub struct Shape {
     bounds: bvh::aabb::Aabb<f32, 3>,
@@ -276,7 +275,7 @@ impl BHShape<f32, 3> for Shape {
     }
 }
 
-/// Frustum as a query of the `bvh` crate: nodes whose box no plane excludes are visited.
+/// Frustum as a query of the `bvh` crate, which visits nodes whose box no plane excludes.
 struct Query(Planes);
 
 impl IntersectsAabb<f32, 3> for Query {
@@ -322,8 +321,8 @@ impl Contender for BvhCrate {
     }
 }
 
-/// Contender that reads all boxes once and culls nothing: the memory bandwidth that a test of every box needs
-/// at least.
+/// Contender that reads all boxes once and culls nothing: a lower bound on the time of any test of every box,
+/// from memory bandwidth.
 struct ReadAll {
     numbers: Vec<u32>,
 }
@@ -341,7 +340,7 @@ impl Contender for ReadAll {
     }
 
     fn cull(&mut self, _: usize) -> usize {
-        // Sums of integers may be reordered, so the compiler can use any number of SIMD lanes.
+        // Integer sums may be reordered, so the compiler can use any number of SIMD lanes.
         self.numbers.iter().fold(0u32, |sum, &x| sum.wrapping_add(x)) as usize
     }
 
@@ -350,7 +349,7 @@ impl Contender for ReadAll {
     }
 }
 
-/// This library as a caller uses it: a whole pipeline with a single stage.
+/// Contender of this library as a caller uses it: a whole pipeline with a single stage.
 struct Ours {
     scene: Scene,
     views: Vec<View>,

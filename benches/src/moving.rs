@@ -1,4 +1,4 @@
-//! Moving objects: a random subset of the boxes, each moving along its own direction.
+//! Moving objects: a random subset of the boxes, each of which moves along its own direction.
 
 use crate::workload::{REACH, Random};
 use glam::Vec3;
@@ -8,14 +8,13 @@ use visibility_core::{Aabb, ObjectId};
 /// play.
 pub const DRIFT: usize = 60;
 
-/// Numbers of frames of movement after which culling is measured in the long run.
+/// Numbers of frames of movement after which culling is measured, up to a long run.
 pub const LONG: [usize; 6] = [0, 60, 250, 500, 750, 1000];
 
-/// Budget in blocks per call of `Scene::maintain` that users are likely to begin with.
+/// Budget, in blocks per call of `Scene::maintain`, that users are likely to start with.
 pub const BUDGET: usize = 256;
 
-/// All boxes of a scene, of which some move by a fixed step per frame while the others stand still, as in
-/// most worlds.
+/// All boxes of a scene. Some move by a fixed step per frame while the others stand still, as in most games.
 #[derive(Clone, Debug)]
 pub struct Movers {
     boxes: Vec<Aabb>,
@@ -44,8 +43,8 @@ impl Movers {
         &self.boxes
     }
 
-    /// Moves each mover by its step. On each axis where the centre would leave the cube of the workload, the
-    /// step is first turned back inwards. Returns the ids and new bounds of all movers.
+    /// Moves each mover by its step. If the centre would leave the workload's cube on an axis, the step on
+    /// this axis is reversed first. Returns the ids and new bounds of all movers.
     pub fn step(&mut self) -> &[(ObjectId, Aabb)] {
         for ((id, b), step) in self.moved.iter_mut().zip(&mut self.steps) {
             let center = b.center() + *step;

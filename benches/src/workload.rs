@@ -14,8 +14,8 @@ pub const REACH: f32 = 500.0;
 /// Number of frames in one swing of the camera, after which the views repeat.
 pub const FRAMES: usize = 16;
 
-/// The generator of [`visibility_core::random`], which makes equal boxes on every machine. The field is the
-/// state; every seed is permitted.
+/// Random number generator: [`visibility_core::random`], which makes equal boxes on every machine. The field
+/// is the state; every seed is permitted.
 #[derive(Clone, Debug)]
 pub struct Random(pub u64);
 

@@ -1,5 +1,5 @@
-//! Values of arguments on the command line: numbers of things and of bytes, parts, and sizes of pictures; and
-//! arguments for another program.
+//! Parsers of command-line values (counts, bytes, shares, picture sizes), and arguments to pass on to another
+//! program.
 
 use crate::{Hint, Reading};
 use clap::builder::RangedU64ValueParser;
@@ -7,17 +7,17 @@ use std::fmt::Display;
 use std::path::Path;
 use std::str::FromStr;
 
-/// Maximum number of frames, movers, viewcells or the like that a program makes. Some hundred bytes are kept
-/// for each, so that a greater number is more likely a mistake than wanted.
+/// Maximum number of frames, movers, viewcells or the like that a user may ask for. Each takes some hundred
+/// bytes, so a greater number is most likely a mistake.
 const MAX_COUNT: u64 = 1_000_000;
 
-/// Returns a parser of the number of things that a program makes in memory: 1 to 1,000,000.
+/// Returns a parser of a count from 1 to 1,000,000.
 pub fn count() -> RangedU64ValueParser<usize> {
     RangedU64ValueParser::new().range(1..=MAX_COUNT)
 }
 
-/// Reads a width and a height in pixels from text such as `640x360`. The error is a message for a person: the
-/// `x` is missing, a side is not a number, or it is 0.
+/// Reads a width and a height in pixels from text such as `640x360`. Returns a message as the error if the
+/// `x` is missing, or a side is not a number or is 0.
 pub fn parse_size<T: FromStr<Err: Display> + From<u8> + PartialEq>(text: &str) -> Result<[T; 2], String> {
     let (width, height) = text.split_once('x').ok_or("a size looks like 640x360")?;
     let side = |text: &str| match text.parse() {
@@ -28,7 +28,7 @@ pub fn parse_size<T: FromStr<Err: Display> + From<u8> + PartialEq>(text: &str) -
     Ok([side(width)?, side(height)?])
 }
 
-/// Reads a number of bytes from text, as in 512M or 2G.
+/// Reads a number of bytes from text, such as 512M or 2G.
 pub fn parse_bytes(text: &str) -> Result<u64, String> {
     let (number, unit) = match text.char_indices().next_back() {
         Some((end, 'k' | 'K')) => (&text[..end], 10),
@@ -41,7 +41,7 @@ pub fn parse_bytes(text: &str) -> Result<u64, String> {
     bytes.ok_or_else(|| "a size is a number of bytes, or as in 512M or 2G".to_owned())
 }
 
-/// Reads a part from text: a number from 0 to 1, or a percentage up to 100%.
+/// Reads a share from text: a number from 0 to 1, or a percentage up to 100%.
 pub fn parse_share(text: &str) -> Result<f64, String> {
     let (number, unit) = text.strip_suffix('%').map_or((text, 1.0), |number| (number, 0.01));
     match number.trim().parse::<f64>() {
@@ -50,7 +50,7 @@ pub fn parse_share(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Returns a word of a command for a Unix shell, in quotes if it has characters that a shell may read.
+/// Quotes a word of a command for a Unix shell, if it has characters with a meaning to the shell.
 pub fn quoted(word: &str) -> String {
     let is_plain = |letter: char| letter.is_alphanumeric() || "-_.,:+=/".contains(letter);
     if !word.is_empty() && word.chars().all(is_plain) {
@@ -60,8 +60,8 @@ pub fn quoted(word: &str) -> String {
     }
 }
 
-/// Returns the arguments by which a program reads a scene as another has: its name, unit, axis and sides, its
-/// cameras, and the hints for its objects, in the words of a Unix shell.
+/// Returns the arguments that make another program read a scene in the same way, quoted for a Unix shell:
+/// name, unit, up axis, sides, cameras, and hints for objects.
 pub fn scene_arguments(
     scene: &str,
     reading: &Reading,

@@ -1,4 +1,4 @@
-//! Where a program's cameras come from: a file, the scene itself, or made-up walks, which can be kept.
+//! Sources of a program's cameras: a file, the scene itself, or made-up walks; and a file to save them to.
 
 use crate::made_up_walks::MadeUpWalks;
 use crate::output_file::write;
@@ -7,11 +7,12 @@ use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Where the cameras of a program come from.
+/// Source of a program's cameras.
 #[derive(Args, Clone, Debug, Default, PartialEq)]
 pub struct Cameras {
-    /// JSON description whose camera walks replace the scene's own. Without, a scene that has no cameras
-    /// gets made-up walks: where one can stand, indoors and outdoors, or else around it.
+    /// JSON description whose camera walks replace the scene's own. Without this option, a scene that has no
+    /// cameras gets made-up walks: along floors where one can stand, indoors and outdoors, or else around the
+    /// scene.
     #[arg(long, value_name = "FILE.json")]
     pub cameras: Option<PathBuf>,
 
@@ -21,9 +22,10 @@ pub struct Cameras {
 }
 
 impl Cameras {
-    /// Gives a scene its walks: those of the JSON description, with its near plane and up axis, in the unit
-    /// of the scene; otherwise the scene's own; otherwise walks made up for the objects that `visit` passes
-    /// on, as for [`MadeUpWalks::new`]. Writes them to a file where that is asked for.
+    /// Gives a scene its walks. The first available source counts: the JSON description, with its near plane
+    /// and up axis, in the unit of the scene; the scene's own walks; walks made up for the objects that
+    /// `visit` passes on, as for [`MadeUpWalks::new`]. Writes the walks to the file of `--save-cameras`, if
+    /// given.
     ///
     /// # Errors
     ///
@@ -46,7 +48,7 @@ impl Cameras {
         Ok(())
     }
 
-    /// Gives walks to a scene that has its objects.
+    /// Gives walks to a scene whose objects are in memory.
     ///
     /// # Errors
     ///
@@ -58,7 +60,7 @@ impl Cameras {
         given
     }
 
-    /// Replaces walks, near plane and up axis of a scene by those of a description.
+    /// Replaces walks, near plane and up axis of a scene by those of a JSON description.
     fn read(
         &self,
         source: &mut SceneSource,
@@ -75,7 +77,8 @@ impl Cameras {
     }
 }
 
-/// Returns the walks, near plane and up axis of a scene as a description, in the unit of its file.
+/// Returns the walks, near plane and up axis of a scene as a JSON description, in the unit of the scene's
+/// file.
 fn to_json(source: &SceneSource, reading: &Reading) -> Vec<u8> {
     let unit = reading.metres();
     let point = |p: glam::DVec3| (p / unit).to_array();

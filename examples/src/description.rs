@@ -1,8 +1,8 @@
 //! JSON descriptions of scene files: up axis, near plane, object names, transparency, camera walks and
 //! reference counts.
 //!
-//! Every key is optional, since each scene has its own selection. A key of the wrong type is an error that
-//! names the key by its path, such as `cameras[1].keys[3].eye`. Unknown keys are ignored.
+//! Every key is optional, since scenes need different ones. A key of the wrong type is an error that names
+//! the key by its path, such as `cameras[1].keys[3].eye`. Unknown keys are ignored.
 
 use crate::error::SourceError;
 use crate::json;

@@ -1,5 +1,5 @@
-//! Small engine on the library's public calls alone: moving instances of few meshes, two eyes, four shadow
-//! cascades, levels of detail, draw lists and streaming. Each method is one step of a frame.
+//! Small engine that uses only the public functions of the library: moving instances of few meshes, two eyes,
+//! four shadow cascades, levels of detail, draw lists and streaming. Each method is one step of a frame.
 
 use crate::streaming_cache::Cache;
 use glam::{Affine3A, DVec3, Quat, Vec3};
@@ -15,19 +15,19 @@ const INSTANCES: usize = 50_000;
 pub const MOVING: usize = 48_700;
 /// Number of meshes that the instances share.
 const MESHES: usize = 200;
-/// Number of meshes, the first ones, whose instances are opaque and hide what is behind them.
+/// Number of opaque meshes, whose instances occlude. They are the first ones.
 const OCCLUDER_MESHES: usize = 40;
 /// Number of levels of detail of a mesh.
 const LEVELS: usize = 3;
-/// Sizes in pixels that divide the levels.
+/// Sizes on screen in pixels at which the level of detail changes.
 const LEVEL_SIZES: [f32; LEVELS - 1] = [120.0, 30.0];
 /// Height of the picture in pixels.
 const PICTURE_HEIGHT: f64 = 1080.0;
-/// Objects that are lower than so many pixels are not drawn.
+/// Least height on screen in pixels of an object that is drawn.
 const LEAST_PIXELS: f64 = 1.0;
 /// Distance between the two eyes in metres.
 const EYE_DISTANCE: f64 = 0.064;
-/// Distances in metres at which the shadow cascades begin and, the last one, end.
+/// Boundaries of the shadow cascades: distances from the eye in metres.
 const CASCADES: [f64; 5] = [0.1, 12.0, 40.0, 120.0, 400.0];
 /// Budget of one call of [`Scene::maintain`], in blocks of objects.
 const MAINTENANCE: usize = 64;
@@ -74,17 +74,17 @@ impl Camera {
     }
 }
 
-/// The engine's world and all that it keeps from frame to frame.
+/// The engine's world, and all state that it keeps between frames.
 pub struct Engine {
     scene: Scene,
     movers: Vec<Mover>,
     /// Mesh of each instance, by object index.
     meshes: Vec<u32>,
-    /// Buffer of this frame's transforms: columns of 3x4 numbers, as another math library may have them.
+    /// Transforms of this frame, as columns of 3x4 matrices, the layout of another math library.
     transforms: Vec<(ObjectId, [f32; 12])>,
     eyes: [Camera; 2],
     cascades: [Camera; 4],
-    /// Union of what the two eyes see, with what appeared and vanished.
+    /// Objects that at least one eye sees, with the objects that appeared and vanished since the last frame.
     visible: VisibleSet,
     lods: LodSelector,
     /// Level of detail of each visible instance, by object index.
@@ -101,18 +101,18 @@ pub struct Engine {
 /// Counts of one frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Counts {
-    /// Instances that at least one of the eyes sees.
+    /// Number of instances that at least one eye sees.
     pub visible: usize,
-    /// Indirect draw calls of the picture.
+    /// Number of indirect draw calls of the picture.
     pub draws: usize,
-    /// Instances drawn into all shadow cascades together.
+    /// Number of instances drawn into shadow maps, summed over the cascades.
     pub casters: usize,
-    /// Instances held by the streaming cache.
+    /// Number of instances that the streaming cache holds.
     pub loads: u64,
 }
 
 impl Engine {
-    /// Builds the world: instances on a grid with streets between, every mesh a box of its own size.
+    /// Builds the world: instances on a grid with streets between them. Each mesh is a box of its own size.
     ///
     /// # Errors
     /// Any error of the library; none is expected.
@@ -179,7 +179,8 @@ impl Engine {
         })
     }
 
-    /// Computes this frame's transforms and cameras: the engine's own work, before the library's.
+    /// Computes this frame's transforms and cameras, which is the engine's own work before it calls the
+    /// library.
     pub fn simulate(&mut self) {
         self.frame += 1;
         self.transforms.clear();
@@ -210,12 +211,12 @@ impl Engine {
         Ok(self.scene.set_transforms_batch(&self.transforms)?)
     }
 
-    /// Lets the scene tighten its hierarchy.
+    /// Lets the scene tighten its hierarchy, within the budget of a frame.
     pub fn maintain(&mut self) {
         self.scene.maintain(MAINTENANCE);
     }
 
-    /// Culls for both eyes, and unites what they see.
+    /// Culls for both eyes, and unites their visible sets.
     pub fn cull_eyes(&mut self) {
         self.eyes.iter_mut().for_each(|eye| eye.cull(&self.scene));
         self.visible.clear(&self.scene);
@@ -223,7 +224,7 @@ impl Engine {
         self.visible.finish(&self.scene);
     }
 
-    /// Chooses levels of detail by the left eye.
+    /// Chooses levels of detail from the left eye.
     pub fn select_levels(&mut self) {
         let Self { lods, scene, eyes, visible, levels, .. } = self;
         lods.select(scene, &eyes[0].view, visible, FRAME, |_| &LEVEL_SIZES);
@@ -261,7 +262,7 @@ impl Engine {
         Ok(self.visible.write_bits(&self.scene, &mut self.bits)?)
     }
 
-    /// Loads what appeared, and unloads what has been hidden for a second.
+    /// Loads objects that appeared, and unloads objects that have been hidden for a second.
     pub fn stream(&mut self) {
         self.cache.update(&self.scene, &self.visible);
     }
@@ -276,12 +277,12 @@ impl Engine {
         }
     }
 
-    /// Returns the world, for tests.
+    /// Returns the engine's scene, for tests.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// Returns what both eyes see in the last frame, for tests.
+    /// Returns the objects that at least one eye saw in the last frame, for tests.
     pub fn visible(&self) -> &VisibleSet {
         &self.visible
     }

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum SourceError {
-    /// Error of the file system: no such file, no permission, a failing disk.
+    /// Error of the file system, such as a missing file, a missing permission or a failing disk.
     Io {
         /// Path of the file that could not be opened or read.
         file: PathBuf,

@@ -1,5 +1,5 @@
-//! JSON in which a key that is given twice is an error. A parser that takes the last of two equal keys would
-//! drop the first without a word.
+//! JSON reader in which an object with two equal keys is an error. Other parsers would silently drop the
+//! first of the two values.
 
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Number, Value};
@@ -15,28 +15,29 @@ pub(crate) fn parse(bytes: &[u8]) -> serde_json::Result<Value> {
     Strict::Whole.parse(bytes)
 }
 
-/// Reads a JSON value as [`parse`] does, but gives the items of the list under `key` of the outermost object
-/// to `take` one by one, and leaves that list empty: a value takes some ten times the memory of its text.
+/// Reads a JSON value like [`parse`], but passes the items of the list under `key` of the outermost object to
+/// `take` one by one, and leaves this list empty. That saves memory: a value takes about ten times the memory
+/// of its text.
 ///
 /// # Errors
 ///
-/// Returns the errors of [`parse`], after some items may have been given.
+/// Returns the errors of [`parse`]. Some items may have been passed to `take` before.
 pub(crate) fn parse_items(bytes: &[u8], key: &str, take: &mut dyn FnMut(Value)) -> serde_json::Result<Value> {
     Strict::Outermost(key, take).parse(bytes)
 }
 
-/// Returns the list of an object under a key, empty if there is none.
+/// Returns the list under a key of an object. Empty if there is no list.
 pub(crate) fn list<'a>(object: &'a Value, key: &str) -> &'a [Value] {
     object.get(key).and_then(Value::as_array).map_or(&[], Vec::as_slice)
 }
 
-/// Visitor that makes a value, and refuses the second of two equal keys.
+/// Visitor that makes a JSON value, and returns an error for an object with two equal keys.
 enum Strict<'a> {
-    /// The whole value is made.
+    /// Makes the whole value.
     Whole,
-    /// The items of the list under a key of the object are given away.
+    /// Makes the outermost object. Passes the items of the list under the given key to the function.
     Outermost(&'a str, &'a mut dyn FnMut(Value)),
-    /// The items of the list are given away.
+    /// Passes the items of the list to the function.
     Items(&'a mut dyn FnMut(Value)),
 }
 

@@ -48,8 +48,7 @@ pub use recipes::built_in;
 pub use source::{Hint, SceneSource, SourceObject};
 pub use walk::{CameraKey, Frame, Walk, frames};
 
-/// Holder of the README's code blocks, which are compiled as documentation tests. It exists only in
-/// documentation tests.
+/// Holder of the README's code blocks, so that documentation tests compile them.
 #[cfg(doctest)]
 #[doc = include_str!("../../README.md")]
 pub struct Readme;

@@ -1,7 +1,8 @@
 //! Scene files, loaded by extension, with the JSON description that lies beside a VSCN file.
 //!
-//! A VSCN file holds only triangles. The JSON of the same stem gives names, the up axis, which objects are
-//! glass or doors, and the camera walks. Without the JSON the scene still loads, with z up and without walks.
+//! A VSCN file holds only triangles. The JSON file with the same stem gives names, the up axis, which objects
+//! are glass or doors, and the camera walks. Without the JSON file the scene still loads, with z up and
+//! without walks.
 
 use crate::description::Description;
 use crate::error::SourceError;
@@ -16,7 +17,7 @@ use std::io::BufReader;
 use std::path::Path;
 
 /// Makes the scene that a user names: a recipe with or without sizes (`office:7,24`), the path of a scene
-/// file, or `cars5:FILE`, which is [`cars5`] of that file.
+/// file, or `cars5:FILE` for [`cars5`] with that file.
 ///
 /// A name without an extension counts as a recipe even if there is a file of that name.
 ///
@@ -27,7 +28,7 @@ pub fn open(name: &str) -> Result<SceneSource, SourceError> {
     open_as(name, &Reading::default())
 }
 
-/// Makes the scene that a user names as [`open`] does, with another unit or axis up of a scene file.
+/// Makes the scene that a user names, like [`open`]. `reading` sets the unit and the up axis of a scene file.
 ///
 /// # Errors
 ///
@@ -39,7 +40,7 @@ pub fn open_as(name: &str, reading: &Reading) -> Result<SceneSource, SourceError
     }
 }
 
-/// Returns the path of a scene file that a user names. `None` for a recipe, and for `cars5:FILE`.
+/// Returns the path of the scene file that a user names. `None` for a recipe, and for `cars5:FILE`.
 fn file_of(name: &str) -> Option<&Path> {
     let before_sizes = |text: &str| text.split(':').next().unwrap_or_default().to_owned();
     let is_recipe = |known: String| before_sizes(&known) == before_sizes(name);
@@ -47,19 +48,19 @@ fn file_of(name: &str) -> Option<&Path> {
     (!is_made && Path::new(name).extension().is_some()).then(|| Path::new(name))
 }
 
-/// Returns whether a file is glTF by the extension of its name.
+/// Returns whether a file is glTF, by its extension.
 fn is_gltf(path: &Path) -> bool {
     let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
     matches!(extension.as_deref(), Some("gltf" | "glb"))
 }
 
-/// Makes the same scene as [`open_as`], object by object: each is passed to `each` with the scene's origin as
-/// soon as it is made or read, and the scene is returned without objects. Of recipes and VSCN files one
-/// object is in memory at a time; glTF files are read as a whole before their first object is passed on.
+/// Makes the same scene as [`open_as`], object by object. Passes each object with the scene's origin to
+/// `each` as soon as it is made or read, and returns the scene without objects. For recipes and VSCN files,
+/// one object at a time is in memory; glTF files are read as a whole before their first object is passed on.
 ///
 /// # Errors
 ///
-/// Returns the errors of [`open`], which may come after objects were passed on.
+/// Returns the errors of [`open`]. Some objects may have been passed on before.
 pub fn open_by_object(
     name: &str,
     reading: &Reading,
@@ -87,7 +88,7 @@ pub fn load(path: &Path) -> Result<SceneSource, SourceError> {
     load_as(path, &Reading::default())
 }
 
-/// Reads a scene from a file as [`load`] does, with another unit or axis up.
+/// Reads a scene from a file, like [`load`]. `reading` sets the unit and the up axis.
 ///
 /// # Errors
 ///
@@ -202,7 +203,7 @@ fn load_vscn(
     Ok(scene)
 }
 
-/// Makes the scene of a VSCN file and a description, and passes its objects on. Absent facts get defaults: z
+/// Makes the scene of a VSCN file and a description, and passes its objects on. Absent keys get defaults: z
 /// up, a near plane derived from the bounds, and no walks. Returns an error when the file is invalid or its
 /// counts differ from the description's.
 fn assemble(

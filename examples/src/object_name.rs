@@ -1,20 +1,20 @@
-//! Names of objects: a text that objects may share, with a number of their own in it, so that a hundred
-//! thousand copies of a tree do not keep a hundred thousand texts.
+//! Names of objects. Many objects share the text of a name and differ in its number, so a hundred thousand
+//! copies of a tree do not need a hundred thousand texts.
 
 use std::fmt;
 use std::sync::Arc;
 
-/// Name of an object: a text, or a number between two texts. Equal names read alike.
+/// Name of an object: a text, or a number between two texts. Names are equal if they read the same.
 #[derive(Clone)]
 pub struct ObjectName {
-    /// Texts before and after the number.
+    /// Text before the number, and text after it.
     texts: Arc<[Box<str>; 2]>,
     number: Option<u32>,
 }
 
 impl ObjectName {
-    /// Returns the name with a number between the texts before and after it, which the new name shares with
-    /// this one. A number that the name already has is replaced.
+    /// Returns the name with a number between its two texts, which the new name shares. Replaces a number
+    /// that the name already has.
     #[must_use]
     pub fn with_number(&self, number: u32) -> Self {
         Self { texts: self.texts.clone(), number: Some(number) }
@@ -22,7 +22,7 @@ impl ObjectName {
 }
 
 impl From<[String; 2]> for ObjectName {
-    /// Takes the texts before and after a [number](ObjectName::with_number).
+    /// Makes a name without number from the texts before and after a [number](ObjectName::with_number).
     fn from(texts: [String; 2]) -> Self {
         Self { texts: Arc::new(texts.map(String::into_boxed_str)), number: None }
     }

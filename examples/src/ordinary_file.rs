@@ -3,8 +3,8 @@
 use crate::error::SourceError;
 use std::path::Path;
 
-/// Returns an error for a path of a pipe, a device or a folder. A pipe that nobody writes to would be waited
-/// for without end.
+/// Returns an error if the path is a pipe, a device or a folder. Reading from a pipe without a writer would
+/// wait forever.
 pub(crate) fn require_ordinary_file(path: &Path) -> Result<(), SourceError> {
     let facts = std::fs::metadata(path).map_err(|cause| SourceError::io(path, cause))?;
     if facts.is_file() {

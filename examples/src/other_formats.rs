@@ -1,8 +1,9 @@
-//! Formats of scenes that are not read, and the way from each to glTF.
+//! Scene formats that the programs do not read, and advice how to convert each to glTF.
 
 use std::path::Path;
 
-/// File name extensions of a format that is not read, what it is, and how a person makes glTF of it.
+/// Scene format that the programs do not read: its file name extensions, its name, and how to convert it to
+/// glTF.
 struct OtherFormat {
     extensions: &'static [&'static str],
     name: &'static str,
@@ -61,8 +62,8 @@ const OTHER_FORMATS: &[OtherFormat] = &[
     },
 ];
 
-/// Returns what a file is that is not read, by the extension of its name, and how glTF is made of it. `None`
-/// for an extension that is not known.
+/// Returns advice for a file whose format is not read, by its extension: what the format is, and how to
+/// convert it to glTF. `None` for an unknown extension.
 pub(crate) fn way_to_gltf(file: &Path) -> Option<String> {
     let extension = file.extension()?.to_string_lossy().to_ascii_lowercase();
     let format = OTHER_FORMATS.iter().find(|format| format.extensions.contains(&&*extension))?;

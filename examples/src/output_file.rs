@@ -1,14 +1,15 @@
-//! Files that programs write: whole or not at all, and the lock of a program that works on one for long.
+//! Output files that are written completely or not at all, and locks for programs that work on a file for a
+//! long time.
 
 use std::fmt::Display;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-/// Greatest number of links that are followed, as of Linux.
+/// Maximum number of links to follow, the same as in Linux.
 const LINKS: usize = 40;
 
-/// Writes a file so that it is there whole or not at all: see [`write_with`].
+/// Writes a file completely or not at all, like [`write_with`].
 ///
 /// # Errors
 ///
@@ -17,10 +18,10 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
     write_with(path, |out| out.write_all(bytes))
 }
 
-/// Writes a file so that it is there whole or not at all: `fill` writes to a file beside it, which then
-/// replaces it and has its permissions. If that fails, the file beside it is removed, and the file is as it
-/// was. Of a link, the file that it leads to is written. A device, pipe or socket is written to as it is, and
-/// stays.
+/// Writes a file completely or not at all. `fill` writes to a temporary file beside `path`, which then
+/// replaces the file at `path` and takes over its permissions. On failure, the temporary file is removed and
+/// the old file stays. If `path` is a link, its target is replaced. A device, pipe or socket is written
+/// directly.
 ///
 /// # Errors
 ///
@@ -41,7 +42,7 @@ pub fn write_with<E: Display + From<std::io::Error>>(
     }
     let path = target(path);
     let part = beside(&path, ".part");
-    // A `.part` file left by a killed program is overwritten.
+    // A temporary `.part` file of a killed program is overwritten.
     let file = lock(&part, &path)?;
     let written = file.set_len(0).map_err(E::from).and_then(|()| fill(file)).and_then(|file| {
         if let Ok(before) = std::fs::metadata(&path) {
@@ -51,20 +52,19 @@ pub fn write_with<E: Display + From<std::io::Error>>(
         Ok(std::fs::rename(&part, &path)?)
     });
     if written.is_err() {
-        // Without a part there is nothing to remove.
+        // The temporary file may not exist, so the result is ignored.
         let _ = std::fs::remove_file(&part);
     }
     written.map_err(told)
 }
 
-/// Returns whether a path, or what a link at it leads to, is there and is neither a regular file nor a
+/// Returns whether a path, or the target of a link at the path, exists and is neither a regular file nor a
 /// folder.
 pub fn is_special(path: &Path) -> bool {
     std::fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir())
 }
 
-/// Returns the path of the file that a link at `path` leads to, whether that file is there or not; `path`
-/// itself where there is no link.
+/// Returns the target of a link at `path`, whether the target exists or not. `path` itself if it is no link.
 pub fn target(path: &Path) -> PathBuf {
     let mut path = path.to_owned();
     for _ in 0..LINKS {
@@ -74,15 +74,15 @@ pub fn target(path: &Path) -> PathBuf {
     path
 }
 
-/// Returns a path with `end` appended to the name of the file.
+/// Returns a path with `end` appended to its file name.
 pub fn beside(path: &Path, end: &str) -> PathBuf {
     let mut path = path.to_owned().into_os_string();
     path.push(end);
     PathBuf::from(path)
 }
 
-/// The lock of a file that a program works on, until this is dropped or the program ends, in whatever way.
-/// While it is held there is an empty file beside the other, with `.lock` appended to its name.
+/// Lock of a file for as long as this value lives; released when it is dropped or the program ends in any
+/// way. While the lock is held, there is an empty file with `.lock` appended to the name.
 #[derive(Debug)]
 pub struct Lock {
     path: PathBuf,
@@ -90,18 +90,19 @@ pub struct Lock {
 }
 
 impl Lock {
-    /// Locks a file, which need not be there.
+    /// Locks a file, which need not exist.
     ///
     /// # Errors
     ///
-    /// Returns a message with the path if another program holds the lock, or if it cannot be made.
+    /// Returns a message with the path if another program holds the lock, or if the `.lock` file cannot be
+    /// created.
     pub fn new(path: &Path) -> Result<Self, String> {
         let beside = beside(path, ".lock");
         Ok(Self { _file: lock(&beside, path)?, path: beside })
     }
 }
 
-/// Opens and locks the file at `beside`, which is made if it is not there, for work on the file at `path`.
+/// Opens and locks the file at `beside`, and creates it if necessary. The lock protects the file at `path`.
 fn lock(beside: &Path, path: &Path) -> Result<File, String> {
     let told = |error: std::io::Error| format!("cannot write {}: {error}", beside.display());
     loop {
@@ -115,12 +116,12 @@ fn lock(beside: &Path, path: &Path) -> Result<File, String> {
                     "another program is at work on {path}: wait for it, or write to another file"
                 ));
             }
-            // A file system without locks.
+            // A file system without locks: continue without one.
             Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {}
             Err(TryLockError::Error(error)) => return Err(told(error)),
         }
-        // The program that held the lock may have removed or renamed its file meanwhile, and another may lock
-        // a new one.
+        // The last holder of the lock may have removed or renamed the file meanwhile. Another program may
+        // then lock a new file, so the lock of the old one is worthless.
         if is_at(&file, beside) {
             return Ok(file);
         }
@@ -129,12 +130,13 @@ fn lock(beside: &Path, path: &Path) -> Result<File, String> {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // Before the lock is released. A file that cannot be removed is locked anew by the next program.
+        // The file is removed before its lock is released. If it cannot be removed, the next program locks it
+        // again.
         let _ = std::fs::remove_file(&self.path);
     }
 }
 
-/// Returns whether an open file is the one at a path.
+/// Returns whether an open file is the same file as the one at a path.
 #[cfg(unix)]
 fn is_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
@@ -147,8 +149,8 @@ fn is_at(_: &File, path: &Path) -> bool {
     path.exists()
 }
 
-/// Returns a part of a file's name for a scene or the like, which comes from a file and may contain anything,
-/// path separators included: letters, digits and `-_.+` as they are, `_` for others.
+/// Returns a name that is safe as part of a file name. Letters, digits and `-_.+` stay, and other characters,
+/// such as path separators, become `_`.
 pub fn plain_name(name: &str) -> String {
     let plain = |letter: char| if letter.is_alphanumeric() || "-_.+".contains(letter) { letter } else { '_' };
     name.chars().map(plain).collect()
@@ -158,7 +160,7 @@ pub fn plain_name(name: &str) -> String {
 mod tests {
     use super::*;
 
-    /// Makes an empty folder for a test.
+    /// Creates an empty folder for a test.
     fn folder(name: &str) -> PathBuf {
         let folder = std::env::temp_dir().join(format!("visibility-{name}-{}", std::process::id()));
         let _ = std::fs::remove_dir_all(&folder);
@@ -235,7 +237,7 @@ mod tests {
             !Path::new("/dev/full").exists() || write(&folder.join("full"), b"more").is_err(),
             "a full device is an error"
         );
-        // A socket can be made without a library, and cannot be opened.
+        // A socket is created without extra libraries, and cannot be opened as a file.
         let socket = folder.join("socket");
         let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
         assert!(write(&socket, b"none").is_err(), "a socket cannot be written");
@@ -265,10 +267,10 @@ mod tests {
         assert!(Lock::new(&folder.join("b.set")).is_ok(), "a lock of another file");
         drop(lock);
         assert!(names(&folder).is_empty(), "a lock leaves no file");
-        // A `.part` file left by a killed program stops nobody.
+        // A `.lock` file left by a killed program does not prevent locking.
         std::fs::write(beside(&file, ".lock"), b"").unwrap();
         drop(Lock::new(&file).unwrap());
-        // The lock is held by one thread at a time, however many begin and end at once.
+        // Only one thread at a time holds the lock, even if many threads take and release it.
         let (held, taken) = (std::sync::atomic::AtomicUsize::new(0), std::sync::atomic::AtomicUsize::new(0));
         std::thread::scope(|scope| {
             for _ in 0..4 {

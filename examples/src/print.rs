@@ -1,15 +1,16 @@
-//! `print`, `println` and `eprintln` for programs whose readers may leave: `region | head -3`.
+//! `print`, `println` and `eprintln` for programs whose output may be closed by the reader, as in `region |
+//! head -3`.
 //!
-//! The standard library's macros panic when nobody reads any more. These end the program, without a message
-//! and with success, since the reader has what it wanted. Programs take them by `use
-//! visibility_examples::{eprintln, print, println}`, which hides the standard ones, and write their files
-//! before they print.
+//! The standard library's macros panic on a closed pipe. These macros end the program with success and
+//! without a message, since the reader has what it wanted. A program imports them with `use
+//! visibility_examples::{eprintln, print, println}`, which hides the standard ones, and must write its files
+//! before it prints.
 
 use std::fmt::{Arguments, Display};
 use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
-/// Returns the exit code of a program, after an error was printed to standard error.
+/// Returns the exit code of a program. Prints an error to standard error.
 pub fn exit_code(done: Result<(), impl Display>) -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
@@ -20,7 +21,7 @@ pub fn exit_code(done: Result<(), impl Display>) -> ExitCode {
     }
 }
 
-/// Prints to standard output, as `std::print` does. Ends the program if nobody reads.
+/// Prints to standard output like `std::print`. Ends the program if the output is closed.
 #[macro_export]
 macro_rules! print {
     ($($arguments:tt)*) => {
@@ -28,14 +29,14 @@ macro_rules! print {
     };
 }
 
-/// Prints a line to standard output, as `std::println` does. Ends the program if nobody reads.
+/// Prints a line to standard output like `std::println`. Ends the program if the output is closed.
 #[macro_export]
 macro_rules! println {
     () => { $crate::print!("\n") };
     ($($arguments:tt)*) => { $crate::print!("{}\n", ::std::format_args!($($arguments)*)) };
 }
 
-/// Prints a line to standard error, as `std::eprintln` does. Ends the program if nobody reads.
+/// Prints a line to standard error like `std::eprintln`. Ends the program if standard error is closed.
 #[macro_export]
 macro_rules! eprintln {
     ($($arguments:tt)*) => {
@@ -46,8 +47,8 @@ macro_rules! eprintln {
     };
 }
 
-/// Writes `text`, and ends the program if that fails: with success if the reader has left, otherwise, as on a
-/// full disk, with failure. For the macros of this module.
+/// Writes `text`. If this fails, ends the program: with success if the reader has closed the stream,
+/// otherwise (such as on a full disk) with failure. For the macros of this module.
 pub fn write(mut stream: impl Write, text: Arguments<'_>) {
     if let Err(error) = stream.write_fmt(text) {
         std::process::exit(i32::from(error.kind() != ErrorKind::BrokenPipe));

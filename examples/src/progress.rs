@@ -1,25 +1,25 @@
-//! Progress of long work on standard error: a bar on a terminal, otherwise a line now and then.
+//! Progress of long work on standard error: a bar on a terminal, otherwise a line every ten seconds.
 
 use crate::eprintln;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
-/// Time between two lines where standard error is not a terminal.
+/// Time between two lines if standard error is not a terminal.
 const INTERVAL: Duration = Duration::from_secs(10);
 
 /// Progress of a piece of work that is done in steps.
 pub struct Steps {
     what: String,
-    /// Bar on a terminal; hidden elsewhere.
+    /// Progress bar on a terminal; hidden elsewhere.
     bar: ProgressBar,
-    /// Time of the last line. `None` on a terminal.
+    /// Time when the last line was printed. `None` on a terminal.
     said: Option<Instant>,
 }
 
 impl Steps {
-    /// Begins to show the progress of `what`, in `total` steps. Where standard error is not a terminal, the
-    /// first line is printed at once if `at_once`, otherwise when ten seconds have passed.
+    /// Begins to show the progress of `what`, which has `total` steps. If standard error is not a terminal,
+    /// the first line is printed immediately if `at_once`, otherwise after ten seconds.
     pub fn new(what: &str, total: usize, at_once: bool) -> Self {
         if !std::io::stderr().is_terminal() {
             if at_once {
@@ -44,7 +44,7 @@ impl Steps {
         }
     }
 
-    /// Shows that one more step is done. Prints no line.
+    /// Adds one finished step to the bar. Prints no line.
     pub fn step(&self) {
         self.bar.inc(1);
     }

@@ -1,12 +1,13 @@
-//! How a scene file is read: the unit of its coordinates, the axis that points up, and whether triangles are
-//! drawn from both sides.
+//! Options for reading a scene file: the unit of its coordinates, the axis that points up, and whether
+//! triangles are drawn from both sides.
 
 use crate::SceneSource;
 use crate::eprintln;
 use clap::Args;
 use glam::Vec3;
 
-/// How a scene file is read. Built-in scenes are in metres, with z up, and drawn from both sides.
+/// Options for reading a scene file. Built-in scenes ignore them: they are in metres, with z up, and drawn
+/// from both sides.
 #[derive(Args, Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
     /// Unit of the coordinates in scene files and their cameras: mm, cm, m, km, in, ft, or its length in
@@ -14,14 +15,14 @@ pub struct Reading {
     #[arg(long, value_name = "UNIT", value_parser = parse_unit)]
     pub unit: Option<f64>,
 
-    /// Axis that points up in scene files: x, y or z. By default y in glTF files, and in .vscn files z or
-    /// what the description says. Coordinates stay as they are.
+    /// Axis that points up in scene files: x, y or z. By default y in glTF files; in .vscn files the axis in
+    /// the description, else z. Coordinates are not rotated.
     #[arg(long, value_name = "AXIS", value_parser = parse_axis)]
     pub up: Option<Vec3>,
 
-    /// Draw all triangles from both sides, as a renderer without backface culling does. By default triangles
-    /// of glTF files whose material is not `doubleSided` are drawn from their front alone: from behind they
-    /// are not seen, and hide nothing.
+    /// Draw all triangles from both sides, as a renderer without backface culling does. By default, triangles
+    /// of glTF files whose material is not `doubleSided` are drawn only from their front: from behind they
+    /// are invisible, and hide nothing.
     #[arg(long)]
     pub two_sided: bool,
 }
@@ -32,7 +33,7 @@ impl Reading {
         self.unit.unwrap_or(1.0)
     }
 
-    /// Returns the arguments that say this on a command line, each after a space.
+    /// Returns these options as command-line arguments, each after a space.
     pub fn arguments(&self) -> String {
         let unit = self.unit.map_or(String::new(), |unit| format!(" --unit {unit}"));
         let up = self.up.map_or("", |up| [" --up x", " --up y", " --up z"][up.abs().max_position()]);
@@ -40,9 +41,10 @@ impl Reading {
     }
 }
 
-// Beside the scene's other methods it would need `eprintln` in every crate that takes their module.
+// Kept apart from the scene's other methods, because every crate that includes their module would need
+// `eprintln`.
 impl SceneSource {
-    /// Prints the scene's notes on standard error, a line each.
+    /// Prints each of the scene's notes as a line on standard error.
     pub fn print_notes(&self) {
         for note in &self.notes {
             eprintln!("{}: {note}", self.name);
@@ -50,7 +52,7 @@ impl SceneSource {
     }
 }
 
-/// Reads a unit as its length in metres, from its name or a number.
+/// Reads the name of a unit or a number, and returns the unit's length in metres.
 fn parse_unit(text: &str) -> Result<f64, String> {
     let metres = match text {
         "mm" => 0.001,
@@ -65,7 +67,7 @@ fn parse_unit(text: &str) -> Result<f64, String> {
     is_usable.then_some(metres).ok_or_else(|| "a unit is mm, cm, m, km, in, ft, or a length in metres".into())
 }
 
-/// Reads an axis as its unit vector.
+/// Reads the name of an axis, and returns its unit vector.
 fn parse_axis(text: &str) -> Result<Vec3, String> {
     match text {
         "x" => Ok(Vec3::X),

@@ -1,5 +1,4 @@
-//! Scene type that every scene source yields: named objects as plain triangles, and camera walks through
-//! them.
+//! Scene type that recipes and file readers produce: named objects as plain triangles, and camera walks.
 //!
 //! Recipes, VSCN files and glTF files all produce this type, so a program is written once for all sources.
 //! Triangles are not indexed: a triangle soup is the simplest form from which to fill the cullers' scene.
@@ -18,25 +17,26 @@ use visibility_core::{Aabb, Object, cells::CellGraph, pvs::Viewcells};
 /// [`origin`](Self::origin).
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneSource {
-    /// Name of the recipe, or the file's name without its extension, or the name in the file's description.
+    /// Name of the scene: from the file's description, or else the recipe's name or the file name without
+    /// extension.
     pub name: String,
     /// Unit vector in world space that points up.
     pub up: Vec3,
-    /// Distance of the near plane in metres, chosen for the walks.
+    /// Near plane distance in metres, chosen for the walks.
     pub near: f32,
     /// Point in world space that the coordinates of objects are relative to: zero, except for a file whose
     /// content is far from its own origin.
     pub origin: DVec3,
-    /// Lines for a user about what was read otherwise than one may expect, or not at all.
+    /// Messages to the user about parts of the file that were not read, or not read as one may expect.
     pub notes: Vec<String>,
     /// Objects, in the order of the file or recipe. The index of an object is its identity.
     pub objects: Vec<SourceObject>,
-    /// Camera walks. Empty for a file that brings none, until [`with_walks`](Self::with_walks) makes some up.
+    /// Camera walks. Empty for a file without walks, until [`with_walks`](Self::with_walks) makes some up.
     pub walks: Vec<Walk>,
-    /// Floors in world space where one can stand, half a metre apart: each with the height in metres that is
-    /// free above it. Empty unless the walks were made up and stand there.
+    /// Points in world space on floors where one can stand, half a metre apart, each with the free height
+    /// above it in metres. Empty unless the walks were made up and lead along floors.
     pub floors: Vec<(DVec3, f64)>,
-    /// Cells and portals of the scene. `None` for sources that bring none, such as most files.
+    /// Cells and portals of the scene. `None` for sources without them, such as most files.
     pub cells: Option<SourceCells>,
 }
 
@@ -91,15 +91,15 @@ fn size(cells: &Viewcells) -> (f64, f64) {
 pub struct SourceObject {
     /// Name in the source; not necessarily unique.
     pub name: ObjectName,
-    /// Triangles relative to the scene's origin, in metres, which other objects may share. Of an object that
-    /// moves, those at rest. Vertices from files are kept unchanged, NaN and infinities included.
+    /// Triangles relative to the scene's origin, in metres, which other objects may share. For an object that
+    /// moves, in its rest pose. Vertices from files are kept unchanged, NaN and infinities included.
     pub triangles: SharedTriangles,
     /// Whether the object may serve as an occluder. False for glass and cut-out billboards, which can be
-    /// hidden but must never hide other objects, and for what a hint excludes.
+    /// hidden but must never hide other objects, and for objects that a hint excludes.
     pub opaque: bool,
-    /// Whether what is behind the object is drawn through it, as through glass and cut-out billboards.
+    /// Whether things behind the object are visible through it, as through glass and cut-out billboards.
     pub see_through: bool,
-    /// Whether the triangles are drawn from their front alone. From behind they are not seen, and hide
+    /// Whether the triangles are drawn only from their front. From behind they are invisible, and hide
     /// nothing.
     pub one_sided: bool,
     /// Whether the object is a door leaf. The walks of some scenes pass through closed doors, so a program
@@ -107,19 +107,19 @@ pub struct SourceObject {
     pub door: bool,
     /// Whether the object is visible from everywhere, such as one that moves without known bounds.
     pub never_cull: bool,
-    /// Bounds of the object wherever its animations move it, relative to the scene's origin. `None` if none
-    /// does.
+    /// Bounds of the object throughout all animations, relative to the scene's origin. `None` if no animation
+    /// moves it.
     pub motion: Option<Box<Corners>>,
 }
 
-/// Numbers of triangles of a scene, by how they are drawn.
+/// Numbers of triangles of a scene by kind.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Surfaces {
-    /// Triangles that cover what is behind them.
+    /// Number of triangles that occlude.
     pub opaque: usize,
-    /// Triangles through which what is behind them is seen.
+    /// Number of see-through triangles.
     pub see_through: usize,
-    /// Triangles of either kind that are drawn from their front alone.
+    /// Number of triangles, opaque or see-through, that are drawn only from their front.
     pub one_sided: usize,
 }
 
@@ -130,10 +130,10 @@ impl std::fmt::Display for Surfaces {
     }
 }
 
-/// What a level says of an object, beyond its shape.
+/// Hint of a level's author on the use of an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Hint {
-    /// The object hides what is behind it, although its material is glass.
+    /// The object occludes, although its material is see-through.
     Occluder,
     /// The object hides nothing.
     Detail,
@@ -190,7 +190,7 @@ impl SourceObject {
         }
     }
 
-    /// Returns the object as the cullers' scene takes it, an occluder even if it is a door.
+    /// Returns the object in the form of the cullers' scene. A door occludes here.
     pub fn object(&self) -> Object {
         Object {
             cost: u32::try_from(self.triangles.len()).unwrap_or(u32::MAX),
@@ -211,8 +211,8 @@ impl SourceObject {
         }
     }
 
-    /// Returns the triangles as the cullers' scene takes them: none for an object that moves, which may be
-    /// anywhere within its bounds.
+    /// Returns the triangles for the cullers' scene: none for an object that moves, since it may be anywhere
+    /// within its bounds.
     pub fn fixed_triangles(&self) -> SharedTriangles {
         if self.motion.is_some() { [].into() } else { self.triangles.clone() }
     }
@@ -227,14 +227,14 @@ impl SourceObject {
         self.edit_triangles(|triangles| triangles.as_flattened_mut().iter_mut().for_each(move_by));
     }
 
-    /// Changes the triangles. The object no longer shares them with others.
+    /// Changes the triangles. The object then has a copy of its own instead of shared triangles.
     pub fn edit_triangles(&mut self, change: impl FnOnce(&mut Vec<[Vec3; 3]>)) {
         let mut triangles = self.triangles.view().to_vec();
         change(&mut triangles);
         self.triangles = triangles.into();
     }
 
-    /// Notes a hint of the level. An object that animations move hides nothing, whatever the hint.
+    /// Applies a hint. An object that animations move hides nothing, whatever the hint.
     pub fn take(&mut self, hint: Hint) {
         match hint {
             Hint::Occluder => (self.opaque, self.see_through) = (self.motion.is_none(), false),
@@ -245,8 +245,8 @@ impl SourceObject {
         }
     }
 
-    /// Takes the hints for objects whose names contain a text, in their order. Sets `is_named` of those that
-    /// were for this object.
+    /// Applies, in order, the hints whose text the object's name contains. Sets `is_named` for each hint
+    /// applied.
     pub fn take_all(&mut self, hints: &[(Hint, String)], is_named: &mut [bool]) {
         for ((hint, part), is_named) in hints.iter().zip(is_named) {
             if self.name.to_string().contains(part) {
@@ -263,11 +263,11 @@ impl SourceObject {
     }
 }
 
-/// Checks that each of some hints was for an object.
+/// Checks that each hint applies to an object.
 ///
 /// # Errors
 ///
-/// Returns a message for the first that was for none.
+/// Returns a message for the first hint that applies to no object.
 pub fn check_hints(hints: &[(Hint, String)], is_named: &[bool]) -> Result<(), String> {
     match hints.iter().zip(is_named).find(|&(_, is_named)| !is_named) {
         Some(((_, part), _)) => Err(format!("no name of an object contains `{part}`")),
@@ -275,24 +275,23 @@ pub fn check_hints(hints: &[(Hint, String)], is_named: &[bool]) -> Result<(), St
     }
 }
 
-/// Reads a hint and the text that names of objects contain, as in mover=Lift.
+/// Reads a hint, and the text in the names of its objects, such as mover=Lift.
 ///
 /// # Errors
 ///
-/// Returns a message for another text.
+/// Returns a message if the text has another form.
 pub fn parse_hint(text: &str) -> Result<(Hint, String), String> {
     let (hint, part) = text.split_once('=').ok_or("a hint is HINT=TEXT, as in mover=Lift")?;
     Ok((hint.parse()?, part.to_owned()))
 }
 
 impl SceneSource {
-    /// Returns the name of the axis that is nearest to up: `x`, `y` or `z`, whether up is along or against
-    /// it.
+    /// Returns the name of the axis nearest to the up direction, regardless of sign: `x`, `y` or `z`.
     pub fn up_axis(&self) -> &'static str {
         ["x", "y", "z"][self.up.abs().max_position()]
     }
 
-    /// Creates a scene without objects, walks and cells, whose objects' coordinates are those of world space.
+    /// Creates a scene without objects, walks and cells, and with its origin at that of world space.
     pub fn new(name: impl Into<String>, up: Vec3, near: f32) -> Self {
         Self {
             name: name.into(),
@@ -307,7 +306,7 @@ impl SceneSource {
         }
     }
 
-    /// Returns the scene without its objects and cells.
+    /// Returns a copy of the scene without its objects and cells.
     #[must_use]
     pub fn without_objects(&self) -> Self {
         Self {
@@ -321,7 +320,7 @@ impl SceneSource {
         }
     }
 
-    /// Appends the objects of another scene, which stay where they are in world space.
+    /// Appends the objects of another scene. They keep their positions in world space.
     pub fn append(&mut self, other: SceneSource) {
         let shift = other.origin - self.origin;
         self.objects.extend(other.objects.into_iter().map(|mut object| {
@@ -336,7 +335,7 @@ impl SceneSource {
         }));
     }
 
-    /// Returns how the triangles of all objects are drawn.
+    /// Counts the triangles of all objects by kind.
     pub fn surfaces(&self) -> Surfaces {
         let mut all = Surfaces::default();
         for object in &self.objects {
@@ -352,8 +351,8 @@ impl SceneSource {
         self.objects.iter().map(|o| o.triangles.len()).sum()
     }
 
-    /// Returns the number of objects whose triangles are a mesh with a transform, and the number of these
-    /// meshes, each of which is kept once.
+    /// Returns the number of objects that are instances of a mesh with a transform, and the number of
+    /// distinct meshes, each of which is stored once.
     pub fn instances(&self) -> [usize; 2] {
         let placed = self.objects.iter().map(|object| object.triangles.view().mesh());
         let mut meshes: Vec<_> =
@@ -371,7 +370,8 @@ impl SceneSource {
     }
 }
 
-/// Returns the scene that `make` returns without objects, with the objects that `make` passes on.
+/// Makes a scene by `make`, which passes the objects on, and puts these objects into the scene that `make`
+/// returns.
 pub(crate) fn collected(
     make: impl FnOnce(&mut dyn FnMut(SourceObject)) -> Result<SceneSource, SourceError>,
 ) -> Result<SceneSource, SourceError> {
@@ -380,8 +380,8 @@ pub(crate) fn collected(
     Ok(SceneSource { objects, ..scene })
 }
 
-/// Box around the finite coordinates of objects that are added one by one. Non-finite coordinates are skipped
-/// one by one, since a camera needs a usable box even when a file holds a NaN.
+/// Box around the finite coordinates of objects that are added one by one. NaN and infinite coordinates are
+/// skipped individually, since a camera needs a usable box even if a file holds a NaN.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
     low: Vec3,
@@ -395,8 +395,8 @@ impl Default for Bounds {
 }
 
 impl Bounds {
-    /// Encloses the finite coordinates of an object, or the box around the image of the mesh's box where the
-    /// object is an instance of a mesh.
+    /// Extends the box by the finite coordinates of an object. For an instance, it extends the box by the
+    /// image of the mesh's box.
     pub fn add(&mut self, object: &SourceObject) {
         let bounds = object.triangles.view().known_bounds();
         if let Some(bounds) = bounds.filter(Aabb::is_finite) {

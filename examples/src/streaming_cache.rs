@@ -1,4 +1,4 @@
-//! Streaming cache: objects are loaded when they become visible, or ahead of that if they are announced, and
+//! Streaming cache: objects are loaded when they become visible, or earlier if they are announced, and
 //! unloaded some frames after they became hidden.
 //!
 //! The visible set lists the objects that became visible or hidden since the frame before, so the cost of a
@@ -12,7 +12,7 @@ use visibility_core::{ObjectId, Scene, VisibleSet};
 pub struct Traffic {
     /// Number of times that an object was loaded; an object that leaves and returns counts twice.
     pub loads: u64,
-    /// Number of these times that the object was loaded before it became visible.
+    /// Number of loads of an object before it became visible.
     pub ahead: u64,
     /// Number of times that an object was unloaded.
     pub unloads: u64,
@@ -33,7 +33,7 @@ struct Resident {
     hidden: Option<u64>,
 }
 
-/// Cache of objects in memory: holds the visible objects, and hidden objects for some frames more.
+/// Cache of objects in memory: holds the visible objects, and hidden objects for some more frames.
 pub struct Cache {
     /// Number of frames that an object stays in memory after it became hidden, so that a camera that turns
     /// away and back does not load twice.
@@ -93,8 +93,8 @@ impl Cache {
         }
     }
 
-    /// Loads an object that will become visible, or keeps it in memory, until it has not been announced for
-    /// as many frames as a hidden object stays. Call this after [`update`](Self::update).
+    /// Loads an object that will become visible, or keeps it in memory. It stays for `patience` frames after
+    /// its last announcement. Call this after [`update`](Self::update).
     pub fn announce(&mut self, scene: &Scene, id: ObjectId) {
         match self.resident.get_mut(&id) {
             Some(Resident { hidden: None, .. }) => return,
@@ -141,7 +141,7 @@ mod tests {
     fn what_a_prefetch_announces_is_there_before_it_becomes_visible() {
         let world = World::new(built_in("office").unwrap(), (64, 36), Some(1)).unwrap();
         let scene = &world.scene;
-        // From each viewcell along a straight line the objects are seen that are at most 8 metres away.
+        // Each viewcell along a straight line sees the objects that are at most 8 metres away.
         let grid = Grid::new(DVec3::ZERO, DVec3::splat(2.0)).unwrap();
         let cells = grid.over(DVec3::ZERO, DVec3::new(20.0, 2.0, 2.0)).unwrap();
         let near = |cell: &visibility_core::pvs::Viewcell| {
@@ -160,7 +160,7 @@ mod tests {
             let mut pipeline = Pipeline::new().with(PvsCuller::new(sets.clone()));
             let (mut visible, mut cache) = (VisibleSet::new().with_changes(), Cache::new(3));
             let (mut prefetch, mut first) = (Prefetch::new(), 0);
-            // At the end no viewcell is near that is never reached.
+            // The path ends before the last viewcells, so that none is announced without being reached.
             for frame in 0..160 {
                 let eye = DVec3::new(1.0 + f64::from(frame) * 0.1, 1.0, 1.0);
                 let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
@@ -174,7 +174,7 @@ mod tests {
                 if frame == 0 {
                     first = cache.traffic().loads;
                 }
-                // Ten frames a second.
+                // One frame is a tenth of a second of movement.
                 for arrival in prefetch.search(&sets, eye, DVec3::X, 0.02, seconds) {
                     cache.announce(scene, arrival.object);
                 }
@@ -200,7 +200,7 @@ mod tests {
                 "a visible object is not in memory"
             );
         }
-        // All objects are out of view for six frames.
+        // For six frames, no object is visible.
         let away = world.views[0].with_layers(0);
         for _ in 0..6 {
             pipeline.cull(&world.scene, &away, &mut visible);

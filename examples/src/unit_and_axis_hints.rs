@@ -1,21 +1,21 @@
-//! Hints that a scene file may have another unit, or another axis up, than it was read with.
+//! Hints to the user that a scene file may have another unit or up axis than those it was read with.
 
 use crate::SceneSource;
 use crate::reading::Reading;
 use glam::Vec3;
 
-/// Height in metres from which on a scene may be in centimetres, and in millimetres.
+/// Least heights in metres of scenes that may be in centimetres, and in millimetres.
 const TALL: [f32; 2] = [300.0, 1500.0];
-/// Height in metres from which on half of the objects, and least number of objects, make a scene one that may
-/// be in millimetres however wide it is.
+/// A scene of at least this many objects, half of them higher than this number of metres, may be in
+/// millimetres regardless of its width.
 const GIANTS: (f32, usize) = (1000.0, 10);
-/// Size in metres below which a scene is a thing rather than a place, and stands in any way.
+/// Size in metres below which a scene is a single thing, which may lie or stand in any way.
 const PLACE: f32 = 30.0;
-/// Size in metres, and number of objects, from which on a scene may be a house with rooms.
+/// Least size in metres, and least number of objects, of a scene that may be a house with rooms.
 const HOUSE: (f32, usize) = (6.0, 10);
 
-/// Returns lines for a user of a file that was read with the default unit, or the default axis up, where its
-/// extents or its walls suggest others.
+/// Returns messages to the user of a file that was read with the default unit or up axis, if its extents or
+/// walls suggest others.
 pub fn hints(scene: &SceneSource, reading: &Reading) -> Vec<String> {
     let Some((low, high)) = scene.bounds() else { return Vec::new() };
     let (size, mut up) = (high - low, scene.up.abs());
@@ -49,7 +49,7 @@ pub fn hints(scene: &SceneSource, reading: &Reading) -> Vec<String> {
     lines
 }
 
-/// Returns whether half of the objects, of which there are many, are higher along an axis than things are.
+/// Returns whether the scene has many objects, half of which are higher along `up` than real things are.
 fn has_giants(scene: &SceneSource, up: Vec3) -> bool {
     let bounds = scene.objects.iter().filter_map(|object| object.triangles.view().known_bounds());
     let heights: Vec<f32> = bounds.map(|bounds| (bounds.max - bounds.min).dot(up)).collect();
@@ -57,12 +57,12 @@ fn has_giants(scene: &SceneSource, up: Vec3) -> bool {
     heights.len() >= GIANTS.1 && 2 * giants >= heights.len()
 }
 
-/// Parts of the area of all triangles, each from 0 to 1, 0 without an area. Of a scene of more than four
-/// million triangles, objects are taken evenly.
+/// Shares of the total triangle area, from 0 to 1. All are 0 if the area is 0. Of a scene with more than four
+/// million triangles, evenly spaced objects are sampled.
 struct SurfaceShares {
-    /// Part that is level, to about a degree, where an axis is up.
+    /// Share of triangles that are level to about a degree, for a given up axis.
     level: f64,
-    /// Part that is vertical, to about a degree.
+    /// Share of triangles that are vertical to about a degree.
     vertical: f64,
 }
 
@@ -84,7 +84,7 @@ impl SurfaceShares {
         Self { level: share(level), vertical: share(vertical) }
     }
 
-    /// Returns the part that is level or vertical.
+    /// Returns the share of triangles that are level or vertical.
     fn upright(&self) -> f64 {
         self.level + self.vertical
     }

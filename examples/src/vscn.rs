@@ -25,8 +25,8 @@ const COUNT_BYTES: u64 = 4;
 /// Returns [`SourceError::Content`] with the byte offset when the magic number is wrong, a count exceeds the
 /// rest of the file, or bytes follow the last object.
 pub fn parse(bytes: &[u8], path: &Path) -> Result<Vec<Vec<[Vec3; 3]>>, SourceError> {
-    // No capacity is reserved: a list takes more memory than the four bytes that a false count needs per
-    // object.
+    // No capacity is reserved for a count that may be false: an object takes four bytes in the file, and its
+    // empty list takes more in memory.
     let mut scene = Vec::new();
     read(bytes, bytes.len() as u64, path, &mut |triangles| scene.push(triangles))?;
     Ok(scene)
@@ -37,8 +37,8 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Vec<Vec<[Vec3; 3]>>, SourceErr
 ///
 /// # Errors
 ///
-/// Returns the errors of [`parse`], which may come after objects were passed on, and [`SourceError::Io`] when
-/// the bytes cannot be read.
+/// Returns the errors of [`parse`], and [`SourceError::Io`] when the bytes cannot be read. Some objects may
+/// have been passed on before.
 pub fn read(
     from: impl Read,
     size: u64,
@@ -69,8 +69,8 @@ pub fn read(
     }
 }
 
-/// Returns the bytes of a VSCN file with the scene's triangles. Names, walks and the other facts belong into
-/// the JSON beside the file.
+/// Returns the bytes of a VSCN file with the scene's triangles. Names, walks and other facts go into the JSON
+/// file beside it.
 ///
 /// Returns `None` when the number of objects, or of triangles of an object, does not fit into 32 bits.
 pub fn write(scene: &SceneSource) -> Option<Vec<u8>> {
@@ -105,7 +105,7 @@ impl<R: Read> Reader<'_, R> {
         SourceError::content(self.path, format!("byte {offset}"), problem)
     }
 
-    /// Reads bytes, of which at least as many must be left.
+    /// Reads the next `N` bytes. The caller has checked that at least `N` bytes are left.
     fn take<const N: usize>(&mut self) -> Result<[u8; N], SourceError> {
         let mut bytes = [0; N];
         self.from.read_exact(&mut bytes).map_err(|cause| SourceError::io(self.path, cause))?;

@@ -34,7 +34,7 @@ impl Walk {
         self.map(|point| point + by);
     }
 
-    /// Applies a function to all eyes and targets.
+    /// Applies a function to the positions of all eyes and targets.
     pub fn map(&mut self, place: impl Fn(DVec3) -> DVec3) {
         for key in &mut self.keys {
             *key = CameraKey { eye: place(key.eye), target: place(key.target) };
@@ -118,8 +118,8 @@ pub fn along(waypoints: &[DVec3], keys: usize, look_ahead: f64) -> Vec<CameraKey
 
 /// Makes camera keys along a polyline: one at each vertex, and more between vertices that are farther than
 /// `spacing` metres apart, at equal distances. So a camera that goes straight from key to key stays on the
-/// polyline. Each key looks ahead as in [`along`], and repeated waypoints are ignored. Empty where [`along`]
-/// is, or when `spacing` is not positive.
+/// polyline. Each key looks ahead as in [`along`], and repeated waypoints are ignored. Empty if [`along`]
+/// would be empty, or if `spacing` is not positive.
 pub fn through(waypoints: &[DVec3], spacing: f64, look_ahead: f64) -> Vec<CameraKey> {
     let Some(route) = Route::new(waypoints) else {
         return Vec::new();

@@ -89,7 +89,7 @@ impl Judge {
                 continue;
             }
             *culled += triangles.len() as u64;
-            // A cluster that is clearly behind its rounded planes needs no exact test.
+            // If all triangles are clearly back-facing by their rounded planes, no exact test is needed.
             let [x, y, z, d] = &self.planes[i];
             let mut worst = f64::NEG_INFINITY;
             for j in 0..x.len() {
@@ -186,7 +186,7 @@ fn shares(clusters: &[(NormalCone, Vec<Triangle>)], bounds: [DVec3; 2], radii: f
 fn a_fifth_of_the_car_is_culled_at_least() {
     let judge = Judge::new("car");
     let parts: Vec<_> = judge.clusters.iter().map(|(c, t)| (c.cone, t.clone())).collect();
-    // The car as one mesh, whose clusters may contain triangles from several parts.
+    // All parts of the car are merged, so clusters may contain triangles of several parts.
     let all: Vec<Triangle> = parts.iter().flat_map(|(_, t)| t.iter().copied()).collect();
     let (positions, indices) = weld(&all);
     let whole: Vec<_> = cluster_mesh(&positions, &indices)

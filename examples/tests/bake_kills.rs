@@ -1,5 +1,5 @@
-//! Tests that the program `bake` is killed at random moments, goes on each time, and in the end writes the
-//! same bytes as if it had never been killed.
+//! Test that the program `bake`, killed at random moments and restarted each time, finally writes the same
+//! bytes as without kills.
 
 use std::fs;
 use std::path::Path;
@@ -10,7 +10,7 @@ use visibility_testing::Random;
 
 const KILLS: usize = 10;
 
-/// Starts a bake of some seconds' work, which writes its state often.
+/// Starts a bake that takes some seconds and writes its state often.
 fn bake(out: &Path, threads: &str) -> Child {
     let mut command = Command::new(env!("CARGO_BIN_EXE_bake"));
     command.args(["london:2,2", "--cells", "walks", "--size", "16,16,4", "--gap", "100%", "--save", "0.02"]);
@@ -21,7 +21,7 @@ fn bake(out: &Path, threads: &str) -> Child {
 #[test]
 fn a_bake_that_is_killed_ten_times_has_the_bytes_of_one_that_is_not() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("bake_kills");
-    // Left by a run of this test that failed.
+    // Removes what a failed run of this test may have left.
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder).unwrap();
     let [whole, killed] = ["whole.pvs", "killed.pvs"].map(|name| folder.join(name));
@@ -30,11 +30,11 @@ fn a_bake_that_is_killed_ten_times_has_the_bytes_of_one_that_is_not() {
     let state = folder.join("killed.pvs.state");
     let mut random = Random(23);
     let (mut kills, mut resumed) = (0, 0);
-    // Contents of the state after each kill. Work adds to them, and takes away what was open.
+    // State files after each kill. They change, since work adds results and removes undecided items.
     let mut states = Vec::new();
     while kills < KILLS {
         let mut running = bake(&killed, ["1", "2"][kills % 2]);
-        // Until the state has been written once or twice, and a moment more.
+        // Waits until the state has been written once or twice, and a moment longer.
         let (mut writes, mut last) = (1 + random.below(2), fs::read(&state).ok());
         while writes > 0 && running.try_wait().unwrap().is_none() {
             let now = fs::read(&state).ok();
@@ -44,7 +44,7 @@ fn a_bake_that_is_killed_ten_times_has_the_bytes_of_one_that_is_not() {
         }
         sleep(Duration::from_micros(random.below(30_000) as u64));
         if let Some(status) = running.try_wait().unwrap() {
-            // It was quicker, on a machine that is busy with other things. It begins anew.
+            // On a busy machine the bake may finish before it is killed. Then the next bake starts anew.
             assert!(
                 status.success() && !state.exists(),
                 "the bake that was quicker has succeeded, and removed its state"

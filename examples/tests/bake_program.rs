@@ -1,5 +1,5 @@
-//! Tests of the program `bake` as a user runs it: where it writes, what it refuses, and what it says in the
-//! end.
+//! Tests of the program `bake` from a user's point of view: files that it writes, arguments that it refuses,
+//! and its final messages.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use visibility_examples::{SceneSource, SourceObject};
 
 pub(crate) fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    // Left by a run of this test that failed.
+    // Removes what a failed run of this test may have left.
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder).unwrap();
     folder
@@ -37,7 +37,8 @@ pub(crate) fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// Writes a scene: a wall across y of 20 by 8 m at 5 m, of rectangles in x and z, and a plate behind it.
+/// Writes a scene with a plate behind a wall. The wall is at y = 5 m and 20 by 8 m in size, and consists of
+/// rectangles in x and z.
 pub(crate) fn write_wall(path: &Path, rectangles: &[[f32; 4]]) {
     let at = |y: f32, [a, b, c, d]: [f32; 4]| {
         let corner = |x: f32, z: f32| Vec3::new(x, y, z);
@@ -51,7 +52,7 @@ pub(crate) fn write_wall(path: &Path, rectangles: &[[f32; 4]]) {
 }
 
 pub(crate) const WHOLE: &[[f32; 4]] = &[[-10.0, 10.0, 0.0, 8.0]];
-/// With a door; the box is that of the whole wall.
+/// Wall with a door. Its bounds are those of the whole wall.
 const DOOR: &[[f32; 4]] = &[[-10.0, -1.0, 0.0, 8.0], [1.0, 10.0, 0.0, 8.0], [-1.0, 1.0, 3.0, 8.0]];
 const PLACES: [&str; 6] = ["--cells", "grid", "--over=-2,-4,0,2,0,2", "--size", "4,4,2", "--out"];
 
@@ -81,7 +82,7 @@ fn a_set_is_refused_once_a_door_is_cut_into_a_wall() {
         let said = text(&refused.stderr);
         assert!(said.contains("wall.set") && said.contains("bake again"), "{said}");
     }
-    // The report names the version, which the set has.
+    // The report names the same level version as the set.
     let set = visibility_bake::BakedSet::from_bytes(&fs::read(folder.join("wall.set")).unwrap()).unwrap();
     let version = format!("{:016x}", set.version());
     assert!(
@@ -92,7 +93,7 @@ fn a_set_is_refused_once_a_door_is_cut_into_a_wall() {
         fs::read_to_string(folder.join("report.json")).unwrap().contains(&version),
         "the report has the version {version}"
     );
-    // With the cache of the level before the edit, the set is that of a bake without.
+    // With the cache of the level before the edit, the result equals that of a bake without a cache.
     fs::copy(folder.join("door.vscn"), folder.join("wall.vscn")).unwrap();
     assert!(
         bake_wall(&folder, "cached.set", &["--cache", "wall.cache"]).status.success(),
@@ -160,7 +161,7 @@ fn more_viewcells_than_can_be_kept_are_refused_with_their_number() {
         let count = said.split_whitespace().find_map(|word| word.parse::<u128>().ok());
         assert!(count.is_some_and(|count| count > 1 << 24) && said.contains("viewcells"), "{said}");
     }
-    // As many can be kept, but are not made in a second.
+    // This many viewcells would fit into memory, but cannot be made within a second.
     let said = refused("0.0001", &["--time", "1"]);
     assert!(said.starts_with("error: the viewcells were not made in time: larger ones (--size)"), "{said}");
     assert!(names(&folder).is_empty(), "no file is left");
@@ -220,7 +221,7 @@ fn cameras_outside_all_viewcells_are_counted() {
         let said = text(&walk.stderr).contains("wall.set: 1 of 2 cameras are outside all viewcells");
         assert_eq!(said, is_outside, "{}", text(&walk.stderr));
     }
-    // Without a word on places, one still camera makes few viewcells.
+    // Without an argument for places, a single camera makes only a few viewcells.
     let still = |cells: &[&str]| {
         let arguments = ["wall.vscn", "--cameras", "in.json", "--gap", "100%", "--out", "still.set"];
         let baked = bake(&folder, &[&arguments[..], cells].concat());

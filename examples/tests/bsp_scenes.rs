@@ -1,6 +1,6 @@
-//! Tests of BSP trees of whole scenes: the trees are built in bounded size, and Naylor's exact culling
-//! reports every object that an item buffer of 2560 x 1440 sees, and otherwise only objects that are visible
-//! at their witness.
+//! Tests of BSP trees of whole scenes: the trees have bounded size. Naylor's exact culling reports every
+//! object that an item buffer of 2560 x 1440 sees, and every other reported object is visible at its witness
+//! point.
 
 use crate::shared_scenes::scene;
 use glam::{DMat4, DQuat, DVec3};

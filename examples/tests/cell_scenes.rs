@@ -75,7 +75,7 @@ fn check_office(sizes: &str, eyes: usize) {
     let means = check(world, &viewcells, "frustum,pvs:cells,pvs,pvs:walls,pvs:bsp", eyes);
     let [frustum, cells, objects, walls, polygons] = means[..] else { panic!("{means:?}") };
     assert!(objects < cells && cells < 0.8 * frustum, "{means:?}");
-    // Cells made from geometry are smaller and take furniture and windows into account.
+    // Cells made from geometry are smaller, and bounded by furniture and windows as well.
     assert!(walls < 1.2 * objects && polygons < 1.2 * objects, "{means:?}");
 }
 
@@ -91,8 +91,8 @@ fn no_object_of_the_largest_office_is_missed() {
 }
 
 /// Culls a scene of a file from `eyes` random eyes in cells made from its triangles, by portals and by sets
-/// of objects. Fails if a visible object is hidden, or if either leaves more than `share` of what the frustum
-/// leaves.
+/// of objects. Fails if a visible object is hidden, or if either culler leaves more than `share` of the
+/// objects that the frustum leaves.
 fn check_file(name: &str, eyes: usize, share: f64) {
     let mut world = World::new(scene(name), (1280, 720), Some(1)).unwrap();
     world.makes_cells = true;
@@ -136,7 +136,7 @@ fn objects_are_those_of_seen_cells_and_fewer() {
             row.iter().all(|object| all.binary_search(object).is_ok()),
             "{cell:?}: an object outside of the cells seen"
         );
-        // The objects in the cell itself are visible.
+        // Objects in the cell itself are visible from it.
         assert!(
             graph.objects_in(cell).iter().all(|id| row.binary_search(&(id.index() as u32)).is_ok()),
             "{cell:?}: an object in the cell itself is not seen"
@@ -184,7 +184,7 @@ fn walks_through_portals_report_little_more_than_shows() {
     check_walks("2,16", Some(32));
 }
 
-/// Makes the world of a scene that brings no cells, for a program that makes them.
+/// Makes a world without cells of its own, as for a program that makes cells.
 fn without_cells(mut source: SceneSource, size: (u32, u32), frames: usize) -> World {
     source.cells = None;
     let mut world = World::new(source, size, Some(frames)).unwrap();
@@ -207,7 +207,7 @@ fn check_made(source: SceneSource, frames: usize, list: &str, share: f64) {
 fn cells_are_made_where_a_culler_asks_and_the_scene_brings_none() {
     check_made(built_in("office:2,8").unwrap(), 24, "frustum,portals,pvs:cells,pvs", 0.6);
     check_made(built_in("town:1").unwrap(), 8, "frustum,portals,pvs", 1.0);
-    // A world makes none unless it is asked to.
+    // By default, a world makes no cells.
     let mut world = without_cells(built_in("office:1,2").unwrap(), (64, 36), 1);
     world.makes_cells = false;
     assert!(cullers::parse("portals", &world).is_err(), "portals of a scene without cells");

@@ -1,5 +1,5 @@
-//! The exact culler on stored scenes: no proof that its search ends with is refused by its check, and no
-//! object is hidden that an item buffer shows or a ray reaches at a distance from all occluders.
+//! Test of the exact culler on stored scenes: its check refuses none of the proofs found, and no object is
+//! hidden that an item buffer shows, or that a ray reaches at a distance from all occluders.
 
 use crate::shared_scenes::scene;
 use std::sync::Arc;
@@ -14,7 +14,8 @@ use visibility_testing::distance;
 /// Clearance in metres. An object may be hidden if each segment to it is within six clearances of occluders.
 const CLEARANCE: f64 = 1e-4;
 
-/// Returns the least distance in metres of a line of sight from the occluders other than its object.
+/// Returns the least distance in metres between a line of sight and the occluders, without the object that it
+/// reaches.
 fn clearance(world: &World, line: &SightLine) -> f64 {
     let ids = (0..world.source.objects.len()).filter_map(|index| world.scene.id_at(index));
     let occluders = ids.filter(|&id| id != line.id && world.scene.object(id).unwrap().occluder);

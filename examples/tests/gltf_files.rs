@@ -101,7 +101,7 @@ fn extras_of_nodes_are_hints() {
     }
     let error = hinted("moover".into()).expect_err("no hint").to_string();
     assert!(error.contains("node 1") && error.contains("moover"), "{error}");
-    // Extras of other tools are theirs.
+    // Extras of other programs are ignored.
     for other in [json!(5), json!(null), json!(["visibility"]), json!({"visibility": 3})] {
         assert!(read(&with("/nodes/1/extras", other)).is_ok(), "extras of other tools are ignored");
     }
@@ -155,7 +155,7 @@ fn perspective_cameras_of_nodes_are_walks() {
         {"type": "perspective", "name": "wide", "perspective": {"yfov": 1.5, "znear": 0.0002}},
         {"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 1, "zfar": 1, "znear": 0}}
     ]);
-    // The first looks along -x, since its node turns -z there.
+    // The first camera looks along -x, since its node rotates -z to that direction.
     let half = 0.5_f64.sqrt();
     let nodes = document["nodes"].as_array_mut().expect("nodes");
     nodes.push(json!({"camera": 0, "translation": [1, 2, 3], "rotation": [0, half, 0, half]}));
@@ -196,10 +196,10 @@ fn nodes_place_strips_fans_and_lists() {
     assert_eq!(triangles("/meshes/0/primitives/0/mode", json!(6)), 2, "triangles of a fan");
     assert_eq!(triangles("/meshes/0/primitives/0/mode", json!(4)), 1, "triangles of a list");
     assert_eq!(triangles("/meshes/0/primitives/0/mode", json!(1)), 0, "triangles of lines");
-    // Without indices, the vertices are taken in order.
+    // Without indices, consecutive vertices make triangles.
     let bare = json!({"attributes": {"POSITION": 0}, "mode": 5});
     assert_eq!(triangles("/meshes/0/primitives/0", bare), 2, "triangles of a strip without indices");
-    // Two nodes with one mesh are two objects.
+    // Two nodes with the same mesh make two objects.
     let twice = json!([{"mesh": 0}, {"mesh": 0}]);
     let mut document = with("/nodes", twice);
     document["scenes"] = json!([{"nodes": [0, 1]}]);
@@ -252,7 +252,7 @@ fn buffers_come_from_data_uris_and_files_beside() {
     assert_eq!(beside.triangle_count(), 2, "triangles of a buffer in a file beside");
     assert_eq!(beside.name, "square", "the scene's name is the file's");
 
-    // Eighty digits give sixty zero bytes.
+    // Eighty base64 digits encode sixty zero bytes.
     let zeros = format!("data:application/octet-stream;base64,{}", "A".repeat(80));
     assert_eq!(read(&zeros).expect("a data URI").triangle_count(), 2, "triangles of a buffer in the text");
 
@@ -341,14 +341,14 @@ fn deep_hierarchies_do_not_overflow_the_stack() {
 
 #[test]
 fn many_copies_of_a_large_mesh_are_refused_early() {
-    // Twenty thousand nodes that each read sixty thousand vertices are 1.2e9 vertices in total.
+    // Twenty thousand nodes with sixty thousand vertices each read 1.2e9 vertices in total.
     let vertices = 60_000;
     let mut document = square();
     document["buffers"] = json!([{"byteLength": vertices * 12}]);
     document["bufferViews"] = json!([{"buffer": 0, "byteLength": vertices * 12}]);
     document["accessors"][0]["count"] = json!(vertices);
     document["accessors"].as_array_mut().expect("a list").pop();
-    // Morph targets keep each node from sharing what is read.
+    // Because of the morph targets, nodes cannot share vertices, so each node reads its own.
     let morphed = json!({"attributes": {"POSITION": 0}, "targets": [{"POSITION": 0}], "mode": 0});
     document["meshes"] = json!([{"primitives": [morphed]}]);
     document["nodes"] = json!(vec![json!({"mesh": 0}); 20_000]);

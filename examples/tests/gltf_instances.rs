@@ -1,5 +1,6 @@
-//! Instances of a mesh are kept as instances: a mesh that several nodes show, or one node several times, is
-//! kept once from the loader to the judge, and all is found as if each node had a mesh of its own.
+//! Tests that instances stay instances: a mesh shown by several nodes, or several times by one node, is
+//! stored once from the loader to the judge, and culling gives the same answers as with a separate mesh for
+//! each node.
 
 use crate::gltf_files::glb;
 use glam::{DVec3, Vec3};
@@ -12,7 +13,7 @@ use visibility_examples::{CameraKey, Reading, SceneSource, Walk};
 use visibility_measure::ItemBuffer;
 use visibility_testing::allocations::{LIVE, PEAK};
 
-/// Document with a box that has no floor: ten triangles that face outwards, drawn from the front alone.
+/// Document with a box without a floor: ten triangles that face outwards, drawn only from the front.
 struct File {
     root: Value,
     bytes: Vec<u8>,
@@ -52,7 +53,7 @@ impl File {
         self.root["scenes"][0]["nodes"].as_array_mut().expect("nodes").push(json!(index));
     }
 
-    /// Appends an accessor of vectors of floats, and returns its index.
+    /// Appends an accessor of float vectors, and returns its index.
     fn floats<const N: usize>(&mut self, vectors: &[[f32; N]]) -> usize {
         let at = self.bytes.len();
         self.bytes.extend(vectors.iter().flatten().flat_map(|x| x.to_le_bytes()));
@@ -66,7 +67,7 @@ impl File {
         )
     }
 
-    /// Gives each node a mesh of its own, of the same accessors.
+    /// Gives each node its own mesh with the same accessors.
     fn with_own_meshes(mut self) -> Self {
         for at in 0..self.root["nodes"].as_array().expect("nodes").len() {
             if let Some(mesh) = self.root["nodes"][at]["mesh"].as_u64() {
@@ -88,8 +89,8 @@ impl File {
     }
 }
 
-/// Returns a file with a yard of boxes around the origin by nodes: moved, turned, stretched and mirrored,
-/// below a parent that is turned itself. `exact` restricts them to what `f32` computes without rounding.
+/// Returns a file with nodes that place boxes around the origin: translated, rotated, stretched and mirrored,
+/// below a rotated parent. With `exact`, all transforms are exact in `f32`.
 fn yard(exact: bool) -> File {
     let mut file = File::new();
     let half = 0.5f64.sqrt();
@@ -135,7 +136,7 @@ fn a_mesh_is_kept_once() {
     let translations = file.floats(&copies);
     let extension = json!({"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": translations}}});
     file.node(json!({"mesh": 0, "extensions": extension}));
-    // A second mesh is shown by one node.
+    // A second mesh that only one node shows.
     let copy = file.root["meshes"][0].clone();
     let single = file.push("meshes", copy);
     file.node(json!({"mesh": single, "name": "single"}));
@@ -205,7 +206,7 @@ fn instances_are_what_nodes_with_their_own_meshes_are() {
             if exact {
                 assert_eq!(trials[0].reported, trials[1].reported, "{name}");
             }
-            // Vertices are moved by rounding, and rounding is in doubt elsewhere.
+            // Rounding moves vertices slightly, so a few answers at edges may differ.
             assert!(counts[0].abs_diff(counts[1]) <= counts[1] / 10 && counts[0] > 20, "{name}: {counts:?}");
             for (world, trial) in worlds.iter().zip(&trials) {
                 let judged = judge(world, std::slice::from_ref(trial), || ()).expect("few triangles");
@@ -215,9 +216,9 @@ fn instances_are_what_nodes_with_their_own_meshes_are() {
     }
 }
 
-/// A box, open towards lesser z, and another that is mirrored, each with a plate inside that turns its front
-/// to the opening. The boxes hide the plates from greater z, and show them through their backs from the other
-/// side.
+/// Two boxes, one of them mirrored, both open towards smaller z. Inside each is a plate whose front faces the
+/// opening. From greater z, the box hides the plate; from the other side, the plate is visible through the
+/// backs of the box.
 #[test]
 fn a_mirrored_instance_keeps_its_fronts_in_front() {
     let mut file = File::new();
@@ -258,7 +259,7 @@ fn deformed_meshes_are_not_shared() {
     let low = |at: usize| scene.objects[at].triangles.bounds().min.y;
     assert_eq!([low(0), low(1)], [0.0, 4.0], "lower sides of a mesh with and without its target");
 
-    // A mesh with joints, by one node with a skin and by two without.
+    // One mesh with joints, shown by one node with a skin and by two without.
     let mut file = File::new();
     let weights = file.floats(&[[1.0, 0.0, 0.0, 0.0]; 8]);
     let at = file.bytes.len();
@@ -287,7 +288,8 @@ fn deformed_meshes_are_not_shared() {
 
 #[test]
 fn limits_are_of_what_is_kept() {
-    // Forty million triangles by 40,000 instances: more than may be kept, in a file of half a megabyte.
+    // 40,000 instances with forty million triangles in total: more than the memory limit for distinct
+    // triangles, in a file of half a megabyte.
     let mut file = File::new();
     let corners: Vec<[f32; 3]> = (0..3000)
         .map(|i| [(i / 3) as f32 * 0.01, (i % 3 == 1) as u8 as f32, (i % 3 == 2) as u8 as f32])
@@ -316,7 +318,7 @@ fn limits_are_of_what_is_kept() {
         let error = cullers::parse(name, &world).err().map(|error| error.to_string()).unwrap_or_default();
         assert!(error.contains("it copies the triangles of each instance"), "{name}: {error}");
     }
-    // Triangles beyond the numbers of the judge are refused before any is placed.
+    // More triangles than the judge can number are refused before any is placed.
     for _ in 0..110 {
         file.node(json!({"mesh": 0, "extensions": extension}));
     }
@@ -324,7 +326,8 @@ fn limits_are_of_what_is_kept() {
     assert!(error.contains("triangles of all instances"), "{error}");
 }
 
-/// Returns a file with boxes that are moved, turned and stretched: copies by one node, or a node for each.
+/// Returns a file with `count` translated, rotated and stretched boxes: as copies of one node, or with a node
+/// for each.
 fn rows_of_boxes(count: usize, by_one_node: bool) -> File {
     let mut file = File::new();
     let places: Vec<[f32; 3]> =
@@ -362,11 +365,13 @@ fn an_instance_takes_few_bytes() {
         let (few, many) = (bytes(10_000), bytes(30_000));
         let [loaded, loading, kept, most] = std::array::from_fn(|i| ((many[i] - few[i]) / 20_000.0).round());
         println!("by one node {by_one_node}: {loaded} {loading} {kept} {most}");
-        // Name, flags and triangles of 48 bytes, and a transform of 48.
+        // 48 bytes for name, flags and triangles, and 48 for the transform.
         assert!(loaded <= 96.0, "{loaded} bytes an instance in the loaded file");
-        // With it, the scene's 16 for triangles, 8 for the occluder mesh and 50 for box, layers and ids.
+        // The loaded file's 96 bytes, and in the scene 16 for triangles, 8 for the occluder mesh and 50 for
+        // box, layers and ids.
         assert!(kept <= 171.0 && most <= 1.2 * kept, "{kept} bytes an instance, at most {most}");
-        // A node takes some 800 bytes while it is read, and 1,400 if all are values of JSON at once.
+        // A node takes about 800 bytes while it is read; it would take 1,400 if all nodes were JSON values at
+        // once.
         let most = if by_one_node { 1.5 * kept } else { 5.0 * kept };
         assert!(loading <= most, "{loading} bytes an instance while loading");
     }

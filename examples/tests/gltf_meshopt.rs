@@ -1,5 +1,5 @@
-//! Tests of glTF buffer views that are compressed by meshopt: encoders of these tests' own, and codes made by
-//! hand.
+//! Tests of glTF buffer views compressed by meshopt: with encoders written for these tests, and with codes
+//! written by hand.
 
 use proptest::prelude::*;
 use serde_json::{Value, json};
@@ -7,8 +7,9 @@ use std::path::Path;
 use visibility_examples::gltf_file::parse;
 use visibility_examples::{SceneSource, SourceError};
 
-/// Reads a file of one primitive whose positions and indices are compressed, each given by the members of the
-/// extension and the bytes. `accessor` has the members of the positions' accessor beside the view.
+/// Reads a file with one primitive whose positions and indices are compressed. Each is given by the members
+/// of the extension and the compressed bytes. `accessor` has the members of the position accessor other than
+/// its view.
 fn read(
     accessor: Value,
     positions: (Value, Vec<u8>),
@@ -25,7 +26,7 @@ fn read(
         extension["byteOffset"] = json!(bytes.len());
         extension["byteLength"] = json!(encoded.len());
         bytes.extend(encoded);
-        // The fallback buffer is not there, as in files that require the extension.
+        // The fallback buffer has no content, as in files that require the extension.
         let mut view =
             json!({"buffer": 1, "byteLength": size, "extensions": {"EXT_meshopt_compression": extension}});
         if extension["mode"] == "ATTRIBUTES" {
@@ -64,8 +65,8 @@ fn points(scene: &SceneSource) -> Vec<[f32; 3]> {
     scene.objects[0].triangles.iter().flatten().map(|p| p.to_array()).collect()
 }
 
-/// Encodes elements as version 0 or 1 of the format has them. Of the widths and controls that hold a group's
-/// differences, `choice` takes one. In version 1, `channels` says how each four bytes differ.
+/// Encodes elements in version 0 or 1 of the format. `choice` picks one of the bit widths and controls that
+/// can hold a group's differences. In version 1, `channels` selects how each four bytes are subtracted.
 fn encode(
     elements: &[u8],
     stride: usize,
@@ -80,7 +81,7 @@ fn encode(
     let zigzag16 = |d: u16| d << 1 ^ (d as i16 >> 15) as u16;
     let block = ((8192 / stride) & !15).min(256) * stride;
     for block in elements.chunks(block) {
-        // Differences of all elements, in place of the elements.
+        // Differences between consecutive elements.
         let mut differences = block.to_vec();
         for (element, out) in block.chunks(stride).zip(differences.chunks_mut(stride)) {
             for four in 0..stride / 4 {
@@ -102,7 +103,8 @@ fn encode(
         }
         let column =
             |byte: usize| differences.iter().skip(byte).step_by(stride).copied().collect::<Vec<u8>>();
-        // Which controls can hold a column: single zeros, and else all but that.
+        // Control of each byte column: any control for a column of zeros, otherwise any except the one for
+        // zeros.
         let controls: Vec<usize> = (0..stride)
             .map(|byte| if column(byte).iter().all(|&d| d == 0) { choice(4) } else { [0, 1, 3][choice(3)] })
             .collect();
@@ -180,7 +182,7 @@ proptest! {
         let accessor = json!({"componentType": 5126, "type": "VEC3", "count": 3 * count});
         let scene = read(accessor.clone(), (extension.clone(), encoded.clone()), None).expect("well encoded");
         prop_assert_eq!(points(&scene), triangles);
-        // One byte less or more is damage.
+        // One byte too many or too few is an error.
         let mut more = encoded.clone();
         more.insert(1, 0);
         for damaged in [encoded[..encoded.len() - 1].to_vec(), more] {
@@ -191,7 +193,7 @@ proptest! {
     }
 }
 
-/// Returns 102 positions along x, encoded as they are.
+/// Returns 102 positions along x, encoded without compression filters.
 fn along_x() -> (Value, (Value, Vec<u8>)) {
     let bytes: Vec<u8> = (0..102).flat_map(|i| [i as f32, 0.0, 0.0]).flat_map(f32::to_le_bytes).collect();
     let extension = json!({"mode": "ATTRIBUTES", "byteStride": 12, "count": 102});
@@ -201,7 +203,8 @@ fn along_x() -> (Value, (Value, Vec<u8>)) {
 
 #[test]
 fn triangles_are_decoded() {
-    /// Codes by hand with what they mean: an edge by age and a vertex by age, or three vertices.
+    /// Triangle codes written by hand, each with its extra bytes and the indices it must give. A code names
+    /// an edge and a vertex by age, or three vertices.
     const CODES: [(u8, &[u8], [u32; 3]); 11] = [
         (0xF0, &[], [0, 1, 2]),             // three new vertices, by entry 0 of the table
         (0x10, &[], [2, 1, 3]),             // edge 2 1, a new vertex
@@ -243,7 +246,7 @@ fn sequences_are_decoded() {
     let mut bytes = vec![0xD1];
     let mut last = [0i64; 2];
     for (i, &index) in expected.iter().enumerate() {
-        // The two last indices are taken in turn.
+        // The encoder refers to the last two indices in turn.
         let (of, delta) = (i % 2, i64::from(index) - last[i % 2]);
         last[of] = i64::from(index);
         let mut number = ((delta << 1 ^ delta >> 63) as u32) << 1 | of as u32;
@@ -262,7 +265,7 @@ fn sequences_are_decoded() {
 
 #[test]
 fn exponents_are_applied() {
-    // Mantissas of 24 bits below exponents of 8: 3 * 2^-1, -5 * 2^2, 0, 1 * 2^-24 and so on.
+    // Test values as 24-bit mantissas and 8-bit exponents: 3 * 2^-1, -5 * 2^2, 0, 1 * 2^-24 and so on.
     let numbers = [(3, -1), (-5, 2), (0, 9), (1, -24), (-1, 0), (7, 1), (8_388_607, -22), (1, 100), (2, 2)];
     let bytes: Vec<u8> = numbers
         .iter()

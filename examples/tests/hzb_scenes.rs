@@ -17,8 +17,8 @@ fn trial(name: &str, world: &World, size: [usize; 2]) -> Trial {
     run(name.to_owned(), Pipeline::new().with(FrustumCuller::new()).with(culler), world)
 }
 
-/// Culls all frames of a world with a z-buffer of the given size and the occluders that the culler chooses at
-/// a price.
+/// Culls all frames of a world with a z-buffer of the given size and with the occluders that the culler
+/// chooses at the given price.
 fn chosen(name: &str, world: &World, size: [usize; 2], price: u32) -> Trial {
     let culler = HzbCuller::new(Hzb::new(size[0], size[1]).unwrap()).with_price(price);
     run(name.to_owned(), Pipeline::new().with(FrustumCuller::new()).with(culler), world)
@@ -40,8 +40,8 @@ fn check(source: SceneSource, frames: usize) {
     assert_none_hidden(&world, &trials);
 }
 
-/// A culler that leaves out frames where culling does not pay notices another view: along a walk it reports
-/// little more than frame by frame without what it remembers.
+/// A culler that skips frames in which culling does not pay must notice a changed view: along a walk it
+/// reports little more than a culler that is reset in each frame.
 #[test]
 fn a_walk_hides_nearly_what_its_frames_hide_alone() {
     let world = World::new(built_in("plpcity").unwrap(), (640, 360), Some(240)).unwrap();

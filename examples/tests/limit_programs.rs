@@ -1,5 +1,5 @@
-//! The box limit and the cost over the ideal, as `walkthrough` and `tradeoff` have them, on a wall before a
-//! plate.
+//! Tests of the box limit and the cost over the ideal, as `walkthrough` and `tradeoff` print them, on a wall
+//! in front of a plate.
 
 use crate::bake_program::{WHOLE, folder, names, run, text, write_wall};
 use std::fs;
@@ -9,7 +9,8 @@ use visibility_examples::walkthrough::judge::over_ideal;
 use visibility_examples::walkthrough::{World, judge};
 use visibility_examples::{CameraKey, load};
 
-/// Writes the wall and the plate with a camera before the wall, as a scene of a name that no file can have.
+/// Writes a scene with the wall, the plate and a camera in front of the wall. The scene's name is not a valid
+/// file name.
 fn write_scene(folder: &Path) {
     write_wall(&folder.join("wall.vscn"), WHOLE);
     let cameras = r#"{"name": "a/b", "up_axis": "z", "near": 0.05, "cameras": [{"name": "w", "fov_y_deg": 60,
@@ -37,7 +38,7 @@ fn glass_hides_no_box_from_the_limit() {
 fn the_cost_over_the_ideal_counts_culling_and_what_is_drawn() {
     assert_eq!(over_ideal(4.0, [10.0, 2000.0], [3.0, 1000.0]), 4.0, "four times as long as the ideal");
     assert_eq!(over_ideal(0.0, [3.0, 1000.0], [3.0, 1000.0]), 1.0, "the ideal itself");
-    // Nothing is visible: the ideal counts as 1 us.
+    // If nothing is visible, the ideal counts as 1 us.
     assert_eq!(over_ideal(2.0, [5.0, 0.0], [0.0, 0.0]), 7.0, "a frame in which nothing is visible");
 }
 
@@ -54,7 +55,7 @@ fn walkthrough_says_limit_and_cost_over_the_ideal() {
         said.contains("1.0 objects visible by 2 triangles; box limit 1.0 objects; ideal 1.0 us"),
         "{said}"
     );
-    // The time of the frustum over 4 times itself.
+    // The frustum's own ratio is its time over 4 times its time: 0.25.
     assert!(said.contains(" 0.25 ") && said.contains(" frustum: 0 objects were met and hidden\n"), "{said}");
     let line: serde_json::Value =
         serde_json::from_str(&fs::read_to_string(folder.join("out.json")).unwrap()).unwrap();
@@ -63,7 +64,7 @@ fn walkthrough_says_limit_and_cost_over_the_ideal() {
         (Some(2.0), Some(1.0)),
         "mean visible triangles and box limit"
     );
-    // Two objects of two triangles each are drawn for one, and culling takes some time.
+    // Two objects of two triangles each are drawn, and only one is visible. Culling takes additional time.
     assert!(line["over_ideal"].as_f64().unwrap() > 2.004 / 1.002, "{line}");
 }
 

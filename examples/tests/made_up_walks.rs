@@ -1,4 +1,4 @@
-//! Walks that are made up for scenes without cameras: where a person can stand, and through doors.
+//! Tests of walks made up for scenes without cameras: they lead where a person can stand, and through doors.
 
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_examples::{CameraKey, Cameras, Reading, SceneSource, SourceObject, Walk};
@@ -16,9 +16,9 @@ fn scene(objects: Vec<(&str, Vec<[Vec3; 3]>)>) -> SceneSource {
     SceneSource { objects, ..SceneSource::new("test", Vec3::Z, 1.0) }
 }
 
-/// A house of two rooms of 5 by 5 m with a doorway of 1 m between them, under a flat roof, with walls of
-/// 30 cm, and with a leaf of the given name in the doorway. A window without glass, from 1 m up, is in the
-/// outer wall, and a terrace is outside of it.
+/// Makes a house of two rooms of 5 by 5 m, with a flat roof and walls of 30 cm. A doorway of 1 m joins the
+/// rooms, with a door leaf of the given name. The outer wall has a window from 1 m up without glass, and a
+/// terrace is outside of it.
 fn house(leaf: &str) -> SceneSource {
     scene(vec![
         ("floor", cuboid([-5.3, -0.3, -0.3], [5.3, 5.3, 0.0])),
@@ -35,7 +35,7 @@ fn house(leaf: &str) -> SceneSource {
     ])
 }
 
-/// Returns whether the segment between two points crosses a triangle, by the volumes of tetrahedra.
+/// Returns whether the segment between two points crosses a triangle, by the signs of tetrahedra volumes.
 fn crosses(from: DVec3, to: DVec3, triangle: [DVec3; 3]) -> bool {
     let volume = |a: DVec3, b: DVec3, c: DVec3, d: DVec3| (b - a).cross(c - a).dot(d - a);
     let [a, b, c] = triangle;
@@ -72,7 +72,7 @@ fn a_walk_leads_through_a_door_and_no_wall() {
         }
         assert!(pair[0].distance(pair[1]) <= 2.5 + 1e-9, "{} and {} are too far apart", pair[0], pair[1]);
     }
-    // Eyes keep a distance from walls, too.
+    // Eyes also keep a distance from walls.
     let walls = [-5.0, 5.0];
     assert!(
         eyes.iter().all(|eye| walls.iter().all(|wall| (eye.x - wall).abs() >= 0.25)),
@@ -85,7 +85,7 @@ fn what_is_no_door_closes_a_room() {
     for name in ["plank", "door mat"] {
         let mut closed = house(name);
         if name == "door mat" {
-            // By its shape it is no door.
+            // A shape that is not a door's.
             closed.objects[10].triangles = cuboid([-0.5, 1.9, 0.0], [0.5, 3.1, 2.1]).into();
         }
         let (closed, names) = made(closed);
@@ -95,7 +95,7 @@ fn what_is_no_door_closes_a_room() {
             assert!(sides.iter().all(|&side| side == sides[0]), "{name}: {sides:?}");
         }
     }
-    // A leaf that moves is not there.
+    // A leaf that moves is ignored, so the doorway is open.
     let mut moving = house("plank");
     moving.objects[10].motion = Some(Box::new((Vec3::ZERO, Vec3::ONE)));
     assert_eq!(made(moving).1, ["indoors"], "a wall that moves closes no room");
@@ -105,19 +105,19 @@ fn what_is_no_door_closes_a_room() {
 fn a_house_with_an_open_door_is_walked_inside_and_outside() {
     let mut house = house("Door");
     house.objects.push(SourceObject::new("ground", cuboid([-40.0, -40.0, -0.5], [40.0, 40.0, -0.1])));
-    // The way out is a gap of 1.2 m in the east wall, below eaves all around.
+    // The exit is a gap of 1.2 m in the east wall, under eaves all around the house.
     house.objects[1].triangles = cuboid([-6.2, -1.2, 2.5], [6.2, 6.2, 2.8]).into();
     house.objects[5].triangles = cuboid([5.0, 1.2, 0.0], [5.3, 5.0, 2.5]).into();
     let (walked, names) = made(house.clone());
     assert_eq!(names, ["indoors", "outdoors"], "names of walks");
     let is_inside = |eye: &DVec3| eye.x.abs() < 5.0 && (0.0..5.0).contains(&eye.y);
     assert!(eyes(&walked.walks[0]).iter().all(is_inside), "{:?}", eyes(&walked.walks[0]));
-    // A roof on two walls is no room.
+    // A roof on only two walls makes no room.
     house.objects.drain(2..6);
     assert_eq!(made(house).1, ["outdoors"], "names of walks of a house without outer walls");
 }
 
-/// Blocks of 10 by 10 by 8 m, closed, 6 m apart.
+/// Closed blocks of 10 by 10 by 8 m, 6 m apart, on the ground.
 fn town() -> Vec<(&'static str, Vec<[Vec3; 3]>)> {
     let at = |i: i32| (i as f32) * 16.0;
     let blocks = (0..9).map(|i| {
@@ -129,14 +129,14 @@ fn town() -> Vec<(&'static str, Vec<[Vec3; 3]>)> {
 
 #[test]
 fn streets_are_walked_and_roofs_are_not() {
-    // A file may leave out the ground.
+    // The same scene with level ground, to compare with a file without ground.
     let with_ground = || {
         let mut all = town();
         all.push(("ground", cuboid([-20.0, -20.0, 99.0], [60.0, 60.0, 100.0])));
         all
     };
     for objects in [town(), with_ground()] {
-        // Blocks are solid: nobody is to walk inside.
+        // Blocks are solid, so no walk leads inside.
         let mut town = scene(objects);
         town.objects.iter_mut().for_each(|object| object.one_sided = true);
         let (town, names) = made(town);
@@ -234,7 +234,7 @@ fn walks_that_are_saved_are_those_that_are_read() {
         (first.near - second.near).abs() < 1e-6 && second.notes.is_empty(),
         "the near plane is saved, and there are no notes"
     );
-    // Cameras of the scene stay.
+    // Cameras that the scene has are kept.
     let walks = second.walks.clone();
     Cameras::default().give_whole(&mut second, &reading).unwrap();
     assert!(second.walks == walks && second.notes.is_empty(), "cameras of the scene stay");

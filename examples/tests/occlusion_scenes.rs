@@ -31,7 +31,7 @@ fn trial<H: BoxHierarchy + Send + Sync + 'static>(
 /// Culls a scene in nine frames with several prices over two hierarchies. Fails if a visible object is
 /// hidden.
 fn check(source: SceneSource) {
-    // Few frames, since the maps of all trials are filled anew in each frame.
+    // There are only few frames, since each trial fills its map anew in each frame.
     let world = World::new(source, JUDGE, Some(9)).unwrap();
     let made = world.scene.ids().filter(|&id| world.scene.has_mesh(id)).count();
     let octree = || Octree::new(&world.scene, 7);

@@ -1,5 +1,5 @@
-//! Test that pins the answers of every culler at every setting of its dial on every built-in scene to a
-//! table: refactoring must not change an answer. `PINNED_ANSWERS=write cargo test -p visibility-examples
+//! Test that the answers of every culler at each setting on every built-in scene equal a stored table:
+//! refactoring must not change an answer. `PINNED_ANSWERS=write cargo test -p visibility-examples
 //! pinned_answers` rewrites the table.
 
 use std::fmt::Write;

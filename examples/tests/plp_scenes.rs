@@ -1,5 +1,5 @@
 //! Tests of prioritized-layered projection on every scene: the conservative form hides no object that an item
-//! buffer of 2560 x 1440 sees, and the plain form repeats the result of its paper in small.
+//! buffer of 2560 x 1440 sees, and the approximate form reproduces the result of its paper on a small scale.
 
 use crate::shared_scenes::scene;
 use std::sync::Arc;

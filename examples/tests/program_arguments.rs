@@ -1,8 +1,8 @@
-//! Programs as they are called: readers that leave, and numbers that no program can keep or draw.
+//! Tests of command-line programs: a closed output pipe, and numbers too large to store or draw.
 
 use std::process::{Command, Output, Stdio};
 
-/// Runs a program whose standard output nobody reads, and returns what it wrote to standard error.
+/// Runs a program with its standard output closed, and returns what it wrote to standard error.
 fn without_reader(program: &str, arguments: &str) -> Output {
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);
@@ -44,7 +44,7 @@ fn numbers_beyond_what_can_be_kept_or_drawn_are_refused() {
 fn cameras_are_in_the_unit_of_the_scene() {
     let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("cameras_in_mm");
     std::fs::create_dir_all(&folder).unwrap();
-    // A triangle 2 m before the camera, and one 3 m behind it, in millimetres.
+    // Coordinates in millimetres: a triangle 2 m in front of the camera, and one 3 m behind it.
     let triangle = |z: f32| [[-500.0, -500.0, z], [500.0, -500.0, z], [0.0, 500.0, z]];
     let points = [triangle(0.0), triangle(5000.0)];
     let bytes: Vec<u8> = points.as_flattened().as_flattened().iter().flat_map(|x| x.to_le_bytes()).collect();

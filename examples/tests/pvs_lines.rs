@@ -1,6 +1,5 @@
-//! Tests of cell-to-cell visibility with lines: no line through portals connects two cells that are called
-//! hidden from each other, on random maps and along lines planted through chains of portals with minimal
-//! clearance.
+//! Tests of cell-to-cell visibility with lines: no line through portals connects two cells that count as
+//! hidden from each other. The lines are random, or planted through chains of portals with minimal clearance.
 //!
 //! `cargo test --release pvs_lines -- --ignored` repeats the tests on the maps in `../shared/portals`
 //! (or in the directory in the environment variable `VISIBILITY_MAPS`), with the number of lines in
@@ -187,7 +186,7 @@ fn stored_sets_say_what_the_matrix_says() {
     }
 }
 
-/// Pinned counts of visible pairs, so that a change of the answers is noticed.
+/// The numbers of visible pairs are pinned, so that a change of the answers is noticed.
 #[test]
 fn the_answers_are_what_they_were() {
     let counts = [0, 1, 2, 3].map(|seed| visible(&rooms(8, 2, seed)).count());

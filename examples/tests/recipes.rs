@@ -50,7 +50,7 @@ fn larger_sizes_have_their_counts() {
 
 #[test]
 fn every_size_that_is_refused_is_refused_before_it_is_made() {
-    // The estimates by which sizes are refused must not be below the actual number of triangles.
+    // The estimates that limit sizes must not be below the actual number of triangles.
     for (spec, at_most) in [
         ("plpcity:4,1", 4 * 58_056),
         ("london:9,9", 81 * 250),
@@ -155,9 +155,9 @@ fn office_cells_and_portals_are_the_stored_ones() {
     }
 }
 
-/// Returns the greatest distance of the walk's eyes from those of the stored walk, and the third greatest
-/// distance of the targets, in metres. Two targets are ignored because, where a route turns back, a hair
-/// decides whether the camera looks along the route or straight on.
+/// Returns two distances in metres: the greatest between the walk's eyes and those of the stored walk, and
+/// the third greatest between the targets. Two targets are ignored because, where a route turns back,
+/// rounding decides whether the camera looks along the route or straight on.
 fn distance(walk: &Walk, stored: &Walk) -> (f64, f64) {
     let distances = |pick: fn(&visibility_examples::CameraKey) -> DVec3| {
         let pairs = walk.keys.iter().zip(&stored.keys);

@@ -1,5 +1,5 @@
-//! Tests of the exact answer and the frustum culler on the reference scenes, where these lie beside the
-//! checkout.
+//! Tests of the exact answer and the frustum culler on the reference scenes. They run if the scenes are found
+//! beside the checkout.
 
 use crate::shared_scenes::{scene, stored};
 use visibility_examples::description::Description;
@@ -16,7 +16,7 @@ fn description(name: &str) -> Description {
 fn check(mut source: SceneSource, description: &Description) {
     source.walks = description.walks.clone();
     source.near = description.near.unwrap_or(source.near);
-    // The stored counts are of pictures in which glass is opaque.
+    // The stored counts were made with opaque glass.
     source.objects.iter_mut().for_each(|object| object.see_through = false);
     let walks = source.walks.clone();
     for (walk, reference) in walks.into_iter().zip(&description.reference) {
@@ -39,8 +39,7 @@ fn check(mut source: SceneSource, description: &Description) {
         assert_eq!(world.views.len() as f64, frames, "{name}, {walk}: every key is a frame");
         assert!((judgement.mean_exact() / expected - 1.0).abs() <= 0.02, "{name}, {walk}");
         assert_eq!(judgement.verdicts[0].false_hidden, 0, "{name}, {walk}");
-        // The stored counts are of triangles in the frustum, from keys before they were rounded to
-        // millimetres.
+        // The stored counts are of triangles in the frustum, with keys not yet rounded to millimetres.
         assert!(trials[0].mean_visible() >= 0.99 * in_frustum, "{name}, {walk}: less than the frustum holds");
     }
     assert!(!description.reference.is_empty(), "{}: there is something to compare with", source.name);

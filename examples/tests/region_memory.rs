@@ -1,4 +1,5 @@
-//! Memory of one more worker: a clone of a culler for viewcells beside the scene and what clones share.
+//! Test of the memory of an additional worker: a clone of a culler for viewcells, without the scene and the
+//! data that clones share.
 
 use visibility_core::{RegionCuller, VisibleSet};
 use visibility_examples::built_in;

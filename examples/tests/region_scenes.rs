@@ -1,5 +1,5 @@
-//! Trials of the methods for viewcells on whole scenes: no object that a guided ray or an item buffer sees
-//! from a viewcell is hidden by a conservative method.
+//! Tests of the methods for viewcells on whole scenes: a conservative method hides no object that a guided
+//! ray or an item buffer sees from the viewcell.
 //!
 //! `cargo test --release region_scenes -- --ignored` makes 100,000 trials over all scenes, the stored
 //! ones too if they are there.
@@ -14,22 +14,22 @@ use visibility_examples::region::output::Judged;
 use visibility_examples::region::{cells, methods, trial, world};
 use visibility_examples::{SceneSource, SourceObject, built_in};
 
-/// Conservative methods.
+/// Entries of the conservative methods.
 const METHODS: &str = "sweep,convex,volume,shrink:2";
 
 /// Sizes of viewcells: a step, a room, and a street corner.
 const SIZES: [[f64; 3]; 3] = [[0.5, 0.5, 1.0], [4.0, 4.0, 2.0], [20.0, 20.0, 3.0]];
 
-/// Stored scenes.
+/// Names of stored scenes.
 const STORED: &[&str] = &["denhaag", "oa_dm2", "alpine1", "clinic"];
 
 #[derive(Default, Debug)]
 struct Verdict {
-    /// Sampled objects, summed over viewcells and methods.
+    /// Number of sampled objects, summed over viewcells and methods.
     trials: usize,
-    /// Objects hidden, summed over viewcells and methods.
+    /// Number of hidden objects, summed over viewcells and methods.
     hidden: usize,
-    /// Objects hidden although a sample sees them.
+    /// Number of objects that a sample sees and a method hides.
     lost: usize,
 }
 
@@ -69,8 +69,8 @@ fn nothing_sampled_is_hidden() {
     assert!(verdict.trials > 2000 && verdict.hidden > 2000, "{verdict:?}");
 }
 
-/// Tests what the judge says of an object behind a wall with a crack: nothing if the crack is closed,
-/// "narrow" if only lines near the wall pass, "false hidden" if a method with a clearance should have found
+/// The judge's verdict on an object behind a wall with a crack: none if the crack is closed, "narrow" if all
+/// lines through it come too near to the wall, "false hidden" if a method with a clearance should have found
 /// one.
 #[test]
 fn what_is_left_out_is_false_hidden_narrow_or_sampled_by_rounding_alone() {
@@ -105,7 +105,8 @@ fn what_is_left_out_is_false_hidden_narrow_or_sampled_by_rounding_alone() {
         (left_out, decided.false_hidden, decided.narrow)
     };
     let none = Vec::new();
-    // A crack of .03 mm: within six times the clearance of .1 mm, and not within that of a clearance of 0.
+    // A crack of 0.03 mm is narrower than six times a clearance of 0.1 mm. A method with clearance 0 must see
+    // through it.
     assert_eq!(
         found(3e-5, "exact", None),
         (vec![2], none.clone(), vec![2]),
@@ -116,14 +117,14 @@ fn what_is_left_out_is_false_hidden_narrow_or_sampled_by_rounding_alone() {
         (none.clone(), none.clone(), none.clone()),
         "a crack of .03 mm, without a clearance"
     );
-    // A crack of 3 mm passes lines of sight that `exact` finds, and few rays do not.
+    // The method `exact` finds lines of sight through a crack of 3 mm, and a few rays do not.
     assert_eq!(found(3e-3, "exact", None), (none.clone(), none.clone(), none.clone()), "a crack of 3 mm");
     assert_eq!(
         found(3e-3, "rays:1", None),
         (vec![1, 2], vec![1, 2], none.clone()),
         "a crack of 3 mm, by few rays"
     );
-    // A line that a method took for one of sight, and that a closed wall blocks.
+    // A line that a method reports as a line of sight, although a closed wall blocks it.
     let through = [DVec3::ZERO, DVec3::new(8.0, 0.1, 0.1)];
     assert_eq!(
         found(0.0, "exact", Some(through)),
@@ -138,7 +139,7 @@ fn what_is_left_out_is_false_hidden_narrow_or_sampled_by_rounding_alone() {
     );
 }
 
-/// Tests that a method with a bound on its time ends, and reports what it has not decided.
+/// A method with a time limit ends, and reports undecided objects as visible.
 #[test]
 fn a_method_that_is_stopped_reports_what_is_open() {
     let world = world(built_in("town:2").unwrap());

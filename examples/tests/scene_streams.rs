@@ -1,4 +1,4 @@
-//! Scenes object by object: the same as whole, with little in memory.
+//! Tests of scenes passed on object by object: equal to whole scenes, with little in memory.
 
 use glam::Vec3;
 use std::path::Path;
@@ -6,8 +6,7 @@ use visibility_examples::source::{Bounds, SourceObject};
 use visibility_examples::{Reading, SceneSource, open, open_by_object, vscn};
 use visibility_testing::allocations::{LIVE, PEAK};
 
-/// Writes a scene as a VSCN file with names and glass, and an object with coordinates that are not finite.
-/// Returns its path.
+/// Writes a VSCN file with names, glass, and an object with non-finite coordinates. Returns its path.
 fn file() -> String {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("streamed.vscn");
     let triangle = [Vec3::X, Vec3::Y, Vec3::new(7.0, f32::INFINITY, f32::NEG_INFINITY)];

@@ -40,7 +40,7 @@ static MEMORY: PeakAlloc = PeakAlloc;
 /// Maximum memory of a test in megabytes. More would be absurd for these small scenes, whatever the setting.
 const MOST_MEGABYTES: f32 = 1500.0;
 
-/// Counts to try, among them those whose product with a small size overflows.
+/// Counts to try. Some are chosen so that their product with a small size overflows.
 const COUNTS: [usize; 9] =
     [0, 1, 2, 1 << 31, u32::MAX as usize, 1 << 62, 1 << 63, 1_537_228_672_809_129_302, usize::MAX];
 /// Values to try as lengths, shares and tolerances: zeros, denormals, negative, huge and NaN.
@@ -155,7 +155,7 @@ fn object_space() {
         let frusta = ShadowFrusta::new(&empty, Occluders::new(&empty), regions, 8);
         show("regions of nothing", &world, ShadowFrustaCuller::new(frusta.into()));
     }
-    // More regions than can exist, in a scene of one box because each region takes time.
+    // The number of regions is above the limit. The scene has only one box because each region takes time.
     let mut small = Scene::new();
     small.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
     assert!(
@@ -187,7 +187,7 @@ fn plans() {
         culler.cull(&world.scene, &cell, &mut VisibleSet::new());
         assert!(culler.occluders().len() <= count, "{count}: virtual occluders");
         check_memory("virtual occluders");
-        // Along one side only: in a cube of viewpoints the greatest number takes minutes.
+        // Viewpoints along one axis only, since in a cube of viewpoints the greatest number takes minutes.
         let line = Viewcell::from_box(cell.min, cell.min + DVec3::X);
         let mut culler = ShrunkCuller::new(HzbCuller::new(Hzb::new(64, 64).unwrap()), count);
         culler.cull(&world.scene, &line, &mut VisibleSet::new());

@@ -1,4 +1,5 @@
-//! Tests that the stored scenes load with the right facts, where the scenes lie beside the checkout.
+//! Tests that the stored scenes load with the expected facts. They run if the scenes are found beside the
+//! checkout.
 
 use crate::shared_scenes::{scene, stored};
 use glam::{DVec3, Vec3};

@@ -1,6 +1,5 @@
-//! Surfaces of glTF files as a renderer draws them: what is seen through glass is seen, and what is behind
-//! the back of a one-sided face too. Every culler and every method from a region follows, and so does the
-//! judge.
+//! Tests of glTF surfaces as a renderer draws them: objects behind glass are visible, and objects behind the
+//! back of a one-sided face too. Every culler, every method for viewcells and the judge must agree.
 
 use clap::Parser;
 use serde_json::{Value, json};
@@ -16,8 +15,8 @@ use visibility_examples::walk::{CameraKey, Walk};
 use visibility_examples::walkthrough::{World, cullers, judge, run};
 use visibility_examples::{Hint, SceneSource, load_as, pvs};
 
-/// Returns a document with a wall of `material` before a box, from z = 2 on. The wall turns its front to the
-/// camera at z = 2 + 3, or its back.
+/// Returns a document with a wall of `material` in front of a box that starts at z = 2. Seen from the camera,
+/// the wall shows its front or, if `is_turned`, its back.
 fn document(material: Value, is_turned: bool) -> Value {
     let wall = [[-2.0, -2.0, 2.0], [2.0, -2.0, 2.0], [2.0, 2.0, 2.0], [-2.0, 2.0, 2.0f32]];
     let corner = |i: usize| [i & 1, i >> 1 & 1, i >> 2].map(|bit| bit as f32 - 0.5);
@@ -81,7 +80,7 @@ fn glass(extension: &str, key: &str, factor: f64) -> Value {
     json!({"doubleSided": true, "extensions": {extension: {key: factor}}})
 }
 
-/// What is see-through, with its material.
+/// Returns all kinds of see-through material, each with a description.
 fn all_glass() -> [(&'static str, Value); 7] {
     [
         ("thin", glass("ADOBE_materials_thin_transparency", "transmissionFactor", 0.3)),
@@ -119,7 +118,7 @@ fn materials_say_what_is_see_through_and_what_is_one_sided() {
         (false, true, true),
         "a blended material that is said to be one-sided"
     );
-    // Without a material, the default material is one-sided.
+    // A primitive without a material gets the default material, which is one-sided.
     let source = read(json!({"alphaMode": "MASK"}), false);
     assert!(
         source.objects[1].one_sided && source.objects[1].opaque,
@@ -132,7 +131,7 @@ fn materials_say_what_is_see_through_and_what_is_one_sided() {
         "triangles that are opaque, see-through and one-sided"
     );
     assert_eq!(surfaces.to_string(), "12 opaque, 2 see-through, 14 one-sided", "the text of these counts");
-    // A hint that it occludes means that it is opaque; one that it is a detail does not mean that it is not.
+    // The hint `occluder` makes an object opaque, and the hint `detail` leaves an opaque object opaque.
     let mut hinted = source;
     hinted.objects[0].take(Hint::Occluder);
     hinted.objects[1].take(Hint::Detail);
@@ -144,7 +143,8 @@ fn materials_say_what_is_see_through_and_what_is_one_sided() {
     );
 }
 
-/// Returns whether the wall of a document hides, is see-through and one-sided, with the notes of the scene.
+/// Returns three flags of a document's wall (occludes, is see-through, is one-sided), and the notes of the
+/// scene.
 fn wall(document: &Value) -> ((bool, bool, bool), Vec<String>) {
     let source = parse(document.to_string().as_bytes(), Path::new("wall.gltf")).expect("a good file");
     let wall = &source.objects[0];
@@ -182,7 +182,7 @@ fn a_wall_of_several_materials_hides_only_what_it_hides_in_all() {
     for (materials, expected) in [
         ([&one_sided, &one_sided], (true, false, true)),
         ([&two_sided, &two_sided], (true, false, false)),
-        // Seen from behind in one, and seen through from behind in the other.
+        // The back is visible with one material, and seen through with the other.
         ([&one_sided, &two_sided], (false, true, false)),
         ([&two_sided, &one_sided], (false, true, false)),
         ([&one_sided, &glass], (false, true, true)),
@@ -216,8 +216,8 @@ fn all_programs_can_be_told_that_both_sides_are_drawn() {
     );
 }
 
-/// Culls the scene with all cullers and asserts that those that promise so hide nothing visible. Returns for
-/// `hzb` the objects reported in both frames, and the objects visible in both frames.
+/// Culls the scene with all cullers, and asserts that conservative ones hide nothing visible. Returns the
+/// objects that `hzb` reports in either frame, and the objects visible in either frame.
 fn walk(source: SceneSource, what: &str) -> (Vec<u32>, Vec<u32>) {
     let mut world = World::new(source, (160, 90), None).unwrap();
     world.makes_cells = true;
@@ -251,7 +251,7 @@ fn what_is_seen_through_glass_is_seen_and_the_glass_too() {
         (vec![0], vec![0]),
         "an opaque wall hides the box"
     );
-    // What hides the box behind glass is charged with it.
+    // A culler that hides a box behind glass is charged with an error.
     let source = read(json!({"alphaMode": "BLEND"}), false);
     let world = World::new(source, (160, 90), None).unwrap();
     let (name, pipeline) = cullers::parse("plp:15%", &world).unwrap().remove(0);
@@ -313,7 +313,7 @@ fn methods_from_a_region_look_through_glass_and_backs() {
 
 #[test]
 fn cells_are_not_walled_by_backs() {
-    // The space around a box, from which lines of sight pass the box if it is inside out.
+    // Viewcells around a box. Lines of sight from there pass through the box if it is inside out.
     for is_inside_out in [false, true] {
         let mut source = read(json!({}), false);
         source.objects.remove(0);

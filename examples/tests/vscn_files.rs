@@ -67,7 +67,7 @@ fn lying_headers_are_explained() {
         (with(4, u32::MAX), "byte 4: 4294967295 objects are claimed"),
         (with(4, 2), "byte 88: 40 bytes follow the last object"),
         (with(8, u32::MAX), "byte 8: object 0 claims 4294967295"),
-        // 36 times this count wraps to 8 in 32 bits.
+        // 36 times this count wraps around to 8 in 32 bits.
         (with(8, 0x71C7_1C72), "byte 8: object 0 claims 1908874354"),
         (longer, "byte 128: 1 bytes follow"),
     ];
@@ -143,7 +143,7 @@ fn files_are_read_object_by_object_and_damaged_ones_refused_as_bytes_are() {
             }
             (found, expected) => panic!("{found:?} where {expected:?} was expected"),
         }
-        // Objects before the damage are passed on.
+        // Objects before the damage are still passed on.
         let before = if bytes.len() < 84 || bytes[4] == 9 { 0 } else { 3 };
         assert!(
             passed == [2, 0, 1][..before] || bytes.len() < 128 && passed == [2, 0][..passed.len()],
@@ -156,7 +156,7 @@ fn files_are_read_object_by_object_and_damaged_ones_refused_as_bytes_are() {
     assert!(matches!(error, SourceError::Io { .. }), "{error}");
 }
 
-/// A disk that fails.
+/// Reader that fails like a broken disk.
 struct Failing;
 
 impl std::io::Read for Failing {

@@ -1,5 +1,5 @@
-//! Fuzz target: arbitrary bytes as a baked set or as a shard, and real ones that were changed before
-//! compression, with repaired checksums, are refused with a reason, or can be used to the last row.
+//! Fuzz target: arbitrary bytes as a baked set or as a shard, and valid ones with changed content and
+//! repaired checksums. They must be refused with an error, or be readable to the last row.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -12,7 +12,7 @@ use visibility_core::pvs::{Prefetch, PvsCuller, Viewcell, ViewcellId, Viewcells}
 use visibility_core::{Aabb, Pipeline, Pose, Scene, View, VisibleSet};
 use visibility_fuzz::mend;
 
-/// A scene of ten boxes, and a set and a shard for three viewcells: the header and the content of each.
+/// Scene of ten boxes, with a set and a shard for three viewcells, each as header and uncompressed content.
 struct Real {
     scene: Scene,
     files: [(Vec<u8>, Vec<u8>); 2],
@@ -50,7 +50,7 @@ fuzz_target!(|bytes: &[u8]| {
             None => forged.resize(usize::from(change[2]) * 4, change[3]),
         }
     }
-    // A set holds rows with a header of their own.
+    // The content of a set contains rows that have a header of their own.
     if let Some(start) = forged.windows(8).position(|window| window == b"VISI-PVS") {
         mend(&mut forged[start..]);
     }
@@ -60,7 +60,7 @@ fuzz_target!(|bytes: &[u8]| {
     ask(&file);
 });
 
-/// Reads bytes as a set and as a shard, and uses what is accepted.
+/// Reads bytes as a set and as a shard, and queries what is accepted.
 fn ask(bytes: &[u8]) {
     let scene = &real().scene;
     if let Ok(set) = BakedSet::from_bytes(bytes) {
@@ -79,7 +79,7 @@ fn ask(bytes: &[u8]) {
     }
     if let Ok(shard) = Shard::from_bytes(bytes) {
         assert_eq!(Shard::from_bytes(&shard.to_bytes()).as_ref(), Ok(&shard), "a shard's own bytes");
-        // Refused or taken, but without a panic.
+        // The shards may be refused or accepted, but must not cause a panic.
         let _ = assemble(3, [shard.clone(), shard]);
     }
 }

@@ -1,5 +1,5 @@
-//! Fuzz target: an interrupted bake with arbitrary changes and a repaired checksum is refused with a reason,
-//! or resumes and runs to its end.
+//! Fuzz target: the state of an interrupted bake with arbitrary changes and a repaired checksum. It must be
+//! refused with an error, or resume and run to its end.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,5 +1,5 @@
 //! Fuzz target: arbitrary bytes as a scene with cameras, culled by one of all cullers. No culler may panic,
-//! and a culler that promises to hide no visible object hides nothing that an exact ray sees.
+//! and a conservative culler must hide nothing that an exact ray sees.
 #![no_main]
 
 #[path = "../../examples/tests/extremes/oracle.rs"]
@@ -51,12 +51,12 @@ fuzz_target!(|bytes: &[u8]| {
     }
 });
 
-/// Tests whether the near plane is in front of the eye, which a view requires of its matrix.
+/// Tests whether the near plane is in front of the eye, as the contract of a view requires.
 fn is_of_a_camera(view: &View) -> bool {
     let clip = view.clip_from(view.origin());
     let near: DVec4 =
         cameras::clip_planes(view.depth())[4].iter().map(|&(row, sign)| clip.row(row) * sign).sum();
-    // A near plane without a direction leaves nothing or everything in view.
+    // A near plane with a zero normal puts everything or nothing in view.
     if near.truncate().abs().max_element() == 0.0 {
         return false;
     }

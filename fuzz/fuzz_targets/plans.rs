@@ -1,15 +1,17 @@
-//! Fuzz target: arbitrary numbers as walls and eyes of a plan, and as discs and eyes among them. Lines of
-//! sight are symmetric, and the discs kept as an eye moves are those seen from scratch.
+//! Fuzz target: arbitrary numbers as walls and eyes of a plan, and as discs and eyes among them. Visibility
+//! must be symmetric, and the visible discs updated along a moving eye must equal those computed from
+//! scratch.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
 use visibility_2d::cdt::{Plan, PlanView, RegionVisibility, Visibility, Wall};
 use visibility_2d::discs::{Disc, DiscView, DiscZone, Discs, KineticZone};
 
-/// Most numbers that are read. More only takes time.
+/// Maximum number of numbers read. More would only take time.
 const MOST_NUMBERS: usize = 400;
 
-/// Reads numbers: eighths from -16 to 15.75, so that many coincide, or eight bytes of arbitrary bits.
+/// Reads numbers. Some are multiples of 1/8 from -16 to 15.75, so that many coincide; others are eight bytes
+/// of arbitrary bits.
 fn numbers(mut bytes: &[u8]) -> Vec<f64> {
     let mut numbers = Vec::new();
     while let (Some((&first, rest)), true) = (bytes.split_first(), numbers.len() < MOST_NUMBERS) {
@@ -33,7 +35,7 @@ fuzz_target!(|bytes: &[u8]| {
     if which % 2 == 0 { walls(&eyes, rest) } else { discs(&eyes, rest) }
 });
 
-/// Looks at walls of four numbers each.
+/// Makes a plan of walls, four numbers each, and looks from the eyes.
 fn walls(eyes: &[[f64; 2]], numbers: &[f64]) {
     let walls: Vec<Wall> =
         numbers.chunks_exact(4).map(|wall| Wall::new([wall[0], wall[1]], [wall[2], wall[3]])).collect();
@@ -49,14 +51,14 @@ fn walls(eyes: &[[f64; 2]], numbers: &[f64]) {
     let _ = plan.look_from_region(&eyes[..3], &mut region);
 }
 
-/// Looks at discs of three numbers each, along the eyes.
+/// Makes discs, three numbers each, and moves an eye along `eyes` among them.
 fn discs(eyes: &[[f64; 2]], numbers: &[f64]) {
     let discs: Vec<Disc> =
         numbers.chunks_exact(3).map(|disc| Disc { center: [disc[0], disc[1]], radius: disc[2] }).collect();
     let Ok(made) = Discs::new(&discs) else { return };
     let (mut zone, mut seen, mut kept) = (DiscZone::new(), Vec::new(), KineticZone::new(&made, 1.0));
     for pair in eyes.windows(2) {
-        // Small steps between two eyes, so that classes are kept.
+        // Small steps between two eyes, so that the culler can reuse its state.
         for step in 0..16 {
             let eye = [0, 1].map(|k| pair[0][k] + (pair[1][k] - pair[0][k]) * f64::from(step) / 64.0);
             zone.look(&made, &DiscView::new(eye), &mut seen);

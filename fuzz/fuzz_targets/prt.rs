@@ -1,5 +1,5 @@
-//! Fuzz target: arbitrary text as a map of cells and portals is refused with the line, or baked to a
-//! symmetric matrix.
+//! Fuzz target: arbitrary text as a map of cells and portals. It must be refused with the number of the line,
+//! or be baked to a symmetric matrix.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

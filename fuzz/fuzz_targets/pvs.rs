@@ -1,5 +1,5 @@
-//! Fuzz target: arbitrary bytes as a baked potentially visible set are refused with a reason, or readable to
-//! the last row.
+//! Fuzz target: arbitrary bytes as a baked potentially visible set. They must be refused with an error, or be
+//! readable to the last row.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,6 +1,5 @@
 //! Fuzz target: arbitrary bytes as a scene with a viewcell, for one of all methods for viewcells. No method
-//! may panic, and a method that promises to hide no visible object hides nothing that an exact ray from the
-//! viewcell sees.
+//! may panic, and a conservative method must hide nothing that an exact ray from the viewcell sees.
 #![no_main]
 
 #[path = "../../examples/tests/extremes/oracle.rs"]
@@ -16,7 +15,7 @@ use visibility_examples::region::{trial, world};
 use visibility_fuzz::Bytes;
 use visibility_testing::Random;
 
-/// Reads a point.
+/// Reads the coordinates of a point. `None` at the end of the bytes.
 fn point(bytes: &mut Bytes<'_>) -> Option<DVec3> {
     bytes.numbers().map(|numbers| DVec3::from_array(numbers.map(f64::from)))
 }

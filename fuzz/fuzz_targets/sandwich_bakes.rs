@@ -1,5 +1,5 @@
-//! Fuzz target: the state of an interrupted bake of sandwiches, or its cache, with arbitrary changes and a
-//! repaired checksum, is refused with a reason, or a bake takes it and runs to its end.
+//! Fuzz target: the state of an interrupted bake, or its cache, with arbitrary changes and a repaired
+//! checksum. It must be refused with an error, or a bake must accept it and run to its end.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -12,11 +12,12 @@ use visibility_core::pvs::{Viewcell, Viewcells};
 use visibility_core::{Aabb, Object, OccluderMesh, Scene};
 use visibility_fuzz::{change, mend};
 
-/// A level with viewcells, and what bakes of it have stored.
+/// Level with viewcells, and the valid files that bakes of it have stored.
 struct Real {
     level: Arc<TiledScene<'static>>,
     viewcells: Viewcells,
-    /// States of interrupted bakes: with some viewcells swept, with all swept, and with rays from some.
+    /// States of three interrupted bakes: with some viewcells swept, with all swept, and with rays cast from
+    /// some.
     states: [Vec<u8>; 3],
     cache: Vec<u8>,
 }
@@ -59,7 +60,7 @@ fn insert(scene: &mut Scene, min: [f32; 3], max: [f32; 3], occluder: bool) {
     scene.set_triangles(id, sides).expect("triangles of a new object");
 }
 
-/// A wall, with boxes before and behind it: a level of one tile.
+/// Makes a level of one tile: a wall with boxes on both sides.
 fn one_tile() -> Real {
     let mut scene = Scene::new();
     insert(&mut scene, [-3.0, 5.0, 0.0], [6.0, 5.5, 3.0], true);
@@ -71,8 +72,8 @@ fn one_tile() -> Real {
     Real::new(scene, &[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]])
 }
 
-/// Two courts with high walls and a few boxes, and behind the walls points with so many triangles that the
-/// level is divided into tiles.
+/// Makes a level of several tiles: two courts with high walls and a few boxes, and behind the walls points
+/// with enough triangles to force a division into tiles.
 fn many_tiles() -> Real {
     let mut scene = Scene::new();
     for x in [-1.0, 20.0, 41.0] {
@@ -101,7 +102,7 @@ fuzz_target!(|bytes: &[u8]| {
     change(&mut forged, changes);
     mend(&mut forged);
     let bake = if state.is_some() {
-        // Every other bake that goes on has the results of an earlier one.
+        // Every other resumed bake also gets the cache of an earlier bake.
         let cache =
             if kind / 4 % 2 == 0 { BakeCache::default() } else { cache(&real.cache).expect("own bytes") };
         let Ok(bake) = Bake::resume(real.baker().with_cache(cache), &forged) else { return };

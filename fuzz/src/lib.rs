@@ -19,9 +19,9 @@ pub fn mend(bytes: &mut [u8]) {
     bytes[32..40].copy_from_slice(&sum.to_le_bytes());
 }
 
-/// Changes bytes as a list of changes says, each of 8 bytes. The first chooses among: other bytes in one
-/// place, one other byte, a part copied to another place, a part left out, and the end cut off. Two bytes are
-/// the offset, which is taken modulo the length.
+/// Applies a list of changes of 8 bytes each to `bytes`. The first byte of a change chooses its kind:
+/// overwrite several bytes, overwrite one byte, copy a part to another place, remove a part, or cut off the
+/// end. Two bytes are the offset, taken modulo the length.
 pub fn change(bytes: &mut Vec<u8>, changes: &[u8]) {
     for change in changes.as_chunks::<8>().0 {
         let &[what, low, high, a, b, c, d, length] = change;
@@ -48,7 +48,7 @@ pub fn change(bytes: &mut Vec<u8>, changes: &[u8]) {
 pub struct Bytes<'a>(&'a [u8]);
 
 impl<'a> Bytes<'a> {
-    /// Reads from the first byte on.
+    /// Creates a reader at the first byte.
     pub fn new(bytes: &'a [u8]) -> Self {
         Self(bytes)
     }
@@ -65,8 +65,8 @@ impl<'a> Bytes<'a> {
         Some(first)
     }
 
-    /// Reads a number of arbitrary bits, or (for most first bytes) a small number, so that some scenes have
-    /// objects in view. `None` at the end.
+    /// Reads a number: for most first bytes a small number, so that some scenes have objects in view,
+    /// otherwise arbitrary bits. `None` at the end.
     pub fn number(&mut self) -> Option<f32> {
         Some(match self.byte()? {
             0 => f32::from_le_bytes([self.byte()?, self.byte()?, self.byte()?, self.byte()?]),
@@ -83,8 +83,8 @@ impl<'a> Bytes<'a> {
         Some(numbers)
     }
 
-    /// Reads triangles of nine numbers up to the end, as a scene of objects. A byte that is a multiple of 4
-    /// before a triangle begins another object.
+    /// Reads triangles of nine numbers each until the bytes end, as a scene of objects. A byte before a
+    /// triangle starts a new object if it is a multiple of 4.
     pub fn scene(&mut self) -> SceneSource {
         let (mut objects, mut triangles) = (Vec::new(), Vec::new());
         while let Some(triangle) = self.numbers::<9>() {

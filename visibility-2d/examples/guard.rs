@@ -5,7 +5,7 @@
 use visibility_2d::cdt::{Opacity, Plan, PlanError, PlanView, Visibility, Wall};
 
 fn main() -> Result<(), PlanError> {
-    // An outer wall, a keep in it, and a gate in the outer wall.
+    // The walls of the castle: an outer wall, a keep inside, and a gate in the outer wall.
     let square = |low: f64, high: f64| {
         let corners = [[low, low], [high, low], [high, high], [low, high]];
         (0..4).map(move |i| Wall::new(corners[i], corners[(i + 1) % 4]))

@@ -1,4 +1,4 @@
-//! A street of houses with towers behind: what a person sees of the town, by the horizon.
+//! Houses and towers that a person in the street sees, found by a horizon culler.
 //!
 //! `cargo run -p visibility-2d --example horizon`
 
@@ -23,11 +23,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         scene.insert(Aabb::new(lamp, lamp + Vec3::new(0.2, 0.2, 4.0)));
     }
 
-    // Once, and `sync` when occluders change.
+    // Made once. Call `sync` when occluders change.
     let occluders = HorizonOccluders::new(&scene, UpAxis::Z);
     let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(HorizonCuller::new(occluders.into()));
 
-    // Each frame: from the street, along it and across it.
+    // One view along the street, and one across.
     let eye = DVec3::new(200.0, 295.0, 1.7);
     let mut visible = VisibleSet::new();
     for target in [DVec3::X, DVec3::new(1.0, 1.0, 0.2), DVec3::new(0.2, 1.0, 0.3)] {

@@ -1,9 +1,11 @@
-//! Directions on the plan as numbers, without angles: the point of the unit diamond `|x| + |y| = 1` in the
-//! direction, measured along it. Grows counter-clockwise from 0 to 4 as the angle does.
+//! Directions on the plan as numbers instead of angles. The number of a direction is the length along the
+//! unit diamond `|x| + |y| = 1` from (1, 0) to the diamond's point in this direction, with sides of length 1.
+//! It grows counter-clockwise from 0 to 4, as the angle does.
 //!
 //! # Rounding
-//! With `u = 2^-53`: the sum rounds once, the quotient once, and adding a whole number once: at most `4u` of
-//! the result's largest value 4, so two directions are told apart if they differ by more than `2^-49`.
+//! With `u = 2^-53`: the sum, the quotient and the addition of a whole number round once each, by at most
+//! `4u` of the result's largest value 4. So two directions are distinguished if they differ by more than
+//! `2^-49`.
 
 /// Returns the direction number of a vector other than zero, from 0 to 4: 0 for +x, 1 for +y, 2 for -x, 3 for
 /// -y.
@@ -14,28 +16,30 @@ pub(crate) fn diamond(x: f64, y: f64) -> f64 {
 }
 
 /// Returns the direction numbers of the first and the last direction, counter-clockwise, in which a disc is
-/// seen whose centre is at `(x, y)` relative to the eye, and a bound on the error of both. `power` is `x^2 +
-/// y^2 - r^2` and must be positive.
+/// seen, and a bound on the error of both. The disc's centre is at `(x, y)` relative to the eye. `power` is
+/// `x^2 + y^2 - r^2` and must be positive.
 #[inline]
 pub(crate) fn disc_span(x: f64, y: f64, radius: f64, power: f64) -> (f64, f64, f64) {
-    // A tangent from the eye is of the length `t`, the root of the power. It meets the circle at right
-    // angles, so its direction is that of the centre turned by the angle whose sine is `r / d` and cosine
-    // `t / d`.
+    // A tangent from the eye has length `t`, the root of the power, and is perpendicular to the radius at the
+    // point of contact. So its direction is that of the centre rotated by the angle with sine `r / d` and
+    // cosine `t / d`, where `d` is the distance of the centre.
     let t = visibility_core::geometry::sqrt(power);
     let first = diamond(x * t + y * radius, y * t - x * radius);
     let last = diamond(x * t - y * radius, y * t + x * radius);
-    // The power is rounded by 4u of `d^2 + r^2 <= 2 d^2`, so `t` is off by `4u d^2 / t`, the angle by that
-    // over `d`, or `4u d / t <= 4u d^2 / t^2`; in numbers of the diamond, whose sides run at most at the rate
-    // sqrt(2). Other roundings are below `16u`.
+    // The power has an error of `4u (d^2 + r^2) <= 8u d^2`, so `t` is off by `4u d^2 / t`, and the angle by
+    // at most `4u d / t <= 4u d^2 / t^2`. Direction numbers change by at most sqrt(2) times as much. Other
+    // roundings are below `16u`.
     let squared = x * x + y * y;
     (first, last, 8.0 * f64::EPSILON + 4.0 * f64::EPSILON * (squared / power))
 }
 
 /// Returns the direction numbers of the first and the last direction, counter-clockwise, in which a rectangle
-/// is seen, given by its least and greatest coordinates relative to the eye. `None` if the eye is in it.
+/// is seen. The rectangle is given by its least and greatest coordinates relative to the eye. `None` if the
+/// eye is inside.
 #[inline]
 pub(crate) fn rectangle_span(x0: f64, y0: f64, x1: f64, y1: f64) -> Option<(f64, f64)> {
-    // The corners that bound the rectangle, counter-clockwise, by the side that the eye is on.
+    // The two corners where the tangents from the eye touch the rectangle, counter-clockwise, chosen by the
+    // side of the rectangle that the eye is on.
     let (first, last) = if x0 > 0.0 {
         ([if y0 > 0.0 { x1 } else { x0 }, y0], [if y1 < 0.0 { x1 } else { x0 }, y1])
     } else if x1 < 0.0 {

@@ -1,14 +1,15 @@
-//! Computes visibility on a plan: from walls, houses, hills and trees that stand on a ground.
+//! Visibility on a plan: among walls, houses, hills and trees that stand on a ground.
 //!
-//! Much of what engines cull stands on a ground, and on a plan visibility is exact, cheap and of use by
+//! Many objects that engines cull stand on a ground. On its plan, visibility is exact, cheap and useful by
 //! itself: fog of war, guards, robots, perception, servers that decide who may see whom.
 //!
 //! - [`cdt`]: exact visibility among walls, which are segments, by a triangulation.
 //! - [`discs`]: exact visibility among round obstacles, such as the trunks of a forest.
-//! - `view_cdt` (feature `papers`, see `docs/papers.md` in the repository): culls in space behind outlines of
-//!   occluders in a triangulation of the image.
-//! - [`horizon`]: culls what is below the skyline of houses and crowns that stand on the ground.
-//! - [`virtual_occluders`]: a few upright rectangles that stand for all that houses hide from a viewcell.
+//! - `view_cdt` (feature `papers`, see `docs/papers.md` in the repository): culls objects behind occluders
+//!   whose outlines are in a triangulation of the image.
+//! - [`horizon`]: culls objects below the skyline of houses and tree crowns.
+//! - [`virtual_occluders`]: a few upright rectangles that stand for the occlusion of all houses around a
+//!   viewcell.
 #![no_std]
 #![warn(missing_debug_implementations)]
 #![forbid(unsafe_code)]

@@ -1,14 +1,14 @@
-//! Order of points on the plan in which successive points are near one another, for trees over them.
+//! Order of points on the plan in which neighbours in the order are close in space, for building trees.
 
-/// Greatest number of points of a leaf.
+/// Maximum number of points in a leaf.
 pub(crate) const LEAF: usize = 16;
 
-/// Puts centres, with their indices, into the order of the leaves. A range is halved at the median of the
-/// longer axis of its bounds until it is a leaf. A centre far away from the others costs one leaf, and makes
-/// no other node wide. The left half is a power of two leaves, so that inner nodes are ranges too.
+/// Sorts centres, with their indices, into the order of the leaves. A range is halved at the median of the
+/// longer axis of its bounds until it is a leaf. A centre far away from the others widens only one leaf. The
+/// number of leaves in the left half is a power of two, so that inner nodes are ranges too.
 pub(crate) fn put_in_order(centers: &mut [([f64; 2], u32)]) {
     if centers.len() <= LEAF {
-        // The only order within a leaf that is the same for any way of selecting.
+        // Sorted by index, so that the order within a leaf does not depend on the selection algorithm.
         centers.sort_unstable_by_key(|&(_, index)| index);
         return;
     }

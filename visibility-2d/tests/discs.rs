@@ -1,12 +1,12 @@
-//! Zones among discs against rays: an oracle with arithmetic of its own finds every disc that any ray between
-//! two neighbouring tangents meets first.
+//! Tests of visible discs by rays. An independent oracle finds each disc that a ray between two neighbouring
+//! tangents meets first.
 
 use std::collections::BTreeSet;
 use visibility_2d::discs::{Disc, DiscError, DiscView, DiscZone, Discs, KineticZone};
 use visibility_testing::Random;
 use visibility_testing::allocations::ALLOCATIONS;
 
-/// Returns the first disc that a ray meets and the distance, by trying all.
+/// Returns the first disc that a ray meets and its distance, by testing all discs.
 fn first(discs: &[Disc], eye: [f64; 2], angle: f64) -> Option<(usize, f64)> {
     let (sin, cos) = angle.sin_cos();
     let mut best: Option<(usize, f64)> = None;
@@ -35,7 +35,7 @@ fn oracle(discs: &[Disc], eye: [f64; 2], width: f64) -> BTreeSet<u32> {
             angles.extend([middle - half, middle + half].map(|a| a.rem_euclid(std::f64::consts::TAU)));
         }
     }
-    // Where discs overlap, what is nearer changes where their circles cross too.
+    // If discs overlap, the nearest disc also changes at crossings of their circles.
     for (i, a) in discs.iter().enumerate() {
         for b in &discs[..i] {
             let (dx, dy) = (b.center[0] - a.center[0], b.center[1] - a.center[1]);
@@ -62,7 +62,7 @@ fn oracle(discs: &[Disc], eye: [f64; 2], width: f64) -> BTreeSet<u32> {
     seen
 }
 
-/// Makes discs of random places and sizes; disjoint ones unless `overlapping`.
+/// Makes discs with random positions and sizes, disjoint unless `overlapping`.
 fn forest(random: &mut Random, count: usize, overlapping: bool) -> Vec<Disc> {
     let mut discs: Vec<Disc> = Vec::new();
     let size = (count as f64).sqrt() * [1.2, 3.0, 8.0][random.below(3)];
@@ -91,7 +91,7 @@ fn the_zone_of_disjoint_discs_is_what_rays_meet_first() {
         zone.look(&made, &DiscView::new(eye), &mut seen);
         let zone: BTreeSet<u32> = seen.iter().copied().collect();
         assert_eq!(zone.len(), seen.len(), "each disc once");
-        // A disc around the eye is reported, though no ray meets it from outside.
+        // A disc around the eye is reported, although no ray meets it from outside.
         let around = |i: &u32| {
             let disc = &discs[*i as usize];
             (disc.center[0] - eye[0]).hypot(disc.center[1] - eye[1]) <= disc.radius
@@ -148,8 +148,8 @@ fn a_ball_sees_what_any_of_its_eyes_sees() {
     assert!(hidden > 3_000, "{hidden}");
 }
 
-/// Walks among random discs, by steps of random length. Each frame of the kept zone is the zone from scratch
-/// and holds all discs that the oracle sees.
+/// Walks among random discs in steps of random length. In each frame, the updated zone must equal the zone
+/// computed from scratch, and contain all discs that the oracle sees.
 fn walk(worlds: usize, frames: usize) {
     let mut random = Random(10);
     let (mut zone, mut exact) = (DiscZone::new(), Vec::new());
@@ -165,7 +165,7 @@ fn walk(worlds: usize, frames: usize) {
             turn += random.fine_range(-0.3, 0.3);
             eye = [eye[0] + step * turn.cos(), eye[1] + step * turn.sin()];
             if !(-4.0..18.0).contains(&eye[0]) || !(-4.0..18.0).contains(&eye[1]) {
-                // A jump.
+                // The eye jumps to a random position.
                 eye = [random.fine_range(0.0, 12.0), random.fine_range(0.0, 12.0)];
             }
             let seen = kept.move_to(eye);
@@ -297,13 +297,13 @@ fn odd_input_has_defined_answers() {
     let none = Discs::new(&[]).unwrap();
     zone.look(&none, &DiscView::new([0.0, 0.0]), &mut seen);
     assert!(none.is_empty() && seen.is_empty(), "no discs, none seen");
-    // Coincident, concentric, touching, of radius 0.
+    // Discs that coincide, are concentric, touch, or have radius 0.
     let at = |x: f64, radius: f64| Disc { center: [x, 0.0], radius };
     let odd = [at(5.0, 1.0), at(5.0, 1.0), at(5.0, 0.5), at(7.0, 1.0), at(20.0, 0.0), at(-3.0, 0.0)];
     let discs = Discs::new(&odd).unwrap();
     zone.look(&discs, &DiscView::new([0.0, 0.0]), &mut seen);
     assert!(seen.contains(&0) && seen.contains(&1) && seen.contains(&5), "{seen:?}");
-    // Eyes in a disc, at its centre, on its circle, nowhere.
+    // Eyes inside a disc, at its centre, on its circle, and at a disc of radius 0.
     for eye in [[5.2, 0.0], [5.0, 0.0], [4.0, 0.0], [-3.0, 0.0]] {
         zone.look(&discs, &DiscView::new(eye), &mut seen);
         assert!(!seen.is_empty(), "{eye:?}");
@@ -322,7 +322,7 @@ fn odd_input_has_defined_answers() {
     }
 }
 
-/// Discs in squares of a grid, for rays that walk from square to square.
+/// Grid with a list of discs per square, for rays that walk from square to square.
 struct Grid {
     side: f64,
     count: usize,
@@ -330,7 +330,8 @@ struct Grid {
 }
 
 impl Grid {
-    /// Makes a forest of disjoint discs on a square of `count` times `side` metres, with its grid.
+    /// Makes a forest of disjoint discs, with its grid of `count` by `count` squares with sides of `side`
+    /// metres.
     fn forest(random: &mut Random, discs: usize, radius: f64, count: usize, side: f64) -> (Self, Vec<Disc>) {
         let mut grid = Self { side, count, squares: vec![Vec::new(); count * count] };
         let mut forest: Vec<Disc> = Vec::with_capacity(discs);
@@ -353,12 +354,12 @@ impl Grid {
         (grid, forest)
     }
 
-    /// Returns the first disc that a ray meets, of discs that reach at most `side` beyond their squares.
+    /// Returns the first disc that a ray meets. Discs may reach at most `side` beyond their squares.
     fn first(&self, forest: &[Disc], eye: [f64; 2], angle: f64) -> Option<u32> {
         let (sin, cos) = angle.sin_cos();
         let (mut best, mut distance) = (None, f64::INFINITY);
         let mut at = 0.0;
-        // Squares around points at every half side hold whatever the ray meets up to there.
+        // Squares around points at every half side contain all discs that the ray meets up to there.
         while at < distance + self.side {
             let [x, y] = [eye[0] + cos * at, eye[1] + sin * at].map(|x| (x / self.side).floor());
             let size = self.count as f64;
@@ -388,7 +389,7 @@ impl Grid {
     }
 }
 
-/// Casts rays from eyes and from balls of eyes in a forest. Returns the number of discs hidden.
+/// Casts rays from eyes and from balls of eyes in a forest. Returns the number of hidden discs.
 fn cast(count: usize, squares: usize, radii: &[f64], eyes: usize, rays: usize) {
     for &radius in radii {
         let mut random = Random(9);

@@ -1,4 +1,4 @@
-//! Crowns hide what is behind so many of them, and lower, and nothing else.
+//! Tests of crowns: they hide what is behind the given number of crowns, and lower, and nothing else.
 
 use visibility_2d::horizon::{HorizonCuller, HorizonOccluders, UpAxis};
 use visibility_core::glam::DVec3;
@@ -36,7 +36,7 @@ fn a_hut_behind_enough_trees_is_hidden_and_a_tower_is_not() {
             assert_eq!(culler.accuracy(), Accuracy::Approximate, "crowns are approximate");
             let is_hidden = count >= usize::from(crossings.max(1));
             assert_eq!(visible(&scene, &mut culler, ids), [!is_hidden, true], "{crossings} of {count} trees");
-            // The same again: nothing is left of the frame before.
+            // A second, equal frame: nothing of the first frame remains.
             assert_eq!(
                 visible(&scene, &mut culler, ids),
                 [!is_hidden, true],
@@ -52,7 +52,7 @@ fn without_crowns_trees_hide_nothing() {
     let occluders = HorizonOccluders::new(&scene, UpAxis::Z);
     let mut culler = HorizonCuller::new(occluders.into());
     assert_eq!(visible(&scene, &mut culler, ids), [true, true], "hut and tower without crowns");
-    // Ids of another scene are no crowns of this one.
+    // Ids of another scene's objects are ignored.
     let foreign = scene.clone().ids().collect::<Vec<_>>();
     let mut other = Scene::new();
     let foreign_ids: Vec<_> =

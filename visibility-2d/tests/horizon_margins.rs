@@ -1,5 +1,5 @@
-//! Margins of the horizon: boxes that reach beyond an outline by less than rounding are visible, and boxes
-//! that are clear of it by some roundings are hidden, at all scales. Exact arithmetic judges.
+//! Tests of the horizon's margins: boxes that extend beyond an outline by less than rounding are visible, and
+//! boxes that are inside by a few roundings are hidden, at all scales. Exact arithmetic judges.
 
 use visibility_2d::horizon::{Horizon, UpAxis};
 use visibility_core::glam::{Affine3A, DVec3};
@@ -7,16 +7,16 @@ use visibility_core::occlusion::Occlusion;
 use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View};
 use visibility_testing::{Random, sign_of_sum};
 
-/// A level wall across the x axis, seen from `eye`, and boxes behind.
+/// A level wall across the x axis, seen from `eye`, and boxes behind it.
 struct Case {
     eye: DVec3,
     wall: Aabb,
     horizon: Horizon,
 }
 
-/// Makes a wall of random size at a random scale, whose faces are across the axes.
+/// Makes a wall of random size at a random scale, with faces perpendicular to the axes.
 fn case(random: &mut Random, scale: f32, columns: usize) -> Case {
-    // Not a number of `f32`, so that differences from it round.
+    // The eye is not representable in `f32`, so that differences from it are rounded.
     let exact = random.fine_vector(1.0) * f64::from(scale);
     let eye = exact.as_vec3();
     let x = eye.x + random.fine_range(2.0, 5.0) as f32 * scale;
@@ -41,7 +41,7 @@ fn sign([a, b, c, d, e, f, g, h]: [f64; 8]) -> i32 {
 
 const SCALES: [f32; 7] = [1e-12, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e12];
 
-/// Moves `x` by `steps` steps of `f32`.
+/// Returns `x` moved by `steps` steps of `f32`.
 fn step(mut x: f32, steps: i32) -> f32 {
     for _ in 0..steps.abs() {
         x = if steps > 0 { x.next_up() } else { x.next_down() };
@@ -56,20 +56,21 @@ fn a_box_that_shows_above_a_wall_by_less_than_rounding_is_visible() {
     for round in 0..14_000 {
         let scale = SCALES[round % SCALES.len()];
         let Case { eye, wall, horizon } = case(&mut random, scale, 360);
-        // The silhouette is the near edge if the eye is below the top, else the far one.
+        // The silhouette is the wall's near edge if the eye is below its top, else the far edge.
         let edge = if f64::from(wall.max.z) >= eye.z { wall.min.x } else { wall.max.x };
         let x = wall.max.x + random.fine_range(0.1, 3.0) as f32 * scale;
         let behind = (f64::from(x) - eye.x) / (f64::from(edge) - eye.x);
         let z = step((eye.z + (f64::from(wall.max.z) - eye.z) * behind) as f32, random.between(-3, 3));
         let middle = eye.y as f32;
         let bounds = Aabb::from_arrays([x, middle - 1e-3 * scale, z - 1e-3 * scale], [x, middle, z]);
-        // Above the line from the eye over the edge: (z - eye) (edge - eye) > (top - eye) (x - eye).
+        // The point z at distance x is above the line from the eye over the edge if (z - eye) (edge - eye) >
+        // (top - eye) (x - eye).
         let top = f64::from(wall.max.z);
         let above = sign([z.into(), eye.z, edge.into(), eye.x, top, eye.z, x.into(), eye.x]) > 0;
         let is_hidden = horizon.test(&bounds) == Occlusion::Hidden;
         assert!(!(above && is_hidden), "round {round}: {bounds:?} above {wall:?} from {eye}");
         close += u32::from(above);
-        // A box that is clearly lower is hidden.
+        // A box that is clearly below the line is hidden.
         let clear = 1e-5 * (f64::from(x) - eye.x) as f32 + 64.0 * f32::EPSILON * scale;
         let lower =
             Aabb::from_arrays([x, middle - 1e-3 * scale, z - clear - 1e-3 * scale], [x, middle, z - clear]);
@@ -84,7 +85,7 @@ fn a_box_that_shows_beside_a_wall_by_less_than_rounding_is_visible() {
     let [mut close, mut hidden] = [0; 2];
     for round in 0..14_000 {
         let scale = SCALES[round % SCALES.len()];
-        // The wall ends next to the side of a column.
+        // A wall that ends next to the boundary of a column.
         let columns = 360;
         let Case { eye, mut wall, .. } = case(&mut random, scale, columns);
         let column = random.between(5, 30);
@@ -105,7 +106,8 @@ fn a_box_that_shows_beside_a_wall_by_less_than_rounding_is_visible() {
         let is_hidden = horizon.test(&bounds(y)) == Occlusion::Hidden;
         assert!(!(beside && is_hidden), "round {round}: {:?} beside {wall:?} from {eye}", bounds(y));
         close += u32::from(beside);
-        // More than a column inside it is hidden, if the wall reaches that low in the picture.
+        // A box more than a column inside the wall's end is hidden, if the wall reaches low enough in the
+        // picture.
         let inner = y - (2.0 / 180.0) * (f64::from(x) - eye.x) as f32;
         hidden += u32::from(horizon.test(&bounds(inner)) == Occlusion::Hidden);
     }

@@ -1,5 +1,5 @@
-//! A box that a horizon hides is met by no unobstructed line of sight: rays to points of hidden boxes, cast
-//! triangle by triangle, which shares nothing with the columns of the picture.
+//! Tests that no unobstructed line of sight meets a box hidden by a horizon: rays are cast to points of
+//! hidden boxes, triangle by triangle, with code independent of the horizon's columns.
 
 use crate::common::{Occluder, is_blocked};
 use visibility_2d::horizon::{Horizon, UpAxis};
@@ -50,8 +50,8 @@ fn prism(random: &mut Random, floor: bool, top: bool) -> Option<OccluderMesh> {
     Some(mesh.with_two_sided(random.below(2) == 0))
 }
 
-/// Makes walls around a yard or along a crooked line, no convex solid: of one height or of several, on the
-/// ground or raised, and some with a gap, a triangle turned around, or a corner moved so that panels lean.
+/// Makes walls around a yard or along a crooked line, not convex: of one height or of several, on the ground
+/// or raised, and some with a gap, a reversed triangle, or a corner moved so that panels lean.
 fn walls(random: &mut Random) -> Option<OccluderMesh> {
     let count = 3 + random.below(6);
     let (is_ring, is_even) = (random.below(3) > 0, random.below(2) == 0);
@@ -69,7 +69,7 @@ fn walls(random: &mut Random) -> Option<OccluderMesh> {
         let uneven = [random.fine_range(-6.0, -0.5) as f32, random.fine_range(-0.4, 6.0) as f32];
         let [low, high] = if is_even { even } else { uneven };
         let at = |i: usize, z: f32| Vec3::new(corners[i % count].x, corners[i % count].y, z);
-        // The upper edge slopes in one of four.
+        // In a quarter of the panels, the upper edge slopes.
         let end = if random.below(4) == 0 { high + 0.5 } else { high };
         if random.below(2) == 0 {
             triangles.push([at(i, low), at(i + 1, low), at(i + 1, end)]);
@@ -124,7 +124,7 @@ fn occluder(random: &mut Random) -> Option<Occluder> {
     Some(Occluder { mesh, transform })
 }
 
-/// Returns a box to test: anywhere, or small and just behind an outline of an occluder.
+/// Returns a box to test: at a random place, or small and just behind an outline of an occluder.
 fn target(random: &mut Random, eye: DVec3, occluders: &[Occluder]) -> Aabb {
     if random.below(2) == 0 || occluders.is_empty() {
         let middle = random.vec3(-14.0, 14.0);
@@ -148,7 +148,7 @@ fn run(rounds: usize, seed: u64) -> [u64; 2] {
     let [mut hidden, mut rays] = [0; 2];
     for round in 0..rounds {
         let eye = random.vec3(-6.0, 6.0).as_dvec3() * DVec3::new(1.0, 1.0, 0.5);
-        // Level views, tilted ones, and down from above.
+        // View directions: level, tilted, and steeply down.
         let ahead = DVec3::new(random.unit() - 0.5, random.unit() - 0.5, 0.0);
         let tilt = [0.0, 0.3, -1.0, 1.0][random.below(4)] * random.unit();
         let pose = Pose::look_at(eye, eye + ahead + DVec3::Z * tilt, random.vec3(-1.0, 1.0).as_dvec3());

@@ -1,5 +1,6 @@
-//! Contracts 4 and 5 for the horizon: scenes are swapped, mixed, cloned, reverted and dropped under a live
-//! culler, whose answers are those of one that has seen no other scene; and a warm frame allocates nothing.
+//! Tests that the horizon culler carries nothing over from other scenes, and allocates nothing in a warm
+//! frame. Scenes are swapped, mixed, cloned, reverted and dropped under a live culler, whose answers must
+//! equal those of a culler that has seen no other scene.
 
 use std::sync::Arc;
 use visibility_2d::horizon::{Horizon, HorizonCuller, HorizonOccluders, UpAxis};
@@ -9,7 +10,7 @@ use visibility_testing::Random;
 use visibility_testing::allocations::ALLOCATIONS;
 use visibility_testing::swapped::{Swapped, hold_against_fresh, scene};
 
-/// The culler with occluders of its own.
+/// Culler with occluders prepared once.
 struct Prepared;
 
 impl Swapped for Prepared {
@@ -30,7 +31,7 @@ impl Swapped for Prepared {
     }
 }
 
-/// The culler whose occluders are brought up to date before each frame.
+/// Culler whose occluders are synchronized before each frame.
 struct Synchronised;
 
 impl Swapped for Synchronised {
@@ -56,7 +57,7 @@ impl Swapped for Synchronised {
     }
 }
 
-/// The map under core's driver.
+/// The horizon as an occlusion map in core's driver.
 struct Map;
 
 impl Swapped for Map {
@@ -131,8 +132,8 @@ fn parallel_views_and_blind_frames_hide_nothing() {
     assert_eq!(visible.count(&scene), scene.len(), "objects visible in a parallel view");
 }
 
-/// A wall that has moved since its solids were made hides nothing, neither where it was nor where it is; and
-/// hides again where it is once its solids are made anew.
+/// A wall that has moved since its solids were made hides nothing, neither at its old nor at its new place.
+/// It hides at the new place once its solids are made again.
 #[test]
 fn a_wall_that_moved_hides_nothing_until_it_is_taken_in() {
     use visibility_core::glam::Affine3A;
@@ -180,7 +181,8 @@ fn a_wall_that_moved_hides_nothing_until_it_is_taken_in() {
     );
 }
 
-/// A wall in the plane x = 5, and boxes behind it: the scene and a view from the origin along x.
+/// Makes a wall in the plane x = 5, and boxes behind it. Returns the scene and a view from the origin along
+/// x.
 fn boxes_behind_a_wall(count: usize) -> (Scene, View) {
     use visibility_core::glam::Affine3A;
     use visibility_core::{Aabb, Object, OccluderMesh};
@@ -197,7 +199,7 @@ fn boxes_behind_a_wall(count: usize) -> (Scene, View) {
     (scene, View::perspective(pose, 2.0, 1.5, 0.1, 1e3).unwrap())
 }
 
-/// Siblings that are found hidden one after the other stay hidden, though no stage before has made masks.
+/// Siblings found hidden one after another stay hidden, even if no earlier stage has made masks.
 #[test]
 fn siblings_hidden_one_by_one_stay_hidden_without_a_stage_before() {
     let (scene, view) = boxes_behind_a_wall(50);
@@ -226,7 +228,8 @@ fn occluders_of_another_up_axis_hide_nothing_until_the_next_frame() {
     );
 }
 
-/// Furniture hides next to nothing beside walls, and costs as much.
+/// Small solids are left out where there are large ones: furniture hides next to nothing compared with walls,
+/// and costs as much.
 #[test]
 fn small_solids_beside_large_ones_are_left_out() {
     let mut scene = Scene::new();
@@ -237,12 +240,12 @@ fn small_solids_beside_large_ones_are_left_out() {
         scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
         id
     };
-    // Upright faces of 16 and of 1 m2.
+    // Boxes with upright faces of 16 and of 1 m2.
     let walls = [(); 20].map(|()| insert(4.0));
     let chairs = [(); 60].map(|()| insert(1.0));
     let mut occluders = HorizonOccluders::new(&scene, UpAxis::Z);
     assert_eq!(occluders.solid_count(), walls.len(), "solids taken: the walls");
-    // A chair that moves stays out, one that grows is taken in.
+    // A chair that moves remains too small to be an occluder; a chair that grows becomes one.
     scene.set_bounds(chairs[0], Aabb::from_arrays([5.0; 3], [6.0; 3])).unwrap();
     let grown = Aabb::from_arrays([0.0; 3], [1.5; 3]);
     let wardrobe = scene.add_mesh(OccluderMesh::cuboid(&grown).unwrap());

@@ -1,5 +1,5 @@
-//! Ground as an occluder: what hills hide, what holes, tunnels and missing tiles leave visible, and rays at
-//! what was hidden, cast triangle by triangle.
+//! Tests of ground as an occluder: what hills hide, what holes, tunnels and missing tiles leave visible, and
+//! rays cast at hidden boxes, triangle by triangle.
 
 use crate::common::{faces, is_blocked};
 use visibility_2d::horizon::{HorizonCuller, HorizonOccluders, UpAxis};
@@ -11,7 +11,7 @@ use visibility_testing::Random;
 /// Side of a quadrilateral of the ground, in metres.
 const STEP: f32 = 2.0;
 
-/// Makes ground over `columns` of quadrilaterals and rows from -`rows` to `rows`, two triangles each.
+/// Makes ground with columns `columns` and rows from -`rows` to `rows` of quadrilaterals, two triangles each.
 fn ground(columns: core::ops::Range<i16>, rows: i16, height: impl Fn(f32, f32) -> f32) -> Vec<Triangle> {
     let at = |x: i16, y: i16| {
         let (x, y) = (STEP * f32::from(x), STEP * f32::from(y));
@@ -24,7 +24,7 @@ fn ground(columns: core::ops::Range<i16>, rows: i16, height: impl Fn(f32, f32) -
     columns.flat_map(|x| (-rows..rows).flat_map(move |y| quad(x, y))).collect()
 }
 
-/// A hill across the view, 6 m high at x = 20 m.
+/// Returns the height of a hill across the view, 6 m high at x = 20 m.
 fn hill(x: f32, _: f32) -> f32 {
     (6.0 - 0.6 * (x - 20.0).abs()).max(0.0)
 }
@@ -38,14 +38,14 @@ fn insert(scene: &mut Scene, triangles: &[Triangle], two_sided: bool, transform:
     id
 }
 
-/// Behind the hill and lower, behind it and higher, before it.
+/// Boxes: behind the hill and lower, behind it and higher, in front of it.
 const BOXES: [[[f32; 3]; 2]; 3] = [
     [[36.0, -1.0, 0.1], [38.0, 1.0, 3.0]],
     [[36.0, -1.0, 0.1], [38.0, 1.0, 14.0]],
     [[8.0, -1.0, 0.1], [9.0, 1.0, 1.0]],
 ];
 
-/// Returns which of the boxes an eye sees that looks along x from a height of 1.7 m.
+/// Returns which of the boxes are seen by an eye at a height of 1.7 m that looks along x.
 fn seen(
     tiles: &[Vec<Triangle>],
     two_sided: bool,
@@ -88,7 +88,7 @@ fn a_hill_hides_what_is_behind_and_lower() {
 fn tiles_of_one_ground_hide_together() {
     let tiles = [ground(-5..7, 20, hill), ground(7..9, 20, hill), ground(9..25, 20, hill)];
     assert_eq!(seen(&tiles, false, 0.1, |_| true), HIDDEN, "boxes behind the hill, in three tiles");
-    // Without the tile of the slope, or where an earlier stage took it out, one looks below the crest.
+    // If the tile of the slope is missing, or was removed by an earlier stage, the eye looks below the crest.
     assert_eq!(
         seen(&[tiles[0].clone(), tiles[2].clone()], false, 0.1, |_| true),
         OPEN,
@@ -99,7 +99,7 @@ fn tiles_of_one_ground_hide_together() {
         OPEN,
         "boxes behind the hill, whose slope was taken out"
     );
-    // The slope alone hides what its own picture covers: the box stands higher than its foot.
+    // The slope alone hides its own picture: the box is visible, since it stands above the slope's foot.
     let tiles = [ground(5..9, 20, hill), ground(9..10, 20, hill)];
     assert_eq!(seen(&tiles, false, 0.1, |_| true), OPEN, "from the middle of a slope");
 }
@@ -125,13 +125,13 @@ fn holes_and_turned_triangles_are_open() {
     let mut torn = all.clone();
     torn[hole] = torn[hole].map(|p| if p.z > 3.0 { p - Vec3::Z * 1e-3 } else { p });
     assert_eq!(seen(&[torn], true, 0.1, |_| true), OPEN, "a crack");
-    // A hole far from what hides changes nothing.
+    // A hole far from the hill changes nothing.
     let mut open = all.clone();
     open.remove(at(15.0, 30.5));
     assert_eq!(seen(&[open], true, 0.1, |_| true), HIDDEN, "a hole beside what hides");
 }
 
-/// A mirror image keeps the fronts of its triangles.
+/// A mirroring transform keeps the fronts of triangles.
 #[test]
 fn mirrored_ground_hides_from_its_front() {
     let mirrored = Affine3A::from_mat3(Mat3::from_diagonal(Vec3::new(1.0, -1.0, 1.0)));
@@ -147,7 +147,7 @@ fn mirrored_ground_hides_from_its_front() {
     }
 }
 
-/// What the near plane cuts away shows what is behind.
+/// A hill before the near plane is cut away, so it hides nothing.
 #[test]
 fn a_hill_before_the_near_plane_hides_nothing() {
     let tiles = [ground(-5..25, 20, hill)];
@@ -170,7 +170,7 @@ fn from_below_and_behind_a_change_nothing_is_hidden() {
     };
     assert!(!is_seen(&scene, &occluders, 1.7)[1], "the box behind the hill, from above");
     assert!(is_seen(&scene, &occluders, -2.0)[0], "the box in the cave, from below");
-    // The ground has moved: before the occluders follow, and after.
+    // The ground moves: before and after the occluders are synchronized.
     let (mesh, _) = scene.occluder(tile).unwrap();
     let mesh = mesh.clone();
     scene.set_local_bounds(tile, *mesh.bounds()).unwrap();
@@ -185,7 +185,7 @@ fn from_below_and_behind_a_change_nothing_is_hidden() {
     assert_eq!(is_seen(&scene, &occluders, 1.7), [true; 2], "the ground is 20 m lower");
 }
 
-/// Coordinates and transforms at the ends of `f32`: no panic, and the hill beside them hides as before.
+/// Coordinates and transforms at the limits of `f32`: no panic, and a hill beside them still hides.
 #[test]
 fn hostile_ground_hides_nothing_more() {
     let bad = [f32::NAN, f32::INFINITY, f32::MAX, 1e-44, 1e30, 0.0];
@@ -198,7 +198,7 @@ fn hostile_ground_hides_nothing_more() {
         let bounds = mesh.bounds().transformed(&transform);
         let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
         let mesh = scene.add_mesh(mesh);
-        // A transform that is refused leaves an occluder without a mesh.
+        // If the scene refuses a transform, the object has no mesh.
         let _ = scene.set_mesh(id, mesh, transform);
         let occluders = HorizonOccluders::new(&scene, UpAxis::Z);
         let mut visible = VisibleSet::new();
@@ -223,15 +223,15 @@ fn hostile_ground_hides_nothing_more() {
     }
 }
 
-/// A mesh and its place.
+/// Mesh of a tile with its transform.
 struct Tile {
     triangles: Vec<Triangle>,
     two_sided: bool,
     transform: Affine3A,
 }
 
-/// Makes hilly ground in tiles with some faults: holes, turned triangles, torn corners, tiles that are moved
-/// or turned, a deck above.
+/// Makes hilly ground in tiles with some faults: holes, reversed triangles, torn corners, moved or rotated
+/// tiles, a deck above.
 fn tiles(random: &mut Random) -> Vec<Tile> {
     let waves: [[f32; 4]; 3] = core::array::from_fn(|i| {
         let [a, b] = [random.range(-0.4, 0.4), random.range(-0.4, 0.4)];
@@ -281,7 +281,7 @@ fn tiles(random: &mut Random) -> Vec<Tile> {
         .collect()
 }
 
-/// Returns a box: anywhere, or behind a corner of the ground.
+/// Returns a box to test: at a random place, or behind a corner of the ground.
 fn target(random: &mut Random, eye: DVec3, tiles: &[Tile]) -> Aabb {
     let tile = &tiles[random.below(tiles.len())];
     let corner = tile.triangles[random.below(tile.triangles.len())][random.below(3)];
@@ -309,7 +309,7 @@ fn run(rounds: usize, seed: u64) -> [u64; 2] {
             .map(|_| target(&mut random, eye, &all))
             .map(|bounds| (scene.insert(bounds), bounds))
             .collect();
-        // A tile that an earlier stage has taken out is not drawn, wherever it is.
+        // A tile that an earlier stage has removed is not drawn, so it must not occlude.
         let out = if random.below(4) == 0 { Some(random.below(all.len())) } else { None };
         let drawn = all.iter().enumerate().filter(|(i, _)| Some(*i) != out).map(|(_, tile)| tile);
         let drawn: Vec<_> = drawn
@@ -351,7 +351,7 @@ fn what_the_ground_hides_no_ray_reaches() {
     assert!(hidden > 400 && rays > 5_000, "{hidden} boxes, {rays} rays are no test");
 }
 
-/// `cargo test --release -p visibility-2d horizon_terrain -- --ignored`
+/// Run by: `cargo test --release -p visibility-2d horizon_terrain -- --ignored`
 #[test]
 #[ignore = "long: a million rounds"]
 fn what_the_ground_hides_no_ray_reaches_long() {

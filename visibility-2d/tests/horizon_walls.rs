@@ -1,5 +1,5 @@
-//! Walls of meshes that are no convex solids: what they hide, and what a wall with a gap, a wall above the
-//! ground and a wall that leans leave visible.
+//! Tests of walls in meshes that are not convex: what they hide, and what stays visible through a gap, under
+//! a raised wall, and past a leaning wall.
 
 use visibility_2d::horizon::{Horizon, UpAxis};
 use visibility_core::glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
@@ -7,7 +7,7 @@ use visibility_core::occlusion::Occlusion;
 use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View};
 
 /// Makes panels from corner to corner of a plan, each with its lower and upper height. The front is to the
-/// right of the way.
+/// right of the direction of the corners.
 fn panels(plan: &[[f32; 2]], heights: impl Fn(usize) -> [f32; 2]) -> Vec<[Vec3; 3]> {
     let panel = |(i, ends): (usize, &[[f32; 2]])| {
         let at = |end: usize, height: usize| Vec3::new(ends[end][0], ends[end][1], heights(i)[height]);
@@ -16,11 +16,11 @@ fn panels(plan: &[[f32; 2]], heights: impl Fn(usize) -> [f32; 2]) -> Vec<[Vec3; 
     plan.windows(2).enumerate().flat_map(panel).collect()
 }
 
-/// A crooked wall before the eye, from left to right, whose front is towards the eye. No two neighbouring
-/// panels are in one plane, and no corner is on a side of a column.
+/// Plan of a crooked wall in front of the eye, from left to right, whose front faces the eye. No two
+/// neighbouring panels are coplanar, and no corner is on the boundary of a column.
 const CROOKED: [[f32; 2]; 5] = [[9.0, 7.3], [11.0, 3.1], [8.0, 0.07], [12.0, -3.3], [9.0, -7.1]];
 
-/// A box low behind the middle of the wall, across the picture of its three inner corners.
+/// Low box behind the middle of the wall, which spans the wall's three inner corners in the picture.
 const BEHIND: [[f32; 3]; 2] = [[20.0, -8.0, 0.5], [22.0, 8.0, 1.0]];
 
 /// Returns whether triangles, placed by `transform`, hide a box from an eye at a height of 1.6 m that looks
@@ -46,12 +46,12 @@ fn panels_around_corners_hide_as_one_wall() {
     let wall = panels(&CROOKED, stands);
     assert!(hides(&wall, true, Affine3A::IDENTITY, BEHIND), "the wall, two-sided");
     assert!(hides(&wall, false, Affine3A::IDENTITY, BEHIND), "the wall, from its front");
-    // The part above the wall shows.
+    // A box whose upper part is above the wall is visible.
     assert!(
         !hides(&wall, true, Affine3A::IDENTITY, [[20.0, -8.0, 0.5], [22.0, 8.0, 6.0]]),
         "what stands out above the wall"
     );
-    // Panels of several heights hide what all of them hide.
+    // Panels of different heights hide what is within the common range of heights.
     let uneven = |i: usize| [[-0.5, 0.0, -0.2, 0.1][i], [3.0, 2.5, 4.0, 3.5][i]];
     assert!(hides(&panels(&CROOKED, uneven), true, Affine3A::IDENTITY, BEHIND), "panels of several heights");
     let low = |i: usize| [0.0, [3.0, 1.2, 4.0, 3.5][i]];
@@ -63,7 +63,7 @@ fn a_wall_of_one_side_hides_what_is_behind_its_front() {
     let back: Vec<_> = panels(&CROOKED, stands).iter().map(|[a, b, c]| [*a, *c, *b]).collect();
     assert!(!hides(&back, false, Affine3A::IDENTITY, BEHIND), "the wall from its back");
     assert!(hides(&back, true, Affine3A::IDENTITY, BEHIND), "the wall from its back, two-sided");
-    // A mirror image keeps the fronts of its triangles.
+    // A mirroring transform keeps the fronts of triangles.
     let mirrored = Affine3A::from_mat3(Mat3::from_diagonal(Vec3::new(1.0, -1.0, 1.0)));
     assert!(hides(&panels(&CROOKED, stands), false, mirrored, BEHIND), "a mirrored wall from its front");
     assert!(!hides(&back, false, mirrored, BEHIND), "a mirrored wall from its back");
@@ -84,15 +84,14 @@ fn a_wall_with_a_gap_hides_nothing_behind_the_gap() {
         open.remove(missing);
         assert!(!hides(&open, true, Affine3A::IDENTITY, BEHIND), "without triangle {missing}");
     }
-    // A gap narrower than a column, between two corners.
+    // A wall with a gap narrower than a column, between two corners.
     let mut left = panels(&CROOKED[..3], stands);
     let right = CROOKED.map(|[x, y]| [x, if y == 0.07 { 0.069 } else { y }]);
     left.extend(panels(&right[2..], stands));
     assert!(!hides(&left, true, Affine3A::IDENTITY, BEHIND), "a gap narrower than a column");
 }
 
-/// Lines of sight pass beneath a panel that does not reach the ground, and those of them that meet nothing
-/// else see what is behind.
+/// Lines of sight can pass beneath a raised panel, so a box below stays visible unless other panels hide it.
 #[test]
 fn a_raised_panel_hides_nothing_beneath_it() {
     for raised in 0..4 {
@@ -101,7 +100,7 @@ fn a_raised_panel_hides_nothing_beneath_it() {
         let high = [[20.0, -8.0, 1.7], [22.0, 8.0, 2.0]];
         assert!(hides(&wall, true, Affine3A::IDENTITY, high), "panel {raised}");
     }
-    // The ground falls away behind the wall: its foot is at the level of the street, and the box is lower.
+    // Behind the wall the ground is lower, so the box is below the wall's foot.
     let wall = panels(&CROOKED, stands);
     assert!(
         !hides(&wall, true, Affine3A::IDENTITY, [[20.0, -8.0, -4.0], [22.0, 8.0, -3.5]]),
@@ -114,22 +113,22 @@ fn what_leans_is_no_wall() {
     let wall = panels(&CROOKED, stands);
     let lean = Affine3A::from_quat(Quat::from_rotation_y(1e-3));
     assert!(!hides(&wall, true, lean, BEHIND), "a wall that leans by 1e-3 rad");
-    // Turned about the vertical it stays a wall.
+    // A rotation about the vertical keeps the wall upright.
     let turned = Affine3A::from_rotation_translation(Quat::from_rotation_z(0.05), Vec3::new(0.3, 0.1, 0.0));
     assert!(hides(&wall, true, turned, BEHIND), "a wall turned about the vertical");
-    // A corner that is moved by a millimetre at its top.
+    // A corner moved by a millimetre at its top makes the wall lean.
     let moved: Vec<_> = wall
         .iter()
         .map(|t| t.map(|p| if p.y == 0.07 && p.z == 3.0 { p + Vec3::X * 1e-3 } else { p }))
         .collect();
     assert!(!hides(&moved, true, Affine3A::IDENTITY, BEHIND), "a corner moved by 1 mm");
-    // Two triangles that are folded onto each other cover half of their panel.
+    // Two triangles folded onto each other cover only half of their panel.
     let mut folded = wall.clone();
     folded[3] = [folded[3][0], folded[3][1], Vec3::new(8.0, 0.07, 2.0)];
     assert!(!hides(&folded, true, Affine3A::IDENTITY, BEHIND), "a panel of folded triangles");
 }
 
-/// Coordinates and transforms at the ends of `f32`: no panic, and a wall that is nowhere hides nothing.
+/// Coordinates and transforms at the limits of `f32`: no panic, and an invalid wall hides nothing.
 #[test]
 fn hostile_walls_hide_nothing() {
     let bad = [f32::NAN, f32::INFINITY, f32::MAX, 0.0];
@@ -137,7 +136,7 @@ fn hostile_walls_hide_nothing() {
         for entry in 0..12 {
             let mut columns = Affine3A::IDENTITY.to_cols_array();
             columns[entry] = value;
-            // A scale or a position of zero along one axis may leave a wall that hides.
+            // With a zero scale or position along one axis, the wall may still hide.
             let transform = Affine3A::from_cols_array(&columns);
             let is_hidden = hides(&panels(&CROOKED, stands), true, transform, BEHIND);
             assert!(!is_hidden || value == 0.0, "{value} as entry {entry}");
@@ -149,7 +148,7 @@ fn hostile_walls_hide_nothing() {
             assert!(!hides(&wall, true, Affine3A::IDENTITY, BEHIND), "{scale}");
         }
     }
-    // Hundreds of panels over one point of the plan, all of one height.
+    // Hundreds of panels of equal height that meet at one point of the plan.
     let star: Vec<_> = (0..400)
         .flat_map(|i| {
             let angle = i as f32 * 0.0157;

@@ -1,4 +1,5 @@
-//! Movers on a plan: no pair with a free line is left out, while doors open and close.
+//! Tests of movers on a plan: no pair with a free line of sight is reported hidden, while doors open and
+//! close.
 
 use visibility_2d::cdt::{Opacity, Plan, PlanCells, PlanError, Wall};
 use visibility_core::glam::{DVec2, DVec3};
@@ -8,7 +9,7 @@ use visibility_testing::Random;
 /// Side of the square that the walls are in.
 const SIDE: f64 = 12.0;
 
-/// Walls with a copy of their opacities, at a place and in a size.
+/// Walls with a copy of their opacities, placed and scaled in world space.
 struct World {
     walls: Vec<Wall>,
     at: DVec2,
@@ -20,7 +21,7 @@ impl World {
         let scale = rng.pick(&[1.0, 1.0, 1e-6, 1e5]);
         let at = DVec2::new(rng.range(-1.0, 1.0), rng.range(-1.0, 1.0)) * scale * rng.pick(&[0.0, 1e3, 1e9]);
         let mut world = Self { walls: Vec::new(), at, scale };
-        // Half of the walls on a grid, so that they touch and cross each other, as do movers.
+        // Half of the walls are on a grid, so that walls touch and cross each other, and movers touch walls.
         for i in 0..rng.between(1, 40) {
             let mut end = || DVec2::new(rng.range(0.0, SIDE), rng.range(0.0, SIDE));
             let (mut a, mut b) = (end(), end());
@@ -40,8 +41,8 @@ impl World {
         self.at + point * self.scale
     }
 
-    /// Returns whether each wall lets a segment pass, from the one point to the other, by more than rounding.
-    /// People pass one-way walls either way.
+    /// Returns whether all walls let a segment pass between the two points, by more than rounding. With
+    /// `of_people`, one-way walls can be passed in both directions.
     fn is_free(&self, from: DVec2, to: DVec2, of_people: bool) -> bool {
         let side = |a: DVec2, b: DVec2, c: DVec2| (b - a).perp_dot(c - a);
         let least = 1e-9 * self.scale * self.scale + 1e-15 * self.at.length() * self.scale;
@@ -69,7 +70,7 @@ impl World {
         Reach::new(corner(low, 0.0), corner(low + size, 1.8)).within(0.1, self.scale * rng.range(-1.0, 9.0))
     }
 
-    /// Returns a point that some point of a mover may get to.
+    /// Returns a random point that some point of a mover can reach.
     fn point_of(&self, reach: &Reach, rng: &mut Random) -> DVec2 {
         let (low, high) = (reach.min.truncate(), reach.max.truncate());
         let mut point = low + (high - low) * DVec2::new(rng.unit(), rng.unit()).round();
@@ -84,7 +85,7 @@ impl World {
     }
 }
 
-/// Number of ordered pairs that are hidden, and of free segments found, in some worlds.
+/// Returns the number of hidden ordered pairs, and of free segments found, in some worlds.
 fn search(seed: u64, worlds: usize) -> [usize; 2] {
     let (mut rng, mut hidden, mut free) = (Random(seed), 0, 0);
     for number in 0..worlds {
@@ -140,7 +141,7 @@ fn pairs_with_a_free_line_are_reported_in_many_worlds() {
 
 #[test]
 fn movers_do_not_see_through_a_wall_that_their_reach_sticks_through() {
-    // A wall across the square, closed but for a door.
+    // A wall across the square with a closed door.
     let wall = |a: [f64; 2], b: [f64; 2]| Wall::new(a, b);
     let walls = [
         wall([0.0, 5.0], [8.0, 5.0]),
@@ -159,7 +160,7 @@ fn movers_do_not_see_through_a_wall_that_their_reach_sticks_through() {
     let at = |x: f64, y: f64| {
         Reach::new(DVec3::new(x, 9.0, y), DVec3::new(x + 0.5, 10.0, y + 0.5)).within(0.1, 9.0)
     };
-    // Before the wall, behind it, with the body through it, outside of the plan.
+    // Movers before the wall, behind it, with the body through it, and outside of the plan.
     let movers = [at(1.0, 4.0), at(10.0, 5.3), at(3.0, 4.7), at(-90.0, 4.0)];
     let mut who = WhoSees::new();
     let mut seen = |level: &mut PlanCells| {

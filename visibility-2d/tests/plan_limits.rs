@@ -1,4 +1,5 @@
-//! Range, sector, opacities and walls to see through, against sample points and plain counting of walls.
+//! Tests of range, sector, opacities and walls to see through, against sample points and a simple count of
+//! walls.
 
 use visibility_2d::cdt::{Opacity, Plan, PlanView, RegionVisibility, Visibility, Wall};
 use visibility_testing::Random;
@@ -26,7 +27,7 @@ fn random_plan(random: &mut Random, count: usize) -> Plan {
     Plan::from_walls(&walls, 1.0).unwrap()
 }
 
-/// Returns how many walls stop a line of sight, and the numbers of all that it crosses.
+/// Returns how many walls stop a line of sight, and the numbers of all walls that it crosses.
 fn crossed(plan: &Plan, eye: Point, to: Point) -> (u32, Vec<u32>) {
     let mut all: Vec<_> = (0u32..)
         .zip(plan.walls())
@@ -47,7 +48,7 @@ fn crossed(plan: &Plan, eye: Point, to: Point) -> (u32, Vec<u32>) {
     (stops.count() as u32, all.iter().map(|&(number, _)| number).collect())
 }
 
-/// Returns whether a polygon holds a point, and whether the point is clear of the boundary.
+/// Returns whether a polygon contains a point, and whether the point is clearly off the boundary.
 fn holds(polygon: &[Point], p: Point) -> (bool, bool) {
     let (mut inside, mut clear) = (false, true);
     for (i, &a) in polygon.iter().enumerate() {
@@ -87,7 +88,8 @@ fn polygons_hold_what_is_seen() {
         for _ in 0..60 {
             let p = [0, 1].map(|k| random.fine_range(low[k], high[k]));
             let distance = (p[0] - view.eye[0]).hypot(p[1] - view.eye[1]);
-            // Chords of a 64th of a turn lie within .13 % of the circle.
+            // Chords of a 64th of a turn deviate from the circle by at most 0.13 %, so points near the range
+            // are skipped.
             if distance <= view.range && distance > view.range * 0.998 {
                 continue;
             }
@@ -105,7 +107,7 @@ fn polygons_hold_what_is_seen() {
             }
             assert_eq!(inside, seen, "seed {seed}: {view:?} {p:?}");
             if seen {
-                // All walls that the line passes are seen.
+                // All walls that the line of sight crosses must be seen.
                 assert!(walls.iter().all(|wall| answer.walls().contains(wall)), "seed {seed}: {view:?}");
                 seen_count += 1;
             } else {
@@ -130,7 +132,7 @@ fn one_way_walls_and_doors_are_the_same_for_points_and_regions() {
         let mut random = Random(seed);
         let count = random.below(20);
         let mut plan = random_plan(&mut random, count);
-        // Doors that open and close after the plan was made.
+        // Doors open and close after the plan was made.
         for wall in 0..count as u32 {
             let before = plan.stamp();
             let opacity = random.pick(&[Opacity::Opaque, Opacity::Clear, Opacity::OneWay]);
@@ -180,7 +182,7 @@ fn sectors_share_the_turn() {
         let [low, high] = plan.bounds();
         let eye = [0, 1].map(|k| random.range(low[k], high[k]).round());
         plan.look(&PlanView::new(eye), &mut answer).unwrap();
-        // Points on the grid, so that some directions are opposite or equal.
+        // Points on the grid, so that some sector directions are opposite or equal.
         let points = [0, 1].map(|_| eye.map(|x| x + f64::from(random.between(-2, 2))));
         let [a, b] = points;
         if a == eye
@@ -206,7 +208,7 @@ fn sectors_share_the_turn() {
 
 #[test]
 fn range_decides_by_distance_alone_at_any_magnitude() {
-    // A wall at distance 5 from the eye, its nearest point an end or between the ends.
+    // A wall at distance 5 from the eye. Its nearest point is an end, or between the ends.
     for scale in [1e-15, 1.0, 1e15] {
         for (a, b) in [([3.0, 4.0], [3.0, 9.0]), ([-2.0, 5.0], [7.0, 5.0])] {
             let wall = Wall::new(a.map(|x| x * scale), b.map(|x| x * scale));
@@ -242,8 +244,8 @@ fn warm_queries_allocate_nothing() {
     assert_eq!(ALLOCATIONS.get(), before, "allocations in warm queries");
 }
 
-/// Gaps and overlaps between two walls that products of `f64` cannot tell: neighbouring Fibonacci numbers
-/// make directions whose cross product is 1 or -1, of products near 2^104.
+/// Gaps and overlaps between two walls that `f64` products cannot distinguish: directions are neighbouring
+/// Fibonacci numbers, whose cross product is 1 or -1 while its terms are near 2^104.
 #[test]
 fn gaps_of_the_last_bit_are_told_from_overlaps() {
     let mut fibonacci = vec![1.0f64, 1.0];
@@ -253,7 +255,7 @@ fn gaps_of_the_last_bit_are_told_from_overlaps() {
     let mut answer = Visibility::new();
     let mut seen = 0;
     for i in 40..74 {
-        // The second direction is to the left of the first by 1, or to its right.
+        // The second direction is to the left or to the right of the first, by a cross product of 1.
         let [a, b] = [i, i + 1].map(|k| [fibonacci[k - 1], fibonacci[k]]);
         let is_gap = (a[0] as i128 * b[1] as i128) > (a[1] as i128 * b[0] as i128);
         let size = fibonacci[i + 1];
@@ -261,9 +263,9 @@ fn gaps_of_the_last_bit_are_told_from_overlaps() {
             // One wall to the right of the first direction, one to the left of the second.
             Wall::new(a, [a[0] + size, -size]),
             Wall::new(b, [-size, b[1]]),
-            // Behind the two.
+            // The wall that is visible through the gap.
             Wall::new([0.0, 4.0 * size], [4.0 * size, 4.0 * size]),
-            // Nothing else is seen.
+            // Walls around the eye on the other sides.
             Wall::new([-size, size], [-size, -2.0 * size]),
             Wall::new([-size, -size], [3.0 * size, -size]),
             Wall::new([2.0 * size, -size], [a[0] + size, -size]),
@@ -293,7 +295,7 @@ fn a_wall_that_touches_the_range_is_in_it() {
             !answer.walls().is_empty()
         };
         assert!(sees(5.0 * k), "{k} {m} {n}");
-        // A wall at a small angle to the lines to its ends is decided less sharply.
+        // A wall at a small angle to the lines of sight to its ends has a larger rounding error.
         let unsure = 1e-13 * (1.0 + k.hypot(m) * k.hypot(n) / (k * (m + n)));
         assert!(!sees(5.0 * k * (1.0 - unsure)), "{k} {m} {n}");
     }
@@ -304,14 +306,14 @@ fn rays_name_a_wall_that_stops_them() {
     let wall_of = |walls: &[Wall], through: Point| {
         Plan::new(walls).unwrap().ray([0.0, 0.0], through).unwrap().unwrap().wall
     };
-    // Glass behind the contact of two walls.
+    // Transparent walls behind the point where two walls touch.
     let corner = [
         Wall::new([2.0, 0.0], [3.0, 0.0]).with_opacity(Opacity::Clear),
         Wall::new([2.0, 0.0], [2.0, 1.0]),
         Wall::new([2.0, 0.0], [2.0, -1.0]),
     ];
     assert_eq!(wall_of(&corner, [1.0, 0.0]), Some(1), "the opaque wall at the contact, not the glass behind");
-    // Glass, a one-way wall that lets the ray pass, one that does not, on one segment.
+    // On one segment: a transparent wall, a one-way wall that lets the ray pass, and one that stops it.
     let ends = [[2.0, -1.0], [2.0, 1.0]];
     let one_way = |[a, b]: [Point; 2]| Wall::new(a, b).with_opacity(Opacity::OneWay);
     let stacked = [
@@ -326,7 +328,8 @@ fn rays_name_a_wall_that_stops_them() {
         "of walls on one segment, the first that stops the ray"
     );
     assert_eq!(wall_of(&stacked[..2], [1.0, 0.25]), None, "glass, and a one-way wall that lets the ray pass");
-    // Along a wall on its left, up to a wall to the left; glass and a wall to the right are not in the way.
+    // The ray runs along a wall on its left, up to another wall on the left. Transparent walls and a wall on
+    // the right do not stop it.
     let along = [
         Wall::new([3.0, 0.0], [3.0, -1.0]),
         Wall::new([1.0, 0.0], [3.0, 0.0]),

@@ -1,4 +1,4 @@
-//! Objects on a plan and heights, against plain lines of sight and exact whole numbers.
+//! Tests of objects and heights on a plan, against simple lines of sight and exact integers.
 
 use visibility_2d::cdt::{Opacity, Plan, PlanError, PlanObjects, PlanView, Visibility, Wall};
 use visibility_testing::Random;
@@ -15,7 +15,7 @@ fn random_walls(random: &mut Random, count: usize) -> Vec<Wall> {
         .collect()
 }
 
-/// Makes a point, a segment, a box or a triangle.
+/// Makes the outline of a point, a segment, a box or a triangle.
 fn outline(random: &mut Random) -> Vec<Point> {
     let [x, y] = [0, 1].map(|_| random.fine_range(0.0, 64.0));
     let [w, h] = [0, 1].map(|_| random.fine_range(0.1, 5.0));
@@ -40,7 +40,7 @@ fn objects_seen_are_those_with_a_line_of_sight() {
         for outline in &outlines {
             objects.insert(&plan, outline).unwrap();
         }
-        // Some move, some go.
+        // Some objects move, and some are removed.
         for (object, outlined) in (0u32..).zip(&mut outlines) {
             match random.below(4) {
                 0 => {
@@ -61,7 +61,8 @@ fn objects_seen_are_those_with_a_line_of_sight() {
             for (object, outline) in (0u32..).zip(&outlines) {
                 let seen = answer.objects().contains(&object);
                 let near = |p: Point| (p[0] - eye[0]).hypot(p[1] - eye[1]) < range;
-                // Points of the outline that the eye sees by a line of sight of its own.
+                // Samples points of the outline, and tests whether the eye sees them by separate lines of
+                // sight.
                 let mut by_line = false;
                 for _ in 0..if outline.len() == 1 { 1 } else { 12 } {
                     let shares: Vec<_> = outline.iter().map(|_| random.unit() + 1e-9).collect();
@@ -81,7 +82,7 @@ fn objects_seen_are_those_with_a_line_of_sight() {
         }
     }
     assert!(seen_points[0] > 1000 && seen_points[1] > 1000, "{seen_points:?}");
-    // Few more than samples find.
+    // Only few objects are seen beyond those that samples find.
     assert!(extra * 5 < all, "{extra} of {all} objects seen without a sample");
 }
 
@@ -115,7 +116,7 @@ fn objects_of_another_plan_are_refused() {
     );
     assert_eq!(objects.set(&plan, object, &[]), Err(PlanError::Region), "an object without corners");
     objects.remove(7);
-    // A door does not change the triangles, and a refused place leaves the object where it was.
+    // Opening a door keeps the triangles, and a refused outline leaves the object unchanged.
     plan.set_opacity(0, Opacity::Clear).unwrap();
     plan.look_at(&view, &objects, &mut answer).unwrap();
     assert_eq!(answer.objects(), [object], "the object is where it was");
@@ -123,7 +124,8 @@ fn objects_of_another_plan_are_refused() {
     assert!(answer.objects().is_empty(), "a look without objects lists none");
 }
 
-/// An eye that moves in small steps, jumps, and changes its plan sees what a fresh answer sees.
+/// An eye that moves in small steps, jumps, and changes its plan must see the same as with a new
+/// `Visibility`.
 #[test]
 fn the_place_of_the_last_eye_changes_nothing() {
     let mut random = Random(4);
@@ -146,7 +148,7 @@ fn the_place_of_the_last_eye_changes_nothing() {
     }
 }
 
-/// Returns whether a segment with heights is stopped, `None` if it touches an end of a wall or grazes one.
+/// Returns whether a segment with heights is stopped. `None` if it touches a wall's end or grazes a wall.
 fn stopped([a, b]: [[i64; 3]; 2], walls: &[([[i64; 2]; 2], [i64; 2])]) -> Option<bool> {
     let side =
         |a: [i64; 2], b: [i64; 2], p: [i64; 2]| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
@@ -159,7 +161,7 @@ fn stopped([a, b]: [[i64; 3]; 2], walls: &[([[i64; 2]; 2], [i64; 2])]) -> Option
             return None;
         }
         if (of_c > 0) != (of_d > 0) && (of_p > 0) != (of_q > 0) {
-            // The height a + of_p / (of_p - of_q) (b - a), times the positive denominator.
+            // Height a + of_p / (of_p - of_q) (b - a), multiplied by the positive denominator.
             let whole = (of_p - of_q).abs();
             let height = a[2] * whole + of_p.abs() * (b[2] - a[2]);
             if height == low * whole || height == high * whole {
@@ -214,7 +216,7 @@ fn heights_decide_as_whole_numbers_do() {
             }
             blocked += usize::from(stopped);
             over += usize::from(!stopped && !plan.sees(p, q).unwrap());
-            // What a view with heights leaves out, no line of sight at these heights reaches.
+            // A target that a view with heights does not see is reached by no line of sight at these heights.
             if !stopped {
                 let mut objects = PlanObjects::new(&plan);
                 objects.insert(&plan, &[q]).unwrap();
@@ -235,7 +237,7 @@ fn heights_decide_as_whole_numbers_do() {
     let hidden = answer.area();
     plan.look(&PlanView::new([-1.0, 0.0]).with_heights(0.5, 1.1), &mut answer).unwrap();
     assert!(hidden < answer.area(), "looking up over the wall shows more than {hidden}");
-    // A line of sight exactly along the top passes, a millionth below it does not.
+    // A line of sight exactly along the wall's top passes; a millionth below, it is stopped.
     assert!(plan.sees_at(([-1.0, 0.0], 1.0), ([1.0, 0.0], 1.0)).unwrap(), "a line along the wall's top");
     assert!(plan.sees_at(([-0.1, 0.0], 1.1), ([0.2, 0.0], 0.8)).unwrap(), "touches the top, up to rounding");
     assert!(

@@ -1,5 +1,5 @@
-//! Rays against visibility polygons: each ray ends on the polygon's edge at the nearest wall, and that wall
-//! is seen. The nearest wall is found wall by wall, which shares nothing with a triangulation.
+//! Tests of visibility polygons by rays: each ray leaves the polygon at the nearest wall, and this wall is
+//! seen. The nearest wall is found by testing all walls, without a triangulation.
 
 use visibility_2d::cdt::{Plan, PlanView, Visibility, Wall};
 use visibility_testing::Random;
@@ -14,8 +14,8 @@ fn minus(a: Point, b: Point) -> Point {
     [a[0] - b[0], a[1] - b[1]]
 }
 
-/// Returns where a ray from the origin along `to` meets a segment, in parts of `to`, and how far within the
-/// segment, in parts of its length from the nearer end.
+/// Returns two numbers for a ray from the origin along `to` and a segment that meet: the distance in lengths
+/// of `to`, and the distance from the nearer end of the segment in lengths of the segment.
 fn meet(to: Point, [a, b]: [Point; 2]) -> Option<[f64; 2]> {
     let along = minus(b, a);
     let turn = cross(to, along);
@@ -48,7 +48,7 @@ fn walls(random: &mut Random) -> Vec<[Point; 2]> {
         .collect()
 }
 
-/// Returns the number of rays that were compared, and of those too close to an end of a wall to tell.
+/// Returns the number of compared rays, and of rays too close to a wall end to tell.
 fn run(plans: u64, eyes: usize, rays: usize) -> [u64; 2] {
     let [mut compared, mut unsure] = [0; 2];
     let mut answer = Visibility::new();
@@ -58,7 +58,7 @@ fn run(plans: u64, eyes: usize, rays: usize) -> [u64; 2] {
         let plan = Plan::new(&ends.iter().map(|&[a, b]| Wall::new(a, b)).collect::<Vec<_>>()).unwrap();
         let reach = ends.iter().flatten().flatten().fold(0.0f64, |reach, x| reach.max(x.abs()));
         for _ in 0..eyes {
-            // Inside of the walls' bounds, so that the polygon is all around the eye.
+            // The eye is inside the walls' bounds, so the polygon surrounds it.
             let eye = [0, 1].map(|axis| {
                 let of = || ends.iter().flatten().map(|end| end[axis]);
                 random.range(of().fold(reach, f64::min), of().fold(-reach, f64::max))
@@ -69,12 +69,12 @@ fn run(plans: u64, eyes: usize, rays: usize) -> [u64; 2] {
             for _ in 0..rays {
                 let (sin, cos) = (random.unit() * std::f64::consts::TAU).sin_cos();
                 let to = [cos, sin];
-                // Where the polygon ends: at the side that passes from the right of the ray to its left.
+                // The ray leaves the polygon through the side that runs from its right to its left.
                 let sides = (0..polygon.len()).map(|i| [polygon[i], polygon[(i + 1) % polygon.len()]]);
                 let crossed = sides.filter(|[a, b]| cross(to, *a) <= 0.0 && cross(to, *b) > 0.0);
                 let edge = crossed.filter_map(|side| meet(to, side)).map(|[part, _]| part);
                 let edge = edge.fold(f64::INFINITY, f64::min);
-                // Walls up to a little behind the edge, and none that the ray passes at an end.
+                // Walls up to slightly behind the polygon's edge. Rays that pass a wall end are skipped.
                 let met: Vec<(usize, [f64; 2])> = near
                     .iter()
                     .enumerate()
@@ -97,7 +97,7 @@ fn run(plans: u64, eyes: usize, rays: usize) -> [u64; 2] {
                         "{} but wall {wall} at {part}",
                         place()
                     );
-                    // Walls at the same place on the ray may be named instead.
+                    // If several walls meet the ray at the same point, any of them may be listed as seen.
                     let is_seen = |&(wall, [at, within]): &(usize, [f64; 2])| {
                         within > 0.0
                             && at - part < 1e-7 * (1.0 + part)
@@ -105,7 +105,7 @@ fn run(plans: u64, eyes: usize, rays: usize) -> [u64; 2] {
                     };
                     assert!(met.iter().any(is_seen), "{}: wall {wall} is not seen", place());
                 } else {
-                    // The rectangle around the plan: no wall ends the ray there.
+                    // The ray ends at the rectangle around the plan, so no wall stops it.
                     let at = [eye[0] + edge * to[0], eye[1] + edge * to[1]];
                     let is_outside = [0, 1].iter().any(|&axis| {
                         let of = || ends.iter().flatten().map(|end| end[axis]);
@@ -125,7 +125,7 @@ fn rays_end_where_the_polygon_does() {
     assert!(compared > 40_000 && unsure < compared / 100, "{compared} rays, {unsure} unsure");
 }
 
-/// `cargo test --release -p visibility-2d plan_rays -- --ignored --nocapture`
+/// Run by: `cargo test --release -p visibility-2d plan_rays -- --ignored --nocapture`
 #[test]
 #[ignore = "long: ten million rays"]
 fn ten_million_rays_end_where_the_polygon_does() {

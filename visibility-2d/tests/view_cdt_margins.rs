@@ -1,5 +1,5 @@
-//! Margins of the triangulated image: boxes that touch an occluder, or show beside it by some last bits, are
-//! visible; boxes that are clear of it are hidden; at all scales. No allocation when warm.
+//! Tests of the triangulated image's margins: boxes that touch an occluder, or show beside it by some last
+//! bits, are visible; boxes clearly behind it are hidden; at all scales. A warm map allocates nothing.
 
 use visibility_2d::view_cdt::ViewCdt;
 use visibility_core::glam::{Affine3A, DVec3};
@@ -11,9 +11,9 @@ use visibility_testing::{Random, sign_of_sum};
 
 const SCALES: [f32; 7] = [1e-12, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e12];
 
-/// Makes a map that has a wall across the x axis in view, seen from `eye` in a random direction.
+/// Makes a map with a wall across the x axis, seen from `eye` in a random direction.
 fn seen(random: &mut Random, eye: DVec3, wall: &Aabb, scale: f64) -> ViewCdt {
-    // Straight on, the planes of walls have no slope that could hide their errors.
+    // Half of the views look straight ahead, where the wall's depth has no slope that could hide errors.
     let turn = if random.one_in(2) { DVec3::ZERO } else { random.fine_vector(0.2) };
     let pose = Pose::look_at(eye, eye + DVec3::X + turn, DVec3::Z + turn);
     let near = 1e-3 * scale;
@@ -35,7 +35,7 @@ fn a_box_that_touches_a_wall_is_visible() {
     let mut hidden = 0;
     for round in 0..14_000 {
         let scale = SCALES[round % SCALES.len()];
-        // Not a number of `f32`, so that differences from it round.
+        // The eye is not representable in `f32`, so that differences from it are rounded.
         let eye = random.fine_vector(1.0) * f64::from(scale);
         let [x, y, z] = eye.as_vec3().to_array();
         let front = x + random.fine_range(2.0, 5.0) as f32 * scale;
@@ -85,8 +85,8 @@ fn a_box_that_shows_beside_a_wall_by_less_than_rounding_is_visible() {
             end = end.next_up();
         }
         let bounds = |end: f32| Aabb::from_arrays([far, end - 0.2 * scale, z], [far, end, z + 0.1 * scale]);
-        // Beside the line from the eye over the wall's end: (end - eye) (front - eye) > (side - eye) (far -
-        // eye).
+        // The side is beside the line from the eye past the wall's end if (end - eye) (front - eye) > (side -
+        // eye) (far - eye).
         let [end64, front, side, far] = [end, front, side, far].map(f64::from);
         let products = [
             (end64, front),

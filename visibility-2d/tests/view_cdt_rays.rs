@@ -1,5 +1,5 @@
-//! A box that the triangulated image hides is met by no line of sight: rays to points of hidden boxes, cast
-//! triangle by triangle, which shares nothing with the image.
+//! Tests that no line of sight meets a box hidden by the triangulated image: rays are cast to points of
+//! hidden boxes, triangle by triangle, with code independent of the image.
 
 use crate::common::{Face, Occluder, is_blocked};
 use visibility_2d::view_cdt::ViewCdt;
@@ -9,7 +9,7 @@ use visibility_core::view::{Depth, Window};
 use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View};
 use visibility_testing::Random;
 
-/// Makes a ball whose vertices are moved inwards by up to a share of its radius.
+/// Makes a ball whose vertices are moved inwards by up to the fraction `dent` of its radius.
 fn ball(random: &mut Random, dent: f64) -> Option<OccluderMesh> {
     let (rings, sectors) = (4u32, 6u32);
     let mut positions = vec![Vec3::Z * 1.5, Vec3::Z * -1.5];
@@ -34,7 +34,8 @@ fn ball(random: &mut Random, dent: f64) -> Option<OccluderMesh> {
     OccluderMesh::from_indexed(&positions, &triangles).ok()
 }
 
-/// Makes a sheet of squares, each corner up or down by up to `height`, some squares left out.
+/// Makes a sheet of squares. Each corner is moved up or down by up to `height`, and some squares are left
+/// out.
 fn sheet(random: &mut Random, height: f64) -> Option<OccluderMesh> {
     let cells = 1 + random.below(4) as u32;
     let side = cells + 1;
@@ -88,7 +89,8 @@ fn occluder(random: &mut Random) -> Option<Occluder> {
     Some(Occluder { mesh: mesh.with_two_sided(random.one_in(3)), transform })
 }
 
-/// Returns a box to test: anywhere, or small and just behind an edge of an occluder as seen along `back`.
+/// Returns a box to test: at a random place, or small and just behind an edge of an occluder as seen along
+/// `back`.
 fn target(random: &mut Random, back: impl Fn(DVec3) -> DVec3, faces: &[Face]) -> Aabb {
     if random.one_in(2) || faces.is_empty() {
         let middle = random.vec3(-14.0, 14.0);
@@ -115,7 +117,7 @@ fn random_view(random: &mut Random, pose: Pose) -> View {
         _ => View::perspective(pose, random.fine_range(0.3, 2.2), 1.5, near, f64::INFINITY),
     };
     let view = view.unwrap();
-    // Depth from 0 to 1 instead of reversed, and pictures that are mirrored.
+    // Variants of the view: depth from 0 to 1 instead of reversed, and mirrored pictures.
     let m = view.clip_from(view.origin());
     let [mut x, y, z, w] = [0, 1, 2, 3].map(|i| m.row(i));
     if random.one_in(3) {

@@ -1,6 +1,6 @@
-//! What virtual occluders hide from a viewcell is met by no line of sight from it: lines aimed past corners
-//! of houses and over their roofs, against prisms cut by half-spaces. That shares nothing with chains of
-//! solids.
+//! Tests that no line of sight from a viewcell meets an object hidden by virtual occluders. Lines are aimed
+//! past corners of houses and over their roofs, and tested against prisms by clipping to half-spaces, with
+//! code independent of chains of solids.
 
 use visibility_2d::horizon::UpAxis;
 use visibility_2d::virtual_occluders::{VirtualOccluder, VirtualOccluderCuller};
@@ -18,11 +18,11 @@ struct House {
 }
 
 impl House {
-    /// Returns whether a segment meets the house, or comes as near as `slack`.
+    /// Returns whether a segment meets the house, or comes within `slack` of it.
     fn blocks(&self, from: DVec3, to: DVec3, slack: f64) -> bool {
         let (mut begin, mut end) = (0.0f64, 1.0f64);
         let mut cut = |at_from: f64, at_to: f64| {
-            // Keeps the part where the linear function is at least `-slack`.
+            // Clips the segment to the part where the linear function is at least `-slack`.
             let (a, b) = (at_from + slack, at_to + slack);
             match (a < 0.0, b < 0.0) {
                 (true, true) => end = -1.0,
@@ -59,7 +59,8 @@ impl House {
     }
 }
 
-/// Houses in rows that share corners, beside others anywhere, with coordinates that `f32` holds.
+/// Makes houses in rows that share corners, and others at random places, with coordinates representable in
+/// `f32`.
 fn town(random: &mut Random) -> Vec<House> {
     let fine = |p: DVec2| p.as_vec2().as_dvec2();
     let mut houses = Vec::new();
@@ -103,7 +104,7 @@ fn scene_of(houses: &[House], random: &mut Random) -> Scene {
         let mesh = scene.add_mesh(mesh);
         scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
     }
-    // Things on the ground, slightly under it, in the air.
+    // Objects on the ground, slightly below it, and in the air.
     for _ in 0..150 {
         let at = Vec3::new(
             random.fine_range(-120.0, 120.0) as f32,
@@ -116,7 +117,7 @@ fn scene_of(houses: &[House], random: &mut Random) -> Scene {
     scene
 }
 
-/// Returns a point of the box between two corners, often at one of its sides.
+/// Returns a random point in the box between two corners, often on one of its sides.
 fn point_in(random: &mut Random, min: DVec3, max: DVec3) -> DVec3 {
     let mut part = || [0.0, 1.0, random.fine_unit(), random.fine_unit()][random.below(4)];
     min + (max - min) * DVec3::new(part(), part(), part())
@@ -143,7 +144,7 @@ fn hunt(rounds: u64, first_seed: u64, lines: usize) -> (usize, usize) {
             let (low, high) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
             for _ in 0..lines {
                 let (eye, mut target) = (point_in(&mut random, min, max), point_in(&mut random, low, high));
-                // Past a corner of a house that is on the way: the line is moved aside on the plan.
+                // Aims past a corner of a house in the way, by moving the line sideways on the plan.
                 let house = &houses[random.below(houses.len())];
                 let corner = house.plan[random.below(house.plan.len())];
                 let across = (corner - eye.truncate()).perp().normalize_or_zero();
@@ -192,7 +193,7 @@ fn nothing_hidden_is_met_by_a_line_of_sight_long() {
     println!("{hidden} hidden, {aimed} lines aimed past corners");
 }
 
-/// Returns the objects that a culler leaves.
+/// Returns the objects that a culler leaves visible.
 fn left(scene: &Scene, cell: &Viewcell, culler: &mut VirtualOccluderCuller) -> Vec<ObjectId> {
     let mut visible = VisibleSet::new();
     culler.cull(scene, cell, &mut visible);
@@ -211,7 +212,7 @@ fn insert(scene: &mut Scene, min: [f32; 3], max: [f32; 3]) -> ObjectId {
 #[test]
 fn a_row_of_small_houses_hides_what_none_of_them_hides() {
     let mut scene = Scene::new();
-    // Front and back of successive houses differ.
+    // Houses whose fronts and backs are not aligned with their neighbours'.
     for i in 0..12 {
         let x = -36.0 + 6.0 * i as f32;
         insert(&mut scene, [x, 10.0 - (i % 3) as f32, 0.0], [x + 6.0, 16.0, 8.0]);
@@ -222,7 +223,7 @@ fn a_row_of_small_houses_hides_what_none_of_them_hides() {
     let mut culler = VirtualOccluderCuller::new(UpAxis::Z);
     let seen = left(&scene, &cell, &mut culler);
     assert!(!seen.contains(&behind) && seen.contains(&above), "{seen:?}");
-    // A gap of a millimetre shows what is behind, or may.
+    // A gap of a millimetre may show objects behind.
     let open = insert(&mut scene, [-0.5, 9.0, 0.0], [0.0, 9.5, 0.01]);
     assert!(
         !left(&scene, &cell, &mut culler).contains(&behind),
@@ -239,7 +240,7 @@ fn a_row_of_small_houses_hides_what_none_of_them_hides() {
     assert!(left(&scene, &cell, &mut culler).contains(&behind), "what is behind a gap of 1 mm");
 }
 
-/// Corners that a rotation has rounded may have come apart.
+/// Corners rounded by a rotation may no longer touch.
 #[test]
 fn houses_that_touch_by_rounding_leave_a_gap() {
     for (angle, is_seen) in [(0.0, false), (0.3, true)] {
@@ -322,7 +323,7 @@ fn odd_viewcells_and_settings_are_taken() {
         }
     }
     assert_eq!(left(&scene, &cell(good[1], good[0]), &mut culler).len(), 3, "inverted");
-    // In the wall, around it, on it.
+    // Viewcells inside the wall, around it, and touching it.
     for (min, max) in [([0.0, 10.5, 1.0], [1.0, 10.6, 2.0]), ([-99.0, 0.0, 1.0], [99.0, 12.0, 2.0])] {
         assert_eq!(
             left(&scene, &cell(min.into(), max.into()), &mut culler).len(),
@@ -337,12 +338,12 @@ fn odd_viewcells_and_settings_are_taken() {
     );
     let mut none = VirtualOccluderCuller::new(UpAxis::Z).with_max(0);
     assert_eq!(left(&scene, &cell(good[0], good[1]), &mut none).len(), 3, "no virtual occluders");
-    // An occluder that is no candidate hides nothing; neither does one that was removed.
+    // An occluder that is not a candidate hides nothing; neither does a removed one.
     scene.remove(wall).unwrap();
     assert_eq!(left(&scene, &cell(good[0], good[1]), &mut culler).len(), 2, "the wall was removed");
 }
 
-/// A culler that has seen other scenes, other states and other viewcells answers like a fresh one.
+/// A culler that has seen other scenes, states and viewcells gives the same answers as a new one.
 #[test]
 fn nothing_is_kept_from_other_scenes_and_viewcells() {
     let mut random = Random(5);

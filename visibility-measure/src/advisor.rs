@@ -1,7 +1,7 @@
-//! Choice of a culler for a scene by measurement: the advisor samples what a few views show, then measures
-//! each candidate's time and its remaining objects.
+//! Choice of a culler for a scene by measurement: the advisor samples the visible objects of a few views,
+//! then measures each candidate's time and reported objects.
 //!
-//! Culling time saves drawing time. Both are added, with the drawing cost of the engine at hand
+//! Culling takes time and saves drawing time. Both times are added, with the engine's drawing cost
 //! ([`DrawCost`]). A candidate is rejected if it hides a visible object, or if its accuracy does not promise
 //! that it never does.
 
@@ -61,7 +61,7 @@ pub struct SceneFacts {
     pub visible_triangles: f64,
     /// Mean number of objects that a culler must report if it tests only their boxes, against the triangles
     /// of all occluders ([`Object::occluder`](visibility_core::Object::occluder)): see
-    /// [`ItemBuffer::box_limit`]. At least as many as are visible, on the layers of the views.
+    /// [`ItemBuffer::box_limit`]. At least the number of visible objects on the layers of the views.
     pub box_limit: f64,
     /// Mean number of triangles that cover a covered pixel, visible or hidden behind one another. 0 if no
     /// pixel is covered.
@@ -149,20 +149,20 @@ pub struct Advisor<'a> {
     scene: &'a Scene,
     /// Views for which the candidate cullers are tested.
     views: &'a [View],
-    /// Cost of drawing in the engine at hand, in microseconds per object and per triangle.
+    /// Drawing cost of the engine, in microseconds per object and per triangle.
     draw: DrawCost,
     /// Facts about the scene, found by drawing its views in software.
     facts: SceneFacts,
-    /// Item buffer of each view, by which the objects that a candidate culler reports are judged.
+    /// Item buffer of each view, used to judge the objects that a candidate culler reports.
     references: Vec<ItemBuffer>,
 }
 
-/// Columns and rows, in pixels, of the image in which each view is drawn.
+/// Width and height in pixels of the image in which each view is drawn.
 const IMAGE_SIZE: (u32, u32) = (320, 180);
 
 impl<'a> Advisor<'a> {
-    /// Draws each view twice in software, at 320 x 180 pixels: all objects, and occluders alone. A few
-    /// typical views suffice. `draw` is the cost of drawing in the engine.
+    /// Draws each view twice in software, at 320 x 180 pixels: once all objects, and once only occluders. A
+    /// few typical views suffice. `draw` is the cost of drawing in the engine.
     ///
     /// # Errors
     /// [`MeasureError::TooMany`] if the scene has too many triangles to number; [`MeasureError::Size`] if
@@ -199,7 +199,7 @@ impl<'a> Advisor<'a> {
         Ok(Self { scene, views, draw, facts, references })
     }
 
-    /// Returns the facts about the scene that drawing its views has found. All counts of visible objects and
+    /// Returns facts about the scene, measured by drawing its views. All counts of visible objects and
     /// triangles are 0 without views.
     pub fn facts(&self) -> &SceneFacts {
         &self.facts
@@ -207,7 +207,7 @@ impl<'a> Advisor<'a> {
 
     /// Returns the *ideal*, a lower bound on a candidate's total time per view in microseconds: the time to
     /// draw the visible objects' visible triangles, with no culling time. A candidate's
-    /// [`total_us`](CullerTrial::total_us) divided by it is its *cost over the ideal*.
+    /// [`total_us`](CullerTrial::total_us) divided by the ideal is its *cost over the ideal*.
     pub fn min_us(&self) -> f64 {
         self.draw.of(self.facts.visible_objects, self.facts.visible_triangles)
     }
@@ -229,8 +229,8 @@ impl<'a> Advisor<'a> {
         let share = 1.0 / self.views.len().max(1) as f64;
         let mut least = alloc::vec![f64::INFINITY; self.views.len()];
         pipeline.reset();
-        // All views in turn, several times. Culling one view repeatedly would favour cullers that exploit
-        // coherence with the previous frame.
+        // Culls all views in turn, several times. Culling one view repeatedly would favour cullers that
+        // exploit coherence with the previous frame.
         for run in 0..RUNS {
             let mut sum = 0.0;
             for ((view, reference), least) in self.views.iter().zip(&self.references).zip(&mut least) {
@@ -289,7 +289,7 @@ mod tests {
     use visibility_core::glam::{DVec3, Vec3};
     use visibility_core::{Aabb, Accuracy, CullStats, Culler, FrustumCuller, ObjectId, Pose};
 
-    /// Culler that keeps the objects for which its function returns true and claims the given accuracy.
+    /// Culler that keeps the objects for which its function returns true, and claims the given accuracy.
     struct Keep(fn(ObjectId) -> bool, Accuracy);
 
     impl Culler for Keep {
@@ -342,8 +342,8 @@ mod tests {
         let mut candidates = [
             Pipeline::new(),
             Pipeline::new().with(FrustumCuller::new()),
-            // Both keep only the visible object; the first of the two promises no accuracy, the second
-            // breaks its promise.
+            // Both pipelines keep only the visible object. The first promises no accuracy, the second breaks
+            // its promise.
             Pipeline::new().with(Keep(one, Accuracy::Approximate)),
             Pipeline::new().with(Keep(|_| false, Accuracy::Conservative)),
             Pipeline::new().with(Keep(one, Accuracy::Conservative)),
@@ -374,14 +374,14 @@ mod tests {
         let limit = |scene: &Scene| {
             Advisor::new(scene, &views, DrawCost::default()).map(|advisor| advisor.facts().box_limit)
         };
-        // Both triangles before the eye have boxes before nothing that may hide them.
+        // The two triangles in front of the eye have boxes that no occluder can hide.
         assert_eq!(limit(&scene), Ok(2.0), "boxes before which no occluder is");
         let ids: Vec<ObjectId> = scene.ids().collect();
         scene.set_occluder(ids[1], true).unwrap();
         assert_eq!(limit(&scene), Ok(2.0), "the second triangle occludes nothing");
         scene.set_occluder(ids[0], true).unwrap();
         assert_eq!(limit(&scene), Ok(1.0), "the first triangle occludes the others");
-        // The first triangle is seen, although its box is now another place's.
+        // The first triangle is visible, although its box is now elsewhere.
         scene.set_bounds(ids[0], Aabb::from_arrays([-9.0; 3], [-8.0; 3])).unwrap();
         assert_eq!(limit(&scene), Ok(1.0), "the first triangle is seen, wherever its box is");
     }
@@ -395,7 +395,8 @@ mod tests {
         let limit =
             |scene: &Scene| Advisor::new(scene, &views, DrawCost::default()).unwrap().facts().box_limit;
         assert_eq!(limit(&scene), 1.0, "the first triangle hides two boxes");
-        // The first triangle turns its back to the eye: the second is seen, and no box is behind anything.
+        // With its back to the eye, the one-sided first triangle is invisible: the second is visible, and no
+        // box is hidden.
         scene.set_one_sided(ids[0], true).unwrap();
         assert_eq!(limit(&scene), 3.0, "the first triangle's back hides none");
     }

@@ -3,15 +3,15 @@
 //!
 //! A culler that tests boxes and never hides what can be seen must report an object as soon as a pixel could
 //! show a point of its box. The box is solid here: the object may be anywhere in it. The *box limit* is the
-//! number of these objects. No such culler reports fewer, apart from what lies between pixel centres, and the
-//! quotient of reported objects and box limit says how far a culler is from the best of its kind.
+//! number of these objects. No such culler reports fewer, apart from objects between pixel centres. The
+//! number of reported objects divided by the box limit tells how far a culler is from the best of its kind.
 //!
 //! A pixel is *free* for a box if the ray through the pixel's centre meets the part of the box within the
 //! view, at a point at least as near as the surface that the item buffer shows there. Equally near, up to the
-//! tolerance of [ties](crate#ties), is free: an object flush with a wall may be seen. The ray is intersected
-//! with the box as with the planes of the view (Kay and Kajiya, "Ray Tracing Complex Scenes", 1986), so that
-//! near plane, far plane and clip planes bound a solid box as they bound the view. The eye may be inside the
-//! box.
+//! tolerance of [ties](crate#ties), also counts as free, since an object flush with a wall may be seen. The
+//! ray is intersected with the box as with the planes of the view (Kay and Kajiya, "Ray Tracing Complex
+//! Scenes", 1986), so that near plane, far plane and clip planes bound a solid box as they bound the view.
+//! The eye may be inside the box.
 
 use crate::ItemBuffer;
 use crate::clip::ImageProjection;
@@ -22,21 +22,21 @@ use visibility_core::{Aabb, ObjectId, Scene, View};
 impl ItemBuffer {
     /// Returns the objects of the *box limit* for the view and the surfaces of the last [`draw`](Self::draw):
     /// the objects that a culler must report if it knows these surfaces, but tests each object only by its
-    /// box. Before the call, draw opaque objects alone, since others hide nothing.
+    /// box. Before the call, draw only opaque objects, since others hide nothing.
     ///
     /// An object belongs to the limit if it shares a layer with the view and one of three conditions holds:
     /// `is_seen` returns true; or no culler may hide it, since it is flagged as never culled or its box is
     /// inverted, NaN or infinite; or a pixel is free for its box, that is, the ray through the pixel's centre
     /// meets the box within the view, not behind the surface drawn there. A point of the box that is exactly
-    /// as near as the surface is not behind it. A box that meets no ray through a centre has no free pixel:
-    /// one out of view, and one too small for the image. A box that a centre only touches at its outline,
-    /// within a millionth of a column and row, is not met there.
+    /// as near as the surface is not behind it. A box out of view, or too small to meet a ray through a pixel
+    /// centre, has no free pixel. A ray that passes within a millionth of a column and row of the box's
+    /// outline does not count as meeting the box.
     ///
     /// `is_seen` returns whether an object is known to be visible; such an object costs no test. A test
-    /// visits the pixels within the bounds of the box on the screen until one is free, and casts a ray only
-    /// where the nearest corner of the box is before the surface drawn. Boxes with corners before and behind
-    /// the eye have the whole image as bounds. Before the first draw, and after a failed one, the limit is
-    /// empty.
+    /// visits the pixels within the screen bounds of the box until one is free. It casts a ray only if the
+    /// nearest corner of the box is nearer than the surface drawn in the pixel. For a box with corners in
+    /// front of and behind the eye, the screen bounds are the whole image. Before the first draw, and after a
+    /// failed one, the limit is empty.
     ///
     /// ```
     /// use visibility_core::{glam::{DVec3, Vec3}, Aabb, Pose, Scene, View};
@@ -67,7 +67,7 @@ impl ItemBuffer {
     }
 }
 
-/// Search of an image for pixels that are free for boxes.
+/// Search of an image for a pixel that is free for a box.
 struct FreePixels<'a> {
     /// Picture of the opaque surfaces.
     image: &'a Image,
@@ -76,13 +76,13 @@ struct FreePixels<'a> {
     /// Inverse of the 3x3 matrix that takes a direction in space to clip x, y and w (perspective) or x, y and
     /// z (parallel).
     inverse: DMat3,
-    /// The eye (perspective), or a point of the ray through the middle of the image (parallel), in metres
-    /// relative to the scene's origin.
+    /// Start of all rays, in metres relative to the scene's origin: the eye (perspective), or a point of the
+    /// ray through the middle of the image (parallel).
     start: DVec3,
 }
 
 impl<'a> FreePixels<'a> {
-    /// Prepares the search for boxes of a scene, in the image that a view was drawn to.
+    /// Prepares the search for boxes of a scene, in an image drawn from the view.
     fn new(view: &View, scene: &Scene, image: &'a Image) -> Self {
         let projection = ImageProjection::new(view, scene.origin(), image);
         let clip = projection.clip_from_local;
@@ -93,9 +93,8 @@ impl<'a> FreePixels<'a> {
         Self { image, projection, inverse, start }
     }
 
-    /// Returns the ray through a point of the image, given in columns and rows: the start point of the ray,
-    /// and the vector by which a point of the ray moves for each unit of the ray's parameter. The parameter
-    /// is clip w (perspective) or clip z (parallel).
+    /// Returns the ray through a point of the image, given as column and row: the ray's start point, and its
+    /// movement per unit of the ray's parameter. The parameter is clip w (perspective) or clip z (parallel).
     fn ray(&self, column: f64, row: f64) -> (DVec3, DVec3) {
         let half_size = self.projection.half_size;
         let ndc = DVec2::new(column / half_size.x - 1.0, 1.0 - row / half_size.y);
@@ -107,14 +106,14 @@ impl<'a> FreePixels<'a> {
         }
     }
 
-    /// Returns the depth key of the nearest point that the ray through a point of the image has in common
-    /// with a box within the view. `None` if they do not meet. Touching counts as meeting.
+    /// Returns the depth key of the nearest point that a box within the view and the ray through a point of
+    /// the image have in common. `None` if they do not meet. Touching counts as meeting.
     fn nearest_key(&self, bounds: &Aabb, column: f64, row: f64) -> Option<f64> {
         let ImageProjection { clip_from_local, near, far, depth_key, parallel, clip_planes, .. } =
             &self.projection;
         let (start, direction) = self.ray(column, row);
         let (least, greatest) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
-        // Clip z and w along the ray: value at parameter 0, and change for each unit of the parameter.
+        // Clip z and w along the ray: value at parameter 0, and change per unit of the parameter.
         let (z, w) = if *parallel {
             ((0.0, 1.0), (clip_from_local.w_axis.w, 0.0))
         } else {
@@ -122,7 +121,7 @@ impl<'a> FreePixels<'a> {
             ((row.truncate().dot(start) + row.w, row.truncate().dot(direction)), (0.0, 1.0))
         };
         let mut range = (f64::NEG_INFINITY, f64::INFINITY);
-        // The sides of a box without thickness are cut at the same parameter, to the last bit.
+        // For a box without thickness, both sides are cut at bit-identical parameters.
         for axis in 0..3 {
             cut(&mut range, start[axis] - least[axis], direction[axis]);
             cut(&mut range, greatest[axis] - start[axis], -direction[axis]);
@@ -179,7 +178,8 @@ impl<'a> FreePixels<'a> {
     /// key of at least `least`, more than [`EDGE_TIE`] inside the box's outline.
     fn is_free(&self, bounds: &Aabb, x: f64, y: f64, least: f64) -> bool {
         let meets = |dx: f64, dy: f64| self.nearest_key(bounds, x + dx, y + dy).is_some();
-        // The outline of a box is convex: between these four points it does not pass.
+        // The box's outline is convex, so if all four points around the centre are inside, the outline does
+        // not pass between them.
         let tie = EDGE_TIE;
         self.nearest_key(bounds, x, y).is_some_and(|key| key >= least)
             && meets(-tie, -tie)
@@ -190,7 +190,7 @@ impl<'a> FreePixels<'a> {
 }
 
 /// Shortens a range of ray parameters `t`, from least to greatest, to the part where `constant + slope * t`
-/// is not negative. If there is no such part, and for NaN, the range becomes empty: its first end is then
+/// is not negative. If there is no such part, or a value is NaN, the range becomes empty: its first end is
 /// greater than its second.
 fn cut(range: &mut (f64, f64), constant: f64, slope: f64) {
     let end = -constant / slope;

@@ -5,9 +5,9 @@
 //! triangles is clipped in both by the same sums in the same order, from its inner to its outer end, so the
 //! two cut points agree to the last bit.
 //!
-//! The planes of clip space and the depth conventions are stated here a second time, although core has them:
-//! an oracle shares no projection, clipping or raster code with the code that it judges, so that a mistake in
-//! that code cannot hide itself.
+//! The planes of clip space and the depth conventions are repeated here, although core has them. An oracle
+//! must share no projection, clipping or raster code with the code that it judges, so that a mistake there
+//! cannot hide itself.
 
 use crate::raster::{Corner, DEPTH_TIE, EDGE_TIE, Image, first_center};
 use smallvec::SmallVec;
@@ -83,7 +83,7 @@ impl ImageProjection {
         let eye = view.eye(origin);
         let distances =
             [0, 1, 2, 3].map(|i| clip_from_local.row(i)).map(|row| row.w / row.truncate().length());
-        // A coordinate that is the same for all points has no such plane.
+        // A coordinate that is equal for all points has no plane where it is 0, so its distance is skipped.
         let reach = distances.iter().map(|d| d.abs()).filter(|d| d.is_finite()).fold(0.0, f64::max);
         Self { clip_from_local, near, far, depth_key, parallel, half_size, eye, reach, clip_planes }
     }
@@ -95,8 +95,8 @@ impl ImageProjection {
         if self.parallel { DEPTH_TIE } else { 0.0 }
     }
 
-    /// Tests whether the eye is before the front of a triangle: its corners run counter-clockwise as seen
-    /// from the eye. False in the plane of the triangle, where nothing of it shows, and for NaN.
+    /// Tests whether the eye is in front of a triangle: its corners are counter-clockwise as seen from the
+    /// eye. False in the plane of the triangle, where it is edge-on, and for NaN.
     pub(crate) fn sees_front(&self, triangle: &[Vec3; 3]) -> bool {
         let [a, b, c] = triangle.map(|p| p.as_dvec3());
         let normal = (b - a).cross(c - a);
@@ -106,13 +106,13 @@ impl ImageProjection {
         }
     }
 
-    /// Returns whether triangles may cover a pixel's centre or come within [`EDGE_TIE`] of one. False only
-    /// where the box around them is known and outside of a plane of the view, or clear of all centres.
+    /// Returns whether triangles may cover a pixel's centre or come within [`EDGE_TIE`] of one. False only if
+    /// the box around the triangles is known, and is outside of a plane of the view or clear of all pixel
+    /// centres.
     ///
-    /// Each clip coordinate of a point is a sum of four products, off by less than 2^-50 of the sum of their
-    /// magnitudes. Divided by the length of the row of the matrix, that sum is at most three times the sum of
-    /// the point's greatest coordinate and [`reach`](Self::reach). The box is enlarged by 2^-40 of the latter
-    /// sum.
+    /// Each clip coordinate of a point is a sum of four products, with an error below 2^-50 of the sum of
+    /// their magnitudes. Divided by the length of the matrix row, that sum is at most three times the point's
+    /// greatest coordinate plus [`reach`](Self::reach). The box is enlarged by 2^-40 of the latter.
     pub(crate) fn may_show(&self, triangles: Triangles<'_>, image: &Image) -> bool {
         let Some(bounds) = triangles.known_bounds().filter(|bounds| bounds.is_finite()) else { return true };
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
@@ -147,7 +147,7 @@ impl ImageProjection {
         }
         let clip = triangle.map(|p| self.clip_from_local * p.as_dvec3().extend(1.0));
         let outside = clip.map(|v| self.outside(v));
-        // All corners lie beyond one plane. False for NaN, which the rare path below handles.
+        // All corners lie beyond one plane. False for NaN, which the slower path below handles.
         if outside[0] & outside[1] & outside[2] != 0 {
             return;
         }
@@ -158,8 +158,8 @@ impl ImageProjection {
         }
     }
 
-    /// Draws a triangle like [`draw`](Self::draw), after clipping by the view's clip planes. This clipping
-    /// precedes projection, since clip planes are given in space.
+    /// Draws a triangle like [`draw`](Self::draw), after clipping it by the view's clip planes, before
+    /// projection, since clip planes are given in space.
     #[cold]
     #[inline(never)]
     fn draw_clipped(&self, triangle: &[Vec3; 3], item: u32, image: &mut Image) {
@@ -172,8 +172,8 @@ impl ImageProjection {
         self.draw_cut(polygon.iter().map(|&v| self.clip_from_local * v).collect(), item, image);
     }
 
-    /// Returns the planes of the view volume that a clip-space point is outside of, one bit each: left,
-    /// right, bottom, top, near, far from bit 0 on. A point on a plane is inside. No bits for NaN.
+    /// Returns the planes of the view volume that a clip-space point is outside of, as a bit mask: left,
+    /// right, bottom, top, near, far from bit 0 on. A point on a plane is inside. 0 for NaN.
     #[inline]
     pub(crate) fn outside(&self, v: DVec4) -> u32 {
         u32::from(v.x < -v.w)
@@ -227,13 +227,13 @@ impl ImageProjection {
             clip_polygon(&polygon, |v| GUARD * v.w - beyond * v.x, |v| v.with_x(side * v.w), &mut cut);
             clip_polygon(&cut, |v| GUARD * v.w - beyond * v.y, |v| v.with_y(side * v.w), &mut polygon);
         }
-        // Between opposite guard planes w is not negative. It is zero only in the eye, which a near plane
-        // before the eye has cut off.
+        // Between opposite guard planes, w is not negative. It is only zero at the eye, which a near plane in
+        // front of the eye has cut off.
         if !polygon.iter().all(|v| v.w > 0.0) {
             return;
         }
         let corners: SmallVec<[Corner; 9]> = polygon.iter().map(|&v| self.corner(v)).collect();
-        // Coordinates of 1e150 and more overflow on the way; such polygons are dropped.
+        // Coordinates of 1e150 and more overflow in the computation; such polygons are dropped.
         if !corners.iter().all(Corner::is_finite) {
             return;
         }
@@ -253,8 +253,8 @@ fn distance(plane: DVec2, v: DVec4) -> f64 {
 }
 
 /// Replaces `out` by the part of a polygon where `plane`, a linear function of the vertex, is not negative.
-/// `place` moves each new vertex, which rounding may have left beside the plane, onto it. `out` is empty if
-/// no vertex is inside; a vertex with a NaN distance is outside.
+/// Rounding may leave a new vertex beside the plane, so `place` moves it onto the plane. `out` is empty if no
+/// vertex is inside; a vertex with a NaN distance is outside.
 fn clip_polygon(
     polygon: &[DVec4],
     plane: impl Fn(DVec4) -> f64,

@@ -30,37 +30,38 @@ pub struct Comparison {
     pub reported_objects: u32,
     /// Number of triangles of the reported objects: the triangles that would be drawn.
     pub reported_triangles: u32,
-    /// Number of visible objects that the culler did not report, which users see vanish. A pixel that shows
-    /// several objects in a tie counts only if none of them was reported, and then against the object that
-    /// the image shows.
+    /// Number of visible objects that the culler did not report, which vanish for the user. A pixel that
+    /// shows several objects in a tie counts only if none of them was reported, and then as an error on the
+    /// object that the image shows.
     pub false_hidden_objects: u32,
-    /// Number of the triangles of false hidden objects that at least one pixel shows.
+    /// Number of triangles of false hidden objects with at least one pixel.
     pub false_hidden_triangles: u32,
     /// Number of unreported objects that are visible only in ties with reported objects. Not counted as
     /// errors. See [ties](crate#ties).
     pub tied_hidden_objects: u32,
-    /// Number of pixels that show a false hidden object. If the reported objects alone were drawn, exactly
-    /// these pixels would differ. A pixel that shows several, one through another, counts for each.
+    /// Number of pixels that show a false hidden object. If only the reported objects were drawn, exactly
+    /// these pixels would differ. A pixel that shows several such objects, one through another, counts for
+    /// each.
     ///
-    /// No second drawing is needed: a triangle is seen in a pixel since it is nearer than all others there,
-    /// so omitting others leaves the pixel unchanged, and omitting the triangle changes the pixel.
+    /// No second drawing is needed: a pixel shows its nearest triangle, so omitting other triangles leaves
+    /// the pixel unchanged, and omitting this one changes it.
     pub wrong_pixels: u32,
-    /// Number of pixels whose shown object was not reported, but another object of the pixel's tie was. Not
+    /// Number of pixels in which the shown object was not reported, but an object that ties with it was. Not
     /// counted as errors.
     pub tied_pixels: u32,
-    /// Number of objects that the culler reported as visible, though no pixel shows them and they tie in
-    /// depth with the shown object of no pixel.
+    /// Number of reported objects that no pixel shows, and that do not tie in depth with the shown object of
+    /// any pixel.
     pub false_visible_objects: u32,
-    /// Number of the triangles of reported objects that no pixel shows, those of partly visible objects
-    /// included.
+    /// Number of triangles of reported objects that no pixel shows, including those of partly visible
+    /// objects.
     pub false_visible_triangles: u32,
     /// Keys of the false hidden objects, in the order in which the objects were drawn.
     pub false_hidden_keys: Vec<u32>,
 }
 
 impl Comparison {
-    /// Tests whether the culler reported all visible objects and no others, as far as pixels and ties tell.
-    /// Counts of triangles are ignored, since cullers report objects.
+    /// Tests whether the culler reported all visible objects and no others, as far as pixels and ties can
+    /// tell. Counts of triangles are ignored, since cullers report objects.
     pub fn is_exact(&self) -> bool {
         self.false_hidden_objects == 0 && self.false_visible_objects == 0
     }
@@ -73,16 +74,16 @@ enum Answer {
     Reported,
     /// The culler did not report the object, though a pixel shows it: an error.
     FalseHidden,
-    /// The culler did not report the object, and no error is charged: the object shows in no pixel, or only
-    /// in pixels that also show other objects (ties), where a reported object or the object shown counts.
+    /// The culler did not report the object, and this is no error: the object shows in no pixel, or only in
+    /// ties in which a reported object or the shown object counts.
     Hidden,
 }
 
 impl SampledVisibility {
     /// Replaces `out` by the comparison with a culler's answer. `reported(index, key)` returns whether the
     /// culler reported an object. It is called once for each object, in the order drawn, with the object's
-    /// index and key. Takes time in proportion to the numbers of objects and of tied pixels. Allocates one
-    /// byte per object.
+    /// index and key. Takes time proportional to the number of objects and of tied pixels. Allocates one byte
+    /// per object.
     pub fn compare(&self, mut reported: impl FnMut(usize, u32) -> bool, out: &mut Comparison) {
         let mut keys = core::mem::take(&mut out.false_hidden_keys);
         keys.clear();
@@ -140,7 +141,8 @@ mod tests {
         for (key, triangles) in [(10, 4), (11, 2), (12, 3), (13, 1)] {
             sampled.push(key, triangles);
         }
-        // Triangles 0..4, 4..6, 6..9 and 9. Of objects 10, 11 and 12, the image shows 1, 2 and 1 triangles.
+        // Objects 10, 11, 12 and 13 have the triangles 0..4, 4..6, 6..9 and 9. The image shows 1, 2 and 1
+        // triangles of the first three.
         let mut image = Image::new(7, 1).unwrap();
         image.items = [0, 0, 4, 5, 5, 8, NONE].into();
         sampled.count(&image);

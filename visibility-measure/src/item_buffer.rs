@@ -12,16 +12,8 @@ use visibility_core::{ObjectId, Scene, View};
 /// Maximum number of columns and of rows of an item buffer: 16,384.
 pub const MAX_SIDE: u32 = 1 << 14;
 
-/// An object to draw, with how it is drawn. Made from a pair of a key and triangles, it is opaque, and drawn
+/// Object to draw, with its drawing options. Made from a pair of a key and triangles, it is opaque and drawn
 /// from both sides.
-///
-/// ```
-/// use visibility_core::glam::Vec3;
-/// use visibility_measure::DrawnObject;
-/// let pane = [[Vec3::ZERO, Vec3::X, Vec3::Y]];
-/// let glass = DrawnObject { see_through: true, ..DrawnObject::from((7, &pane[..])) };
-/// assert!(!glass.one_sided);
-/// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct DrawnObject<'a> {
     /// Key by which the caller identifies the object.
@@ -29,9 +21,9 @@ pub struct DrawnObject<'a> {
     /// Triangles in metres relative to the `origin` given to [`ItemBuffer::draw`], counter-clockwise as seen
     /// from their front.
     pub triangles: Triangles<'a>,
-    /// If true, what is behind the object shows through it: the object is seen, and hides nothing.
+    /// If true, things behind the object show through it: the object is visible, and hides nothing.
     pub see_through: bool,
-    /// If true, triangles are drawn from their front alone: from behind they are not seen, and hide nothing.
+    /// If true, triangles are drawn only from their front: from behind they are invisible, and hide nothing.
     pub one_sided: bool,
 }
 
@@ -48,9 +40,8 @@ impl<'a> From<(u32, &'a [Triangle])> for DrawnObject<'a> {
 }
 
 impl<'a> DrawnObject<'a> {
-    /// Returns an object of a scene with its triangles, as the scene says that it is drawn in a view. Its key
-    /// is the object's index. `None` if the scene has no such object, or the object is on none of the view's
-    /// layers.
+    /// Returns an object of a scene with its triangles, key and drawing options, for a view. Its key is the
+    /// object's index. `None` if the scene has no such object, or the object is on none of the view's layers.
     pub fn of_scene(scene: &'a Scene, id: ObjectId, view: &View) -> Option<Self> {
         let (object, triangles) = (scene.object(id).ok()?, scene.triangles(id).ok()?);
         let (key, see_through, one_sided) = (id.index() as u32, object.see_through, object.one_sided);
@@ -60,11 +51,11 @@ impl<'a> DrawnObject<'a> {
 
 /// Image that holds, for each pixel, the number of the triangle seen through the pixel's centre.
 ///
-/// Memory: 12 bytes per pixel, 24 bytes per object, 8 bytes per triangle that shows, about 40 bytes per pixel
-/// for each further object that the pixel shows in a tie, and 24 bytes per pixel once a see-through object
-/// was drawn. All memory is reused from frame to frame. Drawing costs 10 to 20 ns per triangle and about 1 ns
-/// for each pixel of each triangle, hidden or not. Objects whose [bounds are known](Triangles::known_bounds)
-/// and meet no pixel's centre cost some 50 ns in all.
+/// Memory: 12 bytes per pixel, 24 bytes per object, 8 bytes per visible triangle, about 40 bytes per pixel
+/// for each additional object in a tie, and 24 bytes per pixel once a see-through object was drawn. All
+/// memory is reused from frame to frame. Drawing costs 10 to 20 ns per triangle and about 1 ns for each pixel
+/// of each triangle, hidden or not. Objects whose [bounds are known](Triangles::known_bounds) and contain no
+/// pixel centre cost about 50 ns each.
 ///
 /// ```
 /// use visibility_core::{glam::{DVec3, Vec3}, Pose, View};
@@ -155,7 +146,8 @@ impl ItemBuffer {
         self.view = Some(*view);
         self.image.drop_hidden_claims();
         self.sampled.count(&self.image);
-        // See-through objects are tested against the opaque image, each by itself, and do not change it.
+        // Each see-through object is tested against the opaque image by itself, and does not change the
+        // image.
         if !see_through.is_empty() {
             self.image.begin_see_through();
         }
@@ -203,8 +195,8 @@ impl ItemBuffer {
         &self.image.items
     }
 
-    /// Returns the number of the nearest see-through triangle of a pixel, before the opaque triangle if there
-    /// is one. [`NONE`](crate::NONE) if none certainly shows, or the pixel lies outside of the image.
+    /// Returns the number of the nearest see-through triangle in front of the opaque surface of a pixel.
+    /// [`NONE`](crate::NONE) if none certainly shows, or the pixel is outside of the image.
     pub fn see_through_item(&self, column: u32, row: u32) -> u32 {
         if column >= self.width() || row >= self.height() {
             return NONE;

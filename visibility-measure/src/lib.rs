@@ -19,13 +19,14 @@
 //! # How far a culler can get
 //! The *box limit* ([`ItemBuffer::box_limit`]) counts the objects that a culler must report if it knows all
 //! opaque surfaces, but tests each object only by its box: the objects whose box is not behind a surface in
-//! at least one pixel. The number of reported objects divided by the box limit says how far such a culler is
-//! from the best of its kind: 1 is the best. Cullers that test triangles, and sets baked by proofs, may
-//! report fewer. The limit is sampled at the same pixel centres as V, and V is part of it.
+//! at least one pixel. The number of reported objects divided by the box limit tells how far such a culler is
+//! from the best of its kind, which has 1. Cullers that test triangles, and sets baked by proofs, may report
+//! fewer. The limit is sampled at the same pixel centres as V, and V is part of it.
 //!
-//! The *ideal* ([`Advisor::min_us`]) draws the visible triangles alone and takes no time to cull. The *cost
-//! over the ideal* of a culler is the time to cull and to draw what it reports, divided by the ideal, with
-//! one [`DrawCost`] for both. This one figure counts both the culling time and the objects reported in vain.
+//! The *ideal* ([`Advisor::min_us`]) draws only the visible triangles and takes no time to cull. The *cost
+//! over the ideal* of a culler is the time to cull and to draw the reported objects, divided by the ideal,
+//! with the same [`DrawCost`]. This single figure includes both the culling time and needlessly reported
+//! objects.
 //!
 //! # Ties
 //! Two objects tie for a pixel if the pixel's centre lies on the edge of one of them, or if their surfaces
@@ -38,10 +39,10 @@
 //! with hiding the others. A culler that reports none is charged with one error.
 //!
 //! # How triangles are drawn
-//! A renderer's rules decide what shows. Triangles are opaque and drawn from both sides, unless a
-//! [`DrawnObject`] says otherwise: a see-through object shows in every pixel in which it is before the
-//! nearest opaque triangle, and that triangle shows through it; a one-sided object shows, and covers, where
-//! it turns its front to the eye. All arithmetic is `f64`, starting from the view's own clip matrix:
+//! The rules of a renderer decide what is visible. Triangles are opaque and drawn from both sides, unless a
+//! [`DrawnObject`] says otherwise. A see-through object shows in every pixel in which it is in front of the
+//! nearest opaque triangle, and that triangle shows through it. A one-sided object shows, and covers, only
+//! where its front faces the eye. All arithmetic is `f64`, starting from the view's own clip matrix:
 //! - Triangles are clipped in homogeneous coordinates, before any division. Points behind the eye, in the
 //!   eye, or 1e30 m away need no special cases.
 //! - Triangles are filled row by row between edges. A pixel is covered if its centre is. Two triangles that

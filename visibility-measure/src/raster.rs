@@ -5,12 +5,12 @@
 //! therefore get the same crossing to the last bit: one ends where the other begins. A centre is covered if
 //! `left <= x < right`, and a row is met if `top <= y < bottom`: the top-left rule of graphics APIs. The
 //! crossings of one row cut it into half-open intervals without gaps, so a mesh has no cracks whatever the
-//! rounding. Where rounding swaps two crossings less than 1e-12 pixels apart, a centre between them is
-//! covered twice, and the nearer triangle has it.
+//! rounding. If rounding swaps two crossings less than 1e-12 pixels apart, a centre between them is covered
+//! twice, and the nearer triangle wins.
 //!
 //! A *claim* records a triangle that ties for a pixel with the triangle that the pixel shows: it comes within
-//! [`EDGE_TIE`] of the pixel's centre, is there at least as near up to [`DEPTH_TIE`], and belongs to another
-//! object. Rounding alone decides which of the two the pixel shows.
+//! [`EDGE_TIE`] of the pixel's centre, is at least as near there up to [`DEPTH_TIE`], and belongs to another
+//! object. Only rounding decides which of the two the pixel shows.
 
 use alloc::vec::Vec;
 
@@ -24,7 +24,7 @@ pub(crate) const EDGE_TIE: f64 = 1e-6;
 
 /// Maximum mean number of claims per pixel. A claim records a triangle that ties with the triangle that the
 /// pixel shows. At this number, claims of triangles that have since been hidden are dropped. If more than
-/// half of the claims remain, no further claims are recorded. Bounds the memory where thousands of objects
+/// half of the claims remain, no further claims are recorded. This bounds the memory if thousands of objects
 /// coincide.
 const MAX_CLAIMS: usize = 16;
 
@@ -56,8 +56,8 @@ impl Corner {
     }
 }
 
-/// Claim of a triangle to a pixel: the triangle ties with the triangle that the pixel shows, since rounding
-/// alone decides which of the two is nearest at the pixel's centre.
+/// Claim of a triangle to a pixel: the triangle ties with the one that the pixel shows, because only rounding
+/// decides which of the two is nearest at the pixel's centre.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct TieClaim {
     /// Index of the pixel: `row * width + column`.
@@ -68,19 +68,19 @@ pub(crate) struct TieClaim {
     depth_key: f64,
 }
 
-/// State of one pixel beside its opaque triangle: the see-through objects before that triangle.
+/// State of a pixel for see-through objects in front of its opaque triangle.
 #[derive(Clone, Copy, Debug)]
 struct Veil {
     /// Number of the nearest see-through triangle that certainly shows in the pixel, or [`NONE`].
     nearest: u32,
     /// Depth key of the triangle `nearest`; negative infinity if there is none.
     depth_key: f64,
-    /// Index of the see-through object that `shows` is about.
+    /// Index of the see-through object to which `shows` refers.
     object: u32,
-    /// True if `object` certainly shows in the pixel, false if rounding alone decides whether it does.
+    /// True if `object` certainly shows in the pixel, false if only rounding decides.
     shows: bool,
-    /// Whether several objects tie for the opaque triangle of the pixel, so that what shows before it is not
-    /// certain.
+    /// Whether several objects tie for the opaque triangle of the pixel, so that it is uncertain what shows
+    /// in front of it.
     is_tied: bool,
 }
 
@@ -95,9 +95,9 @@ impl Veil {
 pub(crate) struct VeilPixels {
     /// Number of pixels in which the object certainly shows.
     pub(crate) pixels: u32,
-    /// Number of other pixels in which rounding alone decides whether the object shows.
+    /// Number of other pixels in which only rounding decides whether the object shows.
     pub(crate) tied: u32,
-    /// Number of pixels in which the object certainly shows and no triangle drawn earlier certainly does.
+    /// Number of pixels in which the object certainly shows, and no triangle drawn earlier certainly shows.
     pub(crate) newly_covered: u32,
 }
 
@@ -120,23 +120,23 @@ pub(crate) struct Image {
     /// Includes claims that triangles drawn later have hidden, until
     /// [`drop_hidden_claims`](Self::drop_hidden_claims).
     pub(crate) claims: Vec<TieClaim>,
-    /// If true, new claims (records of a triangle that ties in depth with the triangle that a pixel shows)
-    /// are discarded, since about [`MAX_CLAIMS`] per pixel are held already, as where thousands of objects
-    /// coincide. If false, new claims are recorded.
+    /// True if new claims (records of a triangle that ties with the triangle that a pixel shows) are
+    /// discarded, because there are already about [`MAX_CLAIMS`] per pixel, as when thousands of objects
+    /// coincide.
     claims_full: bool,
-    /// Number of the first triangle of the object that is being drawn. Two triangles of one object never
-    /// claim a pixel from each other, however near they are.
+    /// Number of the first triangle of the object being drawn. Triangles of one object never claim pixels
+    /// from each other, however near they are.
     pub(crate) object_start: u32,
     /// Absolute difference of two depth keys up to which they count as equal. Zero for perspective views,
     /// where only the relative [`DEPTH_TIE`] counts.
     pub(crate) least_difference: f64,
     /// See-through state of each pixel, by pixel index. Empty while opaque triangles are drawn.
     veils: Vec<Veil>,
-    /// Index of the see-through object that is being drawn.
+    /// Index of the see-through object being drawn.
     veil_object: u32,
-    /// Pixel counts so far of the see-through object that is being drawn.
+    /// Pixel counts so far of the see-through object being drawn.
     veil_pixels: VeilPixels,
-    /// Number of pixels in which the see-through triangle that is being drawn shows.
+    /// Number of pixels in which the see-through triangle being drawn shows.
     veil_triangle: u32,
 }
 
@@ -163,8 +163,8 @@ impl Image {
         (self.layers, self.claims_full) = (0, false);
     }
 
-    /// Ends the opaque triangles: all that is drawn until [`clear`](Self::clear) is see-through, hides
-    /// nothing, and shows in each pixel in which it is before the opaque triangle.
+    /// Ends the opaque triangles. All triangles drawn until [`clear`](Self::clear) are see-through: they hide
+    /// nothing, and show in each pixel in which they are in front of the opaque triangle.
     pub(crate) fn begin_see_through(&mut self) {
         self.veils.resize(self.width * self.height, Veil::NONE);
         for claim in &self.claims {
@@ -184,7 +184,7 @@ impl Image {
         core::mem::take(&mut self.veil_triangle)
     }
 
-    /// Returns the number of the nearest see-through triangle before the opaque triangle of a pixel, or
+    /// Returns the number of the nearest see-through triangle in front of the opaque triangle of a pixel, or
     /// [`NONE`].
     pub(crate) fn veil(&self, pixel: usize) -> u32 {
         self.veils.get(pixel).map_or(NONE, |veil| veil.nearest)
@@ -205,7 +205,7 @@ impl Image {
             self.drop_hidden_claims();
             self.claims_full = self.claims.len() >= MAX_CLAIMS / 2 * self.items.len().max(64);
         }
-        // Most triangles are small and miss all centres: an early test avoids divisions.
+        // Most triangles are small and contain no pixel centre, so an early test avoids divisions.
         let left = first_center(a.x.min(b.x).min(c.x) - EDGE_TIE, self.width);
         let right = first_center(a.x.max(b.x).max(c.x) + EDGE_TIE, self.width);
         let upper = first_center(a.y.min(b.y).min(c.y) - EDGE_TIE, self.height);
@@ -228,7 +228,7 @@ impl Image {
                 if !self.veils.is_empty() {
                     self.layers += (end - first) as u64;
                     let centers = |a: f64, b: f64| [a, b].map(|x| first_center(x, self.width));
-                    // In a row that passes close to a corner, no centre is certainly inside.
+                    // In a row that passes close to a corner, no pixel centre is certainly inside.
                     let is_at_corner = corners.iter().any(|corner| (corner.y - y).abs() <= EDGE_TIE);
                     let inner = centers(a.min(b) + errors[0], a.max(b) - errors[1]);
                     let outer = centers(a.min(b) - errors[0], a.max(b) + errors[1]);
@@ -247,7 +247,7 @@ impl Image {
                 }
             }
         }
-        // Rows that pass close to a corner, near which the edges may cross no row of centres.
+        // Rows close to a corner, near which the edges may cross no row of centres.
         for corner in [top, middle, bottom] {
             let row = first_center(corner.y - EDGE_TIE, self.height);
             if row < first_center(corner.y + EDGE_TIE, self.height) {
@@ -256,9 +256,9 @@ impl Image {
         }
     }
 
-    /// Records that triangle `item` ties for the pixels of a row whose centres lie inside the triangle or
-    /// within [`EDGE_TIE`] of it, and at which the triangle is at least as near as the triangle shown.
-    /// `edges` are the triangle's edges that may meet the row.
+    /// Records that triangle `item` ties for the pixels of a row whose centres are inside the triangle or
+    /// within [`EDGE_TIE`] of it, if it is at least as near there as the triangle shown. `edges` are the
+    /// triangle's edges that may meet the row.
     #[cold]
     #[inline(never)]
     fn claim_row(&mut self, row: usize, edges: &[&Edge], plane: &DepthKeyPlane, item: u32) {
@@ -284,10 +284,9 @@ impl Image {
         }
     }
 
-    /// Counts the pixels of columns `first..end` of a row in which the see-through triangle `item` shows
-    /// before the opaque triangle. If `covers` is false, or the two are equally near, or objects tie for the
-    /// opaque triangle, the pixel is tied: rounding alone decides whether the see-through triangle shows
-    /// there.
+    /// Counts the pixels of columns `first..end` of a row in which the see-through triangle `item` shows in
+    /// front of the opaque triangle. A pixel is tied (only rounding decides whether the triangle shows) if
+    /// `covers` is false, the two triangles are equally near, or objects tie for the opaque triangle.
     fn veil_span(
         &mut self,
         row: usize,
@@ -338,14 +337,14 @@ impl Image {
         for (i, (held, held_depth_key)) in items.iter_mut().zip(depth_keys).enumerate() {
             let here = key_at(x);
             x += 1.0;
-            // The usual case is first and fast: no triangle was there, or the triangle there is farther.
+            // The usual case is first and fast: the pixel has no triangle yet, or a farther one.
             let difference = here - *held_depth_key;
             if difference.abs() <= here.abs() * DEPTH_TIE + self.least_difference && *held < object_start {
                 let loser = if difference > 0.0 { (*held, *held_depth_key) } else { (item, here) };
                 let claim = TieClaim { pixel: (span.start + i) as u32, item: loser.0, depth_key: loser.1 };
                 add_claim(&mut self.claims, claim);
             }
-            // Strict, so that the first of equally near triangles stays.
+            // The comparison is strict, so that the first of equally near triangles stays.
             if difference > 0.0 {
                 *held_depth_key = here;
                 *held = item;
@@ -361,7 +360,7 @@ pub(crate) fn least_tied_key(depth_key: f64, least_difference: f64) -> f64 {
     depth_key - (depth_key.abs() * DEPTH_TIE + least_difference)
 }
 
-/// Appends a claim (a triangle that ties for a pixel). Separate and cold, since ties are rare.
+/// Appends a claim (a triangle that ties for a pixel). A separate cold function, since ties are rare.
 #[cold]
 #[inline(never)]
 fn add_claim(claims: &mut Vec<TieClaim>, claim: TieClaim) {
@@ -418,15 +417,15 @@ impl Edge {
         self.upper.x + (y - self.upper.y) * self.slope
     }
 
-    /// Returns how far, in columns, the edge's crossing with a row of pixel centres moves if the edge moves
-    /// by [`EDGE_TIE`] in columns and in rows.
+    /// Returns by how many columns the edge's crossing with a row of pixel centres moves if the edge moves by
+    /// [`EDGE_TIE`] in columns and in rows.
     #[inline]
     fn crossing_error(&self) -> f64 {
         EDGE_TIE * (1.0 + self.slope.abs())
     }
 
-    /// Returns the ends, least and greatest, of the range of columns in which the edge lies at most
-    /// [`EDGE_TIE`] above or below height `y`. `None` if no part of the edge is so near to that height.
+    /// Returns the least and greatest column in which the edge is at most [`EDGE_TIE`] above or below height
+    /// `y`. `None` if no part of the edge is so near to this height.
     fn near_row(&self, y: f64) -> Option<(f64, f64)> {
         if self.upper.y > y + EDGE_TIE || self.lower.y < y - EDGE_TIE {
             return None;
@@ -449,15 +448,15 @@ struct DepthKeyPlane {
     slope_x: f64,
     /// Change of the depth key for each row downwards.
     slope_y: f64,
-    /// Least depth key of the three corners, that of the farthest.
+    /// Least depth key of the three corners, at the farthest corner.
     least: f64,
-    /// Greatest depth key of the three corners, that of the nearest.
+    /// Greatest depth key of the three corners, at the nearest corner.
     greatest: f64,
 }
 
 impl DepthKeyPlane {
     /// Interpolates the depth keys of three corners. `None` for triangles without area. Values are clamped to
-    /// the corners' range, since the slopes of a triangle seen almost edge-on are mostly rounding.
+    /// the corners' range, because the slopes of a triangle seen almost edge-on are mostly rounding errors.
     fn through(a: Corner, b: Corner, c: Corner) -> Option<Self> {
         let (bx, by, bn) = (b.x - a.x, b.y - a.y, b.depth_key - a.depth_key);
         let (cx, cy, cn) = (c.x - a.x, c.y - a.y, c.depth_key - a.depth_key);
@@ -466,7 +465,7 @@ impl DepthKeyPlane {
             return None;
         }
         // The depth key grows from the farthest corner. If evaluation starts there, its error grows with the
-        // key, so a triangle that runs from close before the eye to the horizon is precise at the horizon.
+        // key, so a triangle that extends from close to the eye to the horizon is precise at the horizon.
         let reference =
             [b, c].into_iter().fold(a, |far, v| if v.depth_key < far.depth_key { v } else { far });
         Some(Self {
@@ -513,7 +512,7 @@ mod tests {
         );
     }
 
-    /// The centre of a pixel in ranks.
+    /// Returns the rank of a pixel's centre.
     fn center(pixel: usize) -> i64 {
         UNIT * pixel as i64 + UNIT / 2
     }
@@ -528,9 +527,9 @@ mod tests {
         }
     }
 
-    /// Nearer rectangles with every pair of ends before a picture that is covered. A rectangle shows where
-    /// its left or upper end is not behind a centre and the other end is. It shows or ties where it is at
-    /// most the next number away from a centre.
+    /// Nearer rectangles with every pair of ends, in front of a covered image. A rectangle covers the centres
+    /// from its left or upper end (inclusive) to its other end (exclusive). Where an end is at most the next
+    /// number away from a centre, the rectangle shows or ties.
     #[test]
     fn rectangles_show_and_tie_at_the_centers_between_their_ends() {
         let (size, all) = (3, ends(-1, 4));
@@ -591,8 +590,8 @@ mod tests {
 
     #[test]
     fn slivers_are_as_near_as_their_corners() {
-        // A few units in the last place wide. A centre may then count as inside that is one triangle width
-        // outside, where the linear function could have any value.
+        // A triangle a few units in the last place wide. A centre one triangle width outside may count as
+        // inside, where the linear function could have any value.
         let mut random = visibility_testing::Random(2);
         let mut drawn = 0;
         for _ in 0..2000 {
@@ -621,14 +620,14 @@ mod tests {
         assert!(image.claims.len() > 64 && image.claims.len() <= 17 * 64, "{}", image.claims.len());
     }
 
-    /// Edges in all directions that pass a pixel's centre at a given multiple of [`EDGE_TIE`]: an edge closer
-    /// than the limit claims the pixel, an edge beyond the limit does not.
+    /// Edges in all directions that pass a pixel's centre at a given multiple of [`EDGE_TIE`]. An edge closer
+    /// than this limit claims the pixel, an edge beyond it does not.
     #[test]
     fn a_claim_reaches_as_far_as_a_tie() {
         for step in 0..200 {
             let angle = f64::from(step) * 0.0314;
             let (sin, cos) = (angle.sin(), angle.cos());
-            // Distance of the centre from the edge when the edge is moved by one column and one row.
+            // Distance between centre and edge after moving the edge by one column and one row.
             let reach = sin.abs() + cos.abs();
             for (shift, claims) in [(0.9, 1), (0.5, 1), (-0.5, 1), (1.1, 0)] {
                 let shift = shift * reach * EDGE_TIE;

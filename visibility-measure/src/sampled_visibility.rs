@@ -16,9 +16,10 @@ pub struct ObjectPixels {
     /// Number of the object's triangles that at least one pixel of the image shows.
     pub visible_triangles: u32,
     /// Number of pixels that show this object and do not tie with another object. A see-through object shows
-    /// in each pixel in which it is before the opaque triangle, beside all that shows there too.
+    /// in each pixel in which it is in front of the opaque triangle, together with other objects that show
+    /// there.
     pub pixels: u32,
-    /// Number of pixels for which this object ties with other objects (rounding alone decides which of them
+    /// Number of pixels for which this object ties with other objects (only rounding decides which of them
     /// the image shows): see [ties](crate#ties).
     pub tied_pixels: u32,
 }
@@ -43,12 +44,11 @@ impl ObjectPixels {
 pub struct SampledVisibility {
     /// Counts of each object, in the order drawn.
     objects: Vec<ObjectPixels>,
-    /// Numbers of the triangles that a pixel of the image shows, ascending, each with the number of these
-    /// pixels.
+    /// Numbers of the visible triangles, ascending, each with the number of pixels that show it.
     triangle_pixels: Vec<(u32, u32)>,
     /// Number of triangles of all objects.
     triangles: u32,
-    /// Objects of the tied pixels, sorted by pixel. Objects tie for a pixel if rounding alone decides which
+    /// Objects of the tied pixels, sorted by pixel. Objects tie for a pixel if only rounding decides which
     /// of them the image shows. Within a pixel, the object that the image shows comes first.
     ties: Vec<Tie>,
     /// Number of objects that at least one pixel shows, or that tie in depth with its shown object.
@@ -57,14 +57,14 @@ pub struct SampledVisibility {
     visible_triangles: u32,
     /// Number of pixels that show a triangle.
     covered_pixels: u32,
-    /// Number of pixels for which several objects tie, that is, rounding alone decides which of them the
+    /// Number of pixels for which several objects tie, that is, only rounding decides which of them the
     /// image shows.
     tied_pixels: u32,
     /// Sum over all pixels of the number of triangles drawn that cover the pixel.
     layers: u64,
 }
 
-/// One object of a tied pixel, for which rounding alone decides which of several objects the image shows.
+/// Object of a tied pixel, in which only rounding decides which of several objects the image shows.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 struct Tie {
     /// Index of the pixel, row by row.
@@ -81,8 +81,8 @@ impl SampledVisibility {
         &self.objects
     }
 
-    /// Returns the number of each triangle that a pixel of the image shows, and the number of these pixels,
-    /// by ascending triangle number. A tied pixel counts for the one triangle that the image shows.
+    /// Returns the number of each visible triangle and the number of pixels that show it, by ascending
+    /// triangle number. A tied pixel counts for the one triangle that the image shows.
     pub fn triangle_pixels(&self) -> &[(u32, u32)] {
         &self.triangle_pixels
     }
@@ -102,13 +102,13 @@ impl SampledVisibility {
         self.covered_pixels
     }
 
-    /// Returns the number of pixels for which several objects tie, that is, rounding alone decides which of
+    /// Returns the number of pixels for which several objects tie, that is, only rounding decides which of
     /// them the image shows: see [ties](crate#ties).
     pub fn tied_pixels(&self) -> u32 {
         self.tied_pixels
     }
 
-    /// Returns, for each tied pixel, the indices of the objects that tie for it: rounding alone decides which
+    /// Returns, for each tied pixel, the indices of the objects that tie for it: only rounding decides which
     /// of them the image shows. The first is the object that the image shows there.
     pub(crate) fn ties(&self) -> impl Iterator<Item = impl Iterator<Item = usize> + Clone> {
         self.ties.chunk_by(|a, b| a.pixel == b.pixel).map(|tie| tie.iter().map(|one| one.object as usize))
@@ -126,8 +126,8 @@ impl SampledVisibility {
         if triangle >= self.triangles {
             return None;
         }
-        // Objects without triangles begin where the next object begins; the last object that begins here has
-        // the triangle.
+        // Objects without triangles begin at the same number as the next object, so the last object that
+        // begins here has the triangle.
         self.objects.partition_point(|o| o.first_triangle <= triangle).checked_sub(1)
     }
 
@@ -186,8 +186,9 @@ impl SampledVisibility {
         self.visible_objects = self.objects.iter().map(|object| u32::from(object.is_visible())).sum();
     }
 
-    /// Adds the pixel counts `found` of the see-through object with the index `object`, after
-    /// [`count`](Self::count) and [`add_triangle_pixels`](Self::add_triangle_pixels) of its triangles.
+    /// Adds the pixel counts `found` of the see-through object with the index `object`. Called after
+    /// [`count`](Self::count), and after [`add_triangle_pixels`](Self::add_triangle_pixels) for its
+    /// triangles.
     pub(crate) fn add_see_through(&mut self, object: usize, found: VeilPixels) {
         let entry = &mut self.objects[object];
         (entry.pixels, entry.tied_pixels) = (found.pixels, found.tied);
@@ -196,7 +197,7 @@ impl SampledVisibility {
         self.visible_objects += u32::from(entry.is_visible());
     }
 
-    /// Ends the see-through objects. `layers` is the sum over all pixels of the number of triangles that
+    /// Finishes the see-through objects. `layers` is the sum over all pixels of the number of triangles that
     /// cover the pixel.
     pub(crate) fn end_see_through(&mut self, layers: u64) {
         self.layers = layers;

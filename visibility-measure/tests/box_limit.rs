@@ -1,5 +1,5 @@
-//! The box limit in scenes where it is known, and against boxes that are drawn as triangles or met by points
-//! along the rays of a camera that has no matrix.
+//! Tests of the box limit in scenes where it is known, and against boxes drawn as triangles, or boxes met by
+//! points along rays of a camera without a matrix.
 
 use crate::common::pixels;
 use crate::rays::{Camera, camera};
@@ -26,14 +26,14 @@ fn triangles(bounds: &Aabb) -> Vec<[Vec3; 3]> {
     faces.iter().flat_map(|&[a, b, d, e]| [[c(a), c(b), c(d)], [c(a), c(d), c(e)]]).collect()
 }
 
-/// Returns whether each of some boxes is in the box limit behind the surfaces of an image of 12 x 9 pixels.
+/// Returns for each box whether it is in the box limit behind the surfaces of an image of 12 x 9 pixels.
 fn limit(view: &View, surfaces: &[[Vec3; 3]], boxes: &[Aabb]) -> Vec<bool> {
     let mut buffer = ItemBuffer::new(12, 9).unwrap();
     buffer.draw(view, DVec3::ZERO, [(0, surfaces)]).unwrap();
     in_limit(&buffer, boxes)
 }
 
-/// Returns whether each of some boxes is in the box limit behind the surfaces of a buffer.
+/// Returns for each box whether it is in the box limit behind the surfaces of a buffer.
 fn in_limit(buffer: &ItemBuffer, boxes: &[Aabb]) -> Vec<bool> {
     let mut scene = Scene::new();
     let ids = scene.insert_batch(boxes.iter().copied().map(Object::new));
@@ -41,7 +41,7 @@ fn in_limit(buffer: &ItemBuffer, boxes: &[Aabb]) -> Vec<bool> {
     ids.iter().map(|id| within.contains(id)).collect()
 }
 
-/// A box of pixels `x` and `y`, half-open, from depth .5 to .75.
+/// Makes a box over the pixels `x` and `y`, half-open, from depth 0.5 to 0.75.
 fn block(x: [f32; 2], y: [f32; 2]) -> Aabb {
     Aabb::from_arrays([x[0], y[0], 0.5], [x[1], y[1], 0.75])
 }
@@ -56,7 +56,7 @@ fn a_wall_hides_the_box_that_it_covers_to_the_pixel() {
         block([3.0, 9.0], [2.0, 6.0]),
         block([3.0, 8.0], [1.0, 6.0]),
         block([3.0, 8.0], [2.0, 7.0]),
-        // Half a column more than the wall: up to the centres of a column, which the outline only touches.
+        // Half a column wider than the wall: the outline only touches the centres of a column.
         block([2.5, 8.5], [1.5, 6.5]),
         block([2.499, 8.0], [2.0, 6.0]),
         block([3.0, 8.501], [2.0, 6.0]),
@@ -67,13 +67,13 @@ fn a_wall_hides_the_box_that_it_covers_to_the_pixel() {
 
 #[test]
 fn a_wall_whose_outline_meets_centers_hides_a_box_of_the_same_outline() {
-    // Rounding and the rule for edges decide whether the wall covers these centres.
+    // Rounding and the edge rule decide whether the wall covers these centres.
     let view = pixels(12.0, 9.0);
     let wall = rectangle([2.5, 8.5], [1.5, 6.5], 0.4);
     assert_eq!(limit(&view, &wall, &[block([2.5, 8.5], [1.5, 6.5])]), [false], "a box of the wall's outline");
 }
 
-/// A view turned by 45 degrees, with the world's origin at the centre of a pixel. An edge of a small box
+/// A view rotated by 45 degrees, with the world's origin at the centre of a pixel. An edge of a small box
 /// passes the centre closer than a millionth of a column and row, or farther away.
 #[test]
 fn a_centre_at_an_outline_is_not_met() {
@@ -102,7 +102,7 @@ fn a_centre_at_an_outline_is_not_met() {
     }
 }
 
-/// Cameras in any direction, for which a wall and the side of a box that lies in it are rounded apart.
+/// Cameras in any direction, for which a wall and the coplanar side of a box are rounded differently.
 #[test]
 fn a_box_flush_with_a_wall_is_free_from_everywhere() {
     let mut random = Random(23);
@@ -116,7 +116,7 @@ fn a_box_flush_with_a_wall_is_free_from_everywhere() {
             0 => View::perspective(pose, 1.0, 4.0 / 3.0, 0.1, f64::INFINITY),
             1 => View::orthographic(pose, window, -5.0, 50.0),
             _ => {
-                // Clip depth of the whole wall is 0 but for rounding.
+                // The clip depth of the whole wall is 0 up to rounding.
                 let pose = Pose::look_at(eye, DVec3::new(eye.x, eye.y, 9.0), DVec3::Y);
                 let far = 2.0 * (f64::from(4.7f32) - eye.z) + 5.0;
                 let camera = Camera { pose, window, near: -5.0, far, parallel: true };
@@ -135,7 +135,7 @@ fn one_free_pixel_is_enough() {
     let all = block([0.0, 12.0], [0.0, 9.0]);
     for (column, row) in [(0, 0), (11, 0), (0, 8), (11, 8), (5, 4)] {
         let (x, y) = (column as f32, row as f32);
-        // Four walls around one pixel, and a wall over it.
+        // Four walls around one pixel, and a wall in front of it.
         let around = [
             rectangle([0.0, 12.0], [0.0, y], 0.4),
             rectangle([0.0, 12.0], [y + 1.0, 9.0], 0.4),
@@ -151,7 +151,7 @@ fn one_free_pixel_is_enough() {
 
 #[test]
 fn a_box_flush_with_the_surface_is_free_and_one_behind_is_not() {
-    // Parallel with the nearest depth 0 and with the nearest depth 1, and perspective.
+    // Three views: parallel with nearest depth 0, parallel with nearest depth 1, and perspective.
     let reversed = DMat4::from_cols(DVec4::X / 6.0, DVec4::Y / -4.5, -DVec4::Z, DVec4::new(-1., 1., 1., 1.));
     let reversed = View::from_clip_from_world(reversed, Depth::Reversed).unwrap();
     for (view, name) in [(pixels(12.0, 9.0), "nearest 0"), (reversed, "nearest 1")] {
@@ -181,7 +181,8 @@ fn near_far_and_clip_planes_bound_a_solid_box() {
         [[a, b, c], [a, c, d]]
     };
     let along = |from: f32, to: f32| Aabb::from_arrays([from, -1.0, -1.0], [to, 1.0, 1.0]);
-    // The wall is a millimetre behind the near plane: only what the near plane cuts is before it.
+    // The wall is a millimetre behind the near plane, so only parts that the near plane cuts off are in front
+    // of it.
     let boxes = [
         along(-3.0, -1.0),
         along(-1.0, 1.9),
@@ -197,10 +198,11 @@ fn near_far_and_clip_planes_bound_a_solid_box() {
         expected,
         "boxes before, through and behind the near plane"
     );
-    // Without a wall, up to the far plane.
+    // Boxes at the far plane, without a wall.
     let far = [19.9, 20.1].map(|x| Aabb::from_arrays([x, -3.0, -3.0], [30.0, 3.0, 3.0]));
     assert_eq!(limit(&view, &[], &far), [true, false], "boxes at the far plane");
-    // A corner before the far plane is beside the view, and what is in view is behind the plane.
+    // A box with a corner in front of the far plane but beside the view. Its part inside the view's sides is
+    // behind the far plane.
     let pose = Pose::look_at(DVec3::ZERO, DVec3::new(1.0, 1.0, 0.0), DVec3::Z);
     let diagonal = |far| View::perspective(pose, 1.0, 4.0 / 3.0, 2.0, far).unwrap();
     let corner = Aabb::from_arrays([0.0, 25.0, -9.0], [40.0, 40.0, 9.0]);
@@ -210,10 +212,11 @@ fn near_far_and_clip_planes_bound_a_solid_box() {
         "a corner nearer than the far plane, beside the view"
     );
     assert_eq!(limit(&diagonal(22.0), &[], &[corner]), [true], "a corner within the far plane");
-    // Beside the view.
+    // A box beside the view.
     let beside = Aabb::from_arrays([-5.0, 20.0, -1.0], [5.0, 22.0, 1.0]);
     assert_eq!(limit(&view, &[], &[beside]), [false], "a box beside the view");
-    // A clip plane 5 m ahead cuts a box open, whose faces are all before the plane or behind the wall.
+    // A clip plane 5 m ahead cuts a box open. The faces of the box are all in front of the plane or behind
+    // the wall.
     let view = view.with_clip_planes(&[Plane::new(DVec3::X, -5.0)]).unwrap();
     let boxes = [along(3.0, 4.9), along(3.0, 30.0), along(6.1, 30.0)];
     assert_eq!(limit(&view, &wall(6.0), &boxes), [false, true, false], "boxes that a clip plane cuts");
@@ -244,7 +247,7 @@ fn what_no_culler_may_hide_counts_and_other_layers_do_not() {
     buffer.draw(&view, DVec3::ZERO, [(0, &wall[..])]).unwrap();
     let within: Vec<_> = buffer.box_limit(&scene, |id| id == ids[7] || id == ids[8]).collect();
     assert_eq!(within, [1, 2, 3, 4, 7].map(|index: usize| ids[index]), "objects not hidden, in order");
-    // The scene's origin moves, and its boxes with it.
+    // The scene's origin moves, and the boxes move with it.
     scene.set_origin(DVec3::new(0.0, 0.0, 0.35)).unwrap();
     assert!(
         !buffer.box_limit(&scene, |_| false).any(|id| id == ids[1]),
@@ -257,8 +260,8 @@ fn what_no_culler_may_hide_counts_and_other_layers_do_not() {
     );
 }
 
-/// Boxes of all sizes before, behind and between surfaces, drawn as triangles: a box has a free pixel if a
-/// pixel shows a triangle of it that is as near as the surface.
+/// Boxes of all sizes in front of, behind and between surfaces are also drawn as triangles: a box has a free
+/// pixel if a pixel shows one of its triangles that is as near as the surface.
 #[test]
 fn boxes_clear_of_the_planes_equal_boxes_that_are_drawn() {
     let mut random = Random(21);
@@ -305,8 +308,8 @@ fn boxes_clear_of_the_planes_equal_boxes_that_are_drawn() {
     assert!(counts.iter().all(|&count| count > 800), "{counts:?}");
 }
 
-/// Boxes across the near plane, around the eye and beside it, met by points along rays that are made without
-/// a matrix. Between two points of a ray a box may be missed, so that a wider box is asked as well.
+/// Boxes across the near plane, around the eye and beside it, tested at points along rays made without a
+/// matrix. A box may be missed between two points of a ray, so an enlarged box is tested as well.
 #[test]
 fn boxes_across_the_near_plane_equal_points_along_rays() {
     let (width, height, steps) = (12, 9, 400);
@@ -319,7 +322,7 @@ fn boxes_across_the_near_plane_equal_points_along_rays() {
         let depth = [Depth::NegativeOneToOne, Depth::ZeroToOne, Depth::Reversed][round % 3];
         let view = View::from_clip_from_world(camera.matrix(depth), depth).unwrap();
         let view = view.relative_to(camera.pose.eye).unwrap();
-        // A wall that covers most of the view, closely behind the near plane.
+        // A wall that covers most of the view, just behind the near plane.
         let wall = near + 0.1;
         let across = |x: f64, y: f64| {
             let turned = camera.pose.right * x + camera.pose.up * y;
@@ -346,7 +349,7 @@ fn boxes_across_the_near_plane_equal_points_along_rays() {
                     })
                 })
             };
-            // A step is .00025 m along the view, and less than .0006 m along any ray.
+            // A step along a ray is 0.00025 m along the viewing direction, and less than 0.0006 m in total.
             let (surely, perhaps) = (meets(-1e-5), meets(1e-3));
             assert!(is_within || !surely, "round {round}: {bounds:?} is met");
             assert!(!is_within || perhaps, "round {round}: {bounds:?} is not met");

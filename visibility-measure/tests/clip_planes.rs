@@ -1,4 +1,4 @@
-//! Clip planes of a view cut the triangles that are drawn.
+//! Tests that clip planes of a view cut the drawn triangles.
 
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Pose, View, geometry::Plane};
@@ -23,8 +23,8 @@ fn the_item_buffer_honours_clip_planes() {
         pixels
     };
     assert_eq!(pixels(&view), [4096, 0], "pixels of both squares");
-    // Beyond the near square; the left half (y > 0) of the near square; a quarter of the near square; no
-    // point of either.
+    // Planes that keep: only what is beyond the near square; the left half (y > 0) of the near square; a
+    // quarter of the near square; nothing.
     let beyond = Plane::through(DVec3::X * 6.0, DVec3::X);
     assert_eq!(
         pixels(&view.with_clip_planes(&[beyond]).unwrap()),

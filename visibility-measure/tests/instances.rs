@@ -1,5 +1,5 @@
-//! Shared triangles are drawn as copies of them are, although objects whose box meets no pixel's centre are
-//! passed over.
+//! Tests that shared triangles are drawn like copies of them, although objects whose box contains no pixel
+//! centre are skipped.
 
 use crate::common::pixels;
 use visibility_core::glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
@@ -8,15 +8,15 @@ use visibility_core::{Pose, View, geometry::Plane};
 use visibility_measure::{DrawnObject, ItemBuffer};
 use visibility_testing::Random;
 
-/// Returns an object with a key as the item buffer takes it. It has triangles, and may be see-through and
+/// Returns an object with a key for the item buffer, from its triangles and two flags: see-through,
 /// one-sided.
 fn drawn(key: u32, (triangles, see_through, one_sided): &(SharedTriangles, bool, bool)) -> DrawnObject<'_> {
     let object = DrawnObject::from((key, triangles.view()));
     DrawnObject { see_through: *see_through, one_sided: *one_sided, ..object }
 }
 
-/// Draws objects once as they are and once as copies without known bounds, and compares all that is found.
-/// Returns the numbers of visible objects and of tied pixels.
+/// Draws objects once as given and once as copies without known bounds, and compares all results. Returns the
+/// numbers of visible objects and of tied pixels.
 fn compare(view: &View, size: [u32; 2], objects: &[(SharedTriangles, bool, bool)]) -> [u32; 2] {
     let copies: Vec<Vec<Triangle>> =
         objects.iter().map(|(triangles, ..)| triangles.iter().collect()).collect();
@@ -72,7 +72,7 @@ fn shared_triangles_are_drawn_as_copies() {
     assert!(seen > 200, "{seen}");
 }
 
-/// Squares that end within the tolerance of ties of a pixel's centre, or beyond, on a wall in their plane.
+/// Squares, on a wall in their plane, that end within the tie tolerance of a pixel's centre, or beyond it.
 #[test]
 fn what_only_ties_is_not_passed_over() {
     let square = |low: Vec3, high: Vec3| {
@@ -83,7 +83,7 @@ fn what_only_ties_is_not_passed_over() {
     let unit = square(Vec3::ZERO, Vec3::X + Vec3::Y);
     for (axis, side) in [(0, 0.5), (0, 0.25), (1, 0.5), (1, 0.25)] {
         for (beside, ties) in [(0.0, true), (5e-7, true), (5e-6, false)] {
-            // From a quarter before a centre to just before it.
+            // The square ends from a quarter of a pixel before a centre up to just before it.
             let mut at = DVec3::new(4.0, 4.0, 0.5);
             let mut scale = DVec3::new(3.0, 3.0, 1.0);
             at[axis] = 4.5 - beside - side;

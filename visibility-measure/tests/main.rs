@@ -1,4 +1,4 @@
-//! One program for the tests of all files here: it compiles and runs in less time than many.
+//! All test files here form one program, which compiles and runs faster than many.
 #![allow(missing_docs)]
 
 mod box_limit;

@@ -1,4 +1,4 @@
-//! The item buffer on known pictures, watertight meshes and hostile input.
+//! Tests of the item buffer with known pictures, watertight meshes and hostile input.
 
 use crate::common::pixels;
 use visibility_core::glam::{DMat4, DVec2, DVec3, DVec4, Vec3};
@@ -71,7 +71,7 @@ fn the_nearest_wins_and_the_image_shows_the_first_of_ties() {
     let mut buffer = ItemBuffer::new(8, 8).unwrap();
     let wall = rectangle(0.0, 0.0, 8.0, 8.0, 0.5);
     let near = rectangle(2.0, 2.0, 4.0, 4.0, 0.25);
-    // The wall with its corners in other orders: equally near to the last bit.
+    // The wall with its corners in another order is equally near to the last bit.
     let turned = wall.map(|[a, b, c]| [c, a, b]);
     let sampled =
         buffer.draw(&view, DVec3::ZERO, [(9, &turned[..]), (8, &near[..]), (7, &wall[..])]).unwrap();
@@ -88,7 +88,7 @@ fn the_nearest_wins_and_the_image_shows_the_first_of_ties() {
         (Some(0), None, None),
         "the object at a corner, and beyond the picture"
     );
-    // Tilted walls with their corners reversed: the first drawn wins again.
+    // Tilted walls with reversed corners: the first drawn wins again.
     let tilted = wall.map(|t| t.map(|p| p.with_z(0.1 + p.x * 0.037 + p.y * 0.013)));
     let reversed = tilted.map(|[a, b, c]| [c, b, a]);
     let sampled = buffer.draw(&view, DVec3::ZERO, [(1, &reversed[..]), (2, &tilted[..])]).unwrap();
@@ -99,7 +99,7 @@ fn the_nearest_wins_and_the_image_shows_the_first_of_ties() {
     );
 }
 
-/// Returns how often each pixel is covered if every triangle is drawn alone.
+/// Returns for each pixel how often it is covered if every triangle is drawn separately.
 fn coverage(buffer: &mut ItemBuffer, view: &View, triangles: &[[Vec3; 3]]) -> Vec<u32> {
     let mut counts = vec![0; buffer.items().len()];
     for triangle in triangles {
@@ -135,14 +135,14 @@ fn fans_cover_each_center_once() {
         let fan: Vec<_> = (0..count)
             .map(|i| {
                 let (a, b) = (ring[i], ring[(i + 1) % count]);
-                // Corners in any order.
+                // Corners in a random order.
                 let points = [[hub, a, b], [a, hub, b], [b, a, hub]][(random.unit() * 3.0) as usize];
                 flat(points, 0.5)
             })
             .collect();
         let counts = coverage(&mut buffer, &view, &fan);
         assert!(counts.iter().all(|&c| c == 1), "round {round}: hub {hub:?}, {count} spokes");
-        // Each pixel shows the triangle between whose spokes it lies.
+        // Each pixel must show the triangle between whose spokes it lies.
         buffer.draw(&view, DVec3::ZERO, [(0, &fan[..])]).unwrap();
         for (pixel, &item) in buffer.items().iter().enumerate() {
             let center = DVec2::new((pixel % 48) as f64 + 0.5, (pixel / 48) as f64 + 0.5);
@@ -221,8 +221,8 @@ fn wrong_pixels_are_those_that_drawing_the_reported_objects_alone_changes() {
             .collect();
         full.draw(&view, DVec3::ZERO, objects.iter().map(|(k, t)| (*k, &t[..]))).unwrap();
         let reported: Vec<bool> = objects.iter().map(|_| random.unit() < 0.7).collect();
-        // An object that is omitted keeps its triangle numbers: its triangles are replaced by NaN triangles
-        // that cover no pixel.
+        // Replaces the triangles of omitted objects by NaN triangles, which cover no pixel, so that triangle
+        // numbers stay the same.
         let nothing = [[Vec3::NAN; 3]; 5];
         let kept =
             objects.iter().map(|(k, t)| (*k, if reported[*k as usize] { &t[..] } else { &nothing[..] }));
@@ -262,9 +262,10 @@ fn hostile_triangles_cover_nothing_and_break_nothing() {
         View::perspective(pose, 1.0, 4.0 / 3.0, 1e-30, 1e30).unwrap(),
         View::orthographic(pose, Window::centered(4.0, 3.0), -10.0, 10.0).unwrap(),
         pixels(40.0, 30.0),
-        // Finite, but products with the matrix overflow.
+        // A finite matrix, for which products overflow.
         View::from_clip_from_world(DMat4::from_diagonal(DVec4::splat(1e300)), Depth::ZeroToOne).unwrap(),
-        // No near plane before the eye: w may be zero together with all other coordinates.
+        // A matrix without a near plane in front of the eye: w may be zero together with all other
+        // coordinates.
         View::from_clip_from_world(
             DMat4::from_cols(DVec4::X, DVec4::Y, DVec4::new(0.0, 0.0, 1.0, 1.0), DVec4::Z * 1e-30),
             Depth::ZeroToOne,

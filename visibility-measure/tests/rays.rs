@@ -1,6 +1,6 @@
-//! The item buffer compared with rays through all pixel centres (Möller and Trumbore, "Fast, Minimum Storage
+//! Tests of the item buffer by rays through all pixel centres (Möller and Trumbore, "Fast, Minimum Storage
 //! Ray-Triangle Intersection", 1997). Rays are made from the pose and the window, without a matrix, and are
-//! limited by distance along the viewing direction, so no code under test is used in its own test.
+//! limited by the distance along the viewing direction, so the test uses no code under test.
 
 use visibility_core::glam::{DMat4, DVec3, DVec4, Vec3};
 use visibility_core::{
@@ -42,7 +42,7 @@ impl Camera {
     /// Returns the clip matrix of the picture in the given depth convention, for points relative to the eye.
     pub(crate) fn matrix(&self, depth: Depth) -> DMat4 {
         let (n, f) = (self.near, self.far);
-        // Clip depth over w at the near and the far plane. Clip z is slope * distance + constant.
+        // Clip z divided by w at the near and the far plane. Clip z is slope * distance + constant.
         let (at_near, at_far) = match depth {
             Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => (-1.0, 1.0),
             Depth::ZeroToOne | Depth::ZeroToOneInfinite => (0.0, 1.0),
@@ -58,7 +58,7 @@ impl Camera {
         let Window { left, right, bottom, top } = self.window;
         let (sx, sy) = (2.0 / (right - left), 2.0 / (top - bottom));
         let (cx, cy) = ((right + left) / (right - left), (top + bottom) / (top - bottom));
-        // From camera space (right, up, forward) to clip space.
+        // Projects from camera space (right, up, forward) to clip space.
         let project = if self.parallel {
             DMat4::from_cols(
                 DVec4::X * sx,
@@ -85,8 +85,8 @@ impl Camera {
 struct Hit {
     /// Distance of the intersection from the eye along the viewing direction, in metres.
     distance: f64,
-    /// Least barycentric coordinate of the point: not negative inside the triangle, relative to the
-    /// triangle's size.
+    /// Least barycentric coordinate of the point, relative to the triangle's size. Not negative inside the
+    /// triangle.
     inside: f64,
 }
 
@@ -152,7 +152,7 @@ fn check(camera: &Camera, view: &View, triangles: &[[Vec3; 3]], what: &str) -> (
     (covered, close)
 }
 
-/// Returns triangles of all sizes around the eye, many of which cross the near plane or lie behind the eye.
+/// Returns triangles of all sizes around the eye. Many cross the near plane or are behind the eye.
 fn soup(random: &mut Random, eye: DVec3, count: usize) -> Vec<[Vec3; 3]> {
     (0..count)
         .map(|_| {
@@ -182,7 +182,7 @@ fn perspective_in_all_conventions_equals_rays() {
     let (mut covered, mut close) = (0, 0);
     for round in 0..12 {
         let camera = camera(&mut random, round, 0.5, 14.0, false);
-        // In every third round few triangles, which leave gaps; otherwise many.
+        // Every third round has only few triangles, which leave gaps.
         let triangles = soup(&mut random, camera.pose.eye, if round % 3 == 0 { 8 } else { 120 });
         let endless = Camera { far: f64::INFINITY, ..camera };
         for depth in [Depth::NegativeOneToOne, Depth::ZeroToOne, Depth::Reversed] {
@@ -228,7 +228,7 @@ fn orthographic_in_all_conventions_equals_rays() {
 #[test]
 fn distant_depths_are_told_apart_in_every_convention() {
     // A staircase of walls from 1 m to 1e9 m, each a millionth farther and wider than the wall before. z/w in
-    // [0, 1] with near = 0.01 differs by 1e-17 between the last ones, less than f64 resolves.
+    // [0, 1] with near = 0.01 differs by 1e-17 between the last ones, which f64 cannot resolve.
     let camera = Camera {
         pose: Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z),
         window: Window::centered(0.8, 0.6),

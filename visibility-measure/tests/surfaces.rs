@@ -1,4 +1,4 @@
-//! See-through and one-sided objects, compared with rays through all pixel centres.
+//! Tests of see-through and one-sided objects, by rays through all pixel centres.
 
 use crate::common::pixels;
 use std::collections::BTreeSet;
@@ -7,14 +7,14 @@ use visibility_core::{Aabb, Object, Pose, Scene, View, view::Window};
 use visibility_measure::{Advisor, Comparison, DrawCost, DrawnObject, ItemBuffer, NONE};
 use visibility_testing::Random;
 
-/// An object as the rays know it: triangles, whether it is see-through, and whether it is one-sided.
+/// Object for the rays: triangles, whether it is see-through, and whether it is one-sided.
 struct Made {
     triangles: Vec<[Vec3; 3]>,
     see_through: bool,
     one_sided: bool,
 }
 
-/// Returns the distance at which a ray meets a triangle, whether it meets the front, and the least
+/// Returns the distance at which a ray meets a triangle's plane, whether it meets the front, and the least
 /// barycentric coordinate of the point.
 fn meet(start: DVec3, direction: DVec3, t: &[Vec3; 3]) -> (f64, bool, f64) {
     let [a, b, c] = t.map(|p| p.as_dvec3());
@@ -116,7 +116,7 @@ fn pixels_show_what_rays_meet() {
     assert!(shown > 500 && through > 5000 && backs > 5000, "{shown} {through} {backs}");
 }
 
-/// Returns a rectangle over the pixels from `min` to `max`, at a depth.
+/// Returns a rectangle over the pixels from `min` to `max` at a depth.
 fn rectangle(min: [f32; 2], max: [f32; 2], depth: f32) -> [[Vec3; 3]; 2] {
     let [a, b, c, d] =
         [[min[0], min[1]], [max[0], min[1]], max, [min[0], max[1]]].map(|[x, y]| Vec3::new(x, y, depth));
@@ -136,8 +136,8 @@ fn what_ties_with_a_pane_is_not_charged() {
         seen.compare(|_, key| key == 0, &mut hidden);
         (seen.objects().to_vec(), hidden)
     };
-    // Before the wall it shows in each pixel, once; in its plane, rounding alone decides; behind, it is
-    // hidden.
+    // In front of the wall, the decal shows once in each pixel. In the wall's plane, only rounding decides.
+    // Behind the wall, it is hidden.
     let (objects, hidden) = draw(&mut buffer, &decal(0.4));
     assert_eq!(
         (objects[1].pixels, objects[1].tied_pixels, objects[0].pixels),
@@ -162,8 +162,8 @@ fn what_ties_with_a_pane_is_not_charged() {
     );
     let (objects, _) = draw(&mut buffer, &decal(0.6));
     assert!(!objects[1].is_visible() && objects[0].pixels == 64, "a pane behind the wall");
-    // Two panes of one object, one before the other, count once; an edge through centres does not certainly
-    // cover them.
+    // Two panes of one object, one behind the other, count once per pixel. An edge through pixel centres does
+    // not certainly cover them.
     let (objects, _) = draw(&mut buffer, &[decal(0.3), decal(0.4)].concat());
     assert_eq!(
         (objects[1].pixels, objects[1].visible_triangles),
@@ -186,7 +186,7 @@ fn the_advisor_asks_the_scene_how_objects_are_drawn() {
             [(-2.0, -2.0), (-2.0, 2.0), (2.0, 2.0), (2.0, -2.0)].map(|(y, z)| Vec3::new(x, y, z));
         [[a, b, c], [a, c, d]]
     };
-    // As seen from the origin along x, the rectangles show one side; the reversed ones the other.
+    // Seen from the origin along x, some rectangles show their front, and the reversed ones their back.
     for (x, reversed, see_through) in
         [(3.0, true, false), (4.0, false, true), (5.0, false, false), (6.0, false, false)]
     {
@@ -202,11 +202,11 @@ fn the_advisor_asks_the_scene_how_objects_are_drawn() {
     let visible = |scene: &Scene| {
         Advisor::new(scene, &view(DVec3::X), DrawCost::default()).unwrap().facts().visible_objects
     };
-    // Either the first is seen from behind, or all others are.
+    // The eye sees either the first rectangle or all others from behind.
     let fronts = visible(&scene);
     scene.ids().collect::<Vec<_>>().into_iter().for_each(|id| scene.set_one_sided(id, false).unwrap());
     assert_eq!((fronts, visible(&scene)), (2.0, 1.0), "objects visible, one-sided and two-sided");
-    // An object that is on no layer of the view is not drawn, and covers nothing.
+    // An object on none of the view's layers is not drawn, and covers nothing.
     scene.set_layers(scene.id_at(0).unwrap(), 0).unwrap();
     assert_eq!(visible(&scene), 2.0, "the pane and what is behind it");
 }

@@ -1,4 +1,4 @@
-//! Pixels for which two objects tie are no error of a culler that reports one of them.
+//! Tests of ties: if two objects tie for a pixel, a culler that reports one of them makes no error.
 
 use crate::common::pixels;
 use visibility_core::glam::{DMat4, DVec3, DVec4, Vec3};
@@ -17,8 +17,8 @@ fn slab(along: [f32; 2], near: f32, far: f32, right: f32, left: f32, height: f32
     faces.into_iter().flat_map(triangles).collect()
 }
 
-/// Draws the objects, whose keys are their indices, and compares with the answer of a culler that reports the
-/// keys `reported`.
+/// Draws the objects, with their indices as keys, and compares with a culler that reports the keys
+/// `reported`.
 fn judge(buffer: &mut ItemBuffer, view: &View, objects: &[&[[Vec3; 3]]], reported: &[u32]) -> Comparison {
     let objects = (0..).zip(objects).map(|(key, triangles)| (key, *triangles));
     let sampled = buffer.draw(view, DVec3::ZERO, objects).unwrap();
@@ -38,9 +38,9 @@ fn along(direction: [f32; 2], rolled: bool) -> View {
     View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap()
 }
 
-/// Two boxes, one behind the other, with sides in one plane with the eye. The plane passes through pixel
-/// centres, which rounding gives to one box, to the other, or to neither. The rear box is hidden, and hiding
-/// it is never an error.
+/// Two boxes, one behind the other, with coplanar sides in a plane through the eye. The plane passes through
+/// pixel centres, which rounding assigns to one box, to the other, or to neither. The rear box is hidden, and
+/// hiding it is never an error.
 #[test]
 fn an_edge_behind_an_edge_is_no_error() {
     let mut buffer = ItemBuffer::new(63, 63).unwrap();
@@ -65,7 +65,7 @@ fn an_edge_behind_an_edge_is_no_error() {
     assert!(ties > 20, "{ties} pictures show the box behind");
 }
 
-/// Two boxes, one behind the other. The rear box reaches out by a ten-thousandth of its width: it is visible,
+/// Two boxes, one behind the other. The rear box protrudes by a ten-thousandth of its width: it is visible,
 /// and hiding it is an error.
 #[test]
 fn an_edge_beyond_an_edge_is_an_error() {
@@ -80,9 +80,8 @@ fn an_edge_beyond_an_edge_is_an_error() {
     }
 }
 
-/// Two walls side by side in front of a third, the left wall in two parts. Where a corner of a part lies
-/// within an edge of the right wall, rounding leaves cracks. A culler that hides the third wall is never
-/// wrong.
+/// Two walls side by side in front of a third. The left wall has two parts; where a corner of a part lies on
+/// an edge of the right wall, rounding leaves cracks. Hiding the third wall is never an error.
 #[test]
 fn a_crack_between_two_walls_shows_nothing_behind_them() {
     let mut buffer = ItemBuffer::new(63, 63).unwrap();
@@ -114,7 +113,7 @@ fn rectangle(left: f32, top: f32, right: f32, bottom: f32, z: f32) -> [[Vec3; 3]
     [[a, b, c], [c, d, a]]
 }
 
-/// An edge through pixel centres counts for the objects on both sides of the edge, whatever its direction.
+/// An edge through pixel centres counts for the objects on both sides, in any direction.
 #[test]
 fn an_edge_between_two_objects_counts_for_both() {
     let mut buffer = ItemBuffer::new(8, 8).unwrap();
@@ -125,7 +124,7 @@ fn an_edge_between_two_objects_counts_for_both() {
         (&rectangle(0.0, 0.0, 8.0, 4.5, 0.5), &rectangle(0.0, 4.5, 8.0, 8.0, 0.5), 8),
         (&[[a, b, c]], &[[a, c, d]], 8),
         (&[[b, a, d]], &[[b, c, d]], 8),
-        // Slanted by one row in seven columns: through the single centre at (4.5, 3.5).
+        // An edge with a slope of one row in seven columns, through the single centre at (4.5, 3.5).
         (
             &[[a, Vec3::new(8.0, 3.0, 0.5), Vec3::new(1.0, 4.0, 0.5)]],
             &[[Vec3::new(8.0, 3.0, 0.5), Vec3::new(1.0, 4.0, 0.5), c]],
@@ -243,8 +242,8 @@ fn walls_at_depth_zero_of_a_parallel_view_are_both_visible() {
     }
 }
 
-/// A buffer that has drawn so many coincident walls that it stopped recording ties records the ties of the
-/// next frame.
+/// A buffer with so many coincident walls that it stops recording ties must record the ties of the next
+/// frame.
 #[test]
 fn a_frame_full_of_ties_leaves_the_next_frame_its_ties() {
     let mut buffer = ItemBuffer::new(8, 8).unwrap();

@@ -1,5 +1,5 @@
-//! Order of a street's objects by the approximate culler, and the number of visible objects at several
-//! budgets.
+//! Prints the order in which the approximate culler keeps a street's objects, and how many visible objects it
+//! finds at several budgets.
 //!
 //! `cargo run -p visibility-plp --example budget`
 
@@ -10,7 +10,7 @@ use visibility_core::{Aabb, Culler, FrustumCuller, Pipeline, Pose, Scene, View, 
 use visibility_plp::{Budget, Fineness, OctreeTessellation, PlpCuller, Tessellation};
 
 fn main() -> Result<(), Box<dyn Error>> {
-    // Houses on both sides of twelve parallel streets, and a lamp before each.
+    // Scene of twelve parallel streets with houses on both sides, and a lamp in front of each house.
     let mut scene = Scene::new();
     let (mut houses, mut lamps) = (Vec::new(), Vec::new());
     for street in 0..12 {
@@ -21,12 +21,12 @@ fn main() -> Result<(), Box<dyn Error>> {
             lamps.push(scene.insert(Aabb::new(foot, foot + Vec3::new(0.2, 0.2, 4.0))));
         }
     }
-    // Finer than the default, since a box has only eight corners.
+    // A leaf holds fewer vertices than by default, since each box has only eight.
     let fineness = Fineness { vertices: 32, ..Fineness::default() };
     let cells = Arc::new(OctreeTessellation::from_scene(&scene, fineness));
     println!("{} objects in {} cells", scene.len(), cells.content().cell_count());
 
-    // The view along the street after the sixth row of houses.
+    // View along the street after the sixth row of houses.
     let eye = DVec3::new(-5.0, 5.0 * 20.0 + 15.0, 1.7);
     let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
     let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, f64::INFINITY)?;
@@ -46,7 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         );
     }
 
-    // In a pipeline, as an engine would use the culler.
+    // Pipeline as in an engine: the frustum, then the budget.
     let plp = PlpCuller::new(cells, Budget::Objects(50));
     let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(plp);
     pipeline.cull(&scene, &view, &mut visible);

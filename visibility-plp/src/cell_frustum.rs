@@ -25,8 +25,8 @@ impl BoundedPlane {
     /// tested, in metres.
     fn new(plane: &ViewPlane, reach: f64) -> Self {
         let (normal, offset) = (plane.plane.normal, plane.plane.offset);
-        // The centre and half size of a box, and three products and sums of each: a dozen roundings by 2^-53
-        // of at most this magnitude.
+        // The centre and half size of a box, and three products and sums of each, are rounded about a dozen
+        // times by 2^-53 of at most this magnitude.
         Self { normal, offset, slack: plane.error + 1e-14 * (4.0 * reach + offset.abs()) }
     }
 
@@ -82,8 +82,8 @@ impl CellFrustum {
         let reach = f64::from(bounds.min.abs().max(bounds.max.abs()).max_element());
         let eye = view.eye(origin);
         let exit_margin = match eye {
-            // Point and normal have errors of a few times 2^-52 of the greatest coordinate. 1e-9 of that
-            // coordinate is a million times as much, and costs nothing.
+            // Point and normal have errors of a few times 2^-52 of the greatest coordinate. 1e-9 of this
+            // coordinate is a million times as much, and drops no face.
             Eye::Point(eye) => -1e-9 * (reach + eye.abs().max_element()),
             // The cosine of two unit vectors has an error of a few times 2^-52.
             Eye::Direction(_) => -1e-9,
@@ -93,8 +93,8 @@ impl CellFrustum {
         for with_eye_inside in [true, false] {
             for plane in view.planes(origin).as_slice() {
                 let bounded = BoundedPlane::new(plane, reach);
-                // The products and sums of a signed distance are rounded by less than 1e-15 of these terms.
-                // The error of the plane's own offset adds to that.
+                // The products and sums of a signed distance are rounded by less than 1e-15 of their
+                // magnitudes. The error of the plane's own offset adds to this.
                 let eye_is_inside = match eye {
                     Eye::Point(eye) => {
                         bounded.distance(eye)
@@ -168,7 +168,7 @@ impl CellFrustum {
         triangles: impl Iterator<Item = &'a Triangle> + Clone,
         planes: u16,
     ) -> bool {
-        // Free of branches on a distance, which would be mispredicted half of the time.
+        // The loop does not branch on distances, since such branches would be mispredicted half of the time.
         let mut outside = false;
         for (i, plane) in self.planes[..self.count].iter().enumerate() {
             if planes >> i & 1 != 0 {
@@ -254,7 +254,7 @@ mod tests {
             let normal = random.integers(1 << 52);
             let corner = random.integers(1 << 23);
             let size = [(); 3].map(|()| random.whole(1 << 22).abs());
-            // In units of 2^-53, rounded to a number that f64 can represent.
+            // The exact offset, in units of 2^-53, rounded to a number that f64 can represent.
             let exact = -(0..3).map(|i| i128::from(normal[i]) * i128::from(corner[i])).sum::<i128>();
             for sign in [1, -1] {
                 let nearest = exact as f64;
@@ -264,8 +264,8 @@ mod tests {
                     (true, 1) => nearest.next_up(),
                     _ => nearest.next_down(),
                 };
-                // The box lies beyond the corner: on the outer side except for the corner, or on the inner
-                // side.
+                // The box touches the plane only at this corner and lies on the outer side, or it lies on the
+                // inner side.
                 let beyond = [0, 1, 2].map(|i| corner[i] - sign as i64 * normal[i].signum() * size[i]);
                 let float = |p: IntVector| Vec3::from_array(p.map(|x| x as f32));
                 let bounds = Aabb::from_points([float(corner), float(beyond)]);
@@ -276,7 +276,7 @@ mod tests {
                     ),
                     error: 0.0,
                 };
-                // The plane's own error adds to the bound.
+                // The plane's own error is added to the bound.
                 let unsure = ViewPlane { error: 1e3, ..plane };
                 assert_eq!(
                     BoundedPlane::new(&unsure, 0.0).slack,
@@ -314,11 +314,11 @@ mod tests {
         for round in 0..60_000 {
             let [a, b, c] = [(); 3].map(|()| random.integers(1 << 23));
             let (s, t) = (random.whole(1 << 30), random.whole(1 << 30));
-            // In steps of 2^-30, the eye is in the plane or beside it, by one step or by many.
+            // The eye is in the plane, or beside it by one or many steps of 2^-30.
             let beside = if round % 2 == 0 { random.whole(2) } else { random.whole(1 << 34) };
             let mut eye = within([a, b, c], s, t);
             eye[0] += beside;
-            // Skipped where f64 cannot represent the eye exactly.
+            // The round is skipped if f64 cannot represent the eye exactly.
             if eye.iter().any(|x| x.abs() > 1 << 53) {
                 continue;
             }

@@ -73,9 +73,9 @@ pub struct ConservativePlpCuller<S, M> {
     /// Cells of `waiting` that the map may find hidden, each with its scene-relative box, sorted by cell
     /// number.
     sorted: Vec<(u32, Aabb)>,
-    /// Counts of the last frame.
+    /// Counters of the last frame.
     stats: ConservativeStats,
-    /// The scene of the last frame, which the map's memory of earlier frames belongs to.
+    /// The scene of the last frame, to which the map's memory of earlier frames belongs.
     scene: SceneCursor,
 }
 
@@ -176,7 +176,8 @@ fn drop_hidden<T: Tessellation + ?Sized, M: OcclusionMap>(
 ) {
     sorted.clear();
     let bounds = waiting.iter().map(|&cell| (cell, frame.tessellation.cell_bounds(cell)));
-    // View rays cross the other cells before reaching anything in view, and the map has no depth there.
+    // Only cells beyond the near plane are tested. The map has no depth for the space before it, which view
+    // rays cross first.
     sorted.extend(bounds.filter(|(_, bounds)| frame.frustum.is_beyond_near(bounds)));
     sorted.sort_unstable_by_key(|&(cell, _)| cell);
     let mut rest = &sorted[..];
@@ -258,7 +259,7 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
         sorted.reserve(cells);
         while let Some(cell) = walk.next() {
             if walk.step(&frame, cell) == Projected::OutOfBudget {
-                // The remaining layers of the cell are still to be tested.
+                // The cell has further layers to be projected.
                 walk.put_back(cell);
                 break;
             }

@@ -58,8 +58,8 @@ pub struct Content {
     /// One bit for each object index. Set while the object is listed in all cells that it meets; cleared for
     /// objects that changed since the cells were filled.
     pub(crate) held: Bits,
-    /// Normals of the objects of one triangle, in bins, by which most of those that face away from the eye
-    /// are skipped.
+    /// Normals of single-triangle objects, in bins. With these, most objects that face away from the eye are
+    /// skipped.
     pub(crate) normals: NormalBins,
     /// Objects of the scene that are in no cell, as of the last `sync`.
     strays: Vec<ObjectId>,

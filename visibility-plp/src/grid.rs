@@ -110,8 +110,8 @@ mod tests {
         assert_eq!(morton([1023; 3]), (1 << 30) - 1, "the last voxel's number");
     }
 
-    /// Points on and next to every face of voxels: the voxel of a point holds it, but for an error far below
-    /// the margin at which view rays leave a cell (1e-9 of the coordinates).
+    /// Points on and next to every face of voxels: the voxel found contains the point, up to an error far
+    /// below the margin at which view rays leave a cell (1e-9 of the coordinates).
     #[test]
     fn voxels_hold_the_points_at_their_faces() {
         for bounds in [

@@ -284,8 +284,8 @@ mod tests {
             let mut point = || DVec3::new(random.float(), random.float(), random.float()).as_vec3();
             let (q, u, v) = (point(), point(), point());
             let triangle = match i % 3 {
-                // In turn: all corners in the box; one corner of a large triangle in the box; the normal
-                // almost along an axis.
+                // Successive rounds test: all corners in the box; one corner of a large triangle in the box;
+                // the normal almost along an axis.
                 0 => [q, u, v],
                 1 => [q, q + u * 100.0, q + v * 100.0],
                 _ => [q, q + Vec3::new(u.x, u.y, u.z * 1e-3), q + Vec3::new(v.x, v.y, v.z * 1e-3)],
@@ -365,12 +365,13 @@ mod tests {
         let all = Aabb::from_arrays([-1500.0; 3], [1500.0; 3]);
         for round in 0..2000 {
             let normal = random.direction();
-            // In turn: far enough apart for a bin that is not flat, and close enough for a flat bin.
+            // Rounds alternate between normals far enough apart for a bin that is not flat, and close enough
+            // for a flat bin.
             let lean = if round % 2 == 0 { 3e-6 } else { 5e-7 } * (1.0 + 0.5 * random.float());
             let lean = normal.any_orthonormal_vector() * lean;
             let mut scene = Scene::new();
             for m in [normal + lean, normal - lean].map(DVec3::normalize) {
-                // Large and around the origin, so that the triangle's normal is known to ten digits.
+                // A large triangle around the origin, so that its normal is known to ten digits.
                 let (u, v) = m.any_orthonormal_pair();
                 let t = [u * 1e3, v * 1e3, -(u + v) * 1e3].map(|p| p.as_vec3());
                 let id = scene.insert(Object::new(Aabb::from_points(t)));
@@ -385,7 +386,7 @@ mod tests {
                 };
                 let n = DVec3::from_array(bin.normal.map(f64::from));
                 if bin.spread == 0.0 || (bin.spread <= FLAT) != (round % 2 == 1) {
-                    // The two normals fell into different bins.
+                    // The round is skipped, since the two normals fell into different bins.
                     continue;
                 }
                 let away = (m - n).normalize() * 1000.0;
@@ -393,8 +394,8 @@ mod tests {
                     + triangle[1].as_dvec3() / 3.0
                     + triangle[2].as_dvec3() / 3.0;
                 for (sign, corner) in [(1.0, -1.0), (-1.0, 1.0)] {
-                    // A box with one corner, towards the normal or opposite to it, at a point of the
-                    // triangle.
+                    // One corner of the box is at a point of the triangle: the corner farthest along the
+                    // normal, or the opposite one.
                     let half = Vec3::splat(0.001);
                     let center = q.as_vec3() - n.as_vec3().signum() * half * corner;
                     let cell = Aabb::new(center - half, center + half);
@@ -423,9 +424,9 @@ mod tests {
         let mut random = Random(63);
         let (mut told, mut wrong_without, mut offsets) = (0, 0, Vec::new());
         for _ in 0..30_000 {
-            // In units of 2^-30. The first corner is near the origin and in finer steps than the others, so
-            // that products of edges have more digits than f64. The last corner is so close to the middle of
-            // the others that `unit_normal` just accepts or just rejects the triangle.
+            // Coordinates are in units of 2^-30. The first corner is near the origin and in finer steps than
+            // the others, so that products of edges have more digits than f64. The last corner is so close to
+            // the middle of the others that `unit_normal` just accepts or just rejects the triangle.
             let (a, b) = (random.integers(1 << 14), random.integers(1 << 22));
             let beside = random.integers(4);
             let c = [0, 1, 2].map(|i| (b[i] / 2 + beside[i]) << 14);
@@ -494,14 +495,15 @@ mod tests {
             let across = (axis + 1 + round % 2) % 3;
             normal[across] = f64::from(lean) * if random.float() < 0.0 { 1.0 } else { -1.0 };
             let normal = DVec3::from_array(normal);
-            // Flat along the axis in which the normal has no component, so that the bound has no slack there.
+            // The box is flat along the axis in which the normal has no component, so that the bound has no
+            // slack there.
             let mut half = random.direction().abs().as_vec3() * 0.01;
             half[3 - axis - across] = 0.0;
             let center = random.direction().as_vec3();
             let cell = Aabb::new(center - half, center + half);
             let (min, max) = (cell.min.as_dvec3(), cell.max.as_dvec3());
             let q = DVec3::select(normal.cmpgt(DVec3::ZERO), min, max);
-            // In the plane through that corner, up to rounding and a distance of 1e-7.
+            // The eye is before the plane through the corner `q`, by 1e-7 up to rounding.
             let mut eye = (min + max) * 0.5;
             eye[across] += normal[across].signum() * 1000.0 * random.float().abs();
             eye[axis] = q[axis] - (normal[across] * (eye[across] - q[across]) - 1e-7) / normal[axis];

@@ -283,8 +283,8 @@ fn enclosing(nodes: &[Node], grid: &Grid, shape: &Shape) -> (u32, [u32; 3], u32)
     let corners = shape.corners();
     let corners = corners.as_slice();
     let (least, most) = corners.iter().fold((corners[0], corners[0]), |(a, b), &p| (a.min(p), b.max(p)));
-    // A thousandth of a step on each side is far more than rounding and than the tolerance of the overlap
-    // tests.
+    // The shape is enlarged by a thousandth of a step on each side, far more than rounding and the tolerance
+    // of the overlap tests.
     let hair = DVec3::splat(grid.step * 1e-3);
     let [low, high] = [grid.voxel(least - hair), grid.voxel(most + hair)];
     let (mut node, mut voxel, mut side) = (0, [0; 3], STEPS);
@@ -332,7 +332,7 @@ fn assign_objects(scene: &Scene, grid: &Grid, nodes: &[Node], leaves: usize) -> 
                             pairs.push((leaf, object));
                         }
                         let cover = &mut cover[leaf as usize];
-                        // A leaf wholly inside a solid is never entered, so that its share does not matter.
+                        // A leaf entirely inside a solid is never entered, so its share does not matter.
                         if !cover.is_full() && !shape_contains_cube(shape, center, half) {
                             let half = DVec3::splat(half);
                             shape.for_each_triangle(|triangle| {
@@ -392,8 +392,8 @@ impl Tessellation for OctreeTessellation {
     fn for_each_face(&self, cell: u32, wanted: &dyn Fn(u32) -> bool, each: &mut dyn FnMut(&Face)) {
         let mine = self.leaf_positions[cell as usize];
         let (voxel, side) = self.voxel_and_side(cell);
-        // A point common to the planes of the three lower faces, and a point common to those of the three
-        // upper faces.
+        // The point where the planes of the three lower faces meet, and the point where those of the three
+        // upper faces meet.
         let corners = [self.grid.corner(voxel), self.grid.corner(voxel.map(|x| x + side))];
         for &encoded in self.neighbours.get(cell as usize) {
             let (neighbour, axis, upwards) = decode_neighbour(encoded);
@@ -410,7 +410,7 @@ impl Tessellation for OctreeTessellation {
     }
 
     fn contains(&self, cell: u32, point: DVec3) -> bool {
-        // Far more than rounding, and too little to affect a solidity estimate.
+        // 1e-9 is far more than rounding, and too little to affect a solidity estimate.
         let half = self.side(cell) * (0.5 + 1e-9);
         (point - self.center(cell)).abs().max_element() <= half
     }

@@ -23,8 +23,8 @@ const MAX_LINES_PER_SIDE: u32 = 2048;
 /// [`MAX_LINES_PER_TRIANGLE`] sets no limit.
 const FREE_LINES_PER_SIDE: u32 = 256;
 
-/// Maximum number of lines of one direction per triangle of the scene. It keeps the time in proportion to the
-/// number of triangles, however small these are beside the scene.
+/// Maximum number of lines of one direction per triangle of the scene, so that the time stays proportional to
+/// the number of triangles, however small they are compared with the scene.
 const MAX_LINES_PER_TRIANGLE: f64 = 64.0;
 
 /// Target number of lines of one direction that intersect a triangle, on average over all triangles.
@@ -67,7 +67,7 @@ pub(crate) fn openness_by_index(scene: &Scene) -> Vec<f32> {
     let corners = || triangles.iter().flat_map(|(_, t)| t);
     let (min, max) = corners().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), &p| (a.min(p), b.max(p)));
     let center = min * 0.5 + max * 0.5;
-    // In f64, since squared areas overflow f32 before coordinates do.
+    // The length is in f64, since squares overflow f32 before coordinates do.
     let radius = (max - center).as_dvec3().length();
     if !(radius > 0.0 && radius < f64::from(f32::MAX)) {
         return by_index;
@@ -126,7 +126,7 @@ const GOLDEN_ANGLE: Vec2 = Vec2::new(-0.737_368_9, 0.675_490_3);
 /// [`DIRECTIONS`]. The last axis runs along the lines. The directions are spread over the upper hemisphere,
 /// and none is parallel to an axis of the scene.
 fn axes(direction: usize) -> [Vec3; 3] {
-    // Points of a spiral by the golden angle.
+    // Points on a spiral with the golden angle.
     let mut around = Vec2::new(0.8, 0.6);
     for _ in 0..direction {
         around = GOLDEN_ANGLE.rotate(around);
@@ -198,8 +198,8 @@ impl Lines {
                 self.intersect_triangle(t, &slope);
             }
         }
-        // Counting sort by line. `starts` is shifted by two places, so that after the depths are put in
-        // place, `starts[line]` is the start of the line's own.
+        // Counting sort by line. `starts` is shifted by two entries, so that after the depths are sorted in,
+        // `starts[line]` is the start of this line's depths.
         let count = (self.side * self.side) as usize;
         self.starts.clear();
         self.starts.resize(count + 2, 0);
@@ -220,7 +220,7 @@ impl Lines {
             self.depths[*place as usize] = depth;
             *place += 1;
         }
-        // Short lists are scanned as they are, long ones searched by halves.
+        // Short lists are scanned linearly; long lists are sorted, for bisection.
         for &line in &self.long {
             let (start, end) = (self.starts[line as usize], self.starts[line as usize + 1]);
             self.depths[start as usize..end as usize].sort_unstable_by(f32::total_cmp);

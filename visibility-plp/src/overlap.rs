@@ -45,7 +45,7 @@ pub(crate) fn triangle_meets_box(triangle: &[DVec3; 3], center: DVec3, half: DVe
             }
         }
     }
-    // Reached for a triangle of NaN corners too, since every comparison above was false.
+    // A triangle of NaN corners also meets the box, since every comparison above was false.
     true
 }
 
@@ -203,7 +203,7 @@ mod tests {
         let mut random = Random(11);
         let mut apart = 0;
         for round in 0..100_000 {
-            // Large and small triangles: with the largest coordinates, differences are rounded too.
+            // Large and small triangles. With the largest coordinates, differences are rounded too.
             let shift = |random: &mut Random, most: i64| (random.whole(most).max(0)) as u32;
             let (a, size) = (random.integers(1 << 23), 23 - shift(&mut random, 22));
             let [b, mut c] = [(); 2].map(|()| {
@@ -211,13 +211,13 @@ mod tests {
                 [0, 1, 2].map(|i| a[i] + along[i])
             });
             if round % 2 == 0 {
-                // A sliver, the direction of whose normal depends on the last digits.
+                // A sliver whose normal's direction depends on the last digits.
                 let beside = random.integers(4);
                 c = [0, 1, 2].map(|i| a[i] + (b[i] - a[i]) / 2 + beside[i]);
             }
             let half: IntVector = [(); 3].map(|()| {
                 let half = 1 + (random.whole(1 << 54).abs() >> shift(&mut random, 40));
-                // Rounded to the digits that f64 can represent.
+                // The lowest bits are cleared that f64 cannot represent.
                 half & !(half >> 53)
             });
             // `sides` is the direction from the point in which the box lies.
@@ -278,7 +278,8 @@ mod tests {
                 continue;
             }
             rounds += 1;
-            // The triangle around the corner: q - s u - t v and so on, in sixteenths.
+            // Corners of the triangle around the tetrahedron's corner q: q - s u - t v and so on, in
+            // sixteenths.
             let (s, t) = (1 + random.whole(6).abs(), 1 + random.whole(6).abs());
             let at = |x: i64, y: i64| {
                 DVec3::from_array([0, 1, 2].map(|i| q[i] as f64 + (x * u[i] + y * v[i]) as f64 / 16.0))
@@ -383,7 +384,7 @@ mod tests {
                     "{part:?} {a} {b} {half}"
                 );
             }
-            // A margin proportional to the half side alone would be too small.
+            // Counts walls for which a margin proportional to the half side alone would be too small.
             let (x, reach) = (wall_at[0][axis], half * (1.0 + 1e-12));
             between += u32::from(x < a[axis] - reach && x > b[axis] + reach);
         }

@@ -40,7 +40,7 @@ impl Cover {
 /// interpolated between corners.
 const BEYOND: f64 = 1.0 + 1e-6;
 /// Twice the least area of a projected triangle that stops rays, where the box has a side of 2. Smaller
-/// triangles meet no ray but by rounding.
+/// triangles would only meet rays by rounding.
 const MIN_AREA: f64 = 1e-9;
 
 /// Returns the rays through a box that meet a triangle inside the box, at a point for which `inside` returns
@@ -75,7 +75,7 @@ fn stopped_along(corners: &[DVec3; 3], axis: usize, inside: impl Fn(DVec3) -> bo
     let range = |of: usize| {
         let least = a[of].min(b[of]).min(c[of]);
         let most = a[of].max(b[of]).max(c[of]);
-        // Rounded up and down by casts, since `ceil` and `floor` need `std`.
+        // Rounds up and down with casts, since `ceil` and `floor` need `std`.
         let from = ((least + 1.0) * 4.0 - 0.5).clamp(0.0, 8.0);
         let first = from as u32 + u32::from(f64::from(from as u32) < from);
         let to = (most + 1.0) * 4.0 - 0.5;

@@ -66,7 +66,7 @@ impl SurfaceClass {
     /// do not have exactly one triangle get [`ANY_SIDE`] and [`UNKNOWN_LEAN`].
     pub(crate) fn of_object(scene: &Scene, id: ObjectId, openness: f32) -> (Self, MaxLean) {
         let triangles = scene.triangles(id).unwrap_or_default();
-        // In f64, since squared areas overflow f32 before coordinates do.
+        // The sum is in f64, since squared areas overflow f32 before coordinates do.
         let mut area = 0.0;
         for [a, b, c] in triangles {
             area += (b - a).as_dvec3().cross((c - a).as_dvec3()).length() * 0.5;

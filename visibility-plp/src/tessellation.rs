@@ -30,10 +30,10 @@ pub struct Face {
 /// coordinates are in metres relative to the scene's origin. Cullers call each method thousands of times per
 /// frame, so a method should take nanoseconds and must not allocate.
 ///
-/// Implement this trait to use the cullers with an engine's own cells. Visible objects are lost unless three
-/// conditions hold: the cells leave no gap inside [`bounds`](Self::bounds); two cells that share more than an
-/// edge are neighbours of each other; [`content`](Self::content) lists every object in all cells that the
-/// object meets.
+/// Implement this trait to use the cullers with an engine's own cells. Three conditions must hold, or visible
+/// objects are lost. The cells leave no gap inside [`bounds`](Self::bounds). Two cells that share more than
+/// an edge are neighbours of each other. [`content`](Self::content) lists every object in all cells that it
+/// meets.
 ///
 /// Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible Set Estimation", 2000,
 /// section 3.1.

@@ -1,5 +1,4 @@
-//! Contracts of both cullers: budgets and order, and for the conservative culler that no visible object is
-//! lost.
+//! Tests of both cullers: budgets and order, and that the conservative culler loses no visible object.
 
 use crate::common::{Blank, Walls, looking_along_x, rooms, run, triangles, views};
 use std::collections::BTreeSet;
@@ -195,8 +194,8 @@ fn the_conservative_form_stops_at_walls_and_loses_nothing_before_them() {
             for id in things[room * 20..room * 20 + 20].iter().chain(&walls[room..room + 1]) {
                 assert_eq!(visible.contains(&scene, *id), frustum.contains(&scene, *id), "{id}");
             }
-            // Rooms behind the wall are reached through large cells beside the wall before the wall is in the
-            // map, but not many.
+            // Some cells beside the wall are visited before the wall is in the map, and lead to a few rooms
+            // behind it.
             let (kept, of) = (visible.count(&scene), frustum.count(&scene));
             assert!(kept <= 84 || kept * 2 < of, "room {room}, budget {budget}: {kept} of {of}");
             let stats = culler.stats();
@@ -217,7 +216,7 @@ fn what_no_cell_holds_is_kept() {
     let (mut scene, walls, things) = rooms(12);
     let nan = scene.insert(Aabb::from_arrays([f32::NAN; 3], [1.0; 3]));
     let cells = OctreeTessellation::from_scene(&scene, FINE);
-    // Moved to a place where no cell lists the object, without a `sync` of the cells.
+    // The object moves to a place where no cell lists it, without a `sync` of the cells.
     scene.set_bounds(things[200], Aabb::from_arrays([30.0, 0.0, 0.0], [31.0, 1.0, 1.0])).unwrap();
     let new = scene.insert(Aabb::from_arrays([55.0, 0.0, 0.0], [56.0, 1.0, 1.0]));
     scene.remove(walls[9]).unwrap();
@@ -256,8 +255,8 @@ fn a_nan_triangle_in_finite_bounds_is_not_lost() {
     );
 }
 
-/// Occlusion map that finds every box hidden from its second frame on, until it is reset: as a device does
-/// whose answers are those of the frame before.
+/// Occlusion map that finds every box hidden from its second frame on, until it is reset. It simulates a
+/// device whose answers belong to the frame before.
 #[derive(Default)]
 struct Late {
     frames: u32,
@@ -334,8 +333,8 @@ fn an_order_alone_takes_nothing_out() {
     }
 }
 
-/// A row of small panels across the view, every second one close behind a plate that faces away from the eye:
-/// the panels without a plate come first in the order.
+/// A row of small panels across the view. Every second panel is close behind a plate that faces away from the
+/// eye. The panels without a plate must come first in the order.
 #[test]
 fn what_has_something_close_before_it_comes_last() {
     let mut scene = visibility_core::Scene::new();
@@ -354,7 +353,7 @@ fn what_has_something_close_before_it_comes_last() {
         add(9.98, y, 0.15, true);
         open.push(add(10.0, y + 0.2, 0.1, false));
     }
-    // Cells that hold many panels of both kinds.
+    // Large cells, each with many panels of both kinds.
     const COARSE: Fineness = Fineness { vertices: 10_000, halvings: 0 };
     let view = looking_along_x(0.0);
     let octree = Arc::new(OctreeTessellation::from_scene(&scene, COARSE));

@@ -1,4 +1,4 @@
-//! No allocation per frame once warm, as counted by a global allocator.
+//! Test that a warm frame allocates nothing, as counted by a global allocator.
 
 use crate::common::{Blank, triangles, views};
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use visibility_plp::{
 };
 use visibility_testing::allocations::ALLOCATIONS;
 
-/// One frame warms a culler for all views, even a first frame that sees almost nothing.
+/// One frame warms up a culler for all views, even if this first frame sees almost nothing.
 #[test]
 fn a_warm_culler_allocates_nothing_at_new_views() {
     const FINE: Fineness = Fineness { vertices: 100, halvings: 6 };

@@ -1,5 +1,5 @@
-//! Scenes and tessellations that are swapped, mixed, cloned, changed, reverted and dropped under live
-//! cullers: each frame's answer equals that of a fresh culler, and no object in view is lost.
+//! Tests of scenes and tessellations that are swapped, mixed, cloned, changed, reverted and dropped under
+//! live cullers: each frame's answer equals that of a new culler, and no object in view is lost.
 
 use crate::common::{Blank, Random, run, triangles, views};
 use std::collections::BTreeSet;
@@ -135,7 +135,7 @@ fn change(scene: &mut Scene, random: &mut Random) {
 #[test]
 fn live_cullers_answer_as_fresh_ones_whatever_is_swapped() {
     let mut random = Random(2024);
-    // Equal numbers of objects in each scene, and one scene a clone of another.
+    // Scenes with equal numbers of objects. The last one is a clone of the first.
     let mut scenes: Vec<Scene> = (0..3).map(|seed| triangles(seed, 500)).collect();
     scenes.push(scenes[0].clone());
     let saved = scenes.clone();

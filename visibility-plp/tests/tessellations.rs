@@ -1,5 +1,5 @@
-//! Contracts of both tessellations: cells fill space, neighbours are mutual, and cells list all objects that
-//! meet them.
+//! Tests of both tessellations: cells fill space, neighbours are mutual, and cells list all objects that meet
+//! them.
 
 use crate::common::{Random, rooms, triangles};
 use visibility_core::glam::{DVec3, Vec3};
@@ -81,12 +81,12 @@ fn check(scene: &Scene, cells: &dyn Tessellation) {
         assert_eq!(cells.locate(cells.center(cell)), Some(cell), "the cell at the centre of cell {cell}");
         if !boundary.contains(&cell) {
             inner += 1;
-            // The face areas of a closed surface, as vectors along the normals, sum to zero.
+            // On a closed surface, the normals weighted by face areas sum to zero.
             assert!(sum.length() < 1e-6 * area, "cell {cell}: {sum} of {area}");
         }
     }
     assert!(inner > 10, "inner cells: {inner}");
-    // No gap anywhere in the padded bounds.
+    // Random points in the padded bounds must all lie in a cell.
     let size = (bounds.max - bounds.min).as_dvec3() * 0.49;
     for _ in 0..2000 {
         let point = bounds.center().as_dvec3() + random.fine_vector(1.0) * size;
@@ -117,7 +117,7 @@ fn strange_scenes_are_cut_too() {
     assert_eq!(cut(&scene), (0, 0), "strays of an empty scene");
     let nan = scene.insert(Aabb::from_arrays([f32::NAN; 3], [1.0; 3]));
     assert_eq!(cut(&scene), (1, 1), "strays of a scene of one NaN");
-    // A triangle that is not finite, in bounds that are.
+    // An object with finite bounds and a non-finite triangle.
     let odd = scene.insert(Aabb::from_arrays([0.0; 3], [9.0; 3]));
     scene.set_triangles(odd, [[Vec3::ZERO, Vec3::ONE, Vec3::NAN]]).unwrap();
     scene.insert(Object::new(Aabb::from_arrays([3.0; 3], [3.0; 3])));

@@ -1,6 +1,6 @@
 //! A global allocator that counts allocations separately for each thread, so that tests running in parallel
 //! do not affect each other's counts.
-#![allow(unsafe_code)] // An allocator cannot do without.
+#![allow(unsafe_code)] // An allocator needs unsafe code.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -15,11 +15,11 @@ thread_local! {
     /// Bytes that this thread has allocated minus bytes that it has freed. Negative if the thread frees
     /// memory of other threads.
     pub static LIVE: Cell<isize> = const { Cell::new(0) };
-    /// Greatest value of [`LIVE`] since this was last set.
+    /// Greatest value of [`LIVE`] since `PEAK` was last set.
     pub static PEAK: Cell<isize> = const { Cell::new(0) };
 }
 
-/// Adds to the thread's counts: a number of allocations, and a change of the live bytes.
+/// Adds a number of allocations and a change of live bytes to the thread's counts.
 fn count(allocations: usize, bytes: isize) {
     ALLOCATIONS.set(ALLOCATIONS.get() + allocations);
     LIVE.set(LIVE.get() + bytes);

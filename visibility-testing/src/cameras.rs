@@ -1,5 +1,5 @@
 //! Cameras of all depth conventions and scales, points near their planes, and an oracle in exact arithmetic
-//! for the points that they see.
+//! that tells whether a camera sees a point.
 //!
 //! The oracle takes only the names of the depth conventions from the crate under test. It decides in clip
 //! space, directly from the elements of the matrix, by [`sign_of_sum`].
@@ -19,7 +19,7 @@ pub const DEPTHS: [Depth; 6] = [
     Depth::ReversedInfinite,
 ];
 
-/// Returns the view of a frame of a walk that circles about the origin at 30 metres, looking around.
+/// Returns the view of frame `frame` of a walk that circles around the origin at 30 metres and looks around.
 pub fn circling(frame: usize) -> View {
     let angle = frame as f64 * 0.07;
     let eye = DVec3::new(angle.sin(), 0.0, 1.0) * 30.0;
@@ -49,16 +49,16 @@ pub fn clip_planes(depth: Depth) -> Vec<Vec<(usize, f64)>> {
     sides.into_iter().chain(ends).collect()
 }
 
-/// Clip matrix with its depth convention, and the world points that the matrix and the scene are relative to.
+/// Clip matrix with its depth convention, and the origins that the matrix and the scene are relative to.
 #[derive(Clone, Debug)]
 pub struct Camera {
     /// Clip matrix, column-major, for positions in metres relative to `origin`.
     pub matrix: [f64; 16],
     /// Depth convention of the matrix.
     pub depth: Depth,
-    /// Point of the world, in metres, that the matrix is relative to.
+    /// Origin of the matrix: a point of the world, in metres.
     pub origin: DVec3,
-    /// Point of the world, in metres, that the scene's coordinates are relative to.
+    /// Origin of the scene's coordinates: a point of the world, in metres.
     pub scene_origin: DVec3,
 }
 
@@ -96,7 +96,8 @@ impl Camera {
     }
 
     /// Returns the normal and offset of a plane of [`clip_planes`], relative to the scene's origin, rounded
-    /// and not normalised. For choosing points near the plane, and for distances well above rounding.
+    /// and not normalised. Suitable for choosing points near the plane, and for distances well above
+    /// rounding.
     pub fn coefficients(&self, plane: &[(usize, f64)]) -> (DVec3, f64) {
         let sum = |column: usize| plane.iter().map(|&(row, sign)| sign * self.matrix[4 * column + row]).sum();
         let n = DVec3::new(sum(0), sum(1), sum(2));
@@ -105,8 +106,8 @@ impl Camera {
         (n, n.x * shift.x + n.y * shift.y + n.z * shift.z + sum_w)
     }
 
-    /// Returns by how much a box lies outside of the plane that it is farthest outside of, in units of the
-    /// frustum culler's documented error bound (at `TestPlane`): `8u` of all magnitudes, `2^-125` of the
+    /// Returns how far a box lies outside of a plane (the one that it is farthest outside of), in units of
+    /// the frustum culler's documented error bound (at `TestPlane`): `8u` of all magnitudes, `2^-125` of the
     /// coordinates, `2^-122`, and the error of the plane's offset. Above 1, the box is certainly outside. 0
     /// if the box is outside of no plane. `bounds` is relative to the scene's origin.
     pub fn error_bounds_outside(&self, bounds: &Aabb) -> f64 {
@@ -139,7 +140,7 @@ pub fn projection(depth: Depth, window: [f64; 4], near: f64, far: f64, parallel:
     let [left, right, bottom, top] = window;
     let (width, height) = (right - left, top - bottom);
     let (cx, cy) = ((right + left) / width, (top + bottom) / height);
-    // Clip depth over w at the near and at the far plane.
+    // Clip z divided by w at the near and at the far plane.
     let (at_near, at_far) = match depth {
         Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => (-1.0, 1.0),
         Depth::ZeroToOne | Depth::ZeroToOneInfinite => (0.0, 1.0),
@@ -189,9 +190,9 @@ pub fn random_projection(rng: &mut Random, depth: Depth, reach: f64) -> DMat4 {
 pub fn random_camera(rng: &mut Random, exponents: [i32; 3]) -> (Camera, DMat4) {
     let depth = rng.pick(&DEPTHS);
     let base = match rng.below(4) {
-        // Any matrix is a valid camera.
+        // A random matrix, since any matrix is a valid camera.
         0 => DMat4::from_cols_array(&core::array::from_fn(|_| rng.range(-1.0, 1.0))),
-        // An eye exactly at the origin: planes without offset.
+        // A camera with its eye exactly at the origin, so that planes have no offset.
         1 => random_projection(rng, depth, 0.0),
         _ => random_projection(rng, depth, 3.0),
     };
@@ -231,7 +232,7 @@ pub fn aimed_point(
     let mut p = (world.truncate() / world.w * scale + (camera.origin - camera.scene_origin)).as_vec3();
     let (n, d) = camera.coefficients(&planes[which]);
     let q = p.as_dvec3();
-    // The axis with the greatest influence on the distance, or a random axis.
+    // Moves the coordinate with the greatest influence on the distance, or a random one.
     let say = (n * q).abs();
     let axis = match rng.below(2) {
         0 => rng.below(3),
@@ -245,14 +246,14 @@ pub fn aimed_point(
         }
         p[axis] = x;
     }
-    // Infinite coordinates are out of scope. Points far from the target scale are an artefact of inverting
-    // the matrix.
+    // Points with infinite coordinates are refused, and points far from the target scale, which inverting the
+    // matrix may give.
     (p.is_finite() && (p.as_dvec3() / scale).abs().max_element() < 1e7).then(|| (p.to_array(), n, d))
 }
 
-/// Returns a random box with corner `p` whose other points all have at most the distance of `p` along `n`,
-/// the inward normal of a plane. Axis i has a size of at most `2^exponents[i]`; flat on some or all axes in
-/// some calls. Only the point `p` itself if the box would be infinite.
+/// Returns a random box with corner `p`, all of whose points are at most as far as `p` along `n`, the inward
+/// normal of a plane. The size on axis i is at most `2^exponents[i]`; some boxes are flat on some or all
+/// axes. If the box would be infinite, it is only the point `p`.
 pub fn box_behind(rng: &mut Random, p: [f32; 3], n: DVec3, exponents: [i32; 3]) -> Aabb {
     let (mut min, mut max) = (p, p);
     let flat = rng.one_in(4);

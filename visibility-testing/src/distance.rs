@@ -1,8 +1,8 @@
-//! Distances of segments from triangles.
+//! Distances between segments and triangles.
 
 use visibility_core::glam::{DVec3, Vec3};
 
-/// Distance between a segment and a triangle, 0 if they meet, in ordinary floating point.
+/// Returns the distance between a segment and a triangle, 0 if they meet, in ordinary floating point.
 pub fn distance(p: DVec3, q: DVec3, t: &[Vec3; 3]) -> f64 {
     let t = t.map(Vec3::as_dvec3);
     let n = (t[1] - t[0]).cross(t[2] - t[0]);
@@ -25,7 +25,7 @@ fn point(x: DVec3, t: &[DVec3; 3]) -> f64 {
     (0..3).map(|k| segments(x, x, t[k], t[(k + 1) % 3])).fold(f64::INFINITY, f64::min)
 }
 
-/// Distance between two segments (Ericson, "Real-Time Collision Detection", 2005).
+/// Returns the distance between two segments (Ericson, "Real-Time Collision Detection", 2005).
 fn segments(p: DVec3, q: DVec3, a: DVec3, b: DVec3) -> f64 {
     let (d, e, r) = (q - p, b - a, p - a);
     let (dd, ee, de) = (d.dot(d), e.dot(e), d.dot(e));

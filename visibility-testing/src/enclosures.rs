@@ -1,8 +1,8 @@
-//! Occluders that surround the eye (corners, courtyards, rooms, boxes) and a judge in whole numbers of what
-//! they hide.
+//! Occluders that surround the eye (corners, courtyards, rooms, boxes), and an oracle in integer arithmetic
+//! for the points that they hide.
 //!
-//! All coordinates are whole multiples of 1/64 m and less than 64 m, so that a determinant of three
-//! differences is exact in `i64`. The judge shares no code with projections, clipping and rasters.
+//! All coordinates are multiples of 1/64 m below 64 m, so that a determinant of three differences is exact in
+//! `i64`. The oracle shares no code with projections, clipping and rasters.
 
 use crate::Random;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
@@ -11,10 +11,10 @@ use visibility_core::{
     scene::Triangle,
 };
 
-/// Units per metre of the whole coordinates in which the judge computes.
+/// Number of the oracle's integer units per metre.
 const UNIT: f64 = 64.0;
 
-/// One occluder object that has a place for an eye inside its bounds.
+/// Occluder with room for an eye inside its bounds.
 pub struct Enclosure {
     /// Name for messages.
     pub name: &'static str,
@@ -22,20 +22,20 @@ pub struct Enclosure {
     pub triangles: Vec<Triangle>,
     /// Whether backs occlude.
     pub two_sided: bool,
-    /// Region of eyes, open on all sides, in metres: no triangle is in it.
+    /// Region of possible eyes, in metres, boundary excluded. No triangle is in it.
     pub eyes: Aabb,
 }
 
-/// Numbers of objects in all views of an enclosure.
+/// Numbers of objects, summed over all views of an enclosure.
 #[derive(Clone, Copy, Default, PartialEq, Eq, Debug)]
 pub struct Counts {
-    /// Objects in view whose sampled points are all behind a triangle.
+    /// Number of objects in view whose sampled points are all behind a triangle.
     pub blocked: usize,
-    /// Objects of `blocked` that the culler has kept.
+    /// Number of `blocked` objects that the culler has kept.
     pub kept: usize,
-    /// Objects of `kept` that are more than 1 m outside the bounds of the enclosure.
+    /// Number of `kept` objects more than 1 m outside the bounds of the enclosure.
     pub kept_far: usize,
-    /// Objects in view with a sampled point that is seen.
+    /// Number of objects in view with a visible sampled point.
     pub seen: usize,
 }
 
@@ -45,8 +45,8 @@ fn quad([a, b, c, d]: [[f32; 3]; 4]) -> [Triangle; 2] {
     [[a, b, c], [a, c, d]]
 }
 
-/// Returns an upright wall from `from` to `to` (x and y in metres) between two heights, whose front is seen
-/// from the left of the way from `from` to `to`.
+/// Returns an upright wall from `from` to `to` (x and y in metres) between two heights. Its front is on the
+/// left when walking from `from` to `to`.
 fn wall(from: [f32; 2], to: [f32; 2], low: f32, high: f32) -> [Triangle; 2] {
     let ([ax, ay], [bx, by]) = (from, to);
     quad([[bx, by, low], [ax, ay, low], [ax, ay, high], [bx, by, high]])
@@ -61,12 +61,12 @@ fn slab(min: [f32; 2], max: [f32; 2], z: f32, up: bool) -> [Triangle; 2] {
     quad(around)
 }
 
-/// Returns the walls along a path, whose fronts are seen from the left of the way.
+/// Returns the walls along a path. Their fronts are on the left when walking along the path.
 fn walls(path: &[[f32; 2]], low: f32, high: f32) -> Vec<Triangle> {
     path.windows(2).flat_map(|ends| wall(ends[0], ends[1], low, high)).collect()
 }
 
-/// Returns all enclosures, one-sided ones with their fronts to the eyes.
+/// Returns all enclosures. One-sided enclosures have their fronts towards the eyes.
 pub fn enclosures() -> Vec<Enclosure> {
     let all = |name, triangles: Vec<Triangle>, two_sided, eyes: [[f32; 3]; 2]| Enclosure {
         name,
@@ -82,7 +82,7 @@ pub fn enclosures() -> Vec<Enclosure> {
         made.push(all("L", l.clone(), two_sided, [[-18.0, -18.0, -18.0], [2.0, 2.0, 18.0]]));
         made.push(all("U", u.clone(), two_sided, [[-10.0, -8.0, -10.0], [6.0, 8.0, 10.0]]));
     }
-    // A room, whose wall at y = 3 has a doorway; its quadrilaterals share whole edges.
+    // A room with a doorway in its wall at y = 3. Its quadrilaterals share whole edges.
     let mut room = walls(&[[-4.0, 3.0], [-4.0, -3.0], [4.0, -3.0], [4.0, 3.0]], 0.0, 2.0);
     room.extend(walls(&[[-4.0, 3.0], [-4.0, -3.0], [4.0, -3.0], [4.0, 3.0], [1.0, 3.0]], 2.0, 3.0));
     room.extend(walls(&[[4.0, 3.0], [1.0, 3.0]], 0.0, 2.0));
@@ -112,7 +112,7 @@ pub fn enclosures() -> Vec<Enclosure> {
     let corners = Aabb::from_arrays([-3.0, -2.0, -2.0], [5.0, 2.0, 1.0]).corners();
     let cube = OccluderMesh::CUBOID.map(|t| t.map(|i| corners[i as usize])).to_vec();
     made.push(all("box", cube, true, [[-3.0, -2.0, -2.0], [5.0, 2.0, 1.0]]));
-    // A closed tent, which is convex but no box.
+    // A closed tent, which is convex but not a box.
     let p = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
     let t =
         [p(-4.0, -4.0, -1.0), p(4.0, -4.0, -1.0), p(4.0, 4.0, -1.0), p(-4.0, 4.0, -1.0), p(0.0, 0.0, 4.0)];
@@ -122,7 +122,7 @@ pub fn enclosures() -> Vec<Enclosure> {
     made
 }
 
-/// Converts a point from metres to whole units of 1/64 m.
+/// Converts a point from metres to integer units of 1/64 m.
 fn whole(p: DVec3) -> [i64; 3] {
     (p * UNIT).to_array().map(|x| x as i64)
 }
@@ -136,7 +136,8 @@ fn volume(eye: [i64; 3], [a, b, c]: [[i64; 3]; 3]) -> i64 {
         + (a[0] * b[1] - a[1] * b[0]) * c[2]
 }
 
-/// Tests whether a triangle hides `p` from `eye`: the segment meets the triangle, edges included, before `p`.
+/// Tests whether a triangle hides `p` from `eye`: the segment meets the triangle, edges included, before it
+/// reaches `p`.
 fn hides([a, b, c]: [[i64; 3]; 3], two_sided: bool, eye: [i64; 3], p: [i64; 3]) -> bool {
     let facing = volume(eye, [a, b, c]);
     let sides = [volume(eye, [a, b, p]), volume(eye, [b, c, p]), volume(eye, [c, a, p])];
@@ -148,15 +149,15 @@ fn hides([a, b, c]: [[i64; 3]; 3], two_sided: bool, eye: [i64; 3], p: [i64; 3]) 
     }
 }
 
-/// Returns a multiple of 1/64 m between two bounds.
+/// Returns a random multiple of 1/64 m between two bounds.
 fn coordinate(random: &mut Random, low: f32, high: f32) -> f32 {
     random.between((low * UNIT as f32) as i32, (high * UNIT as f32) as i32) as f32 / UNIT as f32
 }
 
 impl Enclosure {
-    /// Returns a scene, and the ids of its 400 small objects. Its one occluder is the enclosure, around which
-    /// they are. The mesh of the enclosure is in units of `unit` metres, with its axes exchanged if `turned`
-    /// is true; its transform undoes both.
+    /// Returns a scene with the enclosure as its only occluder and 400 small objects around it, and the ids
+    /// of these objects. The mesh of the enclosure is in units of `unit` metres, with its axes exchanged if
+    /// `turned`; its transform undoes both.
     fn scene(&self, random: &mut Random, unit: f32, turned: bool) -> (Scene, Vec<ObjectId>) {
         let mut scene = Scene::new();
         let into = |p: Vec3| if turned { Vec3::new(p.y, p.z, p.x) } else { p } / unit;
@@ -171,7 +172,7 @@ impl Enclosure {
         scene.set_mesh(id, mesh, transform).unwrap();
         let mut objects = Vec::new();
         while objects.len() < 400 {
-            // Half of the objects are close to the enclosure, the others anywhere.
+            // Half of the objects are close to the enclosure, the others at any distance.
             let reach =
                 if objects.len() % 2 == 0 { bounds } else { Aabb::from_arrays([-40.0; 3], [40.0; 3]) };
             let min = Vec3::from_array(core::array::from_fn(|axis| {
@@ -190,7 +191,8 @@ impl Enclosure {
         (scene, objects)
     }
 
-    /// Returns an eye in the enclosure, on some axes as near as 1/32 m to its sides.
+    /// Returns a random eye inside the enclosure, on some axes as near as 1/32 m to the boundary of the
+    /// region.
     fn eye(&self, random: &mut Random) -> DVec3 {
         let gap = 1.0 / 32.0;
         DVec3::from_array(core::array::from_fn(|axis| {
@@ -200,8 +202,8 @@ impl Enclosure {
         }))
     }
 
-    /// Culls from `views` random eyes in the enclosure with the culler that `make` makes, and counts what it
-    /// keeps. Panics if the culler hides an object of which a sampled point is seen.
+    /// Culls from `views` random eyes inside the enclosure with the culler from `make`, and counts the kept
+    /// objects. Panics if the culler hides an object with a visible sampled point.
     pub fn count(
         &self,
         seed: u64,
@@ -260,9 +262,9 @@ impl Enclosure {
     }
 }
 
-/// For each of the first `count` enclosures, takes the objects whose sampled points are all blocked, and
-/// asserts that the culler keeps at most the share `most` of them, and that those of them that it keeps more
-/// than 1 m outside the enclosure are at most the share `most_far`.
+/// Culls in the first `count` enclosures. Of the objects whose sampled points are all blocked, the culler may
+/// keep at most the share `most`, and at most the share `most_far` may be kept more than 1 m outside the
+/// enclosure. Panics otherwise.
 pub fn assert_most_hidden(
     make: &dyn Fn(&Scene) -> Box<dyn Culler + Send + Sync>,
     count: usize,

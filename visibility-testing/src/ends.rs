@@ -1,21 +1,22 @@
-//! Ends of ranges on and around the borders of pixels, with exact places: the oracle compares integers.
+//! Numbers on and next to the borders of pixels, with exact integer ranks, with which an oracle compares
+//! them.
 
-/// Difference of the [ranks](End::rank) of two borders that are one unit apart.
+/// Difference between the [ranks](End::rank) of two borders that are one unit apart.
 pub const UNIT: i64 = 12;
 
-/// A number and its exact place among the borders of units. The border at the whole number k has rank
-/// [`UNIT`] k. A quarter of a unit has three ranks: the number just before it, the number on it, and the
-/// number just after it. Numbers of one list compare as their ranks do.
+/// Number with its exact position relative to the borders of units. The border at the integer k has rank
+/// [`UNIT`] k. A quarter of a unit has three ranks: for the number just before it, on it, and just after it.
+/// Numbers of one list compare like their ranks.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct End<T> {
-    /// The number itself, in the units whose borders are meant: a pixel, for example.
+    /// The number, in units whose borders are tested: in pixels, for example.
     pub value: T,
-    /// Place of the number among the borders, exact: numbers of one list compare as their ranks do.
+    /// Exact position of the number among the borders: numbers of one list compare like their ranks.
     pub rank: i64,
 }
 
-/// Returns each quarter of a unit from `first` to `last` units, both included, and the next number before and
-/// after each, in ascending order.
+/// Returns all multiples of a quarter from `first` to `last`, both included, each with the floating-point
+/// numbers just before and after it, in ascending order.
 ///
 /// ```
 /// use visibility_testing::{UNIT, ends};
@@ -27,7 +28,7 @@ pub fn ends(first: i32, last: i32) -> Vec<End<f64>> {
     around(first, last, |quarters| f64::from(quarters) / 4.0, |x| [x.next_down(), x, x.next_up()])
 }
 
-/// Returns what [`ends`] returns, in single precision.
+/// Returns the same numbers as [`ends`], in single precision.
 pub fn ends_f32(first: i16, last: i16) -> Vec<End<f32>> {
     let quarter = |quarters: i32| (f64::from(quarters) / 4.0) as f32;
     around(first.into(), last.into(), quarter, |x| [x.next_down(), x, x.next_up()])

@@ -7,8 +7,8 @@ use visibility_core::glam::DVec3;
 /// product's magnitude is not within 1e-270 (inclusive) to 1e300 (exclusive). May panic for more than 48
 /// nonzero products.
 pub fn sign_of_sum(products: impl IntoIterator<Item = (f64, f64)>) -> i32 {
-    // An expansion: numbers that do not overlap, in order of increasing magnitude. The last nonzero number
-    // has the sign of the sum.
+    // An expansion: numbers that do not overlap, by increasing magnitude. The last nonzero number has the
+    // sign of the sum.
     let (mut expansion, mut length) = ([0.0f64; 96], 0);
     for (a, b) in products {
         if a == 0.0 || b == 0.0 {
@@ -34,11 +34,13 @@ pub fn sign_of_sum(products: impl IntoIterator<Item = (f64, f64)>) -> i32 {
     expansion[..length].iter().rev().find(|&&x| x != 0.0).map_or(0, sign)
 }
 
-/// Returns the sign of det(b - a, c - a, d - a): 1 if `d` is before the plane through `a`, `b` and `c`, from
-/// where these run counter-clockwise. Panics for coordinates of more than 24 bits, as [`sign_of_sum`] does.
+/// Returns the sign of det(b - a, c - a, d - a): 1 if `d` is on the side of the plane through `a`, `b` and
+/// `c` from which these are counter-clockwise. Panics for coordinates of more than 24 bits, like
+/// [`sign_of_sum`].
 pub fn orientation_sign(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> i32 {
     assert!([a, b, c, d].iter().all(|x| x.as_vec3().as_dvec3() == *x), "a coordinate of more than 24 bits");
-    // Six products of three coordinates for each point left out.
+    // The determinant is the sum, over the four points, of the six products of the other three points'
+    // coordinates.
     let minor = |a: DVec3, b: DVec3, c: DVec3, sign: f64| {
         let orders = [
             (0, 1, 2, 1.0),

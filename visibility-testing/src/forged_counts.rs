@@ -1,13 +1,13 @@
-//! Files whose counts are forged, for tests of how much memory their readers ask for.
+//! Files with forged counts, for tests of how much memory their readers allocate.
 
 use crate::allocations::{LIVE, PEAK};
 use crate::hash::{FNV_START, fnv};
 
-/// Length in bytes of the header of the crates' binary formats: `docs/formats.md`.
+/// Length in bytes of the header of the crates' binary formats, described in `docs/formats.md`.
 const HEADER: usize = 40;
 
-/// Byte patterns written over each place of a file: the greatest counts in four and eight bytes, half of
-/// them, some that a reader might still take for a count, and the greatest in seven bits a byte.
+/// Byte patterns written over each position of a file: the greatest counts in four and eight bytes, half of
+/// these, some that a reader might still accept as a count, and the greatest count in seven bits per byte.
 const FORGED: [&[u8]; 6] = [
     &[0xff; 4],
     &[0xff; 8],
@@ -26,12 +26,12 @@ pub fn mend_header(file: &mut [u8], start: usize) {
     file[32..HEADER].copy_from_slice(&sum.to_le_bytes());
 }
 
-/// Calls `read` with copies of some bytes, each with another place overwritten by a great count, from offset
-/// `first` on. Asserts that no call has more than `limit` bytes of memory at once. The test program has the
-/// [`CountingAllocator`](crate::allocations::CountingAllocator).
+/// Calls `read` with copies of some bytes. In each copy another position, from offset `first` on, is
+/// overwritten by a large count. Asserts that no call holds more than `limit` bytes of memory at once. The
+/// test program must install the [`CountingAllocator`](crate::allocations::CountingAllocator).
 ///
 /// # Panics
-/// If a call takes more, and if the allocator does not count.
+/// Panics if a call holds more, or if the allocator does not count.
 pub fn forge_counts(bytes: &[u8], first: usize, limit: usize, mut read: impl FnMut(Vec<u8>)) {
     let counted = LIVE.get();
     let kept = vec![0u8; 64];

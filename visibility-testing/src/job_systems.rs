@@ -1,8 +1,8 @@
-//! Job systems for tests: what runs which job, and when, must not matter.
+//! Job systems for tests: which thread runs a job, and when, must not matter.
 
 use visibility_core::jobs::Jobs;
 
-/// Threads that share the jobs: job `i` runs on thread `i % threads`.
+/// Job system of several threads: job `i` runs on thread `i % threads`.
 pub struct Threads(pub usize);
 
 impl Jobs for Threads {
@@ -15,7 +15,7 @@ impl Jobs for Threads {
     }
 }
 
-/// One thread that runs the jobs from last to first.
+/// Job system of one thread that runs the jobs from last to first.
 pub struct Reversed;
 
 impl Jobs for Reversed {
@@ -24,7 +24,7 @@ impl Jobs for Reversed {
     }
 }
 
-/// A faulty job system, which leaves out every third job, and runs every second one twice.
+/// Faulty job system, which skips every third job and runs every second one twice.
 pub struct Careless;
 
 impl Jobs for Careless {
@@ -36,7 +36,7 @@ impl Jobs for Careless {
     }
 }
 
-/// Calls `check` with the name of each of several job systems and the system.
+/// Calls `check` with each of several job systems and its name.
 pub fn for_each_job_system(mut check: impl FnMut(&str, &dyn Jobs)) {
     for threads in [1, 2, 3, 8] {
         check(&format!("{threads} threads"), &Threads(threads));

@@ -1,8 +1,8 @@
 //! Test utilities shared by the visibility crates.
 //!
-//! A crate with this as a dev-dependency can use all of it in integration tests and doc tests. Unit tests
-//! inside `visibility-core` can only use [`Random`] and other items without a type of core in their
-//! signature: cargo compiles core twice for unit tests, and the types of the two builds differ.
+//! A crate with this dev-dependency can use everything in integration tests and doc tests. Unit tests inside
+//! `visibility-core` can only use [`Random`] and other items whose signatures have no type of core: cargo
+//! compiles core twice for unit tests, and the types of the two builds differ.
 
 pub mod allocations;
 pub mod cameras;

@@ -1,10 +1,10 @@
-//! Objects that are absent from some frames.
+//! Objects that are not drawn in some frames.
 
 use visibility_core::scene::DrawRange;
 use visibility_core::{Object, ObjectId, Scene};
 
-/// Ways in which an object is not drawn at every distance: by a draw range, as an HLOD parent, and as the
-/// child of one. The last two insert an object with the same bounds that is no occluder.
+/// Functions that make an object not always drawn: by a draw range, as an HLOD parent, and as the child of
+/// one. The last two insert another object with the same bounds that does not occlude.
 pub const NOT_ALWAYS_DRAWN: [fn(&mut Scene, ObjectId); 3] = [
     |scene, id| scene.set_draw_range(id, DrawRange { begin: 100.0, ..DrawRange::ALWAYS }).unwrap(),
     |scene, id| {

@@ -1,9 +1,9 @@
-//! A simple reference occlusion map for tests of all others: a grid of pixels, in which each pixel is clipped
+//! Simple reference occlusion map for tests of the others: a grid of pixels, in which each pixel is clipped
 //! against every triangle of every occluder in homogeneous coordinates.
 //!
 //! A mesh covers a pixel if one of its drawn triangles meets the pixel and none of its contours does. The
-//! pixel then gets the depth of the farthest point of the mesh's drawn triangles in the pixel. Of several
-//! meshes the nearest wins.
+//! pixel's depth is that of the farthest point of the mesh's drawn triangles in the pixel. If several meshes
+//! cover a pixel, the nearest depth wins.
 
 use visibility_core::glam::{Affine3A, DMat4, DVec3, DVec4};
 use visibility_core::{
@@ -12,8 +12,8 @@ use visibility_core::{
     view::{Eye, ViewPlanes},
 };
 
-/// Margin, in normalised device coordinates and relative depth, by which pixels are enlarged for clipping and
-/// depths are moved away from the eye. Far above rounding, far below a pixel.
+/// Margin, in normalised device coordinates and in relative depth, by which pixels are enlarged for clipping
+/// and depths are increased. Far above rounding, far below a pixel.
 const SLACK: f64 = 1e-9;
 
 /// Occlusion map that holds, for each pixel, an upper bound on the depth of the surface that covers the
@@ -31,10 +31,10 @@ pub struct PlainMap {
     eye: Eye,
     /// Clip planes of the view, relative to the scene's origin; none before the first frame.
     clip_planes: ViewPlanes,
-    /// For each pixel, the farthest depth (clip w for perspective views, clip depth for parallel views) that
-    /// is certainly covered; infinite in uncovered pixels. Row by row from the top.
+    /// For each pixel, row by row from the top, the depth at which it is certainly covered: clip w for
+    /// perspective views, clip z for parallel views. Infinite in uncovered pixels.
     depth: Vec<f64>,
-    /// Like `depth`, with the occluders that were added but not flushed as well.
+    /// Same as `depth`, but including occluders that were added and not flushed yet.
     pending: Vec<f64>,
 }
 
@@ -91,9 +91,9 @@ impl PlainMap {
         [x(column), x(column + 1), y(row + 1), y(row)]
     }
 
-    /// Returns the part of a polygon or segment, in clip space, that lies in a pixel whose sides are moved
-    /// outwards by `slack`. Sides are left, right, bottom, top in normalised device coordinates. Empty if
-    /// nothing of the polygon is in the pixel.
+    /// Returns the part of a polygon or segment, in clip space, inside a pixel whose sides are moved outwards
+    /// by `slack`. The sides are left, right, bottom, top in normalised device coordinates. Empty if the
+    /// polygon is outside of the pixel.
     fn clip_to_pixel(
         &self,
         points: &[DVec4],
@@ -108,7 +108,7 @@ impl PlainMap {
     }
 
     /// Returns the pixels that points beyond the near plane may reach: first column, end of the columns,
-    /// first row, end of the rows, ends exclusive. An empty range outside of the image.
+    /// first row, end of the rows, with exclusive ends. The range is empty outside of the image.
     fn reach(&self, points: &[DVec4]) -> [usize; 4] {
         let mut low = [f64::INFINITY; 2];
         let mut high = [f64::NEG_INFINITY; 2];
@@ -120,7 +120,7 @@ impl PlainMap {
                 high[axis] = high[axis].max(at[axis]);
             }
         }
-        // Casts saturate.
+        // Casts to integers saturate.
         let first = |x: f64| (x - 0.01).floor().max(0.0) as usize;
         let end = |x: f64, size: usize| ((x + 0.01).ceil().max(0.0) as usize).min(size);
         [first(low[0]), end(high[0], self.width), first(low[1]), end(high[1], self.height)]
@@ -193,7 +193,7 @@ impl OcclusionMap for PlainMap {
         for edge in occluder.edges() {
             let left = facing[edge.left as usize];
             let right = edge.right.map_or(0, |triangle| facing[triangle as usize]);
-            // Two drawn triangles that traverse an edge in opposite directions, as drawn, join there; every
+            // Two drawn triangles that traverse an edge in opposite directions, as drawn, join there. Every
             // other edge of a drawn triangle is a contour.
             if (left != 0 || right != 0) && left != right {
                 contours.push(in_front(&edge.vertices.map(|i| self.project(at(i)))));
@@ -206,7 +206,7 @@ impl OcclusionMap for PlainMap {
             }
             let whole = t.map(|i| self.project(at(i)));
             let polygon = in_front(&whole);
-            // Where the near plane cuts a triangle, the cut is a contour.
+            // The line where the near plane cuts a triangle is a contour.
             for (i, b) in polygon.iter().enumerate() {
                 let a = &polygon[(i + polygon.len() - 1) % polygon.len()];
                 let cut = |p: &DVec4| !whole.contains(p);
@@ -231,7 +231,7 @@ impl OcclusionMap for PlainMap {
         }
         for contour in contours.iter().filter(|contour| !contour.is_empty()) {
             let [x0, x1, y0, y1] = self.reach(contour);
-            // A contour along the side of a pixel meets both neighbours.
+            // A contour along the side of a pixel also meets the neighbour on the other side.
             for row in y0.saturating_sub(1)..(y1 + 1).min(self.height) {
                 for column in x0.saturating_sub(1)..(x1 + 1).min(self.width) {
                     if !self.clip_to_pixel(contour, self.sides(column, row), SLACK).is_empty() {
@@ -259,7 +259,7 @@ impl OcclusionMap for PlainMap {
         }
         let corners = bounds.corners().map(|corner| self.project(corner.as_dvec3()));
         if corners.iter().any(|p| self.beyond_near(*p) <= 0.0 || p.w <= 0.0) {
-            // The box reaches the near plane, but objects inside it may still be hidden.
+            // The box crosses the near plane, but objects inside it may still be hidden.
             return Occlusion::Partial;
         }
         let nearest = corners.iter().map(|p| self.distance(*p)).fold(f64::INFINITY, f64::min);

@@ -3,14 +3,8 @@
 use visibility_core::Aabb;
 use visibility_core::glam::{DVec3, Vec3};
 
-/// The generator of [`visibility_core::random`], with all that tests draw. The field is the seed; any seed is
-/// good.
-///
-/// ```
-/// let mut random = visibility_testing::Random(1);
-/// assert!((10..=20).contains(&random.between(10, 20)));
-/// assert_eq!(random.clone().bits(), random.bits());
-/// ```
+/// Random number generator: [`visibility_core::random`] with the kinds of draws that tests need. The field is
+/// the seed; any seed is permitted.
 #[derive(Clone, Debug)]
 pub struct Random(pub u64);
 
@@ -59,8 +53,8 @@ impl Random {
         (self.bits() >> 40) as f64 / 16777216.0
     }
 
-    /// Returns a number from `least` (inclusive) to `greatest` (exclusive up to rounding), in steps of a
-    /// 2^24th of their difference.
+    /// Returns a number from `least` (inclusive) to `greatest` (exclusive up to rounding), in steps of 2^-24
+    /// of their difference.
     pub fn range(&mut self, least: f64, greatest: f64) -> f64 {
         least + (greatest - least) * self.unit()
     }
@@ -75,8 +69,8 @@ impl Random {
         (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Returns a number from `least` (inclusive) to `greatest` (exclusive up to rounding), in steps of a
-    /// 2^53rd of their difference.
+    /// Returns a number from `least` (inclusive) to `greatest` (exclusive up to rounding), in steps of 2^-53
+    /// of their difference.
     pub fn fine_range(&mut self, least: f64, greatest: f64) -> f64 {
         least + (greatest - least) * self.fine_unit()
     }
@@ -91,14 +85,14 @@ impl Random {
         DVec3::from_array(core::array::from_fn(|_| self.fine_range(least, greatest))).as_vec3()
     }
 
-    /// Returns a box with sides of at most a metre, whose least corner has coordinates of at most `reach`
-    /// metres.
+    /// Returns a box with sides of at most a metre. The coordinates of its least corner are at most `reach`
+    /// metres in magnitude.
     pub fn small_box(&mut self, reach: f64) -> Aabb {
         let min = self.vector(reach).as_vec3();
         Aabb::new(min, min + self.vector(1.0).abs().as_vec3())
     }
 
-    /// Returns points of a box: its corners, and as many within it.
+    /// Returns 16 points of a box: its eight corners, and eight random points inside.
     pub fn points_of(&mut self, bounds: &Aabb) -> [DVec3; 16] {
         let (corners, size) = (bounds.corners(), bounds.max - bounds.min);
         core::array::from_fn(|at| {

@@ -1,10 +1,10 @@
-//! Lines of sight between boxes.
+//! Test of lines of sight among boxes.
 
 use visibility_core::Scene;
 use visibility_core::glam::DVec3;
 
-/// Returns whether the segment from one point to another, both in metres relative to the scene's origin,
-/// misses the inside of the boxes of all occluders but the one with index `but` (slab test).
+/// Returns whether a segment, in metres relative to the scene's origin, misses the inside of all occluders'
+/// boxes, except that of the occluder with index `but` (slab test).
 pub fn is_clear(scene: &Scene, from: DVec3, to: DVec3, but: usize) -> bool {
     scene.ids().filter(|id| id.index() != but).all(|id| {
         let object = scene.object(id).unwrap();

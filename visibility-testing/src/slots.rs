@@ -1,58 +1,59 @@
-//! Random scenes in which an object is seen from a viewcell through slots, and the segment that sees it.
+//! Random scenes in which an object is visible from a viewcell through slots, each with an unobstructed
+//! segment.
 //!
-//! All coordinates are multiples of 2^-15 m below 512 m: exact in `f32`, and integers of 24 bits here.
-//! Whether the segment misses every triangle follows from products of three differences, exact in `i128`.
+//! All coordinates are multiples of 2^-15 m below 512 m: exact in `f32`, and 24-bit integers here. Whether
+//! the segment misses every triangle is decided by products of three differences, which are exact in `i128`.
 
 use crate::Random;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, RegionCuller, Scene, VisibleSet};
 
-/// Coordinates per metre.
+/// Number of coordinate units per metre.
 const PER_METRE: f64 = 32_768.0;
 
-/// Greatest magnitude of a coordinate: 24 bits of an `f32` hold it.
+/// Greatest magnitude of a coordinate, which fits in the 24 bits of an `f32`.
 const FARTHEST: i64 = 1 << 24;
 
 type Point = [i64; 3];
 
-/// A scene of screens with slots between a viewcell and a target.
+/// Scene of screens with slots between a viewcell and a target.
 pub struct SlotScene {
-    /// The screens, the target, and objects that hide nothing.
+    /// Scene of the screens, the target, and objects that do not occlude.
     pub scene: Scene,
     /// The viewcell, a box.
     pub cell: Viewcell,
-    /// The object behind the screens.
+    /// Object behind the screens.
     pub target: ObjectId,
-    /// A point of the viewcell and a point of the target's box. The segment passes through all slots.
+    /// Segment through all slots, from a point of the viewcell to a point of the target's box.
     pub segment: [DVec3; 2],
-    /// Widths of the slots in metres, the nearest screen first. Panels overlap by a negative width.
+    /// Widths of the slots in metres, nearest screen first. Negative if the panels of a screen overlap.
     pub slots: Vec<f64>,
     /// Whether the segment certainly misses every triangle, so that the target is visible.
     pub is_seen: bool,
 }
 
-/// The result of a search for visible objects that a culler hides.
+/// Result of a search for visible objects that a culler hides.
 #[derive(Debug, Default)]
 pub struct SlotSearch {
-    /// Number of scenes whose target is seen.
+    /// Number of scenes with a visible target.
     pub seen: usize,
     /// Number of scenes with a closed screen.
     pub closed: usize,
     /// Number of scenes with a closed screen whose target was hidden.
     pub hidden: usize,
-    /// Numbers of the scenes whose target was hidden though it is seen.
+    /// Numbers of the scenes with a visible target that was hidden.
     pub wrong: Vec<usize>,
 }
 
-/// Returns the sign of the volume of a tetrahedron, exact.
+/// Returns the exact sign of the volume of a tetrahedron.
 fn orientation(a: Point, b: Point, c: Point, d: Point) -> i128 {
     let [u, v, w] = [b, c, d].map(|p| [0, 1, 2].map(|i| i128::from(p[i] - a[i])));
     let cross = [v[1] * w[2] - v[2] * w[1], v[2] * w[0] - v[0] * w[2], v[0] * w[1] - v[1] * w[0]];
     (u[0] * cross[0] + u[1] * cross[1] + u[2] * cross[2]).signum()
 }
 
-/// Returns whether a segment misses a closed triangle. False for every segment in the plane of the triangle,
+/// Returns whether a segment misses a closed triangle. Always false for a segment in the triangle's plane,
 /// even one that misses it.
 fn misses([p, q]: [Point; 2], [a, b, c]: [Point; 3]) -> bool {
     if orientation(a, b, c, p) * orientation(a, b, c, q) > 0 {
@@ -62,11 +63,9 @@ fn misses([p, q]: [Point; 2], [a, b, c]: [Point; 3]) -> bool {
     sides.contains(&1) && sides.contains(&-1)
 }
 
-/// Map from the coordinates in which a slot scene is built, two across the line of sight and then one along
-/// it, to those of the scene.
+/// Map from construction coordinates (two across the line of sight, then one along it) to scene coordinates.
 struct Frame {
-    /// For each coordinate that is mapped: the axis of the scene (0 to 2) and the sign (1 or -1) that it
-    /// gets.
+    /// For each construction coordinate, its axis in the scene (0 to 2) and its sign (1 or -1).
     axes: [(usize, i64); 3],
     offset: Point,
 }
@@ -86,7 +85,7 @@ impl Frame {
         ((b + 3 - a) % 3 == 1) == (p * q * r < 0)
     }
 
-    /// Returns the box in the scene between two opposite corners in the coordinates of the map.
+    /// Returns the box in the scene between two opposite corners in construction coordinates.
     fn bounds(&self, p: Point, q: Point) -> [Point; 2] {
         let (p, q) = (self.to_scene(p), self.to_scene(q));
         [[0, 1, 2].map(|i| p[i].min(q[i])), [0, 1, 2].map(|i| p[i].max(q[i]))]
@@ -105,7 +104,7 @@ fn aabb([min, max]: [Point; 2]) -> Aabb {
     Aabb::new(vec3(min), vec3(max))
 }
 
-/// Returns a random length from `least` to `most` metres, in units of the scene, with an equally distributed
+/// Returns a random length from `least` to `most` metres, in coordinate units, with a uniformly distributed
 /// logarithm.
 fn length(rng: &mut Random, least: f64, most: f64) -> i64 {
     ((least * (most / least).powf(rng.unit()) * PER_METRE) as i64).max(1)
@@ -121,9 +120,9 @@ fn within(rng: &mut Random, [low, high]: [i64; 2]) -> i64 {
 }
 
 impl SlotScene {
-    /// Makes a scene: a viewcell of .05 to 20 m, one to three screens of panels with slots of .1 mm to .3 m
-    /// between them, along one axis or crossed, and a target at 1 to 300 m. One scene of eight is closed: the
-    /// panels of its screens overlap.
+    /// Makes a scene: a viewcell of 0.05 to 20 m, one to three screens of panels with slots of 0.1 mm to 0.3
+    /// m between them, along one axis or crossed, and a target at 1 to 300 m. One scene in eight is closed:
+    /// the panels of its screens overlap.
     pub fn random(rng: &mut Random) -> Self {
         let axis = rng.below(3);
         let [mut second, mut third] = [(axis + 1) % 3, (axis + 2) % 3];
@@ -134,7 +133,7 @@ impl SlotScene {
         let offset = [0; 3].map(|_| (rng.range(-40.0, 40.0) * PER_METRE) as i64);
         let frame = Frame { axes, offset };
 
-        // The cell ends at depth 0. Its middle is on the axis.
+        // The viewcell ends at depth 0. Its middle is on the axis.
         let common = length(rng, 0.05, 20.0);
         let is_cube = rng.one_in(2);
         let size = [0; 3].map(|_| if is_cube { common } else { length(rng, 0.05, 20.0) });
@@ -164,7 +163,7 @@ impl SlotScene {
             is_seen: !is_closed,
         };
 
-        // Panels reach to the sides of the hull of cell and target, or beyond.
+        // Panels extend to the sides of the hull of viewcell and target, or beyond.
         let beyond = rng.pick(&[1, PER_METRE as i64, 10 * PER_METRE as i64]);
         let ends: [[i64; 2]; 2] = [0, 1].map(|lat| {
             [cell[lat][0].min(target[lat][0]) - beyond, cell[lat][1].max(target[lat][1]) + beyond]
@@ -175,20 +174,21 @@ impl SlotScene {
         for screen in 0..count {
             let lat = if is_crossed { (first + screen) % 2 } else { first };
             let start = gap * screen as i64 + 1 + (rng.unit() * 0.6 * gap as f64) as i64;
-            // Both panels at one depth, or one behind the other, like a wall and a slab.
+            // Both panels are at one depth, or one is behind the other, like a wall and a slab.
             let step = if rng.one_in(2) { 0 } else { length(rng, 0.001, 1.0).min(gap / 8) };
             let width = length(rng, 1e-4, 0.3);
             let part = rng.unit();
             this.slots.push(width as f64 / PER_METRE * if is_closed { -1.0 } else { 1.0 });
             let [is_plate, in_order] = [rng.one_in(2), rng.one_in(2)];
-            // The edges along the slot are askew: one end is farther into the slot than the other. So panels
-            // reach beyond what hides, by less than a pixel, as the far edges of thick panels do.
+            // The edges along the slot are tilted: one end is farther into the slot than the other. So a
+            // panel's bounds extend beyond its occluding part by less than a pixel, as with the far edges of
+            // thick panels.
             let skews = [0; 2].map(|_| if rng.one_in(3) { 0 } else { length(rng, 1e-4, 0.3) });
             let is_high_end = rng.one_in(2);
             for side in [0, 1] {
                 let near = start + if (side == 0) == in_order { 0 } else { step };
                 let thickness = if is_plate { 0 } else { length(rng, 0.001, 1.0).min(gap / 8) };
-                // The segment at both faces of the panel.
+                // Positions of the segment at both faces of the panel.
                 let at = [near, near + thickness].map(|z| {
                     let along = (z - eye[2]) as f64 / (seen[2] - eye[2]) as f64;
                     eye[lat] + ((seen[lat] - eye[lat]) as f64 * along).round() as i64
@@ -206,7 +206,7 @@ impl SlotScene {
                 let mut low = [ends[0][0], ends[1][0], near];
                 let mut high = [ends[0][1], ends[1][1], near + thickness];
                 (low[lat], high[lat]) = (range[0], range[1]);
-                // The edge keeps its distance where the segment passes.
+                // The edge keeps its distance from the segment at the point where the segment passes.
                 let along = (near - eye[2]) as f64 / (seen[2] - eye[2]) as f64;
                 let other = 1 - lat;
                 let here = eye[other] as f64 + (seen[other] - eye[other]) as f64 * along;
@@ -229,7 +229,8 @@ impl SlotScene {
                 this.add_panel(rng, &frame, corners, thickness == 0);
             }
         }
-        // Objects that hide nothing, in front and behind, widen the windows of planes.
+        // Objects that do not occlude, in front of and behind the screens, enlarge the windows of projection
+        // planes.
         for _ in 0..rng.below(4) {
             let reach = (0.4 * distance as f64) as i64;
             let at = [0, 1].map(|_| within(rng, [-reach, reach]));
@@ -241,10 +242,10 @@ impl SlotScene {
         this
     }
 
-    /// Adds a panel with eight corners: two triangles, or a closed hexahedron. The target is not known to be
-    /// seen if the segment meets it.
+    /// Adds a panel with eight corners, as two triangles or as a closed hexahedron. If the segment meets the
+    /// panel, `is_seen` becomes false.
     fn add_panel(&mut self, rng: &mut Random, frame: &Frame, corners: [Point; 8], is_plate: bool) {
-        // Corners are numbered along the axes of the frame, whose turns may be left.
+        // Corners are numbered along the axes of the frame, which may be left-handed.
         let is_mirrored = frame.is_mirrored();
         let turned = |[a, b, c]: [usize; 3]| if is_mirrored { [a, c, b] } else { [a, b, c] };
         let sides = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
@@ -254,7 +255,7 @@ impl SlotScene {
         let segment = self.segment.map(|p| p.to_array().map(|at| (at * PER_METRE) as i64));
         self.is_seen &= triangles.iter().all(|&triangle| misses(segment, triangle));
         let placed: Vec<_> = triangles.iter().map(|t| t.map(vec3)).collect();
-        // The lattice has no triangle without an area, but the clamp to 512 m may make one.
+        // Construction gives no triangle without area, but clamping to 512 m may.
         let Ok(mesh) = OccluderMesh::from_triangles(&placed) else { return };
         let mesh = mesh.with_two_sided(is_plate || rng.one_in(2));
         let id = self.scene.insert(Object { occluder: true, ..Object::new(*mesh.bounds()) });
@@ -263,7 +264,7 @@ impl SlotScene {
         self.scene.set_mesh(id, mesh, Affine3A::IDENTITY).expect("the object has just been inserted");
     }
 
-    /// Runs a culler on `trials` scenes of a seed, the first of which has the number `first`.
+    /// Runs a culler on `trials` scenes of a seed, starting with scene number `first`.
     pub fn search(culler: &mut dyn RegionCuller, seed: u64, first: usize, trials: usize) -> SlotSearch {
         let mut search = SlotSearch::default();
         for number in first..first + trials {
@@ -284,7 +285,7 @@ impl SlotScene {
         search
     }
 
-    /// Returns a scene of a seed by its number: any scene again, without those before.
+    /// Returns the scene of a seed with a given number, without making the scenes before it.
     pub fn numbered(seed: u64, number: usize) -> Self {
         let start = Random(seed).bits() ^ Random(number as u64).bits();
         Self::random(&mut Random(start))
@@ -301,7 +302,8 @@ mod tests {
         for x in -1..=9i64 {
             for y in -1..=9i64 {
                 let is_in = x >= 0 && y >= 0 && x + y <= 8;
-                // Straight through, to and fro; up to the plane; short of the plane; aslant.
+                // Segments straight through in both directions, up to the plane, short of the plane, and
+                // oblique.
                 assert_eq!(misses([[x, y, -1], [x, y, 1]], triangle), !is_in, "{x} {y}");
                 assert_eq!(misses([[x, y, 1], [x, y, -1]], triangle), !is_in, "{x} {y}");
                 assert_eq!(misses([[x, y, 1], [x, y, 0]], triangle), !is_in, "{x} {y}");
@@ -309,7 +311,7 @@ mod tests {
                 assert_eq!(misses([[x - 3, y + 5, -1], [x + 3, y - 5, 1]], triangle), !is_in, "{x} {y}");
             }
         }
-        // Within the plane: not known.
+        // A segment within the plane counts as not missing.
         assert!(!misses([[20, 20, 0], [30, 20, 0]], triangle), "a segment in the triangle's plane");
     }
 

@@ -1,7 +1,7 @@
 //! Test harness that swaps, mixes, clones, changes, reverts and drops scenes, and the data derived from them,
 //! under live cullers.
 //!
-//! A culler that keeps state between frames must recognise when that state no longer fits its inputs. The
+//! A culler that keeps state between frames must recognise when the state no longer fits its inputs. The
 //! harness gives live cullers one source after another and compares each answer with that of a fresh culler
 //! that has seen no other source.
 
@@ -63,11 +63,11 @@ pub fn hold_against_fresh<S: Swapped>(kind: &S, seed: u64, frames: usize) -> usi
     for frame in 0..frames {
         let other = rng.below(scenes.len());
         match rng.below(16) {
-            // A change under the culler, and a change that is reverted.
+            // The scene changes under the culler, or changes and is reverted.
             0..5 => change(&mut scenes[at], &mut rng),
             5 => change_and_revert(&mut scenes[at], &mut rng),
             6 => change(&mut scenes[other], &mut rng),
-            // A level loaded again in place of a dropped level; a level reset to a copy of another.
+            // A level is loaded again in place of a dropped one, or reset to a copy of another.
             7 => scenes[other] = scene(&mut rng),
             8 => scenes[other] = scenes[at].clone(),
             9 => scenes.swap(at, other),
@@ -81,7 +81,7 @@ pub fn hold_against_fresh<S: Swapped>(kind: &S, seed: u64, frames: usize) -> usi
         }
         let is_given = !rng.one_in(4);
         if is_given {
-            // In one of five cases, the source of another scene.
+            // One time in five, the source belongs to another scene.
             let from = if rng.one_in(5) { other } else { at };
             if rng.one_in(2) {
                 sources[from] = kind.derive(&scenes[from], &mut rng);
@@ -158,8 +158,8 @@ fn random_wall(rng: &mut Random) -> Aabb {
     Aabb::new(at - half, at + half)
 }
 
-/// Gives an object a box-shaped occluder mesh with the object's bounds, and its triangles. The mesh goes with
-/// the object, so that later meshes reuse its index under live cullers.
+/// Gives an object an occluder mesh and triangles: the surface of a box with the object's bounds. The mesh is
+/// removed with the object, so that later meshes reuse its index under live cullers.
 fn give_mesh(scene: &mut Scene, id: ObjectId, bounds: &Aabb) {
     let mesh = scene.add_mesh(OccluderMesh::cuboid(bounds).unwrap());
     scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
@@ -168,8 +168,8 @@ fn give_mesh(scene: &mut Scene, id: ObjectId, bounds: &Aabb) {
     scene.set_triangles(id, OccluderMesh::CUBOID.map(|t| t.map(|i| corners[i as usize]))).unwrap();
 }
 
-/// Makes a culler of views from a [`RegionCuller`]: it culls for the viewcell that is a cube with sides of 20
-/// cm around the eye.
+/// Culler of views made from a [`RegionCuller`]: it culls for a cubic viewcell with sides of 20 cm around the
+/// eye.
 pub struct AroundEye<R>(pub R);
 
 impl<R: RegionCuller> Culler for AroundEye<R> {
@@ -198,12 +198,12 @@ fn change(scene: &mut Scene, rng: &mut Random) {
         }
         match rng.below(9) {
             0 => {
-                // The index of the removed object is used again.
+                // A new object reuses the index of the removed one.
                 scene.remove(id).unwrap();
                 scene.insert(Aabb::from_points(random_triangle(rng)));
             }
             1 => {
-                // Same bounds, triangles reversed.
+                // The bounds stay the same, and the triangles are reversed.
                 let turned: Vec<_> = scene.triangles(id).unwrap().iter().map(|[a, b, c]| [a, c, b]).collect();
                 scene.set_triangles(id, turned).unwrap();
             }

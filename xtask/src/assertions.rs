@@ -1,12 +1,12 @@
-//! Assertions without a message: whoever sees one fail learns neither the case nor what should have held.
+//! Finder of assertions without a message, whose failure tells neither the case nor the expectation.
 
 use proc_macro2::{TokenStream, TokenTree};
 use syn::parse::Parser;
 use syn::punctuated::Punctuated;
 use syn::{Expr, Token};
 
-/// Returns the lines, from 1, of the assertions of a file of Rust code that have no message, or an error if
-/// the text is not Rust. Code in comments, such as that of doctests, does not count.
+/// Returns the line numbers, from 1, of the assertions without a message in Rust source text, or an error if
+/// the text is not Rust. Code in comments, such as doctests, does not count.
 pub(crate) fn silent(text: &str) -> Result<Vec<usize>, String> {
     let tokens = text.parse().map_err(|error| format!("{error}"))?;
     let mut lines = Vec::new();
@@ -14,7 +14,7 @@ pub(crate) fn silent(text: &str) -> Result<Vec<usize>, String> {
     Ok(lines)
 }
 
-/// Adds the lines of the assertions without a message among `tokens`, and in the groups within, to `lines`.
+/// Appends to `lines` the lines of the assertions without a message in `tokens`, nested groups included.
 fn collect(tokens: TokenStream, lines: &mut Vec<usize>) -> Result<(), String> {
     let tokens: Vec<TokenTree> = tokens.into_iter().collect();
     for window in tokens.windows(3) {

@@ -16,8 +16,8 @@ pub(crate) fn crates(root: &Path) -> Result<Vec<PathBuf>, String> {
     Ok(folders)
 }
 
-/// Returns the folders of the crates that are published: those of which the manifest does not say otherwise.
-/// Returns an error when a folder or manifest cannot be read.
+/// Returns the folders of the published crates: those whose manifest does not say `publish = false`. Returns
+/// an error when a folder or manifest cannot be read.
 pub(crate) fn published_crates(root: &Path) -> Result<Vec<PathBuf>, String> {
     let mut folders = Vec::new();
     for folder in crates(root)? {

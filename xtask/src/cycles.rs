@@ -1,11 +1,11 @@
-//! Cycles of modules: groups of modules that need each other, so that none of them can be read or changed
-//! alone.
+//! Finder of module cycles: groups of modules that depend on each other, so that none of them can be read or
+//! changed alone.
 
 use crate::module_tree::ModuleTree;
 use std::path::Path;
 
-/// Returns the groups of modules of a crate that need each other. Each group is a list of texts, one per
-/// module: its file below the crate's `src` and the files of the group that it needs. `root` is the crate's
+/// Returns the groups of modules of a crate that depend on each other. Each group is a list of texts, one per
+/// module: its file below the crate's `src`, and the files of the group that it uses. `root` is the crate's
 /// root file.
 ///
 /// # Errors

@@ -1,4 +1,5 @@
-//! Lines of the listing for one item: its own, and those of its fields, variants, derived and declared items.
+//! Lines of the listing of public items that describe one item: its own, and those of its fields, variants,
+//! derived traits and trait items.
 
 use crate::signature::{of_function, text};
 use std::collections::BTreeSet;
@@ -45,7 +46,7 @@ pub(crate) fn add_item(lines: &mut BTreeSet<String>, path: &str, item: &Item) {
     }
 }
 
-/// Adds the lines of the fields that are public by `is_public`. Returns whether all fields are.
+/// Adds the lines of the public fields, as decided by `is_public`. Returns whether all fields are public.
 fn add_fields(
     lines: &mut BTreeSet<String>,
     path: &str,

@@ -1,12 +1,12 @@
-//! Licences of all crates that the workspaces are built from. A crate whose licence allows none of those in
-//! [`ALLOWED`] is refused, so a copyleft licence, or none, cannot come in with a dependency.
+//! Check of the licences of all dependencies in all workspaces. A crate is refused if its licence offers none
+//! of [`ALLOWED`], so that no dependency brings in a copyleft licence, or code without a licence.
 
 use crate::crates::{package_name, published_crates};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Command;
 
-/// Licences that ask for no more than a notice, by SPDX identifier.
+/// SPDX identifiers of licences that only require a notice.
 const ALLOWED: [&str; 13] = [
     "0BSD",
     "Apache-2.0",
@@ -23,7 +23,7 @@ const ALLOWED: [&str; 13] = [
     "Zlib",
 ];
 
-/// Crates with another licence that tests run and that no program links, with that licence.
+/// Crates with another licence that only tests run and no program links to, each with its licence.
 const TOOLS: [(&str, &str); 1] = [("cbindgen", "MPL-2.0")];
 
 /// Manifests of the workspaces, relative to the root.
@@ -36,15 +36,15 @@ const WORKSPACES: [&str; 6] = [
     "platforms/gpu/Cargo.toml",
 ];
 
-/// Keys that the manifest of a published crate has, for its page at the registry.
+/// Manifest keys that a published crate must have for its page at the registry.
 const REQUIRED: [&str; 4] = ["license", "description", "readme", "documentation"];
 
-/// Prints each dependency whose licence is not allowed, and each key that the manifest of a published crate
-/// lacks for its page at the registry. Returns the number of lines printed.
+/// Prints each dependency whose licence is not allowed, and each of the [`REQUIRED`] keys that the manifest
+/// of a published crate lacks. Returns the number of lines printed.
 ///
 /// # Errors
 ///
-/// Returns what cargo says when it cannot list the packages of a workspace.
+/// Returns cargo's messages when it cannot list the packages of a workspace.
 pub(crate) fn check(root: &Path) -> Result<usize, String> {
     let published: Vec<String> = published_crates(root)?.iter().map(|folder| package_name(folder)).collect();
     let mut found = Vec::new();
@@ -71,7 +71,7 @@ pub(crate) fn check(root: &Path) -> Result<usize, String> {
     Ok(found.len())
 }
 
-/// Returns what cargo knows of a workspace and of its dependencies on this machine's platform.
+/// Returns cargo's metadata of a workspace and its dependencies on this machine's platform.
 fn metadata(manifest: &Path) -> Result<Value, String> {
     let version = run(Command::new("rustc").arg("-vV"))?;
     let version = String::from_utf8_lossy(&version);
@@ -82,7 +82,7 @@ fn metadata(manifest: &Path) -> Result<Value, String> {
     serde_json::from_slice(&output).map_err(|error| format!("{}: {error}", manifest.display()))
 }
 
-/// Runs a command and returns what it prints. Returns its messages as an error if it fails.
+/// Runs a command and returns its standard output. Returns its messages as an error if it fails.
 fn run(command: &mut Command) -> Result<Vec<u8>, String> {
     let output = command.output().map_err(|error| format!("{command:?}: {error}"))?;
     if output.status.success() {
@@ -92,8 +92,8 @@ fn run(command: &mut Command) -> Result<Vec<u8>, String> {
     }
 }
 
-/// Tells whether a licence expression can be met by allowed licences alone. `AND` binds closer than `OR`; a
-/// slash is an older form of `OR`. An expression that cannot be read is not allowed.
+/// Returns whether allowed licences alone can satisfy a licence expression. `AND` binds closer than `OR`; a
+/// slash is an older form of `OR`. False for an expression that cannot be parsed.
 fn is_allowed(expression: &str) -> bool {
     let spaced = expression.replace('(', " ( ").replace(')', " ) ").replace('/', " OR ");
     let mut words = spaced.split_whitespace().peekable();

@@ -1,5 +1,5 @@
-//! Checks of the workspace that the compiler does not make: `cargo run -p xtask -- (api | assertions |
-//! cycles | licenses | modules | package | width)`.
+//! Checks of the workspace beyond those of the compiler: `cargo run -p xtask -- (api | assertions | cycles |
+//! licenses | modules | package | width)`.
 
 mod api;
 mod assertions;
@@ -61,7 +61,7 @@ fn check_assertions(root: &Path) -> Result<usize, String> {
     Ok(count)
 }
 
-/// Prints each group of modules of a crate that need each other, for all crates below `root`, and returns the
+/// Prints each group of modules that depend on each other, for all crates below `root`, and returns the
 /// number of groups. Returns an error for the first file that cannot be read or parsed.
 fn check_cycles(root: &Path) -> Result<usize, String> {
     let mut count = 0;
@@ -81,8 +81,8 @@ fn check_cycles(root: &Path) -> Result<usize, String> {
     Ok(count)
 }
 
-/// Returns the files with Rust code of all crates below `root`, and the fuzz targets. Returns an error for
-/// the first folder that cannot be read.
+/// Returns the Rust files of all crates below `root`, and the fuzz targets. Returns an error for the first
+/// folder that cannot be read.
 fn sources(root: &Path) -> Result<Vec<PathBuf>, String> {
     let (mut files, mut folders) = (Vec::new(), crates(root)?);
     folders.push(root.join("fuzz"));
@@ -99,8 +99,8 @@ fn sources(root: &Path) -> Result<Vec<PathBuf>, String> {
     Ok(files)
 }
 
-/// Prints each file of a module beside the folder of its submodules, in which it should be `mod.rs`, and
-/// returns the number of such files. Returns an error for the first folder that cannot be read.
+/// Prints each module file that lies beside the folder of its submodules, and should be `mod.rs` inside it.
+/// Returns the number of such files, or an error for the first folder that cannot be read.
 fn check_modules(root: &Path) -> Result<usize, String> {
     let mut files = sources(root)?;
     files.retain(|file| file.with_extension("").is_dir());
@@ -119,7 +119,7 @@ fn check_width(root: &Path) -> Result<usize, String> {
         for (number, line) in (1..).zip(text.lines()) {
             let comment = line.trim_start();
             let text = comment.trim_start_matches(['/', '!', ' ']);
-            // A link or a row of a table cannot be wrapped.
+            // Links and table rows are exempt, since they cannot be wrapped.
             if comment.starts_with("//")
                 && line.chars().count() > WIDTH
                 && !text.contains("://")

@@ -10,7 +10,7 @@ use syn::{Attribute, Item, UseTree, Visibility};
 pub(crate) struct Module {
     /// Path of the source file.
     pub(crate) file: PathBuf,
-    /// Items of the file, without those for tests and without declarations of modules in files.
+    /// Items of the file, without test items and without declarations of modules in other files.
     pub(crate) items: Vec<Item>,
     /// Names and indices of the child modules that are declared `pub`.
     pub(crate) public_children: Vec<(String, usize)>,

@@ -1,18 +1,18 @@
-//! Packages of the published crates: complete, and made without a warning.
+//! Check of the packages of published crates: complete, and created without a warning.
 
 use crate::crates::{package_name, published_crates};
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// Files that every package holds.
+/// Files that every package must contain.
 const REQUIRED: [&str; 4] = ["LICENSE-APACHE", "LICENSE-MIT", "README.md", "src/lib.rs"];
 
-/// Makes the packages of all published crates without building them. Prints each warning and each missing
+/// Creates the packages of all published crates without building them. Prints each warning and each missing
 /// file, and returns their number.
 ///
 /// # Errors
 ///
-/// Returns what cargo says when it cannot make a package.
+/// Returns cargo's messages when it cannot create a package.
 pub(crate) fn check(root: &Path) -> Result<usize, String> {
     let names: Vec<String> = published_crates(root)?.iter().map(|folder| package_name(folder)).collect();
     let all = names.iter().flat_map(|name| ["-p", name]);
@@ -30,7 +30,7 @@ pub(crate) fn check(root: &Path) -> Result<usize, String> {
     Ok(found.len())
 }
 
-/// Runs cargo in the workspace, whose changes need not be committed. Returns its messages as an error if it
+/// Runs cargo in the workspace. Uncommitted changes are allowed. Returns cargo's messages as an error if it
 /// fails.
 fn cargo(command: &mut Command, root: &Path) -> Result<Output, String> {
     let output = command.args(["--allow-dirty", "--locked"]).current_dir(root).output();

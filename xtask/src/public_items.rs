@@ -51,13 +51,13 @@ pub(crate) fn public_items(root: &Path, name: &str) -> Result<BTreeSet<String>, 
     Ok(listing.lines)
 }
 
-/// Where a path in a module leads.
+/// Target of a path in a module.
 enum Place {
-    /// To a public item of this crate, with its own public path.
+    /// Public item of this crate, with its own public path.
     Public(String),
-    /// To an item of this crate that is not public.
+    /// Item of this crate that is not public.
     Private,
-    /// To another crate, a generic parameter or a primitive type.
+    /// Item of another crate, generic parameter, or primitive type.
     Elsewhere,
 }
 

@@ -31,7 +31,7 @@ pub(crate) fn text(tokens: impl quote::ToTokens) -> String {
     let mut line = String::new();
     for word in &words {
         let word = word.as_str();
-        // A comma before the end of arguments, but not that of a tuple with one field.
+        // Removes a comma before the end of arguments, but keeps that of a tuple with one field.
         if word == ">" && line.ends_with(',') {
             line.pop();
         }
@@ -82,7 +82,7 @@ fn flatten(tokens: TokenStream, words: &mut Vec<String>) {
                 }
                 is_joined = punct.spacing() == Spacing::Joint;
             }
-            // The name of a lifetime follows its quote.
+            // A lifetime is a quote followed by its name.
             TokenTree::Ident(name) => match words.last_mut().filter(|_| is_joined) {
                 Some(last) => {
                     last.push_str(&name.to_string());

@@ -1,8 +1,8 @@
 //! Program `report`: measures every contender in one run, in turns, and prints the first part of
 //! `RESULTS.md`, up to the targets: `cargo run --release -p visibility-benches --bin report`.
 //!
-//! Numbers are ratios of medians. Each round measures every contender once, in a random order of the round.
-//! So disturbances from other processes hit all contenders alike, and no contender always follows the one
+//! Numbers are ratios of medians. Each round measures every contender once, in a new random order. So
+//! disturbances from other processes affect all contenders alike, and no contender always follows the one
 //! that leaves the caches in the worst state.
 
 use parry3d::partitioning::{Bvh, BvhBuildStrategy, BvhWorkspace};
@@ -81,7 +81,8 @@ fn frustum(count: usize, size: &str, targets: &mut Vec<Target>) {
             columns.push((share, order, seconds, visible));
         }
     }
-    // The unit is the last but one contender: this library on the widest instructions, without a list of ids.
+    // The unit is the time of the second to last contender: this library with the widest instructions,
+    // without a list of ids.
     let unit = names.len() - 2;
     println!("## Frustum culling of {size} boxes\n");
     println!(
@@ -253,7 +254,7 @@ fn drift(count: usize, percent: usize) -> Drift {
         note(2, timed(|| some.maintain(BUDGET)));
         set_bounds(all);
         note(3, timed(|| all.maintain(usize::MAX)));
-        // These operations take longest and vary least, so one frame in twelve suffices.
+        // These operations take the longest and vary the least, so one frame in twelve suffices.
         if frame % 12 == 0 {
             note(0, sort(&keys));
             let [one, other] = &mut trees;
@@ -393,7 +394,7 @@ fn in_turns<T>(them: &mut [T], rounds: usize, mut measure: impl FnMut(&mut T) ->
     times.into_iter().map(median).collect()
 }
 
-/// Returns the median; of an even number of times the upper one. Panics without times.
+/// Returns the median, the upper of the two middle times if their number is even. Panics without times.
 fn median(mut times: Vec<f64>) -> f64 {
     times.sort_by(f64::total_cmp);
     times[times.len() / 2]

@@ -3,7 +3,7 @@
 use std::fmt;
 use visibility_bake::LevelError;
 
-/// Why a bake has ended without a result.
+/// Reason why a bake ended without a result.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Failure {
     /// The memory is too small. The message says how much is needed.

@@ -21,7 +21,7 @@ use visibility_core::occlusion::Preparation;
 use visibility_core::pvs::Viewcells;
 use visibility_core::{Object, Scene};
 
-/// Bytes of memory that the program has in use beside the level, about.
+/// Estimate of the memory in bytes that the program uses beside the level.
 const PROGRAM_BYTES: u64 = 32 << 20;
 
 /// The scene of a job with its viewcells.
@@ -39,21 +39,21 @@ pub struct Level {
     cache: Arc<BakeCache>,
 }
 
-/// Where the triangles of a level are.
+/// Storage of a level's triangles: memory or a file.
 enum Content {
-    /// In memory.
+    /// The triangles are in memory.
     World(Box<World>),
-    /// In a file.
+    /// The triangles are in a file.
     File(Arc<TiledScene<'static>>),
 }
 
 impl Level {
-    /// Loads the scene of a job and makes its viewcells, which are given up once `stop` returns true.
-    /// `scratch` is the path of the file that has the triangles if the job limits the memory.
+    /// Loads the scene of a job and makes its viewcells. Gives up with an error once `stop` returns true.
+    /// `scratch` is the path of the file for the triangles if the job limits the memory.
     ///
     /// # Errors
     ///
-    /// [`Failure`] if the scene cannot be loaded, a hint is for no object, there are no viewcells or too
+    /// [`Failure`] if the scene cannot be loaded, a hint matches no object, there are no viewcells or too
     /// many, or the memory or the time is too small.
     pub fn open(job: &Job, scratch: &Path, stop: fn() -> bool) -> Result<Self, Failure> {
         let settings =
@@ -76,7 +76,7 @@ impl Level {
                 (world.source.name.clone(), Content::World(Box::new(world)), viewcells)
             }
             Some(memory) => {
-                // The origin is known with the first object.
+                // The scene's origin is only known once the first object is read, so the writer is made then.
                 let (mut writer, mut failed) = (None, None);
                 let (mut source, bounds) = read(job, &mut |origin, object| {
                     if failed.is_some() {
@@ -94,8 +94,8 @@ impl Level {
                 if let Some(failed) = failed {
                     return Err(failed.into());
                 }
-                // The scene was read without an error. Walks are made from a second reading of its objects,
-                // so that one of them at a time is in memory.
+                // The first reading had no error. Walks are made in a second reading of the objects, so that
+                // only one object at a time is in memory.
                 job.cameras.give(&mut source, &job.reading, |each| {
                     let _ = open_by_object(&job.scene, &job.reading, &mut |_, mut object| {
                         object.take_all(&job.hints, &mut vec![false; job.hints.len()]);
@@ -116,7 +116,8 @@ impl Level {
         Ok(Self { name, viewcells, eyes, content, settings, gap: job.gap, cache: Arc::default() })
     }
 
-    /// Lets the bake take results from a file that an earlier bake has written, if it exists.
+    /// Reuses the results in a cache file that an earlier bake has written. Does nothing if there is no such
+    /// file.
     ///
     /// # Errors
     ///
@@ -145,23 +146,24 @@ impl Level {
         baker.with_clock(clock).with_cache(self.cache.clone())
     }
 
-    /// Returns the number of cameras, which are the keys of all walks, and of those inside a viewcell.
+    /// Returns two numbers: all cameras (keys of all walks), and the cameras inside a viewcell.
     pub fn cameras(&self) -> [usize; 2] {
         let inside = self.eyes.iter().filter(|&&eye| self.viewcells.locate(eye).is_some()).count();
         [self.eyes.len(), inside]
     }
 
-    /// Returns the gap that the bake is asked for.
+    /// Returns the gap that the job allows: the share of the reported triangles neither seen nor proven
+    /// hidden.
     pub fn gap(&self) -> f64 {
         self.gap
     }
 
-    /// Returns the fingerprint that all shards of the bake have.
+    /// Returns the fingerprint of the bake, which is the same for all its shards.
     pub fn fingerprint(&self) -> u64 {
         self.baker().whole_fingerprint()
     }
 
-    /// Makes the file that a game loads.
+    /// Makes the set of viewcells and visible objects that a game loads.
     ///
     /// # Errors
     ///
@@ -175,7 +177,7 @@ impl Level {
         set.map_err(|error| error.to_string())
     }
 
-    /// Returns the scene with its triangles and walks. `None` if it is in a file.
+    /// Returns the scene with its triangles and walks. `None` if the level is in a file.
     pub fn world(&self) -> Option<&World> {
         match &self.content {
             Content::World(world) => Some(world),
@@ -183,7 +185,7 @@ impl Level {
         }
     }
 
-    /// Returns the number of objects. Their indices are those from 0 on.
+    /// Returns the number of objects. Their indices start at 0.
     pub fn object_count(&self) -> usize {
         match &self.content {
             Content::World(world) => world.scene.len(),
@@ -191,7 +193,7 @@ impl Level {
         }
     }
 
-    /// Returns the number of triangles of the object with an index. `None` if there is none.
+    /// Returns the number of triangles of the object at an index. `None` if there is no such object.
     pub fn cost(&self, index: u32) -> Option<u32> {
         match &self.content {
             Content::World(world) => {
@@ -202,13 +204,13 @@ impl Level {
     }
 }
 
-/// Makes the scene of a job, and passes its objects to `each` one by one, with the scene's origin and the
-/// job's hints. Returns the scene without objects, and the bounds of all objects relative to the origin,
-/// `None` if there are none.
+/// Makes the scene of a job. Passes each object, with the job's hints applied, to `each` together with the
+/// scene's origin. Returns the scene without objects, and the bounds of all objects relative to the origin,
+/// `None` without objects.
 ///
 /// # Errors
 ///
-/// Returns a message if the scene cannot be made or read, or a hint is for no object.
+/// Returns a message if the scene cannot be made or read, or a hint matches no object.
 fn read(
     job: &Job,
     each: &mut dyn FnMut(DVec3, SourceObject),

@@ -1,5 +1,5 @@
-//! Parts of the program `bake`: the job that a user states, the level with its viewcells, the plan and the
-//! run, the report and its pictures.
+//! Parts of the program `bake`: the user's job, the level with its viewcells, the forecast, the run, the
+//! report and its pictures.
 
 mod failure;
 mod job;

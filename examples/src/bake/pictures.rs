@@ -1,4 +1,4 @@
-//! Pictures of a bake from above: a heat map of the gaps of all viewcells, and what is seen from the
+//! Pictures of a bake from above: a heat map of the gaps of all viewcells, and the objects seen from the
 //! viewcells with the greatest gaps.
 
 use super::level::Level;
@@ -13,10 +13,11 @@ use std::fmt::Write;
 use std::path::Path;
 use visibility_bake::CellSandwich;
 
-/// Number of viewcells with the greatest gaps that get pictures of their own.
+/// Number of viewcells that get pictures of their own: those with the largest share of undecided triangles.
 const WORST: usize = 4;
 
-/// Color of a viewcell without gap, of half the greatest gap, and of the greatest gap.
+/// Colors of the heat map: for a viewcell without undecided triangles (no gap), with half the greatest gap,
+/// and with the greatest gap.
 const RAMP: [Color; 3] = [VISIBLE, [246, 222, 110], [190, 28, 40]];
 
 /// Writes the pictures of a bake to a folder: `gaps.png` and `gaps.svg`, and `worst-N.png` for viewcell N.
@@ -33,7 +34,7 @@ pub fn draw(level: &Level, cells: &[CellSandwich], report: &Report, folder: &Pat
     }
     let map = Map::of(world, low, high);
     let greatest = report.viewcells.iter().map(|cell| cell.gap).fold(0.0, f64::max);
-    // Of viewcells above one another, the worst is on top.
+    // Viewcells with greater gaps are drawn later, on top of viewcells above or below them.
     let mut order: Vec<(usize, &Cell)> = report.viewcells.iter().enumerate().collect();
     order.sort_by(|(_, a), (_, b)| a.gap.total_cmp(&b.gap));
     let tiles: Vec<Tile<'_>> = order
@@ -84,7 +85,8 @@ fn bounds_px(map: &Map, cell: &Cell) -> [f64; 4] {
     [p[0].min(q[0]), p[1].min(q[1]), (p[0] - q[0]).abs(), (p[1] - q[1]).abs()]
 }
 
-/// Returns the color of a gap, on a scale that ends at the greatest gap.
+/// Returns the color of a gap (a viewcell's share of undecided triangles), on a scale that ends at the
+/// greatest gap.
 fn color(gap: f64, greatest: f64) -> Color {
     let at = if greatest > 0.0 { (gap / greatest * 2.0).clamp(0.0, 2.0) } else { 0.0 };
     let (first, part) = if at < 1.0 { (0, at) } else { (1, at - 1.0) };
@@ -101,7 +103,7 @@ fn title(report: &Report) -> String {
     format!("{}: triangles neither seen nor proven hidden, {gap:.2} % over {count} viewcells", report.scene)
 }
 
-/// Returns the heat map as SVG, in which each viewcell tells its numbers.
+/// Returns the heat map as SVG. The tooltip of each viewcell shows its numbers.
 fn svg([width, height]: [u32; 2], title: &str, tiles: &[Tile<'_>]) -> String {
     let plain = title.replace('&', "&amp;").replace('<', "&lt;");
     let mut svg = format!(
@@ -120,7 +122,7 @@ fn svg([width, height]: [u32; 2], title: &str, tiles: &[Tile<'_>]) -> String {
     svg + "</svg>\n"
 }
 
-/// Draws all objects in the colors of seen, open and hidden ones from one viewcell, and the viewcell.
+/// Draws one viewcell, and all objects in the colors of seen, open and hidden ones.
 fn draw_viewcell(
     level: &Level,
     world: &World,

@@ -1,11 +1,11 @@
-//! Forecast of what a bake with a limit of time will come to, printed before it begins.
+//! Forecast of a bake with a time limit, printed before the bake begins.
 
 use super::level::Level;
 use std::time::{Duration, Instant};
 use visibility_bake::SWEEP_TIME;
 use visibility_core::bake::Bake;
 
-/// Part of the time that the sweeps of the first viewcell may take, which are not kept.
+/// Share of the time limit for a trial sweep of the first viewcell. The trial's result is not kept.
 const TRIAL: f64 = 0.1;
 
 /// Forecast of a bake.
@@ -13,8 +13,8 @@ const TRIAL: f64 = 0.1;
 pub struct Plan {
     /// Number of viewcells.
     pub viewcells: usize,
-    /// Seconds that the sweep of the first viewcell took by itself, on one thread. `None` if it did not come
-    /// to its end in a tenth of the limit.
+    /// Seconds that the sweep of the first viewcell alone took on one thread. `None` if it did not finish
+    /// within a tenth of the limit.
     pub first: Option<f64>,
     /// Seconds that the bake may take.
     pub limit: f64,
@@ -23,11 +23,11 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Sweeps the first viewcell of a level to see how long that takes, at most a tenth of the limit.
+    /// Sweeps the first viewcell of a level to measure the time, for at most a tenth of the limit.
     pub fn measure(level: &Level, limit: Duration, threads: usize) -> Self {
         let trial = level.baker().with_range(0..1).with_time(limit.mul_f64(TRIAL));
         let mut bake = Bake::new(trial);
-        // The sweep of the group, with what is prepared for all viewcells.
+        // The sweep of a group of viewcells, and what is prepared once for all viewcells.
         bake.advance();
         let start = Instant::now();
         bake.advance();

@@ -1,61 +1,63 @@
-//! What a bake found, and where its time went, in numbers: for people and as JSON.
+//! Numbers of a finished bake, as text for people and as JSON: objects found, gaps, and the time of each
+//! method.
 
 use super::level::Level;
 use serde::Serialize;
 use visibility_bake::{BakedSet, CellSandwich, MethodTimes};
 
-/// What a bake found.
+/// Results of a bake in numbers.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// Name of the scene.
     pub scene: String,
     /// Number of objects.
     pub objects: usize,
-    /// Numbers of viewcells that were swept in groups, swept by themselves, looked from along rays, with
-    /// proofs of boxes, and of triangles, or needed that no more. 0 if shards were assembled.
+    /// Number of viewcells that are done with each stage: group sweep, own sweep, rays, proofs of boxes,
+    /// proofs of triangles. A skipped stage counts as done. 0 if shards were assembled.
     pub stages: [usize; 5],
-    /// Number of viewcells that are not searched, since too many triangles of instances would have to be
+    /// Number of viewcells left without a search because too many triangles of instances would have to be
     /// copied. 0 if shards were assembled.
     pub too_large: usize,
-    /// Number of viewcells through with all stages of which the time cut one short. 0 if shards were
-    /// assembled.
+    /// Number of finished viewcells in which the time limit cut a stage short. 0 if shards were assembled.
     pub cut: usize,
     /// Number of cameras of the walks.
     pub cameras: usize,
-    /// Number of cameras inside a viewcell. From outside, everything counts as visible.
+    /// Number of cameras inside a viewcell. For a camera outside all viewcells, everything counts as visible.
     pub cameras_inside: usize,
-    /// Seconds that the bake took, without loading the scene.
+    /// Duration of the bake in seconds, without loading the scene.
     pub seconds: f64,
-    /// Seconds that each method took, summed over all threads. 0 if shards were assembled.
+    /// Seconds by method, summed over all threads. 0 if shards were assembled.
     pub methods: Seconds,
-    /// Whether all viewcells were worked on.
+    /// Whether the bake finished all viewcells.
     pub complete: bool,
-    /// Sum over all viewcells of the triangles neither seen nor proven hidden, as a part of those reported.
+    /// Triangles neither seen nor proven hidden, as a share of the reported triangles, both summed over all
+    /// viewcells.
     pub gap: f64,
-    /// Version of the level, in hexadecimal digits: what a game carries whose scene has boxes alone.
+    /// Version of the level, in hexadecimal digits. A game whose scene has only boxes passes it to the loader
+    /// of the file.
     pub version: String,
-    /// The gap that was asked for.
+    /// Gap that was asked for: the greatest share of the reported triangles neither seen nor proven hidden.
     pub asked_gap: f64,
     /// Number of viewcells whose gap exceeds the one asked for.
     pub viewcells_over_gap: usize,
-    /// Bytes of the file that a game loads, viewcells included.
+    /// Size in bytes of the file that a game loads, viewcells included.
     pub bytes: usize,
-    /// Bytes of the sets in the memory of the game, without the viewcells.
+    /// Memory in bytes of the visible sets in a game, without the viewcells.
     pub memory: usize,
-    /// Bytes of the sets with a bit for each viewcell and object.
+    /// Size in bytes of the visible sets as plain bits, one for each pair of a viewcell and an object.
     pub plain_bytes: usize,
-    /// By viewcell, what was found for it.
+    /// Results of each viewcell.
     pub viewcells: Vec<Cell>,
 }
 
-/// Seconds that each method took.
+/// Seconds by method.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Seconds {
-    /// Seconds of the sweep of extended projections.
+    /// Seconds of sweeps by extended projections.
     pub sweep: f64,
     /// Seconds of the rays.
     pub rays: f64,
-    /// Seconds of the proofs, searches that failed included.
+    /// Seconds of the search for proofs, failed searches included.
     pub proofs: f64,
 }
 
@@ -66,30 +68,30 @@ impl From<&MethodTimes> for Seconds {
     }
 }
 
-/// What a bake found for a viewcell.
+/// Results of one viewcell.
 #[derive(Clone, Debug, Serialize)]
 pub struct Cell {
-    /// Corners in metres: minimum x, y, z, maximum x, y, z.
+    /// Box of the viewcell in metres: minimum x, y, z, maximum x, y, z.
     pub cell: [f64; 6],
     /// Number of objects that a line of sight reaches.
     pub seen: usize,
-    /// Number of objects neither seen nor proven hidden. They are reported.
+    /// Number of objects neither seen nor proven hidden. They count as visible.
     pub open: usize,
     /// Number of objects that the sweep found hidden.
     pub swept: u32,
     /// Number of objects with a proof that they are hidden.
     pub proven: u32,
-    /// Rays, and nodes of the search for proofs.
+    /// Number of rays plus number of nodes of the search for proofs.
     pub steps: u64,
     /// Seconds that each method took. 0 if the viewcell comes from a shard.
     pub seconds: Seconds,
-    /// Open triangles as a part of those reported.
+    /// Open triangles (neither seen nor proven hidden) as a share of the reported triangles.
     pub gap: f64,
 }
 
 impl Report {
-    /// Makes the report of a bake. `times` are those of the viewcells, or empty if they are not known.
-    /// `seconds` is the time of the whole bake. `complete`: whether all viewcells were worked on to the end.
+    /// Makes the report of a bake. `times` has the times of each viewcell, or is empty if they are unknown.
+    /// `seconds` is the time of the whole bake. `complete` tells whether the bake finished all viewcells.
     pub fn new(
         level: &Level,
         cells: &[CellSandwich],
@@ -140,7 +142,7 @@ impl Report {
         }
     }
 
-    /// Returns the report in a few lines.
+    /// Returns the report as a few lines of text.
     pub fn text(&self) -> String {
         let mean = |of: fn(&Cell) -> f64| {
             self.viewcells.iter().map(of).sum::<f64>() / self.viewcells.len().max(1) as f64
@@ -216,12 +218,12 @@ impl Report {
     }
 }
 
-/// Returns the number of triangles of some objects.
+/// Returns the total number of triangles of the objects with these indices.
 fn cost(level: &Level, objects: &[u32]) -> f64 {
     objects.iter().filter_map(|&index| level.cost(index)).map(f64::from).sum()
 }
 
-/// Returns the open triangles as a part of those reported, open or seen. 0 if none is open.
+/// Returns the share of open triangles in all reported triangles, open or seen. 0 if none is open.
 fn gap([open, seen]: [f64; 2]) -> f64 {
     if open > 0.0 { open / (open + seen) } else { 0.0 }
 }

@@ -1,4 +1,4 @@
-//! The run of a bake: on threads, with a limit of time, and its state kept in a file.
+//! The run of a bake: on several threads, with a time limit, and with a state file from which it can resume.
 
 use super::failure::Failure;
 use crate::output_file::write;
@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use visibility_bake::{SandwichBaker, SandwichOutcome};
 use visibility_core::bake::{Bake, Progress};
 
-/// Returns the time passed since the first call.
+/// Returns the time since the first call of this function.
 pub(super) fn clock() -> Duration {
     static FIRST: OnceLock<Instant> = OnceLock::new();
     FIRST.get_or_init(Instant::now).elapsed()
@@ -18,23 +18,23 @@ pub(super) fn clock() -> Duration {
 /// Where and how long a bake runs.
 #[derive(Clone, Debug)]
 pub struct Run {
-    /// Number of threads, 0 for as many as the machine has.
+    /// Number of threads; 0 for one per core of the machine.
     pub threads: usize,
-    /// Time after which what is not done stays open: viewcells that are worked on are given up.
+    /// Time limit. When it is over, viewcells in progress are given up, and all that is undecided stays open.
     pub limit: Option<Duration>,
-    /// Least time between two writes of the work done so far.
+    /// Least time between two writes of the state file.
     pub save_every: Duration,
-    /// File of the work done so far, from which a bake goes on that was interrupted.
+    /// State file with the finished work, from which an interrupted bake resumes.
     pub state: PathBuf,
 }
 
-/// Runs a bake, from the state that an interrupted one has left if there is one. The state file stays until
-/// [`forget`] removes it.
+/// Runs a bake, or resumes an interrupted one if its state file exists. The state file stays until [`forget`]
+/// removes it.
 ///
 /// # Errors
 ///
-/// [`Failure`] if the state file is damaged, of another bake, or cannot be written, or a level in a file
-/// cannot be read or exceeds the memory. The state file of an earlier call stays.
+/// [`Failure`] if the state file is damaged, belongs to another bake or cannot be written, or if a level in a
+/// file cannot be read or exceeds the memory limit. A state file that exists already is kept.
 pub fn run<'a>(
     baker: impl Fn() -> SandwichBaker<'a> + Sync,
     run: &Run,
@@ -59,11 +59,11 @@ pub fn run<'a>(
         loop {
             let (begun, asked) = (Instant::now(), AtomicUsize::new(0));
             let is_over = || run.limit.is_some_and(|limit| start.elapsed() >= limit);
-            // Before a write, threads wait for one another. So writes are rarer the longer the bake runs, and
-            // a process that dies loses at most a tenth of the time.
+            // All threads wait for one another before a write. So the pause between writes grows to a tenth
+            // of the time so far, and a crash loses at most about that much work.
             let every = run.save_every.max(start.elapsed() / 10);
             let is_due = || begun.elapsed() >= every;
-            // Between two writes at least one item is begun, however little time there is.
+            // The first call lets one item begin however little time is left, so each round makes progress.
             let is_first = || asked.fetch_add(1, Relaxed) == 0;
             loop {
                 match bake.advance_unless(|| !is_first() && is_due(), is_over) {

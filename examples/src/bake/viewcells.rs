@@ -12,55 +12,54 @@ use visibility_bake::{CameraRange, Grid, GridError, TiledScene};
 use visibility_core::Scene;
 use visibility_core::pvs::{Viewcell, Viewcells};
 
-/// Least and greatest height in metres of the eye of someone who stands.
+/// Least and greatest eye height in metres of a standing person.
 const STANDING: [f64; 2] = [1.0, 2.0];
 
-/// Where viewcells are.
+/// Places of the viewcells.
 #[derive(Args, Clone, PartialEq, Debug)]
 pub struct Places {
     /// Places of the viewcells: `stand` for the boxes of a grid above all floors where one can stand, 1 to 2
-    /// m high, without what opaque objects separate from there; `walks` for those that the scene's walks
-    /// pass, without what opaque objects separate from the walks; `free` for those, and all that a walking
-    /// camera reaches from the walks (or from --from) without passing through opaque objects; `grid` for all
-    /// boxes over the scene, or over --over; `graph` for the scene's own cells; or a file (.glb, .gltf,
-    /// .vscn) of walkable triangles, such as a navigation mesh, for the boxes above them. By default `grid`
-    /// with --over, `free` with --from, `walks` for a scene with cameras, else `stand`. An eye outside all
-    /// viewcells sees everything.
+    /// m high, up to opaque objects; `walks` for the boxes that the scene's walks pass through, up to opaque
+    /// objects; `free` for these boxes and all that a walking camera reaches from the walks (or from --from)
+    /// without passing through opaque objects; `grid` for all boxes over the scene, or over --over; `graph`
+    /// for the scene's own cells; or a file (.glb, .gltf, .vscn) of walkable triangles, such as a navigation
+    /// mesh, for the boxes above them. By default `grid` with --over, `free` with --from, `walks` for a scene
+    /// with cameras, else `stand`. An eye outside all viewcells sees everything.
     #[arg(long, value_name = "PLACES|FILE")]
     pub cells: Option<Placement>,
 
-    /// Size of a viewcell in metres: two sizes on the ground, in the order of the axes, and the height,
-    /// whatever axis is up.
+    /// Size of a viewcell in metres: two sizes on the ground, in the order of the axes, and the height along
+    /// the up axis.
     #[arg(long, value_name = "WIDTH,DEPTH,HEIGHT", value_parser = size, default_value = "4,4,2")]
     pub size: [f64; 3],
 
-    /// Box to fill with viewcells, or that `free` does not leave.
+    /// Box to fill with viewcells; with `free`, a box that viewcells must not leave.
     #[arg(long, value_name = "MINX,MINY,MINZ,MAXX,MAXY,MAXZ", value_parser = corners,
         allow_hyphen_values = true)]
     pub over: Option<[f64; 6]>,
 
-    /// Point where a camera can be, from which `free` begins in place of the walks. May be given several
+    /// Point where a camera can be, from which `free` starts instead of the walks. May be given several
     /// times.
     #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
     pub from: Vec<[f64; 3]>,
 
-    /// Least and greatest height of a walking camera above what is below it, in metres, falls and jumps
+    /// Least and greatest height of a walking camera above the floor below it, in metres, falls and jumps
     /// included. For `free` and files of walkable triangles.
     #[arg(long, value_name = "LOW,HIGH", value_parser = heights, default_value = "1,3",
         allow_hyphen_values = true)]
     pub heights: [f64; 2],
 
-    /// The camera flies: `free` has no limit of height.
+    /// Let the camera fly: `free` then has no height limit.
     #[arg(long, conflicts_with = "heights")]
     pub fly: bool,
 
-    /// Least distance in metres that the camera keeps from opaque objects, for `free` and `walks`.
+    /// Least distance in metres between the camera and opaque objects, for `free` and `walks`.
     #[arg(long, value_name = "METRES", default_value_t = 0.25)]
     pub radius: f64,
 }
 
 impl Default for Places {
-    /// Places as without arguments.
+    /// The places if the command line names none.
     fn default() -> Self {
         Self {
             cells: None,
@@ -74,20 +73,20 @@ impl Default for Places {
     }
 }
 
-/// How viewcells are placed.
+/// Method of placing viewcells.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Placement {
-    /// In the free space that the scene's walks reach, and along the walks.
+    /// Viewcells fill the free space that a camera reaches from the scene's walks, and lie along the walks.
     Free,
-    /// Above the floors where one can stand.
+    /// Viewcells lie above the floors where one can stand.
     Stand,
-    /// Along the scene's walks.
+    /// Viewcells lie along the scene's walks.
     Walks,
-    /// Over a box.
+    /// Viewcells fill a box, as a grid.
     Grid,
-    /// The scene's cells.
+    /// Viewcells are the scene's own cells.
     Graph,
-    /// Above the triangles of a file.
+    /// Viewcells lie above the triangles of a file.
     Above(PathBuf),
 }
 
@@ -130,16 +129,17 @@ fn heights(text: &str) -> Result<[f64; 2], String> {
     if low <= high { Ok([low, high]) } else { Err("the greatest height is less than the least".to_owned()) }
 }
 
-/// Where the solid triangles of a scene are, between which free space is sought.
+/// Source of a scene's solid triangles, which bound the free space.
 pub enum Solids<'a> {
-    /// In memory.
+    /// A scene in memory.
     Scene(&'a Scene),
-    /// In a file.
+    /// A level in a file.
     Level(&'a TiledScene<'a>),
 }
 
 impl Solids<'_> {
-    /// Calls `seek` with a scene of all objects, or of those that touch the box from `min` to `max`.
+    /// Calls `seek` with a scene of the objects that touch the box from `min` to `max`, or with a scene of
+    /// all objects.
     fn seek(
         &self,
         (min, max): (DVec3, DVec3),
@@ -153,8 +153,8 @@ impl Solids<'_> {
     }
 }
 
-/// Notes that viewcells are around a few still cameras alone, such as those of a glTF file, where nothing
-/// says that others are wanted.
+/// Adds a note to the scene that viewcells are only placed around a few still cameras, such as those of a
+/// glTF file, if the user has not chosen other places.
 pub(super) fn note_still_cameras(source: &mut SceneSource, places: &Places) {
     let is_still = !source.walks.is_empty() && source.walks.iter().all(|walk| walk.keys.len() == 1);
     if is_still && places.cells.is_none() && places.over.is_none() && places.from.is_empty() {
@@ -164,13 +164,13 @@ pub(super) fn note_still_cameras(source: &mut SceneSource, places: &Places) {
     }
 }
 
-/// Makes the viewcells of a scene, and gives up once `stop` returns true. `reading` is how its file, and a
-/// file of walkable triangles, are read. `bounds` are those of all its objects, relative to its origin,
-/// `None` if there are none.
+/// Makes the viewcells of a scene, and gives up with an error once `stop` returns true. `reading` tells how
+/// to read the scene file and a file of walkable triangles. `bounds` contains all objects, relative to the
+/// scene's origin; `None` without objects.
 ///
 /// # Errors
 ///
-/// [`Failure`] if there are none or too many, a file cannot be read, or the memory is too small.
+/// [`Failure`] for no or too many viewcells, a file that cannot be read, or too little memory.
 pub fn make(
     places: &Places,
     reading: &Reading,
@@ -192,8 +192,8 @@ pub fn make(
         None if source.floors.is_empty() => Placement::Walks,
         None => Placement::Stand,
     };
-    // The first eye is in the middle of its viewcell: one that reaches down to the ground sees along it,
-    // under all that stands there.
+    // The grid is aligned so that the first eye is in the middle of its viewcell. A viewcell that reached
+    // down to the ground would see along the ground, under all objects that stand there.
     let mut eyes = source.walks.iter().flat_map(|walk| &walk.keys).map(|key| key.eye);
     let corner = match (&placement, over) {
         (Placement::Grid, Some((min, _))) => min,
@@ -272,7 +272,7 @@ pub fn make(
     Ok(found)
 }
 
-/// Returns an error for a person, with what to do where there was no time.
+/// Returns a message for a person, with advice if the time was too short.
 fn explain(error: &GridError) -> String {
     match error {
         GridError::Stopped => {
@@ -282,7 +282,8 @@ fn explain(error: &GridError) -> String {
     }
 }
 
-/// Returns the ends of the line on which an eye can be above a floor, given with the free height above it.
+/// Returns the ends of the vertical segment where an eye can be above a floor, given a floor point and the
+/// free height above it.
 fn eyes_above((floor, free): (DVec3, f64), places: &Places, up: Vec3) -> Vec<DVec3> {
     let highest = free - places.radius;
     STANDING.map(|height| floor + up.as_dvec3() * height.min(highest)).to_vec()

@@ -16,43 +16,42 @@ use visibility_examples::bake::{Failure, Job, Level, Plan, Run, forget, run};
 use visibility_examples::output_file::{Lock, beside, is_special, target, write};
 use visibility_examples::{eprintln, print, println};
 
-/// Bake what can be seen from each viewcell of a scene. A bake that was interrupted goes on where it was. The
-/// last lines say how many viewcells miss the gap, and the version of the level, which a game whose scene has
-/// boxes alone hands to the loader of the file.
+/// Bake what can be seen from each viewcell of a scene. An interrupted bake resumes where it was. The last
+/// lines tell how many viewcells exceed the wanted gap, and the version of the level. A game whose scene has
+/// only boxes passes this version to the loader of the file.
 ///
-/// `bake assemble` puts the parts of a bake with --shard together. `bake fingerprint` prints the hash that
-/// all parts of a bake have in common, and the number of viewcells.
+/// `bake assemble` puts the shards of a bake (--shard) together. `bake fingerprint` prints the hash that all
+/// shards of a bake share, and the number of viewcells.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
     #[command(flatten)]
     job: Job,
 
-    /// File to write, for `walkthrough --cullers baked:FILE`; with --shard the file of the shard.
+    /// File to write, for `walkthrough --cullers baked:FILE`. With --shard, the file of the shard.
     #[arg(short, long, value_name = "FILE")]
     out: PathBuf,
 
-    /// Seconds after which what is not done counts as visible. By default there is no limit. Viewcells that
-    /// are not made by then, and after a second, are an error.
+    /// Time limit in seconds. What is undecided by then counts as visible. By default there is no limit. If
+    /// not all viewcells are made within the limit, or within a second if that is longer, the bake fails.
     #[arg(long, value_name = "SECONDS")]
     time: Option<f64>,
 
-    /// Least seconds between two writes of the work done so far, to FILE.state. The longer a bake runs, the
-    /// rarer they are, so that a tenth of the time may be lost.
+    /// Least seconds between two writes of the finished work to FILE.state. The pause grows to a tenth of the
+    /// time so far, so an interruption loses at most about that much work.
     #[arg(long, value_name = "SECONDS", default_value_t = 5.0)]
     save: f64,
 
-    /// File of results by what they depend on: read if it exists, and written at the end. After an edit of
-    /// the scene only viewcells that the edit can have changed are baked again; the file to write is the
-    /// same as without. By default none.
+    /// Cache file, read if it exists and written at the end. After an edit of the scene, only viewcells that
+    /// the edit can have changed are baked again; the output is the same as without a cache. By default none.
     #[arg(long, value_name = "FILE")]
     cache: Option<PathBuf>,
 
-    /// Number of threads; 0 for as many as the machine has. The file is the same for any number.
+    /// Number of threads; 0 for one per core of the machine. The output is the same for any number.
     #[arg(long, default_value_t = 0)]
     threads: usize,
 
-    /// Bake the part I of N parts alone, counted from 0, for `bake assemble`.
+    /// Bake only part I of N parts, counted from 0, for `bake assemble`.
     #[arg(long, value_name = "I/N", value_parser = part,
         conflicts_with_all = ["time", "json", "pictures"])]
     shard: Option<[usize; 2]>,
@@ -86,12 +85,12 @@ struct Assembly {
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 
-    /// Folder for pictures, as of a whole bake. By default none.
+    /// Folder for the same pictures as a whole bake writes. By default none.
     #[arg(long, value_name = "DIR", conflicts_with = "memory")]
     pictures: Option<PathBuf>,
 }
 
-/// Print the hash that all shards of a bake have in common, and the number of viewcells.
+/// Print the hash that all shards of a bake share, and the number of viewcells.
 #[derive(Parser)]
 #[command(name = "bake fingerprint", version)]
 struct Identity {
@@ -99,10 +98,10 @@ struct Identity {
     job: Job,
 }
 
-/// Least time that the making of viewcells may take, whatever the limit of time.
+/// Least time allowed for making the viewcells, whatever the time limit.
 const LEAST_TIME: Duration = Duration::from_secs(1);
 
-/// When viewcells must have been made. Empty without a limit of time.
+/// Time by which the viewcells must be made. Unset without a time limit.
 static VIEWCELLS_END: OnceLock<Instant> = OnceLock::new();
 
 fn is_too_late_for_viewcells() -> bool {
@@ -112,20 +111,20 @@ fn is_too_late_for_viewcells() -> bool {
 /// Exit code if the memory is too small.
 const MEMORY_EXIT_CODE: u8 = 3;
 
-/// Reads the number of a part and the number of parts, as in 0/4.
+/// Reads the index of a shard and the number of shards, as in 0/4.
 fn part(text: &str) -> Result<[usize; 2], String> {
     let numbers = text.split_once('/').and_then(|(i, n)| Some([i.parse().ok()?, n.parse().ok()?]));
     numbers.filter(|[i, n]| i < n).ok_or_else(|| "a part is I/N with I from 0 to N - 1".to_owned())
 }
 
-/// Settings of the allocator of glibc for a bake within a limit of memory. By default it keeps much of what
-/// was freed, for each thread apart.
+/// Settings of the allocator of glibc for a bake with a memory limit. By default glibc keeps much of the
+/// freed memory, separately for each thread.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const ALLOCATOR: [(&str, &str); 3] =
     [("MALLOC_ARENA_MAX", "1"), ("MALLOC_MMAP_THRESHOLD_", "65536"), ("MALLOC_TRIM_THRESHOLD_", "65536")];
 
-/// Begins the program anew with [`ALLOCATOR`], which glibc reads at the start alone. Returns if a user has
-/// settings of their own, or if that fails: then the bake may take more memory than the limit.
+/// Restarts the program with [`ALLOCATOR`], since glibc reads these settings only at the start. Returns if
+/// the user has set any of them, or if the restart fails; the bake may then take more memory than the limit.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 fn begin_with_allocator() {
     use std::os::unix::process::CommandExt;
@@ -159,7 +158,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// Bakes a scene, or a shard of the bake, and writes the file and what else is asked for.
+/// Bakes a scene, or one shard of its bake. Writes the output file, and the cache, report and pictures that
+/// the arguments ask for.
 fn bake(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.job.memory.is_some() {
         begin_with_allocator();
@@ -179,7 +179,7 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
     }
     let count = level.viewcells.cells().len();
     let range = arguments.shard.map_or(0..count, |[i, n]| {
-        // Products of two counts of viewcells or parts fit in 128 bits.
+        // The product of two counts of viewcells or shards fits in 128 bits.
         let at = |i: usize| (count as u128 * i as u128 / n as u128) as usize;
         at(i)..at(i + 1)
     });
@@ -232,7 +232,7 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
     if complete {
         forget(&settings.state);
     }
-    // All is written before anything is printed: the program ends where nobody reads.
+    // All files are written before anything is printed, since printing to a closed pipe ends the program.
     if let Some(path) = &arguments.cache {
         println!("{reused} of {} viewcells from {}", range.len(), path.display());
     }
@@ -240,8 +240,8 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Returns the path beside which the program keeps files of its own: that of the file to write, or of what a
-/// link there leads to; a path of this process if a device or pipe is written.
+/// Returns the path to which the names of the program's own files are appended: the file to write, or the
+/// target if that is a link. If the output is a device or pipe, a path that is unique to this process.
 fn base(out: &Path) -> PathBuf {
     if is_special(out) {
         std::env::temp_dir().join(format!("bake-{}", std::process::id()))
@@ -283,14 +283,14 @@ fn put_together(arguments: &Assembly) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Returns the line that says how to cull by the file of a bake.
+/// Returns the command line that culls by the file of a bake, to print for the user.
 fn next_command(job: &Job, file: &Path) -> String {
     let scene = scene_arguments(&job.scene, &job.reading, job.cameras.cameras.as_deref(), &job.hints);
     let culler = quoted(&format!("baked:{}", file.display()));
     format!("to cull by it: cargo run --release -- {scene} --cullers frustum,{culler}\n")
 }
 
-/// Writes the report of a bake and its pictures where they are asked for.
+/// Writes the report and the pictures of a bake that the arguments ask for.
 fn write_report(
     level: &Level,
     cells: &[CellSandwich],

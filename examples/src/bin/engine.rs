@@ -1,5 +1,5 @@
-//! Program `engine`: runs a small engine of 50,000 instances, two eyes and four shadow cascades, and prints
-//! what each step of a frame costs.
+//! Program `engine`: runs a small engine with 50,000 instances, two eyes and four shadow cascades, and prints
+//! the time of each step of a frame.
 
 use clap::Parser;
 use std::process::ExitCode;
@@ -8,11 +8,11 @@ use visibility_examples::arguments::count;
 use visibility_examples::engine::{Engine, MOVING};
 use visibility_examples::{exit_code, println};
 
-/// Run a small engine and print what each step of a frame costs: the least and the median time.
+/// Run a small engine and print the least and the median time of each step of a frame.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// Number of frames, after 30 that are not counted.
+    /// Number of measured frames, after 30 frames of warm-up.
     #[arg(long, default_value_t = 300, value_parser = count())]
     frames: usize,
 }
@@ -21,7 +21,7 @@ fn main() -> ExitCode {
     exit_code(run(Arguments::parse().frames.max(1)))
 }
 
-/// Runs `frames` frames and prints the table.
+/// Runs `frames` frames and prints the table of times.
 fn run(frames: usize) -> Result<(), Box<dyn std::error::Error>> {
     let begin = Instant::now();
     let mut engine = Engine::new()?;

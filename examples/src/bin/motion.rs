@@ -1,7 +1,7 @@
 //! Program `motion`: walks through a scene in which many objects move, updates only the movers that motion
-//! volumes say are due, and prints how many updates are saved. Every frame is held against the exact
-//! positions of all movers, and some frames against an item buffer, which shows the movers that are seen too
-//! late.
+//! volumes say are due, and prints how many updates are saved. Every frame is compared with the exact
+//! positions of all movers. Some frames are compared with an item buffer, which finds visible movers that
+//! were not reported.
 
 use clap::Parser;
 use comfy_table::{Table, presets};
@@ -25,7 +25,7 @@ struct Arguments {
     #[arg(default_values_t = ["plpcity".to_owned(), "london".to_owned()])]
     scenes: Vec<String>,
 
-    /// Cullers that decide on visibility, separated by commas, as `walkthrough --cullers` takes them.
+    /// Cullers that decide on visibility, separated by commas, in the syntax of `walkthrough --cullers`.
     #[arg(long, default_value = "frustum,hzb")]
     cullers: String,
 
@@ -33,19 +33,19 @@ struct Arguments {
     #[arg(long, default_value_t = 100_000, value_parser = count())]
     movers: usize,
 
-    /// Number of frames, at 60 in a second.
+    /// Number of frames, at 60 per second.
     #[arg(long, default_value_t = 600, value_parser = count())]
     frames: usize,
 
-    /// Number of frames from one that an item buffer judges to the next.
+    /// Number of frames from one item buffer to the next.
     #[arg(long, default_value_t = 20, value_parser = count())]
     judged: usize,
 }
 
-/// A mover that goes to and fro on a segment at constant speed.
+/// Mover that goes back and forth on a segment at constant speed.
 struct Pacer {
     home: DVec3,
-    /// From `home` to either end of the segment, in metres.
+    /// Vector from `home`, the middle of the segment, to one of its ends, in metres.
     reach: DVec3,
     /// Speed in metres per second.
     speed: f64,
@@ -55,7 +55,7 @@ struct Pacer {
 
 impl Pacer {
     fn at(&self, time: f64) -> Aabb {
-        // A triangle wave between -1 and 1, with slope 1 along the length of `reach`.
+        // Position on the segment: a triangle wave between -1 and 1, which moves `speed` metres per second.
         let wave = (self.phase + time * self.speed / self.reach.length()).rem_euclid(4.0);
         let center = self.home + self.reach * ((wave - 2.0).abs() - 1.0);
         Aabb::new((center - self.half).as_vec3(), (center + self.half).as_vec3())
@@ -66,7 +66,8 @@ impl Pacer {
     }
 }
 
-/// Makes movers on the ground of a scene: of five, four are people at 1 to 2 m/s and one is a car at 5 to 15.
+/// Makes movers on the ground of a scene. Four of five are people at 1 to 2 m/s, and one is a car at 5 to 15
+/// m/s.
 fn pacers(bounds: &Aabb, count: usize) -> Vec<Pacer> {
     let mut random = Random(1);
     let (min, size) = (bounds.min.as_dvec3(), (bounds.max - bounds.min).as_dvec3());
@@ -137,23 +138,25 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
 #[derive(Default)]
 struct Counts {
     culler: String,
-    /// Judged frames.
+    /// Number of frames judged by an item buffer.
     judged: usize,
-    /// Movers visible in the judged frames, at exact positions.
+    /// Number of movers visible in the judged frames, at their exact positions.
     visible: usize,
-    /// Movers that the culler reported.
+    /// Number of movers that the culler reported, over all frames.
     reported: usize,
-    /// Movers whose bounds were set because they were due.
+    /// Number of updates of a mover's bounds because it was due.
     updates: usize,
-    /// Movers whose place was asked for because their volume was seen.
+    /// Number of movers, summed over all frames, whose motion volume was seen, so that their exact place was
+    /// needed.
     seen: usize,
-    /// Movers whose exact bounds were not within the scene's.
+    /// Number of movers, summed over all frames, whose exact bounds were not inside their bounds in the
+    /// scene.
     outside: usize,
-    /// Movers visible in the judged frames that the culler had not reported.
+    /// Number of movers visible in the judged frames that the culler did not report.
     late: usize,
-    /// Time spent on the motion volumes and on setting the bounds of due movers.
+    /// Time for the motion volumes and for setting the bounds of due movers.
     kept: Duration,
-    /// Time that setting the bounds of all movers in each frame takes, for comparison with `kept`.
+    /// Time for setting the bounds of all movers in each frame, for comparison with `kept`.
     set_all: Duration,
 }
 
@@ -214,7 +217,7 @@ fn walk(
     Ok(counts)
 }
 
-/// Returns whether the scene's bounds of a mover contain its exact bounds.
+/// Returns whether a mover's bounds in the scene contain its exact bounds.
 fn contains(scene: &Scene, id: ObjectId, exact: &Aabb) -> bool {
     scene.bounds(id).is_ok_and(|held| held.min.cmple(exact.min).all() && exact.max.cmple(held.max).all())
 }
@@ -222,7 +225,8 @@ fn contains(scene: &Scene, id: ObjectId, exact: &Aabb) -> bool {
 /// Returns the twelve triangles of a box.
 fn triangles(bounds: &Aabb) -> [[Vec3; 3]; 12] {
     let corners = bounds.corners();
-    // Corners of each side, around it; bit `a` of a corner's index tells which end of axis `a` it is at.
+    // Corners of each side, in order around the side. Bit `a` of a corner's index is 1 at the maximum of axis
+    // `a`.
     let sides = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
     std::array::from_fn(|i| {
         let [a, b, c, d] = sides[i / 2].map(|corner: usize| corners[corner]);

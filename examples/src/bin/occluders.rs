@@ -1,5 +1,5 @@
 //! Program `occluders`: makes the occluders of a level from a scene, writes the file that a game loads, and
-//! says and draws what became of the scene's triangles.
+//! shows in numbers and pictures which of the scene's triangles became occluders.
 
 use clap::Parser;
 use std::path::PathBuf;
@@ -15,43 +15,44 @@ use visibility_examples::{Cameras, Hint, Reading, exit_code, open_as, println};
 use visibility_hzb::Hzb;
 use visibility_occluders::{LevelOccluders, LevelSettings};
 
-/// Make the occluders of a level: its opaque triangles welded, joined into nearly flat polygons, in clusters.
+/// Make the occluders of a level: weld its opaque triangles, join them into nearly flat polygons, and group
+/// these in clusters.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
     /// Scene: a recipe such as `office:2,16`, or a file (.vscn, .glb, .gltf).
     scene: String,
 
-    /// How scene files are read.
+    /// How to read scene files.
     #[command(flatten)]
     reading: Reading,
 
-    /// What objects are whose names contain TEXT, as of the program `bake`. Doors and movers are no part of
-    /// the level. May be given several times.
+    /// Hint for all objects whose names contain TEXT, as in the program `bake`. Doors and movers do not
+    /// belong to the level. May be given several times.
     #[arg(long = "hint", value_name = "HINT=TEXT", value_parser = parse_hint)]
     hints: Vec<(Hint, String)>,
 
     /// Share of the area of all polygons to keep, from 0 to 1. The smallest polygons are left out. By default
-    /// as much as the z-buffer draws.
+    /// the share that the z-buffer draws.
     #[arg(long, value_name = "SHARE")]
     keep: Option<f64>,
 
-    /// How far a polygon may be off its plane, as a fraction of the greatest coordinate. By default some
-    /// roundings.
+    /// Greatest distance of a polygon's points from its plane, as a fraction of the greatest coordinate. By
+    /// default a few rounding errors.
     #[arg(long, value_name = "FRACTION")]
     flatness: Option<f64>,
 
-    /// How far a polygon may be off its plane, as a share of the square root of its area, if that is more. By
-    /// default as for the z-buffer; 0 for flat polygons.
+    /// Greatest distance of a polygon's points from its plane, as a share of the square root of its area. The
+    /// larger of this and --flatness counts. By default the share for the z-buffer; 0 for flat polygons.
     #[arg(long, value_name = "SHARE")]
     bulge: Option<f64>,
 
-    /// File to write, for `walkthrough --cullers hzb-level:FILE`. It is refused for a scene with other
-    /// triangles, hints or units.
+    /// File to write, for `walkthrough --cullers hzb-level:FILE`, which refuses the file for a scene with
+    /// other triangles, hints or units.
     #[arg(short, long, value_name = "FILE")]
     out: Option<PathBuf>,
 
-    /// Folder for pictures of what is kept and what is left out, as the cameras see it. By default none.
+    /// Folder for pictures from the cameras of the polygons kept and left out. By default none.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
 
@@ -124,7 +125,8 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Writes a picture of each view of the world to a folder, and prints what its pixels are.
+/// Draws each view of the world into a folder, and prints what share of the pixels shows which kind of
+/// triangle.
 fn draw(
     world: &World,
     level: Arc<LevelOccluders>,

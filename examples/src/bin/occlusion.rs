@@ -129,7 +129,8 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Returns the median in microseconds; of an even number of times the upper one. 0 without times.
+/// Returns the median in microseconds, the upper of the two middle times if their number is even. 0 without
+/// times.
 fn median(times: impl Iterator<Item = Duration>) -> f64 {
     let mut times: Vec<Duration> = times.collect();
     times.sort_unstable();

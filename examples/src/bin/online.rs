@@ -1,5 +1,5 @@
-//! Program `online`: walks through a scene with sets that are made ahead of the eye, and holds them against
-//! item buffers.
+//! Program `online`: walks through a scene with visible sets that are computed ahead of the eye, and compares
+//! them with item buffers.
 
 use clap::Parser;
 use comfy_table::{Table, presets};
@@ -13,7 +13,8 @@ use visibility_examples::region::judge::{Effort, Judge};
 use visibility_examples::{Walk, exit_code, open, println, region};
 use visibility_region::{ExtendedProjectionCuller, OnlinePvs};
 
-/// Walk through scenes with sets that are made ahead of the eye: how fast, how many objects, how often late.
+/// Walk through scenes with visible sets that are computed ahead of the eye: time, number of objects, and how
+/// often a set is late.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
@@ -21,7 +22,7 @@ struct Arguments {
     #[arg(default_values_t = ["london".to_owned(), "office".to_owned()])]
     scenes: Vec<String>,
 
-    /// Number of frames of each scene, at 60 in a second, divided among its first four walks.
+    /// Number of frames per scene, at 60 per second, divided among its first four walks.
     #[arg(long, default_value_t = 600, value_parser = count())]
     frames: usize,
 
@@ -29,35 +30,36 @@ struct Arguments {
     #[arg(long, value_name = "SPEED", default_value_t = 1.4)]
     speed: f64,
 
-    /// Milliseconds of each frame for work ahead. The last step of a frame may end a little later.
+    /// Milliseconds of each frame for computing sets ahead. The last step of a frame may overrun a little.
     #[arg(long, value_name = "MS", default_value_t = 2.0)]
     budget: f64,
 
-    /// Size of viewcells in metres.
+    /// Side of the viewcells in metres.
     #[arg(long, value_name = "METRES", default_value_t = 0.6)]
     size: f64,
 
-    /// Size of wide boxes on the ground in metres.
+    /// Side on the ground, in metres, of the wide boxes that stand in for missing viewcells.
     #[arg(long, value_name = "METRES", default_value_t = 4.0)]
     wide: f64,
 
-    /// Number of frames from one that samples judge to the next.
+    /// Number of frames from one judged by item buffers to the next.
     #[arg(long, default_value_t = 30, value_parser = count())]
     judged: usize,
 }
 
 /// Frames per second.
 const RATE: f64 = 60.0;
-/// Farthest time ahead that the eye's place is foretold for, in seconds, and the number of places until then.
+/// Longest prediction of the eye's path in seconds, and the number of predicted positions within that time.
 const AHEAD: (f64, u32) = (1.0, 20);
 
-/// What a walk through a scene has come to. Times are in milliseconds.
+/// Sums over the walks of a scene. Times are in milliseconds.
 #[derive(Default)]
 struct Sums {
     frames: usize,
-    /// Frames answered by a viewcell, by a wide box, and by nothing.
+    /// Number of frames whose set came from a viewcell, from a wide box, and from neither (everything counts
+    /// as visible).
     answers: [usize; 3],
-    /// Number of wide boxes and of viewcells made, and time taken by each.
+    /// For wide boxes and for viewcells: the number computed, and the time that took.
     boxes: [(usize, f64); 2],
     longest_step: f64,
     culling: f64,
@@ -65,7 +67,7 @@ struct Sums {
     reported: usize,
     sampled: usize,
     missing: usize,
-    /// Number of objects that a sweep of the box by itself reports, and its time.
+    /// Number of objects that a separate sweep of the box reports, and the time of that sweep.
     direct: (usize, f64),
 }
 
@@ -142,7 +144,7 @@ fn walk(arguments: &Arguments, name: &str) -> Result<Sums, Box<dyn std::error::E
         OnlinePvs::new(size(arguments.size, arguments.size), size(arguments.wide, 2.0 * arguments.size));
     for walk in &walks {
         let path = path(walk, arguments.speed / RATE, arguments.frames / walks.len());
-        // The boxes around the eye's first place are made before the first frame, and are not counted.
+        // The boxes around the first eye position are computed before the first frame, and are not counted.
         let start = path.first().copied().into_iter().collect::<Vec<_>>();
         while online.step(&world.scene, &start, u32::MAX).is_some() {}
         for (number, &eye) in path.iter().enumerate() {

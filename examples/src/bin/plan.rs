@@ -1,4 +1,4 @@
-//! Program `plan`: computes what eyes on a floor plan see, and draws it.
+//! Program `plan`: computes what can be seen from points of a floor plan, and draws it.
 
 use clap::Parser;
 use std::fmt::Write as _;
@@ -12,11 +12,11 @@ use visibility_examples::floor_plans::{PlanFile, load};
 use visibility_examples::output_file::write;
 use visibility_examples::{eprintln, exit_code, print};
 
-/// Compute what eyes on a floor plan see: visibility polygons and the walls seen.
+/// Compute what can be seen from points of a floor plan: visibility polygons and visible walls.
 ///
 /// The plan is an SVG file (outlines are walls), GeoJSON (lines and rings are walls, points are eyes), or
-/// text: a line `SEGMENTS QUERIES`, then so many lines `x1 y1 x2 y2`, then so many lines `x y`. Or, with
-/// `--trees`, it walks among as many trees.
+/// text: a line `SEGMENTS QUERIES`, then SEGMENTS lines `x1 y1 x2 y2`, then QUERIES lines `x y`. With
+/// `--trees`, the program walks through a forest instead.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
@@ -24,12 +24,12 @@ struct Arguments {
     #[arg(required_unless_present = "trees")]
     file: Option<PathBuf>,
 
-    /// Walk among so many trees instead. `--json` has a line for each step, with the trees `seen` and `us`,
-    /// and `--svg` the steps one after another.
+    /// Walk through a forest of N trees instead of reading a plan. `--json` then has a line for each step,
+    /// with the trees `seen` and the microseconds `us`, and `--svg` shows the steps one after another.
     #[arg(long, value_name = "N", conflicts_with = "file")]
     trees: Option<usize>,
 
-    /// Steps of the walk, each of a quarter of a metre.
+    /// Number of steps of the walk, a quarter of a metre each.
     #[arg(long, default_value_t = 40, value_name = "N", requires = "trees")]
     steps: usize,
 
@@ -37,22 +37,22 @@ struct Arguments {
     #[arg(long, default_value_t = 1.5, value_name = "METRES", requires = "trees")]
     radius: f64,
 
-    /// Eye, besides those of the file. May be given several times.
+    /// Eye to add to those of the file. May be given several times.
     #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
     eye: Vec<[f64; 2]>,
 
-    /// File to write a line of JSON to for each eye: `area` of the visibility polygon, numbers of the
-    /// segments `seen`, from 0, and `us`, microseconds with location. The polygon ends at the rectangle
-    /// of `--margin` around all walls, also for an eye outside of it. `-` is standard output. By default
-    /// none.
+    /// File to write one line of JSON to for each eye: `area` of the visibility polygon, numbers of the
+    /// segments `seen`, counted from 0, and `us`, the microseconds of the query with location. The polygon
+    /// ends at the rectangle of `--margin` around all walls, even for an eye outside the rectangle. `-` is
+    /// standard output. By default none.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 
-    /// File to draw visibility polygons and the walls seen to. By default none.
+    /// File to draw the visibility polygons and visible walls to. By default none.
     #[arg(long, value_name = "FILE.svg")]
     svg: Option<PathBuf>,
 
-    /// Number of eyes drawn, from the first.
+    /// Number of eyes to draw; the first ones are drawn.
     #[arg(long, default_value_t = 6, value_name = "N")]
     draw: usize,
 
@@ -66,11 +66,11 @@ struct Arguments {
     #[arg(long)]
     margin: Option<f64>,
 
-    /// Greatest distance that an eye sees.
+    /// Greatest distance at which an eye sees.
     #[arg(long, default_value_t = f64::INFINITY)]
     range: f64,
 
-    /// Number of walls that an eye sees through.
+    /// Number of walls that a line of sight may cross.
     #[arg(long, default_value_t = 0, value_name = "K")]
     through: u32,
 }
@@ -128,7 +128,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Walks among trees, and writes what is seen.
+/// Walks through a forest, and writes which trees are seen.
 fn walk(arguments: &Arguments, trees: usize) -> Result<(), Box<dyn std::error::Error>> {
     let start = Instant::now();
     let walk = ForestWalk::new(trees, arguments.radius, arguments.steps)?;
@@ -159,7 +159,7 @@ fn write_json(arguments: &Arguments, json: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// Returns the median of five runs in microseconds, after one that is not counted.
+/// Returns the median of five runs in microseconds. A sixth run before these is not counted.
 fn time(plan: &Plan, view: &PlanView, answer: &mut Visibility) -> Result<f64, visibility_2d::cdt::PlanError> {
     plan.look(view, answer)?;
     let mut times = [0.0; 5];

@@ -1,5 +1,5 @@
 //! Program `plp`: measures prioritized-layered projection as its papers do, by the share of the visible
-//! triangles that a budget of triangles finds.
+//! triangles found with a budget of triangles.
 
 use clap::Parser;
 use comfy_table::{CellAlignment, Table, presets};
@@ -22,11 +22,11 @@ use visibility_plp::{
     Budget, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, Solidity, Tessellation,
 };
 
-/// Measure how many of the visible triangles prioritized-layered projection finds, by budget.
+/// Measure the share of the visible triangles that prioritized-layered projection finds, by budget.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// Scene: a built-in scene, a file, or cars5:car.vscn.
+    /// Scene: a built-in scene, a file, or `cars5:car.vscn` for five copies of a car.
     #[arg(default_value = "plpcity:3,3")]
     scene: String,
     /// How a scene file is read.
@@ -124,7 +124,7 @@ fn show(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Prints the paper's table 1 for four finenesses of the octree. The first fineness is that of `walkthrough
+/// Prints table 1 of the conservative paper for four finenesses of the octree, first that of `walkthrough
 /// --cullers cplp`. Returns an error when the z-buffer cannot be created.
 fn show_conservative(world: &World) -> Result<(), Box<dyn Error>> {
     let total = world.source.triangle_count() as u64;
@@ -143,7 +143,7 @@ fn show_conservative(world: &World) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Formats efforts as a table, with ratios relative to the second row, which must be that of front to back.
+/// Formats efforts as a table, with ratios to the second row, which must be the front-to-back order.
 fn efforts(rows: &[Effort]) -> Table {
     let mut table = Table::new();
     let header = ["method", "triangles", "of front to back", "tests", "fewer by", "visible cells"];

@@ -1,5 +1,5 @@
-//! Program `pvs`: bakes the visibility of cells through their portals, of a map that has them, or of a scene
-//! from whose walls they are made.
+//! Program `pvs`: bakes which cells of a map see one another through portals. Takes a map with cells and
+//! portals, or makes them from the walls of a scene.
 
 use clap::{Parser, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -19,15 +19,15 @@ use visibility_portals::{BakerSettings, CellMatrix, ChainTest, prt};
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// Map: a `.prt` file, as map compilers write it. Or a scene: a recipe such as `office:2,16`, or a file,
-    /// of which cells and portals are made.
+    /// Map: a `.prt` file, as map compilers write it. Or a scene, from which cells and portals are made: a
+    /// recipe such as `office:2,16`, or a file.
     map: String,
 
     /// How a scene file is read.
     #[command(flatten)]
     reading: Reading,
 
-    /// Origin of the cells of a scene: given by it, or made from its boxes or polygons.
+    /// Source of a scene's cells: the scene itself, its boxes, or its polygons.
     #[arg(long, value_enum, default_value = "polygons")]
     from: From,
 
@@ -35,12 +35,12 @@ struct Arguments {
     #[arg(long, value_name = "FILE")]
     prt: Option<PathBuf>,
 
-    /// Also test in Pluecker space the chains of portals that separating planes do not exclude. Fewer pairs
-    /// of cells count as visible; each pair excluded has a certificate.
+    /// Also test the chains of portals that separating planes do not exclude, in Pluecker space. Fewer pairs
+    /// of cells count as visible, and each excluded pair has a certificate.
     #[arg(long)]
     exact: bool,
 
-    /// Number of threads; 0 for as many as the machine has. The answer is the same for any number.
+    /// Number of threads; 0 for one per core of the machine. The output is the same for any number.
     #[arg(long, default_value_t = 0)]
     threads: usize,
 
@@ -53,34 +53,34 @@ struct Arguments {
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 
-    /// File to write the cell-to-cell matrix to: a bit for each pair of cells, row by row. By default none.
+    /// File to write the cell-to-cell matrix to, one bit for each pair of cells, row by row. By default none.
     #[arg(long, value_name = "FILE")]
     matrix: Option<PathBuf>,
 
-    /// Matrix file (`.vismat`) of another program, to compare the visible pairs of cells with. By default
+    /// Matrix file (`.vismat`) of another program, whose visible pairs of cells are compared. By default
     /// none.
     #[arg(long, value_name = "FILE")]
     compare: Option<PathBuf>,
 
-    /// Number of cells to list, those that took the most chains of portals first.
+    /// Number of cells to list, starting with the cell that needed the most chains of portals.
     #[arg(long, value_name = "N", default_value_t = 0)]
     slowest: usize,
 
-    /// Maximum number of chains of portals to test for one cell. A cell that reaches the maximum counts as
-    /// seeing every cell, and every object, not yet proven hidden. By default 20,000 for cells of a scene and
-    /// 3,000 for its objects.
+    /// Maximum number of chains of portals to test for one cell. If a cell reaches the maximum, everything
+    /// not yet proven hidden from it counts as visible. By default 20,000 for the cells of a scene and 3,000
+    /// for its objects.
     #[arg(long, value_name = "STEPS")]
     limit: Option<u64>,
 
-    /// Distance that a line must keep from all portal edges to count, in the map's units. 1e-6 if not set, or
-    /// more where the map's coordinates are large.
+    /// Distance that a line must keep from all portal edges to count as a line of sight, in the map's units.
+    /// By default 1e-6, or more where the map's coordinates are large.
     #[arg(long)]
     clearance: Option<f64>,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
 enum From {
-    /// Cells that the scene itself brings; an error if there are none.
+    /// Cells that the scene itself has; an error if it has none.
     Given,
     /// Cells between the axis-aligned boxes among the scene's opaque objects, found by a kd-tree.
     Walls,
@@ -165,7 +165,7 @@ fn run(arguments: &Arguments) -> Result<(), String> {
     Ok(())
 }
 
-/// Makes the cells and portals of a scene, lists its objects in them, and prints what they are.
+/// Makes the cells and portals of a scene, assigns its objects to the cells, and prints their numbers.
 fn make(arguments: &Arguments) -> Result<(World, SourceCells), String> {
     let origin = match arguments.from {
         From::Given => Origin::Given,

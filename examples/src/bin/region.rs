@@ -1,5 +1,5 @@
-//! Program `region`: finds the objects that can be seen from viewcells by several methods, judges the answers
-//! by samples, and draws them.
+//! Program `region`: computes by several methods the objects visible from viewcells, judges the results by
+//! samples, and draws them.
 
 use clap::Parser;
 use std::error::Error;
@@ -18,7 +18,7 @@ use visibility_examples::region::{cells, methods, picture, planes, plot, trial};
 use visibility_examples::{Cameras, Reading, exit_code, open_as, region};
 use visibility_examples::{eprintln, println};
 
-/// Find what can be seen from anywhere in a viewcell, and say how fast and how tight the answers are.
+/// Compute what can be seen from anywhere in a viewcell, and print how fast and how tight each method is.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
@@ -41,8 +41,8 @@ struct Arguments {
     #[arg(long, value_name = "N", value_parser = count())]
     cells: Option<usize>,
 
-    /// Greatest size of these viewcells in metres: two sizes on the ground, and the height. They are smaller
-    /// where something opaque is in the way.
+    /// Greatest size in metres of the viewcells along walks: two sizes on the ground, and the height. Opaque
+    /// objects in the way make a viewcell smaller.
     #[arg(long, value_name = "WIDTH,DEPTH,HEIGHT", value_parser = cells::parse_size, default_value = "4,4,2")]
     size: [f64; 3],
 
@@ -50,7 +50,7 @@ struct Arguments {
     #[arg(long, value_name = "LIST", default_value = "rays", help = methods_help())]
     method: String,
 
-    /// Where cameras come from.
+    /// Source of the cameras.
     #[command(flatten)]
     cameras: Cameras,
 
@@ -58,8 +58,8 @@ struct Arguments {
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 
-    /// Folder for pictures of each viewcell and method: from above, with what would be hidden anywhere at the
-    /// height of the viewcell, and the maps of the planes of methods that have some. By default none.
+    /// Folder for pictures of each viewcell and method: the scene from above, with the space that is hidden
+    /// at the height of the viewcell, and the occlusion maps of methods that have some. By default none.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
 
@@ -68,17 +68,17 @@ struct Arguments {
     #[arg(long, value_name = "FILE")]
     pvs: Option<PathBuf>,
 
-    /// File to write the means of each method to as CSV. By default none.
+    /// CSV file to write the means of each method to. By default none.
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
 
-    /// File to plot time against tightness to. By default none.
+    /// SVG file for a plot of time against tightness. By default none.
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
 
-    /// Most seconds of the clock for each viewcell and method. What is not decided by then is open, and
-    /// reported. For `exact` and `share`, whose time grows with the number of objects that no ray finds: up
-    /// to a second for each. The other methods end soon. By default as long as it takes.
+    /// Time limit in seconds for each viewcell and method. What is undecided by then counts as visible. For
+    /// `exact` and `share`, which take up to a second for each object that no ray finds; the other methods
+    /// end soon. By default there is no limit.
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     time: Option<f64>,
 
@@ -102,7 +102,7 @@ fn seconds(text: &str) -> Result<f64, String> {
 }
 
 /// Returns a function for [`Method::set_stop`](methods::Method::set_stop) that prints every ten seconds how
-/// long a method has been at work, and is true once it has been for `most` seconds.
+/// long a method has run, and returns true once it has run for `most` seconds.
 fn stop_after(most: Option<f64>, what: String) -> Box<dyn Fn() -> bool + Send + Sync> {
     let (start, said) = (Instant::now(), AtomicU64::new(0));
     Box::new(move || {
@@ -162,7 +162,8 @@ fn compare(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         for (name, method) in &mut methods {
             method.set_stop(stop_after(arguments.time, format!("viewcell {number}, {name}")));
             judged.trials.push(trial::run(name, method.as_mut(), &world.scene, &judged.cell));
-            // A line of sight is a sample, whoever found it: what a method of few rays misses counts as lost.
+            // Objects with a line of sight found by any method count as sampled: a method that misses one has
+            // lost a visible object.
             let found = method.sights();
             found.iter().for_each(|&(index, _)| judged.sampled[index as usize] = true);
             sights.extend(found);
@@ -185,7 +186,8 @@ fn compare(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
                 let trial = &judged.trials[at];
                 let canvas = picture::draw(&world, &judged, trial, &lines, method.as_mut())?;
                 std::fs::create_dir_all(folder)?;
-                // Names of scenes and dials may hold anything, path separators included.
+                // Names of scenes and settings may contain any characters, even path separators, so they are
+                // replaced.
                 let plain = |letter: char| if letter.is_alphanumeric() { letter } else { '-' };
                 let stem: String =
                     format!("{}-{number}-{name}", world.source.name).chars().map(plain).collect();

@@ -1,5 +1,5 @@
 //! Program `scale`: simulates a bake on many machines, some slow and some failing, from the measured times of
-//! viewcells. It runs nothing of the bake itself, so a million viewcells take seconds.
+//! viewcells. It bakes nothing itself, so simulating a million viewcells takes seconds.
 //!
 //! Shards are handed out as Jeffrey Dean and Sanjay Ghemawat hand out tasks in "MapReduce: Simplified Data
 //! Processing on Large Clusters", 2004: a shard whose worker is lost goes back to the queue, and near the end
@@ -37,15 +37,15 @@ struct Arguments {
     #[arg(long, default_value_t = 0.5)]
     start: f64,
 
-    /// Part of the workers that are slow.
+    /// Share of the workers that are slow.
     #[arg(long, default_value_t = 0.05)]
     slow: f64,
 
-    /// How many times as long a slow worker takes.
+    /// Factor by which a slow worker takes longer.
     #[arg(long, default_value_t = 4.0)]
     slowness: f64,
 
-    /// Mean hours after which a worker fails.
+    /// Mean time in hours until a worker fails.
     #[arg(long, default_value_t = 24.0)]
     fails: f64,
 
@@ -57,11 +57,11 @@ struct Arguments {
     #[arg(long, default_value_t = 0.04)]
     price: f64,
 
-    /// Bytes of a viewcell in a shard.
+    /// Size of a viewcell's result in a shard, in bytes.
     #[arg(long, default_value_t = 1000.0)]
     bytes: f64,
 
-    /// Do not run copies of the last shards.
+    /// Do not run second copies of the last shards.
     #[arg(long)]
     no_copies: bool,
 }
@@ -111,7 +111,7 @@ fn simulate_all(arguments: &Arguments) -> Result<(), String> {
 
 const HOUR: f64 = 3600.0;
 
-/// Returns the seconds that each viewcell of a report took, of all methods together.
+/// Returns the seconds that each viewcell of a report took, summed over all methods.
 fn measured(text: &str) -> Result<Vec<f64>, String> {
     let report: serde_json::Value = serde_json::from_str(text).map_err(|error| error.to_string())?;
     let cells = report["viewcells"].as_array().map_or(&[][..], Vec::as_slice);
@@ -126,10 +126,10 @@ fn measured(text: &str) -> Result<Vec<f64>, String> {
     }
 }
 
-/// What a simulated bake took.
+/// Result of a simulated bake.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Found {
-    /// Time until the last shard was done.
+    /// Seconds from the start until the last shard was done.
     seconds: f64,
     /// Number of attempts that ended with a failure of the worker.
     lost: usize,
@@ -137,22 +137,22 @@ struct Found {
     copies: usize,
 }
 
-/// What happens at a time.
+/// Event at a point of simulated time. The first number is the worker's index, or the shard's for `Noticed`.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Event {
-    /// A worker has finished the attempt with this number.
+    /// A worker has finished an attempt: index of the worker, number of the attempt.
     Finished(usize, u64),
-    /// A worker fails in the attempt with this number.
+    /// A worker has failed during an attempt: index of the worker, number of the attempt.
     Failed(usize, u64),
-    /// A worker was replaced.
+    /// The failed worker with this index was replaced.
     Replaced(usize),
-    /// The loss of a shard is noticed.
+    /// The failure of a worker at the shard with this index is noticed.
     Noticed(usize),
 }
 
 struct Worker {
     slowness: f64,
-    /// Shard that the worker is at, and when it would finish.
+    /// Index of the shard that the worker runs, and the time at which it will finish.
     job: Option<(usize, u64)>,
     attempt: u64,
 }
@@ -160,16 +160,17 @@ struct Worker {
 struct Simulation<'a> {
     arguments: &'a Arguments,
     random: Random,
-    /// Seconds of work in each shard.
+    /// Seconds of work in each shard, on a worker of normal speed.
     work: Vec<f64>,
     done: Vec<bool>,
-    /// Number of workers that are thought to be at a shard: a failed worker counts until its failure is
-    /// noticed. A shard that is not done is in the queue exactly if this is 0.
+    /// Number of workers believed to run each shard. A failed worker counts until its failure is noticed. A
+    /// shard that is not done is in the queue exactly if its number is 0.
     running: Vec<u32>,
     queue: VecDeque<usize>,
     workers: Vec<Worker>,
     idle: Vec<usize>,
-    /// Events by time in microseconds, a whole number, so that the order is the same on every machine.
+    /// Future events, each with its time in microseconds. Whole numbers make the order the same on every
+    /// machine.
     events: BinaryHeap<Reverse<(u64, Event)>>,
     found: Found,
 }
@@ -180,14 +181,15 @@ fn simulate(arguments: &Arguments, times: &[f64], size: usize) -> Found {
     simulation.found
 }
 
-/// Returns the time `seconds` after `now`, both in microseconds; at most `u64::MAX`, which is never reached.
+/// Returns the time `seconds` after `now`, both times in microseconds. At most `u64::MAX`, a time that is
+/// never reached.
 fn after(now: u64, seconds: f64) -> u64 {
     now.saturating_add((seconds * 1e6) as u64)
 }
 
 impl<'a> Simulation<'a> {
-    /// Fills shards with viewcells of times drawn from `times`, which must not be empty, and gives each
-    /// worker its first shard.
+    /// Fills each shard with `size` viewcells whose times are drawn from `times`, which must not be empty.
+    /// Gives each worker its first shard.
     fn new(arguments: &'a Arguments, times: &[f64], size: usize) -> Self {
         let mut random = Random(1);
         let mut left = arguments.cells;
@@ -232,7 +234,7 @@ impl<'a> Simulation<'a> {
                     (self.done[shard], self.running[shard]) = (true, 0);
                     open -= 1;
                     self.found.seconds = now as f64 * 1e-6;
-                    // A worker at a copy of the shard is told to stop.
+                    // A worker that runs another copy of the finished shard is told to stop.
                     for other in 0..self.workers.len() {
                         if self.workers[other].job.is_some_and(|(job, _)| job == shard) {
                             self.assign(other, now);
@@ -248,7 +250,7 @@ impl<'a> Simulation<'a> {
                     self.workers[worker].attempt += 1;
                     self.events.push(Reverse((after(now, 2.0 * repair), Event::Replaced(worker))));
                 }
-                // The attempt was stopped before.
+                // Ends of attempts that were stopped before are ignored.
                 Event::Finished(..) | Event::Failed(..) => {}
                 Event::Replaced(worker) => self.assign(worker, now),
                 Event::Noticed(shard) => {
@@ -267,8 +269,8 @@ impl<'a> Simulation<'a> {
         }
     }
 
-    /// Gives a worker the next shard of the queue; if there is none, a copy of the one that would be finished
-    /// last; if there is none of these, nothing.
+    /// Gives a worker the next shard of the queue. If the queue is empty, gives it a copy of the shard that
+    /// would finish last, if copies are allowed and one is running.
     fn assign(&mut self, worker: usize, now: u64) {
         self.workers[worker].attempt += 1;
         self.workers[worker].job = None;
@@ -301,7 +303,7 @@ mod tests {
 
     const TIMES: [f64; 3] = [0.0, 1.0, 3.0];
 
-    /// Returns 20 workers, some slow, for 2,000 viewcells.
+    /// Returns the arguments of a bake of 2,000 viewcells by 20 workers, some of them slow.
     fn arguments(fails: f64) -> Arguments {
         Arguments {
             report: PathBuf::new(),
@@ -322,7 +324,8 @@ mod tests {
     #[test]
     fn one_worker_does_shard_after_shard() {
         let arguments = Arguments { workers: 1, slow: 1.0, ..arguments(1e9) };
-        // 667 shards of three viewcells or two: each starts in 0.5 s, all four times as slow.
+        // 667 shards of two or three viewcells. Starting a shard takes 0.5 s, and all times are four times as
+        // long on slow workers.
         let found = simulate(&arguments, &[0.25], 3);
         assert_eq!(
             found,
@@ -340,7 +343,8 @@ mod tests {
 
     #[test]
     fn more_failures_never_make_it_quicker() {
-        // Five times as many: a few more may be luck, as they may take work from slow workers.
+        // Failures become five times as frequent at least. With only a few more failures the time may be
+        // shorter by luck, when work moves away from slow workers.
         for size in [1, 5, 20, 100] {
             let found = [1e9, 0.5, 0.1, 0.02].map(|hours| simulate(&arguments(hours), &TIMES, size));
             assert_eq!(found[0].lost, 0, "size {size}: shards lost without failures");
@@ -351,7 +355,7 @@ mod tests {
 
     #[test]
     fn every_shard_is_done_at_the_end() {
-        // Workers fail after a few shards, and two copies of a shard are often lost at once.
+        // Workers fail after a few shards, and often two copies of a shard are lost at once.
         for cells in 1..500 {
             let arguments = Arguments { cells, workers: 4, slow: 0.5, ..arguments(0.003) };
             let mut simulation = Simulation::new(&arguments, &TIMES, 1);

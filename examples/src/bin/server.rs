@@ -1,4 +1,4 @@
-//! Program `server`: simulates a shooter's server that tells each player only of what the player can see.
+//! Program `server`: simulates the server of a shooter that sends each player only what the player can see.
 
 use clap::Parser;
 use std::path::Path;
@@ -11,12 +11,12 @@ use visibility_examples::server::{Walker, nine_rays_reach};
 use visibility_examples::{exit_code, println};
 use visibility_testing::Random;
 
-/// Simulate a shooter's server that tells each player only of what the player can see.
+/// Simulate the server of a shooter that sends each player only what the player can see.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// Level: a plan (.svg, .json, .geojson, .txt) as the program `plan` reads it, with a point to start at,
-    /// or a scene: a built-in one, with or without sizes, or a file (.vscn, .glb, .gltf).
+    /// Level: a plan (.svg, .json, .geojson, .txt) in a format of the program `plan`, with a point to start
+    /// at, or a scene: a built-in one, with or without sizes, or a file (.vscn, .glb, .gltf).
     #[arg(default_value = "office")]
     level: String,
 
@@ -24,19 +24,19 @@ struct Arguments {
     #[arg(long, default_value_t = 64, value_parser = count())]
     players: usize,
 
-    /// Number of spectators, who see and are not seen.
+    /// Number of spectators, who see others and cannot be seen.
     #[arg(long, default_value_t = 8)]
     spectators: usize,
 
-    /// Number of things that lie about. Every tenth moves.
+    /// Number of other things in the level. Every tenth moves.
     #[arg(long, default_value_t = 5000)]
     things: usize,
 
-    /// Number of ticks, at 30 in a second.
+    /// Number of ticks, at 30 per second.
     #[arg(long, default_value_t = 90, value_parser = count())]
     ticks: usize,
 
-    /// Seconds until a player draws what the server sends.
+    /// Seconds from the server's update until a player draws it.
     #[arg(long, value_name = "SECONDS", default_value_t = 0.1, value_parser = between(0.0, 10.0))]
     latency: f64,
 
@@ -44,20 +44,20 @@ struct Arguments {
     #[arg(long, value_name = "SPEED", default_value_t = 6.0, value_parser = between(0.0, 1000.0))]
     speed: f64,
 
-    /// Size of boxes in metres. They are the cells of a scene, in place of the cells between its portals. On
-    /// a plan they keep the triangles small, 4 m by default.
+    /// Size of box-shaped cells in metres. In a scene they replace the cells between portals. On a plan they
+    /// limit the size of triangles; by default 4 m.
     #[arg(long, value_name = "METRES", value_parser = between(0.25, 1000.0))]
     boxes: Option<f64>,
 
-    /// Number of players of whom it is printed, once a second, what the server sends them.
+    /// Number of players for whom the program prints, once a second, what the server sends them.
     #[arg(long, default_value_t = 3)]
     shown: usize,
 
-    /// Number of pairs that samples judge in each tenth tick.
+    /// Number of pairs of a player and a target judged by samples in every tenth tick.
     #[arg(long, default_value_t = 1000)]
     judged: usize,
 
-    /// Number of segments for each judged pair.
+    /// Number of sampled segments for each judged pair.
     #[arg(long, default_value_t = 200)]
     segments: usize,
 }
@@ -72,19 +72,20 @@ fn between(least: f64, greatest: f64) -> impl Fn(&str) -> Result<f64, String> + 
     }
 }
 
-/// Bytes that an update of a target takes: number, place, direction, speed.
+/// Size in bytes of one update of a target: number, position, direction, speed.
 const BYTES: usize = 24;
 
-/// What the judged pairs have come to.
+/// Counts of judged pairs of a player and a target.
 #[derive(Default)]
 struct Judged {
     pairs: usize,
     hidden: usize,
-    /// Pairs with a free segment.
+    /// Number of pairs with an unobstructed segment.
     seen: usize,
-    /// Pairs with a free segment that were reported hidden.
+    /// Number of pairs with an unobstructed segment that were reported hidden.
     missing: usize,
-    /// Pairs that nine rays call hidden, those of them that have a free segment, and the time of all rays.
+    /// Number of pairs that nine rays call hidden; the number of these with an unobstructed segment; the time
+    /// of all rays.
     ray_hidden: usize,
     ray_missing: usize,
     ray_time: Duration,

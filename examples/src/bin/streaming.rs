@@ -22,15 +22,15 @@ struct Arguments {
     #[arg(default_value = "plpcity")]
     scene: String,
 
-    /// Culler that decides on visibility, as `walkthrough --cullers` takes it.
+    /// Culler that decides on visibility, in the syntax of `walkthrough --cullers`.
     #[arg(long, default_value = "frustum")]
     culler: String,
 
-    /// Number of frames that an object stays in memory after it became hidden.
+    /// Number of frames for which a hidden object stays in memory.
     #[arg(long, default_value_t = 30)]
     patience: u64,
 
-    /// File of the program `bake` from which objects that will become visible are loaded ahead. Fits the
+    /// File of the program `bake`, from which the cache loads objects before they become visible. Suits the
     /// culler `baked:FILE`.
     #[arg(long, value_name = "FILE")]
     prefetch: Option<PathBuf>,
@@ -45,7 +45,7 @@ fn main() -> ExitCode {
 }
 
 fn stream(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
-    // Ten frames from one key of a walk to the next make about walking pace.
+    // With ten frames between two keys of a walk, the camera moves at about walking pace.
     let source = built_in(&arguments.scene)?;
     let frames = source.walks.iter().map(|walk| walk.keys.len()).sum::<usize>() * 10;
     let all = source.triangle_count() as f64;

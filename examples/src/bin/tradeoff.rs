@@ -1,5 +1,5 @@
-//! Program `tradeoff`: measures every culler at each setting of its dial on every scene, and writes times,
-//! triangles left to draw and errors.
+//! Program `tradeoff`: measures every culler at several settings on every scene, and writes times, triangles
+//! left to draw, and errors.
 
 use clap::Parser;
 use peak_alloc::PeakAlloc;
@@ -18,13 +18,13 @@ use visibility_examples::{Reading, exit_code, open_as, println};
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
 
-/// Measure the trade of speed for accuracy of every culler.
+/// Measure every culler at several settings, to compare speed and accuracy.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
     /// Scenes: built-in ones (plpcity, london, town, forest, office, each with sizes as in plpcity:3,3),
-    /// files (.vscn, .glb, .gltf), or five cars by the placements beside one (cars5:car.vscn). By default the
-    /// built-in scenes.
+    /// files (.vscn, .glb, .gltf), or `cars5:car.vscn` for five copies of a car, placed by the description
+    /// beside the file. By default the built-in scenes.
     #[arg(value_name = "SCENE", conflicts_with = "scenes")]
     files: Vec<String>,
 
@@ -32,21 +32,21 @@ struct Arguments {
     #[command(flatten)]
     reading: Reading,
 
-    /// The same, separated by commas, with sizes as in plpcity:3x3.
+    /// Scenes separated by commas, with sizes as in plpcity:3x3.
     #[arg(long, value_delimiter = ',', default_value = "plpcity,london,town,forest,office")]
     scenes: Vec<String>,
 
-    /// Cullers to measure, separated by commas, as `walkthrough --cullers` takes them. By default all
-    /// cullers, at every setting of their dials.
+    /// Cullers to measure, separated by commas, in the syntax of `walkthrough --cullers`. By default all
+    /// cullers, at several settings each.
     #[arg(long, value_delimiter = ',')]
     cullers: Vec<String>,
 
-    /// Measure few frames for a short time, for a first look.
+    /// Measure only a few frames, for a first look.
     #[arg(long)]
     quick: bool,
 
-    /// Folder for the results: points.csv, and two plots per scene. A scene with the name of an earlier one
-    /// gets a number.
+    /// Folder for the results: points.csv, and two plots per scene. If two scenes have the same name, the
+    /// later one gets a number.
     #[arg(long, default_value = "out/tradeoff", value_name = "DIR")]
     out: PathBuf,
 }
@@ -128,7 +128,7 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         println!();
         plot::plots(&arguments.out, &plain_name(&name), &swept.points)?;
         all.extend(swept.points);
-        // The table is rewritten after each scene, so that a failure in a later scene loses no results.
+        // The table is written again after each scene, so that a failure in a later scene loses no results.
         write_with(&table, |out| output::csv(out, &all))?;
     }
     println!("{}", output::LEGEND);
@@ -143,7 +143,7 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Returns the name of a scene, with a number if an earlier scene has the name.
+/// Returns the name of a scene, with a number appended if it is already in `names`.
 fn unlike(names: &[String], name: &str) -> String {
     let numbered = (2..).map(|number| format!("{name}-{number}"));
     let mut candidates = std::iter::once(name.to_owned()).chain(numbered);

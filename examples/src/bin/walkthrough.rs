@@ -20,7 +20,7 @@ use visibility_examples::walkthrough::{
 use visibility_examples::{Cameras, Hint, Reading, exit_code, load_as, open_as};
 use visibility_examples::{print, println};
 
-/// Walk a camera through a scene, cull every frame, and say how fast and how right the answers were.
+/// Walk a camera through a scene, cull every frame, and print times and errors of each culler.
 #[derive(Parser)]
 #[command(version, after_help = format!("Cullers:{}", cullers::listing()))]
 struct Arguments {
@@ -29,11 +29,12 @@ struct Arguments {
     file: Option<String>,
 
     /// Scene: a built-in scene (plpcity, london, town, forest, office, each with sizes as in plpcity:3,3), a
-    /// file (.vscn, .glb, .gltf), or five cars by the placements beside one (cars5:car.vscn).
+    /// file (.vscn, .glb, .gltf), or `cars5:car.vscn` for five copies of a car, placed by the description
+    /// beside the file.
     #[arg(long, value_name = "NAME[:SIZES]|FILE")]
     scene: Option<String>,
 
-    /// How scene files are read.
+    /// How to read scene files.
     #[command(flatten)]
     reading: Reading,
 
@@ -41,19 +42,19 @@ struct Arguments {
     #[arg(long, value_name = "FILE")]
     with: Vec<PathBuf>,
 
-    /// What objects are whose names contain TEXT, as of the program `bake`: a set that was baked with hints
-    /// is of a scene with them. May be given several times.
+    /// Hint for all objects whose names contain TEXT, as in the program `bake`. A set that was baked with
+    /// hints needs the same hints here. May be given several times.
     #[arg(long = "hint", value_name = "HINT=TEXT", value_parser = parse_hint)]
     hints: Vec<(Hint, String)>,
 
-    /// Where cameras come from.
+    /// Source of the cameras.
     #[command(flatten)]
     cameras: Cameras,
 
-    /// Cullers to compare, separated by commas. a+b runs b after a, and `auto` is the best of all for the
-    /// scene. All but `frustum` itself run after the frustum. `portals` and `pvs` need cells and portals; if
-    /// the scene brings none, they are made from its opaque triangles, and `pvs` bakes them, which takes a
-    /// minute for thousands of cells.
+    /// Cullers to compare, separated by commas. a+b runs b after a. `auto` chooses the best culler for the
+    /// scene. Every culler except `frustum` runs after frustum culling. `portals` and `pvs` need cells and
+    /// portals; if the scene has none, they are made from its opaque triangles. `pvs` bakes them, which takes
+    /// a minute for thousands of cells.
     #[arg(long, default_value = "frustum,hzb", value_name = "LIST")]
     cullers: String,
 
@@ -66,13 +67,12 @@ struct Arguments {
     #[arg(long, value_name = "N", value_parser = count())]
     frames: Option<usize>,
 
-    /// Size of the picture in pixels. Its aspect ratio is that of the view, and its pixels are those of the
-    /// exact answer.
+    /// Size of the picture in pixels. Sets the view's aspect ratio and the resolution of the item buffer.
     #[arg(long, default_value = "640x360", value_name = "WxH", value_parser = parse_size::<u32>)]
     size: [u32; 2],
 
-    /// Number of rays to aim beside edges and corners, as a second judge of what cullers hide. By default
-    /// none. A million take some seconds.
+    /// Number of rays to aim beside edges and corners, as a second check for hidden objects that are visible.
+    /// By default none. A million rays take some seconds.
     #[arg(long, default_value_t = 0, value_name = "N")]
     rays: u64,
 
@@ -80,18 +80,18 @@ struct Arguments {
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 
-    /// File to write the objects to that each culler reports in each frame: frame, culler, and indices of
-    /// objects. By default none.
+    /// File to write the reported objects of each frame to: frame, culler, and indices of objects. By default
+    /// none.
     #[arg(long, value_name = "FILE")]
     dump: Option<PathBuf>,
 
-    /// Object, by index or name, to explain: which stage of each culler removed it in every frame. The
+    /// Index or name of an object to explain: which stage of each culler removed it in every frame. The
     /// object is marked in the pictures.
     #[arg(long, value_name = "OBJECT")]
     explain: Option<String>,
 
-    /// Frame to freeze, by its number: also draw the objects that culling leaves of this frame, from above
-    /// and from later cameras.
+    /// Number of a frame to freeze: also draws the objects that are visible in this frame, from above and
+    /// from later cameras.
     #[arg(long, value_name = "FRAME")]
     freeze: Option<usize>,
 
@@ -197,7 +197,7 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Returns the command that walks through the same scene with a culler.
+/// Returns the command line that walks through the same scene with another culler.
 fn again(arguments: &Arguments, scene: &str, culler: &str) -> String {
     let cameras = arguments.cameras.cameras.as_deref();
     let scene = scene_arguments(scene, &arguments.reading, cameras, &arguments.hints);

@@ -1,4 +1,4 @@
-//! Plans as SVG pictures: walls, and layers of polygons, walls and points on them.
+//! Pictures of floor plans in SVG: walls, polygons and points.
 
 use super::plan_file::PlanFile;
 use std::fmt::Write as _;
@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 /// Longer side of the picture in pixels.
 const SIDE: f64 = 1000.0;
 
-/// A picture of a plan in SVG. What is added later lies on top.
+/// SVG picture of a plan. Items added later cover earlier ones.
 pub struct Drawing {
     body: String,
     low: [f64; 2],
@@ -16,7 +16,8 @@ pub struct Drawing {
 }
 
 impl Drawing {
-    /// Begins an empty picture of the rectangle between two corners, in the units of the plan.
+    /// Creates an empty picture of the rectangle from `low` to `high`, in the units of the plan. `y_down`
+    /// tells whether y grows downwards in the plan.
     pub fn new([low, high]: [[f64; 2]; 2], y_down: bool) -> Self {
         let size = [high[0] - low[0], high[1] - low[1]];
         let scale = SIDE / size[0].max(size[1]).max(f64::MIN_POSITIVE);
@@ -38,7 +39,7 @@ impl Drawing {
         let _ = writeln!(self.body, "<path style=\"{style}\" d=\"M{}Z\"/>", path.join("L"));
     }
 
-    /// Adds lines between pairs of points.
+    /// Adds lines between pairs of points; `style` is the value of the attribute `style`.
     pub fn lines(&mut self, lines: impl IntoIterator<Item = [[f64; 2]; 2]>, style: &str) {
         let mut path = String::new();
         for [a, b] in lines {
@@ -69,9 +70,9 @@ impl Drawing {
         let _ = writeln!(self.body, "<circle cx=\"{x}\" cy=\"{y}\" r=\"{r:.2}\" fill=\"{color}\"/>");
     }
 
-    /// Begins a frame of an animation of `count` frames, which repeats: what is added up to the end of the
-    /// frame is shown for some seconds, after the frames with lesser indices. Pictures that do not move show
-    /// the first frame.
+    /// Begins frame `index` of an animation of `count` frames, which repeats. Items added until
+    /// [`end_frame`](Self::end_frame) are shown for `seconds`. Viewers without animation show the first
+    /// frame.
     pub fn begin_frame(&mut self, index: usize, count: usize, seconds: f64) {
         let (begin, end) = (index as f64 / count as f64, (index + 1) as f64 / count as f64);
         let visibility = if index == 0 { "visible" } else { "hidden" };
@@ -84,12 +85,12 @@ impl Drawing {
         );
     }
 
-    /// Ends the frame that was begun last.
+    /// Ends the current frame of the animation.
     pub fn end_frame(&mut self) {
         self.body.push_str("</g>\n");
     }
 
-    /// Returns the picture.
+    /// Returns the finished picture as SVG text.
     pub fn finish(self) -> String {
         let [width, height] = self.size.map(|side| side.max(1.0));
         format!(

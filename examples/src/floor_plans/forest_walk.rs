@@ -1,17 +1,17 @@
-//! A walk among many trees: which trunks are seen at each step, and a picture of the steps one after another.
+//! Walk through a forest: which trunks are seen at each step, and an animated picture of the steps.
 
 use super::drawing::Drawing;
 use crate::recipes::random::Random;
 use std::time::Instant;
 use visibility_2d::discs::{Disc, DiscError, DiscView, DiscZone, Discs};
 
-/// Side in metres of the square in which each tree stands.
+/// Side in metres of the square around each tree.
 const SPACING: f64 = 7.0;
 
-/// Distance in metres around the walk that the picture shows.
+/// Width in metres of the strip around the walk that the picture shows.
 const MARGIN: f64 = 60.0;
 
-/// Seconds for which the picture shows a step.
+/// Duration in seconds of a step in the animation.
 const SECONDS: f64 = 0.4;
 
 /// Step of a walk.
@@ -25,26 +25,27 @@ pub struct Step {
     pub us: f64,
 }
 
-/// Trees of a forest, and what is seen of them on a walk through its middle.
+/// Trees of a forest, and the trees seen at each step of a walk through its middle.
 #[derive(Clone, Debug)]
 pub struct ForestWalk {
     /// Trunks as discs.
     pub trees: Vec<Disc>,
-    /// Steps in their order.
+    /// Steps of the walk, in order.
     pub steps: Vec<Step>,
 }
 
 impl ForestWalk {
-    /// Plants at least `count` trees of a radius in metres, one in each square of 7 m, and walks `steps`
-    /// steps of a quarter of a metre between them.
+    /// Plants at least `count` trees, one in each square of 7 m, and walks `steps` steps of a quarter of a
+    /// metre between them. `radius` is that of the trees, in metres.
     ///
     /// # Errors
     ///
-    /// Returns [`DiscError`] for a radius that no disc has, or too many trees.
+    /// Returns [`DiscError`] for an invalid radius or too many trees.
     pub fn new(count: usize, radius: f64, steps: usize) -> Result<Self, DiscError> {
         let side = (count as f64).sqrt().ceil();
         let random = &mut Random::new(7);
-        // Trees of one radius that do not overlap, as long as they fit into their squares.
+        // Trees get random positions within their squares, so they do not overlap if the squares are large
+        // enough.
         let room = (0.5 * SPACING - radius).max(0.0);
         let trees: Vec<_> = (0..(side * side) as usize)
             .map(|k| {
@@ -73,8 +74,8 @@ impl ForestWalk {
         Ok(Self { trees, steps })
     }
 
-    /// Draws the trees around the walk: those seen at any step in green, and, one step after another, the eye
-    /// with the trees that it sees in red.
+    /// Draws the trees around the walk. Trees seen at any step are green. One step after another, the picture
+    /// shows the eye, and in red the trees that it sees.
     pub fn draw(&self) -> String {
         let mut near: Vec<_> = self.steps.iter().flat_map(|step| step.seen.iter().copied()).collect();
         near.sort_unstable();
@@ -121,7 +122,7 @@ mod tests {
     fn each_step_sees_the_trees_that_it_has_a_line_to() {
         let walk = ForestWalk::new(2000, 0.5, 4).unwrap();
         for step in &walk.steps {
-            // A line of sight to the middle of a tree, past all others.
+            // A segment from the eye to the middle of the tree must pass all other trees.
             let is_clear = |tree: usize| {
                 let to = [0, 1].map(|k| walk.trees[tree].center[k] - step.eye[k]);
                 let length = to[0].hypot(to[1]);

@@ -7,8 +7,8 @@ use serde_json::Value;
 ///
 /// # Errors
 ///
-/// Returns the place of a syntax error, or the key path of an object without type, without the list that its
-/// type has, or with coordinates of another form.
+/// Returns the place of a syntax error, or the key path of an object that has no type, lacks the list that
+/// its type requires, or has malformed coordinates.
 pub fn read(content: &str) -> Result<PlanFile, Problem> {
     let value: Value = serde_json::from_str(content)
         .map_err(|error| Problem::new(format!("line {}", error.line()), error.to_string()))?;
@@ -27,10 +27,10 @@ fn object(value: &Value, path: &str, plan: &mut PlanFile) -> Result<(), Problem>
                 object(item, &format!("{path}[{index}]"), plan)?;
             }
         }
-        // A feature may have no geometry.
+        // The geometry of a feature may be null.
         Some("Feature") if value["geometry"].is_null() => {}
         Some("Feature") => object(&value["geometry"], &format!("{path}.geometry"), plan)?,
-        // An empty point is no geometry.
+        // A point without coordinates is empty, and adds no eye.
         Some("Point") if coordinates.as_array().is_some_and(Vec::is_empty) => {}
         Some("Point") => plan.eyes.push(position(coordinates, &path_of)?),
         Some("MultiPoint") => plan.eyes.extend(positions(coordinates, &path_of)?),

@@ -1,5 +1,5 @@
-//! Floor plans: walls read from text, SVG paths or GeoJSON, and pictures of what is seen; used by the program
-//! `plan`.
+//! Floor plans: walls read from text, SVG paths or GeoJSON, and pictures of what can be seen. Used by the
+//! program `plan`.
 
 pub mod drawing;
 pub mod forest_walk;
@@ -19,7 +19,7 @@ use std::path::Path;
 ///
 /// # Errors
 ///
-/// Returns [`SourceError`] when the file cannot be read, or its content is not of its format.
+/// Returns [`SourceError`] when the file cannot be read, or its content is not valid in its format.
 pub fn load(file: &Path) -> Result<PlanFile, SourceError> {
     let content = std::fs::read_to_string(file).map_err(|cause| SourceError::io(file, cause))?;
     // Some editors begin a file with a byte order mark.

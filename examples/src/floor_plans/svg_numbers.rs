@@ -1,6 +1,7 @@
-//! Lists of numbers in attributes of SVG: path data, points, transforms.
+//! Reader of lists of numbers in SVG attributes: path data, points, transforms.
 
-/// Numbers of path data that are left to read, with the letters of commands between.
+/// Rest of the attribute's text that is still to be read: numbers, and in path data the letters of commands
+/// between them.
 pub(super) struct Numbers<'a>(pub(super) &'a str);
 
 impl Numbers<'_> {

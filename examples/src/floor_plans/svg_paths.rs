@@ -1,30 +1,30 @@
 //! Plans as SVG: the outlines of paths, lines, polylines, polygons, rectangles and ellipses are walls.
 //!
-//! Curves become chords. Coordinates are user units of the file, with y downwards, under the transforms of
-//! the elements. `use`, an `svg` inside another and transforms in style sheets would move walls, so a file
-//! that has any is refused rather than read wrongly. What is not drawn where it stands (definitions, clip
-//! paths, masks, markers, patterns, symbols) or not at all (`display: none`) is no wall.
+//! Curves become chords. Coordinates are user units of the file, with y downwards, after the transforms of
+//! the elements. `use`, nested `svg` elements and transforms in style sheets would move walls, so a file with
+//! any of these is refused rather than read wrongly. Elements that are not drawn in place (definitions, clip
+//! paths, masks, markers, patterns, symbols) or not displayed (`display: none`) make no walls.
 
 use super::plan_file::{PlanFile, Problem, check};
 use super::svg_numbers::Numbers;
 use super::svg_transform::Matrix;
 
-/// Number of chords of a curve.
+/// Number of chords that replace a curve.
 const CHORDS: usize = 16;
 
-/// Elements whose content is not drawn where it stands.
+/// Names of elements whose content is not drawn in place.
 const UNDRAWN: [&str; 6] = ["defs", "clipPath", "mask", "marker", "pattern", "symbol"];
 
 const MOVED: &str = "only the attribute `transform` may move what is drawn";
 
-/// Properties of style sheets that move what is drawn.
+/// Names of style properties that move an element.
 const MOVING: [&str; 6] = ["transform", "transform-origin", "translate", "rotate", "scale", "offset-path"];
 
-/// An element that has begun and not ended.
+/// Element whose end tag has not been read yet.
 #[derive(Clone, Copy)]
 struct Open<'a> {
     name: &'a str,
-    /// From coordinates of the element to those of the file.
+    /// Map from coordinates of the element to coordinates of the file.
     matrix: Matrix,
     is_drawn: bool,
 }
@@ -33,8 +33,8 @@ struct Open<'a> {
 ///
 /// # Errors
 ///
-/// Returns the line of an element whose coordinates are wrong, that moves what is drawn, or that does not
-/// end; the last line of a file without an element.
+/// Returns the line of an element that has invalid coordinates, moves drawn content in an unsupported way, or
+/// has no end; for a file without elements, the last line.
 pub fn read(content: &str) -> Result<PlanFile, Problem> {
     let mut plan = PlanFile { y_down: true, ..PlanFile::default() };
     let (mut at, mut elements, mut has_root) = (0, 0, false);
@@ -45,7 +45,7 @@ pub fn read(content: &str) -> Result<PlanFile, Problem> {
             Problem::new(format!("line {line}"), problem)
         };
         let endless = || problem("what begins here has no end".into());
-        // Comments and declarations hold no elements.
+        // Comments, CDATA and declarations are skipped, since they contain no elements.
         let skip = [("<!--", "-->"), ("<![CDATA[", "]]>")]
             .into_iter()
             .find(|(mark, _)| content[begin..].starts_with(mark));
@@ -85,7 +85,7 @@ pub fn read(content: &str) -> Result<PlanFile, Problem> {
             continue;
         }
         open.push(Open { name, matrix, is_drawn });
-        // The content of a style sheet is no element.
+        // The content of a `style` element is CSS, in which `<` begins no element.
         if name == "style" {
             let length = content[end..].find("</").ok_or_else(endless)?;
             at = end + length;
@@ -122,7 +122,7 @@ fn name_of(element: &str) -> &str {
     name.rsplit(':').next().unwrap_or(name)
 }
 
-/// Returns the transform of an element. An error if something else moves it.
+/// Returns the transform of an element. An error if a style or an unsupported attribute moves the element.
 fn transform(element: &str) -> Result<Matrix, String> {
     if attribute(element, "transform-origin").is_some() || attribute(element, "style").is_some_and(is_moving)
     {
@@ -131,7 +131,7 @@ fn transform(element: &str) -> Result<Matrix, String> {
     Matrix::parse(attribute(element, "transform").unwrap_or(""))
 }
 
-/// Returns whether an element and its content are not displayed.
+/// Returns whether an element is hidden together with its content.
 fn is_hidden(element: &str) -> bool {
     let style = attribute(element, "style").unwrap_or("");
     let mut properties = style.split(';').filter_map(|part| part.split_once(':'));
@@ -139,7 +139,7 @@ fn is_hidden(element: &str) -> bool {
         || properties.any(|(name, value)| name.trim() == "display" && value.trim() == "none")
 }
 
-/// Returns whether a style has a property that moves what is drawn.
+/// Returns whether a style has a property that moves the element.
 fn is_moving(style: &str) -> bool {
     style
         .split([';', '{', '}'])
@@ -184,7 +184,7 @@ fn element(element: &str, plan: &mut PlanFile) -> Result<(), String> {
                 let (sin, cos) = (std::f64::consts::PI * k as f64 / CHORDS as f64).sin_cos();
                 [cx + rx * cos, cy + ry * sin]
             };
-            // A radius of 0 disables the element.
+            // SVG does not draw an ellipse with a radius of 0.
             if rx > 0.0 && ry > 0.0 {
                 plan.push_chain(&(0..2 * CHORDS).map(corner).collect::<Vec<_>>(), true);
             }
@@ -202,11 +202,11 @@ fn element(element: &str, plan: &mut PlanFile) -> Result<(), String> {
     Ok(())
 }
 
-/// Adds the walls of path data.
+/// Adds the walls along the outline that path data describe.
 fn path(data: &str, plan: &mut PlanFile) -> Result<(), String> {
     let mut numbers = Numbers(data);
     let (mut at, mut start) = ([0.0; 2], [0.0; 2]);
-    // Last control point, for the smooth curves of commands S and T.
+    // Last control point, which the smooth curve commands S and T reflect.
     let mut control = [0.0; 2];
     let mut command = 'M';
     if !numbers.is_at_end() && !numbers.0.starts_with(['M', 'm']) {
@@ -215,7 +215,7 @@ fn path(data: &str, plan: &mut PlanFile) -> Result<(), String> {
     while !numbers.is_at_end() {
         match numbers.command() {
             Some(next) => command = next,
-            // More coordinates repeat the command; after a move they are lines.
+            // Coordinates without a command letter repeat the last command; after a move they are lines.
             None if command == 'M' => command = 'L',
             None if command == 'm' => command = 'l',
             None => {}
@@ -288,12 +288,12 @@ fn mix(terms: [(f64, [f64; 2]); 4]) -> [f64; 2] {
     [0, 1].map(|axis| terms.iter().map(|(share, point)| share * point[axis]).sum())
 }
 
-/// Returns the points of a curve between its ends.
+/// Returns points on a curve, without its ends. `at` maps a parameter from 0 to 1 to a point.
 fn chords(at: impl Fn(f64) -> [f64; 2]) -> Vec<[f64; 2]> {
     (1..CHORDS).map(|i| at(i as f64 / CHORDS as f64)).collect()
 }
 
-/// Returns the points of an elliptic arc between its ends: SVG 1.1, appendix F.6.5.
+/// Returns points on an elliptic arc, without its ends. Formulas: SVG 1.1, appendix F.6.5.
 fn arc(from: [f64; 2], to: [f64; 2], radii: [f64; 2], turn: f64, large: bool, sweep: bool) -> Vec<[f64; 2]> {
     let [rx, ry] = radii.map(f64::abs);
     if rx == 0.0 || ry == 0.0 || from == to {
@@ -303,7 +303,8 @@ fn arc(from: [f64; 2], to: [f64; 2], radii: [f64; 2], turn: f64, large: bool, sw
     let half = [(from[0] - to[0]) / 2.0, (from[1] - to[1]) / 2.0];
     let x = (cos * half[0] + sin * half[1]) / rx;
     let y = (cos * half[1] - sin * half[0]) / ry;
-    // In units of the radii the ends are at (x, y) and (-x, -y), on a circle of radius `grown`.
+    // In units of the radii, the ends are (x, y) and (-x, -y). They lie on a circle of radius `grown`, which
+    // is more than 1 if the radii are too small for the arc.
     let grown = (x * x + y * y).sqrt().max(1.0);
     let (x, y) = (x / grown, y / grown);
     let square = (x * x + y * y).max(f64::MIN_POSITIVE);
@@ -378,7 +379,7 @@ mod tests {
             assert!(walls.iter().all(|[a, _]| ((a[0] - 3.0).hypot(a[1]) - 2.0).abs() < 1e-12), "{svg}");
         }
         assert!(walls(r#"<circle cx="3" r="0"/>"#).is_empty(), "a circle of no radius");
-        // The half circle with a positive sweep, y downwards, goes over negative y.
+        // With positive sweep and y downwards, the half circle passes through negative y.
         let top = walls(r#"<path d="M0 0A2 2 0 0 1 4 0"/>"#)[CHORDS / 2][0];
         assert!((top[0] - 2.0).abs() < 1e-9 && (top[1] + 2.0).abs() < 1e-9, "{top:?}");
     }

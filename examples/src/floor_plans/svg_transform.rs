@@ -1,8 +1,8 @@
-//! Transforms of SVG elements: the attribute `transform` (SVG 1.1, section 7.6).
+//! Transforms of SVG elements, from the attribute `transform` (SVG 1.1, section 7.6).
 
 use super::svg_numbers::Numbers;
 
-/// A map of the plane: (x, y) becomes (a x + c y + e, b x + d y + f).
+/// Affine map of the plane: (x, y) becomes (a x + c y + e, b x + d y + f).
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Matrix([f64; 6]);
 
@@ -22,7 +22,7 @@ impl Matrix {
         Self([a1 * a + c1 * b, b1 * a + d1 * b, a1 * c + c1 * d, b1 * c + d1 * d, e, f])
     }
 
-    /// Reads a list of transforms, of which the last is applied first.
+    /// Reads a list of transforms and multiplies them, so that the last one applies first.
     pub(super) fn parse(list: &str) -> Result<Self, String> {
         let mut all = Self::IDENTITY;
         let mut rest = list.trim_matches(is_separator);

@@ -1,13 +1,13 @@
-//! Plans as text: a line `SEGMENTS QUERIES`, then so many lines `x1 y1 x2 y2`, then so many lines `x y`.
+//! Plans as text: a line `SEGMENTS QUERIES`, then SEGMENTS lines `x1 y1 x2 y2`, then QUERIES lines `x y`.
 
 use super::plan_file::{PlanFile, Problem, check};
 
-/// Reads a plan from text. Empty lines, and what follows a `#` in a line, are ignored.
+/// Reads a plan from text. Empty lines, and comments from a `#` to the end of a line, are ignored.
 ///
 /// # Errors
 ///
-/// Returns the line, counted from 1, that is missing, is no row of numbers, is left over, or has a coordinate
-/// that is not finite or above 1e60 in magnitude.
+/// Returns the number, counted from 1, of a line that is missing, has something other than the expected
+/// numbers, is left over, or has a coordinate that is not finite or above 1e60 in magnitude.
 pub fn read(content: &str) -> Result<PlanFile, Problem> {
     let mut lines = content
         .lines()

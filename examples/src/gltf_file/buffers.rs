@@ -1,9 +1,9 @@
-//! Buffers of a glTF document, with typed reading that trusts no number in the document.
+//! Buffers of a glTF document, with typed reading that checks every number of the document.
 //!
 //! A buffer is the binary chunk of a GLB, a base64 `data:` URI, or a file below the folder of the document;
-//! other files and URIs are never opened. An accessor is checked against the bytes that are present before
-//! memory is reserved, so its memory never exceeds the order of the file's size, or 64 times that where the
-//! file is compressed.
+//! other files and URIs are never opened. Before memory is reserved for an accessor, it is checked against
+//! the bytes that are present. So its memory is at most proportional to the size of the file, or to 64 times
+//! that size if the file is compressed.
 
 use super::meshopt::Compressed;
 use crate::error::SourceError;
@@ -18,21 +18,23 @@ use std::path::{Component, Path, PathBuf};
 
 /// Buffers of a document, with the document's path for error messages.
 pub(super) struct Buffers<'a> {
-    /// Bytes by buffer index, or why there are none: only a buffer that is read need be there.
+    /// Bytes of each buffer, or the reason why it cannot be read. A missing buffer is only an error when it
+    /// is needed.
     bytes: Vec<Result<Cow<'a, [u8]>, String>>,
-    /// Bytes of the compressed buffer views by their index, or why there are none. `None` for others.
+    /// Decompressed bytes of each buffer view, or the reason why they cannot be decoded. `None` for a view
+    /// that is not compressed.
     decoded: Vec<Option<Result<Vec<u8>, String>>>,
-    /// Number of elements read so far, at most [`MOST_READ`].
+    /// Number of accessor elements read so far, at most [`MOST_READ`].
     read: Cell<usize>,
     path: &'a Path,
 }
 
-/// Maximum number of elements of accessors that are read in total. A thousand nodes may each read the same
-/// million vertices, or be copied a million times, so the size of the file does not bound the work.
+/// Maximum number of accessor elements read in total. A thousand nodes may each read the same million
+/// vertices, or copy them a million times, so the file's size does not bound the work.
 const MOST_READ: usize = 1 << 27;
 
-/// Maximum number of elements of an accessor without a buffer view: these are zeros that no byte of the file
-/// stands for.
+/// Maximum number of elements of an accessor without a buffer view. All its elements are zero and take no
+/// bytes of the file.
 const MOST_ZEROS: usize = 1 << 20;
 
 impl<'a> Buffers<'a> {
@@ -72,7 +74,8 @@ impl<'a> Buffers<'a> {
         Self { bytes, decoded, read: Cell::new(0), path }
     }
 
-    /// Notes that `count` more elements are read. Returns an error that names `place` if they are too many.
+    /// Adds `count` elements to the number read. Returns an error that names `place` if the total exceeds
+    /// [`MOST_READ`].
     pub(super) fn charge(&self, count: usize, place: impl FnOnce() -> String) -> Result<(), SourceError> {
         self.read.set(self.read.get().saturating_add(count));
         if self.read.get() <= MOST_READ {
@@ -89,9 +92,9 @@ impl<'a> Buffers<'a> {
         Ok(self.vectors::<3>(accessor)?.into_iter().map(Vec3::from_array).collect())
     }
 
-    /// Reads the elements of an accessor as vectors of `N` numbers. Whole numbers that are normalized become
-    /// fractions, as the specification of glTF says. Returns an error unless the elements have `N` components
-    /// and are within the accessor's buffer view. NaN and infinities are kept.
+    /// Reads the elements of an accessor as vectors of `N` numbers. Normalized integers become fractions as
+    /// in the glTF specification. Returns an error unless the elements have `N` components and are within the
+    /// accessor's buffer view. NaN and infinities are kept.
     pub(super) fn vectors<const N: usize>(
         &self,
         accessor: &Accessor<'_>,
@@ -117,7 +120,7 @@ impl<'a> Buffers<'a> {
         Ok(self.elements(accessor)?.iter().map(index).collect())
     }
 
-    /// Makes the error for a problem of an accessor, which the error names by its index.
+    /// Makes an error that names the accessor by its index, with a description of the problem.
     fn wrong(&self, accessor: &Accessor<'_>, problem: impl Into<String>) -> SourceError {
         let place = format!("accessor {}", accessor.index());
         SourceError::content(self.path, place, problem)
@@ -158,8 +161,8 @@ impl<'a> Buffers<'a> {
         Ok(Elements { bytes: Cow::Owned(bytes), size, stride: size })
     }
 
-    /// Returns `count` elements of `size` bytes from a byte of a buffer view on. Returns an error for
-    /// elements beyond the view or its buffer, and strides shorter than an element.
+    /// Returns `count` elements of `size` bytes, from a byte offset in a buffer view. Returns an error for
+    /// elements beyond the view or its buffer, and for strides shorter than an element.
     fn within(
         &self,
         accessor: &Accessor<'_>,
@@ -204,10 +207,10 @@ impl<'a> Buffers<'a> {
     }
 }
 
-/// Elements of an accessor.
+/// Raw bytes of an accessor's elements.
 struct Elements<'a> {
     bytes: Cow<'a, [u8]>,
-    /// Bytes of an element.
+    /// Size of an element in bytes.
     size: usize,
     /// Bytes from the start of an element to that of the next, at least `size`.
     stride: usize,
@@ -221,8 +224,8 @@ impl Elements<'_> {
     }
 }
 
-/// Returns the function that reads a component from the first bytes of a slice. A whole number becomes a
-/// float: divided by the greatest number of its type if `normalized`, otherwise as it is.
+/// Returns the function that converts the component at the start of a byte slice to a float. An integer is
+/// divided by the greatest number of its type if `normalized`.
 fn component(data: DataType, normalized: bool) -> fn(&[u8]) -> f32 {
     match (data, normalized) {
         (DataType::F32, _) => |b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]),
@@ -284,7 +287,7 @@ fn sextet(digit: u8) -> Result<u32, String> {
 }
 
 /// Reads at most the first `length` bytes of the file that a relative URI names. Returns a message as the
-/// error unless the file, with symbolic links resolved, is a regular file below the folder of `document`.
+/// error unless the path, after following symbolic links, is a regular file below the folder of `document`.
 fn file_below(document: &Path, uri: &str, length: usize) -> Result<Vec<u8>, String> {
     let relative = percent_decoded(uri)?;
     let refused = |why: &str| format!("the file `{uri}` is not opened: {why}");

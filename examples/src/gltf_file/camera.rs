@@ -17,7 +17,7 @@ pub(super) struct Camera {
 }
 
 impl Camera {
-    /// Returns the perspective cameras of a document's nodes, each given with its index.
+    /// Returns the perspective cameras of a document's nodes. Each node comes with its index.
     pub(super) fn all(root: &Value, nodes: &[(usize, Value)]) -> Vec<Self> {
         let cameras = list(root, "cameras");
         let of_node = |&(node, ref value): &(usize, Value)| {
@@ -35,8 +35,8 @@ impl Camera {
         nodes.iter().filter_map(of_node).collect()
     }
 
-    /// Returns the walk of the camera, with one key at rest. `world` is the transform of its node. `None` if
-    /// its field of view or its place cannot be used.
+    /// Returns a walk of one key that stands still at the camera. `world` is the transform of its node.
+    /// `None` if its field of view or its position is unusable.
     pub(super) fn walk(&self, world: &DMat4) -> Option<Walk> {
         let fov_y_degrees = self.fov_y.to_degrees() as f32;
         let (eye, ahead) = (world.w_axis.truncate(), -world.z_axis.truncate().try_normalize()?);

@@ -1,8 +1,9 @@
-//! The document of a glTF file: split from its container, checked, and rid of all that places no triangle.
+//! The document of a glTF file: split from its container, checked, and stripped of everything that does not
+//! affect triangles.
 //!
-//! Textures, images and the like are removed before the `gltf` crate sees the document: a file whose pictures
-//! are missing, or of a kind that is not known, has its triangles all the same. Extensions that are required
-//! are let through, since nearly all of them change how surfaces look.
+//! Textures, images and the like are removed before the `gltf` crate reads the document. So a file with
+//! missing pictures, or pictures of an unknown kind, can still be read. Required extensions that are not
+//! supported are accepted, since nearly all of them only change how surfaces look.
 
 use super::camera::Camera;
 use super::materials::TRANSMITTING;
@@ -19,13 +20,16 @@ use std::path::Path;
 
 /// Document of a glTF file.
 pub(super) struct Document {
-    /// Document without what places no triangle.
+    /// Document without textures and other parts that do not affect triangles.
     pub gltf: gltf::Document,
-    /// Transforms of the nodes to their parents' spaces, by index, in the precision of the text.
+    /// Transforms from each node's space to its parent's, by node index, in the f64 precision of the JSON
+    /// text.
     pub transforms: Vec<LocalTransform>,
-    /// Whether a pointer of `KHR_animation_pointer` moves the node, by index. Where to is not read.
+    /// Whether an animation by `KHR_animation_pointer` moves the node, by node index. The values of such
+    /// animations are not read.
     pub is_pointed_at: Vec<bool>,
-    /// Whether a pointer moves morph targets of the mesh, by index. The weights are not read.
+    /// Whether an animation by `KHR_animation_pointer` changes morph weights of the mesh, by mesh index. The
+    /// values of such animations are not read.
     pub is_mesh_pointed_at: Vec<bool>,
     /// Perspective cameras of the nodes.
     pub cameras: Vec<Camera>,
@@ -36,15 +40,15 @@ pub(super) struct Document {
 /// Transform from a node's space to that of its parent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum LocalTransform {
-    /// Matrix as in the file.
+    /// Matrix as given in the file.
     Matrix(DMat4),
     /// Scale, then rotation, then translation.
     Parts { translation: DVec3, rotation: DQuat, scale: DVec3 },
 }
 
 impl LocalTransform {
-    /// Reads the transform of a node. Members of other types than glTF's are left to the `gltf` crate to
-    /// refuse.
+    /// Reads the transform of a node. Members with invalid types are ignored here, since the `gltf` crate
+    /// reports them as errors.
     fn of(node: &Value) -> Self {
         let numbers = |key: &str| {
             let list = node.get(key).and_then(Value::as_array);
@@ -65,8 +69,8 @@ impl LocalTransform {
         }
     }
 
-    /// Returns scale, rotation and translation. A matrix, which no animation should change, is taken apart,
-    /// without its shear.
+    /// Returns scale, rotation and translation. A matrix is decomposed, and loses its shear; valid files do
+    /// not animate nodes with a matrix.
     pub(super) fn parts(&self) -> (DVec3, DQuat, DVec3) {
         match *self {
             Self::Matrix(matrix) => matrix.to_scale_rotation_translation(),
@@ -97,8 +101,8 @@ pub(super) fn unit(rotation: DQuat) -> DQuat {
 ///
 /// # Errors
 ///
-/// Returns [`SourceError::Content`] for a container that is cut short or has bytes beyond its length, for
-/// text that is not JSON, for another version than 2, and for what the `gltf` crate finds wrong.
+/// Returns [`SourceError::Content`] for a container that is truncated or has bytes beyond its length, for
+/// text that is not JSON, for a version other than 2, and for errors that the `gltf` crate finds.
 pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option<&'a [u8]>), SourceError> {
     let wrong = |place: &str, problem: String| SourceError::content(path, place, problem);
     let (text, chunk) = if bytes.starts_with(b"glTF") {
@@ -129,7 +133,8 @@ pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option
     for pointer in &pointers {
         point_at(pointer, &mut root, &mut is_pointed_at, &mut is_mesh_pointed_at);
     }
-    // The validation of the `gltf` crate looks up the accessors of positions without a bounds check.
+    // Checked here, because the validation of the `gltf` crate looks up position accessors without a bounds
+    // check.
     for (mesh_index, mesh) in root.meshes.iter().enumerate() {
         for (index, primitive) in mesh.primitives.iter().enumerate() {
             let accessor = primitive.attributes.get(&Checked::Valid(Semantic::Positions));
@@ -141,7 +146,7 @@ pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option
     }
     let mut first = None;
     root.validate(&root, JsonPath::new, &mut |place, error| {
-        // A missing buffer view is an error only where it is needed: an accessor without one is zeros.
+        // A missing buffer view is allowed here: an accessor without one is all zeros.
         if first.is_none() && error != Error::Missing {
             first = Some((place().to_string(), error.to_string()));
         }
@@ -154,14 +159,14 @@ pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option
     Ok((Document { gltf, transforms, is_pointed_at, is_mesh_pointed_at, cameras, unread }, chunk))
 }
 
-/// Reader of the nodes of a document, which takes them one by one.
+/// Reader that takes the nodes of a document one by one.
 struct NodeReader {
-    /// Nodes as the `gltf` crate has them, without their cameras, or what it finds wrong first.
+    /// Nodes as read by the `gltf` crate, without their cameras, or the first error.
     read: serde_json::Result<Vec<Node>>,
     transforms: Vec<LocalTransform>,
     /// Nodes with a camera, with their indices.
     with_camera: Vec<(usize, Value)>,
-    /// First number that is beyond all indices, with its key.
+    /// First index of a node's JSON that exceeds 32 bits, with its key. `None` if there is none.
     beyond: Option<(String, u64)>,
 }
 
@@ -185,14 +190,14 @@ impl NodeReader {
     }
 }
 
-/// Text and binary chunk of a GLB.
+/// JSON text of a GLB, and its binary chunk if it has one.
 type Chunks<'a> = (&'a [u8], Option<&'a [u8]>);
 
-/// Splits a GLB into its text and its binary chunk, `None` if there is none. Further chunks are ignored.
-/// Returns the byte and a message as the error when the version is not 2, or the chunks do not fill the
-/// length in the header, or that is not the file's.
+/// Splits a GLB into its JSON text and its binary chunk, `None` if there is none. Further chunks are ignored.
+/// Returns a byte offset and a message as the error when the version is not 2, the chunks do not fill the
+/// length in the header, or this length is not the file's.
 fn split(bytes: &[u8]) -> Result<Chunks<'_>, (usize, String)> {
-    /// Number of bytes of the header, and of the header of a chunk.
+    /// Sizes in bytes of the header of a GLB, and of the header of each chunk.
     const HEADERS: [usize; 2] = [12, 8];
     let number = |at: usize| {
         let four = bytes.get(at..at + 4).and_then(|four| four.try_into().ok()).map(u32::from_le_bytes);
@@ -223,11 +228,11 @@ fn split(bytes: &[u8]) -> Result<Chunks<'_>, (usize, String)> {
     text.map(|text| (text, binary)).ok_or_else(|| (8, "the header's length leaves no chunk".into()))
 }
 
-/// Checks that numbers that are indices, or constants of 32 bits, are below 2^32: the `gltf` crate drops the
-/// bits above. `key` is the key of the value, and `is_index` whether all numbers below it are indices.
-/// Returns the key and the number as the error.
+/// Checks that all indices and 32-bit constants in a value are below 2^32, because the `gltf` crate would
+/// drop higher bits. `key` is the key of the value; `is_index` tells whether all numbers inside are indices.
+/// Returns the key and the number of the first violation as the error.
 fn check_indices(value: &Value, key: &str, is_index: bool) -> Result<(), (String, u64)> {
-    /// Keys of indices or constants, or of lists or objects of them.
+    /// Keys whose values are indices or constants, or lists or objects of these.
     const KEYS: [&str; 23] = [
         "attributes",
         "buffer",
@@ -260,7 +265,8 @@ fn check_indices(value: &Value, key: &str, is_index: bool) -> Result<(), (String
         },
         Value::Array(items) => items.iter().try_for_each(|item| check_indices(item, key, is_index)),
         Value::Object(members) => members.iter().try_for_each(|(name, member)| {
-            // Members of attributes and morph targets are named by the file.
+            // The names inside attributes and morph targets are chosen by the file, and all their values are
+            // indices.
             let named = matches!(key, "attributes" | "targets");
             match name.as_str() {
                 "extras" | "extensions" => Ok(()),
@@ -275,12 +281,12 @@ fn check_indices(value: &Value, key: &str, is_index: bool) -> Result<(), (String
     }
 }
 
-/// Returns the mutable list of an object under a key, empty if there is none.
+/// Returns the mutable list under a key of an object. Empty if there is no list.
 fn list_mut<'a>(value: &'a mut Value, key: &str) -> &'a mut [Value] {
     value.get_mut(key).and_then(Value::as_array_mut).map_or(&mut [], Vec::as_mut_slice)
 }
 
-/// Returns the mutable objects of the list of an object under a key.
+/// Returns the mutable objects in the list under a key of an object.
 fn objects<'a>(
     value: &'a mut Value,
     key: &str,
@@ -288,15 +294,15 @@ fn objects<'a>(
     list_mut(value, key).iter_mut().filter_map(Value::as_object_mut)
 }
 
-/// Removes all of a document that places no triangle, and gives each scene its list of nodes. Returns the
-/// pointers of animations by `KHR_animation_pointer`, whose channels it removes.
+/// Removes everything from a document that does not affect triangles, and gives each scene a list of nodes.
+/// Returns the targets of animations by `KHR_animation_pointer`, and removes their channels.
 fn strip(root: &mut Value) -> Vec<String> {
     if let Some(members) = root.as_object_mut() {
         for key in ["images", "textures", "samplers", "cameras", "extensionsRequired", "extensions"] {
             members.remove(key);
         }
     }
-    // A scene without nodes is valid, and empty.
+    // A scene without nodes is valid; the `gltf` crate requires the list.
     for scene in objects(root, "scenes") {
         scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
     }
@@ -329,9 +335,9 @@ fn strip(root: &mut Value) -> Vec<String> {
     pointers
 }
 
-/// Notes what a pointer of `KHR_animation_pointer` changes: a node may be anywhere, a mesh may have any
-/// weights of morph targets, and a factor by which a material transmits light may be above 0, so the material
-/// is read as one that blends. Sets the flag of the node in `nodes`, or of the mesh in `meshes`, by index.
+/// Notes the target of an animation by `KHR_animation_pointer`. Sets the flag of an animated node in `nodes`,
+/// and of a mesh with animated morph weights in `meshes`, by index. A material with an animated transmission
+/// factor is changed to alpha mode `BLEND`, since it may become see-through.
 fn point_at(pointer: &str, root: &mut Root, nodes: &mut [bool], meshes: &mut [bool]) {
     let index = |text: &str| text.parse().unwrap_or(usize::MAX);
     let is_pointed_at = match pointer.split('/').collect::<Vec<_>>()[..] {

@@ -1,4 +1,4 @@
-//! Copies of a node's mesh by `EXT_mesh_gpu_instancing`.
+//! Copies of a node's mesh by the extension `EXT_mesh_gpu_instancing`.
 
 use super::buffers::Buffers;
 use super::document::unit;
@@ -7,8 +7,9 @@ use glam::{DMat4, DQuat, DVec3};
 use serde_json::Value;
 use std::path::Path;
 
-/// Returns the number of copies of a node's mesh, without reading their places: the greatest number of
-/// elements of an attribute, even of one that places no copy, and 1 for a node without the extension.
+/// Returns an upper bound on the number of copies of a node's mesh without reading their transforms: the
+/// greatest element count of the extension's attributes, also of attributes that place no copy. 1 for a node
+/// without the extension.
 pub(super) fn instance_count(node: &gltf::Node<'_>, document: &gltf::Document) -> usize {
     let Some(extension) = node.extension_value("EXT_mesh_gpu_instancing") else { return 1 };
     let attributes = extension.get("attributes").and_then(Value::as_object).into_iter().flatten();
@@ -16,8 +17,8 @@ pub(super) fn instance_count(node: &gltf::Node<'_>, document: &gltf::Document) -
     accessors.map(|accessor| accessor.count()).max().unwrap_or(0)
 }
 
-/// Returns the accessor of an attribute of copies, `None` for an attribute that the extension does not name.
-/// `Err` if there is no such accessor.
+/// Returns the accessor of an instance attribute, `None` if the extension has no such attribute. `Err` if the
+/// accessor's index does not exist.
 fn accessor_of<'a>(
     extension: &Value,
     name: &str,
@@ -27,7 +28,7 @@ fn accessor_of<'a>(
     Some(usize::try_from(index).ok().and_then(|index| document.accessors().nth(index)).ok_or(()))
 }
 
-/// Copies of a node's mesh.
+/// Copies of a node's mesh, with their transforms.
 pub(super) struct Instances {
     translations: Option<Vec<[f32; 3]>>,
     rotations: Option<Vec<[f32; 4]>>,
@@ -37,12 +38,13 @@ pub(super) struct Instances {
 }
 
 impl Instances {
-    /// Reads the copies of a node's mesh. A node without the extension shows it once, in its own place.
+    /// Reads the copies of a node's mesh. A node without the extension has one copy, with the identity
+    /// transform.
     ///
     /// # Errors
     ///
-    /// Returns [`SourceError::Content`] when an accessor cannot be read, or they differ in their numbers of
-    /// elements.
+    /// Returns [`SourceError::Content`] when an accessor cannot be read, or the accessors differ in their
+    /// numbers of elements.
     pub(super) fn read(
         node: &gltf::Node<'_>,
         document: &gltf::Document,
@@ -73,8 +75,8 @@ impl Instances {
         Ok(Self { translations, rotations, scales, count })
     }
 
-    /// Returns the matrix from the space of the mesh to that of the node for the copy at an index, which is
-    /// below [`count`](Self::count).
+    /// Returns the matrix from mesh space to the node's space for the copy at an index, which must be below
+    /// [`count`](Self::count).
     pub(super) fn matrix(&self, copy: usize) -> DMat4 {
         let vector = |list: &Option<Vec<[f32; 3]>>, default| {
             list.as_ref().map_or(default, |list| DVec3::from_array(list[copy].map(f64::from)))

@@ -1,11 +1,12 @@
-//! Materials of a glTF file: whether surfaces are see-through, and drawn from both sides or the front alone.
+//! Materials of a glTF file: whether surfaces are see-through, and whether they are drawn from both sides or
+//! only from the front.
 
 use crate::json::list;
 use gltf::material::AlphaMode;
 use serde_json::Value;
 
-/// Factors by which a material transmits light: the extension, the key of the factor, and its value where the
-/// extension does not give it. A material with a factor above 0 is see-through.
+/// Factors of material extensions that let light through: extension, key of the factor, and its default
+/// value. A material with a factor above 0 is see-through.
 pub(super) const TRANSMITTING: [(&str, &str, f64); 4] = [
     ("ADOBE_materials_thin_transparency", "transmissionFactor", 1.0),
     ("KHR_materials_transmission", "transmissionFactor", 0.0),
@@ -13,10 +14,10 @@ pub(super) const TRANSMITTING: [(&str, &str, f64); 4] = [
     ("KHR_materials_volume", "thicknessFactor", 0.0),
 ];
 
-/// Returns whether a primitive is see-through, and whether it is drawn from its front alone, in that order. A
-/// primitive may have several materials by `KHR_materials_variants`: it is see-through if one of them is, and
-/// drawn from its front alone if it is so in all. Where they differ in their sides, its back is seen in one
-/// and hides nothing in the other, so it is see-through.
+/// Returns two flags: whether a primitive is see-through, and whether it is drawn only from its front. With
+/// several materials (`KHR_materials_variants`), it is see-through if any of them is, and one-sided if all of
+/// them are. If some are one-sided and others are not, it counts as see-through, since its back is visible
+/// with some and hides nothing with others.
 pub(super) fn surface(primitive: &gltf::Primitive<'_>, document: &gltf::Document) -> (bool, bool) {
     let variants = primitive.extension_value("KHR_materials_variants");
     let mappings = variants.map_or(&[][..], |variants| list(variants, "mappings"));
@@ -31,7 +32,7 @@ pub(super) fn surface(primitive: &gltf::Primitive<'_>, document: &gltf::Document
     (differ || materials().any(|material| is_see_through(&material)), one_sided)
 }
 
-/// Returns whether a renderer draws what is behind a surface through it: its alpha mode blends or masks, or
+/// Returns whether a renderer shows what is behind a surface through it: its alpha mode is blend or mask, or
 /// it transmits light.
 fn is_see_through(material: &gltf::Material<'_>) -> bool {
     let is_transmitting = |&(extension, key, default): &(&str, &str, f64)| {

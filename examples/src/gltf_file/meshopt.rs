@@ -1,17 +1,17 @@
 //! Decoder of buffer views that are compressed by `EXT_meshopt_compression` or `KHR_meshopt_compression`, as
 //! the program gltfpack writes them: vertex attributes, triangle lists and index sequences.
 //!
-//! The format is that of the extensions' specifications ("Appendix A: Bitstream"). Memory grows with what is
-//! decoded, a block of at most 8192 bytes at a time. Each block needs at least a byte of input for each four
-//! bytes of an element, so a false count takes at most a thousand times the bytes that are there.
+//! The format is that of the extensions' specifications ("Appendix A: Bitstream"). Output grows by blocks of
+//! at most 8192 bytes as they are decoded. Each block needs at least one byte of input for every four bytes
+//! of an element, so a false count takes at most a thousand times the memory of the input.
 
 use serde_json::Value;
 
-/// What a compressed buffer view says of itself.
+/// Parameters of a compressed buffer view.
 pub(super) struct Compressed {
     /// Index of the buffer that has the compressed bytes.
     pub buffer: usize,
-    /// First byte in that buffer.
+    /// Offset in that buffer of the first compressed byte.
     pub offset: usize,
     /// Number of compressed bytes.
     pub length: usize,
@@ -21,7 +21,7 @@ pub(super) struct Compressed {
     filter: Filter,
 }
 
-/// Maximum number of bytes of a view.
+/// Maximum number of bytes of a decompressed view.
 const MOST_BYTES: usize = 1 << 31;
 
 #[derive(Clone, Copy, PartialEq)]
@@ -31,13 +31,13 @@ enum Mode {
     Indices,
 }
 
-/// Transformation of decoded attributes.
+/// Transformation of decoded attributes, as named by the extension.
 #[derive(Clone, Copy, PartialEq)]
 enum Filter {
     None,
     Quaternion,
     Exponential,
-    /// Filter of directions or colours, which place nothing.
+    /// Filter of directions or colours, which is skipped since it affects no positions.
     Other,
 }
 
@@ -79,7 +79,7 @@ impl Compressed {
         Ok(Self { buffer, offset, length, stride, count, mode, filter })
     }
 
-    /// Decodes the bytes of the view, `count` times `byteStride`, from its compressed bytes. The error is a
+    /// Decodes the view from its compressed bytes. The result has `count * byteStride` bytes. The error is a
     /// message for a person.
     pub(super) fn decode(&self, bytes: &[u8]) -> Result<Vec<u8>, String> {
         let damaged = || "its meshopt compression is damaged".to_owned();
@@ -98,13 +98,13 @@ impl Compressed {
         Ok(decoded)
     }
 
-    /// Returns the bytes of indices of 16 or 32 bits, by the view's stride.
+    /// Returns the bytes of indices, as 16 or 32 bits each according to the view's stride.
     fn packed(&self, indices: &[u32]) -> Vec<u8> {
         indices.iter().flat_map(|index| index.to_le_bytes().into_iter().take(self.stride)).collect()
     }
 }
 
-/// Bytes that are left to decode.
+/// Bytes that are still to be decoded.
 struct Input<'a>(&'a [u8]);
 
 impl<'a> Input<'a> {
@@ -119,7 +119,8 @@ impl<'a> Input<'a> {
         self.take(1).map(|byte| byte[0])
     }
 
-    /// Returns a number of seven bits a byte, least significant first, of at most five bytes.
+    /// Reads a variable-length integer: seven bits per byte, least significant first, at most five bytes.
+    /// `None` if it is cut off or longer.
     fn number(&mut self) -> Option<u32> {
         let mut number = 0;
         for shift in [0, 7, 14, 21, 28] {
@@ -132,14 +133,14 @@ impl<'a> Input<'a> {
         Some(number)
     }
 
-    /// Returns the index that differs from `last` by the next number in zigzag form.
+    /// Reads an index that is stored as its difference from `last` in zigzag form. `None` if the bytes end.
     fn index(&mut self, last: u32) -> Option<u32> {
         let number = self.number()?;
         Some(last.wrapping_add(number >> 1 ^ (number & 1).wrapping_neg()))
     }
 }
 
-/// Number of values that share two bits of a header.
+/// Number of values in a group, which shares two bits of a header.
 const GROUP: usize = 16;
 
 /// Decodes `count` elements of `stride` bytes. `None` if the bytes are damaged.
@@ -150,8 +151,8 @@ fn attributes(bytes: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
         0xA1 => false,
         _ => return None,
     };
-    // The last bytes are the element before the first, and in version 1 a byte for each four of an element
-    // that says how they differ from those before. They are padded in front.
+    // The stream ends with the element before the first one and, in version 1, one control byte for every
+    // four bytes of an element, padded in front.
     let (least, channels) = if is_first_version { (32, 0) } else { (24, stride / 4) };
     let end = input.0.len().checked_sub((stride + channels).max(least))?;
     let (before, channels) = input.0[input.0.len() - stride - channels..].split_at(stride);
@@ -183,8 +184,8 @@ fn attributes(bytes: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
     input.0.is_empty().then_some(decoded)
 }
 
-/// Decodes the differences of one byte of `count` elements. `control` says in version 1 how they are stored;
-/// it is `None` in version 0.
+/// Decodes the differences of one byte of `count` elements. `control` selects their encoding in version 1;
+/// `None` in version 0.
 fn differences<'a>(
     input: &mut Input<'_>,
     control: Option<u8>,
@@ -210,8 +211,8 @@ fn differences<'a>(
     Some(())
 }
 
-/// Decodes a group of sixteen values of `bits` bits: 0, 1, 2, 4 or 8. The greatest value of 1 to 4 bits
-/// stands for one of the bytes that follow.
+/// Decodes a group of sixteen values of `bits` bits each: 0, 1, 2, 4 or 8. With 1 to 4 bits, the greatest
+/// value stands for the next of the full bytes that follow the group.
 fn group_of_bytes(input: &mut Input<'_>, bits: usize) -> Option<[u8; GROUP]> {
     let mut values = [0; GROUP];
     match bits {
@@ -223,7 +224,7 @@ fn group_of_bytes(input: &mut Input<'_>, bits: usize) -> Option<[u8; GROUP]> {
     let greatest = (1 << bits) - 1;
     for (i, value) in values.iter_mut().enumerate() {
         let at = i * bits;
-        // Single bits begin with the least of a byte, wider values with the greatest.
+        // Single bits are stored from the lowest bit of a byte up, wider values from the highest bit down.
         let shift = if bits == 1 { at % 8 } else { 8 - bits - at % 8 };
         let small = packed[at / 8] >> shift & greatest;
         *value = if small == greatest { input.byte()? } else { small };
@@ -231,8 +232,9 @@ fn group_of_bytes(input: &mut Input<'_>, bits: usize) -> Option<[u8; GROUP]> {
     Some(values)
 }
 
-/// Returns four bytes of an element from those of the element before and their difference, by a channel's
-/// byte: four bytes, two numbers of 16 bits, or one of 32 bits whose rotated bits differ.
+/// Returns four bytes of an element: the same bytes of the element before plus their difference. `channel`
+/// selects how to add: four bytes, two 16-bit numbers, or the exclusive-or of one 32-bit number with rotated
+/// bits.
 fn sum(before: [u8; 4], difference: [u8; 4], channel: u8) -> [u8; 4] {
     match channel & 3 {
         0 => std::array::from_fn(|i| {
@@ -253,7 +255,7 @@ fn sum(before: [u8; 4], difference: [u8; 4], channel: u8) -> [u8; 4] {
     }
 }
 
-/// The sixteen items that a decoder has seen last, by age.
+/// The sixteen most recent items of a decoder, found by age.
 struct Recent<T> {
     items: [T; 16],
     next: usize,
@@ -264,13 +266,13 @@ impl<T: Copy> Recent<T> {
         Self { items: [item; 16], next: 0 }
     }
 
-    /// Notes an item. If it is not `new`, the next one takes its place.
+    /// Adds an item. If it is not `new`, the next item overwrites it.
     fn push(&mut self, item: T, new: bool) {
         self.items[self.next] = item;
         self.next = (self.next + usize::from(new)) % 16;
     }
 
-    /// Returns the item that was the last `age` items ago: 1 is the last.
+    /// Returns an item by age: 1 is the most recent.
     fn ago(&self, age: u8) -> T {
         self.items[(self.next + 32 - usize::from(age)) % 16]
     }
@@ -278,11 +280,11 @@ impl<T: Copy> Recent<T> {
 
 /// Decodes a triangle list of `count` indices. `None` if the bytes are damaged.
 fn triangles(bytes: &[u8], count: usize) -> Option<Vec<u32>> {
-    /// Number of bytes of the table of codes at the end.
+    /// Size in bytes of the table of codes at the end of the stream.
     const TABLE: usize = 16;
     let mut input = Input(bytes);
     let header = input.byte()?;
-    // In version 1, two codes stand for the indices beside the last one.
+    // In version 1, two of the codes stand for the last explicit index minus or plus 1.
     let known = match header {
         0xE0 => 15,
         0xE1 => 13,
@@ -322,7 +324,7 @@ fn triangles(bytes: &[u8], count: usize) -> Option<Vec<u32>> {
         let is_free = low >= 14;
         let pair = if is_free { input.byte()? } else { table[usize::from(low)] };
         let (second, third) = (pair >> 4, pair & 15);
-        // Free codes may give indices in full, and begin to count anew.
+        // A code with explicit indices and a pair of zeros restarts the count of fresh indices.
         if is_free && pair == 0 {
             next = 0;
         }
@@ -347,7 +349,7 @@ fn triangles(bytes: &[u8], count: usize) -> Option<Vec<u32>> {
     input.0.is_empty().then_some(decoded)
 }
 
-/// Returns the index `next` and adds 1 to it if `is_new`: the next index that no triangle has had. Otherwise
+/// Returns the next fresh index (that no triangle has used yet) if `is_new`, and increments `next`. Otherwise
 /// returns `otherwise`.
 fn fresh(next: &mut u32, is_new: bool, otherwise: u32) -> u32 {
     if !is_new {
@@ -360,7 +362,7 @@ fn fresh(next: &mut u32, is_new: bool, otherwise: u32) -> u32 {
 
 /// Decodes a sequence of `count` indices. `None` if the bytes are damaged.
 fn sequence(bytes: &[u8], count: usize) -> Option<Vec<u32>> {
-    /// Number of unused bytes at the end.
+    /// Number of padding bytes at the end of the stream.
     const TAIL: usize = 4;
     let mut input = Input(bytes);
     if !matches!(input.byte()?, 0xD0 | 0xD1) {
@@ -378,7 +380,8 @@ fn sequence(bytes: &[u8], count: usize) -> Option<Vec<u32>> {
     input.0.is_empty().then_some(decoded)
 }
 
-/// Turns three components of a unit quaternion, and the index and scale of the fourth, into four of 16 bits.
+/// Decodes a unit quaternion into four 16-bit components. The element stores three components, and the index
+/// and scale of the fourth.
 fn quaternion(element: &mut [u8; 8]) {
     let [x, y, z, last] = [0, 2, 4, 6].map(|i| i16::from_le_bytes([element[i], element[i + 1]]));
     let scale = std::f32::consts::FRAC_1_SQRT_2 / f32::from(last | 3);
@@ -391,7 +394,7 @@ fn quaternion(element: &mut [u8; 8]) {
     }
 }
 
-/// Turns a mantissa of 24 bits and an exponent of 8 bits into a float.
+/// Decodes a float that is stored as a 24-bit mantissa and an 8-bit exponent.
 fn exponential(element: &mut [u8; 4]) {
     let bits = i32::from_le_bytes(*element);
     let value = f64::from(bits << 8 >> 8) * 2.0f64.powi(bits >> 24);

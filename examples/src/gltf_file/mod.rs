@@ -1,11 +1,11 @@
 //! glTF and GLB files as scenes: every primitive of every node's mesh becomes an object in world space.
 //!
 //! Nodes are visited with an explicit stack and at most once each, so neither a cycle nor a deep hierarchy
-//! can hang the program or overflow the call stack. Transforms are multiplied in `f64`; where the content is
-//! far from the document's origin, the scene has an origin near the content.
+//! can hang the program or overflow the call stack. Transforms are multiplied in `f64`. If the content is far
+//! from the document's origin, the scene gets an origin near the content.
 //!
-//! Objects are in their pose at rest. An object that an animation, a skin or morph targets move hides
-//! nothing, and has bounds over all clips.
+//! Objects are in their rest pose. An object that moves (by an animation, a skin or morph targets) hides
+//! nothing, and its bounds contain it throughout all animations.
 
 mod buffers;
 mod camera;
@@ -39,35 +39,36 @@ use std::rc::Rc;
 use std::vec;
 use visibility_core::{Aabb, scene::SharedTriangles};
 
-/// Maximum number of objects of a scene, which may have few triangles or none.
+/// Maximum number of objects of a scene. Objects count even without triangles.
 const MOST_OBJECTS: usize = 1 << 22;
-/// Maximum number of triangles that are kept: those of each mesh once, and of skinned, morphed and moving
-/// meshes for each node.
+/// Maximum number of triangles in memory. Instances share the triangles of a mesh; nodes with skinned,
+/// morphed or animated meshes have their own.
 const MOST_TRIANGLES: usize = 1 << 25;
-/// Maximum number of triangles of all objects, of which the item buffer must be able to number each. Nodes
-/// can instance one mesh any number of times, so neither the size of the file nor [`MOST_TRIANGLES`] bounds
-/// it.
+/// Maximum number of triangles of all objects, instances included. The item buffer must be able to number
+/// each triangle. Nodes can instance one mesh any number of times, so neither the size of the file nor
+/// [`MOST_TRIANGLES`] bounds this number.
 const MOST_PLACED: usize = u32::MAX as usize - 1;
 
-/// Reads a glTF or GLB document from its bytes, in metres and with y up. `path` is the document's path:
-/// further files are searched below its folder, and error messages show it.
+/// Reads a glTF or GLB document from its bytes, in metres and with y up. `path` is the document's path, which
+/// error messages show. Other files of the document are searched below the path's folder.
 ///
 /// A node may carry a [`Hint`] for its objects: the extra (custom property) `visibility` with the value
-/// `occluder`, `detail`, `door`, `mover` or `never-cull`. All but `occluder` hold for the nodes below too.
+/// `occluder`, `detail`, `door`, `mover` or `never-cull`. All hints except `occluder` also apply to the
+/// node's descendants.
 ///
-/// Each perspective camera of the nodes is a walk with one key. The near plane is derived from the bounds of
-/// the scene, and is not farther than that of any of the cameras.
+/// Each perspective camera becomes a walk with one key. The near plane is derived from the bounds of the
+/// scene, and is at most as far as the nearest near plane of the cameras.
 ///
 /// # Errors
 ///
-/// Returns [`SourceError::Content`] when the document or a buffer that is needed is invalid, when nodes do
-/// not form trees, when triangles are compressed by Draco alone, or when the scene exceeds the bounds on
-/// triangles or on vertices and indices read.
+/// Returns [`SourceError::Content`] when the document or a needed buffer is invalid, when nodes do not form
+/// trees, when triangles exist only in Draco compression, or when the scene exceeds a limit on objects,
+/// triangles, or vertices and indices.
 pub fn parse(bytes: &[u8], path: &Path) -> Result<SceneSource, SourceError> {
     parse_as(bytes, path, &Reading::default())
 }
 
-/// Reads a glTF or GLB document as [`parse`] does, with another unit or another axis up.
+/// Reads a glTF or GLB document like [`parse`], with another unit or up axis.
 ///
 /// # Errors
 ///
@@ -138,51 +139,51 @@ pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSou
     Ok(scene)
 }
 
-/// Returns the nodes of the scene that is read, in the order of the file.
+/// Returns the nodes of the scene that the program reads, in the order of the file.
 fn placed<'a>(document: &'a Document, nodes: &Nodes) -> impl Iterator<Item = gltf::Node<'a>> {
     nodes.placed.iter().filter_map(|&index| document.gltf.nodes().nth(index))
 }
 
-/// Collector of a scene's objects, with the totals that are bounded.
+/// Collector of a scene's objects, with the running totals that the limits bound.
 struct Collector<'a> {
     document: &'a Document,
     nodes: &'a Nodes,
     buffers: &'a Buffers<'a>,
     motion: &'a Motion,
     path: &'a Path,
-    /// Point in world space that the objects' coordinates are relative to.
+    /// Scene origin in world space; coordinates of objects are relative to it.
     origin: DVec3,
     objects: Vec<SourceObject>,
-    /// Boxes of the objects that move.
+    /// Boxes that nodes move. Together they contain the moving objects.
     moved: Vec<MovedBox>,
-    /// Boxes of the objects that move, at rest, in world space, each with the index of its object.
+    /// Boxes of the moving objects at rest, in world space, each with the index of its object.
     at_rest: Vec<(usize, Box64)>,
-    /// Number of primitives of points or lines, or without positions.
+    /// Number of primitives without triangles: points, lines, or no positions.
     without_triangles: usize,
-    /// Number of triangles that are kept.
+    /// Number of triangles in memory.
     kept: usize,
-    /// Number of triangles of all objects.
+    /// Number of triangles of all objects, instances included.
     placed: usize,
-    /// Nodes that show a mesh, by its index.
+    /// For each mesh, by its index, the nodes that show it.
     users: Vec<Users>,
-    /// Primitives of meshes that several objects share, by the mesh's index.
+    /// Primitives of meshes that several objects share, by mesh index.
     meshes: HashMap<usize, Rc<[Primitive]>>,
-    /// Names so far, without their numbers, by the texts before and after.
+    /// Names so far without their numbers. The key is the text before the number and the text after it.
     names: HashMap<[String; 2], ObjectName>,
-    /// Hints that hold for all nodes below a node, each once, by the index of the node.
+    /// For each node, by its index, the hints inherited from all nodes above it, each once.
     hints: Vec<Vec<Hint>>,
 }
 
 /// Nodes of the scene that show a mesh.
 #[derive(Clone, Default)]
 struct Users {
-    /// Indices of the nodes, in the order of the file.
+    /// Indices of these nodes, in the order of the file.
     nodes: Vec<usize>,
-    /// Number of times that they show the mesh.
+    /// Total number of copies of the mesh at these nodes.
     count: usize,
 }
 
-/// Returns the nodes that show a mesh, by the index of the mesh.
+/// Returns for each mesh, by its index, the nodes that show it.
 fn users_of_meshes(document: &Document, nodes: &Nodes) -> Vec<Users> {
     let mut users = vec![Users::default(); document.gltf.meshes().len()];
     for node in placed(document, nodes) {
@@ -195,12 +196,13 @@ fn users_of_meshes(document: &Document, nodes: &Nodes) -> Vec<Users> {
     users
 }
 
-/// Triangles of a primitive before they are placed.
+/// Triangles of a primitive, before a node places them.
 struct Primitive {
     shape: Shape,
-    /// Triangles of the objects to come that share those of the mesh, in their order. Empty if none does.
+    /// Triangles for the next objects that share this primitive's triangles, in the order of the objects.
+    /// Empty if no objects share them.
     shared: RefCell<vec::IntoIter<SharedTriangles>>,
-    /// Vertices of the corners.
+    /// Vertex indices of all triangle corners.
     order: Vec<u32>,
     corners: Corners,
     see_through: bool,
@@ -208,10 +210,10 @@ struct Primitive {
 }
 
 impl Collector<'_> {
-    /// Returns a point with whole coordinates near the content, if that is far from the origin of world space
-    /// by its own size: the median of the middles of all meshes, where that is more than 4 km and more than
-    /// four times the median distance from it away. Otherwise the origin of world space. A `f32` at 4 km is
-    /// exact to a quarter of a millimetre.
+    /// Returns the scene's origin: the median of the middles of all meshes, rounded to whole metres, if it is
+    /// more than 4 km from the origin of world space, and more than four times as far as the meshes' median
+    /// distance from it. Otherwise the origin of world space. A `f32` at 4 km is exact to a quarter of a
+    /// millimetre.
     fn origin_near_content(&self) -> Result<DVec3, SourceError> {
         const NEAR: f64 = 4096.0;
         let mut known: HashMap<usize, Box64> = HashMap::new();
@@ -222,7 +224,7 @@ impl Collector<'_> {
             for accessor in mesh.primitives().filter_map(|primitive| primitive.get(&Semantic::Positions)) {
                 let of_accessor = match known.get(&accessor.index()) {
                     Some(&bounds) => bounds,
-                    // What cannot be read is an error once it is placed.
+                    // Unreadable positions become an error later, when the mesh is placed.
                     None => match self.buffers.positions(&accessor) {
                         Ok(positions) => around(positions.into_iter().map(Vec3::as_dvec3)),
                         Err(_) => EMPTY,
@@ -234,7 +236,7 @@ impl Collector<'_> {
             let copies = Instances::read(&node, &self.document.gltf, self.buffers, self.path)?;
             let joint = node.skin().and_then(|skin| skin.joints().next());
             let world = self.nodes.worlds[joint.map_or(node.index(), |joint| joint.index())];
-            // A thousand copies say well enough where all are.
+            // About a thousand copies are enough to estimate where all copies are.
             for copy in (0..copies.count).step_by(copies.count / 1000 + 1) {
                 let world = world * copies.matrix(copy);
                 boxes.push(around(box_corners(bounds).map(|corner| world.transform_point3(corner))));
@@ -256,7 +258,7 @@ impl Collector<'_> {
         Ok(if distance > NEAR && distance > 4.0 * size { centre.round() + DVec3::ZERO } else { DVec3::ZERO })
     }
 
-    /// Appends one object for each primitive of the node's mesh, and for each of the mesh's copies. A node
+    /// Appends one object for each pair of a primitive of the node's mesh and a copy of the mesh. A node
     /// without a mesh adds no object. Returns the first error of a primitive.
     fn add(&mut self, node: &gltf::Node<'_>) -> Result<(), SourceError> {
         let hint = self.hint(node)?;
@@ -284,7 +286,8 @@ impl Collector<'_> {
                     one_sided,
                     ..SourceObject::new(name, triangles)
                 };
-                // Hints of the nodes above come last: a mesh below a mover hides nothing, whatever its own.
+                // The hints of nodes above are applied last: a mesh below a `mover` hides nothing, whatever
+                // its own hint.
                 hint.iter().chain(&self.hints[node.index()]).for_each(|&hint| object.take(hint));
                 self.move_object(node, primitive, instance, &mut object);
                 self.objects.push(object);
@@ -293,8 +296,8 @@ impl Collector<'_> {
         Ok(())
     }
 
-    /// Returns the name of the objects of a node that end in `end`: that of the node or else the mesh, with
-    /// brackets for the number of a copy, or the number of the node.
+    /// Returns the name of an object of a node, ending in `end`: the name of the node, or else of the mesh,
+    /// with brackets for a number. The number is that of the copy, or of the node.
     fn name(&mut self, node: &gltf::Node<'_>, mesh: &gltf::Mesh<'_>, end: String) -> ObjectName {
         let is_copied = node.extension_value("EXT_mesh_gpu_instancing").is_some();
         let own = node.name().or(mesh.name()).map(str::to_owned);
@@ -308,8 +311,8 @@ impl Collector<'_> {
         if own.is_none() && !is_copied { name.with_number(node.index() as u32) } else { name.clone() }
     }
 
-    /// Notes what the next object, which a node and an instance place, is moved by, if anything. An object
-    /// that moves hides nothing, whatever its hint says.
+    /// Notes what moves the next object, which a node and an instance matrix place. An object that moves
+    /// hides nothing, whatever its hint.
     fn move_object(
         &mut self,
         node: &gltf::Node<'_>,
@@ -325,7 +328,8 @@ impl Collector<'_> {
         if !is_moved || primitive.corners.len() == 0 {
             return;
         }
-        // Where a pointer moves an object, or a joint of it, is not read.
+        // The positions of an object that an animation pointer moves are unknown, since such animations are
+        // not read. So the object is never culled.
         object.never_cull |= is_pointed_at_here;
         object.opaque = false;
         object.motion = Some(Box::default());
@@ -340,8 +344,8 @@ impl Collector<'_> {
         self.at_rest.push((self.objects.len(), all));
     }
 
-    /// Gives all objects that move their bounds over all clips. One whose bounds are not known is never
-    /// culled.
+    /// Sets the bounds of all moving objects to contain them throughout all animations. An object with
+    /// unknown bounds is never culled.
     fn bound_movers(&mut self) {
         let known =
             self.motion.enclose(&self.document.transforms, self.nodes, &self.moved, &mut self.at_rest);
@@ -353,9 +357,9 @@ impl Collector<'_> {
         }
     }
 
-    /// Returns the hint in the extras of a node: `"visibility"` with the name of the hint. The hint is handed
-    /// down with those of the nodes above, except [`Hint::Occluder`]: glass below an occluder stays glass.
-    /// Returns an error if there is no hint of that name, or for an occluder without a mesh.
+    /// Returns the hint in the extras of a node (`"visibility"`), and passes it on to the node's descendants.
+    /// [`Hint::Occluder`] is not passed on: glass below an occluder stays glass. Returns an error for an
+    /// unknown hint, and for an occluder without a mesh.
     fn hint(&mut self, node: &gltf::Node<'_>) -> Result<Option<Hint>, SourceError> {
         let wrong = |problem: String| self.wrong(node, problem);
         let extras = node.extras().as_ref().map(|extras| serde_json::from_str::<Value>(extras.get()));
@@ -373,8 +377,8 @@ impl Collector<'_> {
         Ok(hint)
     }
 
-    /// Returns the primitives of a node's mesh. Those of a mesh that several nodes show are read once, unless
-    /// the node deforms them by a skin or the mesh has morph targets.
+    /// Returns the primitives of a node's mesh. A mesh that several nodes show is read once, unless it has
+    /// morph targets or the node has a skin.
     fn primitives(
         &mut self,
         node: &gltf::Node<'_>,
@@ -412,7 +416,7 @@ impl Collector<'_> {
         Ok(read)
     }
 
-    /// Returns the transforms of all objects that share the triangles of a mesh, in their order.
+    /// Returns the transforms of all objects that share the triangles of a mesh, in the order of the objects.
     fn transforms(&self, mesh: &gltf::Mesh<'_>) -> Result<Vec<DAffine3>, SourceError> {
         let users = &self.users[mesh.index()];
         let mut transforms = Vec::with_capacity(users.count);
@@ -429,8 +433,7 @@ impl Collector<'_> {
         Ok(transforms)
     }
 
-    /// Returns an error if `copies` of `triangles` triangles, beside those of the objects so far, are too
-    /// many to be placed.
+    /// Returns an error if `copies` times `triangles` more triangles would exceed [`MOST_PLACED`].
     fn check_placed(
         &self,
         copies: usize,
@@ -445,7 +448,7 @@ impl Collector<'_> {
         Err(self.wrong(node, format!("with it, the scene has more than {most}")))
     }
 
-    /// Counts triangles that are kept. Returns an error when they are too many.
+    /// Adds to the number of triangles in memory. Returns an error if the total exceeds [`MOST_TRIANGLES`].
     fn keep(&mut self, triangles: usize, node: &gltf::Node<'_>) -> Result<(), SourceError> {
         self.kept += triangles;
         let problem = || {
@@ -458,9 +461,8 @@ impl Collector<'_> {
         SourceError::content(self.path, format!("node {}", node.index()), problem)
     }
 
-    /// Reads the triangles of one primitive, which are none for points and lines. `place` names the primitive
-    /// in error messages. Returns an error for invalid accessors or indices, and when more would be read than
-    /// may be.
+    /// Reads the triangles of one primitive; points and lines have none. `place` names the primitive in error
+    /// messages. Returns an error for invalid accessors or indices, and when a limit is exceeded.
     fn primitive(
         &mut self,
         node: &gltf::Node<'_>,
@@ -469,7 +471,7 @@ impl Collector<'_> {
     ) -> Result<Primitive, SourceError> {
         let path = self.path;
         let wrong = |problem: String| SourceError::content(path, place, problem);
-        // A primitive without positions is valid, and not drawn.
+        // A primitive without positions is valid, and adds no triangles.
         let Some(accessor) = primitive.get(&Semantic::Positions) else {
             self.without_triangles += 1;
             return Ok(Primitive {
@@ -507,8 +509,8 @@ impl Collector<'_> {
         Ok(Primitive { shape, shared: RefCell::default(), order, corners, see_through, one_sided })
     }
 
-    /// Returns the triangles of a primitive, relative to the origin. `instance` maps the mesh's space to the
-    /// node's. Returns an error when the scene would have too many.
+    /// Returns the triangles of a primitive, relative to the scene's origin. `instance` maps mesh space to
+    /// the node's space. Returns an error when the scene would have too many triangles.
     fn place(
         &mut self,
         node: &gltf::Node<'_>,
@@ -524,8 +526,7 @@ impl Collector<'_> {
         self.keep(corners.len(), node)?;
         let placed = shape.placed(node.index(), instance, self.nodes);
         let placed: Vec<Vec3> = placed.into_iter().map(|p| (p - self.origin).as_vec3()).collect();
-        // A mirroring transform turns triangles inside out; swapping two vertices restores the front that the
-        // file has.
+        // A mirroring transform flips the winding of triangles. Swapping two vertices restores it.
         let mirrored = (shape.world(node.index(), self.nodes) * *instance).determinant() < 0.0;
         let triangle = |t: usize| {
             let [a, b, c] = corners.of(t).map(|i| placed[order[i] as usize]);
@@ -535,7 +536,7 @@ impl Collector<'_> {
     }
 }
 
-/// Vertex order of a primitive: how its `triangles` triangles index its vertices.
+/// Vertex order of a primitive: which vertices the corners of each triangle are.
 struct Corners {
     mode: Mode,
     triangles: usize,

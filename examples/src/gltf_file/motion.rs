@@ -1,10 +1,10 @@
-//! Bounds of what animations move, over the whole of every clip.
+//! Bounds of animated nodes over the whole of every clip.
 //!
-//! Time is cut at all keys of a clip, and further into steps. In a step each node's transform is known up to
-//! an error: translations stay in a box, and a rotation or scale by which the step departs from its middle
-//! moves a point by at most a part of its distance from the node. Errors are carried up the hierarchy
-//! ([`ErrorMap::after`]), so that the box around a step's middle, enlarged by the error, has every point at
-//! every time of the step. Bounds are therefore never too small, and as much too large as steps are long.
+//! The time of a clip is cut at all keys, and further into steps. During a step, each node's transform is
+//! known up to an error: the translation stays in a box, and rotation and scale move a point by at most a
+//! fraction of its distance from the node. Errors are carried up the hierarchy ([`ErrorMap::after`]). So the
+//! box at the middle of a step, enlarged by the error, contains every point at every time of the step. Bounds
+//! are never too small. Shorter steps make them tighter.
 
 use super::buffers::Buffers;
 use super::document::{LocalTransform, unit};
@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 /// Box in `f64`, as its minimum and maximum corner.
 pub(super) type Box64 = (DVec3, DVec3);
 
-/// Box that contains nothing.
+/// Empty box, which contains no point.
 pub(super) const EMPTY: Box64 = (DVec3::INFINITY, DVec3::NEG_INFINITY);
 
 /// Returns the box around two boxes.
@@ -35,48 +35,49 @@ pub(super) fn corners((low, high): Box64) -> [DVec3; 8] {
     std::array::from_fn(|i| DVec3::select(glam::BVec3::new(i & 1 > 0, i & 2 > 0, i & 4 > 0), high, low))
 }
 
-/// Steps of a clip with few keys; each key has at most [`MOST_STEPS`] and at least one.
+/// Number of steps of a clip, if it has few keys. Between two keys there are at least one and at most
+/// [`MOST_STEPS`] steps.
 const STEPS: usize = 512;
 /// Maximum number of steps from one key to the next.
 const MOST_STEPS: usize = 16;
-/// Maximum number of transforms of nodes and boxes in all steps of all clips together.
+/// Maximum amount of work: the number of node transforms and boxes, summed over all steps of all clips.
 const MOST_WORK: usize = 1 << 24;
-/// Part of a point's distance by which poses in `f32` may depart from poses in `f64`: sixteen roundings of
-/// 2^-24 for each of some ten nodes in a row.
+/// Relative difference between poses in `f32` and in `f64`, as a fraction of a point's distance: sixteen
+/// roundings of 2^-24 for each node in a chain of about ten.
 const ROUNDING: f64 = 1e-5;
 
-/// What all clips of a document do to its nodes.
+/// Animations of a document.
 pub(super) struct Motion {
     clips: Vec<Clip>,
-    /// Whether a clip moves a node or one above it, by the index of the node.
+    /// Whether a clip moves the node or one of its ancestors, by node index.
     is_moved: Vec<bool>,
-    /// Least and greatest weight of each morph target over all clips, by the index of the node. Empty for a
-    /// node whose weights no clip changes.
+    /// Least and greatest weight of each morph target over all clips, by node index. Empty for a node whose
+    /// weights no clip changes.
     weights: Vec<Vec<[f64; 2]>>,
 }
 
-/// Channels of translation, rotation and scale, by the index of the node.
+/// Channels of translation, rotation and scale, by node index.
 type Channels = BTreeMap<usize, [Option<Channel>; 3]>;
 
 /// Clip: one animation of a document.
 struct Clip {
-    /// Translation, rotation and scale by the index of the node, of nodes that have one.
+    /// Channels of translation, rotation and scale, by node index. Nodes without a channel are absent.
     channels: Channels,
-    /// Nodes that the clip moves, or of which it moves one above, parents before children.
+    /// Nodes that the clip moves, directly or through an ancestor, parents before children.
     moved: Vec<usize>,
-    /// Times of all keys, ascending and without equal ones.
+    /// Times of all keys in seconds, ascending and distinct.
     times: Vec<f64>,
 }
 
-/// Values of a property over time.
+/// Values of one property (translation, rotation or scale) over time.
 struct Channel {
     times: Vec<f64>,
-    /// Values by key; vectors of three have a fourth component of 0.
+    /// Value at each key; vectors of three have a fourth component of 0.
     values: Vec<Key>,
     interpolation: Interpolation,
 }
 
-/// Value of a key, with the tangents before and after it of a cubic spline.
+/// Value of a key. A cubic spline also has tangents before and after the key.
 #[derive(Clone, Copy)]
 struct Key {
     before: DVec4,
@@ -84,19 +85,19 @@ struct Key {
     after: DVec4,
 }
 
-/// Box that a node moves, of an object.
+/// Part of a moving object: a box that is fixed to a node.
 pub(super) struct MovedBox {
-    /// Number of the object among those that move.
+    /// Index of the object in the list of moving objects.
     pub mover: usize,
     /// Index of the node.
     pub node: usize,
-    /// Matrix from the box's space to that of the node.
+    /// Matrix from the box's space to the node's space.
     pub to_node: DMat4,
     pub bounds: Box64,
 }
 
 impl Motion {
-    /// Reads the clips of a document. A channel whose values are all those at rest moves nothing.
+    /// Reads the clips of a document. Ignores channels whose values all equal the rest pose.
     ///
     /// # Errors
     ///
@@ -130,7 +131,7 @@ impl Motion {
         Ok(motion)
     }
 
-    /// Appends a clip, if it moves something.
+    /// Appends a clip, unless it moves no node.
     fn push(&mut self, channels: Channels, nodes: &Nodes) {
         if channels.is_empty() {
             return;
@@ -149,7 +150,7 @@ impl Motion {
         self.clips.push(Clip { channels, moved, times });
     }
 
-    /// Notes the range of the weights that a channel gives to a node's morph targets.
+    /// Extends the range of the weights of a node's morph targets by the values of a channel.
     fn take_weights(
         &mut self,
         node: usize,
@@ -173,7 +174,8 @@ impl Motion {
             return Ok(());
         }
         for (key, of_key) in values.chunks_exact(3 * targets).enumerate() {
-            // A spline is within its Bezier points: a third of a tangent beside the value.
+            // A cubic spline segment lies within the hull of its Bezier points, which are the values, and the
+            // values plus or minus a third of the tangent times the length of the segment.
             let step = |other: usize| match (times.get(key), times.get(other)) {
                 (Some([a]), Some([b])) => f64::from(*b) - f64::from(*a),
                 _ => 0.0,
@@ -189,18 +191,19 @@ impl Motion {
         Ok(())
     }
 
-    /// Returns whether a clip moves a node or one above it.
+    /// Returns whether a clip moves a node or one of its ancestors.
     pub(super) fn moves(&self, node: usize) -> bool {
         self.is_moved[node]
     }
 
-    /// Returns the range of weights that clips give to the morph targets of a node; empty if no clip does.
+    /// Returns the least and greatest weight of each morph target of a node over all clips. Empty if no clip
+    /// changes its weights.
     pub(super) fn weights(&self, node: usize) -> &[[f64; 2]] {
         &self.weights[node]
     }
 
-    /// Encloses the boxes that nodes move over all clips: enlarges the bounds in world space of each box's
-    /// object. Returns false if there is too much to do; bounds are then too small.
+    /// Enlarges the world-space bounds of each moving object to contain its boxes at all times of all clips.
+    /// Returns false if this exceeds [`MOST_WORK`]; the bounds are then too small.
     pub(super) fn enclose(
         &self,
         transforms: &[LocalTransform],
@@ -240,13 +243,13 @@ impl Motion {
     }
 }
 
-/// Returns the number of morph targets of a node's mesh, 0 without a mesh.
+/// Returns the number of morph targets of a node's mesh. 0 without a mesh.
 fn targets_of(node: &gltf::Node<'_>) -> usize {
     let primitives = node.mesh().into_iter().flat_map(|mesh| mesh.primitives().collect::<Vec<_>>());
     primitives.map(|primitive| primitive.morph_targets().count()).max().unwrap_or(0)
 }
 
-/// Returns the place of a property among the channels of a node.
+/// Returns the index of a property among the channels of a node.
 fn place(property: Property) -> usize {
     match property {
         Property::Translation => 0,
@@ -261,7 +264,8 @@ impl Clip {
         (STEPS / self.times.len().max(1)).clamp(1, MOST_STEPS)
     }
 
-    /// Returns the steps of the clip, as their first and last times, and then the last time alone.
+    /// Returns the first and last time of each step of the clip, and finally a step of no length at the
+    /// clip's last time.
     fn spans(&self) -> impl Iterator<Item = (f64, f64)> {
         let steps = self.steps();
         let within = self.times.windows(2).flat_map(move |pair| {
@@ -271,7 +275,7 @@ impl Clip {
         within.chain(self.times.last().map(|&last| (last, last)))
     }
 
-    /// Returns the map from a node's space to its parent's over a step.
+    /// Returns the map from a node's space to its parent's, with bounds on its error during a step.
     fn local(&self, node: usize, at_rest: &LocalTransform, from: f64, to: f64) -> ErrorMap {
         let Some([moved, turned, scaled]) = self.channels.get(&node) else {
             return ErrorMap::exact(at_rest.matrix());
@@ -283,8 +287,8 @@ impl Clip {
         let (translation, beside) = range(moved, translation);
         let (scale, wider) = range(scaled, scale);
         let (rotation, angle) = turned.as_ref().map_or((rotation, 0.0), |channel| channel.rotation(from, to));
-        // |R S p - R' S' p| <= |R (S - S') p| + |(R - R') S' p|, and a rotation by an angle moves a unit
-        // vector by at most twice the sine of half of it.
+        // With rotations R and R', scales S and S': |R S p - R' S' p| <= |R (S - S') p| + |(R - R') S' p|. A
+        // rotation by an angle moves a unit vector by at most twice the sine of half the angle.
         let turn = 2.0 * (angle.min(std::f64::consts::PI) * 0.5).sin();
         let growing = wider.max_element() + turn * scale.abs().max_element();
         let matrix = DMat4::from_scale_rotation_translation(scale, rotation, translation);
@@ -293,8 +297,8 @@ impl Clip {
 }
 
 impl Channel {
-    /// Reads the keys of a sampler for translation, rotation or scale. Keys beyond the fewer of times and
-    /// values are ignored.
+    /// Reads the keys of a sampler of translation, rotation or scale. If there are more times than values or
+    /// the reverse, the surplus is ignored.
     fn read(
         sampler: &gltf::animation::Sampler<'_>,
         property: Property,
@@ -319,13 +323,13 @@ impl Channel {
         Ok(Self { times: times[..count].to_vec(), values: values[..count].to_vec(), interpolation })
     }
 
-    /// Returns whether a value or a tangent departs from the property at rest. Values are compared in `f32`,
-    /// which is the precision of the buffers.
+    /// Returns whether a value or a tangent differs from the rest pose. Values are compared in `f32`, the
+    /// precision of the buffers.
     fn is_moving(&self, at_rest: &LocalTransform, property: Property) -> bool {
         let (scale, rotation, translation) = at_rest.parts();
         let differs = |value: DVec4| match property {
             Property::Rotation => {
-                // The sine of half the angle between the rotations is about the root of 1 - |dot|^2.
+                // 1 - |dot| is about half the squared sine of half the angle between the rotations.
                 let dot = unit(DQuat::from_vec4(value)).dot(rotation);
                 1.0 - dot.abs() > 1e-13
             }
@@ -336,8 +340,8 @@ impl Channel {
         self.values.iter().any(|key| differs(key.value) || bends(key))
     }
 
-    /// Returns the control points of the channel's curve over a step, which do not reach over a key: the
-    /// curve is within their hull. Two equal points where it is constant.
+    /// Returns the control points of the channel's curve during a step, which must not span a key, and their
+    /// number: 1 if the value is constant. The curve lies within their hull.
     fn hull(&self, from: f64, to: f64) -> ([DVec4; 4], usize) {
         let middle = (from + to) * 0.5;
         let next = self.times.partition_point(|&time| time <= middle);
@@ -353,7 +357,7 @@ impl Channel {
         if self.interpolation == Interpolation::Linear {
             return ([a.value.lerp(b.value, u), a.value.lerp(b.value, v), DVec4::ZERO, DVec4::ZERO], 2);
         }
-        // The Hermite spline in Bezier form, and the polar form of that at the step's ends.
+        // The Hermite spline in Bezier form, cut to the step by its polar form.
         let third = length / 3.0;
         let points = [a.value, a.value + a.after * third, b.value - b.before * third, b.value];
         let polar = |u: [f64; 3]| {
@@ -368,19 +372,21 @@ impl Channel {
         ([polar([u, u, u]), polar([u, u, v]), polar([u, v, v]), polar([v, v, v])], 4)
     }
 
-    /// Returns the middle of a vector over a step, and the greatest distance from it along each axis.
+    /// Returns the middle of a vector's values during a step, and the greatest deviation from it along each
+    /// axis.
     fn vector(&self, from: f64, to: f64) -> (DVec3, DVec3) {
         let (points, count) = self.hull(from, to);
         let (low, high) = around(points[..count].iter().map(|point| point.truncate()));
         ((low + high) * 0.5, (high - low) * 0.5)
     }
 
-    /// Returns a rotation, and the greatest angle in radians between it and those of a step.
+    /// Returns a rotation, and the greatest angle in radians between it and the channel's rotations during a
+    /// step.
     fn rotation(&self, from: f64, to: f64) -> (DQuat, f64) {
         let middle = (from + to) * 0.5;
         let next = self.times.partition_point(|&time| time <= middle);
         if self.interpolation == Interpolation::Linear && 0 < next && next < self.times.len() {
-            // Slerp along the shorter arc, whose angle between unit quaternions is half that of the
+            // Slerp takes the shorter arc. The angle between unit quaternions is half the angle between the
             // rotations.
             let [a, b] = [next - 1, next].map(|key| unit(DQuat::from_vec4(self.values[key].value)));
             let b = if a.dot(b) < 0.0 { -b } else { b };
@@ -393,7 +399,7 @@ impl Channel {
         let points = &points[..count];
         let centre = points.iter().sum::<DVec4>() / count as f64;
         let radius = points.iter().map(|point| point.distance(centre)).fold(0.0, f64::max);
-        // Quaternions in a ball around one of a greater length are within the cone that touches the ball.
+        // All quaternions in a ball that does not contain 0 lie in the cone that touches the ball.
         let angle = if radius < centre.length() {
             2.0 * (radius / centre.length()).asin()
         } else {
@@ -403,24 +409,24 @@ impl Channel {
     }
 }
 
-/// Affine map that is known up to an error: the image of a point p is within `fixed` along each axis, and
-/// `growing * |p|` beside that, of `matrix * p`.
+/// Affine map with bounds on its error. The image of a point p differs from `matrix * p` by at most `fixed`
+/// along each axis, plus `growing * |p|`.
 #[derive(Clone, Copy)]
 struct ErrorMap {
     matrix: DMat4,
-    /// Bound of the lengths of the images of unit vectors, without translation and error.
+    /// Upper bound on the length of a unit vector's image under the linear part of `matrix`.
     norm: f64,
     fixed: DVec3,
     growing: f64,
 }
 
 impl ErrorMap {
-    /// Returns the map of a matrix, without an error.
+    /// Returns the map of a matrix, with zero error.
     fn exact(matrix: DMat4) -> Self {
         Self { norm: norm(&matrix), matrix, fixed: DVec3::ZERO, growing: 0.0 }
     }
 
-    /// Returns the map that applies `inner` and then this one. With q = inner(p):
+    /// Returns the map that applies `inner` and then this map. For the bound on its error, with q = inner(p):
     /// |q| <= (norm + growing) |p| + |translation| + |fixed|, all of inner.
     fn after(&self, inner: &Self) -> Self {
         let matrix = self.matrix * inner.matrix;
@@ -435,7 +441,7 @@ impl ErrorMap {
         }
     }
 
-    /// Returns a box around the images of a box, enlarged by what `f32` rounds.
+    /// Returns a box that contains the images of all points of a box, enlarged by the rounding of `f32`.
     fn image(&self, bounds: Box64) -> Box64 {
         let corners = corners(bounds);
         let reach = corners.iter().map(|corner| corner.length()).fold(0.0, f64::max);
@@ -446,8 +452,8 @@ impl ErrorMap {
     }
 }
 
-/// Returns a bound of the lengths of the images of unit vectors: the root of the greatest sum of absolute
-/// values in a row of the matrix times its transpose (Gershgorin). Exact for a rotation and an even scale.
+/// Returns an upper bound on the length of a unit vector's image: the root of the greatest absolute row sum
+/// of the matrix times its transpose (Gershgorin). Exact for a rotation with a uniform scale.
 fn norm(matrix: &DMat4) -> f64 {
     let part = DMat3::from_mat4(*matrix);
     let product = part.transpose() * part;

@@ -1,4 +1,4 @@
-//! The nodes of a glTF document: trees, with their places in world space.
+//! The nodes of a glTF document: their hierarchy, and their transforms to world space.
 
 use super::document::Document;
 use crate::error::SourceError;
@@ -9,23 +9,22 @@ use std::path::Path;
 pub(super) struct Nodes {
     /// Matrix from the document's space to world space.
     pub root: DMat4,
-    /// Parents, by the index of the node.
+    /// Parent of each node, by node index. `None` for a root.
     pub parents: Vec<Option<usize>>,
     /// All nodes, parents before children.
     pub order: Vec<usize>,
-    /// Matrices from the spaces of nodes to world space at rest, by the index of the node.
+    /// Matrices from each node's space to world space at rest, by node index.
     pub worlds: Vec<DMat4>,
-    /// Whether a pointer of an animation moves a node or one above it, by the index of the node.
+    /// Whether an animation by `KHR_animation_pointer` moves the node or one of its ancestors, by node index.
     pub is_pointed_at: Vec<bool>,
-    /// Nodes of the scene that is read, in the order of the file, parents before children, without hidden
-    /// ones.
+    /// Visible nodes of the scene that the program reads, in the order of the file, parents before children.
     pub placed: Vec<usize>,
 }
 
 impl Nodes {
-    /// Places the nodes of a document; `root` is the matrix from the document's space to world space. Those
-    /// of the default scene are read. Without a default scene these are the nodes of the first scene, and
-    /// without scenes all. Counts hidden nodes in the document.
+    /// Computes the world transforms of a document's nodes. `root` is the matrix from the document's space to
+    /// world space. The scene that is read is the default scene, or else the first scene, or else all nodes.
+    /// Counts hidden nodes in `document.unread`.
     ///
     /// # Errors
     ///
@@ -79,9 +78,9 @@ impl Nodes {
     }
 }
 
-/// Returns nodes and all below them in the order of the file, parents before children. Nodes that are not
-/// `kept` are left out, and all below them. Returns the first node that is reached twice as the error. A
-/// stack of its own lets the depth be any.
+/// Returns the nodes `tops` and all their descendants in the order of the file, parents before children.
+/// Nodes that are not `kept` are left out with their descendants. Returns the first node that is reached
+/// twice as the error. Uses an explicit stack, so any depth is possible.
 fn below(tops: &[usize], children: &[Vec<usize>], kept: impl Fn(usize) -> bool) -> Result<Vec<usize>, usize> {
     let mut is_reached = vec![false; children.len()];
     let mut order = Vec::new();

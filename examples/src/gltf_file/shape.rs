@@ -1,4 +1,4 @@
-//! The shape of a primitive: its positions at rest, morphed and skinned, and what its nodes can make of it.
+//! Geometry of a primitive: its positions at rest, morphed and skinned, and boxes of its possible positions.
 
 use super::buffers::Buffers;
 use super::motion::{Box64, Motion, around};
@@ -13,17 +13,17 @@ use std::path::Path;
 pub(super) struct Shape {
     /// Positions at rest in mesh space, morphed by the weights at rest.
     pub positions: Vec<Vec3>,
-    /// Box of each position over all weights of morph targets. Empty without morph targets.
+    /// Box of each vertex over all possible morph weights, in mesh space. Empty without morph targets.
     morphed: Vec<Box64>,
-    /// Skin, `None` for a primitive that its node places.
+    /// Skin, `None` for a primitive that follows its node.
     skin: Option<Skin>,
 }
 
 /// Skin of a primitive.
 struct Skin {
-    /// Matrices from mesh space to the spaces of the joints, with the nodes of the joints.
+    /// For each joint, the index of its node, and the matrix from mesh space to the joint's space.
     joints: Vec<(usize, DMat4)>,
-    /// Joints and weights of each vertex. The weights of a vertex are not negative, and their sum is 1.
+    /// For each vertex, the joints that move it, with weights. Weights are not negative and sum to 1.
     influences: Vec<Vec<(usize, f64)>>,
 }
 
@@ -32,8 +32,9 @@ impl Shape {
     ///
     /// # Errors
     ///
-    /// Returns the errors of reading the accessors, and [`SourceError::Content`] when a morph target or a
-    /// skin does not fit the positions, or a joint is beyond the skin's. `place` names the primitive.
+    /// Returns the errors of reading the accessors, and [`SourceError::Content`] when the number of elements
+    /// of a morph target or a skin differs from the number of positions, or a joint index is beyond the
+    /// skin's joints. `place` names the primitive.
     pub(super) fn read(
         node: &gltf::Node<'_>,
         primitive: &gltf::Primitive<'_>,
@@ -59,7 +60,7 @@ impl Shape {
                 morphed = positions.iter().map(|p| (p.as_dvec3(), p.as_dvec3())).collect();
             }
             let at_rest = weights.get(target).copied().unwrap_or(0.0);
-            // A game may give any weight from 0 to 1 to a target that no clip changes.
+            // If no clip changes a target, a game may still give it any weight from 0 to 1.
             let [low, high] = ranges.get(target).copied().unwrap_or([0.0, 1.0]);
             let (low, high) = (low.min(at_rest.into()), high.max(at_rest.into()));
             for ((position, bounds), by) in positions.iter_mut().zip(&mut morphed).zip(displacements) {
@@ -73,19 +74,19 @@ impl Shape {
         Ok(Self { positions, morphed, skin: skin.transpose()?.flatten() })
     }
 
-    /// Returns whether the shape changes: by morph targets or by a skin.
+    /// Returns whether the shape deforms, by morph targets or by a skin.
     pub(super) fn is_soft(&self) -> bool {
         !self.morphed.is_empty() || self.skin.is_some()
     }
 
-    /// Returns the matrix from mesh space to world space, without that of an instance: of the node, or of a
-    /// skin's first joint.
+    /// Returns the matrix from mesh space to world space, without the instance matrix: that of the node, or
+    /// of the skin's first joint.
     pub(super) fn world(&self, node: usize, nodes: &Nodes) -> DMat4 {
         let joint = self.skin.as_ref().and_then(|skin| skin.joints.first());
         joint.map_or(nodes.worlds[node], |(joint, bind)| nodes.worlds[*joint] * *bind)
     }
 
-    /// Returns the positions at rest in world space. `instance` maps mesh space to that of the node.
+    /// Returns the positions at rest in world space. `instance` maps mesh space to the node's space.
     pub(super) fn placed(&self, node: usize, instance: &DMat4, nodes: &Nodes) -> Vec<DVec3> {
         let Some(skin) = &self.skin else {
             let world = nodes.worlds[node] * *instance;
@@ -100,9 +101,9 @@ impl Shape {
         self.positions.iter().zip(&skin.influences).map(place).collect()
     }
 
-    /// Returns the boxes that contain the vertices at `indices` over all weights: with the node that moves
-    /// each, and the matrix to that node's space. A skinned vertex is a mean of what its joints make of it,
-    /// and so within the box around those.
+    /// Returns boxes that contain the vertices at `indices` over all morph weights. Each box comes with the
+    /// node that moves it and the matrix to the node's space. A skinned vertex is a weighted mean of its
+    /// positions under its joints, so it lies within the box around these.
     pub(super) fn boxes(&self, node: usize, instance: &DMat4, indices: &[u32]) -> Vec<(usize, DMat4, Box64)> {
         let of_vertex = |index: usize| match self.morphed.get(index) {
             Some(&bounds) => bounds,
@@ -126,8 +127,7 @@ impl Shape {
 }
 
 impl Skin {
-    /// Reads the skin of a primitive with `count` vertices. `None` for a primitive without joints, which its
-    /// node places.
+    /// Reads the skin of a primitive with `count` vertices. `None` for a primitive without joints.
     fn read(
         skin: &gltf::Skin<'_>,
         primitive: &gltf::Primitive<'_>,

@@ -1,10 +1,11 @@
-//! Counts of the parts of a glTF file that are not read, so that nobody takes the scene for the whole file.
+//! Counts of the parts of a glTF file that the program does not read, so that nobody mistakes the scene for
+//! the whole file.
 
 use crate::json::list;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
-/// Beginnings of the names of extensions that are read, or that place no triangle.
+/// Prefixes of the names of extensions that are read, or that do not affect triangles.
 const KNOWN: [&str; 15] = [
     "ADOBE_materials_",
     "EXT_lights_",
@@ -26,23 +27,23 @@ const KNOWN: [&str; 15] = [
 /// Counts of the parts of a file that the program does not read, for a note to the user.
 #[derive(Default)]
 pub(super) struct Unread {
-    /// Number of primitives of points or lines, or without positions.
+    /// Number of primitives without triangles: points, lines, or no positions.
     pub without_triangles: usize,
-    /// Number of channels of animations by `KHR_animation_pointer`, whose values may be any.
+    /// Number of animation channels by `KHR_animation_pointer`, whose values are unknown.
     pub pointers: usize,
-    /// Number of nodes that `KHR_node_visibility` hides, with all nodes below them.
+    /// Number of nodes hidden by `KHR_node_visibility`, descendants included.
     pub hidden_nodes: usize,
     /// Number of cameras that do not become a walk.
     pub cameras: usize,
     lights: usize,
     /// Number of scenes besides the one that is read.
     scenes: usize,
-    /// Names of extensions that may place triangles.
+    /// Names of unsupported extensions that may affect triangles.
     extensions: BTreeSet<String>,
 }
 
 impl Unread {
-    /// Counts what a document has of cameras, lights, scenes and extensions.
+    /// Counts the cameras, scenes and unsupported extensions of a document.
     pub(super) fn new(root: &Value) -> Self {
         let names = ["extensionsUsed", "extensionsRequired"].map(|key| list(root, key));
         let names = names.into_iter().flatten().filter_map(Value::as_str);
@@ -59,7 +60,7 @@ impl Unread {
         }
     }
 
-    /// Returns the line that says what is not read, `None` if there is nothing.
+    /// Returns a line of text that lists the unread parts, `None` if there are none.
     pub(super) fn line(&self) -> Option<String> {
         let counts = [
             (self.without_triangles, "primitive without triangles", "primitives without triangles"),

@@ -1,5 +1,5 @@
-//! The occluders of a world's level: made, or read from the file that the program `occluders` writes, and
-//! pictures of them.
+//! The occluders of a world's level: making them, reading them from the file that the program `occluders`
+//! writes, and pictures of them.
 
 pub mod picture;
 
@@ -8,7 +8,7 @@ use std::path::Path;
 use visibility_core::{ObjectId, level_version};
 use visibility_occluders::{LevelOccluders, LevelOccludersError, LevelSettings};
 
-/// Makes the occluders of a world's level: those of all opaque objects that stand still. Doors do not.
+/// Makes the occluders of a world's level from all opaque objects that stand still. Doors do not stand still.
 ///
 /// # Errors
 ///
@@ -17,7 +17,7 @@ pub fn make(world: &World, settings: LevelSettings) -> Result<LevelOccluders, Le
     LevelOccluders::of_scene(&world.scene, |id| stands_still(world, id), settings)
 }
 
-/// Returns whether an object is no door.
+/// Returns whether an object stands still: false for doors.
 fn stands_still(world: &World, id: ObjectId) -> bool {
     !world.source.objects[id.index()].door
 }
@@ -26,8 +26,8 @@ fn stands_still(world: &World, id: ObjectId) -> bool {
 ///
 /// # Errors
 ///
-/// Returns a message with the path if the file cannot be read, is damaged, or is of another version of the
-/// level: with another triangle, hint or unit.
+/// Returns a message with the path if the file cannot be read, is damaged, or was made from another version
+/// of the level, with other triangles, hints or units.
 pub fn read(path: &Path, world: &World) -> Result<LevelOccluders, String> {
     let named = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
     let bytes = std::fs::read(path).map_err(|error| named(&error))?;

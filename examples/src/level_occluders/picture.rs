@@ -1,5 +1,5 @@
-//! Picture of a level's occluders as a camera sees them: which surfaces are kept as occluders, which are left
-//! out, and where a z-buffer stays bare.
+//! Picture of a level's occluders from a camera: which surfaces are kept as occluders, which are left out,
+//! and which pixels the z-buffer leaves uncovered.
 
 use crate::walkthrough::World;
 use crate::walkthrough::canvas::{Canvas, Color};
@@ -15,21 +15,21 @@ use visibility_occluders::{LevelOccluders, OccluderPolygon};
 /// Height of the legend below the picture, in pixels.
 const LEGEND: u32 = 48;
 
-/// Color of kept surfaces where the z-buffer covers nothing.
+/// Color of kept surfaces in pixels that the z-buffer does not cover.
 const BARE: Color = [130, 170, 235];
 
-/// Numbers of pixels of a picture, by what the nearest surface is to the level's occluders.
+/// Numbers of pixels of a picture, by the kind of the nearest surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pixels {
-    /// The surface is kept, and the z-buffer covers the pixel.
+    /// Pixels with a kept surface that the z-buffer covers.
     pub covered: usize,
-    /// The surface is kept, and the z-buffer covers nothing there: an edge is near.
+    /// Pixels with a kept surface that the z-buffer does not cover, because an edge is near.
     pub bare: usize,
-    /// The surface stands still and is opaque, but was left out as too small.
+    /// Pixels with an opaque surface that stands still but was left out as too small.
     pub left_out: usize,
-    /// The surface is see-through, moves or is excluded by a hint.
+    /// Pixels with a surface that is see-through, moves, or is excluded by a hint.
     pub no_occluder: usize,
-    /// There is no surface.
+    /// Pixels without any surface.
     pub empty: usize,
 }
 
@@ -47,8 +47,8 @@ impl std::fmt::Display for Pixels {
     }
 }
 
-/// Draws what a view of the world sees of a level's occluders, with a legend below. `hzb` draws the level
-/// too, in pixels of its own size.
+/// Draws a level's occluders as a view of the world sees them, with a legend below. `hzb` draws the level
+/// too, at its own resolution, to tell which pixels it covers.
 ///
 /// # Errors
 ///
@@ -103,11 +103,11 @@ pub fn draw(
     Ok((canvas, pixels))
 }
 
-/// Returns whether a triangle of the scene is part of a polygon of the level: its middle lies on the plane of
-/// a polygon and within its outline. Polygons are made of whole triangles.
+/// Returns whether a triangle of the scene belongs to a polygon of the level: the triangle's middle lies in
+/// the polygon's plane and outline. This is enough, since polygons consist of whole triangles.
 fn is_kept(level: &LevelOccluders, triangle: &[Vec3; 3]) -> bool {
     let middle = triangle.iter().map(|corner| corner.as_dvec3()).sum::<DVec3>() / 3.0;
-    // Roundings of coordinates, and polygons that are a little off their planes.
+    // Tolerance for rounded coordinates, and for polygons that are not quite flat.
     let slack = 1e-5 * middle.abs().max_element().max(1.0);
     level.clusters().iter().any(|cluster| {
         let [min, max] = [cluster.bounds.min, cluster.bounds.max].map(|corner| corner.as_dvec3());
@@ -119,8 +119,8 @@ fn is_kept(level: &LevelOccluders, triangle: &[Vec3; 3]) -> bool {
     })
 }
 
-/// Returns whether a point lies within `slack` of a polygon's slab, and within its outline as seen along the
-/// axis nearest to the normal.
+/// Returns whether a point is within `slack` of a polygon's slab, and inside its outline as seen along the
+/// coordinate axis nearest to the normal.
 fn contains(level: &LevelOccluders, polygon: &OccluderPolygon, point: DVec3, slack: f64) -> bool {
     let along = polygon.normal.dot(point);
     if along < polygon.extent[0] - slack || along > polygon.extent[1] + slack {

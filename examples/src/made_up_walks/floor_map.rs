@@ -1,45 +1,45 @@
-//! Map of the solid surfaces of a scene in columns, from which follows where a person can stand.
+//! Map of a scene's solid surfaces in columns, which tells where a person can stand.
 //!
-//! The scene is cut into square columns. Each column has a list of solid spans, from triangles clipped to the
-//! column, as in the heightfields of navigation meshes (Mikko Mononen, "Recast").
+//! The scene is cut into square columns. Each column has a list of solid spans (height ranges), made from
+//! triangles clipped to the column, as in the heightfields of navigation meshes (Mikko Mononen, "Recast").
 
 use crate::SourceObject;
 use glam::{DVec2, DVec3, Vec3};
 
 /// Side of a column in metres.
 pub(super) const COLUMN: f64 = 0.25;
-/// Distance in metres up to which spans of a column count as one.
+/// Greatest gap in metres between two spans of a column that are merged into one.
 const TOUCH: f32 = 0.02;
-/// Greatest thickness in metres of a door leaf with its frame, and least and greatest height of a door.
+/// Greatest thickness of a door leaf with its frame, then least and greatest height of a door, in metres.
 const DOOR: [f32; 3] = [0.6, 1.5, 3.5];
-/// Greatest length in metres of a side of a map.
+/// Greatest side of a map, in metres.
 const REACH: f64 = 256.0;
-/// Number of spans from which on a map is narrowed.
+/// Number of spans above which a map is narrowed.
 const MANY_SPANS: usize = 1 << 21;
 
 /// Axes of a scene: two on the ground, and one up.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct GroundAxes {
-    /// Numbers of the axes on the ground, then of the one that is up.
+    /// Indices of the two axes on the ground, then of the up axis.
     axes: [usize; 3],
-    /// Whether up is against the axis.
+    /// Whether up is the negative direction of the up axis.
     is_down: bool,
 }
 
 impl GroundAxes {
-    /// Returns the axes for the direction that points up, of which the nearest axis counts.
+    /// Returns the axes for an up direction, rounded to the nearest coordinate axis.
     pub(super) fn new(up: Vec3) -> Self {
         let axis = up.abs().max_position();
         Self { axes: [(axis + 1) % 3, (axis + 2) % 3, axis], is_down: up[axis] < 0.0 }
     }
 
-    /// Returns the place on the ground of a point, then its height.
+    /// Returns a point as its position (x, y) on the ground and its height.
     pub(super) fn flat(&self, p: DVec3) -> DVec3 {
         let [a, b, up] = self.axes.map(|axis| p[axis]);
         DVec3::new(a, b, if self.is_down { -up } else { up })
     }
 
-    /// Returns the point of a place on the ground with a height.
+    /// Returns the point with a position (x, y) on the ground and a height. Inverse of [`flat`](Self::flat).
     pub(super) fn point(&self, flat: DVec3) -> DVec3 {
         let mut p = DVec3::ZERO;
         let [a, b, up] = self.axes;
@@ -47,51 +47,52 @@ impl GroundAxes {
         p
     }
 
-    /// Returns the corners of a box, by their places on the ground and heights, the least first.
+    /// Returns two opposite corners of a box as its minimum and maximum corner, each as a position on the
+    /// ground and a height.
     pub(super) fn sorted(&self, low: DVec3, high: DVec3) -> (DVec3, DVec3) {
         let (a, b) = (self.flat(low), self.flat(high));
         (a.min(b), a.max(b))
     }
 }
 
-/// Heights between which a column is solid, in metres.
+/// Range of heights in which a column is solid, in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Span {
     /// Least height.
     pub low: f32,
     /// Greatest height.
     pub high: f32,
-    /// Whether one can stand on it: its highest triangle is less steep than 60 degrees, and drawn from
+    /// Whether one can stand on the span: its highest triangle slopes less than 60 degrees and is drawn from
     /// above.
     pub is_floor: bool,
-    /// Whether its lowest triangle faces up and is drawn from above alone. Who has nothing else above is
-    /// inside something solid.
+    /// Whether the span's lowest triangle faces up and is drawn only from above. If all spans above a point
+    /// are such, the point is inside something solid.
     pub is_back: bool,
 }
 
-/// Solid spans of the columns of a scene, relative to its origin.
+/// Solid spans of a scene's columns, relative to the scene's origin.
 pub(super) struct FloorMap {
     /// Axes of the scene.
     pub axes: GroundAxes,
-    /// Least and greatest corner of the scene on the ground, in metres.
+    /// Minimum and maximum corner of the scene on the ground, in metres.
     scene: [DVec2; 2],
-    /// Place on the ground in metres that the map is around.
+    /// Centre of the map on the ground, in metres.
     around: DVec2,
-    /// Greatest length in metres of a side of the map.
+    /// Greatest side of the map, in metres.
     reach: f64,
-    /// Place on the ground of the least corner, in metres.
+    /// Minimum corner of the map on the ground, in metres.
     pub corner: DVec2,
-    /// Number of columns on each axis of the ground.
+    /// Number of columns along each ground axis.
     pub counts: [usize; 2],
-    /// By column, its spans in ascending order. They do not touch.
+    /// For each column, its spans in ascending order. They do not touch.
     spans: Vec<Vec<Span>>,
-    /// Number of spans of all columns.
+    /// Total number of spans.
     span_count: usize,
 }
 
 impl FloorMap {
-    /// Creates the map of a scene without any triangle yet, between two corners on the ground: all of it, or
-    /// what is around a point.
+    /// Creates an empty map of a scene with corners `low` and `high` on the ground. A scene larger than
+    /// [`REACH`] is only mapped around the point `around`.
     pub(super) fn new(axes: GroundAxes, low: DVec2, high: DVec2, around: DVec2) -> Self {
         Self::within(axes, [low, high], around, REACH)
     }
@@ -101,7 +102,8 @@ impl FloorMap {
         let [low, high] = scene;
         let start = (around - reach * 0.5).min(high - reach).max(low);
         let end = (start + reach).min(high);
-        // Columns begin at whole multiples of their side, so that walls there fill one column and not two.
+        // Columns begin at whole multiples of their side, so a wall at such a place fills one column instead
+        // of two.
         let corner = (start / COLUMN).floor() * COLUMN;
         let counts = ((end - corner) / COLUMN).ceil().max(DVec2::ONE);
         let counts = [counts.x as usize, counts.y as usize];
@@ -109,7 +111,7 @@ impl FloorMap {
         Self { axes, scene, around, reach, corner, counts, spans, span_count: 0 }
     }
 
-    /// Drops the columns that a map of half the reach does not have.
+    /// Halves the map's reach and drops the columns outside.
     fn narrow(&mut self) {
         let mut inner = Self::within(self.axes, self.scene, self.around, self.reach * 0.5);
         let first = ((inner.corner - self.corner) / COLUMN).round();
@@ -127,9 +129,8 @@ impl FloorMap {
         &self.spans[column]
     }
 
-    /// Adds the triangles of an object. Doors stand open, and what moves is not there. A map of too many
-    /// spans, as of a house that counts as a thousand times as large, is narrowed, which bounds time and
-    /// memory.
+    /// Adds the triangles of an object, unless it is a door or moves. A map with too many spans is narrowed,
+    /// which bounds time and memory, for instance if a wrong unit makes a house a thousand times too large.
     pub(super) fn add(&mut self, object: &SourceObject) {
         if object.motion.is_some() || is_door(&self.axes, object) {
             return;
@@ -143,7 +144,7 @@ impl FloorMap {
         }
     }
 
-    /// Adds level ground all over the map.
+    /// Adds level ground at a height, over the whole map.
     pub(super) fn add_ground(&mut self, height: f64) {
         for column in 0..self.spans.len() {
             let (low, high) = (height as f32, height as f32);
@@ -151,7 +152,7 @@ impl FloorMap {
         }
     }
 
-    /// Adds a triangle, by places on the ground and heights.
+    /// Adds a triangle whose corners are given as positions on the ground and heights.
     fn add_triangle(&mut self, corners: [DVec3; 3], one_sided: bool) {
         let [a, b, c] = corners;
         let normal = (b - a).cross(c - a);
@@ -159,12 +160,13 @@ impl FloorMap {
         let is_floor = is_level(if one_sided { normal.z } else { normal.z.abs() });
         let is_back = one_sided && is_level(normal.z);
         let place = |axis: usize, value: f64| (value - self.corner[axis]) / COLUMN;
-        // First and last column of the map that a polygon meets, and whether it is within one.
+        // First and last column of the map that a polygon meets along an axis, and whether it lies in a
+        // single column.
         let columns = |axis: usize, polygon: &[DVec3]| -> Option<([usize; 2], bool)> {
             let ends = polygon.iter().map(|p| place(axis, p[axis]));
             let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
             let last = self.counts[axis] as f64 - 1.0;
-            // A wall in the plane between two columns is in the upper one.
+            // A wall in the plane between two columns belongs to the upper one.
             let is_within = low <= last + 1.0 && high >= 0.0;
             let ends = [low, high].map(|end| end.floor().clamp(0.0, last) as usize);
             is_within.then_some((ends, low.floor() == high.floor()))
@@ -175,7 +177,8 @@ impl FloorMap {
             heights.fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), z| (a.min(z), b.max(z)))
         };
         if is_in_row && let Some(([first, _], true)) = columns(0, &corners) {
-            // Most triangles of a fine mesh: nothing is clipped.
+            // Shortcut for a triangle within one column, as are most triangles of a fine mesh: nothing is
+            // clipped.
             let (low, high) = height(&corners);
             return self.insert(first_row * self.counts[0] + first, Span { low, high, is_floor, is_back });
         }
@@ -194,20 +197,21 @@ impl FloorMap {
         found.into_iter().for_each(|(column, span)| self.insert(column, span));
     }
 
-    /// Returns the part of a convex polygon in the columns with a number on an axis.
+    /// Returns the part of a convex polygon inside the columns with index `number` along an axis.
     fn clipped(&self, polygon: &[DVec3], axis: usize, number: usize) -> Vec<DVec3> {
         let low = self.corner[axis] + number as f64 * COLUMN;
         let above = half(polygon, |p| p[axis] - low);
         half(&above, |p| low + COLUMN - p[axis])
     }
 
-    /// Adds a span to a column, together with those that it touches.
+    /// Adds a span to a column, and merges it with the spans that it touches.
     fn insert(&mut self, column: usize, mut span: Span) {
         let spans = &mut self.spans[column];
         let first = spans.partition_point(|other| other.high + TOUCH < span.low);
         let mut last = first;
         while let Some(other) = spans.get(last).filter(|other| other.low <= span.high + TOUCH) {
-            // The upper surface counts, or either of two at the same height.
+            // Whether the merged span is a floor depends on the higher upper surface; on either surface if
+            // both are equally high.
             let difference = other.high - span.high;
             span.is_floor = match difference {
                 _ if difference.abs() <= TOUCH => span.is_floor || other.is_floor,
@@ -227,7 +231,7 @@ impl FloorMap {
     }
 }
 
-/// Returns the part of a convex polygon where a linear function is not negative.
+/// Clips a convex polygon to the points where the linear function `side` is not negative.
 fn half(polygon: &[DVec3], side: impl Fn(DVec3) -> f64) -> Vec<DVec3> {
     let mut kept = Vec::with_capacity(polygon.len() + 1);
     for (index, &to) in polygon.iter().enumerate() {
@@ -243,7 +247,7 @@ fn half(polygon: &[DVec3], side: impl Fn(DVec3) -> f64) -> Vec<DVec3> {
     kept
 }
 
-/// Returns whether an object is a door by its hint, or by its name and shape.
+/// Returns whether an object is a door, by its hint or by its name and shape.
 fn is_door(axes: &GroundAxes, object: &SourceObject) -> bool {
     if object.door {
         return true;
@@ -262,7 +266,7 @@ fn is_door(axes: &GroundAxes, object: &SourceObject) -> bool {
 mod tests {
     use super::*;
 
-    /// Returns a map of plates of 300 by 315 m, one above the other and a little aslant.
+    /// Returns a map of `count` slightly tilted plates of 300 by 315 m, one above another.
     fn plates(count: usize, around: DVec2, reach: f64) -> FloorMap {
         let (low, high) = (DVec2::splat(-150.0), DVec2::splat(150.0));
         let mut map = FloorMap::within(GroundAxes::new(Vec3::Z), [low, high], around, reach);

@@ -1,9 +1,9 @@
-//! Camera walks for scenes that bring none: where a person can stand, at the height of the eyes.
+//! Camera walks for scenes without cameras, at eye height above floors where a person can stand.
 //!
-//! A map of floors (`floor_map.rs`) tells where one can stand, and the places (`places.rs`) which of that is
-//! connected. Tours (`tour.rs`) lead through the greatest connected places, and through the rooms that are
-//! entered from places under the open sky. Only a scene without any such
-//! place, such as a statue, is looked at from a ring around it. The same scene always gets the same walks.
+//! `floor_map.rs` finds the floors, and `places.rs` the connected regions where one can stand. Tours
+//! (`tour.rs`) lead through the largest regions, and through rooms that are entered from outdoors. A scene
+//! without any such region, such as a statue, gets a walk on a ring around it. The same scene always gets the
+//! same walks.
 
 mod floor_map;
 mod places;
@@ -15,44 +15,44 @@ use floor_map::{COLUMN, FloorMap, GroundAxes};
 use glam::{DVec2, DVec3, Vec3};
 use places::{Places, Region};
 
-/// Most walks through places with a ceiling, and without.
+/// Maximum number of walks through regions with a ceiling, and through regions without.
 const MOST_WALKS: [usize; 2] = [3, 1];
-/// Least area in square metres of a place with a ceiling that gets a walk, and of one without.
+/// Least area in square metres of a region with a ceiling that gets a walk, and of a region without.
 const LEAST_AREA: [f64; 2] = [4.0, 25.0];
-/// Least part of the area of the greatest place that a place must have to get a walk. A room that is entered
-/// from the open must have this part of the greatest such room.
+/// Least area of a region that gets a walk, as a share of the largest region's area. Rooms entered from
+/// outdoors are compared with the largest such room.
 const LEAST_SHARE: f64 = 0.05;
-/// Size in metres on the ground from which on a scene is a place: if it has no floor to stand on, then its
-/// file leaves out the ground.
+/// Least size in metres on the ground of a scene that is a landscape or a town rather than an object. If it
+/// has no floor to stand on, its file is taken to omit the ground, and level ground is added.
 const PLACE: f64 = 30.0;
 /// Vertical field of view of all walks, in degrees.
 const FOV: f32 = 60.0;
-/// Distance in metres of the near plane for walks where one stands.
+/// Near plane distance in metres of walks at eye height.
 const NEAR: f32 = 0.05;
 /// Number of keys of the walk around a scene.
 const RING_KEYS: usize = 48;
 
-/// Walks that were made up for a scene, and the distance of the near plane for them.
+/// Walks made up for a scene, and a suitable near plane distance.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MadeUpWalks {
     /// Walks in world space. Empty for a scene without finite points.
     pub walks: Vec<Walk>,
-    /// Greatest distance of the near plane in metres that suits the walks.
+    /// Greatest near plane distance in metres that suits the walks.
     pub near: f32,
-    /// Floors where one can stand, as in [`SceneSource::floors`].
+    /// Points of floors where one can stand, with the free height above, as in [`SceneSource::floors`].
     pub floors: Vec<(DVec3, f64)>,
 }
 
 impl MadeUpWalks {
-    /// Makes walks for a scene, whose objects `visit` passes on; it is called up to three times, and must
-    /// pass on the same objects each time. `scene` has the axis up and the origin; its own objects are not
-    /// looked at. Takes time in proportion to the triangles, and at most some seconds and 300 MB for
-    /// the map, which covers at most 256 m on each side around the middle of the objects, and less of a scene
-    /// with very many floors.
+    /// Makes walks for a scene. `visit` passes on the scene's objects; it is called up to three times, and
+    /// must pass on the same objects each time. Only the up axis and the origin of `scene` are used, not its
+    /// objects. Takes time proportional to the triangles, and at most some seconds and 300 MB for the map.
+    /// The map covers at most 256 m on each side around the middle of the objects, and less if the scene has
+    /// very many floors.
     pub fn new(scene: &SceneSource, mut visit: impl FnMut(&mut dyn FnMut(&SourceObject))) -> Self {
         let axes = GroundAxes::new(scene.up);
         let mut bounds = crate::source::Bounds::default();
-        // Middles on the ground and least heights of all objects.
+        // For each object, its centre and its least height.
         let mut stands: Vec<(DVec2, f64)> = Vec::new();
         visit(&mut |object| {
             bounds.add(object);
@@ -80,7 +80,7 @@ impl MadeUpWalks {
         found
     }
 
-    /// Makes walks through the greatest places of a map, relative to the scene's origin.
+    /// Makes walks through the largest regions of a map, relative to the scene's origin.
     fn standing(scene: &SceneSource, map: &FloorMap) -> Self {
         let places = Places::new(map);
         let regions = places.regions(map);
@@ -115,7 +115,7 @@ impl MadeUpWalks {
         if made.walks.is_empty() { Self::default() } else { made }
     }
 
-    /// Returns how many walks there are of each kind, as in "3 indoors, 1 around".
+    /// Returns the number of walks of each kind as text, such as "3 indoors, 1 around".
     pub fn counts(&self) -> String {
         let mut kinds: Vec<(&str, usize)> = Vec::new();
         for walk in &self.walks {
@@ -129,7 +129,7 @@ impl MadeUpWalks {
 }
 
 impl SceneSource {
-    /// Returns the scene with made-up walks if it has none, and notes what they are.
+    /// Adds made-up walks to the scene if it has none, with a note to the user that describes them.
     #[must_use]
     pub fn with_walks(mut self) -> Self {
         if self.walks.is_empty() {
@@ -139,7 +139,7 @@ impl SceneSource {
         self
     }
 
-    /// Takes walks that were made up for the scene, and notes what they are.
+    /// Replaces the scene's walks by made-up ones, and adds a note to the user that describes them.
     pub fn take_walks(&mut self, made: MadeUpWalks) {
         self.notes.push(format!("walks are made up: {}", made.counts()));
         self.near = self.near.min(made.near);
@@ -147,7 +147,7 @@ impl SceneSource {
     }
 }
 
-/// Makes the walk around a scene from outside. `low` and `high` are the corners of its bounds.
+/// Makes a walk on a ring around a scene. `low` and `high` are the corners of the scene's bounds.
 fn around(low: DVec3, high: DVec3, up: Vec3) -> Walk {
     let centre = (low + high) * 0.5;
     // The minimum radius keeps the eye away from a scene that is a single point.
@@ -163,7 +163,7 @@ fn around(low: DVec3, high: DVec3, up: Vec3) -> Walk {
     Walk { name: "around".to_owned(), fov_y_degrees: FOV, up, keys: keys.collect() }
 }
 
-/// Returns the median of a value of some items, 0 without items.
+/// Returns the median of `value` over some items. 0 without items.
 fn median<T>(items: &[T], value: impl Fn(&T) -> f64) -> f64 {
     let mut values: Vec<f64> = items.iter().map(value).collect();
     values.sort_unstable_by(f64::total_cmp);

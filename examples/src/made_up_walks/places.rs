@@ -1,61 +1,63 @@
-//! Places where a person can stand, and the regions that are connected.
+//! Places where a person can stand, and connected regions of such places.
 //!
-//! A place is at a corner of four columns with free height above floors that differ by a step at most. So the
-//! eye of a person keeps the side of a column from all that reaches up above a step, there and on the way
-//! straight to the next place.
+//! A place is a corner where four columns meet. Each of the four has a floor with free height above, and the
+//! floors differ in height by at most a step. So everything higher than a step is at least a column's side
+//! away from a person at the place, and from the straight way to the next place.
 
 use super::floor_map::{COLUMN, FloorMap};
 use glam::DVec3;
 
-/// Height in metres that must be free above the floor.
+/// Least free height in metres above a floor where a person can stand.
 const BODY: f32 = 1.7;
-/// Height in metres of the eye above the floor.
+/// Eye height in metres above the floor.
 const EYE: f32 = 1.6;
-/// Greatest difference of height in metres between neighbouring columns.
+/// Greatest height difference in metres between the floors of neighbouring columns.
 const STEP: f32 = 0.5;
-/// Depth in metres below a place from which on something there makes it a roof.
+/// Least depth in metres of solid spans below a place on a roof.
 const ROOF: f32 = 2.0;
-/// Greatest part of all columns with anything that a roof covers, and greatest area in square metres of a
-/// roof that covers more.
+/// Size limits of a roof: its area is below this share of all non-empty columns, or below [`ROOF_AREA`]
+/// square metres.
 const ROOF_SHARE: f64 = 0.25;
 const ROOF_AREA: f64 = 900.0;
-/// Number of places in a row, from the open on, that are no room although they have a ceiling: eaves of 1 m.
+/// Number of places from the open inwards that count as eaves instead of a room although they have a ceiling:
+/// 1 m.
 const EAVES: usize = 4;
-/// Least number of borders of a room for each way out of it. A strip along a wall has about one.
+/// Least number of borders of a room per way out of it. A strip along a wall has about one.
 const LEAST_BORDERS: usize = 2;
-/// Number of a place that is none.
+/// Place number that means "no place".
 pub(super) const NO_PLACE: u32 = u32::MAX;
 
-/// All floors of a map with free height above.
+/// Floors of a map with free height above, and the places on them. A place has the number of the floor at its
+/// least column.
 pub(super) struct Places {
-    /// By column, the number of its first floor, and in the end the number of all floors.
+    /// For each column, the number of its first floor; at the end, the number of all floors.
     first: Vec<u32>,
-    /// By floor, its height, and that of the ceiling above, in metres.
+    /// For each floor, its height and the height of the ceiling above, in metres.
     heights: Vec<[f32; 2]>,
-    /// By floor, its column.
+    /// For each floor, its column.
     columns: Vec<u32>,
-    /// By floor, the floor of the place between its column, the next on both axes and the one across, and the
-    /// least ceiling. `None` where one cannot stand.
+    /// For each floor, its place: the corner between its column and the three columns towards greater
+    /// coordinates. Holds the heights of floor and ceiling there. `None` where one cannot stand.
     standing: Vec<Option<[f32; 2]>>,
 }
 
-/// Connected places.
+/// Region of connected places.
 #[derive(Debug)]
 pub(super) struct Region {
     /// Numbers of the places, ascending.
     pub places: Vec<u32>,
-    /// Whether more than half of them have something above.
+    /// Whether more than half of the places have a ceiling.
     pub is_covered: bool,
-    /// Whether they have no ceiling, and most of them are above something deep below; or whether they are a
-    /// small part of the scene, mostly bordered by a drop.
+    /// Whether the region is a roof: it has no ceiling, and most of its places are high above something
+    /// solid, or it is a small part of the scene that mostly ends at drops.
     pub is_roof: bool,
 }
 
-/// Steps to the four columns beside a column.
+/// Steps from a column to its four neighbours.
 const BESIDE: [[i64; 2]; 4] = [[-1, 0], [1, 0], [0, -1], [0, 1]];
 
 impl Places {
-    /// Finds all places of a map.
+    /// Finds all places of a map where a person can stand.
     pub(super) fn new(map: &FloorMap) -> Self {
         let mut all = Self { first: vec![0], heights: Vec::new(), columns: Vec::new(), standing: Vec::new() };
         for column in 0..map.counts[0] * map.counts[1] {
@@ -63,7 +65,7 @@ impl Places {
             for (index, span) in spans.iter().enumerate() {
                 let above = &spans[index + 1..];
                 let ceiling = above.first().map_or(f32::INFINITY, |above| above.low);
-                // Some files have a face turned the wrong way, but not all.
+                // All spans above must face away, since some files have a few faces turned the wrong way.
                 let is_inside = !above.is_empty() && above.iter().all(|above| above.is_back);
                 if span.is_floor && !is_inside && ceiling - span.high >= BODY {
                     all.heights.push([span.high, ceiling]);
@@ -76,7 +78,8 @@ impl Places {
         all
     }
 
-    /// Returns the floor and the ceiling of the place between the column of a floor and the three beyond it.
+    /// Returns the heights of floor and ceiling at the place between the column of a floor and the three
+    /// columns towards greater coordinates. `None` where one cannot stand.
     fn between(&self, map: &FloorMap, floor: u32) -> Option<[f32; 2]> {
         let mut all = self.heights[floor as usize];
         for step in [[1, 0], [0, 1], [1, 1]] {
@@ -86,8 +89,8 @@ impl Places {
         (all[1] - all[0] >= BODY).then_some(all)
     }
 
-    /// Returns the floor some columns from another that is at most a step higher or lower, with free height
-    /// above both. The nearest in height, if there are several.
+    /// Returns the floor in the column `step` away that is at most a step higher or lower, with free height
+    /// above both floors. The nearest in height if there are several.
     pub(super) fn beside(&self, map: &FloorMap, floor: u32, step: [i64; 2]) -> Option<u32> {
         let column = shifted(map, self.columns[floor as usize] as usize, step)?;
         let [low, high] = self.heights[floor as usize];
@@ -100,7 +103,7 @@ impl Places {
         found.min_by(|a, b| difference(a).total_cmp(&difference(b)))
     }
 
-    /// Returns whether one can stand at the place of a floor.
+    /// Returns whether one can stand at the place with this number.
     pub(super) fn is_place(&self, floor: u32) -> bool {
         self.standing[floor as usize].is_some()
     }
@@ -110,41 +113,41 @@ impl Places {
         self.heights.len()
     }
 
-    /// Returns the place next to another, if one can walk there and back.
+    /// Returns the neighbouring place in a direction. `None` unless one can walk there and back.
     pub(super) fn next(&self, map: &FloorMap, place: u32, direction: usize) -> Option<u32> {
         let [x, y] = BESIDE[direction];
         let other = self.beside(map, place, [x, y]).filter(|&other| self.is_place(other))?;
         (self.beside(map, other, [-x, -y]) == Some(place)).then_some(other)
     }
 
-    /// Returns the heights of the floor and the ceiling of a place.
+    /// Returns the heights of floor and ceiling at a place.
     pub(super) fn heights(&self, place: u32) -> [f32; 2] {
         self.standing[place as usize].unwrap_or(self.heights[place as usize])
     }
 
-    /// Returns the height of the eye at a place.
+    /// Returns the height of a person's eye at a place.
     pub(super) fn eye_height(&self, place: u32) -> f32 {
         self.heights(place)[0] + EYE
     }
 
-    /// Returns the column of a place on each axis.
+    /// Returns the indices of a place's column along both ground axes.
     pub(super) fn column(&self, map: &FloorMap, place: u32) -> [i64; 2] {
         let (column, width) = (self.columns[place as usize] as usize, map.counts[0]);
         [(column % width) as i64, (column / width) as i64]
     }
 
-    /// Returns whether the numbers of a place's column are even on both axes.
+    /// Returns whether both indices of a place's column are even.
     pub(super) fn is_even(&self, map: &FloorMap, place: u32) -> bool {
         self.column(map, place).iter().all(|at| at % 2 == 0)
     }
 
-    /// Returns the point of a place with a height, relative to the scene's origin.
+    /// Returns the point at a place with a given height, relative to the scene's origin.
     pub(super) fn point(&self, map: &FloorMap, place: u32, height: f32) -> DVec3 {
         let at = self.column(map, place).map(|at| (at + 1) as f64 * COLUMN);
         map.axes.point(DVec3::new(map.corner.x + at[0], map.corner.y + at[1], height.into()))
     }
 
-    /// Returns the connected regions of a map, the greatest first.
+    /// Returns the connected regions of a map, the largest first.
     pub(super) fn regions(&self, map: &FloorMap) -> Vec<Region> {
         let occupied = (0..map.counts[0] * map.counts[1]).filter(|&at| !map.spans(at).is_empty()).count();
         let most_roof = (ROOF_SHARE * occupied as f64).max(ROOF_AREA / (COLUMN * COLUMN));
@@ -154,7 +157,7 @@ impl Places {
             if !self.is_place(start) || is_taken[start as usize] {
                 continue;
             }
-            // Numbers of borders, and of borders with a drop.
+            // Number of missing neighbours, and of those at a drop.
             let (mut borders, mut drops) = (0, 0);
             let places = self.connected(map, start, &mut is_taken, |place, direction, next| {
                 if next.is_none() {
@@ -174,8 +177,8 @@ impl Places {
         regions
     }
 
-    /// Returns the rooms that are connected with a region under the open sky: places with a ceiling, farther
-    /// than [`EAVES`] from those without, that borders enclose but for few ways out.
+    /// Returns the rooms that are entered from an outdoor region: connected places with a ceiling, more than
+    /// [`EAVES`] places away from the open, with few ways out compared to their borders.
     pub(super) fn rooms(&self, map: &FloorMap, region: &Region) -> Vec<Region> {
         let is_open = |place: &u32| self.heights(*place)[1].is_infinite();
         let mut is_outside = vec![false; self.count()];
@@ -206,8 +209,9 @@ impl Places {
         rooms
     }
 
-    /// Returns the places that are connected with a place, ascending, and takes them. `is_within` is given
-    /// each place, each direction and the next place there, and returns whether this is one of them.
+    /// Returns the places connected with a place in ascending order, and marks them as taken. `is_within`
+    /// gets a place, a direction and the neighbour there, if any, and returns whether to continue to the
+    /// neighbour.
     fn connected(
         &self,
         map: &FloorMap,
@@ -233,14 +237,14 @@ impl Places {
         places
     }
 
-    /// Returns whether there is something deep below the column of a place.
+    /// Returns whether there is something solid deep below a place.
     fn is_above_something(&self, map: &FloorMap, place: u32) -> bool {
         let spans = map.spans(self.columns[place as usize] as usize);
         spans.first().is_some_and(|lowest| lowest.low < self.heights(place)[0] - ROOF)
     }
 
-    /// Returns whether there is no wall beside a place, and something deep below it or beside it, or nothing
-    /// at all beside it.
+    /// Returns whether a place ends at a drop in a direction: there is no wall, and something solid is deep
+    /// below, or nothing at all.
     fn is_drop(&self, map: &FloorMap, place: u32, direction: usize) -> bool {
         let floor = self.heights(place)[0];
         let column = self.columns[place as usize] as usize;
@@ -255,7 +259,7 @@ impl Places {
     }
 }
 
-/// Returns the column some steps from another, `None` beyond the map.
+/// Returns the index of the column some steps from another. `None` outside the map.
 fn shifted(map: &FloorMap, column: usize, [x, y]: [i64; 2]) -> Option<usize> {
     let width = map.counts[0];
     let at = [(column % width) as i64 + x, (column / width) as i64 + y];

@@ -1,4 +1,4 @@
-//! Tours through a region of places: past its far ends, on short ways that keep away from walls.
+//! Tours through a region of places: to its far ends, on short ways that keep away from walls.
 
 use super::floor_map::{COLUMN, FloorMap};
 use super::places::{NO_PLACE, Places, Region};
@@ -6,29 +6,29 @@ use crate::walk::{CameraKey, through};
 use glam::DVec3;
 use std::collections::HashMap;
 
-/// Most places that a tour leads to, its start included.
+/// Maximum number of places that a tour leads to, including its start.
 const MOST_STOPS: usize = 10;
-/// Length of way in metres below which a place is not worth a stop of its own.
+/// Least length in metres of the way to another stop.
 const LEAST_WAY: f64 = 4.0;
-/// Length of a tour in metres, after which no further stop is made.
+/// Length of a tour in metres after which no stop is added.
 const LENGTH: f64 = 120.0;
 /// Greatest distance in metres between two keys.
 const SPACING: f64 = 2.5;
-/// Distance in metres along the tour of the point that the camera looks at.
+/// Distance in metres along the tour from the eye to the point that the camera looks at.
 const LOOK_AHEAD: f64 = 3.0;
-/// Cost of a step to a place, by the number of places between it and the border of the region, up to the
-/// last.
+/// Cost of a step to a place, by the place's distance from the border of the region, in places. The last cost
+/// holds for all greater distances.
 const COSTS: [u32; 4] = [6, 4, 3, 2];
-/// Number of places among which the best is taken for a stop.
+/// Number of nearby places from which a stop is chosen.
 const NEAREST: usize = 60;
-/// Most steps that a straight part of the way replaces.
+/// Maximum number of steps that one straight part of the way replaces.
 const STRAIGHT: usize = 60;
-/// Greatest difference in metres between the heights of the eye on a straight part of the way and above the
-/// floor.
+/// Greatest difference in metres between the eye's height on a straight part of the way and its usual height
+/// above the floor.
 const UNEVEN: f32 = 0.3;
 
-/// Makes the keys of a tour through a region, relative to the scene's origin. Empty for a region that is too
-/// small for a way.
+/// Makes the camera keys of a tour through a region, relative to the scene's origin. Empty for a region that
+/// is too small for a tour.
 pub(super) fn keys(map: &FloorMap, places: &Places, region: &Region) -> Vec<CameraKey> {
     let local = LocalPlaces::new(map, places, region);
     let ways = local.tour();
@@ -37,16 +37,16 @@ pub(super) fn keys(map: &FloorMap, places: &Places, region: &Region) -> Vec<Came
     through(&eyes, SPACING, LOOK_AHEAD)
 }
 
-/// The places of a region, numbered from 0.
+/// Places of a region, numbered from 0, with their neighbours.
 struct LocalPlaces<'a> {
     map: &'a FloorMap,
     places: &'a Places,
     region: &'a Region,
-    /// By number of a place of the map, its number in the region.
+    /// Local number of each place, by its number in the map.
     numbers: HashMap<u32, u32>,
-    /// By place, the places beside it; [`NO_PLACE`] where there is none.
+    /// For each place, its four neighbours; [`NO_PLACE`] where there is none.
     beside: Vec<[u32; 4]>,
-    /// By place, the number of places between it and the border, up to 3.
+    /// For each place, its distance from the border in places, up to 3.
     distances: Vec<u8>,
 }
 
@@ -84,11 +84,12 @@ impl<'a> LocalPlaces<'a> {
         self.places.point(self.map, place, self.places.eye_height(place))
     }
 
-    /// Returns the cost of the way from some places to all others, and by place the one before it.
+    /// Returns for each place the cost of the cheapest way from any of the places `from`, and the place
+    /// before it on that way.
     fn ways(&self, from: &[u32]) -> (Vec<u32>, Vec<u32>) {
         let mut costs = vec![u32::MAX; self.beside.len()];
         let mut before = vec![NO_PLACE; self.beside.len()];
-        // Places by the cost of the way, modulo more than the greatest cost of a step.
+        // Queues of places by the cost of the way, modulo a number greater than any step's cost.
         let mut queues: [Vec<u32>; 8] = Default::default();
         from.iter().for_each(|&at| costs[at as usize] = 0);
         queues[0] = from.to_vec();
@@ -113,7 +114,7 @@ impl<'a> LocalPlaces<'a> {
         (costs, before)
     }
 
-    /// Returns the place with the most costly way.
+    /// Returns the place with the greatest cost.
     fn farthest(costs: &[u32]) -> (u32, u32) {
         let mut found = (0, 0);
         for (at, &cost) in costs.iter().enumerate() {
@@ -124,8 +125,8 @@ impl<'a> LocalPlaces<'a> {
         found
     }
 
-    /// Returns the place farthest from the border among the nearest around another: one does not look around
-    /// in a corner.
+    /// Returns the place farthest from the border among the nearest places around `at`, since the camera
+    /// should not look around in a corner.
     fn inwards(&self, at: u32) -> u32 {
         let mut near = vec![at];
         let mut done = 0;
@@ -137,11 +138,11 @@ impl<'a> LocalPlaces<'a> {
                 }
             }
         }
-        // The first of the best, which is the nearest.
+        // Of several equally good places, the first wins. It is the nearest.
         near.into_iter().rev().max_by_key(|&at| self.distances[at as usize]).unwrap_or(at)
     }
 
-    /// Returns ways, step by step, from each stop to the next, past the far ends of the region.
+    /// Returns the ways from each stop of a tour to the next. The stops are the far ends of the region.
     fn tour(&self) -> Vec<Vec<u32>> {
         let least = (LEAST_WAY / COLUMN) as u32 * COSTS[COSTS.len() - 1];
         let start = self.inwards(Self::farthest(&self.ways(&[0]).0).0);
@@ -176,7 +177,7 @@ impl<'a> LocalPlaces<'a> {
         ways
     }
 
-    /// Returns the places of a way where it must turn: between them one can walk straight on.
+    /// Returns the places of a way where it turns. Between two of them one can walk straight.
     fn straightened(&self, way: &[u32]) -> Vec<u32> {
         let mut kept: Vec<u32> = way.first().copied().into_iter().collect();
         let mut at = 0;
@@ -188,13 +189,14 @@ impl<'a> LocalPlaces<'a> {
         kept
     }
 
-    /// Returns whether one can walk straight from a place to another, with the eye at its height.
+    /// Returns whether one can walk straight from one place to another, with the eye near its usual height.
     fn is_straight(&self, from: u32, to: u32) -> bool {
         let [from, to] = [from, to].map(|at| self.region.places[at as usize]);
         let [start, end] = [from, to].map(|place| self.places.column(self.map, place));
         let [low, high] = [from, to].map(|place| self.places.eye_height(place));
         let length = (0..2).map(|axis| (end[axis] - start[axis]).abs()).max().unwrap_or_default();
-        // Half a column at a time: the way stays within half a column of the places that are asked for.
+        // The line is checked in steps of half a column, so it stays within half a column of the checked
+        // places.
         let (mut place, mut column) = (from, start);
         for step in 1..=2 * length {
             let part = step as f64 / (2 * length) as f64;

@@ -1,5 +1,5 @@
-//! Comparison of conservative prioritized-layered projection with testing every cell front to back, as table
-//! 1 of its paper does (Klosowski and Silva, "Efficient Conservative Visibility Culling Using the
+//! Comparison of conservative prioritized-layered projection with testing every cell front to back, as in
+//! table 1 of its paper (Klosowski and Silva, "Efficient Conservative Visibility Culling Using the
 //! Prioritized-Layered Projection Algorithm", 2001, section 5).
 
 use crate::walkthrough::World;

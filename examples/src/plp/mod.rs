@@ -1,4 +1,4 @@
-//! Comparison of prioritized-layered projection with the exact answer, as its paper does it: triangles as
+//! Comparison of prioritized-layered projection with the exact answer, as in its paper: triangles as
 //! primitives, frustum and backface culling on, budgets in fractions of all triangles, and sorting by
 //! distance as the baseline (Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible
 //! Set Estimation", 2000, section 5).

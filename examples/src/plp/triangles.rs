@@ -13,7 +13,7 @@ pub struct TriangleWorld {
     pub name: String,
     /// Triangles in world space, in the order of the original world's objects.
     pub triangles: Vec<Triangle>,
-    /// For each triangle, whether what is behind it is drawn through it.
+    /// For each triangle, whether things behind it are visible through it.
     pub see_through: Vec<bool>,
     /// Scene with one object per triangle; triangle `i` has index `i`.
     pub scene: Scene,
@@ -23,7 +23,7 @@ pub struct TriangleWorld {
     pub views: Vec<View>,
 }
 
-/// Triangles that one view sees, and the candidates among which they were searched.
+/// Triangles that one view sees, and all triangles that face the eye in its frustum.
 pub struct Seen {
     /// Visible triangles as (triangle index, number of pixels), by ascending index.
     pub visible: Vec<(u32, u32)>,
@@ -69,8 +69,7 @@ impl TriangleWorld {
         };
         let candidates: Vec<u32> = (0..self.triangles.len() as u32).filter(is_candidate).collect();
         let seen = buffer.draw(view, DVec3::ZERO, candidates.iter().map(|&i| self.item(i)))?;
-        // Each object is one triangle. A pixel in which triangles tie counts for the triangle that the
-        // picture shows.
+        // Each object is one triangle. If triangles tie in a pixel, the one shown in the picture counts.
         let pixels = seen.triangle_pixels().iter();
         let visible = pixels.map(|&(drawn, pixels)| (candidates[drawn as usize], pixels)).collect();
         Ok(Seen { visible, pixels: buffer.width() * buffer.height(), candidates })

@@ -22,8 +22,8 @@ pub struct Map {
 /// there.
 pub fn read(path: &Path) -> Result<Map, String> {
     let bytes = std::fs::read(path).map_err(|error| format!("cannot read {}: {error}", path.display()))?;
-    // Bytes that are not UTF-8 become replacement characters, which the reader ignores or refuses with the
-    // line.
+    // Bytes that are not UTF-8 become replacement characters. The reader ignores these or reports an error
+    // with the line.
     let file = prt::read(&String::from_utf8_lossy(&bytes))
         .map_err(|error| format!("{}: {error}", path.display()))?;
     let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();

@@ -1,4 +1,4 @@
-//! Cells and portals of a scene: those that the scene brings, or cells made from its opaque triangles.
+//! Cells and portals of a scene: its own, or made from its opaque triangles.
 
 use super::solids::boxes;
 use crate::source::SourceCells;
@@ -9,10 +9,10 @@ use visibility_portals::from_geometry::{
     PolygonSettings, SolidRule, Subdivision, WallSettings, from_polygons, from_walls,
 };
 
-/// Origin of a scene's cells: given, or made from its geometry.
+/// Source of a scene's cells.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Origin {
-    /// Cells that the scene brings; an error if there are none.
+    /// The scene's own cells; an error if there are none.
     Given,
     /// Cells between the axis-aligned boxes among the scene's opaque objects, found by a kd-tree.
     Walls,
@@ -20,13 +20,13 @@ pub enum Origin {
     Polygons,
 }
 
-/// Returns the cells and portals of a scene. Cells made from geometry have no doorway cells, and names ending
-/// in `outside` where they lie outside the building.
+/// Returns the cells and portals of a scene. Cells made from geometry have no doorway cells; the names of
+/// cells outside the building end in `outside`.
 ///
 /// # Errors
 ///
-/// Returns a message when the scene brings no cells and `origin` is [`Origin::Given`], or when cells cannot
-/// be made from the geometry.
+/// Returns a message when the scene has no cells and `origin` is [`Origin::Given`], or when cells cannot be
+/// made from the geometry.
 pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String> {
     let made = match origin {
         Origin::Given => {
@@ -57,8 +57,8 @@ pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String
     Ok(SourceCells { graph, viewcells: Viewcells::new(viewcells), names, depth: 0.0, with_doorways: None })
 }
 
-/// Returns the opaque triangles of a scene in f64, without door leaves and without degenerate triangles, and
-/// for each whether it is drawn from its front alone.
+/// Returns the opaque triangles of a scene in f64, without door leaves and degenerate triangles, and for each
+/// triangle whether it is drawn only from its front.
 pub fn polygons(source: &SceneSource) -> (Vec<ConvexPolygon>, Vec<bool>) {
     let opaque = source.objects.iter().filter(|object| object.opaque && !object.door);
     let polygon = |triangle: [Vec3; 3]| ConvexPolygon::new(triangle.map(|p| p.as_dvec3())).ok();

@@ -8,8 +8,8 @@ use std::collections::BTreeSet;
 const FACES: usize = 12;
 
 /// Returns the boxes among the triangles of a scene's opaque objects, without doors, as minimum and maximum
-/// corner in world space. Only twelve consecutive triangles of one object that make up the whole surface of a
-/// box are found; of a one-sided object, if all turn their fronts outwards.
+/// corner in world space. A box is only found if twelve consecutive triangles of one object are its whole
+/// surface. The triangles of a one-sided object must face outwards.
 pub fn boxes(source: &SceneSource) -> Vec<[DVec3; 2]> {
     let mut found = Vec::new();
     for object in source.objects.iter().filter(|object| object.opaque && !object.door) {
@@ -84,7 +84,7 @@ mod tests {
         let has = |min: [f64; 3], max: [f64; 3]| {
             boxes.iter().any(|[a, b]| a.distance(min.into()) < 1e-6 && b.distance(max.into()) < 1e-6)
         };
-        // The slab, and the lintel of the doorway to the stair.
+        // Parts of the building: a slab, and the lintel of the doorway to the stair.
         assert!(has([0.0, -5.0, -0.3], [4.0, 8.0, 0.0]), "the slab is a box");
         assert!(has([-0.1, 1.0, 2.1], [0.1, 2.0, 3.2]), "the lintel of the doorway is a box");
         assert!(boxes.len() * FACES < source.triangle_count(), "boxes instead of triangles: {}", boxes.len());

@@ -1,5 +1,5 @@
-//! Judge of cell-to-cell visibility by random lines: a line that passes from one cell to another clear of all
-//! portal edges proves that a matrix which hides the pair has lost something visible.
+//! Judge of cell-to-cell visibility by random lines: if a line passes from one cell to another clear of all
+//! portal edges, a matrix that hides this pair of cells is wrong.
 //!
 //! The judge shares only the portals with the code that it judges. A line passes through a polygon if it is
 //! on the inner side of each edge, which one triple product per edge decides (the side operator of Pluecker
@@ -9,8 +9,8 @@ use visibility_core::cells::{CellGraph, CellId, PortalId};
 use visibility_core::glam::DVec3;
 use visibility_portals::CellMatrix;
 
-/// The generator of [`visibility_core::random`], with what the maps and lines draw. The field is the state;
-/// every seed is permitted.
+/// Random number generator: [`visibility_core::random`] with the kinds of draws that maps and lines need. The
+/// field is the state; every seed is permitted.
 pub struct Random(pub u64);
 
 impl Random {

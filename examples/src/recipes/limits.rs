@@ -2,7 +2,7 @@
 
 use crate::error::SourceError;
 
-/// Maximum number of triangles of a recipe's scene; 2^25 triangles take about a gigabyte.
+/// Maximum number of triangles of a recipe's scene. 2^25 triangles take about a gigabyte.
 const MOST_TRIANGLES: u64 = 1 << 25;
 
 /// Checker of the sizes of one recipe, used before the recipe allocates memory.

@@ -90,7 +90,7 @@ impl Mesh {
         self.triangles.extend((1..upper.len().saturating_sub(1)).map(|i| [upper[0], upper[i], upper[i + 1]]));
     }
 
-    /// Adds a flat or folded quadrilateral as two triangles that share the diagonal from its first to its
+    /// Adds a flat or folded quadrilateral as two triangles, split along the diagonal from the first to the
     /// third corner.
     pub(crate) fn quad(&mut self, [a, b, c, d]: [DVec3; 4]) {
         self.triangles.extend([[a, b, c], [a, c, d]]);
@@ -117,7 +117,7 @@ impl Mesh {
 
     /// Returns an opaque object of this name, with each coordinate rounded to the nearest f32.
     pub(crate) fn named(self, name: String) -> SourceObject {
-        // The memory of the mesh is not reused, as it is twice as large.
+        // Allocates anew instead of reusing the mesh's memory, which is twice as large.
         let triangles =
             self.triangles.iter().map(|triangle| triangle.map(|p| p.as_vec3())).collect::<Vec<_>>();
         SourceObject::new(name, triangles)
@@ -180,7 +180,8 @@ impl Pose {
     }
 }
 
-/// Receiver of a recipe's objects, in the order in which the recipe makes the objects. No object is kept.
+/// Receiver of a recipe's objects, in the order in which the recipe makes them. It passes each object on and
+/// keeps none.
 pub(crate) struct Parts<'a> {
     each: &'a mut dyn FnMut(String, Mesh),
     count: usize,

@@ -2,8 +2,8 @@
 //!
 //! The recipes stand in for models of the papers that are not available: a city of furnished houses, a 2.5-D
 //! London, a walled town, forests, and office floors with exact cells and portals. All recipes have z up,
-//! metres as the unit, and sizes to choose. Sizes are bounded, so that a typing error cannot exhaust the
-//! machine's memory.
+//! metres as the unit, and sizes that the user may choose. Sizes are bounded, so that a typing error cannot
+//! exhaust the machine's memory.
 //!
 //! The walks are made for the sample sizes. Larger scenes keep the walks, since scenes grow outwards from a
 //! fixed corner or centre; in smaller scenes the walks may leave the scene.
@@ -100,12 +100,12 @@ pub fn built_in(spec: &str) -> Result<SceneSource, SourceError> {
     collected(|each| built_in_by_object(spec, each))
 }
 
-/// Makes the same scene as [`built_in`], object by object: each is passed to `each` as soon as it is made,
-/// and the scene is returned without objects.
+/// Makes the same scene as [`built_in`], object by object. Passes each object to `each` as soon as it is
+/// made, and returns the scene without objects.
 ///
 /// # Errors
 ///
-/// Returns the errors of [`built_in`], all of them before the first object but for those of `office`.
+/// Returns the errors of [`built_in`], all of them before the first object, except for those of `office`.
 pub fn built_in_by_object(
     spec: &str,
     each: &mut dyn FnMut(SourceObject),

@@ -150,8 +150,8 @@ pub(super) fn building(floors: u32, rooms: u32, parts: Parts<'_>) -> Result<Offi
     Ok(Office { scene, cells: building.cells, portals: building.portals })
 }
 
-/// Converts cells and portals into the graph that cullers take. The normal of each portal points into the
-/// second of its cells. When `deep`, the graph has a cell for each doorway as well.
+/// Converts cells and portals into a cell graph for cullers. The normal of each portal points into the second
+/// of its cells. When `deep`, the graph has a cell for each doorway as well.
 ///
 /// A doorway is as deep as its wall, and an oblique view through it shows much less than through a hole in an
 /// infinitely thin wall. With `deep`, a doorway is therefore a cell between two portals. The other cells

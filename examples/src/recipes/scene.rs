@@ -1,4 +1,4 @@
-//! What a recipe says of its scene beside the objects, with camera walks through the scene.
+//! Parts of a recipe's scene other than its objects: name, near plane, and camera walks.
 
 use crate::source::SceneSource;
 use crate::walk::{Walk, along};

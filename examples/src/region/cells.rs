@@ -1,5 +1,5 @@
-//! Viewcells for programs: from text, or spread along the walks of a scene and grown up to the surfaces
-//! around.
+//! Viewcells for programs: read from text, or placed along a scene's walks and grown until they touch
+//! surfaces.
 
 use crate::walkthrough::World;
 use crate::{Frame, frames};
@@ -9,23 +9,23 @@ use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, ObjectId};
 use visibility_frame::queries::SceneQuery;
 
-/// Number of steps in which a viewcell grows to its size on each side.
+/// Number of steps in which each side of a viewcell grows to its full size.
 const STEPS: u32 = 16;
-/// Part of the wanted size that a viewcell begins with.
+/// Initial size of a growing viewcell, as a fraction of its full size.
 const SEED: f64 = 1e-3;
 
-/// A viewcell as given on a command line: a box, turned about the vertical axis through its middle.
+/// Viewcell from a command line: a box, rotated about the vertical axis through its middle.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct TurnedBox {
     min: DVec3,
     max: DVec3,
-    /// Angle in degrees, counter-clockwise seen from above.
+    /// Angle of rotation in degrees, counter-clockwise seen from above.
     degrees: f64,
 }
 
-/// Reads a box from six numbers separated by commas: minimum x, y, z and maximum x, y, z, in metres. `@` and
-/// an angle in degrees after them turn the box about the vertical axis through its middle. The error is a
-/// message for a person.
+/// Reads a box from six numbers separated by commas: minimum x, y, z and maximum x, y, z, in metres. An
+/// optional suffix `@` and an angle in degrees rotates the box about the vertical axis through its middle.
+/// The error is a message for a person.
 pub fn parse(text: &str) -> Result<TurnedBox, String> {
     let (corners, degrees) = text.split_once('@').unwrap_or((text, "0"));
     let ([a, b, c, d, e, f], [degrees]) = (numbers::<6>(corners)?, numbers::<1>(degrees)?);
@@ -47,8 +47,8 @@ pub fn parse_size(text: &str) -> Result<[f64; 3], String> {
     }
 }
 
-/// Returns the sizes along x, y and z of a box with two sizes on the ground, in the order of the axes, and a
-/// height.
+/// Returns the sizes along x, y and z of a box, given its two sizes on the ground, in the order of the axes,
+/// and its height.
 pub fn on_axes([width, depth, height]: [f64; 3], up: Vec3) -> DVec3 {
     match up.abs().max_position() {
         0 => DVec3::new(height, width, depth),
@@ -67,7 +67,7 @@ pub fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     numbers.try_into().map_err(|_| format!("{N} numbers are needed, separated by commas"))
 }
 
-/// Makes the viewcell of a box. `up` is the scene's axis that points up.
+/// Makes the viewcell of a rotated box. `up` is the scene's up axis.
 pub fn viewcell(given: &TurnedBox, up: Vec3) -> Viewcell {
     let TurnedBox { min, max, degrees } = *given;
     if degrees == 0.0 {
@@ -85,12 +85,13 @@ pub fn viewcell(given: &TurnedBox, up: Vec3) -> Viewcell {
 }
 
 /// Makes up to `count` viewcells around eyes spread evenly along the walks of a scene. `size` is two sizes on
-/// the ground and the height. Each viewcell grows from its eye, side by side, until it has the size or would
-/// touch an opaque object, so that it stays in its room or street. An eye that touches an opaque object gives
-/// no viewcell.
+/// the ground and the height. Each side of a viewcell moves outwards from the eye until the viewcell has its
+/// full size or would touch an opaque object, so that it stays in its room or street. An eye that touches an
+/// opaque object gives no viewcell.
 pub fn along_walks(world: &World, count: usize, size: [f64; 3]) -> Vec<Viewcell> {
     let size = on_axes(size, world.source.up);
-    // Twice as many frames as cells, and every second of them: the ends of walks are often at walls.
+    // Takes every second of twice as many frames as cells, and so skips the first frame, because the ends of
+    // walks are often at walls.
     let all: Vec<Frame> = frames(&world.source.walks, count.saturating_mul(2));
     let eyes = all.into_iter().skip(1).step_by(2).map(|frame| frame.camera.eye);
     eyes.filter_map(|eye| grown(world, eye, size)).collect()
@@ -122,7 +123,7 @@ fn grown(world: &World, eye: DVec3, size: DVec3) -> Option<Viewcell> {
     Some(Viewcell::from_box(min, max))
 }
 
-/// Returns whether no triangle of an opaque object that is no door touches a box in world space.
+/// Returns whether a box in world space touches no triangle of an opaque object. Doors are ignored.
 fn is_free(world: &World, min: DVec3, max: DVec3, found: &mut Vec<ObjectId>) -> bool {
     let origin = world.origin();
     SceneQuery::new(&world.scene).in_box(&Aabb::from_world(min, max, origin), found);
@@ -169,7 +170,8 @@ mod tests {
         // A box of 10 by 2 by 2 m, and the same box with y up.
         for (text, up) in [("1,4,0,11,6,2@30", Vec3::Z), ("4,0,1,6,2,11@30", Vec3::Y)] {
             let cell = viewcell(&parse(text).unwrap(), up);
-            // Axes along the box: the first runs to the second, counter-clockwise seen from above.
+            // Axes along and across the box. A rotation from the first to the second is counter-clockwise
+            // seen from above.
             let [along, across] = if up == Vec3::Z { [DVec3::X, DVec3::Y] } else { [DVec3::Z, DVec3::X] };
             let middle = along * 6.0 + across * 5.0 + up.as_dvec3();
             let (sin, cos) = 30f64.to_radians().sin_cos();

@@ -1,12 +1,14 @@
-//! What can be seen from a viewcell, by samples: item buffers from many viewpoints, and rays guided to gaps.
-//! A lower bound of the truth, so that a conservative method must report all of it.
+//! Sampled visibility from a viewcell: item buffers from many viewpoints, and rays guided to gaps. The result
+//! is a lower bound of the truth, so a conservative method must report all of it.
 //!
-//! A sample is a line of sight by rounded arithmetic. Where a method leaves out a sampled object, exact
-//! arithmetic decides: the method is charged if a line misses all occluders, and, if the method has a
-//! clearance, keeps six times that from them, which is what it promises to find.
+//! Samples are lines of sight in rounded arithmetic. If a method leaves out a sampled object, exact
+//! arithmetic decides: the method is wrong if a line to the object misses all occluders. A method with a
+//! clearance only promises lines that keep six times the clearance from all occluders, so only such lines
+//! count against it.
 //!
-//! Viewpoints keep a millionth of the viewcell's extent from its sides. The item buffer has a near plane at a
-//! micrometre: with one at the near plane of a camera, viewpoints beside a wall would see through the wall.
+//! Viewpoints keep a millionth of the viewcell's extent from its sides. The near plane of the item buffer is
+//! at a micrometre, because with the near plane of a camera, viewpoints beside a wall would see through the
+//! wall.
 
 use super::timing::timed;
 use crate::SourceObject;
@@ -22,25 +24,26 @@ use visibility_testing::{distance, orientation_sign};
 /// Distance of the near plane from the eye, in metres.
 const NEAR: f64 = 1e-6;
 
-/// How much to sample.
+/// Number of samples.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Effort {
-    /// Number of viewpoints with an item buffer: corners, middle, middles of the sides, then at random.
+    /// Number of viewpoints with an item buffer. The first are corners, middle and middles of the sides; the
+    /// others are random.
     pub eyes: usize,
-    /// Side of each of the six item buffers of a viewpoint, in pixels.
+    /// Side in pixels of the six item buffers around a viewpoint.
     pub side: u32,
-    /// Number of rays.
+    /// Number of rays per viewcell.
     pub rays: usize,
 }
 
-/// What exact arithmetic says of sampled objects that a method left out. Objects that are in neither list
-/// were sampled by rounding alone.
+/// Verdict of exact arithmetic on sampled objects that a method left out. Objects in neither list were only
+/// visible by rounding.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct LeftOut {
     /// Indices of objects with a line of sight that the method should have found, ascending.
     pub false_hidden: Vec<u32>,
-    /// Indices of objects of which every line of sight that samples know comes within six times the clearance
-    /// of an occluder, ascending.
+    /// Indices of objects that are only seen along lines that come within six times the clearance of an
+    /// occluder, as far as samples show, ascending.
     pub narrow: Vec<u32>,
 }
 
@@ -60,13 +63,13 @@ impl<'a> Judge<'a> {
     /// Returns [`MeasureError::Size`] for a side that an item buffer cannot have.
     pub fn new(world: &'a World, effort: Effort) -> Result<Self, MeasureError> {
         let buffer = ItemBuffer::new(effort.side, effort.side)?;
-        // Another seed than that of the method `rays`, which is judged too.
+        // A seed other than that of the method `rays`, which is judged too.
         let rays = SamplingCuller::new().with_rays(effort.rays).with_seed(0x6a75_6467_6521);
         Ok(Self { world, effort, buffer, rays })
     }
 
-    /// Returns for each object of the source, by its index, whether a sample sees it from a viewcell. Returns
-    /// the seconds of processor time that the item buffers took, too.
+    /// Returns for each object of the source, by its index, whether a sample sees it from a viewcell, and the
+    /// processor time in seconds of the item buffers.
     ///
     /// # Errors
     ///
@@ -80,8 +83,8 @@ impl<'a> Judge<'a> {
         Ok((seen, seconds))
     }
 
-    /// Draws the item buffers, and sets `seen` for the objects of which a pixel shows that no other object
-    /// ties for. Objects that are no occluders hide nothing from a viewcell, and are drawn see-through.
+    /// Draws the item buffers, and sets `seen` for each object that has a pixel in which no other object is
+    /// equally near. Objects that do not occlude are drawn see-through.
     ///
     /// # Errors
     ///
@@ -96,10 +99,10 @@ impl<'a> Judge<'a> {
         })
     }
 
-    /// Decides which of the sampled objects that a method with a clearance in metres has left out are false
-    /// hidden. `lines` are lines of sight of methods, with the indices of the objects that they reach, in
-    /// world space. Those of the last call of [`sample`](Self::sample), for the same viewcell, are tried too,
-    /// and then pixels of item buffers.
+    /// Decides which of the sampled objects that a method left out are false hidden. `clearance` is the
+    /// method's, in metres. `lines` are lines of sight of methods in world space, with the indices of the
+    /// objects that they reach. The rays of the last call of [`sample`](Self::sample), which must be for the
+    /// same viewcell, are tried too, and then pixels of item buffers.
     ///
     /// # Errors
     ///
@@ -138,8 +141,8 @@ impl<'a> Judge<'a> {
         Ok(found)
     }
 
-    /// Returns lines through pixels in which objects show, in world space: at most 16 for each object and
-    /// item buffer.
+    /// Returns lines of sight in world space through pixels that show the wanted objects: at most 16 for each
+    /// object and item buffer.
     fn pixel_lines(
         &mut self,
         cell: &Viewcell,
@@ -171,7 +174,7 @@ impl<'a> Judge<'a> {
         Ok(lines)
     }
 
-    /// Draws the item buffers of all viewpoints, and passes each on with its viewpoint and view.
+    /// Draws the item buffers of all viewpoints, and passes each buffer on with its viewpoint and view.
     fn draw(
         &mut self,
         cell: &Viewcell,
@@ -194,7 +197,7 @@ impl<'a> Judge<'a> {
                     let (axis, min, max) = (face / 2, min - eye, max - eye);
                     let depth = if face % 2 == 0 { max[axis] } else { -min[axis] };
                     let beside = |i: usize| min[i].max(-max[i]) > depth;
-                    // NaN bounds count as ahead.
+                    // Objects with NaN bounds are kept: they count as in front of the viewpoint.
                     let apart = depth < 0.0 || beside((axis + 1) % 3) || beside((axis + 2) % 3);
                     !apart
                 };
@@ -208,18 +211,19 @@ impl<'a> Judge<'a> {
 }
 
 /// Tests, relative to the scene's origin, whether a segment from the viewpoint `from` towards `through`
-/// reaches the object: it meets a triangle of the object, and up to a millionth of its length before that it
-/// keeps more than `keep` metres from all occluders, or for 0 misses them in exact arithmetic.
+/// reaches the object: it meets a triangle of the object, and up to a millionth of its length before this
+/// point it keeps more than `keep` metres from all occluders. With `keep` 0 it must miss all occluders in
+/// exact arithmetic.
 fn has_line_of_sight(world: &World, object: u32, [from, through]: [DVec3; 2], keep: f64) -> bool {
     let target = &world.source.objects[object as usize];
     if from == through {
-        // The object reaches into the viewcell.
+        // The object touches the viewpoint, so it is visible.
         return true;
     }
     let direction = through - from;
     let hits = target.triangles.iter().filter_map(|t| hit(from, direction, &t));
     let to = from + direction * (hits.fold(f64::INFINITY, f64::min) * (1.0 - 1e-6));
-    // Exact arithmetic takes coordinates of 24 bits: the ends of the segment are rounded to these first.
+    // Exact arithmetic needs coordinates of 24 bits, so the ends of the segment are first rounded to f32.
     let [from, to] = [from, to].map(|end| end.as_vec3().as_dvec3());
     if !to.is_finite() {
         return false;
@@ -242,8 +246,9 @@ fn has_line_of_sight(world: &World, object: u32, [from, through]: [DVec3; 2], ke
     })
 }
 
-/// Returns where a ray meets a triangle, in lengths of `direction` (Moeller and Trumbore, "Fast, Minimum
-/// Storage Ray/Triangle Intersection", 1997). `None` if it passes the triangle or starts behind it.
+/// Returns the distance at which a ray meets a triangle, in lengths of `direction` (Moeller and Trumbore,
+/// "Fast, Minimum Storage Ray/Triangle Intersection", 1997). `None` if the ray misses the triangle or starts
+/// behind it.
 fn hit(from: DVec3, direction: DVec3, triangle: &[Vec3; 3]) -> Option<f64> {
     let [a, b, c] = triangle.map(Vec3::as_dvec3);
     let (across, offset) = (direction.cross(c - a), from - a);
@@ -262,7 +267,7 @@ fn touches(from: DVec3, to: DVec3, [a, b, c]: [DVec3; 3]) -> bool {
     turns.iter().all(|&turn| turn >= 0) || turns.iter().all(|&turn| turn <= 0)
 }
 
-/// Returns up to `count` viewpoints of a viewcell, slightly within the sides of its box.
+/// Returns up to `count` viewpoints inside a viewcell, slightly away from the sides of its box.
 pub fn viewpoints(cell: &Viewcell, count: usize) -> Vec<DVec3> {
     let (middle, half) = ((cell.min + cell.max) * 0.5, (cell.max - cell.min) * (0.5 - 1e-6));
     let corner = |i: usize| DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2) as f64) * 2.0 - 1.0;
@@ -270,11 +275,12 @@ pub fn viewpoints(cell: &Viewcell, count: usize) -> Vec<DVec3> {
     let mut parts: Vec<DVec3> = (0..8).map(corner).chain([DVec3::ZERO]).chain(sides).collect();
     let mut state = 1u64;
     let mut unit = || {
-        // Knuth's linear congruential generator; the upper bits are good.
+        // Knuth's linear congruential generator. Only the upper bits are used, since the lower ones are less
+        // random.
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 33) as f64 / (1u64 << 31) as f64
     };
-    // Planes may cut off most of the box.
+    // Makes more random points if the viewcell has planes, since these may cut off most of the box.
     let tries = if cell.planes.is_empty() { count } else { count.saturating_mul(64) };
     while parts.len() < tries {
         let mut part = DVec3::new(unit(), unit(), unit()) * 2.0 - 1.0;

@@ -1,5 +1,5 @@
-//! Methods by the names that the program `region` takes on its command line. A further method is one more
-//! entry of [`METHODS`], and an implementation of [`Method`] for its culler.
+//! Methods of the program `region` by name. To add a method, implement [`Method`] for its culler and add an
+//! entry to [`METHODS`].
 
 use super::planes::PlaneMap;
 use crate::walkthrough::World;
@@ -15,15 +15,16 @@ use visibility_region::{
     ConvexBlockersCuller, ExtendedProjectionCuller, SamplingCuller, ShrunkCuller, VolumetricCuller,
 };
 
-/// A culler from viewcells that can be drawn.
+/// Culler from viewcells whose answers can be drawn.
 pub trait Method: RegionCuller {
-    /// Returns segments in world space that show how the last answer was found, for the picture from above:
-    /// by default the lines of sight.
+    /// Returns segments in world space, drawn from above to show how the last answer was found. By default
+    /// the lines of sight.
     fn lines(&self) -> Vec<[DVec3; 2]> {
         self.sights().into_iter().map(|(_, line)| line).collect()
     }
 
-    /// Returns the projection planes of a viewcell with their maps. None for methods without such planes.
+    /// Returns the projection planes of a viewcell with their occlusion maps. Empty for methods without
+    /// projection planes.
     fn planes(&mut self, _scene: &Scene, _cell: &Viewcell) -> Vec<PlaneMap> {
         Vec::new()
     }
@@ -34,55 +35,56 @@ pub trait Method: RegionCuller {
         Vec::new()
     }
 
-    /// Returns the clearance in metres: the method finds what is seen along a line that keeps six times that
-    /// from all occluders. 0 for methods that find, or may find, all that is seen.
+    /// Returns the clearance in metres. The method promises to find objects seen along a line that keeps six
+    /// times the clearance from all occluders. 0 for methods without this restriction.
     fn clearance(&self) -> f64 {
         0.0
     }
 
-    /// Bounds the time for each viewcell from now on: once `stop` returns true, the method ends with what it
-    /// has. Methods that always end soon ignore it.
+    /// Sets a function that ends long work on the following viewcells: once `stop` returns true, the method
+    /// returns what it has. Methods that are always fast ignore it.
     fn set_stop(&mut self, _stop: Box<dyn Fn() -> bool + Send + Sync>) {}
 
-    /// Returns what the last answer says of its own errors. `None` for methods that do not tell.
+    /// Returns bounds on the error of the last answer. `None` for methods without such bounds.
     fn sandwich(&self) -> Option<Sandwich> {
         None
     }
 }
 
-/// Bounds of the true answer by one method: objects seen for certain, hidden for certain, and neither.
+/// Bounds on the true answer from one method: numbers of objects certainly seen, certainly hidden, and
+/// undecided.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Sandwich {
     /// Number of objects that a line of sight reaches.
     pub seen: usize,
-    /// Number of objects proven hidden, or hardly visible.
+    /// Number of objects proven hidden, or proven to be hardly visible.
     pub hidden: usize,
-    /// Number of objects neither seen nor proven hidden. They are reported.
+    /// Number of objects neither seen nor proven hidden. They count as visible.
     pub open: usize,
-    /// Number of proofs, all of them checked when they were found.
+    /// Number of proofs, all of which were checked.
     pub proofs: usize,
-    /// Number of proofs that did not pass the check. Any is an error of the method.
+    /// Number of proofs that failed the check. Any such proof is an error of the method.
     pub bad_proofs: usize,
 }
 
-/// A method that is ready to run, or the reason for a person why it cannot be made.
+/// Method that is ready to run, or a message for a person why it cannot be made.
 pub type Made = Result<Box<dyn Method>, String>;
 
-/// A method with its text on the command line.
+/// Method with its entry on the command line.
 pub type Named = (String, Box<dyn Method>);
 
-/// An entry of the table of methods.
+/// Entry of the table of methods.
 pub struct Entry {
     /// Name on the command line.
     pub name: &'static str,
-    /// What follows the name after a colon, for help texts. Empty for a method without a dial.
+    /// Description of the setting after the colon, for help texts. Empty for a method without a setting.
     pub dial: &'static str,
-    /// Makes the method for a world, with the text after the colon if there is any. The error is a message
-    /// for a person.
+    /// Function that makes the method for a world. Its first argument is the text after the colon, if any.
+    /// The error is a message for a person.
     pub make: fn(Option<&str>, &World) -> Made,
 }
 
-/// All methods.
+/// Table of all methods.
 pub const METHODS: &[Entry] = &[
     Entry { name: "sweep", dial: "", make: |_, _| Ok(Box::new(ExtendedProjectionCuller::new())) },
     Entry {
@@ -166,7 +168,7 @@ impl Method for ExactCuller {
     fn sandwich(&self) -> Option<Sandwich> {
         let found = self.last()?;
         let [seen, hidden, open] = found.counts();
-        // The culler has checked all proofs.
+        // The culler has checked all proofs itself, and counts those that failed.
         let (proofs, bad_proofs) = ((found.proof_count + found.refused) as usize, found.refused as usize);
         Some(Sandwich { seen, hidden, open, proofs, bad_proofs })
     }
@@ -180,7 +182,7 @@ impl Method for VolumetricCuller {
 
 impl<C: Culler> Method for ShrunkCuller<C> {
     fn lines(&self) -> Vec<[DVec3; 2]> {
-        // A mark around each sample point.
+        // A small box around each sample point.
         let mark = |&p: &DVec3| box_edges(p - 0.05, p + 0.05);
         self.points().iter().flat_map(mark).collect()
     }
@@ -204,7 +206,7 @@ impl Method for SamplingCuller {
     }
 }
 
-/// Returns the four sides of a rectangle, of which `corners` are in order around it.
+/// Returns the four sides of a rectangle, whose `corners` are given in order around it.
 fn sides(corners: [DVec3; 4]) -> impl Iterator<Item = [DVec3; 2]> {
     (0..4).map(move |i| [corners[i], corners[(i + 1) % 4]])
 }
@@ -219,12 +221,12 @@ pub fn box_edges(min: DVec3, max: DVec3) -> impl Iterator<Item = [DVec3; 2]> {
         .map(move |(i, j)| [corner(i), corner(j)])
 }
 
-/// Reads the number of a dial. The error is a message for a person.
+/// Reads the number after a method's colon. The error is a message for a person.
 pub fn number<T: std::str::FromStr<Err: std::fmt::Display>>(text: &str) -> Result<T, String> {
     text.parse().map_err(|error| format!("{text}: {error}"))
 }
 
-/// Returns each method with its dial, for help texts.
+/// Returns each method with the description of its setting, for help texts.
 pub fn known() -> impl Iterator<Item = String> {
     METHODS.iter().map(|entry| match entry.dial {
         "" => entry.name.to_owned(),
@@ -232,12 +234,12 @@ pub fn known() -> impl Iterator<Item = String> {
     })
 }
 
-/// Makes the methods of a list separated by commas, such as `sweep,rays:100000`. Each is returned with its
-/// text in the list.
+/// Makes the methods of a list separated by commas, such as `sweep,rays:100000`. Each method is returned with
+/// its entry in the list.
 ///
 /// # Errors
 ///
-/// Returns a message if a method is unknown, or its dial cannot be used.
+/// Returns a message if a method is unknown, or its setting is invalid.
 pub fn parse(list: &str, world: &World) -> Result<Vec<Named>, String> {
     list.split(',')
         .map(|text| {

@@ -1,8 +1,8 @@
 //! Visibility from viewcells: every method on the same cells of a scene, timed and judged. Used by the
 //! program `region`.
 //!
-//! [`cells`] makes viewcells, [`methods`] names the methods, [`judge`] samples what can be seen, [`trial`]
-//! runs a method, [`output`] prints the results, [`picture`], [`planes`] and [`plot`] draw them.
+//! [`cells`] makes viewcells, [`methods`] makes methods by name, [`judge`] samples visible objects, [`trial`]
+//! runs a method, [`output`] prints the results, and [`picture`], [`planes`] and [`plot`] draw them.
 
 pub mod cells;
 pub mod judge;
@@ -22,14 +22,15 @@ use visibility_bake::{BakedSet, level_version};
 use visibility_core::Scene;
 use visibility_core::pvs::ScenePvs;
 
-/// Makes the world of a source for visibility from viewcells. Doors do not occlude, unlike in walks.
+/// Makes the world of a source for visibility from viewcells. Here doors do not occlude, while they do in
+/// walks.
 pub fn world(source: SceneSource) -> World {
     let mut world = World::with_views(source, Vec::new(), Vec::new(), (1, 1));
     open_doors(&world.source, &mut world.scene);
     world
 }
 
-/// Lets the doors of a source hide nothing in its scene.
+/// Marks the doors of a source as not occluding in its scene.
 pub(crate) fn open_doors(source: &SceneSource, scene: &mut Scene) {
     for (index, _) in source.objects.iter().enumerate().filter(|(_, object)| object.door) {
         if let Some(id) = scene.id_at(index) {
@@ -38,13 +39,13 @@ pub(crate) fn open_doors(source: &SceneSource, scene: &mut Scene) {
     }
 }
 
-/// Reads the file of a [`BakedSet`] that the program `bake` or `region` has written for the scene of a world,
-/// in which doors may be closed since.
+/// Reads the file of a [`BakedSet`] that the program `bake` or `region` has written for the scene of a world.
+/// The file still fits if doors have been closed since.
 ///
 /// # Errors
 ///
-/// Returns a message with the path if the file cannot be read, or is of another scene: with another triangle,
-/// occluder or hint.
+/// Returns a message with the path if the file cannot be read, or was made for a scene with other triangles,
+/// occluders or hints.
 pub fn read_sets(path: &Path, world: &World) -> Result<ScenePvs, String> {
     let named = |error: &dyn Display| format!("{}: {error}", path.display());
     let bytes = std::fs::read(path).map_err(|error| named(&error))?;

@@ -1,4 +1,4 @@
-//! Output of trials: a table for people, lines of JSON for programs.
+//! Output of trials, as a table for people and as lines of JSON for programs.
 
 use super::judge::LeftOut;
 use super::trial::Trial;
@@ -8,13 +8,14 @@ use serde::Serialize;
 use std::io::{self, Write};
 use visibility_core::pvs::Viewcell;
 
-/// The trials of one viewcell, with what samples see.
+/// Trials of all methods on one viewcell, and the objects that samples see.
 pub struct Judged {
     /// The viewcell.
     pub cell: Viewcell,
-    /// Whether samples, or lines of sight that a method found, reach each object, by its index in the source.
+    /// For each object, by its index in the source, whether a line of sight from samples or from a method
+    /// reaches it.
     pub sampled: Vec<bool>,
-    /// A trial for each method.
+    /// Trials, one for each method.
     pub trials: Vec<Trial>,
 }
 
@@ -32,8 +33,8 @@ impl Judged {
     }
 }
 
-/// Formats results as a table: a row for each viewcell and method, then the mean of each method if there are
-/// several viewcells. All viewcells must have the same methods.
+/// Formats results as a table with a row for each viewcell and method. If there are several viewcells, a row
+/// with the mean of each method follows. All viewcells must have the same methods.
 pub fn table(results: &[Judged]) -> Table {
     let mut table = Table::new();
     table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header([
@@ -132,8 +133,8 @@ struct Line<'a> {
 }
 
 /// Writes a line of JSON for each viewcell and method. `ids` are the indices of the objects reported, in the
-/// order of the scene's file. Viewcells that planes cut have `planes`: inward normal and offset each. Methods
-/// that bound the true answer have `seen`, `hidden`, `open`, `proofs` and `bad_proofs` as well.
+/// order of the scene's file. Viewcells with planes have `planes`, each as inward normal and offset. Methods
+/// with bounds on the true answer have `seen`, `hidden`, `open`, `proofs` and `bad_proofs` as well.
 ///
 /// # Errors
 ///

@@ -1,5 +1,5 @@
 //! Picture of a viewcell from above: the objects that samples see, those that a method reports, and lines
-//! that show how the method found its answer.
+//! that show how the method found them.
 
 use super::methods::Method;
 use super::output::Judged;
@@ -15,12 +15,13 @@ use visibility_measure::MeasureError;
 
 const UMBRA: Color = [70, 70, 80];
 const LINE: Color = [150, 120, 200];
-/// Number of probes along the longer side of the scene.
+/// Number of probe boxes along the longer side of the scene.
 const PROBES: f64 = 120.0;
 /// Height of the legend below the map, in pixels.
 pub(crate) const LEGEND: u32 = 64;
 
-/// Draws the answer of a trial. `lines` are segments in world space. `method` is asked again for its umbra.
+/// Draws the answer of a trial. `lines` are segments in world space. Runs `method` once more to find its
+/// umbra.
 ///
 /// # Errors
 ///
@@ -90,9 +91,8 @@ pub fn draw(
     Ok(canvas)
 }
 
-/// Returns the middles of the boxes in which nothing is seen from a viewcell, of a grid of boxes at the
-/// height of the viewcell that covers the scene: what the method says of the scene with these boxes as
-/// objects.
+/// Returns the umbra: centres of the probe boxes that the method finds hidden. The probe boxes are a grid
+/// over the scene at the height of the viewcell, and are culled as if they were objects.
 fn umbra(world: &World, cell: &Viewcell, method: &mut dyn Method) -> Vec<DVec3> {
     let (low, high) = world.source.bounds().unwrap_or_default();
     let (low, high, up) = (low.as_dvec3(), high.as_dvec3(), world.source.up.as_dvec3().abs());
@@ -114,7 +114,7 @@ fn umbra(world: &World, cell: &Viewcell, method: &mut dyn Method) -> Vec<DVec3> 
         at[ahead] = low[ahead] + (j as f64 + 0.5) * side;
         at
     });
-    // Probes are half as wide as their distance.
+    // The side of a probe box is half the distance between probes.
     let probes: Vec<DVec3> = probes.collect();
     let bounds =
         probes.iter().map(|at| Aabb::new((at - 0.25 * side).as_vec3(), (at + 0.25 * side).as_vec3()));
@@ -126,8 +126,8 @@ fn umbra(world: &World, cell: &Viewcell, method: &mut dyn Method) -> Vec<DVec3> 
     hidden.map(|(_, at)| at + world.origin()).collect()
 }
 
-/// Returns the corners of a viewcell on the level of its middle, in order around it: of its box, cut by its
-/// planes.
+/// Returns the corners, in order, of a viewcell's horizontal section through its middle: of its box, cut by
+/// its planes.
 pub(crate) fn outline(cell: &Viewcell, right: DVec3, ahead: DVec3) -> Vec<DVec3> {
     let (middle, half) = ((cell.min + cell.max) * 0.5, (cell.max - cell.min) * 0.5);
     let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
@@ -162,7 +162,7 @@ mod tests {
             let corner = DVec3::new((x - y) * 0.5f64.sqrt(), (x + y) * 0.5f64.sqrt(), 1.0);
             assert!(outline.iter().any(|p| p.distance(corner) < 1e-9), "{corner} {outline:?}");
         }
-        // Corners of the box that a side cuts off are left over, in pairs of no length.
+        // Clipping leaves some cut-off corners of the box behind, as edges of no length.
         assert!(outline.len() <= 8, "{outline:?}");
     }
 }

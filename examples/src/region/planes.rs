@@ -7,27 +7,28 @@ use visibility_region::ProjectionPlane;
 
 const OPEN: Color = [226, 228, 232];
 const COVERED: Color = [58, 84, 130];
-/// Side of the picture of a map, in pixels: one for a square of pixels of the map.
+/// Side in pixels of the picture of a map. Each pixel shows a square of pixels of the map.
 const SIDE: usize = 128;
-/// Greatest number of planes in a row. Of more, evenly many are left out.
+/// Maximum number of planes in a row. If there are more, evenly spaced ones are drawn.
 const MOST: usize = 8;
-/// Distance between pictures, in pixels, and height of a line of text.
+/// Distance between pictures, and height of a line of text, in pixels.
 const GAP: u32 = 8;
 const LINE: u32 = 18;
 
-/// A projection plane with its map, made smaller.
+/// Projection plane with a reduced copy of its occlusion map.
 pub struct PlaneMap {
     direction: DVec3,
     distance: f64,
-    /// Corner at the first pixel, and sides along rows and columns.
+    /// World-space corner at the first pixel, and the two sides of the map as vectors along its rows and
+    /// columns.
     corner: DVec3,
     sides: [DVec3; 2],
-    /// Part of each square of pixels that is covered, row by row.
+    /// Covered fraction of each square of pixels, row by row.
     covered: Vec<f32>,
 }
 
 impl PlaneMap {
-    /// Makes a smaller map of a plane.
+    /// Makes the reduced map of a projection plane.
     pub fn new(plane: &ProjectionPlane<'_>) -> Self {
         let step = ProjectionPlane::SIDE / SIDE;
         let part = |(x, y): (usize, usize)| {
@@ -47,20 +48,23 @@ impl PlaneMap {
 }
 
 impl PlaneMap {
-    /// Returns the side, 0 or 1, that is level, and the other. `None` if both are: the plane is level.
+    /// Returns the index, 0 or 1, of the side that is horizontal, then that of the other side. `None` if both
+    /// are horizontal.
     fn level_and_upright(&self, up: DVec3) -> Option<[usize; 2]> {
         let upright = (0..2).find(|&i| self.sides[i].dot(up).abs() > 0.5 * self.sides[i].length())?;
         Some([1 - upright, upright])
     }
 
-    /// Returns the part that is covered of a square, by its places along two sides.
+    /// Returns the covered fraction of a square, by the side indices and the square's positions along these
+    /// sides.
     fn at(&self, [first, second]: [usize; 2], places: [usize; 2]) -> f32 {
         let mut at = [0; 2];
         (at[first], at[second]) = (places[0], places[1]);
         self.covered[at[1] * SIDE + at[0]]
     }
 
-    /// Returns level segments below which a column of squares is covered at some height.
+    /// Returns horizontal segments along an edge of the map, in world space: one for each column of squares
+    /// with a square that is entirely covered.
     pub fn covered_segments(&self, up: DVec3) -> Vec<[DVec3; 2]> {
         let Some([level, upright]) = self.level_and_upright(up) else { return Vec::new() };
         let is_covered = |i: &usize| (0..SIDE).any(|j| self.at([level, upright], [*i, j]) == 1.0);
@@ -69,7 +73,7 @@ impl PlaneMap {
     }
 }
 
-/// Returns some planes of each direction, few enough to draw, nearest first.
+/// Returns for each direction a few planes, evenly chosen, nearest first.
 pub fn shown(planes: &[PlaneMap]) -> impl Iterator<Item = Vec<&PlaneMap>> {
     planes.chunk_by(|a, b| a.direction == b.direction).map(|row| {
         let count = row.len().min(MOST);
@@ -77,7 +81,7 @@ pub fn shown(planes: &[PlaneMap]) -> impl Iterator<Item = Vec<&PlaneMap>> {
     })
 }
 
-/// Draws maps, those of equal directions in a row, as far as possible with `up` upwards. `None` without maps.
+/// Draws maps, with those of one direction in a row, and with `up` upwards if possible. `None` without maps.
 pub fn draw(planes: &[PlaneMap], up: DVec3) -> Option<Canvas> {
     let rows: Vec<Vec<&PlaneMap>> = shown(planes).collect();
     let columns = rows.iter().map(Vec::len).max()? as u32;
@@ -93,7 +97,7 @@ pub fn draw(planes: &[PlaneMap], up: DVec3) -> Option<Canvas> {
             }
             let order = plane.level_and_upright(up).unwrap_or([0, 1]);
             let [width, height] = order.map(|i| plane.sides[i].length());
-            // Where the upright side runs downwards, the picture is turned over.
+            // If the vertical side points downwards, the picture is flipped.
             let is_down = plane.sides[order[1]].dot(up) < 0.0;
             let text = format!("{:.1}: {width:.0}x{height:.0}", plane.distance);
             canvas.text(left, top + i64::from(LINE), &text, INK);

@@ -11,7 +11,7 @@ use std::path::Path;
 const SIZE: (u32, u32) = (960, 560);
 const FONT: (&str, u32) = ("sans-serif", 14);
 
-/// Least time that the plot shows, in seconds: clocks of processor time are no finer.
+/// Least time in the plot, in seconds, which is the resolution of processor clocks.
 const FLOOR: f64 = 1e-4;
 
 /// Means of a method over viewcells.
@@ -19,30 +19,30 @@ const FLOOR: f64 = 1e-4;
 pub struct Point {
     /// Name of the scene.
     pub scene: String,
-    /// Method as on the command line.
+    /// Entry of the method on the command line.
     pub method: String,
-    /// Accuracy that the method promises.
+    /// Accuracy class that the method promises.
     pub accuracy: String,
     /// Number of viewcells.
     pub viewcells: usize,
-    /// Mean seconds of processor time for a viewcell.
+    /// Mean processor time in seconds for a viewcell.
     pub seconds: f64,
-    /// Mean number of objects reported.
+    /// Mean number of objects that the method reports.
     pub reported: f64,
     /// Mean number of objects that samples see.
     pub sampled: f64,
-    /// Objects that samples see and the method does not report, of all viewcells together.
+    /// Number of objects that samples see and the method does not report, summed over all viewcells.
     pub false_hidden: usize,
 }
 
 impl Point {
-    /// Returns the number of objects reported for each one sampled.
+    /// Returns the number of reported objects per sampled object.
     fn times(&self) -> f64 {
         self.reported / self.sampled.max(1.0)
     }
 }
 
-/// Returns the point of each method. All viewcells must have the same methods. Empty without viewcells.
+/// Returns one point for each method. All viewcells must have the same methods. Empty without viewcells.
 pub fn points(scene: &str, results: &[Judged]) -> Vec<Point> {
     let count = results.len().max(1) as f64;
     let methods = results.first().map_or(0, |judged| judged.trials.len());

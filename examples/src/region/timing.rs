@@ -1,4 +1,4 @@
-//! Processor time of the methods.
+//! Measurement of the processor time of methods.
 
 use std::time::Instant;
 
@@ -13,7 +13,8 @@ pub(super) fn timed<T>(run: impl FnOnce() -> T) -> (T, f64) {
     (result, seconds)
 }
 
-/// Returns the processor time of this thread so far, in seconds. `None` where the system does not tell.
+/// Returns the processor time of this thread so far, in seconds. `None` if the operating system does not
+/// provide it.
 fn processor_seconds() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
     Some(text.split_whitespace().next()?.parse::<f64>().ok()? * 1e-9)

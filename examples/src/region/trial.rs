@@ -1,4 +1,4 @@
-//! The run of a method on a viewcell.
+//! Run of a method on a viewcell, with its answer and its time.
 
 use super::judge::LeftOut;
 use super::methods::{Method, Sandwich};
@@ -7,25 +7,26 @@ use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Accuracy, Scene, VisibleSet};
 
-/// The answer of a method for a viewcell, and how long it took.
+/// Answer of a method for a viewcell, and its time.
 #[derive(Clone, Debug)]
 pub struct Trial {
-    /// Method as on the command line.
+    /// Entry of the method on the command line.
     pub method: String,
-    /// Accuracy that the method promises.
+    /// Accuracy class that the method promises.
     pub accuracy: Accuracy,
-    /// Seconds of processor time of the thread, or of the clock where the system does not tell.
+    /// Processor time of the thread in seconds, or wall-clock time if the operating system does not provide
+    /// it.
     pub seconds: f64,
-    /// Indices of the objects reported, ascending: the order of the file.
+    /// Indices of the reported objects, ascending, in the order of the file.
     pub reported: Vec<u32>,
-    /// Bounds of the true answer, of methods that tell.
+    /// Bounds on the true answer. `None` for methods without such bounds.
     pub sandwich: Option<Sandwich>,
     /// Sampled objects that the method left out. Empty until the [judge](super::judge::Judge::decide) has
     /// decided.
     pub left_out: LeftOut,
 }
 
-/// Lets a method prepare what it keeps for a scene, by a viewcell without points. Returns the seconds taken.
+/// Lets a method prepare its data for a scene, by running it on an empty viewcell. Returns the seconds taken.
 pub fn prepare(method: &mut dyn Method, scene: &Scene) -> f64 {
     let nowhere = Viewcell::from_box(DVec3::ONE, DVec3::ZERO);
     timed(|| method.cull(scene, &nowhere, &mut VisibleSet::new())).1

@@ -1,4 +1,5 @@
-//! Levels of the simulated server: by what movers see each other, where they walk, and what stops a segment.
+//! Levels of the simulated server: cells for visibility between movers, places to walk between, and triangles
+//! that block segments.
 
 use super::ray_tree::RayTree;
 use crate::pvs::bake;
@@ -15,26 +16,27 @@ use visibility_portals::BakerSettings;
 use visibility_region::ExtendedProjectionCuller;
 use visibility_testing::Random;
 
-/// Height of a person's eyes in metres, and the height of a person.
+/// Eye height of a person, and height of a person, in metres.
 const EYE: [f64; 2] = [1.6, 1.8];
 /// Half the width of a person in metres.
 const HALF: f64 = 0.3;
-/// Number of portal chains after which a cell counts as seeing what is not hidden by then.
+/// Maximum number of portal chains tested per cell. Everything not proven hidden by then counts as visible
+/// from the cell.
 const STEPS: u64 = 20_000;
 
-/// Number of places that are tried, and the least distance in metres between two that are added.
+/// Number of random places that are tried, and the least distance in metres between two accepted places.
 const TRIES: usize = 50_000;
 const SPACING: f64 = 1.5;
 
 /// A level with places to walk between.
 pub struct Level {
-    /// By what movers see each other.
+    /// Cells that decide visibility between movers.
     pub cells: Box<dyn SightCells>,
-    /// Places in world space, at the height of the eyes.
+    /// Places in world space, at eye height.
     pub places: Vec<DVec3>,
-    /// For each place, the places that a straight way leads to.
+    /// For each place, the places that are reached from it on a straight line.
     pub ways: Vec<Vec<usize>>,
-    /// Axis of world space that points up: 1 or 2.
+    /// Index of the world axis that points up: 1 or 2.
     up: usize,
     walls: Walls,
 }
@@ -45,8 +47,8 @@ enum Walls {
 }
 
 impl Level {
-    /// Makes the level of a plan's file, whose triangles are at most `size` metres large. Places grow from
-    /// the first point that the file has.
+    /// Makes the level of a plan file, with a triangulation of triangles of at most `size` metres. Places
+    /// spread from the first point in the file.
     ///
     /// # Errors
     ///
@@ -56,7 +58,7 @@ impl Level {
         let mut walls: Vec<Wall> = file.walls.iter().map(|&[a, b]| Wall::new(a, b)).collect();
         let plan = Plan::new(&walls)?;
         let [low, high] = plan.bounds();
-        // Clear walls along a grid keep the triangles small.
+        // A grid of transparent walls limits the size of triangles.
         let clear = |from, to| Wall::new(from, to).with_opacity(Opacity::Clear);
         let lines = |axis: usize| {
             let count = ((high[axis] - low[axis]) / size).ceil() as u32;
@@ -72,8 +74,8 @@ impl Level {
         Ok(level)
     }
 
-    /// Makes the level of a scene that a user names, whose walks are the places. Its cells are those between
-    /// its portals, or boxes of a size in metres.
+    /// Makes the level of a scene that a user names. The places lie on its camera walks. The cells are those
+    /// between its portals, or boxes with a side of `boxes` metres.
     ///
     /// # Errors
     ///
@@ -119,7 +121,7 @@ impl Level {
         Ok(level)
     }
 
-    /// Adds places, each a few metres beside another and not near to any.
+    /// Adds places at random, each a few metres from an earlier place and not too near to any other.
     fn grow(&mut self) {
         let mut random = Random(7);
         for _ in 0..TRIES {
@@ -130,7 +132,7 @@ impl Level {
             if self.places.iter().any(|place| place.distance_squared(to) < SPACING * SPACING) {
                 continue;
             }
-            // There is room for a person at the place and on the way.
+            // Checks that a person has room at the new place and on the way to it.
             let side = way.cross(DVec3::AXES[self.up]).normalize_or_zero() * HALF;
             let ahead = way.normalize_or_zero() * HALF;
             let is_free = [DVec3::ZERO, side, -side]
@@ -144,7 +146,7 @@ impl Level {
         }
     }
 
-    /// Returns the box of a person whose eyes are at a place.
+    /// Returns the box of a person at a place. `eye` is the position of the person's eyes.
     pub fn person(&self, eye: DVec3) -> Reach {
         let mut half = DVec3::splat(HALF);
         half[self.up] = 0.0;
@@ -152,7 +154,7 @@ impl Level {
         Reach::new(eye - half - up * EYE[0], eye + half + up * (EYE[1] - EYE[0]))
     }
 
-    /// Returns whether nothing stops a segment.
+    /// Returns whether a segment meets no wall or triangle.
     pub fn is_free(&self, from: DVec3, to: DVec3) -> bool {
         match &self.walls {
             Walls::Plan(plan) => plan.sees([from.x, from.y], [to.x, to.y]).unwrap_or(false),
@@ -160,8 +162,8 @@ impl Level {
         }
     }
 
-    /// Returns a random point of a mover within its reach. A step from the middle of the body to a point of
-    /// the body and from there to the result is free.
+    /// Returns a random point of a mover within its reach, such that the step from the middle of the body to
+    /// a point of the body, and from there to the result, is unobstructed.
     pub fn point_of(&self, reach: &Reach, random: &mut Random) -> DVec3 {
         let middle = (reach.min + reach.max) * 0.5;
         let mut point = middle;

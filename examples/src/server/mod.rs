@@ -1,5 +1,5 @@
-//! A server of a shooter, simulated: players who walk through a level, and things in it. Used by the program
-//! `server`.
+//! Simulated server of a shooter: players who walk through a level, and other things in it. Used by the
+//! program `server`.
 
 pub mod level;
 mod ray_tree;
@@ -9,11 +9,11 @@ use level::Level;
 use visibility_core::who_sees::Reach;
 use visibility_testing::Random;
 
-/// Someone who walks from place to place.
+/// Person who walks from place to place.
 #[derive(Clone, Copy, Debug)]
 pub struct Walker {
     eye: DVec3,
-    /// Place that the walker comes from, and the place that it walks to.
+    /// Index of the place that the walker comes from, then of the place that it walks to.
     from: usize,
     to: usize,
 }
@@ -25,12 +25,12 @@ impl Walker {
         Self { eye: level.places[place], from: place, to: place }
     }
 
-    /// Returns where the walker's eyes are, in world space.
+    /// Returns the position of the walker's eyes in world space.
     pub fn eye(&self) -> DVec3 {
         self.eye
     }
 
-    /// Walks so many metres, from place to place, and turns back only where no other way leads on.
+    /// Walks `metres` further, from place to place. Turns back only at a dead end.
     pub fn walk(&mut self, level: &Level, metres: f64, random: &mut Random) {
         let mut left = metres;
         while left > 0.0 {
@@ -51,8 +51,8 @@ impl Walker {
     }
 }
 
-/// Returns whether one of nine rays from an eye reaches a target, its middle or a corner: what servers do
-/// today.
+/// Returns whether one of nine rays from an eye to the middle and the corners of a target is free, which is
+/// the test of present servers.
 pub fn nine_rays_reach(level: &Level, eye: DVec3, target: &Reach) -> bool {
     let corners = (0..8).map(|i| {
         let side = |axis: usize| if i >> axis & 1 == 0 { target.min[axis] } else { target.max[axis] };

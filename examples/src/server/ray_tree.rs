@@ -1,4 +1,4 @@
-//! Segments against triangles, by a binary tree of boxes.
+//! Test of segments against triangles, with a binary tree of boxes.
 
 use glam::DVec3;
 
@@ -9,7 +9,7 @@ const LEAF: usize = 4;
 /// within rounding of an edge may be stopped or not.
 #[derive(Debug)]
 pub(super) struct RayTree {
-    /// A corner of each triangle and the vectors from it to the other two, in the order of the leaves.
+    /// For each triangle, one corner and the vectors from it to the other two, in the order of the leaves.
     triangles: Vec<[DVec3; 3]>,
     /// Nodes in depth-first order: the first child follows its parent.
     nodes: Vec<Node>,
@@ -19,14 +19,14 @@ pub(super) struct RayTree {
 struct Node {
     min: DVec3,
     max: DVec3,
-    /// Index of the first node that is not below this one.
+    /// Index of the first node after this node's descendants.
     next: usize,
-    /// Triangles of a leaf. Empty for other nodes.
+    /// Range of a leaf's triangles. Empty for inner nodes.
     triangles: std::ops::Range<usize>,
 }
 
 impl RayTree {
-    /// Builds the tree of triangles, each given by its corners.
+    /// Builds the tree over triangles, which are given by their corners.
     pub(super) fn new(mut triangles: Vec<[DVec3; 3]>) -> Self {
         let mut nodes = Vec::new();
         let count = triangles.len();
@@ -37,7 +37,7 @@ impl RayTree {
         Self { triangles, nodes }
     }
 
-    /// Returns whether no triangle lies between two points.
+    /// Returns whether the segment between two points meets no triangle.
     pub(super) fn is_free(&self, from: DVec3, to: DVec3) -> bool {
         let along = to - from;
         let inverse = along.recip();
@@ -58,7 +58,7 @@ impl RayTree {
     }
 }
 
-/// Returns whether the segment from a point along a vector meets a triangle. T. Moeller and B. Trumbore,
+/// Returns whether the segment from `from` to `from + along` meets a triangle. T. Moeller and B. Trumbore,
 /// "Fast, Minimum Storage Ray/Triangle Intersection", 1997.
 fn is_met(from: DVec3, along: DVec3, &[corner, b, c]: &[DVec3; 3]) -> bool {
     let across = along.cross(c);

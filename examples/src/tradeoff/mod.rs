@@ -1,5 +1,5 @@
-//! Trade of speed for accuracy: every culler at every setting of its dial on a scene is a [`Point`] with its
-//! time, the triangles that it leaves to draw, and its errors.
+//! Comparison of speed and accuracy. Each culler at each of its settings on a scene is a [`Point`]: its time,
+//! the triangles that it leaves to draw, and its errors.
 //!
 //! [`sweep`](mod@sweep) measures the points, [`pareto`] finds the points that no other point dominates,
 //! [`output`] prints points, and [`plot`] draws them.

@@ -1,4 +1,4 @@
-//! Output of points as CSV for programs and as a table for people.
+//! Output of points, as CSV for programs and as a table for people.
 
 use super::pareto::best;
 use super::point::Point;
@@ -15,8 +15,7 @@ pub fn csv(out: impl Write, points: &[Point]) -> csv::Result<()> {
 }
 
 /// Returns the point with the least time to cull and draw, among the points that hid no visible object. With
-/// `needed`, only cullers that promise to be exact or conservative are considered. `None` if no point
-/// qualifies.
+/// `needed`, only points of exact or conservative cullers are considered. `None` if no point qualifies.
 pub fn best_sound(points: &[Point], needed: bool) -> Option<&Point> {
     let safe = [Accuracy::Exact, Accuracy::Conservative].map(Accuracy::name);
     let promises = |point: &&Point| !needed || safe.contains(&point.accuracy);

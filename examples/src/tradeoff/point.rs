@@ -1,15 +1,15 @@
-//! Measured point of the trade: a culler's costs and errors on a scene.
+//! Measured point of the comparison: a culler's costs and errors on a scene.
 
 use serde::Serialize;
 use visibility_measure::DrawCost;
 
-/// Costs and errors of one culler with one setting on one scene. Counts are means per frame unless said
+/// Costs and errors of one culler with one setting on one scene. Counts are means per frame unless stated
 /// otherwise.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Point {
     /// Name of the scene.
     pub scene: String,
-    /// Culler with its setting, as `walkthrough --cullers` takes it.
+    /// Culler with its setting, in the syntax of `walkthrough --cullers`.
     pub culler: String,
     /// Name of the accuracy that the culler promises.
     pub accuracy: &'static str,
@@ -33,7 +33,7 @@ pub struct Point {
     pub memory_bytes: usize,
     /// Time in milliseconds to make the culler ready for the scene.
     pub preparation_ms: f64,
-    /// Number of objects that a culler must report which tests only boxes: the box limit.
+    /// Number of objects that any culler must report if it only tests boxes: the box limit.
     pub box_limit: f64,
     /// Time to cull a frame and to draw the reported objects, divided by the time to draw the visible
     /// triangles alone: see [`over_ideal`](crate::walkthrough::judge::over_ideal).

@@ -1,4 +1,4 @@
-//! Sweep over every culler at every setting of its dial, and over some pipelines of several stages.
+//! Sweep over every culler at each of its settings, and over some pipelines of several stages.
 
 use super::point::Point;
 use crate::walkthrough::cullers::{CullerError, parse};
@@ -33,9 +33,10 @@ impl Effort {
 pub struct Sweep {
     /// Measured points, in the order of the entries that were measured.
     pub points: Vec<Point>,
-    /// Line on what there is to report, the same for all points.
+    /// Line of text on the exact answer (visible objects, box limit, ideal), which is the same for all
+    /// points.
     pub truth: String,
-    /// Entries that do not suit the scene, each as the entry and the reason.
+    /// Entries that do not suit the scene, each with the reason.
     pub left_out: Vec<(String, String)>,
     /// Entries whose first pass over the frames takes longer than [`Effort::patience`].
     pub too_slow: Vec<String>,

@@ -1,5 +1,5 @@
-//! Frame of an engine: occluders found in view, sorted and drawn into a z-buffer, and boxes tested against it
-//! through the hierarchy.
+//! One frame of an engine: finds the occluders in view, sorts and draws them into a z-buffer, and tests boxes
+//! against it through the hierarchy.
 
 use super::scene_file::Visc;
 use glam::{Affine3A, DVec3};
@@ -37,13 +37,13 @@ impl OcclusionMap for Filled {
     }
 }
 
-/// Occluders and boxes of a VISC file, with all the state that culls them frame after frame.
+/// Occluders and boxes of a VISC file, with all state kept between frames.
 pub struct Stage {
-    /// Scene of the occluders, for finding those in view. Object `i` is `meshes[i]`.
+    /// Scene of the occluders, to find those in view. Object `i` is `meshes[i]`.
     occluders: Scene,
     /// Occluder meshes in scene-relative space (which here equals world space), shuffled.
     meshes: Vec<OccluderMesh>,
-    /// Set of the occluders in the view frustum of the last frame, of the scene `occluders`.
+    /// Objects of `occluders` in the view frustum of the last frame.
     in_view: VisibleSet,
     /// Sort keys of the occluders in view, nearest first: the bits of the squared distance above the index
     /// into `meshes`.
@@ -67,8 +67,8 @@ impl Stage {
     /// Creates a stage whose occluders are the file's triangles, twelve to an occluder. `size` is the
     /// z-buffer's width and height in pixels.
     ///
-    /// The occluders are shuffled, since an engine does not have its occluders in the order of a view that it
-    /// does not know yet.
+    /// The occluders are shuffled, because the order in a file may suit its views, while an engine's order
+    /// does not.
     ///
     /// # Errors
     ///
@@ -129,8 +129,8 @@ impl Stage {
                     let eye = eye.as_vec3();
                     eye.clamp(bounds.min, bounds.max).distance_squared(eye)
                 }
-                // Any order gives correct answers. This order is front to back where the depth is not
-                // negative.
+                // Any order gives correct answers. In a parallel view, this key sorts front to back among
+                // occluders with positive depth.
                 Eye::Direction(along) => bounds.center().dot(along.as_vec3()).max(0.0),
             };
             self.order.push(u64::from(distance.to_bits()) << 32 | id.index() as u64);

@@ -1,4 +1,4 @@
-//! Occlusion culling on VISC files, the scenes on which other cullers were measured; used by the program
+//! Occlusion culling on VISC files, the scenes on which other cullers were measured. Used by the program
 //! `occlusion`.
 
 pub mod frame;

@@ -16,7 +16,7 @@ pub fn save(hzb: &Hzb, folder: &Path) -> Result<(), String> {
     let pixels: Vec<f32> = (0..hzb.height())
         .flat_map(|row| (0..hzb.width()).map(move |column| hzb.depth_key(column, row)))
         .collect();
-    // The range of depth keys of the pixels is the scale of all levels.
+    // All levels share one scale: the range of depth keys of the pixels.
     let known = || pixels.iter().copied().filter(|nearness| nearness.is_finite());
     let (least, most) = (known().fold(f32::INFINITY, f32::min), known().fold(f32::NEG_INFINITY, f32::max));
     let draw = |columns: usize, rows: usize, values: &[f32], name: &str| {

@@ -17,9 +17,9 @@ pub const MAGIC: u32 = 0x4353_4956;
 pub struct Visc {
     /// Triangles of all occluders, twelve to an occluder.
     pub triangles: Vec<Triangle>,
-    /// Occludee boxes whose visibility is asked for.
+    /// Occludee boxes to be tested for visibility.
     pub boxes: Vec<Aabb>,
-    /// Views, each with the width and height in pixels of the picture that it was made for.
+    /// Views, each with the width and height in pixels of its picture.
     pub views: Vec<(View, [u32; 2])>,
 }
 

@@ -1,8 +1,8 @@
 //! Automatic choice of a culler: tries every culler that suits a world on a few of its views, and advises the
 //! fastest with the measured reason.
 //!
-//! A quick choice ends after about ten seconds. It draws as many views as there is time for, and leaves out
-//! cullers whose preparation would take longer than is left, judged by that for a sample of the objects.
+//! A quick choice ends after about ten seconds. It draws as many views as time permits, and skips cullers
+//! whose preparation would take longer than the time left, as estimated on a sample of the objects.
 
 use super::bake_advice::{self, BakeEstimate};
 use super::{World, cullers};
@@ -14,44 +14,44 @@ use visibility_measure::{Advisor, CullerTrial, DrawCost, MeasureError, SceneFact
 
 /// Maximum number of views that are probed, spread evenly over the walks.
 const VIEWS: usize = 12;
-/// Time in seconds in which a quick choice draws its views.
+/// Time in seconds that a quick choice may spend on drawing its views.
 const DRAWING: f64 = 1.5;
 /// Time in seconds after which a quick choice tries no further culler.
 const TRYING: f64 = 6.0;
-/// Time of a quick choice for the estimate of a bake.
+/// Time that a quick choice may spend on the estimate of a bake.
 const BAKING: Duration = Duration::from_millis(2500);
-/// Most triangles in the sample on which preparations are timed.
+/// Maximum number of triangles in the sample on which preparations are timed.
 const SAMPLE: usize = 5_000;
-/// Power of the number of triangles with which the time of a preparation is taken to grow.
+/// Assumed growth of a preparation's time: this power of the number of triangles.
 const GROWTH: f64 = 1.5;
 
 /// Advice on the culler to use, with the measurements behind it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Advice {
-    /// Culler with its setting, as `--cullers` takes it.
+    /// Culler with its setting, in the syntax of `--cullers`.
     pub entry: String,
-    /// Facts about the scene that the probed views gave, such as its size and visible fraction.
+    /// Facts about the scene measured in the probed views, such as its size and visible fraction.
     pub facts: SceneFacts,
     /// Measured times and counts of the advised culler, means per view.
     pub chosen: CullerTrial,
     /// Measured times and counts of frustum culling alone, means per view.
     pub frustum: CullerTrial,
-    /// Time in microseconds per view to draw exactly the visible objects, without any time to cull.
+    /// Time in microseconds per view to draw exactly the visible objects, without any culling.
     pub min_us: f64,
     /// Number of cullers that were tried.
     pub tried: usize,
-    /// Cullers for which there was no time.
+    /// Cullers that were skipped for lack of time.
     pub untried: Vec<String>,
-    /// Whether the scene brings cells and portals; cells made of its triangles do not count.
+    /// Whether the scene has cells and portals of its own, not made from its triangles.
     pub cells: bool,
-    /// What a bake would give, or why that is not known.
+    /// Estimate for a bake, or the reason why there is none.
     pub bake: Result<BakeEstimate, String>,
 }
 
 /// Tries the given cullers and advises the one with the least time to cull and draw, among those that promise
 /// to hide no visible object and kept the promise. The first entry should be `frustum`, with which the advice
-/// is compared; cullers that do not suit the scene are skipped. Unless the choice is `thorough`, it ends
-/// after about ten seconds, and says what it has not tried.
+/// is compared; cullers that do not suit the scene are skipped. Unless `thorough`, it ends after about ten
+/// seconds, and lists the cullers not tried.
 ///
 /// # Errors
 ///
@@ -61,8 +61,7 @@ pub fn advise(world: &World, entries: &[String], thorough: bool) -> Result<Advic
     advise_in_time(world, entries, thorough, &|| clock.elapsed().as_secs_f64())
 }
 
-/// Advises as [`advise`] does, with the same `thorough`. `now` returns the seconds passed since the
-/// beginning.
+/// Same as [`advise`], with the clock as an argument: `now` returns the seconds since the beginning.
 fn advise_in_time(
     world: &World,
     entries: &[String],
@@ -87,7 +86,7 @@ fn advise_in_time(
             untried.push(entry.clone());
             continue;
         }
-        // A culler that does not suit the scene is an error here.
+        // Skips cullers that do not suit the scene.
         let Ok(mut made) = cullers::parse(entry, world) else { continue };
         let limit = best.as_ref().map_or(f64::INFINITY, |(_, trial)| trial.total_us);
         if !thorough && is_hopeless(&mut made[0].1, world, &views, limit) {
@@ -110,15 +109,15 @@ fn advise_in_time(
     Ok(Advice { entry, facts, chosen, frustum, min_us, tried, untried, cells, bake })
 }
 
-/// A part of a world, on which the preparation of cullers is timed.
+/// Sample of a world's objects, on which the preparation of cullers is timed.
 struct Sample {
     world: World,
-    /// Factor from the time of a preparation for the sample to that for the world.
+    /// Estimated ratio of a preparation's time for the whole world to its time for the sample.
     factor: f64,
 }
 
 impl Sample {
-    /// Takes objects evenly from a world, as many as have the triangles of a sample.
+    /// Samples evenly spaced objects of a world, with about [`SAMPLE`] triangles.
     fn new(world: &World) -> Self {
         let all = world.source.triangle_count();
         let step = all.div_ceil(SAMPLE).max(1);
@@ -131,18 +130,19 @@ impl Sample {
         Self { world: sample, factor: (all as f64 / triangles.max(1) as f64).max(1.0).powf(GROWTH) }
     }
 
-    /// Returns the time in seconds that the preparation of an entry takes for the whole world, about. What
-    /// was prepared for an earlier entry takes no time.
+    /// Returns an estimate in seconds of an entry's preparation time for the whole world. Data already
+    /// prepared for an earlier entry take no time.
     fn seconds(&self, entry: &str) -> f64 {
         let start = Instant::now();
-        // A culler that does not suit the scene is no matter here.
+        // Only the time is measured here; an error for an unsuitable culler is ignored.
         let _ = cullers::parse(entry, &self.world);
         start.elapsed().as_secs_f64() * self.factor
     }
 }
 
-/// Returns whether a culler takes much longer for the first view than the best in all, so that trying it on
-/// all views is a waste. The first view also takes the memory that later ones use again.
+/// Returns whether a culler takes much longer for the first view than the best culler takes in total, so that
+/// trying it on all views would waste time. The first view allocates memory that later views reuse, so its
+/// time is too high.
 fn is_hopeless(pipeline: &mut Pipeline, world: &World, views: &[View], limit_us: f64) -> bool {
     let Some(view) = views.first() else { return false };
     let start = Instant::now();
@@ -229,7 +229,7 @@ mod tests {
             "{} settings were tried, and the list is read",
             advice.tried
         );
-        // Sets of cells that would have to be made are not baked in passing; the culler of cells is tried.
+        // A quick choice does not bake sets for made cells, but tries portal culling with made cells.
         let mut outdoors = World::new(built_in("town:1").unwrap(), (64, 36), Some(1)).unwrap();
         outdoors.makes_cells = true;
         let has = |world, name: &str| cullers::quick_entries(world).iter().any(|entry| entry.contains(name));
@@ -247,7 +247,7 @@ mod tests {
     fn a_quick_choice_tries_no_more_once_its_time_is_over() {
         let world = World::new(built_in("office:1,2").unwrap(), (64, 36), Some(12)).unwrap();
         let entries = cullers::quick_entries(&world);
-        // The clock goes on by a 32nd of a second each time that it is asked, some dozens of times a culler.
+        // The clock advances by 1/32 s at each reading; each culler reads it some dozens of times.
         let advice = |thorough: bool| {
             let asked = std::cell::Cell::new(0.0);
             let now = || asked.replace(asked.get() + 1.0 / 32.0);
@@ -271,7 +271,7 @@ mod tests {
         let (all, sample) = (world.source.triangle_count(), Sample::new(&world));
         let triangles = sample.world.source.triangle_count();
         assert!(all > SAMPLE && (1..=SAMPLE).contains(&triangles), "{triangles} of {all}");
-        // A preparation takes more than its share of the time for more triangles.
+        // The estimate grows faster than the number of triangles.
         assert!(
             sample.factor > all as f64 / triangles as f64,
             "a factor of {} for {all} of {triangles} triangles",

@@ -1,4 +1,4 @@
-//! What a bake of a scene would give, found by baking viewcells of a few views for a few seconds.
+//! Estimate of the benefit of a bake, from baking the viewcells of a few views for a few seconds.
 
 use super::{World, cullers};
 use crate::Hint;
@@ -18,52 +18,52 @@ use visibility_core::pvs::{PvsCuller, ViewcellId, Viewcells};
 use visibility_core::{FrustumCuller, Pipeline, Scene, View, view::Eye};
 use visibility_measure::{Advisor, CullerTrial, DrawCost};
 
-/// Most triangles of a scene that is tried. Preparing the bake of so many takes about a second, which no
-/// limit of time cuts short.
+/// Maximum number of triangles of a scene for which a bake is tried. Its preparation takes about a second for
+/// so many, and no time limit can interrupt it.
 const MOST_TRIANGLES: usize = 1_000_000;
-/// Most time in which the viewcells along the walks are made.
+/// Maximum time to make the viewcells along the walks.
 const PLACE_TIME: Duration = Duration::from_secs(2);
-/// Most time in which viewcells of the views are baked.
+/// Maximum time to bake viewcells of the views.
 const BAKE_TIME: Duration = Duration::from_secs(5);
 
-/// When [`PLACE_TIME`] is over, for a function that takes no argument.
+/// End of [`PLACE_TIME`]: a global, because the function that tests it takes no argument.
 static PLACE_END: Mutex<Option<Instant>> = Mutex::new(None);
 
 fn is_too_late_to_place() -> bool {
     PLACE_END.lock().unwrap_or_else(PoisonError::into_inner).is_some_and(|end| Instant::now() >= end)
 }
 
-/// What a bake by the program `bake` with its default settings would give, by viewcells of some views. All
-/// counts and times are means over the views with an eye in a viewcell that was baked.
+/// Estimate for a bake with the default settings of the program `bake`, from some baked viewcells. All counts
+/// and times are means over the views whose eyes are in a baked viewcell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BakeEstimate {
-    /// Measured times and counts of culling by the baked sets after the frustum.
+    /// Measured times and counts of culling by the baked sets after frustum culling.
     pub trial: CullerTrial,
-    /// Measured times and counts of the culler that is advised in place of a bake.
+    /// Measured times and counts of the best culler without a bake.
     pub advised: CullerTrial,
-    /// Number of objects in the frustum that a line of sight from the viewcell is known to reach, at least
-    /// those that the view shows. No bake of these viewcells leaves fewer.
+    /// Number of objects in the frustum that certainly can be seen from the viewcell. No bake of these
+    /// viewcells leaves fewer.
     pub least_objects: f64,
-    /// Number of viewcells along the walks, which the program would bake.
+    /// Number of viewcells along the walks, all of which the program `bake` would bake.
     pub viewcells: usize,
-    /// Number of viewcells that were baked here.
+    /// Number of viewcells baked for the estimate.
     pub baked: usize,
-    /// Time in seconds in which these viewcells were baked, on all threads of the machine.
+    /// Time in seconds for baking these viewcells, on all threads of the machine.
     pub seconds: f64,
-    /// Whether the bake here was finished. If not, what is open counts as visible, and a bake with more time
-    /// hides more.
+    /// Whether these viewcells were baked to the end. If not, undecided objects count as visible, and a
+    /// longer bake hides more.
     pub complete: bool,
 }
 
 impl BakeEstimate {
-    /// Returns the time in seconds of a bake that leaves about as much: all viewcells along the walks take as
-    /// long as those that were baked.
+    /// Returns the estimated time in seconds to bake all viewcells along the walks, at the rate of those
+    /// baked here.
     pub fn whole_seconds(&self) -> f64 {
         self.seconds * self.viewcells as f64 / self.baked.max(1) as f64
     }
 
-    /// Returns the command that bakes the scene, as programs are told it, into the file `file`. A bake that
-    /// was not finished here ends after [`whole_seconds`](Self::whole_seconds).
+    /// Returns the command line that bakes the scene into the file `file`. If the bake here was cut off, the
+    /// command has a time limit of [`whole_seconds`](Self::whole_seconds).
     pub fn command(
         &self,
         scene: &str,
@@ -80,8 +80,8 @@ impl BakeEstimate {
         command
     }
 
-    /// Returns whether culling and drawing takes less time by the bake than by the culler that is advised,
-    /// and the bake hid no visible object.
+    /// Returns whether culling and drawing takes less time with the bake than with the advised culler, and
+    /// the bake hid no visible object.
     pub fn is_worth_it(&self) -> bool {
         self.trial.is_sound() && self.trial.total_us < self.advised.total_us
     }
@@ -110,7 +110,8 @@ impl fmt::Display for BakeEstimate {
                 ", not finished; with more time a bake leaves fewer"
             },
         )?;
-        // A line of sight keeps six times the clearance from what is on either side.
+        // A line of sight keeps six times the clearance on both sides, so gaps below twelve times the
+        // clearance are missed. In millimetres.
         let gap = 12e3 * SandwichSettings::default().clearance();
         write!(
             f,
@@ -119,12 +120,12 @@ impl fmt::Display for BakeEstimate {
     }
 }
 
-/// Bakes viewcells with the eyes of some views, in a few seconds or within `limit`, and culls these views by
-/// them, and by the culler `advised`, an entry of [`cullers`].
+/// Bakes viewcells around the eyes of some views, in a few seconds or within `limit`. Culls these views with
+/// the baked sets, and with the culler `advised`, an entry of [`cullers`].
 ///
 /// # Errors
 ///
-/// Returns a message, for a person, why there is no estimate.
+/// Returns a message for a person with the reason why there is no estimate.
 pub fn estimate(
     world: &World,
     views: &[View],
@@ -182,26 +183,25 @@ pub fn estimate(
     })
 }
 
-/// Viewcells that were baked.
+/// Baked viewcells.
 struct Found {
-    /// Numbers of the viewcells among all places.
+    /// Indices of the viewcells among all viewcells along the walks.
     ids: Vec<ViewcellId>,
     /// Baked sets, one for each of `ids`.
     cells: Vec<CellSandwich>,
-    /// Time in seconds that the bake has taken.
+    /// Time in seconds of the bake.
     seconds: f64,
     /// Whether the bake was finished.
     complete: bool,
 }
 
-/// Bakes the viewcells `wanted` among the places for at most `limit`: as many as there are threads at
-/// once, from all over the walks. Those that are not finished by then are left out, unless they are the
-/// first.
+/// Bakes the viewcells `wanted` of `places` for at most `limit`, in batches of one per thread, spread over
+/// the walks. A batch that is not finished in time is dropped, unless it is the first.
 fn bake(scene: &Scene, places: &Viewcells, mut wanted: Vec<ViewcellId>, limit: Duration) -> Found {
     wanted.sort_unstable();
     wanted.dedup();
     let mut order: Vec<usize> = (0..wanted.len()).collect();
-    // The second is from the middle, the next from the quarters.
+    // Bit-reversed indices spread the batches: first the start, then the middle, then the quarters.
     order.sort_by_key(|&index| index.reverse_bits());
     let start = Instant::now();
     let is_over = || start.elapsed() >= limit;
@@ -256,7 +256,7 @@ mod tests {
             by_frustum.to_string().contains("narrower than 1.2 mm: --clearance 0"),
             "the estimate names the clearance: {by_frustum}"
         );
-        // What a set saves, if anything, is time in all.
+        // The advice depends on the total time and on visible objects hidden.
         let costs = |total_us, false_hidden| CullerTrial { total_us, false_hidden, ..by_frustum.trial };
         let is_worth_it = |trial, advised| BakeEstimate { trial, advised, ..by_frustum }.is_worth_it();
         assert!(is_worth_it(costs(9.0, 0), costs(10.0, 0)), "a set that saves time");

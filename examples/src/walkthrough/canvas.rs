@@ -104,7 +104,7 @@ impl Canvas {
         }
     }
 
-    /// Draws a line of squares from (`x`, `y`) on, each followed by the text that says what its color means.
+    /// Draws a row of colored squares from (`x`, `y`), each followed by a text with its meaning.
     pub fn legend(&mut self, x: i64, y: i64, entries: &[(Color, &str)], ink: Color) {
         let mut x = x;
         for &(color, meaning) in entries {

@@ -17,12 +17,12 @@ use visibility_core::{
 };
 use visibility_portals::{BakerSettings, CellBaker, ObjectBaker, ObjectOutcome, Outcome};
 
-/// Kind of the targets in a potentially visible set.
+/// Granularity of a potentially visible set.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Detail {
-    /// Cells: a viewcell shows all objects in the cells that it sees.
+    /// A viewcell shows all objects in the cells that it sees.
     Cells,
-    /// Objects: a viewcell shows only the objects that lines through portals reach.
+    /// A viewcell shows only the objects that lines through portals reach.
     Objects,
 }
 
@@ -86,11 +86,11 @@ pub fn bake(
     Ok(ScenePvs::new(scene, pvs, viewcells.clone(), pairs))
 }
 
-/// Maximum number of chains of portals that are inspected to find the cells that one cell sees. Few cells of
-/// buildings need as many.
+/// Maximum number of chains of portals inspected to find the cells that one cell sees. Few cells of buildings
+/// need as many.
 pub const CELL_STEPS: u64 = 20_000;
-/// Maximum number of chains of portals that are inspected to find the objects that one cell sees. Planes of
-/// pairs of portals hide most of what is hidden without any chain, and each chain of these is dearer.
+/// Maximum number of chains of portals inspected to find the objects that one cell sees. A chain costs more
+/// here than for cells, and most hidden objects are already found by planes through pairs of portals.
 pub const OBJECT_STEPS: u64 = 3_000;
 
 /// Returns bake settings with at most `steps` steps for a cell and a clearance proportional to the extent of
@@ -99,7 +99,7 @@ pub fn settings(viewcells: &Viewcells, steps: u64) -> BakerSettings {
     BakerSettings::default().with_clearance(clearance(viewcells)).with_steps_per_cell(steps)
 }
 
-/// Runs a bake to its end, and shows its progress as that of `what`.
+/// Runs a bake to its end. Shows its progress under the name `what`.
 fn run<B: Baker>(baker: B, what: &str) -> B::Outcome {
     let mut bake = Bake::new(baker);
     let mut steps = Steps::new(what, bake.progress().total, false);
@@ -109,7 +109,7 @@ fn run<B: Baker>(baker: B, what: &str) -> B::Outcome {
     bake.finish()
 }
 
-/// Bakes the cell-to-cell visibility.
+/// Bakes the cell-to-cell visibility of a graph.
 ///
 /// # Errors
 ///

@@ -1,5 +1,5 @@
-//! Picture of portal culling: a plan of the storey that the eye is on, with the cells seen, the part of each
-//! portal that is visible, and for each cell seen a view ray from the eye that stabs all portals on the way.
+//! Picture of portal culling: a plan of the storey with the eye, the visible cells, the visible part of each
+//! portal, and for each visible cell a ray from the eye through all portals on the way.
 
 use super::canvas::{Canvas, Color, LETTER};
 use super::map_picture::Map;
@@ -75,7 +75,8 @@ pub fn draw(
     let on_storey = |object: u32| {
         let bounds = world.source.objects.get(object as usize).and_then(|object| object.bounds());
         let (at, up) = (eye.dot(map.up), map.up);
-        // Objects that span part of the range from 1.7 m below to 0.5 m above the eye are on its storey.
+        // An object is on the eye's storey if it reaches into the height range from 1.7 m below to 0.5 m
+        // above the eye.
         bounds.is_some_and(|(low, high)| {
             let (a, b) = (low.as_dvec3().dot(up), high.as_dvec3().dot(up));
             a.min(b) < at + 0.5 && a.max(b) > at - 1.7
@@ -106,8 +107,8 @@ pub fn draw(
     for (_, cell, corners) in culler.eye().windows() {
         let corners: Vec<DVec3> = corners.collect();
         let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
-        // The line is drawn as far as the box of the cell reaches, since it is known to be free only inside
-        // the cell.
+        // The line ends at the boundary of the cell, since it is only known to be unobstructed inside the
+        // cell.
         let beyond = leave(&cells.viewcells.cells()[cell.index()], eye, middle);
         canvas.line(map.place(eye), map.place(beyond), LINE);
     }

@@ -4,8 +4,8 @@ use super::World;
 use std::fmt::Write;
 use visibility_core::{Pipeline, VisibleSet};
 
-/// Returns the index of the object that a person names: by its index, or by its name, of which the first
-/// object counts. A number below the number of objects is always an index. `None` if there is no such object.
+/// Returns the index of an object by its index or name. Of several objects with the name, the first counts. A
+/// number below the number of objects is always an index. `None` if there is no such object.
 pub fn find(world: &World, wanted: &str) -> Option<u32> {
     let by_name = || world.source.objects.iter().position(|object| object.name == *wanted);
     let place =
@@ -13,8 +13,8 @@ pub fn find(world: &World, wanted: &str) -> Option<u32> {
     u32::try_from(place).ok()
 }
 
-/// Returns the fate of an object along the walks, a line of text for each run of frames with the same fate:
-/// visible, or the stage that removed it. `object` is an index.
+/// Returns lines of text that say what happened to an object in each run of frames: visible, or removed by a
+/// stage. `object` is an index.
 pub fn explain(world: &World, pipeline: &mut Pipeline, object: u32) -> String {
     pipeline.set_explaining(true);
     let id = world.scene.ids().nth(object as usize);

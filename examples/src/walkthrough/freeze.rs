@@ -1,4 +1,4 @@
-//! Culling frozen at one frame while the camera moves on, to show the objects that the culled frame contains.
+//! Culling frozen at one frame while the camera moves on, to show which objects that frame contains.
 
 use super::World;
 use super::canvas::Canvas;
@@ -6,7 +6,7 @@ use super::eye_picture::{self, Shown};
 use visibility_core::{Pipeline, Pose, View, VisibleSet};
 use visibility_measure::MeasureError;
 
-/// Draws the objects left of a frame after culling: from a point behind and above the frame's camera, and
+/// Draws the objects that a frame's culling leaves: from a point behind and above the frame's camera, and
 /// from up to three later cameras of the same walk. Each picture comes with the text for its file name.
 ///
 /// # Errors

@@ -34,8 +34,8 @@ pub struct Judgement {
     /// Indices of the visible objects of each frame, ascending. Of objects that tie in all their pixels,
     /// only the object that the picture shows is listed.
     pub exact: Vec<Vec<u32>>,
-    /// Box limit of each frame: the number of objects that a culler must report which tests only boxes,
-    /// behind the triangles of all opaque objects. Visible objects are among them.
+    /// Box limit of each frame: the number of boxes not hidden by the triangles of all opaque objects. A
+    /// culler that only tests boxes cannot report fewer objects.
     pub limits: Vec<usize>,
     /// Number of triangles with at least one visible pixel, summed over all frames.
     pub visible_triangles: u64,
@@ -61,10 +61,10 @@ impl Judgement {
     }
 }
 
-/// Returns the cost over the ideal: the time in microseconds to cull a frame and to draw what is reported,
-/// divided by the time to draw the visible triangles of the visible objects alone, without any time to cull.
-/// Drawing costs what [`DrawCost`] says by default. An ideal of less than 1 us, the price of one object,
-/// counts as 1 us. Below 1 for cullers that hide visible objects.
+/// Returns the cost over the ideal: the time in microseconds to cull a frame and draw the reported objects,
+/// divided by the time to draw only the visible triangles of the visible objects without culling. Drawing
+/// times are those of the default [`DrawCost`]. An ideal of less than 1 us, the price of one object, counts
+/// as 1 us. Below 1 for cullers that hide visible objects.
 pub fn over_ideal(frame_us: f64, reported: [f64; 2], visible: [f64; 2]) -> f64 {
     let draw = |[objects, triangles]: [f64; 2]| DrawCost::default().of(objects, triangles);
     (frame_us + draw(reported)) / draw(visible).max(1.0)
@@ -102,8 +102,8 @@ pub fn judge(world: &World, trials: &[Trial], progress: impl Fn() + Sync) -> Res
             let Some(view) = world.views.get(frame) else { return Ok(judged) };
             buffer.draw(view, world.origin(), world.items())?;
             let seen = buffer.visible();
-            // Of objects that tie, only the object in the picture counts; otherwise coplanar walls would
-            // count twice.
+            // Of objects that tie, only the one in the picture counts. Otherwise coplanar walls would count
+            // twice.
             let shown = seen.objects().iter().filter(|object| object.visible_triangles > 0);
             let exact: Vec<u32> = shown.map(|object| object.key).collect();
             if !all_opaque {

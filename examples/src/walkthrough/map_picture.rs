@@ -13,7 +13,7 @@ const WALK: Color = [120, 120, 200];
 
 /// Longer side of the map, in pixels.
 const SIDE: f64 = 1200.0;
-/// Least width of the map in pixels: that of the captions below it.
+/// Least width of the map in pixels, which the captions below it need.
 const CAPTION: u32 = 960;
 /// Margin around the map as a fraction of the longer side, so that walks outside the scene are shown.
 const MARGIN: f64 = 0.04;
@@ -240,7 +240,7 @@ impl Map {
             DVec3::ZERO,
             flat.iter().map(|(object, triangles)| (*object, triangles.view())),
         )?;
-        // A dark rim where two objects meet separates neighbours of one color.
+        // Darkens pixels at the border between two objects, to separate neighbours of one color.
         let object_at = |x: u32, y: u32| {
             (buffer.items()[(y * self.width + x) as usize] != NONE).then(|| buffer.object_at(x, y)).flatten()
         };

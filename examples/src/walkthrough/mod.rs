@@ -1,4 +1,4 @@
-//! Walk of a camera through a scene, with every frame culled by each culler, timed and judged. Used by the
+//! Camera walk through a scene in which every frame is culled by each culler, timed and judged. Used by the
 //! program `walkthrough`.
 //!
 //! [`trial`] runs the cullers and keeps the objects that they report, [`judge`](mod@judge) compares these

@@ -9,14 +9,15 @@ use serde::Serialize;
 use std::io::{self, Write};
 use visibility_measure::DrawCost;
 
-/// Returns the cost over the ideal of a culler, by its median time to cull a frame.
+/// Returns a culler's cost over the ideal, from its median time to cull a frame.
 fn cost_over_ideal(trial: &Trial, verdict: &Verdict, judgement: &Judgement) -> f64 {
     let triangles = verdict.reported_triangles as f64 / judgement.exact.len().max(1) as f64;
     let visible = [judgement.mean_exact(), judgement.mean_visible_triangles()];
     over_ideal(trial.quantile(0.5), [trial.mean_visible(), triangles], visible)
 }
 
-/// Returns a line on what was loaded: objects by kind, occluders, triangles, unit, up axis and origin.
+/// Returns a line of text on the loaded scene: objects by kind, occluders, triangles, unit, up axis and
+/// origin.
 pub fn header(world: &World, reading: &Reading) -> String {
     let (source, scene) = (&world.source, &world.scene);
     let count = |is: fn(&SourceObject) -> bool| source.objects.iter().filter(|&object| is(object)).count();
@@ -41,7 +42,7 @@ pub fn header(world: &World, reading: &Reading) -> String {
     )
 }
 
-/// Returns a line on what there is to report: visible objects, box limit and ideal, means per frame.
+/// Returns a line of text on the exact answer: visible objects, box limit and ideal, as means per frame.
 pub fn truth(judgement: &Judgement) -> String {
     let ideal = DrawCost::default().of(judgement.mean_exact(), judgement.mean_visible_triangles());
     format!(
@@ -97,8 +98,8 @@ pub fn table(world: &World, trials: &[Trial], judgement: &Judgement) -> Table {
     table
 }
 
-/// Returns a line on what aimed rays found, and a line for each culler with the number of objects that rays
-/// met and the culler hid, all frames together, and the first of these.
+/// Returns a line of text on the aimed rays, and a line for each culler with the number of objects that rays
+/// met although the culler hid them, over all frames, and the first of these objects.
 pub fn aimed_rays(trials: &[Trial], found: &AimedRays) -> String {
     let mut text = format!("aimed rays: {} cast, {} met an object\n", found.rays, found.met);
     for (trial, hidden) in trials.iter().zip(&found.hidden) {

@@ -2,17 +2,17 @@
 
 use super::canvas::Color;
 
-/// Background.
+/// Color of the background.
 pub(crate) const PAPER: Color = [250, 250, 247];
-/// Text and outlines.
+/// Color of text and outlines.
 pub(crate) const INK: Color = [40, 40, 40];
-/// Objects that are hidden, and not reported.
+/// Color of objects that are hidden and not reported.
 pub(crate) const HIDDEN: Color = [205, 207, 210];
-/// Objects that are reported, and not known to be visible.
+/// Color of objects that are reported and not known to be visible.
 pub(crate) const REPORTED: Color = [244, 190, 92];
-/// Objects that are visible, and reported.
+/// Color of objects that are visible and reported.
 pub(crate) const VISIBLE: Color = [74, 152, 96];
-/// Objects that are visible, and not reported.
+/// Color of objects that are visible and not reported.
 pub(crate) const LOST: Color = [214, 32, 44];
-/// The viewcell, or the volume of sight of a camera.
+/// Color of the viewcell, or of a camera's view frustum.
 pub(crate) const VIEW: Color = [32, 84, 190];

@@ -1,5 +1,5 @@
-//! Cache of the data that cullers need precomputed from a world: trees, tessellations, baked sets. Each item
-//! is made once, however many cullers ask for it.
+//! Cache of precomputed data that cullers need from a world: trees, tessellations, baked sets. Each item is
+//! made once, however many cullers ask for it.
 
 use std::any::Any;
 use std::mem;
@@ -69,8 +69,8 @@ impl Prepared {
         Ok(value.downcast().expect("a name stands for one type"))
     }
 
-    /// Runs `ask` and returns its result with its cost. An item that `ask` got from the cache counts in full,
-    /// as if it had been made for this call.
+    /// Runs `ask` and returns its result with its cost. If `ask` gets an item from the cache, the full cost
+    /// of making it counts.
     pub fn cost_of<R>(&self, ask: impl FnOnce() -> R) -> (R, Cost) {
         self.take_reused();
         let (answer, mut cost) = self.measure(ask);

@@ -26,9 +26,10 @@ impl Trial {
         self.micros.get((share * last).round() as usize).copied().unwrap_or(0.0)
     }
 
-    /// Returns the greatest ratio, over all frames, of the time to cull a frame to what culling may cost: 4
-    /// times the time of `frustum`, and 1 us, the price of an object, for each object that this trial hides
-    /// and `frustum` reports. At most 1 if culling never costs much more than it saves. 0 without frames.
+    /// Returns the greatest ratio, over all frames, of the culling time to an allowance: 4 times the time of
+    /// `frustum`, plus 1 us (the price of an object) for each object that this trial hides and `frustum`
+    /// reports. A result of at most 1 means that culling never costs much more than it saves. 0 without
+    /// frames.
     pub fn worst_over_gain(&self, frustum: &Self) -> f64 {
         let gained = frustum.reported.iter().zip(&self.reported);
         let may_cost = frustum
@@ -118,7 +119,7 @@ mod tests {
             frame_micros: frame_micros.to_vec(),
         };
         let frustum = trial([10, 10], [1.0, 2.0]);
-        // The first frame may cost 4 us and 10 objects, the second 8 us and 4 objects.
+        // Allowances: 4 us and 10 objects in the first frame, 8 us and 4 objects in the second.
         assert_eq!(
             trial([0, 6], [7.0, 24.0]).worst_over_gain(&frustum),
             2.0,

@@ -21,18 +21,18 @@ pub struct World {
     pub scene: Scene,
     /// Views of all frames, walk after walk.
     pub views: Vec<View>,
-    /// Camera pose of each frame and the index of its walk, for pictures. Empty where nothing is drawn.
+    /// Camera pose of each frame and the index of its walk, for pictures. Empty if nothing is drawn.
     pub poses: Vec<(Pose, usize)>,
-    /// Width and height in pixels of the picture that the views are for.
+    /// Width and height in pixels of the picture that the views render.
     pub size: (u32, u32),
     /// Cache of the data that cullers precompute from the world.
     pub prepared: Prepared,
-    /// Whether [`cells`](Self::cells) makes the cells of a scene that brings none, from its opaque
-    /// triangles. False for a new world.
+    /// Whether [`cells`](Self::cells) makes cells from the opaque triangles if the scene has none. False for
+    /// a new world.
     pub makes_cells: bool,
     /// Whether [`cells`](Self::cells) prints nothing. False for a new world.
     pub is_quiet: bool,
-    /// Cells made from the opaque triangles, or why there are none. Empty until they are first asked for.
+    /// Cells made from the opaque triangles, or the reason why there are none. Empty until first asked for.
     made_cells: OnceLock<Result<SourceCells, String>>,
 }
 
@@ -43,7 +43,7 @@ impl World {
     /// # Errors
     ///
     /// Returns [`WorldError::NoFrames`] when there are no frames, and [`WorldError::View`] when the camera of
-    /// a frame cannot be used.
+    /// a frame is invalid.
     pub fn new(source: SceneSource, size: (u32, u32), count: Option<usize>) -> Result<Self, WorldError> {
         let keys = source.walks.iter().map(|walk| walk.keys.len()).sum();
         let frames = frames(&source.walks, count.unwrap_or(keys));
@@ -66,7 +66,7 @@ impl World {
         Ok(Self::with_views(source, views, poses, size))
     }
 
-    /// Creates a world with given views, in world space. `poses` may be empty where nothing is drawn.
+    /// Creates a world with given views, in world space. `poses` may be empty if nothing is drawn.
     ///
     /// # Panics
     ///
@@ -89,8 +89,8 @@ impl World {
         for (id, object) in ids.into_iter().zip(&source.objects) {
             scene.set_triangles(id, object.fixed_triangles()).expect("the object was just inserted");
         }
-        // Occluders are two-sided unless their objects are not: built-in scenes and VSCN files are drawn with
-        // both faces, and may have any winding.
+        // Built-in scenes and VSCN files are drawn from both sides and may have any winding, so their
+        // occluders are two-sided.
         scene.prepare_occluders(&Preparation::default().with_two_sided(true));
         let (prepared, made_cells) = (Prepared::default(), OnceLock::new());
         Self { source, scene, views, poses, size, prepared, makes_cells: false, is_quiet: false, made_cells }
@@ -105,7 +105,8 @@ impl World {
         })
     }
 
-    /// Returns an error if there are too many triangles for a method that copies those of each instance.
+    /// Returns an error if there are too many triangles for a method that copies the triangles of every
+    /// instance.
     ///
     /// # Errors
     ///
@@ -122,22 +123,22 @@ impl World {
         if all > MOST { Err(refused()) } else { Ok(()) }
     }
 
-    /// Returns the index of the object of a triangle that an item buffer drew from [`items`](Self::items), or
-    /// some of them, and the triangle. `None` for an unknown number.
+    /// Returns the object's index and the triangle for a triangle number of an item buffer that drew
+    /// [`items`](Self::items), or some of them. `None` for an unknown number.
     pub fn drawn_triangle(&self, drawn: &SampledVisibility, item: u32) -> Option<(u32, [Vec3; 3])> {
         let object = drawn.objects()[drawn.object_of(item)?];
         let triangles = self.source.objects.get(object.key as usize)?.triangles.view();
         Some((object.key, triangles.get((item - object.first_triangle) as usize)?))
     }
 
-    /// Returns the cells and portals of the scene, with the objects in each cell: those that the scene
-    /// brings. If it brings none and [`makes_cells`](Self::makes_cells) is true, cells are made from its
-    /// opaque triangles on the first call, which says on standard error what it made and how long that
-    /// took. Gaps between triangles narrower than 2^-20 of the greatest coordinate then count as closed.
+    /// Returns the cells and portals of the scene, with the objects in each cell. If the scene has no cells
+    /// and [`makes_cells`](Self::makes_cells) is true, the first call makes cells from its opaque triangles,
+    /// and reports the result and the time on standard error. In these cells, gaps between triangles narrower
+    /// than 2^-20 of the greatest coordinate count as closed.
     ///
     /// # Errors
     ///
-    /// Returns a message if the scene has no cells and none can or may be made.
+    /// Returns a message if the scene has no cells, and cells cannot or must not be made.
     pub fn cells(&self) -> Result<&SourceCells, String> {
         if let Some(cells) = &self.source.cells {
             return Ok(cells);
@@ -149,7 +150,7 @@ impl World {
     }
 
     /// Makes cells from the opaque triangles of the scene, and lists the objects in each. Prints a line
-    /// before and a line after on standard error, and a word if most cameras of the walks stand in the
+    /// before and a line after on standard error, and a warning if most cameras of the walks stand in the
     /// open.
     fn make_cells(&self) -> Result<SourceCells, String> {
         self.check_copies()?;
@@ -189,8 +190,8 @@ impl World {
         Ok(cells)
     }
 
-    /// Returns the cells and portals for culling from a point: those with a cell per doorway where doorways
-    /// are known, otherwise those of [`cells`](Self::cells).
+    /// Returns the cells and portals for culling from a point: with an additional cell per doorway if
+    /// doorways are known, otherwise those of [`cells`](Self::cells).
     ///
     /// # Errors
     ///
@@ -199,20 +200,20 @@ impl World {
         self.cells().map(|cells| cells.with_doorways.as_deref().unwrap_or(cells))
     }
 
-    /// Returns the world-space point that the scene's coordinates are relative to.
+    /// Returns the scene's origin in world space, to which scene coordinates are relative.
     pub fn origin(&self) -> DVec3 {
         self.scene.origin()
     }
 }
 
-/// Returns all pairs of a cell and an object whose bounds meet the cell, touching included: a wall between
-/// two rooms is in both. Pairs are grouped by object.
+/// Returns all pairs of a cell and an object whose bounds meet or touch the cell. A wall between two rooms is
+/// in both. Pairs are grouped by object.
 pub fn objects_in_cells(scene: &Scene, ids: &[ObjectId], viewcells: &Viewcells) -> Vec<(CellId, ObjectId)> {
     let mut pairs = Vec::new();
     for &id in ids {
         let Ok(bounds) = scene.bounds(id) else { continue };
         let [min, max] = [bounds.min, bounds.max].map(|corner| corner.as_dvec3() + scene.origin());
-        // Cells are made from coordinates of f64, while bounds have been rounded to f32.
+        // Tolerance, because cells have f64 coordinates while bounds are rounded to f32.
         let slack = 1e-6 * min.abs().max(max.abs()).max_element();
         viewcells.for_each_touching(min - slack, max + slack, |cell| pairs.push((CellId(cell.0), id)));
     }
@@ -245,16 +246,16 @@ fn deep_enough(
 /// Reason why a world cannot be created.
 #[derive(Debug)]
 pub enum WorldError {
-    /// No frames: the scene has no camera walk, or zero frames were asked for.
+    /// There are no frames: the scene has no camera walk, or zero frames were asked for.
     NoFrames,
-    /// Camera of a frame that cannot be used.
+    /// The camera of a frame is invalid.
     View {
         /// Index of the frame among all frames of the walks.
         frame: usize,
         /// Reason why the camera gives no valid view.
         error: ViewError,
     },
-    /// Source that could not be made or read.
+    /// The source could not be made or read.
     Source(SourceError),
 }
 

@@ -1,5 +1,5 @@
-//! An occlusion map that draws every occluder of a scene, for tests: more occluders give more chances of an
-//! error, and maps of different kinds can be compared if they hold the same occluders.
+//! Occlusion map that draws every occluder of a scene, for tests: more occluders are more likely to reveal an
+//! error, and maps of different kinds are comparable if they contain the same occluders.
 
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{
@@ -8,13 +8,13 @@ use visibility_core::{
     scene::Boxes64,
 };
 
-/// A map that begins each frame with all occluders of a scene, whatever the view.
+/// Occlusion map that begins each frame by drawing all occluders of a scene, whatever the view.
 pub(crate) struct AllOccluders<M> {
     map: M,
     occluders: Vec<(OccluderMesh, Affine3A)>,
 }
 
-/// Returns a culler that draws all occluders of a scene, as the scene is now, into `map` in each frame.
+/// Returns a culler that draws all occluders of `scene`, in their present state, into `map` in each frame.
 pub(crate) fn all_occluders<M: OcclusionMap>(scene: &Scene, map: M) -> OcclusionCuller<AllOccluders<M>> {
     let occluders = scene.ids().filter_map(|id| scene.occluder(id));
     let occluders = occluders.map(|(mesh, transform)| (mesh.clone(), transform)).collect();

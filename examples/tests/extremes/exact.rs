@@ -1,5 +1,5 @@
-//! Objects that an exact culler must hide: objects of which each triangle is occluded by a single triangle of
-//! another object.
+//! Objects that an exact culler must hide, because each of their triangles is occluded by a single triangle
+//! of another object.
 
 use super::oracle::{NARROWEST, sight_line};
 use visibility_bsp::BspTree;

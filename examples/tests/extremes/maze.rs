@@ -133,8 +133,8 @@ impl Maze {
         }
     }
 
-    /// Returns the rooms and holes as cells and portals in a world with the given origin. `None` when a hole
-    /// is too small for the precision of coordinates there.
+    /// Returns the rooms and holes as cells and portals in a world with the given origin. `None` if a hole is
+    /// too small for the precision of coordinates at this distance.
     pub(crate) fn cells(&self, origin: DVec3) -> Option<SourceCells> {
         let place = |p: Vec3| p.as_dvec3() + origin;
         let holes = self

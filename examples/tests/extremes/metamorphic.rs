@@ -1,7 +1,7 @@
-//! Metamorphic tests: a culler must answer equally for worlds that look equal, scaled by a power of two,
-//! rotated by a right angle, mirrored, or with the objects in another order. Each new coordinate and matrix
-//! element is exact, so the picture does not change by a bit. Answers may differ only where sums are rounded
-//! in another order, or where a culler's choices depend on the order of the objects.
+//! Metamorphic tests: a culler must give the same answer if the world is scaled by a power of two, rotated by
+//! a right angle, mirrored, or its objects are reordered. Each new coordinate and matrix element is exact, so
+//! the picture does not change by a bit. Answers may differ only where sums are rounded in another order, or
+//! where a culler's choices depend on the order of the objects.
 
 use super::strategies::{Case, World, random, world};
 use super::{cases, entries, parse, shown};
@@ -37,7 +37,7 @@ fn changes() -> Vec<Change> {
     ]
 }
 
-/// Returns the percentage of answers that may differ after a change.
+/// Returns the percentage of answers that a change may alter.
 fn allowed(change: &Change, entry: &str, accuracy: Accuracy) -> u64 {
     let scaled = change.map.determinant().abs() != 1.0;
     match accuracy {
@@ -48,7 +48,8 @@ fn allowed(change: &Change, entry: &str, accuracy: Accuracy) -> u64 {
         _ if entry == "frustum" => 0,
         // An approximate culler may spend its budget on the other of two equal objects.
         Accuracy::Approximate => 8,
-        // The budget takes one of several equal occluders; other differences come from rounding.
+        // A limit on occluders may choose another one of several equal occluders; other differences come from
+        // rounding.
         _ => 3,
     }
 }
@@ -121,7 +122,8 @@ fn answers(entry: &str, world: &World) -> Option<(Accuracy, Vec<Vec<bool>>)> {
 #[test]
 fn what_looks_the_same_is_culled_the_same() {
     let entries = entries();
-    // By change and culler: differing answers, all answers, and the percentage that may differ.
+    // For each pair of a change and a culler: number of differing answers, number of all answers, and the
+    // percentage that may differ.
     let mut differing: BTreeMap<(&str, &str), [u64; 3]> = BTreeMap::new();
     let mut tried = 0;
     for world in (0..).map(|seed| random(&mut Random(seed))).filter_map(plain).take(cases(20) as usize) {

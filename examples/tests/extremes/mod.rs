@@ -1,11 +1,11 @@
 //! Tests of every culler at the extremes of its input: coordinates from 1e-30 to 1e30, eyes on vertices,
 //! edges and planes, degenerate polygons, cameras with tiny and huge fields of view. No culler may panic or
-//! hang, and a culler that promises to be conservative hides nothing that an exact ray sees.
+//! hang, and a conservative culler must hide nothing that an exact ray sees.
 //!
-//! The cullers come from the table of `walkthrough`, so a new culler is tested as soon as it is in that
-//! table, and so do the methods for viewcells from the table of `region`. `EXTREMES_CASES` sets the number of
-//! random worlds, 60 by default; `EXTREMES_CULLERS=naylor,bsp` selects the cullers whose names begin with one
-//! of these words.
+//! The cullers come from the table of `walkthrough`, and the methods for viewcells from the table of
+//! `region`, so a new one is tested as soon as it is in its table. `EXTREMES_CASES` sets the number of random
+//! worlds, 60 by default; `EXTREMES_CULLERS=naylor,bsp` selects the cullers whose names begin with one of
+//! these words.
 
 mod exact;
 mod maze;
@@ -20,7 +20,7 @@ use visibility_core::{Accuracy, FrustumCuller, Pipeline, View, VisibleSet};
 use visibility_examples::walkthrough::cullers::{self, parse};
 use visibility_testing::Random;
 
-/// Returns all cullers at each setting of their dials, without pipelines of several stages. The environment
+/// Returns all cullers at each of their settings, without pipelines of several stages. The environment
 /// variable `EXTREMES_CULLERS` filters them by prefix.
 fn entries() -> Vec<String> {
     let all = cullers::entries().into_iter().filter(|entry| !entry.contains('+'));
@@ -30,12 +30,12 @@ fn entries() -> Vec<String> {
     }
 }
 
-/// Tests whether a culler, by its entry in the table, works on cells and portals.
+/// Tests whether a culler, given as its entry in the table, needs cells and portals.
 fn is_of_rooms(entry: &str) -> bool {
     entry.starts_with("portals") || entry.starts_with("pvs")
 }
 
-/// Returns the number of random worlds to try: that of `EXTREMES_CASES`, or else `unless_set`.
+/// Returns the number of random worlds to try: the value of `EXTREMES_CASES`, or `unless_set` without it.
 fn cases(unless_set: u64) -> u64 {
     std::env::var("EXTREMES_CASES").ok().and_then(|text| text.parse().ok()).unwrap_or(unless_set)
 }
@@ -49,14 +49,14 @@ fn shown(world: &World, pipeline: &mut Pipeline, view: &View, visible: &mut Visi
     shown
 }
 
-/// Counts of what a culler did over several worlds. `hidden` counts hidden objects over all views, and `rays`
-/// the rays shot at them.
+/// Counts of a culler's answers over several worlds. `hidden` counts hidden objects over all views, and
+/// `rays` the rays shot at them.
 #[derive(Default, Debug)]
 struct Tally {
     worlds: usize,
     hidden: usize,
     rays: usize,
-    /// Number of objects that an exact culler had to hide, each found hidden.
+    /// Number of objects that an exact culler had to hide, all of which it hid.
     surely: usize,
 }
 
@@ -65,7 +65,7 @@ struct Tally {
 /// that does not suit the world is skipped.
 fn check(entry: &str, case: &strategies::Case, rng: &mut Random, tally: &mut Tally) {
     let world: &World = &case.world;
-    // A culler that does not suit the world is an error here.
+    // Skips a culler that does not suit the world.
     let Ok(mut made) = parse(entry, world) else { return };
     let mut pipeline = made.remove(0).1;
     tally.worlds += 1;
@@ -81,8 +81,8 @@ fn check(entry: &str, case: &strategies::Case, rng: &mut Random, tally: &mut Tal
         if !accuracy.never_hides() {
             continue;
         }
-        // An exact culler hides nothing beyond the frustum in views whose picture rounding blurs; such views
-        // are not checked.
+        // If rounding blurs the picture, an exact culler does not hide objects outside the frustum. Such
+        // views are not checked.
         if accuracy == Accuracy::Exact && shown(world, &mut frustum, view, &mut visible) != seen {
             for index in (0..seen.len()).filter(|&index| exact::surely_hidden(world, view, index)) {
                 tally.surely += 1;
@@ -135,7 +135,7 @@ fn random_worlds_at_the_extremes() {
 #[test]
 fn rooms_at_the_extremes() {
     let mut entries = entries();
-    // Cells made from the walls, in addition to the cells that the world brings.
+    // Adds sets for cells made from the walls, besides the cells that the world has.
     entries.extend(["pvs:walls", "pvs:bsp"].map(String::from));
     try_worlds(&entries, strategies::rooms, cases(150));
 }

@@ -1,5 +1,5 @@
-//! Oracle of visibility by rays in f64 with bounds on their own rounding: a point counts as visible only
-//! beyond doubt.
+//! Visibility oracle by rays in f64, with bounds on its own rounding: a point counts as visible only if
+//! rounding leaves no doubt.
 
 use visibility_core::glam::{DVec2, DVec3, Vec3};
 use visibility_core::{Accuracy, View, pvs::Viewcell, view::Eye};
@@ -10,7 +10,7 @@ use visibility_testing::Random;
 /// Number of random points tried on each object.
 const POINTS: usize = 6;
 
-/// Searches a point of an object that is visible beyond any doubt of rounding: an unobstructed segment runs
+/// Searches for a point of an object that is certainly visible despite rounding: an unobstructed segment runs
 /// to it from the eye, inside the view. `None` if no random point is.
 ///
 /// For an exact culler, which may miss narrow gaps (one that promises exactness misses at most a
@@ -69,9 +69,9 @@ pub(crate) fn seen_point(
     None
 }
 
-/// Searches a segment from a viewcell to an object that is unobstructed beyond any doubt of rounding. `None`
-/// if no random segment is, or the viewcell has no finite point. `object` is an index; `rays` is increased by
-/// the number of segments tried. The ends of the segment are relative to the scene's origin.
+/// Searches for a segment from a viewcell to an object that is certainly unobstructed despite rounding.
+/// `None` if no random segment is, or the viewcell has no finite point. `object` is an index; `rays` is
+/// increased by the number of segments tried. The ends of the segment are relative to the scene's origin.
 pub(crate) fn sight_from_cell(
     world: &World,
     cell: &Viewcell,
@@ -85,7 +85,7 @@ pub(crate) fn sight_from_cell(
         return None;
     }
     (0..POINTS).find_map(|_| {
-        // Viewpoints at corners, on edges and on faces see most.
+        // Viewpoints are often at corners, on edges and on faces, from where most is visible.
         let part = DVec3::from_array([0, 1, 2].map(|_| {
             let within = rng.unit();
             rng.pick(&[0.0, 1.0, within])
@@ -183,8 +183,8 @@ pub(crate) fn sight_line(view: &View, origin: DVec3, point: DVec3) -> Option<Seg
     from.is_finite().then_some(Segment { from, to: point })
 }
 
-/// Segments that a portal culler may legitimately miss: those from an eye outside all rooms but within a
-/// tolerance of one, and, for baked sets, those that pass a portal edge within the clearance. The default
+/// Segments that a portal culler may miss without being wrong: those from an eye outside all rooms but within
+/// a tolerance of one, and, for baked sets, those that pass a portal edge within the clearance. The default
 /// allows none.
 #[derive(Default)]
 pub(crate) struct Rooms {
@@ -244,7 +244,7 @@ impl Segment {
     fn distance(&self, other: &Self) -> f64 {
         let (u, v, w) = (self.to - self.from, other.to - other.from, self.from - other.from);
         let [uu, uv, vv, uw, vw] = [u.dot(u), u.dot(v), v.dot(v), u.dot(w), v.dot(w)];
-        // The nearest point on one line, then the nearest point to it on the other line, then back again,
+        // The nearest point on this line, then the point of the other line nearest to it, then back again,
         // each clamped to its segment.
         let within = |x: f64| if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) };
         let on_this = within((uv * vw - vv * uw) / (uu * vv - uv * uv));
@@ -258,20 +258,20 @@ impl Segment {
     fn may_meet(&self, triangle: &[Vec3; 3]) -> bool {
         let corners = triangle.map(|p| p.as_dvec3());
         if corners.iter().any(|p| !p.is_finite()) {
-            // What an engine draws of a non-finite triangle is undefined, so it may block the segment.
+            // An engine may draw anything for a non-finite triangle, so it may block the segment.
             return true;
         }
-        // The triangle is entirely on the outer side of one face of the segment's box.
+        // The triangle is certainly outside of one face of the segment's box.
         let (low, high) = (self.from.min(self.to), self.from.max(self.to));
         if (0..3).any(|i| corners.iter().all(|p| p[i] < low[i]) || corners.iter().all(|p| p[i] > high[i])) {
             return false;
         }
-        // The segment's line passes two edges on different sides.
+        // The segment's line certainly passes two edges on different sides.
         let signs = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| side(self.from, self.to, corners[i], corners[j]));
         if signs.contains(&Some(1)) && signs.contains(&Some(-1)) {
             return false;
         }
-        // Both ends are on one side of the triangle's plane.
+        // Both ends of the segment are certainly on one side of the triangle's plane.
         let [a, b, c] = corners;
         let ends = [self.from, self.to].map(|p| side(a, b, c, p));
         !(ends == [Some(1); 2] || ends == [Some(-1); 2])

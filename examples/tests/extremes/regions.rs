@@ -1,4 +1,4 @@
-//! Tests of every method for viewcells at the extremes: on the random worlds of the other cullers, from
+//! Tests of every method for viewcells at the extremes: on the same random worlds as the cullers, from
 //! viewcells that are points, slabs, huge, inverted, cut by planes, infinite or NaN.
 
 use super::strategies::{self, Case};
@@ -10,8 +10,8 @@ use visibility_examples::region::methods::{self, METHODS};
 use visibility_examples::region::trial;
 use visibility_testing::Random;
 
-/// Returns all methods with dials that make them quick, filtered by prefix by the environment variable
-/// `EXTREMES_CULLERS`.
+/// Returns all methods with fast settings. The environment variable `EXTREMES_CULLERS` filters them by
+/// prefix.
 fn entries() -> Vec<String> {
     let all = METHODS.iter().map(|entry| match entry.name {
         "rays" => "rays:2000".to_owned(),
@@ -24,8 +24,8 @@ fn entries() -> Vec<String> {
     }
 }
 
-/// Makes viewcells around the eyes of a world's views: boxes with sides from nothing to a thousand times the
-/// distance from the eye to an object, and one that is spoiled.
+/// Makes viewcells around the eyes of a world's views: boxes with sides from 0 to a thousand times the
+/// distance from the eye to an object, and one with invalid numbers.
 fn viewcells(case: &Case, rng: &mut Random) -> Vec<Viewcell> {
     let world = &case.world;
     let eyes = world.views.iter().filter_map(|view| match view.eye(world.origin()) {
@@ -53,7 +53,7 @@ fn viewcells(case: &Case, rng: &mut Random) -> Vec<Viewcell> {
     cells
 }
 
-/// Cuts a viewcell to a box with axes of its own.
+/// Adds planes to a viewcell that cut it to a randomly rotated box.
 fn turn(cell: &mut Viewcell, middle: DVec3, half: DVec3, rng: &mut Random) {
     let turn = DQuat::from_axis_angle(rng.direction(), rng.range(0.0, 3.0));
     cell.planes = (0..3)
@@ -65,7 +65,7 @@ fn turn(cell: &mut Viewcell, middle: DVec3, half: DVec3, rng: &mut Random) {
         .collect();
 }
 
-/// Puts hostile numbers into a viewcell.
+/// Puts NaN, infinities, huge or reversed numbers into a viewcell.
 fn spoiled(mut cell: Viewcell, rng: &mut Random) -> Viewcell {
     const BAD: [f64; 7] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, f64::MAX, -f64::MAX, 1e30, 5e-324];
     match rng.below(6) {
@@ -74,7 +74,7 @@ fn spoiled(mut cell: Viewcell, rng: &mut Random) -> Viewcell {
         2 => (cell.min, cell.max) = (cell.max + DVec3::splat(1.0), cell.min),
         3 => (cell.min, cell.max) = (DVec3::splat(-rng.pick(&BAD)), DVec3::splat(rng.pick(&BAD))),
         4 => cell.planes.push(Plane::new(rng.vector(1.0) * rng.pick(&BAD), rng.pick(&BAD))),
-        // Two planes that leave nothing between them.
+        // Two opposite planes with no point between them.
         _ => {
             let normal = rng.direction();
             cell.planes.push(Plane::through(cell.max, normal));
@@ -84,8 +84,8 @@ fn spoiled(mut cell: Viewcell, rng: &mut Random) -> Viewcell {
     cell
 }
 
-/// Runs a method from viewcells of a world, and fails if a ray reaches an object that it hides although it
-/// never hides visible ones. Returns the numbers of objects hidden and of rays tried.
+/// Runs a method on viewcells of a world. If the method promises to hide nothing visible, fails if a ray
+/// reaches a hidden object. Returns the numbers of objects hidden and of rays tried.
 fn check(name: &str, case: &Case, cells: &[Viewcell], rng: &mut Random) -> [usize; 2] {
     let world = &case.world;
     let mut method = methods::parse(name, world).expect("a method of the table").remove(0).1;
@@ -113,7 +113,7 @@ fn methods_for_viewcells_at_the_extremes() {
         let case = strategies::random(&mut rng);
         let cells = viewcells(&case, &mut rng);
         for (entry, sum) in entries.iter().zip(&mut sums) {
-            // These take up to a second for a viewcell.
+            // Slow methods take up to a second per viewcell, so they are tested on every tenth world.
             let is_slow = ["exact", "share", "volume"].contains(&entry.as_str());
             if !is_slow || seed % 10 == 0 {
                 let counts = check(entry, &case, &cells, &mut rng);

@@ -22,7 +22,7 @@ pub(crate) fn random(rng: &mut Random) -> Case {
     if kind == 5 { rooms(rng) } else { loose(rng, kind) }
 }
 
-/// Makes a world of objects anywhere. `kind` from 0 to 4 selects their shapes.
+/// Makes a world of objects without rooms. `kind` from 0 to 4 selects their shapes.
 fn loose(rng: &mut Random, kind: usize) -> Case {
     let mut objects = Vec::new();
     let count = 1 + rng.below(40);
@@ -68,7 +68,7 @@ fn loose(rng: &mut Random, kind: usize) -> Case {
     Case { what, world: world(objects, None, origin, views) }
 }
 
-/// Makes a world of objects in rooms that are given as cells and portals.
+/// Makes a world of objects in rooms, with the rooms as cells and portals.
 pub(crate) fn rooms(rng: &mut Random) -> Case {
     let mut maze = Maze::random(rng);
     let mut what = format!("{} rooms, {} holes", maze.rooms.len(), maze.holes.len());
@@ -116,7 +116,7 @@ pub(crate) fn soup(rng: &mut Random) -> Triangles {
         let mut corner = || (centre + rng.vector(1.0)).as_vec3();
         let (a, b, c) = (corner(), corner(), corner());
         triangles.push(match rng.below(8) {
-            // No area: a point, an edge, three collinear points.
+            // Triangles of no area: a point, an edge, three collinear points.
             0 => [a, a, a],
             1 => [a, b, b],
             2 => [a, b, a + (b - a) * 0.5],
@@ -124,7 +124,7 @@ pub(crate) fn soup(rng: &mut Random) -> Triangles {
             3 => [a, b, a + (b - a) * 0.5 + Vec3::splat(1e-6)],
             // Nearly coplanar with the first triangle.
             4 if !triangles.is_empty() => triangles[0].map(|p| p + Vec3::new(0.0, 0.0, 1e-6)),
-            // The reverse of the triangle before.
+            // The previous triangle with reversed winding.
             5 if !triangles.is_empty() => {
                 let [a, b, c] = triangles[triangles.len() - 1];
                 [a, c, b]
@@ -164,7 +164,7 @@ fn wall(rng: &mut Random) -> Triangles {
     cuboid(rng.vector(4.0).round(), half)
 }
 
-/// Makes an upright wall around corners, of one height or of several: no convex solid.
+/// Makes an upright wall along a polyline, of one height or of several. Its surface is not convex.
 fn crooked_wall(rng: &mut Random) -> Triangles {
     let mut corner = rng.vector(4.0);
     let mut triangles = Vec::new();
@@ -182,7 +182,7 @@ fn crooked_wall(rng: &mut Random) -> Triangles {
     triangles
 }
 
-/// Makes hilly ground of squares, of which some are missing.
+/// Makes hilly ground of squares, some of which are missing.
 fn ground(rng: &mut Random) -> Triangles {
     let (corner, side, count) = (rng.vector(4.0), rng.range(0.2, 2.0), 2 + rng.below(5));
     let steep = rng.range(0.0, 2.0);
@@ -214,7 +214,7 @@ fn stretch(rng: &mut Random, what: &mut String) -> (DVec3, DVec3) {
     let scale = match rng.below(4) {
         0 => DVec3::ONE,
         1 => DVec3::splat(power(rng)),
-        // The axes differ by factors that keep most volumes within the range of f32.
+        // Scales that differ between axes, by factors that keep most volumes within the range of f32.
         2 => DVec3::new(power(rng), power(rng), power(rng)).powf(0.3),
         _ => DVec3::splat(power(rng).powf(0.3)),
     };
@@ -294,7 +294,7 @@ fn view(rng: &mut Random, objects: &[SourceObject], reach: f64, scale: DVec3, or
         1 => by_matrix(rng, &pose, size),
         _ => View::perspective(pose, degrees.to_radians(), rng.pick(&[0.1, 1.0, 1.78]), near, far),
     };
-    // A refused camera is tested elsewhere; here an ordinary camera replaces it.
+    // Invalid cameras are tested elsewhere, so an ordinary camera replaces one.
     made.unwrap_or_else(|_| {
         View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 100.0)
             .expect("an ordinary camera")

@@ -1,4 +1,4 @@
-//! Tests of the loader's reading of a file: extensions, accessors, instances, and what is missing or refused.
+//! Tests of how the loader reads a file: extensions, accessors, instances, and missing or invalid content.
 
 use super::{CORNERS, FLOAT, File, points, rectangle, triangle};
 use glam::Vec3;
@@ -131,7 +131,7 @@ fn sparse_accessors_replace_elements_of_a_view_or_of_zeros() {
     file.root["accessors"][0]["count"] = json!(2);
     let error = file.read().expect_err("beyond").to_string();
     assert!(error.contains("accessor 0: sparse element 2 is beyond its 2 elements"), "{error}");
-    // Zeros are no bytes of the file, so there may not be any number of them.
+    // Zeros take no bytes of the file, so their number must be limited.
     file.root["accessors"][0] = json!({"componentType": FLOAT, "type": "VEC3", "count": 2_000_000});
     assert!(
         file.read().expect_err("many zeros").to_string().contains("without a buffer view"),
@@ -145,7 +145,7 @@ fn draco_is_named_with_what_to_run() {
     let extension = json!({"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": 0}}});
     file.root["meshes"][0]["primitives"][0]["extensions"] = extension;
     file.root["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]);
-    // Positions that are there uncompressed are read.
+    // Uncompressed positions are read even beside a compressed form.
     assert_eq!(points(&file.scene()), CORNERS, "uncompressed positions are read");
     file.root["accessors"][0].as_object_mut().expect("an accessor").remove("bufferView");
     let error = file.read().expect_err("Draco").to_string();
@@ -166,7 +166,7 @@ fn forged_containers_hierarchies_and_keys_are_refused() {
     for length in [12, 16, 20, 20 + text - 4, 20 + text, 28 + text, bytes.len() - 4, bytes.len() + 4] {
         let error = with_length(length).expect_err("another length");
         assert!(error.contains("the header claims"), "{length}: {error}");
-        // The file itself may be as long as it says.
+        // Bytes cut anywhere, except at the end of the text chunk with a matching length, are an error.
         if let Some(cut) = bytes.get(..length).filter(|_| length != 20 + text) {
             let mut cut = cut.to_vec();
             cut[8..12].copy_from_slice(&(length as u32).to_le_bytes());
@@ -211,7 +211,7 @@ fn pipes_are_not_waited_for() {
 fn instances_are_placed_one_by_one() {
     let mut file = triangle();
     let translations = file.floats(&[[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]]);
-    // Two rotations: none, and a quarter turn about z, as bytes.
+    // Two rotations as normalized bytes: none, and a quarter turn about z.
     let half = (127.0 * 0.5f32.sqrt()).round() as u8;
     let rotations = file.accessor(&[0, 0, 0, 127, 0, 0, half, half], 5120, "VEC4", 2);
     file.root["accessors"][rotations]["normalized"] = json!(true);
@@ -255,7 +255,7 @@ fn instances_have_the_number_of_any_attribute() {
 #[test]
 #[ignore = "seconds, and a minute without optimization"]
 fn copies_without_end_are_refused() {
-    // Two hundred nodes with a million copies each, of zeros that no byte stands for.
+    // Two hundred nodes with a million copies each, whose transforms are zeros without bytes in the file.
     let mut file = triangle();
     let many = file.push("accessors", json!({"componentType": FLOAT, "type": "VEC3", "count": 1_000_000}));
     file.root["meshes"][0]["primitives"][0]["mode"] = json!(0);

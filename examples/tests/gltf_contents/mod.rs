@@ -1,4 +1,4 @@
-//! Tests of what the glTF loader makes of valid files. Each test makes its file, and knows the right values.
+//! Tests of valid glTF files: each test builds a file, and compares the loaded scene with known values.
 
 mod accessors;
 mod placement;
@@ -12,7 +12,7 @@ use visibility_examples::gltf_file::parse;
 use visibility_examples::walkthrough::{World, cullers, run};
 use visibility_examples::{CameraKey, SceneSource, SourceError, Walk};
 
-/// File in the making: a document whose accessors are appended to one buffer.
+/// Builder of a glTF file, which appends the data of accessors to one buffer.
 struct File {
     root: Value,
     bytes: Vec<u8>,
@@ -21,7 +21,7 @@ struct File {
 const FLOAT: u32 = 5126;
 
 impl File {
-    /// Makes a file with a node for each of the meshes to come.
+    /// Creates a file with a node for each of its future meshes.
     fn new() -> Self {
         let root = json!({
             "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}], "nodes": [], "meshes": [],
@@ -30,7 +30,7 @@ impl File {
         Self { root, bytes: Vec::new() }
     }
 
-    /// Appends to a list of the document, and returns the index.
+    /// Appends an item to a list of the document, and returns its index.
     fn push(&mut self, list: &str, item: Value) -> usize {
         let list = self.root[list].as_array_mut().expect("a list");
         list.push(item);
@@ -62,7 +62,7 @@ impl File {
         self.accessor(&bytes, FLOAT, kind, vectors.len())
     }
 
-    /// Appends a mesh of the triangles between points in a row, and returns its index.
+    /// Appends a mesh of triangles, whose corners are consecutive `points`, and returns its index.
     fn mesh(&mut self, points: &[[f32; 3]]) -> usize {
         let positions = self.floats(points);
         self.push("meshes", json!({"primitives": [{"attributes": {"POSITION": positions}}]}))
@@ -75,7 +75,7 @@ impl File {
         index
     }
 
-    /// Appends a clip with one channel.
+    /// Appends an animation with one channel.
     fn clip(&mut self, node: usize, path: &str, times: &[f32], values: usize, interpolation: &str) {
         let times: Vec<[f32; 1]> = times.iter().map(|&time| [time]).collect();
         let input = self.floats(&times);
@@ -112,7 +112,7 @@ impl File {
     }
 }
 
-/// Returns the corners of the triangle that most tests use.
+/// Corners of the triangle that most tests use.
 const CORNERS: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
 
 /// Returns a file with one triangle, placed by one node.
@@ -123,7 +123,7 @@ fn triangle() -> File {
     file
 }
 
-/// Returns the corners of two triangles of a rectangle that faces z, and the twelve triangles of a box.
+/// Returns the six corners of the two triangles of a rectangle that faces z.
 fn rectangle([a, b]: [f32; 2], [c, d]: [f32; 2], z: f32) -> Vec<[f32; 3]> {
     vec![[a, c, z], [b, c, z], [b, d, z], [a, c, z], [b, d, z], [a, d, z]]
 }

@@ -1,4 +1,4 @@
-//! Tests of where a glTF file is placed: far from the origin, in other units, with another axis up.
+//! Tests of a glTF file's placement in the world: far from the origin, in other units, with another up axis.
 
 use super::{File, door, rectangle, reported};
 use glam::{DVec3, Vec3};
@@ -7,7 +7,7 @@ use std::path::Path;
 use visibility_examples::gltf_file::parse_as;
 use visibility_examples::{Reading, SceneSource};
 
-/// Returns a file with a board and a box behind its edge, below a root at `x`.
+/// Returns a file with a board and a box behind the board's edge. Both are below a root node at `x`.
 fn edge(x: f64) -> File {
     let mut file = File::new();
     let board = file.mesh(&rectangle([-30.0, 0.13], [-3.0, 3.0], 0.0));
@@ -43,12 +43,12 @@ fn far_from_the_origin_coordinates_are_relative_to_a_point_near_the_content() {
         far.clone().with_walks().walks[0].keys[0].eye.distance(there) < 1000.0,
         "the walk is near the content"
     );
-    // Coordinates in the text are more exact than f32: 0.4 m apart at 3,900 km.
+    // Coordinates in the JSON text are more precise than f32: 0.4 m are resolved at a distance of 3,900 km.
     let apart = edge(3_900_000.4).scene();
     let [a, b] = [&far, &apart]
         .map(|scene| scene.objects[0].triangles.view().get(0).unwrap()[0].as_dvec3() + scene.origin);
     assert!((b - a - DVec3::new(0.4, 0.0, 0.0)).length() < 1e-5, "{a} {b}");
-    // A scene around its origin keeps it, however large.
+    // A scene around the document's origin keeps this origin, however large.
     let mut wide = edge(0.0);
     wide.root["nodes"][0]["scale"] = json!([1000, 1000, 1000]);
     assert_eq!(wide.scene().origin, DVec3::ZERO, "the origin of a large scene around 0");
@@ -66,14 +66,14 @@ fn movers_far_from_the_origin_are_relative_to_it_too() {
     assert!((high - DVec3::new(2.0, 7.0, 6.4e6)).length() < 0.01, "{high}");
 }
 
-/// Arguments of a program that reads a scene file.
+/// Command-line arguments of a program that reads a scene file.
 #[derive(clap::Parser)]
 struct Arguments {
     #[command(flatten)]
     reading: Reading,
 }
 
-/// Returns the scene of a box of a size, read in a way.
+/// Returns the scene of a box with the given size, read with the given options.
 fn boxed(size: [f32; 3], reading: &Reading) -> SceneSource {
     let [x, y, z] = size;
     let mut file = File::new();
@@ -134,7 +134,7 @@ fn a_house_on_its_side_gets_a_hint() {
          in cm, say --unit cm",
         "the height is that along z"
     );
-    // A house that stands, and a thing of few parts.
+    // No notes for a house that stands upright, nor for a thing with few parts.
     assert_eq!(
         notes(8.0, 10, true) + &notes(8.0, 7, false),
         "",

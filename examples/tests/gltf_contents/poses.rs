@@ -1,4 +1,4 @@
-//! Tests of what moves in a glTF file: skins, clips and morph targets, bounded over all their poses.
+//! Tests of moving objects in glTF files: bounds over all poses of skins, animations and morph targets.
 
 use super::{CORNERS, File, door, points, reported, triangle};
 use glam::{DQuat, DVec3, Quat, Vec3};
@@ -7,8 +7,8 @@ use serde_json::json;
 use visibility_examples::Hint;
 use visibility_examples::pvs::built::polygons;
 
-/// Returns a file with a triangle that two joints move: the first two corners by the first alone, the third
-/// half by each. The node itself is elsewhere.
+/// Returns a file with a triangle skinned to two joints. The first two corners follow the first joint only,
+/// and the third corner follows both joints equally. The node of the mesh itself is elsewhere.
 fn skinned() -> File {
     let mut file = triangle();
     file.node(json!({"translation": [10, 0, 0], "name": "root joint"}));
@@ -29,7 +29,8 @@ fn skinned() -> File {
 #[test]
 fn skins_are_placed_by_their_joints() {
     let scene = skinned().scene();
-    // (0, 2, 0) by the first joint is (10, 2, 0), and by the second 2 (1, 2, 0) + (0, 4, 0) = (2, 8, 0).
+    // The third corner (0, 2, 0) becomes (10, 2, 0) by the first joint, and 2 (1, 2, 0) + (0, 4, 0) = (2, 8,
+    // 0) by the second.
     assert_eq!(
         points(&scene),
         [[10.0, 0.0, 0.0], [11.0, 0.0, 0.0], [6.0, 5.0, 0.0]],
@@ -80,12 +81,12 @@ fn what_a_clip_moves_hides_nothing_and_is_seen_wherever_it_goes() {
     let mut hinted = file.scene();
     hinted.objects[0].take(Hint::Occluder);
     assert_eq!(polygons(&hinted).0.len(), 2, "triangles of walls of cells: the box, and not the moving door");
-    // From above the closed door, looking up, only the open door could be seen.
+    // A camera above the closed door that looks up could only see the open door.
     let above =
         |file: &File| reported(file.scene(), "frustum", DVec3::new(0.0, 4.0, 2.0), DVec3::new(0.0, 9.0, 0.0));
     assert_eq!(above(&file), [0], "objects seen from above, looking up");
     assert_eq!(file.scene().notes.len(), 1, "notes of a file with a clip");
-    // A clip that keeps the door at rest moves nothing.
+    // A clip that keeps the door in its rest pose does not make it a moving object.
     file.root["animations"] = json!(null);
     file.root.as_object_mut().expect("a document").remove("animations");
     let values = file.floats(&[[0.0, 0.0, 0.0], [-0.0, 0.0, 0.0]]);
@@ -97,7 +98,7 @@ fn what_a_clip_moves_hides_nothing_and_is_seen_wherever_it_goes() {
         (vec![0], vec![], vec![]),
         "a clip that keeps the door at rest: seen ahead, seen above, and notes"
     );
-    // A node that a pointer moves may be anywhere.
+    // A node that `KHR_animation_pointer` moves may be anywhere, so its object is never culled.
     let pointer = json!({"KHR_animation_pointer": {"pointer": "/nodes/0/translation"}});
     let target = json!({"path": "pointer", "extensions": pointer});
     file.root["animations"][0]["channels"][0]["target"] = target;
@@ -110,10 +111,11 @@ fn what_a_clip_moves_hides_nothing_and_is_seen_wherever_it_goes() {
 
 #[test]
 fn poses_between_keys_are_within_the_bounds() {
-    // Hinges turn from -60 to 60 degrees about y. What they turn reaches farthest along x in the middle.
+    // Hinges rotate from -60 to 60 degrees about y. A point on the hinge's x axis is farthest along x in the
+    // middle.
     let ends = [-60.0f32, 60.0].map(|degrees| Quat::from_rotation_y(degrees.to_radians()).to_array());
     let leaf = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.5, 0.0]];
-    // A leaf, an arm with a leaf at its end, and an arm with a leaf that turns as well.
+    // Cases: a leaf, an arm with a leaf at its end, and an arm with a leaf that rotates as well.
     for (arm, turns, farthest) in [(false, 1, 1.0), (true, 1, 10.1), (true, 2, 10.1)] {
         let mut file = File::new();
         let size = if arm { 0.1 } else { 1.0 };
@@ -136,14 +138,14 @@ fn poses_between_keys_are_within_the_bounds() {
         let (_, high) = motion(&file);
         assert!((farthest..farthest * 1.15).contains(&high.x), "{arm} {turns}: {high}");
     }
-    // A cubic spline leaves its first key, and comes back: its middle is at 8 (t^3 - 2 t^2 + t).
+    // A cubic spline that leaves its first key and returns: it is 8 (t^3 - 2 t^2 + t) at time t.
     let mut file = triangle();
     let still = [0.0; 3];
     let values = file.floats(&[still, still, [8.0, 0.0, 0.0], still, still, still]);
     file.clip(0, "translation", &[0.0, 1.0], values, "CUBICSPLINE");
     let (low, high) = motion(&file);
     assert!((59.0 / 27.0..2.3).contains(&high.x) && low.x > -0.1, "{low} {high}");
-    // Sizes and places at a key that the pose at rest has not.
+    // Scale and translation at the clip's only key differ from the rest pose.
     for (path, farthest) in [("scale", 3.0), ("translation", 4.0)] {
         let mut file = triangle();
         let values = file.floats(&[[3.0, 1.0, 1.0], [1.0, 1.0, 1.0], [1.0, 1.0, 1.0]]);
@@ -196,7 +198,7 @@ fn weights_that_a_pointer_moves_may_be_any() {
     }
 }
 
-/// Value of a channel at a time, by the formulas of the specification's appendix C.
+/// Returns the value of a channel at a time, by the formulas of appendix C of the glTF specification.
 fn at(times: &[f32], values: &[Vec<f64>], kind: &str, time: f64, is_rotation: bool) -> Vec<f64> {
     let cubic = kind == "CUBICSPLINE";
     let value = |key: usize| values[if cubic { 3 * key + 1 } else { key }].clone();
@@ -245,7 +247,7 @@ proptest! {
         keys in 1usize..4,
         matrix in any::<bool>(),
     ) {
-        // Three nodes in a row, each with channels for translation, rotation and scale.
+        // A chain of three nodes, each with channels for translation, rotation and scale.
         let mut numbers = numbers.into_iter().cycle();
         let mut next = || numbers.next().expect("numbers without end");
         let mut file = File::new();
@@ -291,7 +293,7 @@ proptest! {
         }
         let (low, high) = motion(&file);
         let (mut least, mut most) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        // The first pose is that at rest.
+        // The first pose is the rest pose.
         for step in -1..=600 {
             let time = f64::from(step) * 2.5 / 600.0;
             for corner in CORNERS {
@@ -311,7 +313,8 @@ proptest! {
                 (least, most) = (least.min(p), most.max(p));
             }
         }
-        // The bounds are loose by the length of a step, and more where quaternions turn wildly.
+        // The bounds may exceed the tight ones by the motion of one step, and more if cubic splines of
+        // quaternions turn wildly.
         let (size, tight) = ((high - low).length(), (most - least).length());
         let is_wild = channels.iter().any(|(_, part, _, kind)| (*part, *kind) == (1, "CUBICSPLINE"));
         prop_assert!(is_wild || size <= 4.0 * tight + 0.1, "{size} for {tight}");

@@ -1,4 +1,4 @@
-//! Cullers with what they are made from, which is brought up to date with the scene from time to time.
+//! Cullers together with the data they are made from, which are synced with the scene from time to time.
 
 use glam::DVec3;
 use std::sync::Arc;
@@ -15,10 +15,10 @@ use visibility_hzb::{Hom, Hzb, HzbCuller};
 use visibility_plp::{Budget, ConservativePlpCuller, DelaunayTessellation, OctreeTessellation};
 use visibility_testing::PlainMap;
 
-/// A culler, and how it follows the scene.
+/// Culler that can be synced with a scene.
 pub(crate) trait Live {
     fn name(&self) -> &str;
-    /// Distance in metres from the scene's origin, along each axis, within which eyes are.
+    /// Greatest distance in metres of eyes from the scene's origin along each axis.
     fn reach(&self) -> f64 {
         12.0
     }
@@ -58,7 +58,8 @@ fn map<M: OcclusionMap + 'static>(name: &'static str, map: M) -> Box<dyn Live> {
     live(name, OcclusionCuller::new(map), |_, _| {})
 }
 
-/// A device whose answers arrive a frame late, for the picture in which they were asked.
+/// Simulated query device whose answers arrive one frame late, and hold for the picture in which they were
+/// asked.
 pub(crate) struct LateDevice {
     map: PlainMap,
     asked: Vec<(u64, bool)>,
@@ -85,7 +86,7 @@ impl QueryDevice for LateDevice {
     }
 }
 
-/// Hardware queries whose device is told of the view, as an engine's would be.
+/// Culler with hardware queries, which passes the view to its device as an engine would.
 pub(crate) struct Queries(pub(crate) HardwareQueries<LateDevice>);
 
 impl OcclusionMap for Queries {
@@ -135,7 +136,7 @@ impl OcclusionMap for Queries {
     }
 }
 
-/// Culls each view twice, as a camera at rest: late answers count in the second frame alone.
+/// Culls each view twice, like a camera at rest, since late answers only count in the second frame.
 struct Twice<C>(C);
 
 impl<C: Culler> Culler for Twice<C> {

@@ -1,5 +1,5 @@
-//! Maps that are used without the driver: a frame has nothing of the frames before, whatever was added,
-//! flushed or asked there, and wherever the origin was.
+//! Tests of occlusion maps without the driver: a frame must contain nothing of earlier frames, whatever was
+//! added, flushed or tested in those, and wherever the origin was.
 
 use super::live::{LateDevice, Queries};
 use super::world::{Camera, move_origin, scene};
@@ -11,7 +11,7 @@ use visibility_core::{Aabb, OcclusionMap, Scene};
 use visibility_hzb::{Hom, Hzb};
 use visibility_testing::Random;
 
-/// Draws some occluders of a scene, and flushes the map in some frames.
+/// Draws some occluders of a scene into a map, and flushes it if `flushes`.
 fn draw(map: &mut dyn OcclusionMap, scene: &Scene, rng: &mut Random, flushes: bool) {
     for id in scene.ids() {
         let (mesh, ref transform) = scene.occluder(id).unwrap();
@@ -24,7 +24,7 @@ fn draw(map: &mut dyn OcclusionMap, scene: &Scene, rng: &mut Random, flushes: bo
     }
 }
 
-/// Runs a map and compares each frame with that of a map that is made for the frame.
+/// Runs a map for many frames, and compares each frame with a map newly made for it.
 fn hold<M: OcclusionMap>(make: fn() -> M) {
     let mut rng = Random(3);
     let (mut scene, mut live) = (scene(&mut rng), make());
@@ -32,7 +32,7 @@ fn hold<M: OcclusionMap>(make: fn() -> M) {
     let mut hidden = 0;
     for frame in 0..120 {
         let camera = Camera::random(&scene, 12.0, &mut rng);
-        // A frame that ends before its occluders take effect, or after.
+        // An extra frame, ended before or after its occluders take effect.
         live.begin(&camera.view, scene.origin());
         draw(&mut live, &scene, &mut rng, frame % 2 == 0);
         for bounds in &boxes {
@@ -67,7 +67,7 @@ fn a_frame_of_a_map_has_nothing_of_the_frames_before() {
     hold(OcclusionTree::new);
 }
 
-/// Late answers are of a frame before: they count in it alone.
+/// Late answers belong to an earlier frame, and only count with that frame's origin.
 #[test]
 fn late_answers_are_of_their_origin() {
     for late in [LateAnswers::Visible, LateAnswers::Trusted { frames: 8 }] {

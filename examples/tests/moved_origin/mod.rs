@@ -1,11 +1,11 @@
-//! Tests of everything that outlives a call and keeps coordinates: the origin of the scene moves between any
-//! two calls, and nothing that is certainly seen in the world is hidden.
+//! Tests of all types that keep coordinates between calls: the origin of the scene moves between any two
+//! calls, and no object that is certainly visible in the world may be hidden.
 //!
-//! Scene coordinates are relative to an origin, so equal numbers are other places once the origin has moved,
-//! and the same place has other numbers. Each trial moves the origin, moves it there and back, by amounts
-//! that lose bits, in a clone with the same ids, sets numbers anew as they are, and sets numbers so that the
-//! world stays. The cullers come from the table of `walkthrough`, the methods for viewcells from the table of
-//! `region`; what those tables do not sync is listed in `live`.
+//! Scene coordinates are relative to an origin, so when the origin moves, equal coordinates mean another
+//! place in the world. Trials move the origin, move it and back, move it by amounts that lose bits, move it
+//! in a clone with the same ids, set all coordinates again unchanged, and set coordinates so that the world
+//! stays in place. The cullers come from the table of `walkthrough`, the methods for viewcells from the table
+//! of `region`; types that those tables do not sync are in `live`.
 
 mod live;
 mod maps;
@@ -22,18 +22,18 @@ use visibility_examples::{SceneSource, SourceObject};
 use visibility_testing::Random;
 use world::{Camera, disturb, move_origin, surely_seen, triangles_of, world_boxes};
 
-/// What a trial compared.
+/// Counts of a trial's comparisons.
 #[derive(Default, Debug)]
 struct Count {
-    /// Objects certainly seen, each found in the set.
+    /// Number of certainly visible objects, all of which were in the culler's set.
     seen: usize,
     hidden: usize,
-    /// Objects that the frustum alone leaves and the culler hides.
+    /// Number of objects that the frustum leaves and the culler hides.
     occluded: usize,
 }
 
-/// Culls one view with a culler after the frustum, while the origin moves between the two in one of four
-/// frames. Panics if an object that is certainly seen is missing.
+/// Culls one view with the frustum and then a culler. In a quarter of the frames the origin moves between
+/// these two. Panics if a certainly visible object is missing.
 fn judge(live: &mut dyn Live, scene: &mut Scene, frame: usize, rng: &mut Random, count: &mut Count) {
     let camera = Camera::random(scene, live.reach(), rng);
     let name = live.name().to_owned();
@@ -63,7 +63,7 @@ fn judge(live: &mut dyn Live, scene: &mut Scene, frame: usize, rng: &mut Random,
     }
 }
 
-/// Runs a live culler, which is synced in half of the frames.
+/// Runs a culler, and syncs it in half of the frames.
 fn run(live: &mut dyn Live, seed: u64, frames: usize, count: &mut Count) {
     let mut rng = Random(seed);
     let mut scene = world::scene(&mut rng);
@@ -106,7 +106,7 @@ fn live_cullers_hide_nothing_seen_in_long_runs() {
     run_all(10..40, 1000);
 }
 
-/// Makes the world of a scene: sources that cullers of the table are made from.
+/// Makes a world from a scene, as source for the cullers of the table.
 fn source_world(scene: &Scene) -> World {
     let objects = world_objects(scene);
     let origin = scene.origin();
@@ -119,10 +119,11 @@ fn world_objects(scene: &Scene) -> Vec<SourceObject> {
     scene.ids().map(|id| SourceObject::new(format!("object {}", id.index()), triangles(id))).collect()
 }
 
-/// Cullers made from a world that then moves: what was made in advance is not synced.
+/// Cullers made from a world whose scene then moves, without a sync of their precomputed data.
 #[test]
 fn known_cullers_hide_nothing_seen_after_the_origin_moved() {
-    // The occluders of a level stand still in the world, by the caller's word: here all objects move.
+    // The occluders of a level are promised to stand still in the world. Here all objects move, so
+    // `hzb-level` is left out.
     let moves = |entry: &String| !entry.contains('+') && !entry.starts_with("hzb-level");
     for entry in cullers::entries().into_iter().filter(moves) {
         let mut count = Count::default();

@@ -1,6 +1,6 @@
-//! Cells, portals and visible sets, which are in world space, beside a scene whose origin moves. The rooms
-//! stay where they are in the world; objects are where the scene says. What is certainly seen is found by
-//! segments that cross each wall between rooms in its door.
+//! Tests of cells, portals and visible sets in world space, with a scene whose origin moves. The rooms stay
+//! in place in the world; objects are where the scene puts them. Certainly visible objects are found by
+//! segments that cross each wall between rooms inside its door.
 
 use super::world::{Camera, move_origin, world_boxes};
 use glam::DVec3;
@@ -18,16 +18,16 @@ const ROOMS: usize = 6;
 /// Sides in metres of a room, along x, y and z.
 const ROOM: DVec3 = DVec3::new(4.0, 4.0, 3.0);
 
-/// Distance in metres by which lines of the oracle keep off the frames of doors and the walls.
+/// Least distance in metres between the oracle's segments and walls or door frames.
 const DOUBT: f64 = 5e-3;
 
-/// Rooms in a row along x from `base` on, with a door in each wall between two.
+/// Rooms in a row along x, starting at `base`, with a door in each wall between two rooms.
 struct Rooms {
     base: DVec3,
 }
 
 impl Rooms {
-    /// Returns the ends along y of the door to room `number`; doors reach from the floor to 2 m.
+    /// Returns the two ends along y of the door to room `number`. Doors reach from the floor up to 2 m.
     fn door(number: usize) -> [f64; 2] {
         let from = [0.4, 2.4, 1.5][number % 3];
         [from, from + 1.1]
@@ -52,7 +52,7 @@ impl Rooms {
         at.cmpgt(DVec3::splat(DOUBT)).all() && at.cmplt(size - DOUBT).all()
     }
 
-    /// Returns whether a segment within the building certainly meets no wall between rooms.
+    /// Returns whether a segment inside the building certainly meets no wall between rooms.
     fn is_free(&self, from: DVec3, to: DVec3) -> bool {
         let (a, b) = (from - self.base, to - self.base);
         (1..ROOMS).all(|number| {
@@ -70,7 +70,7 @@ impl Rooms {
     }
 }
 
-/// A portal eye whose cells are synced from outside.
+/// Portal eye whose cells are synced by the test.
 struct Synced {
     cells: SceneCells,
     eye: PortalEye,
@@ -90,7 +90,7 @@ impl Culler for Synced {
     }
 }
 
-/// Prepares the visible sets of the cells for a scene as it is now.
+/// Makes the visible sets of the cells for the present state of a scene.
 fn sets(rooms: &Rooms, scene: &Scene) -> Arc<ScenePvs> {
     let cells = rooms.cells();
     let outcome = Bake::new(CellBaker::new(cells.graph(), BakerSettings::default()).unwrap()).run();

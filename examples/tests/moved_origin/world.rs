@@ -1,26 +1,26 @@
-//! Boxes in a scene whose origin moves, and what is certainly seen of them: computed from the bounds that the
-//! scene returns plus its origin, in `f64` world coordinates, by rays and slabs alone.
+//! Boxes in a scene whose origin moves, and an oracle for certainly visible ones, which works in `f64` world
+//! coordinates (the scene's bounds plus its origin) with rays and slabs only.
 
 use glam::DVec3;
 use visibility_core::occlusion::Preparation;
 use visibility_core::{Aabb, Object, ObjectId, Pose, Scene, View};
 use visibility_testing::Random;
 
-/// Distance in metres by which the oracle widens what stands in the way of a ray, and by which its points are
-/// inside the picture. Greater than the step of `f64` at the farthest origin.
+/// Tolerance of the oracle in metres, greater than the spacing of `f64` at the farthest origin: it widens
+/// obstacles by this much, and its points are at least this far inside the picture.
 const DOUBT: f64 = 1e-3;
 
-/// Number of walls, the objects with the least indices.
+/// Number of walls, which are the objects with the least indices.
 const WALLS: usize = 12;
 
-/// Returns the only side of an object's box that has triangles, as axis and end (0: minimum). `None` for all
-/// six.
+/// Returns the axis and the end (0: minimum, 1: maximum) of the only side of an object's box that has
+/// triangles. `None` if all six sides have.
 fn only_side(index: usize) -> Option<[usize; 2]> {
     (index >= WALLS && index.is_multiple_of(3)).then_some([index / 3 % 3, index / 9 % 2])
 }
 
-/// Returns the triangles of the object with an index, anticlockwise from outside: those of its box or of one
-/// side of it.
+/// Returns the triangles of the object with an index, anticlockwise from outside: all sides of its box, or
+/// only one.
 pub(crate) fn triangles_of(index: usize, bounds: &Aabb) -> Vec<[glam::Vec3; 3]> {
     let corners = bounds.corners();
     let all = visibility_core::OccluderMesh::CUBOID.iter().map(|t| t.map(|i| corners[i as usize]));
@@ -32,7 +32,7 @@ pub(crate) fn triangles_of(index: usize, bounds: &Aabb) -> Vec<[glam::Vec3; 3]> 
 }
 
 /// Makes a scene of 12 walls and 60 small boxes around the origin, each with an occluder mesh. A third of the
-/// small boxes have triangles on one side alone, drawn from outside.
+/// small boxes have triangles on only one side, drawn from outside.
 pub(crate) fn scene(rng: &mut Random) -> Scene {
     let mut scene = Scene::new();
     for number in 0..WALLS + 60 {
@@ -55,24 +55,24 @@ pub(crate) fn move_origin(scene: &mut Scene, rng: &mut Random) {
     let old = scene.origin();
     let step = rng.vector(8.0);
     match rng.below(6) {
-        // The numbers stay, and the world moves.
+        // Coordinates stay, so the world moves.
         0 => scene.set_origin(old + step).unwrap(),
-        // There and back.
+        // The origin moves and returns.
         1 => {
             scene.set_origin(old + step).unwrap();
             scene.set_origin(old).unwrap();
         }
-        // To where sums lose bits, and back.
+        // The origin moves to where coordinates lose bits, and returns.
         2 => {
             let far = rng.pick(&[1e-7, 1e6, 1e9]);
             scene.set_origin(if old.length() > 1e4 { step } else { step + rng.vector(far) }).unwrap();
         }
-        // A clone, which has the same ids.
+        // The origin moves in a clone, which has the same ids.
         3 => {
             *scene = scene.clone();
             scene.set_origin(old + step).unwrap();
         }
-        // The world stays, up to rounding, and the numbers move.
+        // The world stays in place up to rounding, so coordinates change.
         4 => {
             scene.set_origin(old + step).unwrap();
             set_all(scene, |bounds| {
@@ -81,7 +81,7 @@ pub(crate) fn move_origin(scene: &mut Scene, rng: &mut Random) {
                 Aabb::new(min, max)
             });
         }
-        // All numbers are set to what they are, and the world moves.
+        // All coordinates are set again unchanged, so the world moves.
         _ => {
             scene.set_origin(old + step).unwrap();
             let same: Vec<_> = scene.ids().map(|id| (id, scene.bounds(id).unwrap())).collect();
@@ -93,7 +93,7 @@ pub(crate) fn move_origin(scene: &mut Scene, rng: &mut Random) {
 /// Changes the scene in one of several ways, most of which move the origin.
 pub(crate) fn disturb(scene: &mut Scene, rng: &mut Random) {
     if rng.one_in(4) {
-        // Two objects change places: the numbers of one are those that the other had.
+        // Two objects exchange their bounds.
         let ids: Vec<ObjectId> = scene.ids().collect();
         let (a, b) = (rng.pick(&ids), rng.pick(&ids));
         let (of_a, of_b) = (scene.bounds(a).unwrap(), scene.bounds(b).unwrap());
@@ -107,7 +107,7 @@ pub(crate) fn disturb(scene: &mut Scene, rng: &mut Random) {
     }
 }
 
-/// Sets the bounds of all objects, and triangles and occluder meshes with them.
+/// Sets the bounds of all objects, with matching triangles and occluder meshes.
 fn set_all(scene: &mut Scene, mut to: impl FnMut(Aabb) -> Aabb) {
     let ids: Vec<ObjectId> = scene.ids().collect();
     for id in ids {
@@ -118,7 +118,7 @@ fn set_all(scene: &mut Scene, mut to: impl FnMut(Aabb) -> Aabb) {
     scene.prepare_occluders(&Preparation::default());
 }
 
-/// A camera in `f64` world coordinates.
+/// Camera in `f64` world coordinates.
 pub(crate) struct Camera {
     pub(crate) eye: DVec3,
     pub(crate) view: View,
@@ -127,7 +127,7 @@ pub(crate) struct Camera {
     up: DVec3,
 }
 
-/// Tangents of half the angles of the picture, across and upwards.
+/// Tangents of half the horizontal and half the vertical field of view.
 const TANGENTS: [f64; 2] = [0.9, 0.6];
 
 impl Camera {
@@ -140,8 +140,8 @@ impl Camera {
         Self { eye, view, forward, right, up: right.cross(forward) }
     }
 
-    /// Makes a camera among the objects of a scene as it is now, with the eye within `reach` metres of the
-    /// scene's origin along each axis.
+    /// Makes a camera among the present objects of a scene, with the eye within `reach` metres of the scene's
+    /// origin along each axis.
     pub(crate) fn random(scene: &Scene, reach: f64, rng: &mut Random) -> Self {
         let eye = scene.origin() + rng.vector(reach);
         Self::new(eye, scene.origin() + rng.vector(6.0) - eye)
@@ -155,7 +155,7 @@ impl Camera {
     }
 }
 
-/// Returns minimum and maximum corner of each object in world space, by object index.
+/// Returns the minimum and maximum corner of each object in world space, in the order of object indices.
 pub(crate) fn world_boxes(scene: &Scene) -> Vec<(ObjectId, [DVec3; 2])> {
     let corners = |id| {
         let bounds = scene.bounds(id).unwrap();
@@ -164,7 +164,7 @@ pub(crate) fn world_boxes(scene: &Scene) -> Vec<(ObjectId, [DVec3; 2])> {
     scene.ids().map(corners).collect()
 }
 
-/// Returns whether a segment misses a box that is widened by [`DOUBT`].
+/// Returns whether a segment misses a box enlarged by [`DOUBT`].
 fn misses(from: DVec3, to: DVec3, [min, max]: [DVec3; 2]) -> bool {
     let (mut enter, mut leave) = (0.0f64, 1.0f64);
     for axis in 0..3 {
@@ -182,8 +182,8 @@ fn misses(from: DVec3, to: DVec3, [min, max]: [DVec3; 2]) -> bool {
     enter > leave
 }
 
-/// Returns a random point of the drawn sides of an object's box that are turned to the eye, away from the
-/// edges. `None` if the side that was drawn by lot is not turned to it.
+/// Returns a random point on a drawn side of an object's box, away from the edges. `None` if the randomly
+/// chosen side does not face the eye.
 fn facing_point(index: usize, [min, max]: [DVec3; 2], eye: DVec3, rng: &mut Random) -> Option<DVec3> {
     let only = only_side(index);
     let axis = only.map_or_else(|| rng.below(3), |[axis, _]| axis);
@@ -199,8 +199,8 @@ fn facing_point(index: usize, [min, max]: [DVec3; 2], eye: DVec3, rng: &mut Rand
     Some(point)
 }
 
-/// Returns the objects of which a point is certainly seen from an eye: the segment to it misses all other
-/// boxes. `shows` says which points are in the picture.
+/// Returns the objects with a point that is certainly visible from an eye: the segment to it misses all other
+/// boxes. `shows` tells which points are inside the picture.
 pub(crate) fn surely_seen(
     boxes: &[(ObjectId, [DVec3; 2])],
     eye: DVec3,
@@ -223,7 +223,7 @@ pub(crate) fn surely_seen(
 }
 
 impl Camera {
-    /// Returns the objects that are certainly seen in the picture.
+    /// Returns the objects that are certainly visible in the picture.
     pub(crate) fn surely_seen(&self, scene: &Scene, rng: &mut Random) -> Vec<ObjectId> {
         surely_seen(&world_boxes(scene), self.eye, |point| self.shows(point), rng)
     }

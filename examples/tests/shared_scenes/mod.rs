@@ -1,7 +1,7 @@
 //! Reference scenes for tests. They are large and not part of the repository. A test that needs them carries
-//! `#[cfg_attr(not(reference_scenes), ignore = "...")]`, a cfg that the build script sets if the scenes are
+//! `#[cfg_attr(not(reference_scenes), ignore = "...")]`; the build script sets this cfg if the scenes are
 //! found.
-#![allow(dead_code)] // No test uses all of it.
+#![allow(dead_code)] // No test uses all functions.
 
 use std::path::{Path, PathBuf};
 use visibility_examples::walkthrough::{Trial, World, cullers, judge, run};

@@ -1,12 +1,12 @@
-//! What the check of visibility takes in a frame, bevy's and this crate's, in one run: all systems of the set
-//! `CheckVisibility`, with 100,000 turned boxes of which none, a tenth or all move.
+//! Time per frame of the visibility check, by bevy and by this crate in one run: all systems of the set
+//! `CheckVisibility`, with 100,000 rotated boxes of which none, a tenth or all move.
 //!
 //! ```sh
 //! cargo bench --bench check
 //! ```
 //!
-//! `cargo bench --bench check -- 10000` takes that many entities; with `occluders`, one in 50 is a wall that
-//! hides.
+//! `cargo bench --bench check -- 10000` sets the number of entities; with `occluders`, one entity in 50 is an
+//! occluding wall.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -74,8 +74,8 @@ fn world(with_plugin: bool, count: u32, with_walls: bool) -> App {
     app
 }
 
-/// Runs a frame in which every `one_in`th entity has moved, and the camera has turned. Returns the time of
-/// the check.
+/// Runs a frame in which every `one_in`th entity has moved and the camera has turned. Returns the time of the
+/// visibility check.
 fn frame(app: &mut App, number: usize, one_in: Option<usize>) -> Duration {
     let mut moving = app.world_mut().query_filtered::<&mut Transform, With<Mesh3d>>();
     let way = if number.is_multiple_of(2) { 0.1 } else { -0.1 };
@@ -102,7 +102,7 @@ fn main() {
         for (name, one_in) in [("0 %", None), ("10 %", Some(10)), ("100 %", Some(1))] {
             let mut times = [Vec::new(), Vec::new()];
             for number in 0..WARM_UP + FRAMES {
-                // Frame by frame in turn, so that what else the machine does meets both.
+                // The apps alternate frame by frame, so that other load on the machine affects both alike.
                 for (app, times) in apps.iter_mut().zip(&mut times) {
                     let time = frame(app, number, one_in);
                     if number >= WARM_UP {

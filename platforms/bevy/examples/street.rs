@@ -1,5 +1,5 @@
-//! A street of houses, of which the near hide the far. Runs without a window: in a game, `DefaultPlugins`
-//! stands for bevy's five plugins below.
+//! A street of houses, the nearer of which occlude the farther. Runs without a window: a game uses
+//! `DefaultPlugins` instead of the five plugins below.
 use bevy_app::prelude::*;
 use bevy_asset::{AssetPlugin, Assets};
 use bevy_camera::{CameraPlugin, prelude::*};

@@ -1,4 +1,4 @@
-//! Culling by a baked set: the file of the program `bake`, whose objects are entities.
+//! Culling by a baked set: a file of the program `bake`, whose objects are entities.
 
 use crate::mirror::VisibilityScene;
 use bevy_camera::primitives::Aabb as BevyAabb;
@@ -16,31 +16,32 @@ use visibility_core::pvs::{PvsCuller, ScenePvs};
 use visibility_core::scene::{Changes, SceneCursor};
 use visibility_core::{Aabb, Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet};
 
-/// Tolerance for the place of an entity, in units of the greatest absolute coordinate: 4 mm at a kilometre.
-/// The box of an entity is rounded by its centre, its half extents and the transforms of its parents.
+/// Tolerance for the position of an entity, as a fraction of the greatest absolute coordinate: 4 mm at a
+/// kilometre. It covers the rounding of an entity's box by its centre, half extents and parents' transforms.
 const PLACE_TOLERANCE: f32 = 1.0 / (1 << 18) as f32;
 
-/// The index of an entity among the objects of a [`BakedLevel`], from 0 on. The objects of a glTF file are
-/// the primitives of its meshes, node by node, each node before its children. An index may be given to
-/// several entities that are parts of the object.
+/// The index, from 0, of an entity among the objects of a [`BakedLevel`]. The objects of a glTF file are the
+/// primitives of its meshes, node by node, each node before its children. Several entities that are parts of
+/// one object may share its index.
 ///
-/// The entity must be where the object was baked. It counts as visible from everywhere until its `Aabb` is
-/// known, and again once its transform, `Aabb` or `Mesh3d` has changed. Insert the component anew when the
-/// entity is back in its place.
+/// The entity must be at the position where the object was baked. It counts as visible from everywhere until
+/// its `Aabb` is known, and again after its transform, `Aabb` or `Mesh3d` has changed. If the entity returns
+/// to its baked position, insert the component again.
 #[derive(Component, Clone, Copy, PartialEq, Eq, Debug)]
 pub struct BakedObject(pub u32);
 
-/// A baked set of the level, as a resource. Cameras cull by it that have its [culler](Self::culler) in their
-/// [`CullingPipeline`](crate::CullingPipeline). Entities with a [`BakedObject`] are hidden where the set says
-/// so; all others are visible. An eye outside of the set's viewcells sees everything.
+/// Resource with the baked set of a level. A camera culls by the set if its
+/// [`CullingPipeline`](crate::CullingPipeline) has the set's [culler](Self::culler). Entities with a
+/// [`BakedObject`] are hidden if the set says so; all others are visible. An eye outside of the set's
+/// viewcells sees everything.
 ///
-/// What hid others in the bake must stay as it was. Nothing is hidden while an occluder of the bake is no
-/// longer as it was baked: its entity is gone, has changed, or is no longer its [`BakedObject`], and no other
-/// entity has taken the place. The culler is [approximate](Accuracy::Approximate) while the entity of an
-/// occluder has not been found yet, since nobody knows whether that wall is drawn.
+/// Occluders of the bake must stay unchanged. The set hides nothing while an occluder differs from its baked
+/// state: its entity is gone, has changed, or has lost its [`BakedObject`], and no other entity has replaced
+/// it. The culler is [approximate](Accuracy::Approximate) until the entity of each occluder has been found,
+/// since an occluder without an entity may not be drawn.
 ///
-/// A set is of one [version](BakedSet::version) of the level: `bake` prints it, and the game's level carries
-/// it. The culler of a set that was not compared with a version is approximate.
+/// A set belongs to one [version](BakedSet::version) of the level. `bake` prints the version, and the game
+/// stores it with the level. The culler of a set whose version was not compared is approximate.
 ///
 /// ```
 /// use bevy_camera::Camera3d;
@@ -62,49 +63,50 @@ pub struct BakedObject(pub u32);
 #[derive(Resource)]
 pub struct BakedLevel {
     set: BakedSet,
-    /// World box of each object in the bake, by index. `None` if places are not checked.
+    /// World box of each object in the bake, by index. `None` if the positions of entities are not checked.
     boxes: Option<Vec<Aabb>>,
     shared: Arc<Mutex<Sets>>,
     entities: HashMap<Entity, Place>,
-    /// By index of an occluder of the bake: how many entities were it as baked once, less those that have
-    /// taken their places since. No entry if that is 0.
+    /// For each baked occluder, by its index: number of entities that were once in its baked state, minus the
+    /// entities that have replaced them since. No entry if the number is 0.
     lost_occluders: HashMap<u32, usize>,
-    /// Whether no frame has followed the entities yet.
+    /// Whether entities have not been compared with the baked objects in any frame yet.
     is_new: bool,
     cursor: SceneCursor,
 }
 
-/// Where an entity with a [`BakedObject`] is. Entities whose place is not known yet have none.
+/// State of an entity with a [`BakedObject`] relative to the bake. Absent while its position is unknown.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Place {
-    /// Where it was baked: the entity's object in the scene, and its index in the bake.
+    /// The entity is at its baked position. The fields are its object in the scene and its index in the bake.
     AsBaked(ObjectId, u32),
-    /// No longer there: the entity was where it was baked once, and has changed since.
+    /// The entity has changed since it was at its baked position.
     Changed,
 }
 
-/// What the cullers of a level cull by.
+/// Visible sets that the level's cullers use.
 #[derive(Clone, Default, Debug)]
 enum Sets {
-    /// No frame has followed the entities yet, so the culler hides nothing.
+    /// Entities have not been compared with the baked objects yet, so the culler hides nothing.
     #[default]
     Unknown,
-    /// An occluder of the bake is not as baked any more, so the culler hides nothing.
+    /// An occluder of the bake differs from its baked state, so the culler hides nothing.
     WithoutOccluder,
     Of(Arc<ScenePvs>),
 }
 
 impl BakedLevel {
-    /// Reads the bytes of a file that `bake` has written for a level of this version, with objects of these
-    /// boxes: the least and the greatest corner of each, in world space, by index. An entity counts as its
-    /// [`BakedObject`] only if the object's box contains the entity's, up to rounding. An entity that is
-    /// turned by other than right angles mostly stays visible: the box around its turned `Aabb` is larger
-    /// than that around its mesh. Where the entity is in the box is the game's word. Without a version an
-    /// edit inside of a box, such as a new door, is not noticed, and the culler is approximate.
+    /// Reads the bytes of a file that `bake` has written for a level. `version` is the level's version.
+    /// `boxes` has the minimum and maximum corner of each object in world space, by index. An entity counts
+    /// as its [`BakedObject`] only if the object's box contains the entity's box, up to rounding. An entity
+    /// rotated by other than right angles mostly stays visible, because the box around its rotated `Aabb` is
+    /// larger than the box around its mesh. The position of the entity within the box is not checked. Without
+    /// a version, an edit inside a box, such as a new door, is not noticed, and the culler is approximate.
     ///
     /// # Errors
-    /// [`BakedSetError::OtherScene`] if the boxes are not, to the bit, those that the set was baked from;
-    /// [`BakedSetError::OtherVersion`]. Others if the bytes are damaged or something else.
+    /// [`BakedSetError::OtherScene`] if the boxes differ in any bit from those that the set was baked from.
+    /// [`BakedSetError::OtherVersion`] for another version. Other errors if the bytes are damaged or of
+    /// another format.
     pub fn read(
         file: &[u8],
         version: Option<u64>,
@@ -117,13 +119,12 @@ impl BakedLevel {
         Ok(level)
     }
 
-    /// Reads the bytes of a file that `bake` has written, and takes the game's word that each entity with a
-    /// [`BakedObject`] is where that object was baked when its `Aabb` becomes known. Entities that are
-    /// elsewhere, or that an edit has made visible, vanish from where they are seen: the culler is
-    /// approximate.
+    /// Reads the bytes of a file that `bake` has written. Does not check that each entity with a
+    /// [`BakedObject`] is at the baked position when its `Aabb` becomes known. Entities that are elsewhere,
+    /// or that became visible by an edit, may be hidden although visible: the culler is approximate.
     ///
     /// # Errors
-    /// [`BakedSetError`] if the bytes are damaged or something else.
+    /// [`BakedSetError`] if the bytes are damaged or of another format.
     pub fn read_unchecked(file: &[u8]) -> Result<Self, BakedSetError> {
         Ok(Self {
             set: BakedSet::from_bytes(file)?,
@@ -137,33 +138,34 @@ impl BakedLevel {
     }
 
     /// Makes a culler for the [`CullingPipeline`](crate::CullingPipeline) of one camera. It hides nothing
-    /// until the level is a resource.
+    /// until this level is inserted as a resource.
     pub fn culler(&self) -> BakedCuller {
         BakedCuller { shared: self.shared.clone(), culler: None, is_checked: self.set.is_checked() }
     }
 
-    /// Returns the set: its viewcells, and what is seen from each.
+    /// Returns the set: its viewcells, and the objects visible from each.
     pub fn set(&self) -> &BakedSet {
         &self.set
     }
 
-    /// Returns the number of entities that were where they were baked in the last frame, so that the set may
-    /// hide them.
+    /// Returns the number of entities that were at their baked position in the last frame, so that the set
+    /// may hide them.
     pub fn placed_count(&self) -> usize {
         self.entities.values().filter(|place| **place != Place::Changed).count()
     }
 
-    /// Returns the place of an entity that is where the object of this index was baked.
+    /// Returns the state of an entity that is at the baked position of the object with this index. `None`
+    /// elsewhere, and while its bounds are unknown.
     fn place(&self, mirror: &VisibilityScene, entity: Entity, index: u32) -> Option<Place> {
         let id = mirror.object(entity)?;
-        // Not finite as long as the entity has no `Aabb`, and for entities that are never culled.
+        // Bounds are not finite while the entity has no `Aabb`, and for entities that are never culled.
         let bounds = mirror.scene().bounds(id).ok().filter(Aabb::is_finite)?;
         let is_there = |boxes: &Vec<Aabb>| boxes.get(index as usize).is_some_and(|of| contains(of, &bounds));
         let is_known = (index as usize) < self.set.index_limit();
         (is_known && self.boxes.as_ref().is_none_or(is_there)).then_some(Place::AsBaked(id, index))
     }
 
-    /// Notes that an entity is where the object of an index was baked.
+    /// Records that an entity is at the baked position of the object with this index.
     fn insert(&mut self, entity: Entity, place: Place, index: u32) {
         self.entities.insert(entity, place);
         if let Entry::Occupied(mut count) = self.lost_occluders.entry(index) {
@@ -174,7 +176,7 @@ impl BakedLevel {
         }
     }
 
-    /// Notes that an entity is no longer where it was baked. Returns false if the entity has no place.
+    /// Records that an entity is no longer at its baked position. Returns false for an unrecorded entity.
     fn set_changed(&mut self, entity: Entity) -> bool {
         let Some(place) = self.entities.get_mut(&entity) else { return false };
         if let Place::AsBaked(_, index) = std::mem::replace(place, Place::Changed)
@@ -185,7 +187,7 @@ impl BakedLevel {
         true
     }
 
-    /// Notes that the entities of these objects are no longer where they were baked.
+    /// Records that the entities of these objects are no longer at their baked positions.
     fn set_all_changed(&mut self, is_changed: impl Fn(ObjectId) -> bool) {
         let places = self.entities.iter();
         let changed = places.filter(|(_, place)| matches!(place, Place::AsBaked(id, _) if is_changed(*id)));
@@ -195,26 +197,26 @@ impl BakedLevel {
         }
     }
 
-    /// Forgets an entity. Returns false if the entity has no place.
+    /// Forgets an entity. Returns false if the entity is not recorded.
     fn remove(&mut self, entity: Entity) -> bool {
         self.set_changed(entity);
         self.entities.remove(&entity).is_some()
     }
 }
 
-/// Returns whether a box contains another, up to [`PLACE_TOLERANCE`].
+/// Returns whether a box contains another, up to a tolerance of [`PLACE_TOLERANCE`].
 fn contains(outer: &Aabb, inner: &Aabb) -> bool {
     let greatest = [outer.min, outer.max].map(|corner| corner.abs().max_element());
     let margin = greatest[0].max(greatest[1]) * PLACE_TOLERANCE;
     (outer.min - margin).cmple(inner.min).all() && (outer.max + margin).cmpge(inner.max).all()
 }
 
-/// The culler of a [`BakedLevel`] for one camera.
+/// Culler of a [`BakedLevel`] for one camera.
 #[derive(Clone, Debug)]
 pub struct BakedCuller {
     shared: Arc<Mutex<Sets>>,
     culler: Option<PvsCuller<Arc<ScenePvs>>>,
-    /// Whether the set was compared with the version of the level.
+    /// Whether the set's version was compared with that of the level.
     is_checked: bool,
 }
 
@@ -265,9 +267,9 @@ type Candidate<'a> = (Entity, Ref<'a, BakedObject>, Option<Ref<'a, Mesh3d>>);
 
 type Touched = Or<(Changed<BakedObject>, Changed<GlobalTransform>, Changed<BevyAabb>, Changed<Mesh3d>)>;
 
-/// Finds the entities that are where they were baked, and prepares the set for the scene if there are more,
-/// or if the scene no longer tells what changed. `last` is the level of the last frame, by the address of
-/// what it shares.
+/// Finds the entities that are at their baked positions. Prepares the set for the scene again if there are
+/// new ones, or if the scene's change log no longer reaches back. `last` identifies the level of the last
+/// frame by the address of its shared data.
 pub(crate) fn follow_level(
     level: Option<ResMut<BakedLevel>>,
     mut last: Local<Option<usize>>,
@@ -295,7 +297,7 @@ pub(crate) fn follow_level(
     let is_new = std::mem::take(&mut level.is_new);
     let address = Some(Arc::as_ptr(&level.shared) as usize);
     if *last != address && !is_new {
-        // Nobody has followed the entities while the level was no resource.
+        // While the level was not a resource, changes of entities were not recorded.
         level.set_all_changed(|_| true);
         is_stale = true;
     }
@@ -305,7 +307,7 @@ pub(crate) fn follow_level(
             is_stale |= level.remove(entity);
         }
         if level.set_changed(entity) {
-            // The scene tells of a change of the box, but not of the mesh inside.
+            // The scene reports a change of the box, but not a change of the mesh inside.
             is_stale |= mesh.is_some_and(|mesh| mesh.is_changed());
         } else if let Some(place) = level.place(&mirror, entity, object.0) {
             level.insert(entity, place, object.0);
@@ -318,7 +320,7 @@ pub(crate) fn follow_level(
         touched.iter().for_each(&mut follow);
     }
     if is_stale {
-        // An entity that left the scene, such as one with `NoCpuCulling`, may not be drawn any more.
+        // An entity that left the scene, such as one with `NoCpuCulling`, may no longer be drawn.
         level.set_all_changed(|id| !scene.contains(id));
     }
     let sets = if !level.lost_occluders.is_empty() {

@@ -1,6 +1,7 @@
-//! bevy's cameras, frusta and layers in the types of `visibility-core`.
+//! Conversion of bevy's cameras, frusta and layers to the types of `visibility-core`.
 //!
-//! Vectors and matrices pass as arrays, so that bevy and core need not use the same version of glam.
+//! Vectors and matrices are converted through arrays, so that bevy and core may use different versions of
+//! glam.
 
 use bevy_camera::primitives::Frustum;
 use bevy_camera::visibility::RenderLayers;
@@ -15,12 +16,12 @@ use visibility_core::simd::Simd;
 use visibility_core::view::{Depth, ViewError, ViewPlane, Window};
 use visibility_core::{Aabb, Pose, View};
 
-/// The bit of a layer mask that stands for all layers from 31 on. Objects and views that share it must be
-/// compared by their [`RenderLayers`].
+/// Bit of a layer mask that stands for all layers from 31 on. If an object and a view share this bit, their
+/// [`RenderLayers`] must be compared.
 pub(crate) const OTHER_LAYERS: u32 = 1 << 31;
 
-/// Returns the view of a camera, or of the part of it that its `sub_camera_view` names. The matrix is
-/// relative to the camera's position, so that it loses nothing far from the origin.
+/// Returns the view of a camera, or of its part named by `sub_camera_view`. The matrix is relative to the
+/// camera's position, so that it stays precise far from the origin.
 ///
 /// # Errors
 /// Those of [`View::from_clip_from_world`], for a degenerate or non-finite camera.
@@ -38,8 +39,8 @@ pub(crate) fn camera_view(
     let clip_from_view = clip_from_view.to_cols_array().map(f64::from);
     let matrix = DMat4::from_cols_array(&clip_from_view) * DMat4::from_mat3(view_from_world);
     let eye = DVec3::from_array(place.translation.to_array().map(f64::from));
-    // What is wholly beyond the far plane of an orthographic camera is not drawn. bevy's perspective
-    // cameras have none.
+    // Objects beyond the far plane of an orthographic camera are not drawn. bevy's perspective cameras have
+    // no far plane.
     let depth = match projection {
         Projection::Orthographic(_) => Depth::Reversed,
         Projection::Perspective(_) | Projection::Custom(_) => Depth::ReversedInfinite,
@@ -47,15 +48,15 @@ pub(crate) fn camera_view(
     View::from_clip_from_world(matrix, depth)?.relative_to(eye)
 }
 
-/// Returns a view for cullers that look at its layers alone.
+/// Returns a view for cullers that only use its layers.
 pub(crate) fn any_view() -> View {
     let window = Window::centered(1.0, 1.0);
     let pose = Pose { eye: DVec3::ZERO, forward: DVec3::NEG_Z, up: DVec3::Y, right: DVec3::X };
     View::orthographic(pose, window, 0.0, 1.0).expect("a plain view has no degenerate or infinite part")
 }
 
-/// Returns the half-spaces of a frustum as a volume, the near and far plane only as told. A plane that is not
-/// finite, as bevy has them for frusta without a far plane, is left out.
+/// Returns the half-spaces of a frustum as a volume. `with_near` and `with_far` tell whether to include the
+/// near and the far plane. Planes that are not finite, as in bevy's frusta without a far plane, are left out.
 pub(crate) fn volume(frustum: &Frustum, with_near: bool, with_far: bool) -> ConvexVolume {
     let mut planes = [ViewPlane { plane: Plane::new(DVec3::ZERO, 0.0), error: 0.0 }; 6];
     let mut count = 0;
@@ -74,8 +75,8 @@ pub(crate) fn volume(frustum: &Frustum, with_near: bool, with_far: bool) -> Conv
     ConvexVolume::new(Simd::best(), &planes[..count])
 }
 
-/// Returns the mask of an entity's or a view's layers: bits 0 to 30 for the layers of these numbers, and
-/// [`OTHER_LAYERS`]. Without the component, layer 0.
+/// Returns the layer mask of an entity or a view: bits 0 to 30 for the layers with these numbers, and
+/// [`OTHER_LAYERS`]. Layer 0 if the component is absent.
 pub(crate) fn layer_mask(layers: Option<&RenderLayers>) -> u32 {
     let Some(layers) = layers else { return 1 };
     let bits = layers.bits();
@@ -84,17 +85,17 @@ pub(crate) fn layer_mask(layers: Option<&RenderLayers>) -> u32 {
     first as u32 & !OTHER_LAYERS | if has_others { OTHER_LAYERS } else { 0 }
 }
 
-/// Returns a transform of bevy as one of core.
+/// Converts a transform from bevy to core.
 #[inline]
 pub(crate) fn affine(transform: &Affine3A) -> glam::Affine3A {
-    // By coordinates, in registers: through one array it would be written and read again.
+    // Converts coordinate by coordinate, in registers. Going through one array would cost a store and a load.
     let vector = |v: bevy_math::Vec3A| glam::Vec3A::new(v.x, v.y, v.z);
     let [x, y, z] = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
     let matrix3 = glam::Mat3A::from_cols(vector(x), vector(y), vector(z));
     glam::Affine3A { matrix3, translation: vector(transform.translation) }
 }
 
-/// Returns a local box of bevy as one of core.
+/// Converts a local box from bevy to core.
 #[inline]
 pub(crate) fn local_box(aabb: &bevy_camera::primitives::Aabb) -> Aabb {
     let vector = |v: bevy_math::Vec3A| glam::Vec3::new(v.x, v.y, v.z);

@@ -1,4 +1,4 @@
-//! Culling for cameras.
+//! Frustum and occlusion culling for cameras.
 
 use crate::camera_view::{any_view, camera_view, layer_mask};
 use crate::entity_lists::EntitySorter;
@@ -14,8 +14,8 @@ use visibility_core::pipeline::Explanation;
 use visibility_core::{Accuracy, CullStats, Culler, FrustumCuller, Pipeline, Scene, View, VisibleSet};
 use visibility_hzb::{Hzb, HzbCuller};
 
-/// The cullers of a camera. Every camera is given one that culls by frustum and by occlusion. Insert another
-/// to choose:
+/// Component with the cullers of a camera. By default a camera culls by frustum and by occlusion. To choose
+/// other cullers, insert the component:
 ///
 /// ```
 /// use bevy_camera::Camera3d;
@@ -25,7 +25,7 @@ use visibility_hzb::{Hzb, HzbCuller};
 /// world.spawn((Camera3d::default(), CullingPipeline::occlusion(1024, 576)));
 /// ```
 ///
-/// Any [`Culler`] of the `visibility` crates will do: see [`with`](Self::with).
+/// Any [`Culler`] of the `visibility` crates can be added: see [`with`](Self::with).
 #[derive(Component, Debug)]
 pub struct CullingPipeline {
     pipeline: Pipeline,
@@ -40,22 +40,22 @@ impl Default for CullingPipeline {
 }
 
 impl CullingPipeline {
-    /// Culls by the camera's frustum alone.
+    /// Culls only by the camera's frustum.
     pub fn frustum() -> Self {
         Self::new(Pipeline::new().with(FrustumCuller::new()))
     }
 
-    /// Culls by the frustum, and by [occluders](crate::Occluder) drawn into a z-buffer of this size, in
-    /// pixels, clamped to the sizes that [`Hzb::new`] takes. A larger buffer hides more and takes longer. Any
-    /// size is right for a picture of any size.
+    /// Culls by the frustum, and by [occluders](crate::Occluder) drawn into a z-buffer of `width` by `height`
+    /// pixels, clamped to the sizes that [`Hzb::new`] accepts. A larger buffer hides more and takes longer.
+    /// The size need not match the picture.
     pub fn occlusion(width: usize, height: usize) -> Self {
         let side = |side: usize| side.clamp(visibility_hzb::MIN_SIDE, visibility_hzb::MAX_SIDE);
         let buffer = Hzb::new(side(width), side(height)).unwrap_or_default();
         Self::frustum().with(WhereOccluders(HzbCuller::new(buffer)))
     }
 
-    /// Culls by a pipeline of the caller's. To cull by portals, for example, put a `PortalCuller` of
-    /// `visibility-portals` behind a frustum culler. Its accuracy is up to its cullers.
+    /// Culls by a given pipeline. To cull by portals, for example, put a `PortalCuller` of
+    /// `visibility-portals` behind a frustum culler. The accuracy is that of the pipeline's cullers.
     pub fn new(pipeline: Pipeline) -> Self {
         Self { pipeline, visible: VisibleSet::new() }
     }
@@ -66,25 +66,25 @@ impl CullingPipeline {
         self
     }
 
-    /// Returns the pipeline: what its stages did in the last frame, and, if it
-    /// [explains](Pipeline::set_explaining), why an object is hidden.
+    /// Returns the pipeline, with the statistics of its stages in the last frame, and, if it
+    /// [explains](Pipeline::set_explaining), the reason why an object is hidden.
     pub fn pipeline(&self) -> &Pipeline {
         &self.pipeline
     }
 
-    /// Returns the pipeline, to freeze it or to have it explain.
+    /// Returns the pipeline mutably, to freeze it or to make it explain.
     pub fn pipeline_mut(&mut self) -> &mut Pipeline {
         &mut self.pipeline
     }
 
-    /// Returns the objects that the cullers left in the last frame. Those out of their `VisibilityRange` are
-    /// still among them.
+    /// Returns the objects that the cullers left visible in the last frame. Includes objects out of their
+    /// `VisibilityRange`.
     pub fn visible(&self) -> &VisibleSet {
         &self.visible
     }
 
-    /// Iterates over the entities that the camera culled in the last frame, each with the name of the culler
-    /// that did. Nothing unless the pipeline [explained](Pipeline::set_explaining) in that frame.
+    /// Iterates over the entities that the camera culled in the last frame, each with the name of its culler.
+    /// Empty unless the pipeline [explained](Pipeline::set_explaining) in that frame.
     pub fn culled<'a>(&'a self, scene: &'a VisibilityScene) -> impl Iterator<Item = (Entity, &'a str)> {
         scene.scene().ids().filter_map(|id| match self.pipeline.explain(id) {
             Explanation::RemovedBy(culler) => Some((scene.record(id).entity, culler)),
@@ -93,7 +93,7 @@ impl CullingPipeline {
     }
 }
 
-/// Culls by occlusion if the scene has occluders. Without, saves the walk.
+/// Occlusion culler that does nothing, at no cost, if the scene has no occluders.
 struct WhereOccluders(HzbCuller);
 
 impl Culler for WhereOccluders {
@@ -121,15 +121,15 @@ impl Culler for WhereOccluders {
     }
 }
 
-/// What views ask about some entities one by one.
+/// Components that a view must check for each single entity of some kinds.
 pub(crate) struct Exceptions<'a, 'w, 's> {
     pub(crate) ranges: Option<&'a VisibleEntityRanges>,
     pub(crate) layers: &'a Query<'w, 's, &'static RenderLayers>,
 }
 
 impl Exceptions<'_, '_, '_> {
-    /// Returns whether a view that found an object by box and layer mask shows the entity. `range_view` is
-    /// the view that visibility ranges are measured from.
+    /// Returns whether a view shows an entity whose bounds and layer mask it has found in view. `range_view`
+    /// is the view from which visibility ranges are measured.
     #[inline]
     pub(crate) fn show(
         &self,
@@ -150,17 +150,18 @@ impl Exceptions<'_, '_, '_> {
     }
 }
 
-/// Memory of culling, kept from frame to frame.
+/// Memory for culling, reused from frame to frame.
 pub(crate) struct Scratch {
     /// Visible entities, by class index.
     classes: Vec<EntitySorter>,
-    /// Visible entities of no class.
+    /// Visible entities without a class.
     unclassed: EntitySorter,
     list: Vec<Entity>,
     marks: Marks,
-    /// Pipeline of the cameras that do not cull: it keeps all entities.
+    /// Pipeline of cameras that do not cull: it keeps all entities.
     everything: CullingPipeline,
-    /// Pipeline of the cameras without one of their own. It remembers nothing, so all of them can share it.
+    /// Frustum pipeline of cameras without a `CullingPipeline`. All of them share it, since it keeps nothing
+    /// between frames.
     frustum: CullingPipeline,
 }
 
@@ -177,7 +178,7 @@ impl Default for Scratch {
     }
 }
 
-/// Culls for each active camera: fills its lists of visible entities, and marks these as visible.
+/// Culls for each active camera: fills its lists of visible entities, and marks these entities as visible.
 pub(crate) fn cull_cameras(
     mirror: Res<VisibilityScene>,
     mut scratch: Local<Scratch>,
@@ -207,12 +208,13 @@ pub(crate) fn cull_cameras(
         let (culling, view) = match (view, own.as_mut()) {
             (Some(view), Some(own)) if !culls_nothing => (&mut **own, view),
             (Some(view), None) if !culls_nothing => (&mut *frustum, view),
-            // Also if the projection is none: then everything on the camera's layers may be in view.
+            // A camera without a valid projection is not culled either, since everything on its layers may be
+            // in view.
             _ => (&mut *everything, any_view()),
         };
         let view = view.with_layers(layer_mask(own_layers));
         culling.pipeline.cull(mirror.scene(), &view, &mut culling.visible);
-        // Records and entities are read fastest in the order of memory.
+        // Records and entities are read fastest in memory order.
         culling.visible.sort_by_index(mirror.scene());
         classes.resize_with(mirror.classes().len(), EntitySorter::default);
         for &id in culling.visible.ids(mirror.scene()) {
@@ -255,9 +257,10 @@ impl Marks {
         self.entities.extend_from_slice(entities);
     }
 
-    /// Marks the entities, and forgets them. `count` is the number of entities in the world, roughly.
+    /// Marks the collected entities as visible, and clears the collection. `count` is the approximate number
+    /// of entities in the world.
     fn apply(&mut self, count: usize, results: &mut Query<(Entity, &mut ViewVisibility)>) {
-        // To look up an entity takes as long as to pass by some 12.
+        // Looking up one entity takes as long as iterating over about 12.
         if self.entities.len() < count / 12 {
             let mut results = results.iter_many_mut(&self.entities).matched();
             while let Some((_, mut result)) = results.fetch_next() {

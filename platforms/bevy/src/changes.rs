@@ -1,5 +1,5 @@
-//! Keeps the mirror in step with the entities, by bevy's change detection: work is done for what changed,
-//! beside a look at the change ticks of all entities.
+//! Updates the mirror scene from bevy's change detection. The work is proportional to the changes, plus a
+//! scan of the change ticks of all entities.
 
 use crate::camera_view::{affine, world_box};
 use crate::mirror::{Described, Followed, VisibilityScene};
@@ -25,15 +25,15 @@ use std::ops::Range;
 use visibility_core::glam::Affine3A;
 use visibility_core::{Aabb, ObjectId};
 
-/// Most nodes of the hierarchy that a frame tightens: about a microsecond each.
+/// Maximum number of hierarchy nodes that a frame tightens, at about a microsecond each.
 const MAINTENANCE_BUDGET: usize = 32;
-/// Rows of a table whose change ticks are looked at together.
+/// Number of table rows whose change ticks are scanned together.
 const ROWS: usize = 128;
 
-/// Everything whose removal changes what the scene should say of an entity.
+/// Readers of removed components that the scene depends on.
 #[derive(SystemParam)]
 pub(crate) struct Removals<'w, 's> {
-    /// Components that every followed entity has. If one is gone, the entity may be gone too.
+    /// Components that every followed entity has. If one was removed, the entity may be gone too.
     required: (
         RemovedComponents<'w, 's, InheritedVisibility>,
         RemovedComponents<'w, 's, ViewVisibility>,
@@ -80,13 +80,13 @@ impl Removals<'_, '_> {
 }
 
 /// Entities that were disabled or enabled since the last frame, by [`Disabled`] or by another disabling
-/// component of the world. Queries leave out disabled entities, with all of their changes.
+/// component of the world. Queries skip disabled entities, so their changes would be missed.
 ///
 /// [`Disabled`]: bevy_ecs::entity_disabling::Disabled
 #[derive(Resource, Default)]
 pub(crate) struct Toggled(Vec<Entity>);
 
-/// Lists the entities in [`Toggled`] whose disabling components come and go from now on.
+/// Adds observers that list entities in [`Toggled`] when a disabling component is added or removed.
 pub(crate) fn watch_disabling(world: &mut World) {
     let Some(filters) = world.get_resource::<DefaultQueryFilters>() else { return };
     let ids: Vec<_> = filters.disabling_ids().collect();
@@ -98,7 +98,7 @@ pub(crate) fn watch_disabling(world: &mut World) {
     }
 }
 
-/// Components that most entities lack, and whose arrival changes what the scene should say of an entity.
+/// Rare components whose addition affects the scene.
 type Arrived = Or<(
     Added<NoCpuCulling>,
     Added<NoFrustumCulling>,
@@ -111,7 +111,7 @@ type Arrived = Or<(
     Changed<Sphere>,
 )>;
 
-/// Components that most entities have: their ticks are read as slices.
+/// Components of most entities, whose change ticks are read as slices.
 type Common<'a> = (
     Entity,
     Ref<'a, GlobalTransform>,
@@ -123,7 +123,7 @@ type Common<'a> = (
     Has<Occluder>,
 );
 
-/// Lists that a sync fills and empties, kept for their memory.
+/// Lists that each sync fills and empties. Kept to reuse their memory.
 #[derive(Default)]
 pub(crate) struct Lists {
     touched: Vec<Entity>,
@@ -133,7 +133,7 @@ pub(crate) struct Lists {
 }
 
 impl Lists {
-    /// Lists an entity whose transform or `Aabb` changed; the latter if it is `is_reshaped`.
+    /// Lists an entity whose transform or `Aabb` has changed. `is_reshaped` tells that the `Aabb` changed.
     #[inline]
     fn push_moved(
         &mut self,
@@ -153,13 +153,13 @@ impl Lists {
             Some((id, record)) if record.is_occluder && !is_reshaped && can_occlude(&transform) => {
                 self.moved_occluders.push((id, affine(&transform)));
             }
-            // New to the scene, or another kind of object from now on.
+            // The entity is new to the scene, or must be described again.
             _ => self.touched.push(entity),
         }
     }
 }
 
-/// Brings the scene up to date with the entities.
+/// Updates the scene from the entities.
 pub(crate) fn sync_scene(
     mut mirror: ResMut<VisibilityScene>,
     mut lists: Local<Lists>,
@@ -192,7 +192,7 @@ pub(crate) fn sync_scene(
         lists.changed_meshes.clear();
     }
     find_common_changes(mirror, &common, lists);
-    // Objects are in the scene and their boxes are local where they must be, so these are no errors.
+    // The listed objects are in the scene and have local bounds where needed, so these calls cannot fail.
     let _ = mirror.scene.set_bounds_batch(&lists.moved);
     let _ = mirror.scene.set_transforms_batch(&lists.moved_occluders);
     lists.touched.sort_unstable();
@@ -209,10 +209,10 @@ pub(crate) fn sync_scene(
     lists.moved_occluders.clear();
 }
 
-/// The change ticks of a component's column, and what they are compared with.
+/// Change ticks of a component's column, and the ticks to compare them with.
 #[derive(Clone, Copy)]
 struct Ticks<'a> {
-    /// Change tick of each row of the table; empty if the table lacks the component.
+    /// Change tick of each row of the table. Empty if the table lacks the component.
     ticks: &'a [Tick],
     last_run: Tick,
     this_run: Tick,
@@ -228,7 +228,8 @@ impl<'a> Ticks<'a> {
         Self { ticks: column.added_ticks_slice(), ..Self::changed(column) }
     }
 
-    /// Number of these rows that are new since the last run. Compiles to vector instructions.
+    /// Returns the number of rows in a range that changed since the last run. Compiles to vector
+    /// instructions.
     fn count(&self, rows: Range<usize>) -> usize {
         let rows = self.ticks.get(rows).unwrap_or(&[]);
         rows.iter().filter(|tick| tick.is_newer_than(self.last_run, self.this_run)).count()
@@ -239,11 +240,11 @@ impl<'a> Ticks<'a> {
     }
 }
 
-/// Finds the entities of which a common component changed. Entities that only moved are listed with their
-/// new place, all others in `touched`.
+/// Finds the entities with a changed common component. Entities that only moved are listed with their new
+/// transform, all others in `touched`.
 fn find_common_changes(mirror: &VisibilityScene, common: &Query<Common, Followed>, lists: &mut Lists) {
     let Ok(tables) = common.contiguous_iter() else {
-        // Not by tables if a disabling component of the world is in sparse sets.
+        // Table columns cannot be used if a disabling component of the world is stored in sparse sets.
         return find_by_rows(mirror, common, lists);
     };
     for (entities, transforms, inherited, results, aabbs, layers, classes, occludes) in tables {
@@ -279,7 +280,7 @@ fn find_common_changes(mirror: &VisibilityScene, common: &Query<Common, Followed
     }
 }
 
-/// Finds the same changes entity by entity.
+/// Finds the same changes as [`find_common_changes`], entity by entity.
 fn find_by_rows(mirror: &VisibilityScene, common: &Query<Common, Followed>, lists: &mut Lists) {
     for (entity, transform, inherited, result, aabb, layers, classes, occludes) in common {
         if inherited.is_changed()

@@ -1,12 +1,12 @@
-//! Lists of entities in the order that bevy keeps them in.
+//! Lists of entities in bevy's sort order.
 
 use bevy_ecs::entity::{Entity, EntityGeneration};
 
-/// Collects entities and sorts them. Most entities of a world are of the first generation. They are sorted by
-/// one bit for each entity index, which takes a nanosecond or two an entity; all others by comparison.
+/// Collects entities and sorts them. Entities of the first generation, which most are, are sorted by one bit
+/// per entity index, in one or two nanoseconds each. All others are sorted by comparison.
 #[derive(Default, Debug)]
 pub(crate) struct EntitySorter {
-    /// One bit per entity index: an entity of the first generation.
+    /// One bit per entity index, set for a collected entity of the first generation.
     bits: Vec<u64>,
     others: Vec<Entity>,
     /// Number of entities in `bits`.
@@ -14,7 +14,7 @@ pub(crate) struct EntitySorter {
 }
 
 impl EntitySorter {
-    /// Adds an entity, which must not be in the collection already.
+    /// Adds an entity, which must not be in the collection yet.
     #[inline]
     pub(crate) fn push(&mut self, entity: Entity) {
         if entity.generation() != EntityGeneration::FIRST {
@@ -24,7 +24,7 @@ impl EntitySorter {
         self.push_first(entity.index_u32());
     }
 
-    /// Adds the entity of the first generation with this index, which must not be in the collection already.
+    /// Adds the entity of the first generation with this index, which must not be in the collection yet.
     #[inline]
     pub(crate) fn push_first(&mut self, index: u32) {
         let index = index as usize;
@@ -35,12 +35,12 @@ impl EntitySorter {
         self.count += 1;
     }
 
-    /// Replaces the content of `list` with the entities, sorted, and empties the collection.
+    /// Replaces the content of `list` with the sorted entities, and empties the collection.
     pub(crate) fn take(&mut self, list: &mut Vec<Entity>) {
         list.clear();
         list.reserve(self.count + self.others.len());
         let mut push = |word: usize, bit: u32| list.extend(Entity::from_raw_u32(word as u32 * 64 + bit));
-        // Whether a greater index makes a greater entity is up to bevy.
+        // bevy defines whether entities with greater indices come first.
         if is_descending() {
             for (word, bits) in self.bits.iter_mut().enumerate().rev() {
                 let mut rest = core::mem::take(bits);
@@ -60,13 +60,13 @@ impl EntitySorter {
             }
         }
         self.count = 0;
-        // Later generations follow the first.
+        // Entities of later generations sort after those of the first.
         self.others.sort_unstable();
         list.append(&mut self.others);
     }
 }
 
-/// Returns whether of two entities of one generation the one with the greater index is the lesser.
+/// Returns whether entities with greater indices sort first within a generation.
 fn is_descending() -> bool {
     Entity::from_raw_u32(0) > Entity::from_raw_u32(1)
 }

@@ -1,4 +1,4 @@
-//! Gizmos that show what a camera culled, and by which culler.
+//! Gizmos that show which entities a camera culled, and by which culler.
 
 use crate::{CullingPipeline, CullingSystems, VisibilityScene};
 use bevy_app::{App, Plugin, PostUpdate};
@@ -9,14 +9,14 @@ use bevy_math::Vec3A;
 use bevy_shape::Aabb3d;
 use bevy_transform::components::Transform;
 
-/// Draws the boxes of what cameras with [`ShowCulled`] culled. Needs bevy's own `GizmoPlugin`, which is one
-/// of its default plugins.
+/// Plugin that draws the boxes of entities culled by cameras with [`ShowCulled`]. Needs bevy's own
+/// `GizmoPlugin`, which is one of its default plugins.
 #[derive(Default, Debug, Clone, Copy)]
 pub struct CullingGizmosPlugin;
 
-/// Put on a camera, draws the boxes of the entities that the camera culled, in the colour of the culler that
-/// did: blue for the first (the frustum), red for the second (occlusion), yellow for any other. Recording who
-/// culled what takes time in proportion to the number of all entities.
+/// Component of a camera, for which the boxes of culled entities are drawn in the colour of their culler:
+/// blue for the first (the frustum), red for the second (occlusion), yellow for any other. Recording the
+/// culler of each entity takes time proportional to the number of all entities.
 ///
 /// To look from elsewhere, [freeze](visibility_core::Pipeline::freeze) the camera's
 /// [pipeline](CullingPipeline::pipeline_mut) and move the camera.

@@ -1,10 +1,10 @@
-//! Visibility culling for bevy by the `visibility` crates: [`VisibilityCullingPlugin`] takes the place of
-//! bevy's frustum culling on the CPU.
+//! Visibility culling for bevy with the `visibility` crates: [`VisibilityCullingPlugin`] replaces bevy's
+//! frustum culling on the CPU.
 //!
 //! bevy tests every entity against every view, each frame. This plugin keeps the entities in a hierarchy of
 //! boxes, follows what changed, and walks the hierarchy for each view. Cameras also cull by occlusion:
-//! entities behind an [`Occluder`] are hidden, and so are neither extracted nor skinned nor drawn. The
-//! results are where bevy's own systems and its renderer look for them: in `ViewVisibility`, in the
+//! entities behind an [`Occluder`] are hidden, and therefore neither extracted nor skinned nor drawn. The
+//! results are stored where bevy's own systems and its renderer expect them: in `ViewVisibility`, in the
 //! `VisibleEntities` of each camera and in the lists of each light.
 //!
 //! ```
@@ -35,13 +35,13 @@
 //! ```
 //!
 //! # What is the same as in bevy, and what is not
-//! Entities are culled by the axis-aligned world box around their turned local box. bevy tests the turned
-//! box itself, and a [`Sphere`](bevy_camera::primitives::Sphere) where there is no box, so a turned box or a
-//! sphere at the border of a view may be visible here and hidden in bevy. Entities
-//! wholly nearer than the near plane, or wholly beyond the far plane of an orthographic camera, are hidden
-//! here and may be visible in bevy, which leaves them to the graphics card. All else is the same:
-//! `InheritedVisibility`, `RenderLayers`, `VisibilityRange`, `NoFrustumCulling`, `NoCpuCulling`, several
-//! cameras, and the shadow views of directional, point and spot lights.
+//! Entities are culled by the axis-aligned world box around their rotated local box. bevy tests the rotated
+//! box itself, and a [`Sphere`](bevy_camera::primitives::Sphere) if there is no box. So a rotated box or a
+//! sphere at the border of a view may be visible here and hidden in bevy. Entities entirely nearer than the
+//! near plane, or entirely beyond the far plane of an orthographic camera, are hidden here and may be visible
+//! in bevy, which leaves them to the graphics card. Everything else is the same: `InheritedVisibility`,
+//! `RenderLayers`, `VisibilityRange`, `NoFrustumCulling`, `NoCpuCulling`, several cameras, and the shadow
+//! views of directional, point and spot lights.
 //!
 //! # What must hold of occluders
 //! An entity with an [`Occluder`] must be drawn opaque and cover at least what its occluder covers. See
@@ -80,11 +80,11 @@ use bevy_transform::TransformSystems;
 #[derive(Default, Debug, Clone, Copy)]
 pub struct VisibilityCullingPlugin;
 
-/// The steps of the plugin in [`PostUpdate`], within bevy's
+/// System sets of the plugin in [`PostUpdate`], within bevy's
 /// [`CheckVisibility`](VisibilitySystems::CheckVisibility).
 #[derive(SystemSet, Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub enum CullingSystems {
-    /// Brings the [`VisibilityScene`], and what a [`BakedLevel`] knows of it, up to date with the entities.
+    /// Updates the [`VisibilityScene`] and the entity states of a [`BakedLevel`] from the entities.
     Sync,
     /// Culls for each camera.
     Cameras,
@@ -92,7 +92,7 @@ pub enum CullingSystems {
 
 impl Plugin for VisibilityCullingPlugin {
     fn build(&self, app: &mut App) {
-        // Fails if cameras exist already. These are culled by their frustum until they are given a pipeline.
+        // Fails if cameras exist already. These are culled by their frustum until a pipeline is inserted.
         let _ = app.world_mut().try_register_required_components::<bevy_camera::Camera, CullingPipeline>();
         app.init_resource::<VisibilityScene>()
             .init_resource::<changes::Toggled>()
@@ -113,11 +113,11 @@ impl Plugin for VisibilityCullingPlugin {
     }
 
     /// Removes the systems of bevy that this plugin replaces, and watches the components that disable
-    /// entities. By now all plugins have added theirs.
+    /// entities. Runs after all plugins have added their systems.
     fn finish(&self, app: &mut App) {
         changes::watch_disabling(app.world_mut());
         let policy = ScheduleCleanupPolicy::RemoveSystemsOnly;
-        // An error says that there is no such system, so none to remove.
+        // An error means that there is no such system, so nothing has to be removed.
         let _ = app.remove_systems_in_set(PostUpdate, check_visibility_cpu_culling, policy);
         if !app.is_plugin_added::<LightPlugin>() {
             return;

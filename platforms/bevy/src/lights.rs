@@ -1,7 +1,7 @@
 //! Culling for the shadow views of lights: the entities that are drawn into each shadow map.
 //!
-//! The systems here do what `check_dir_light_mesh_visibility` and `check_point_light_mesh_visibility` of
-//! `bevy_light` do, by queries of the hierarchy instead of tests of every entity.
+//! The systems here replace `check_dir_light_mesh_visibility` and `check_point_light_mesh_visibility` of
+//! `bevy_light`. They query the hierarchy instead of testing every entity.
 
 use crate::camera_view::{layer_mask, volume};
 use crate::cameras::Exceptions;
@@ -23,14 +23,14 @@ use visibility_core::ObjectId;
 use visibility_core::frustum::ConvexVolume;
 use visibility_frame::queries::SceneQuery;
 
-/// Memory of a shadow view's culling, kept from frame to frame.
+/// Memory for culling a shadow view, reused from frame to frame.
 #[derive(Default)]
 pub(crate) struct Scratch {
     found: Vec<ObjectId>,
     casters: EntitySorter,
 }
 
-/// What all shadow views of a frame have in common.
+/// Data that all shadow views of a frame share.
 struct ShadowCuller<'a, 'w, 's> {
     mirror: &'a VisibilityScene,
     exceptions: Exceptions<'a, 'w, 's>,
@@ -40,7 +40,7 @@ struct ShadowCuller<'a, 'w, 's> {
 
 impl ShadowCuller<'_, '_, '_> {
     /// Fills `list` with the casters in a volume that share a layer with the light, sorted, and marks them as
-    /// visible. Leaves out what is farther from the light than it `reach`es. Visibility ranges are measured
+    /// visible. Casters entirely outside of the sphere `reach` are left out. Visibility ranges are measured
     /// from `range_view`.
     fn cull(
         &mut self,
@@ -90,7 +90,7 @@ pub(crate) fn cull_directional_lights(
             let lists = visible.entities.entry(view).or_default();
             lists.resize(cascades.len(), VisibleMeshEntities::default());
             for (frustum, list) in cascades.iter().zip(lists) {
-                // A caster may lie before the near plane.
+                // No near plane: a caster in front of it still casts a shadow.
                 culler.cull(&volume(frustum, false, true), own_layers, None, Some(view), list);
             }
         }

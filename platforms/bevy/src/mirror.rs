@@ -24,7 +24,7 @@ use visibility_core::glam::Vec3;
 use visibility_core::scene::MeshId;
 use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, Scene};
 
-/// The components of an entity from which the scene takes its object.
+/// Components of an entity that determine its object in the scene.
 #[derive(QueryData)]
 pub(crate) struct Described {
     entity: Entity,
@@ -44,23 +44,24 @@ pub(crate) struct Described {
     directional_light: Has<DirectionalLight>,
 }
 
-/// The entities that the scene follows: those that bevy culls on the CPU.
+/// Filter for the entities that the scene follows: those that bevy culls on the CPU.
 pub(crate) type Followed = (With<ViewVisibility>, Without<NoCpuCulling>);
 
-/// What culling needs to know of an entity besides the object in the scene.
+/// Properties of an entity that culling needs besides its object in the scene.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Record {
     pub(crate) entity: Entity,
     /// Index into `VisibilityScene::class_lists`.
     pub(crate) classes: u16,
-    /// Whether the entity has a `VisibilityRange`, which each view must ask about.
+    /// Whether the entity has a `VisibilityRange`. Each view then compares its own distance with the range.
     pub(crate) has_range: bool,
-    /// Whether the entity is on a layer above 30, so that layer masks do not decide.
+    /// Whether the entity is on a layer above 30. Its `RenderLayers` must then be compared, since masks do
+    /// not tell these layers apart.
     pub(crate) has_other_layers: bool,
     pub(crate) casts_shadow: bool,
-    /// Whether the object has a transform in the scene, which places its occluder mesh.
+    /// Whether the object has a transform in the scene, which positions its occluder mesh.
     pub(crate) is_occluder: bool,
-    /// Whether the object's bounds follow from the transform and the entity's `Aabb`.
+    /// Whether the object's bounds are computed from the transform and the entity's `Aabb`.
     pub(crate) has_box: bool,
 }
 
@@ -76,41 +77,40 @@ impl Record {
     };
 }
 
-/// The mirror of all entities that bevy culls on the CPU: a [`Scene`] whose objects are entities.
+/// Mirror of all entities that bevy culls on the CPU: a [`Scene`] with one object per entity.
 ///
-/// [`scene`](Self::scene) answers questions of the game too, by
-/// [`SceneQuery`](visibility_frame::queries::SceneQuery): what is along a ray, in a sphere, nearest to a
+/// A game can also query the [`scene`](Self::scene) with
+/// [`SceneQuery`](visibility_frame::queries::SceneQuery): objects along a ray, in a sphere, nearest to a
 /// point.
 #[derive(Resource)]
 pub struct VisibilityScene {
     pub(crate) scene: Scene,
-    /// The object of each entity, by entity index.
+    /// Object of each entity, by entity index.
     objects: Vec<EntityObject>,
-    /// The record of each object's entity, by object index.
+    /// Record of each object's entity, by object index.
     records: Vec<Record>,
-    /// By object index: the index of the object's entity if that is of the first generation, of no class but
-    /// `Mesh3d`, and visible in any view that finds it by bounds and layer mask; else [`ASK`]. Most entities
-    /// are such, and this list is a quarter as long as `records`.
+    /// For each object, by its index: the entity index if the entity is plain, else [`ASK`]. A plain entity
+    /// is of the first generation, has `Mesh3d` as its only class, and is visible in any view that finds its
+    /// bounds and layer mask. Most entities are plain, and this list is a quarter of the size of `records`.
     plain: Vec<u32>,
-    /// All visibility classes of the world. The first is `Mesh3d`.
+    /// All visibility classes in the world. The first is `Mesh3d`.
     classes: Vec<TypeId>,
-    /// The distinct lists of classes that entities have, as indices into `classes`. The first is `Mesh3d`
-    /// alone.
+    /// Distinct lists of classes of entities, as indices into `classes`. The first list is `Mesh3d` only.
     class_lists: Vec<Vec<u16>>,
     meshes: HashMap<AssetId<Mesh>, Option<MeshId>>,
     custom_meshes: HashMap<usize, (Arc<OccluderMesh>, MeshId)>,
-    /// Occluders that are boxes, by the bits of their corners.
+    /// Occluder meshes of boxes, by the bits of the box's corners.
     box_meshes: HashMap<[u32; 6], MeshId>,
-    /// Number of meshes of the scene above which those that no object has are removed.
+    /// Number of meshes in the scene above which unused meshes are removed.
     mesh_limit: usize,
-    /// Entities to be inserted together, and their boxes.
+    /// New entities to be inserted together, with their objects.
     fresh: Vec<(Fresh, Object)>,
 }
 
-/// Number of meshes of the scene up to which meshes that no object has stay in memory.
+/// Number of meshes in the scene up to which unused meshes stay in memory.
 const FEWEST_MESHES: usize = 64;
 
-/// Value in `VisibilityScene::plain` of an object whose record must be asked.
+/// Value in `VisibilityScene::plain` for an object whose record must be read.
 pub(crate) const ASK: u32 = u32::MAX;
 
 impl Default for VisibilityScene {
@@ -131,14 +131,14 @@ impl Default for VisibilityScene {
     }
 }
 
-/// The object of the entity that has some entity index now.
+/// Object of the present entity with an entity index.
 #[derive(Clone, Copy)]
 struct EntityObject {
-    /// Id of the object; [`ObjectId::PLACEHOLDER`] if the scene follows no entity of this index.
+    /// Id of the object; [`ObjectId::PLACEHOLDER`] if the scene follows no entity with this index.
     id: ObjectId,
     generation: EntityGeneration,
-    /// Whether nothing but the bounds changes when the entity moves: they follow from its `Aabb`, and it is
-    /// no occluder.
+    /// Whether a move of the entity only changes the object's bounds: they are computed from the `Aabb`, and
+    /// the entity is no occluder.
     is_boxed: bool,
 }
 
@@ -152,7 +152,7 @@ struct Fresh {
     occluder: Option<PlacedOccluder>,
 }
 
-/// An occluder mesh, the local box of its entity and the entity's transform.
+/// Occluder mesh of an entity, with the entity's local box and transform.
 #[derive(Clone, Copy)]
 struct PlacedOccluder {
     mesh: MeshId,
@@ -161,13 +161,13 @@ struct PlacedOccluder {
 }
 
 impl VisibilityScene {
-    /// Returns the scene: the boxes, layers and occluders of all entities.
+    /// Returns the scene, with the boxes, layers and occluders of all entities.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// Returns the object of an entity, or `None` if the scene does not follow the entity: it was spawned
-    /// after the last [sync](crate::CullingSystems::Sync), lacks `GlobalTransform` or `Visibility`, has
+    /// Returns the object of an entity. `None` if the scene does not follow the entity: it was spawned after
+    /// the last [sync](crate::CullingSystems::Sync), lacks `GlobalTransform` or `Visibility`, has
     /// `NoCpuCulling`, or is disabled.
     #[inline]
     pub fn object(&self, entity: Entity) -> Option<ObjectId> {
@@ -176,7 +176,7 @@ impl VisibilityScene {
         is_own.then_some(object.id)
     }
 
-    /// Returns the object of an entity of which nothing but the bounds changes when it moves.
+    /// Returns the object of an entity if a move only changes the object's bounds, else `None`.
     #[inline]
     pub(crate) fn boxed_object(&self, entity: Entity) -> Option<ObjectId> {
         let object = self.objects.get(entity.index_u32() as usize)?;
@@ -188,13 +188,13 @@ impl VisibilityScene {
         self.scene.contains(id).then(|| self.records[id.index()].entity)
     }
 
-    /// Returns the record of an object that is in the scene.
+    /// Returns the record of an object, which must be in the scene.
     #[inline]
     pub(crate) fn record(&self, id: ObjectId) -> &Record {
         &self.records[id.index()]
     }
 
-    /// Returns whether the bounds of an object touch a sphere: true where rounding leaves that open.
+    /// Returns whether the bounds of an object touch a sphere. True if rounding leaves this undecided.
     pub(crate) fn is_touched(&self, id: ObjectId, sphere: &Sphere) -> bool {
         let Ok(bounds) = self.scene.bounds(id) else { return false };
         if !bounds.is_proper() {
@@ -202,14 +202,14 @@ impl VisibilityScene {
         }
         let center = Vec3::from_array(sphere.center.to_array());
         let nearest = center.clamp(bounds.min, bounds.max);
-        // Each coordinate of the difference errs by half an epsilon of itself, the square of its length by
-        // less than four, and the square of the radius by another.
+        // Relative rounding errors, in units of epsilon: half for each coordinate of the difference, less
+        // than four for the square of its length, and one for the square of the radius.
         let is_apart =
             nearest.distance_squared(center) > sphere.radius * sphere.radius * (1.0 + 8.0 * f32::EPSILON);
         !is_apart
     }
 
-    /// Returns the entity index of a plain object of class `Mesh3d`, or [`ASK`] if the record tells more.
+    /// Returns the entity index of a plain object of class `Mesh3d`. [`ASK`] if the record must be read.
     #[inline]
     pub(crate) fn plain(&self, id: ObjectId) -> u32 {
         self.plain[id.index()]
@@ -224,37 +224,37 @@ impl VisibilityScene {
         self.records[id.index()] = record;
     }
 
-    /// Returns all visibility classes of the world. Records and lists refer to them by index.
+    /// Returns all visibility classes in the world, to which records and lists refer by index.
     pub(crate) fn classes(&self) -> &[TypeId] {
         &self.classes
     }
 
-    /// Returns the classes of a record, as indices of [`classes`](Self::classes).
+    /// Returns the classes of a record, as indices into [`classes`](Self::classes).
     #[inline]
     pub(crate) fn classes_of(&self, record: &Record) -> &[u16] {
         &self.class_lists[record.classes as usize]
     }
 
-    /// Forgets an entity. Does nothing if the scene does not follow it.
+    /// Removes an entity. Does nothing if the scene does not follow it.
     pub(crate) fn remove(&mut self, entity: Entity) {
         let Some(id) = self.object(entity) else { return };
-        // Known, so never an error.
+        // The id is known to be in the scene, so this cannot fail.
         let _ = self.scene.remove(id);
         self.records[id.index()] = Record::NONE;
         self.objects[entity.index_u32() as usize] = EntityObject::NONE;
     }
 
-    /// Forgets the occluder that was made of a mesh asset, so that the next entity makes it anew. Its memory
-    /// goes with the last object that has it.
+    /// Forgets the occluder made from a mesh asset, so that the next entity makes it again. The memory is
+    /// freed with the last object that uses it.
     pub(crate) fn forget_mesh(&mut self, asset: AssetId<Mesh>) {
         if let Some(mesh) = self.meshes.remove(&asset).flatten() {
-            // Known, so never an error.
+            // The mesh is known to be in the scene, so this cannot fail.
             let _ = self.scene.remove_mesh(mesh);
         }
     }
 
-    /// Removes the occluder meshes that no object has, once there are twice as many meshes as were left last
-    /// time: boxes that change and assets that come and go do not fill the memory.
+    /// Removes unused occluder meshes once there are twice as many meshes as after the last removal, so that
+    /// changing boxes and assets do not fill the memory.
     fn remove_unused_meshes(&mut self) {
         let Self { scene, meshes, custom_meshes, box_meshes, mesh_limit, .. } = self;
         if scene.mesh_count() <= *mesh_limit {
@@ -273,17 +273,17 @@ impl VisibilityScene {
         *mesh_limit = FEWEST_MESHES.max(2 * scene.mesh_count());
     }
 
-    /// Brings the object of an entity up to date with the entity. An entity that is new to the scene is
-    /// inserted by [`insert_fresh`](Self::insert_fresh).
+    /// Updates the object of an entity. An entity that is new to the scene is inserted later, by
+    /// [`insert_fresh`](Self::insert_fresh).
     pub(crate) fn describe(&mut self, item: DescribedItem, meshes: &Assets<Mesh>) {
         let transform = item.transform.affine();
         let layers = if item.inherited.get() { layer_mask(item.layers) } else { 0 };
         let bounds = match (item.aabb, item.sphere) {
-            // Improper bounds: in view wherever that is, and found by every query.
+            // Inverted bounds make the object visible everywhere, and every query finds it.
             _ if item.never_cull => Aabb::EMPTY,
             (None, None) => Aabb::EMPTY,
             (Some(aabb), _) => world_box(aabb, &transform),
-            // As bevy does, takes the sphere's centre as a point of the world.
+            // Like bevy, interprets the sphere's centre as a point in world space.
             (None, Some(sphere)) => Aabb::from_arrays(
                 (sphere.center - sphere.radius).to_array(),
                 (sphere.center + sphere.radius).to_array(),
@@ -311,7 +311,7 @@ impl VisibilityScene {
         let Ok(former) = self.scene.object(id) else { return };
         self.set_record(id, record);
         let scene = &mut self.scene;
-        // `id` is in the scene and the transform is finite, so nothing below is an error.
+        // `id` is in the scene and the transform is finite, so the calls below cannot fail.
         if former.layers != object.layers {
             let _ = scene.set_layers(id, object.layers);
         }
@@ -329,7 +329,7 @@ impl VisibilityScene {
         }
     }
 
-    /// Inserts the entities that [`describe`](Self::describe) found to be new, all at once.
+    /// Inserts all entities that [`describe`](Self::describe) found to be new.
     pub(crate) fn insert_fresh(&mut self) {
         let ids = self.scene.insert_batch(self.fresh.iter().map(|(_, object)| *object));
         self.records.resize(self.scene.index_limit(), Record::NONE);
@@ -346,11 +346,11 @@ impl VisibilityScene {
             }
         }
         self.fresh = fresh;
-        // Now that every mesh made for an entity is that of its object.
+        // Only now does each new mesh belong to its object, so that it does not count as unused.
         self.remove_unused_meshes();
     }
 
-    /// Returns the occluder of an entity that may hide others.
+    /// Returns the occluder of an entity, `None` if it must not occlude.
     fn occluder(
         &mut self,
         item: &DescribedItem,
@@ -359,8 +359,8 @@ impl VisibilityScene {
         meshes: &Assets<Mesh>,
     ) -> Option<PlacedOccluder> {
         let (occluder, aabb) = (item.occluder?, item.aabb?);
-        // The mesh must be drawn in every view that finds the object on its layers, and where the scene has
-        // it.
+        // An occluder must be drawn in every view that finds the object on its layers, and at its position in
+        // the scene.
         let is_drawn = layers != 0 && layers & OTHER_LAYERS == 0 && !item.range;
         if !is_drawn || item.never_cull || item.skinned || item.morphed || !can_occlude(transform) {
             return None;
@@ -395,7 +395,7 @@ impl VisibilityScene {
     }
 
     fn custom_mesh(&mut self, mesh: &Arc<OccluderMesh>) -> MeshId {
-        // The map keeps the mesh alive, so its address stays its own.
+        // The map keeps the mesh alive, so no other mesh can get its address.
         let address = Arc::as_ptr(mesh) as usize;
         let (_, id) = self
             .custom_meshes
@@ -404,7 +404,7 @@ impl VisibilityScene {
         *id
     }
 
-    /// Returns the index of a list of classes in `class_lists`.
+    /// Returns the index in `class_lists` of an entity's list of classes. Adds the list if it is new.
     fn class_list(&mut self, classes: Option<&VisibilityClass>) -> u16 {
         let mut list: Vec<u16> = Vec::new();
         for &class in classes.into_iter().flat_map(|classes| classes.iter()) {
@@ -413,7 +413,7 @@ impl VisibilityScene {
             if known.is_none() {
                 self.classes.push(class);
             }
-            // bevy lists an entity once for each mention of a class. Once is enough.
+            // If a class is mentioned twice, bevy lists the entity twice. Here it is listed once.
             if !list.contains(&(index as u16)) {
                 list.push(index as u16);
             }
@@ -426,10 +426,10 @@ impl VisibilityScene {
     }
 }
 
-/// Gives an object of the scene its occluder mesh, and the bounds that follow from its local box.
+/// Sets the occluder mesh of an object, and its bounds computed from its local box.
 fn place(scene: &mut Scene, id: ObjectId, occluder: PlacedOccluder) {
     let transform = affine(&occluder.transform);
-    // Object and mesh are the scene's and the transform is finite, so nothing is an error.
+    // Object and mesh are in the scene and the transform is finite, so these calls cannot fail.
     let _ = scene.set_local_bounds(id, occluder.local);
     let _ = scene.set_mesh(id, occluder.mesh, transform);
 }

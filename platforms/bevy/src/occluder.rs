@@ -1,4 +1,4 @@
-//! The component by which entities hide what is behind them.
+//! Component that makes entities occlude what is behind them.
 
 use bevy_ecs::prelude::*;
 use bevy_math::Affine3A;
@@ -7,25 +7,25 @@ use std::sync::Arc;
 use visibility_core::OccluderMesh;
 use visibility_core::glam::Vec3;
 
-/// Makes an entity hide the entities behind it from cameras that cull by occlusion.
+/// Component that makes an entity occlude the entities behind it, for cameras that cull by occlusion.
 ///
 /// The entity must be drawn opaque, by a mesh that covers at least what the occluder covers: no transparent
-/// material, no alpha mask, no vertex shader that moves the mesh elsewhere. Faces hide from their front side
-/// only, as they are drawn with back-face culling.
+/// material, no alpha mask, no vertex shader that moves the mesh elsewhere. Faces only occlude as seen from
+/// their front, since they are drawn with back-face culling.
 ///
-/// Walls, floors, terrain and houses are good occluders. Small things, and meshes of many triangles, cost
-/// more than they hide: give these a simpler occluder inside of them, or none.
+/// Walls, floors, terrain and houses are good occluders. Small things, and meshes with many triangles, cost
+/// more than they save: give these a simpler occluder that lies inside of them, or none.
 ///
-/// Never an occluder, whatever this component says: an entity that is hidden by its [`Visibility`], that has
-/// a `VisibilityRange`, `SkinnedMesh` or `MeshMorphWeights`, that is on a layer above 30, that is mirrored
-/// (its transform has a negative determinant), or that has `NoFrustumCulling` or no [`Aabb`].
+/// Some entities never occlude in spite of this component: an entity that is hidden by its [`Visibility`],
+/// that has a `VisibilityRange`, `SkinnedMesh` or `MeshMorphWeights`, that is on a layer above 30, that is
+/// mirrored (its transform has a negative determinant), or that has `NoFrustumCulling` or no [`Aabb`].
 ///
 /// [`Visibility`]: bevy_camera::visibility::Visibility
 /// [`Aabb`]: bevy_camera::primitives::Aabb
 #[derive(Component, Clone, Debug)]
 pub enum Occluder {
-    /// The triangles of the entity's `Mesh3d`. Nothing until the asset is loaded, or if its data is not kept
-    /// in the main world. A change of the asset is followed.
+    /// The triangles of the entity's `Mesh3d`. The entity occludes nothing until the asset is loaded, or if
+    /// its data is not kept in the main world. Changes of the asset are followed.
     Mesh,
     /// The entity's local box, its [`Aabb`](bevy_camera::primitives::Aabb): for entities that are boxes.
     Box,
@@ -33,14 +33,14 @@ pub enum Occluder {
     Custom(Arc<OccluderMesh>),
 }
 
-/// Returns whether an occluder can be under this transform: finite, and no mirror, under which bevy draws
-/// the faces that look away.
+/// Returns whether an entity with this transform can occlude: it is finite and does not mirror. Under a
+/// mirroring transform, bevy draws the faces that look away.
 pub(crate) fn can_occlude(affine: &Affine3A) -> bool {
     affine.is_finite() && affine.matrix3.determinant() >= 0.0
 }
 
-/// Returns the occluder of a mesh, or `None` if the mesh is no list or strip of triangles with positions that
-/// the main world can read.
+/// Makes an occluder from a mesh. `None` unless the mesh is a triangle list or strip whose positions the main
+/// world can read.
 pub(crate) fn occluder_of_mesh(mesh: &Mesh) -> Option<OccluderMesh> {
     let Ok(VertexAttributeValues::Float32x3(positions)) = mesh.try_attribute(Mesh::ATTRIBUTE_POSITION) else {
         return None;
@@ -52,7 +52,7 @@ pub(crate) fn occluder_of_mesh(mesh: &Mesh) -> Option<OccluderMesh> {
     };
     let triangles: Vec<[u32; 3]> = match mesh.primitive_topology() {
         PrimitiveTopology::TriangleList => indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
-        // Every other triangle of a strip is wound the other way.
+        // Every second triangle of a strip has the opposite winding.
         PrimitiveTopology::TriangleStrip => (indices.windows(3).enumerate())
             .map(|(i, t)| if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] })
             .collect(),

@@ -1,27 +1,26 @@
-//! A culler that its pipeline shares with the game.
+//! Culler shared between a pipeline and the game.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use visibility_core::culler::Lack;
 use visibility_core::jobs::Jobs;
 use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 
-/// A culler in a [`CullingPipeline`](crate::CullingPipeline) that the game keeps a handle to: to open doors,
-/// to change settings, to read what it found. Clones are handles to one culler. Culling for a camera locks
-/// it.
+/// Handle to a culler in a [`CullingPipeline`](crate::CullingPipeline) that the game keeps, to open doors,
+/// change settings or read results. Clones are handles to the same culler. Culling for a camera locks it.
 pub struct Shared<C> {
     name: Arc<str>,
     culler: Arc<Mutex<C>>,
 }
 
 impl<C: Culler> Shared<C> {
-    /// Makes the first handle.
+    /// Creates the first handle to a culler.
     pub fn new(culler: C) -> Self {
         Self { name: culler.name().into(), culler: Arc::new(Mutex::new(culler)) }
     }
 
-    /// Waits until no other handle is in use, and gives access to the culler.
+    /// Locks the culler for exclusive access. Waits while another handle is in use.
     pub fn lock(&self) -> MutexGuard<'_, C> {
-        // A culler that panicked is no more wrong than before: what it keeps never hides what is visible.
+        // A panic does not make a culler unusable, since its stored state never hides a visible object.
         self.culler.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -1,5 +1,5 @@
-//! A camera culls by a baked set: an entity is hidden if and only if it is where it was baked and the row of
-//! the camera's viewcell does not have it.
+//! Test of culling by a baked set: an entity is hidden if and only if it is at its baked position and the row
+//! of the camera's viewcell does not contain it.
 
 mod common;
 
@@ -21,13 +21,14 @@ use visibility_core::pvs::{Viewcell, Viewcells};
 use visibility_core::{Aabb as Bounds, Accuracy, Culler, Object, Scene};
 use visibility_testing::Random;
 
-/// Culls by the frustum and the baked set.
+/// Number of the camera that culls by the frustum and the baked set.
 const BAKED: Number = Number(1_000_000);
-/// Culls by the frustum alone, from the same place.
+/// Number of a camera at the same position that culls only by the frustum.
 const PLAIN: Number = Number(1_000_001);
-/// Objects of the bake. Entities with these numbers are them; others have greater numbers.
+/// Number of baked objects. Entities with smaller numbers are these objects; other entities have greater
+/// numbers.
 const OBJECTS: u32 = 600;
-/// Viewcells: cubes of 10 m in a row along x.
+/// Number of viewcells: cubes of 10 m in a row along x.
 const CELLS: usize = 4;
 
 struct Level {
@@ -57,24 +58,24 @@ fn level(random: &mut Random) -> Level {
     Level { boxes, rows, file: set.to_bytes(), version: set.version() }
 }
 
-/// Returns a box of an entity, and its transform, for a world box.
+/// Returns the local box and the transform of an entity with a given world box.
 fn placed([min, max]: [[f32; 3]; 2]) -> (Aabb, Transform) {
     let [min, max] = [min, max].map(Vec3::from_array);
     let half_extents = Vec3A::from((max - min) * 0.5);
     (Aabb { center: Vec3A::ZERO, half_extents }, Transform::from_translation((min + max) * 0.5))
 }
 
-/// A world with a level's entities, spawned in another order and among others.
+/// Bevy world with the entities of a level, spawned in random order and among others.
 struct World {
     app: App,
     level: Level,
-    /// Numbers of entities that are not where they were baked, and of those the bake does not know.
+    /// Numbers of entities that are not at their baked position or not in the bake, and so always visible.
     free: HashSet<u32>,
     hidden: usize,
 }
 
 impl World {
-    /// Makes the world. Entities and cameras are there before the level is, or after.
+    /// Creates the world. `level_first` tells whether the level is inserted before the entities and cameras.
     fn new(level: Level, random: &mut Random, baked: BakedLevel, level_first: bool) -> Self {
         let mut app = app(true);
         let lens = || Projection::Perspective(PerspectiveProjection { fov: 1.5, ..Default::default() });
@@ -93,7 +94,7 @@ impl World {
         for number in order {
             let (aabb, at) = placed(level.boxes[number as usize]);
             let mut entity = app.world_mut().spawn((drawn(number, at), aabb));
-            // Some of the bake's objects are not told to be these.
+            // Some of the bake's objects get no `BakedObject` component.
             if random.one_in(20) {
                 free.insert(number);
             } else {
@@ -112,8 +113,8 @@ impl World {
         Self { app, level, free, hidden: 0 }
     }
 
-    /// Renders a frame with both cameras at `x` and asserts what the camera that culls by the set sees. The
-    /// viewcell is `None` if that is outside of all.
+    /// Runs a frame with both cameras at `x`, and asserts which entities the baked set leaves visible. `cell`
+    /// is the viewcell at `x`, `None` outside of all.
     fn check(&mut self, x: f32, cell: Option<usize>) {
         for camera in [BAKED, PLAIN] {
             let camera = entity(&mut self.app, camera).unwrap();
@@ -182,7 +183,7 @@ fn what_changes_is_visible_from_then_on() {
         world.free.insert(number);
         let (aabb, at) = placed(world.level.boxes[number as usize]);
         match change % 6 {
-            // Moved by a hair, and not back in place for the set though it is in fact.
+            // Moves the entity by 1 mm and back. It stays visible, since it counts as changed.
             0 => {
                 let moved = at.with_translation(at.translation + Vec3::Y * 1e-3);
                 world.change(number, |mut entity| {
@@ -204,12 +205,12 @@ fn what_changes_is_visible_from_then_on() {
                 entity.remove::<BakedObject>();
             }),
             4 => {
-                // Another entity takes its place, and does not say what it is.
+                // Replaces the entity by one without a `BakedObject`.
                 world.change(number, |entity| entity.despawn());
                 world.app.world_mut().spawn((drawn(number, at), aabb));
             }
             _ => {
-                // Back in its place, as the new component says.
+                // Returns the entity to its baked position, with a new `BakedObject`.
                 world.change(number, |mut entity| {
                     entity.insert((at, BakedObject(number)));
                 });
@@ -219,8 +220,8 @@ fn what_changes_is_visible_from_then_on() {
         world.check(5.0 + (change % 3) as f32, Some(0));
         world.check(15.0, Some(1));
     }
-    // The scene's log of changes ends after so many moves: objects that have moved stay visible, and the
-    // others stay hidden.
+    // So many moves overflow the scene's change log. Objects that have moved must stay visible, and the
+    // others hidden.
     for number in 10 * OBJECTS..13 * OBJECTS {
         world.free.insert(number);
         let (aabb, at) = placed(world.level.boxes[number as usize % 100]);
@@ -230,7 +231,7 @@ fn what_changes_is_visible_from_then_on() {
     world.check(5.0, Some(0));
     world.check(25.0, Some(2));
     assert!(world.hidden > hidden + 50, "{} are hidden, {hidden} were before", world.hidden);
-    // A level that was taken away for a while does not know what moved meanwhile.
+    // While the level is removed, entities move without being recorded.
     let baked = world.app.world_mut().remove_resource::<BakedLevel>().unwrap();
     world.app.update();
     world.app.world_mut().insert_resource(baked);
@@ -246,14 +247,14 @@ fn entities_elsewhere_than_in_the_bake_are_visible() {
     let baked = BakedLevel::read(&level.file, Some(level.version), level.boxes.iter().copied()).unwrap();
     let mut world = World::new(level, random, baked, true);
     let known: Vec<u32> = (0..OBJECTS).filter(|number| !world.free.contains(number)).collect();
-    // Numbers of other objects, and of none.
+    // Indices of wrong objects, and of no object.
     for (&number, wrong) in known.iter().zip([known[50], known[51], OBJECTS, u32::MAX]) {
         world.free.insert(number);
         world.change(number, |mut entity| {
             entity.insert(BakedObject(wrong));
         });
     }
-    // An entity that is larger than its object, one that is moved, and one that is a part of its object.
+    // An entity larger than its object, one that has moved, and one that is a part of its object.
     for (&number, scale, shift, is_there) in
         [(&known[10], 3.0, 0.0, false), (&known[11], 1.0, 0.01, false), (&known[12], 0.5, 0.01, true)]
     {
@@ -266,7 +267,7 @@ fn entities_elsewhere_than_in_the_bake_are_visible() {
             world.free.insert(number);
         }
     }
-    // A box that is not known yet, and known later.
+    // An entity whose box only becomes known later.
     let (aabb, _) = placed(world.level.boxes[known[9] as usize]);
     world.change(known[9], |mut entity| {
         entity.remove::<Aabb>();
@@ -296,7 +297,7 @@ fn files_of_other_levels_are_refused() {
     other.boxes.pop();
     assert_eq!(read(&other), Some(BakedSetError::OtherScene), "a level with a box less");
     assert!(BakedLevel::read_unchecked(&one.file[1..]).is_err(), "a file without its first byte");
-    // An edit inside of a box leaves all boxes as they are.
+    // The level after an edit inside a box: its boxes are the same, and its version differs.
     let (baked, level) = (one.version, one.version ^ 1);
     other = Level { boxes: one.boxes.clone(), version: level, rows: Vec::new(), file: one.file.clone() };
     let refused = BakedLevel::read(&other.file, Some(other.version), other.boxes.iter().copied()).err();
@@ -316,11 +317,11 @@ fn files_of_other_levels_are_refused() {
     );
 }
 
-/// Nothing is hidden from the time on at which a wall of the bake changes or goes, whatever else changes
-/// later, until the wall is back.
+/// Nothing is hidden after an occluding wall of the bake changes or disappears, whatever else changes later,
+/// until the wall is restored.
 #[test]
 fn a_wall_that_is_not_as_baked_hides_nothing() {
-    /// The objects of the bake: a wall, a post behind it, and a box before it.
+    /// Indices of the baked objects: a wall, a post behind it, and a box in front of it.
     const WALL: u32 = 0;
     const POST: u32 = 1;
     const BOX: u32 = 2;
@@ -385,7 +386,7 @@ fn a_wall_that_is_not_as_baked_hides_nothing() {
         app.world_mut().despawn(part);
         check(&mut app, false, "and its other part is gone");
     }
-    // The post is hidden if the wall was never found, but nobody promises that it should be.
+    // If the wall was never found, the post is hidden, but the culler is only approximate.
     let (mut app, [wall, part, ..]) = started();
     for entity in [wall, part] {
         app.world_mut().entity_mut(entity).remove::<BakedObject>();

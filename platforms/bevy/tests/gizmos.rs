@@ -1,4 +1,4 @@
-//! Gizmos are drawn for what a camera culled, while it is asked to show that.
+//! Test that gizmos are drawn for culled entities of a camera while it has `ShowCulled`.
 #![cfg(feature = "gizmos")]
 
 mod common;
@@ -13,7 +13,7 @@ use common::*;
 use visibility_bevy::Occluder;
 use visibility_bevy::gizmos::{CullingGizmosPlugin, ShowCulled};
 
-/// Colours, as bits, of the line ends that the last frame drew.
+/// Returns the colours, as bits, of the line ends drawn in the last frame.
 fn drawn_colors(app: &mut bevy_app::App) -> Vec<[u32; 3]> {
     app.update();
     let assets = app.world().resource::<Assets<GizmoAsset>>();
@@ -22,7 +22,7 @@ fn drawn_colors(app: &mut bevy_app::App) -> Vec<[u32; 3]> {
         handles.values().flatten().filter_map(|handle| assets.get(handle)).map(|asset| asset.buffer());
     buffers
         .flat_map(|buffer| buffer.list_colors.iter().chain(&buffer.strip_colors))
-        // Strips are told apart by a colour that is not a number.
+        // A colour of NaN separates two line strips.
         .filter(|color| !color.red.is_nan())
         .map(|color| [color.red, color.green, color.blue].map(f32::to_bits))
         .collect()

@@ -1,5 +1,5 @@
-//! The casters of each shadow view are those that bevy's own systems list, but for entities whose world box
-//! reaches into the shadow view while their turned box does not.
+//! Test that the casters of each shadow view equal those of bevy's own systems, except for entities whose
+//! world box reaches into the shadow view while their rotated box does not.
 
 mod common;
 
@@ -55,8 +55,8 @@ fn spawn_world(world: &mut World) {
     }
 }
 
-/// The shadow views of a world in a fixed order: their frusta, their casters, and the sphere that limits
-/// them.
+/// Returns the shadow views of a world in a fixed order: their frusta, their casters, and the sphere of the
+/// light's range.
 fn shadow_views(app: &mut bevy_app::App) -> Vec<(Frustum, BTreeSet<Number>, Option<Sphere>)> {
     let [sun, lamp, spot] = [SUN, LAMP, SPOT].map(|number| entity(app, number).unwrap());
     let world = app.world();
@@ -105,7 +105,8 @@ fn the_same_entities_cast_shadows() {
         assert_eq!(own.len(), theirs.len(), "shadow views of ours and of bevy's");
         for (view, ((frustum, own, sphere), (_, theirs, _))) in own.iter().zip(&theirs).enumerate() {
             for &number in theirs.difference(own) {
-                // bevy takes a corner of the box for within reach that the light does not come to.
+                // bevy also counts a box whose bounding corner, but not the box itself, is within the light's
+                // range.
                 let sphere = sphere.expect("no caster of the sun vanishes");
                 assert!(
                     !is_near(ours, number, &sphere),
@@ -138,7 +139,7 @@ fn world_box(app: &mut bevy_app::App, number: Number) -> Aabb {
     }
 }
 
-/// Whether the distance of the world box of an entity from the centre of a sphere is less than the radius.
+/// Returns whether the world box of an entity is nearer to the centre of a sphere than the radius.
 fn is_near(app: &mut bevy_app::App, number: Number, sphere: &Sphere) -> bool {
     let bounds = world_box(app, number);
     let beyond = (sphere.center - bounds.center).abs() - bounds.half_extents;

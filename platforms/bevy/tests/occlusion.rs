@@ -1,6 +1,6 @@
-//! Occluders hide what is behind them and nothing else: every hidden entity that is in view has all its lines
-//! of sight blocked, by an oracle in `f64` that shares no code with the culler. Entities come back when an
-//! occluder no longer hides them, for whatever reason.
+//! Tests that occluders hide only what is behind them: all lines of sight to a hidden entity in view are
+//! blocked, by an oracle in `f64` that shares no code with the culler. Entities reappear when an occluder no
+//! longer hides them, for whatever reason.
 
 mod common;
 
@@ -24,8 +24,8 @@ use visibility_testing::Random;
 
 const CAMERA: Number = Number(1_000_000);
 
-/// Whether the segment from `eye` to `point` passes through a box under a transform: the method of slabs, in
-/// the box's own coordinates. The box is smaller by a millionth, so that grazing lines do not count.
+/// Returns whether the segment from `eye` to `point` passes through a box with a transform, by the slab test
+/// in the box's own coordinates. The box is shrunk by a millionth, so that grazing lines do not count.
 fn blocks(wall: &(DAffine3, DVec3), eye: DVec3, point: DVec3) -> bool {
     let (transform, half) = wall;
     let inverse = transform.inverse();
@@ -84,7 +84,7 @@ fn only_what_no_line_of_sight_reaches_is_hidden() {
     app.world_mut().spawn((CAMERA, Camera3d::default(), Transform::default()));
     let (mut hidden, mut visible) = (0, 0);
     for _ in 0..24 {
-        // Everything moves: camera, walls, things.
+        // Camera, walls and things all move.
         let camera = entity(&mut app, CAMERA).unwrap();
         let eye = random.vec3(-3.0, 3.0);
         app.world_mut().entity_mut(camera).insert(
@@ -116,7 +116,7 @@ fn only_what_no_line_of_sight_reaches_is_hidden() {
                 let local = random.vector(0.5);
                 let point = placed(&transform).transform_point3(local);
                 let is_blocked = walls.iter().any(|wall| blocks(wall, eye.as_dvec3(), point));
-                // What is outside of the picture is hidden by its border.
+                // Points outside of the picture are hidden by the frustum, so they need no blocker.
                 let point = Aabb { center: point.as_vec3a(), half_extents: Default::default() };
                 let is_in_picture = frustum.intersects_obb(&point, &Affine3A::IDENTITY, true, false);
                 assert!(is_blocked || !is_in_picture, "{number:?} at {point:?} is visible from {eye}");
@@ -126,7 +126,7 @@ fn only_what_no_line_of_sight_reaches_is_hidden() {
     assert!(hidden > 1000 && visible > 500, "{hidden} hidden, {visible} visible");
 }
 
-/// A world with a wall, number 0, before a thing, number 1.
+/// Creates an app with a wall (number 0) in front of a thing (number 1).
 fn wall_before_thing(occluder: Occluder) -> bevy_app::App {
     let mut app = app(true);
     let mesh = app.world_mut().resource_mut::<Assets<Mesh>>().add(Cuboid::from_length(1.0).mesh().build());
@@ -152,7 +152,7 @@ fn is_seen(app: &mut bevy_app::App, number: u32) -> bool {
     seen.contains(&Number(number))
 }
 
-/// A change of a wall after which it hides nothing, and how to take it back.
+/// Change that stops a wall from occluding: its description, the change, and its reversal.
 type Change = (&'static str, fn(&mut EntityWorldMut), fn(&mut EntityWorldMut));
 
 #[test]
@@ -220,7 +220,7 @@ fn a_mesh_that_is_loaded_late_or_changed_is_followed() {
     assert!(!is_seen(&mut app, 1), "changed back");
 }
 
-/// Tests a wall that is another box, another asset, another custom mesh or another entity in every frame.
+/// In every frame the wall is another box, another asset, another custom mesh or another entity.
 #[test]
 fn occluders_that_change_every_frame_do_not_fill_the_scene() {
     let changes: [fn(&mut bevy_app::App, Vec3); 4] = [

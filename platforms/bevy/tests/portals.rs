@@ -1,4 +1,4 @@
-//! A camera culls by portals, and the game opens and shuts a door of the culler that it shares.
+//! Test of a camera that culls by portals, while the game opens and closes a door of the shared culler.
 
 mod common;
 
@@ -17,7 +17,7 @@ use visibility_portals::{PortalCuller, SceneCells};
 
 const CAMERA: Number = Number(1_000_000);
 
-/// Two rooms, z up, with a door between them from y = 1 to 2.
+/// Makes two rooms, z up, with a door between them from y = 1 to 2.
 fn two_rooms() -> SceneCells {
     let wall = |a: [f64; 2], b: [f64; 2]| [DVec2::from(a), DVec2::from(b)];
     let plan = [

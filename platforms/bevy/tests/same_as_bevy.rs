@@ -1,7 +1,7 @@
-//! The sets of visible entities are those of bevy's own systems, but for what the crate's documentation
-//! names: entities whose world box reaches into view while their turned box or their sphere does not, and
-//! entities wholly before the near plane or beyond the far plane. Both worlds undergo the same random changes
-//! of every kind.
+//! Test that the visible entities equal those of bevy's own systems, with the exceptions in the crate's
+//! documentation: entities whose world box reaches into view while their rotated box or their sphere does
+//! not, and entities entirely before the near plane or beyond the far plane. Both worlds undergo the same
+//! random changes of every kind.
 
 mod common;
 
@@ -79,16 +79,17 @@ fn spawn_cameras(world: &mut World) {
     world.spawn((CAMERAS[2], Camera3d::default(), Projection::Orthographic(orthographic)));
 }
 
-/// A component that disables entities, beside bevy's own [`Disabled`].
+/// Component that disables entities, besides bevy's own [`Disabled`].
 #[derive(Component)]
 struct Asleep;
 
-/// The same in sparse sets. Once it disables, bevy's queries go by archetypes, not by tables.
+/// Disabling component stored in sparse sets. Once registered, bevy's queries iterate over archetypes, not
+/// tables.
 #[derive(Component)]
 #[component(storage = "SparseSet")]
 struct Resting;
 
-/// The entities that have a component, disabled ones too, in the order of their numbers.
+/// Returns the entities with a component, disabled ones included, in the order of their numbers.
 fn all_with<T: Component>(world: &mut World) -> Vec<Entity> {
     let mut all = world
         .query_filtered::<(&Number, Entity), (With<T>, Allow<Disabled>, Allow<Asleep>, Allow<Resting>)>();
@@ -97,7 +98,7 @@ fn all_with<T: Component>(world: &mut World) -> Vec<Entity> {
     all.into_iter().map(|(_, entity)| entity).collect()
 }
 
-/// One random change, of any kind that can make an entity visible or hidden.
+/// Applies one random change, of any kind that can make an entity visible or hidden.
 fn change(world: &mut World, frame: u32, random: &mut Random) {
     if random.one_in(10) {
         return spawn_drawn(world, 10_000 * (frame + 1) + random.below(10_000) as u32, random);
@@ -184,7 +185,7 @@ fn change(world: &mut World, frame: u32, random: &mut Random) {
         }
         16 if first != second => {
             entity.remove::<ChildOf>();
-            // No circles: only the lesser number is a parent.
+            // The entity with the lesser number becomes the parent, so there are no cycles.
             let numbers = [first, second].map(|e| *world.get::<Number>(e).unwrap());
             let (parent, child) = if numbers[0] < numbers[1] { (first, second) } else { (second, first) };
             world.entity_mut(child).insert(ChildOf(parent));
@@ -207,8 +208,8 @@ fn change(world: &mut World, frame: u32, random: &mut Random) {
     }
 }
 
-/// The box that an entity is culled by, and what turns it: an `Aabb`, or else the box of a `Sphere`, whose
-/// centre is a point of the world.
+/// Returns the local box that an entity is culled by, with its transform: the `Aabb`, or else the box of a
+/// `Sphere`, whose centre is a point in world space.
 fn local_box(app: &App, entity: Entity) -> Option<(Aabb, Affine3A)> {
     let world = app.world();
     if let Some(aabb) = world.get::<Aabb>(entity) {
@@ -217,7 +218,8 @@ fn local_box(app: &App, entity: Entity) -> Option<(Aabb, Affine3A)> {
     world.get::<Sphere>(entity).map(|sphere| (Aabb::from(*sphere), Affine3A::IDENTITY))
 }
 
-/// Whether all corners of the turned box of an entity are before the near plane or all beyond the far plane.
+/// Returns whether all corners of an entity's rotated box are before the near plane, or all beyond the far
+/// plane.
 fn is_beyond_depth(app: &App, camera: Entity, entity: Entity) -> bool {
     let world = app.world();
     let Some((aabb, affine)) = local_box(app, entity) else { return false };
@@ -236,7 +238,7 @@ fn is_beyond_depth(app: &App, camera: Entity, entity: Entity) -> bool {
     clip.iter().all(|p| p.z > p.w * (1.0 - slack)) || is_orthographic && clip.iter().all(|p| p.z < slack)
 }
 
-/// Whether bevy's own test finds the world box of an entity in view, a little enlarged.
+/// Returns whether bevy's frustum test finds an entity's world box, slightly enlarged, in view.
 fn world_box_is_in_view(app: &App, camera: Entity, entity: Entity) -> bool {
     let world = app.world();
     let (aabb, affine) = local_box(app, entity).expect("an entity without bounds is the same in both worlds");
@@ -247,7 +249,7 @@ fn world_box_is_in_view(app: &App, camera: Entity, entity: Entity) -> bool {
     frustum.intersects_obb(&world_box, &Affine3A::IDENTITY, true, false)
 }
 
-/// Whether the world box of an entity is wider than what bevy tests.
+/// Returns whether an entity's world box is larger than the volume that bevy tests.
 fn is_turned(app: &App, entity: Entity) -> bool {
     if app.world().get::<Aabb>(entity).is_none() {
         return app.world().get::<Sphere>(entity).is_some();
@@ -263,7 +265,7 @@ fn the_same_entities_are_visible_through_changes_of_every_kind() {
     run(60, |app| app.world_mut().register_disabling_component::<Resting>());
 }
 
-/// Runs two worlds side by side for so many frames.
+/// Runs two worlds side by side for `frames` frames.
 fn run(frames: u32, add_disabling: fn(&mut App)) {
     let mut apps = [false, true].map(|with_plugin| app_with(with_plugin, add_disabling));
     for app in &mut apps {
@@ -284,7 +286,7 @@ fn run(frames: u32, add_disabling: fn(&mut App)) {
             let (theirs, own) = (seen_by(bevy, camera), seen_by(ours, camera));
             let at = entity(ours, camera).unwrap();
             if !ours.world().get::<Camera>(at).unwrap().is_active {
-                // Keeps its lists of an earlier frame, in both worlds.
+                // An inactive camera keeps the lists of an earlier frame, in both worlds.
                 continue;
             }
             for &number in theirs.difference(&own) {
@@ -313,7 +315,7 @@ fn run(frames: u32, add_disabling: fn(&mut App)) {
     assert!(wider > 50 && wider < seen / 20 && nearer > 5, "{wider} wider, {nearer} before the near plane");
 }
 
-/// An entity culled on the CPU is marked as visible if and only if an active camera lists it.
+/// Asserts that an entity culled on the CPU is marked as visible if and only if an active camera lists it.
 fn assert_results_follow_lists(app: &mut App, frame: u32) {
     let mut listed = BTreeSet::new();
     for camera in CAMERAS {
@@ -330,12 +332,12 @@ fn assert_results_follow_lists(app: &mut App, frame: u32) {
     assert_eq!(with_place, listed, "frame {frame}");
 }
 
-/// Ten cameras show the parts of one picture, five beside each other in two rows. Each sees the box in its
-/// part alone. bevy culls all of them by the frustum of a whole picture, of the aspect of a part.
+/// Ten cameras show ten parts of one picture, in two rows of five. Each must show the box in its own part
+/// only. bevy culls all of them by the frustum of a whole picture with the aspect ratio of a part.
 #[test]
 fn a_part_of_a_picture_shows_what_is_in_it() {
     let perspective = PerspectiveProjection { fov: FRAC_PI_2, ..Default::default() };
-    // Height and width of a part, 10 m before the camera.
+    // Height and width of a part in metres, at 10 m from the camera.
     for (projection, side) in [
         (Projection::Perspective(perspective), 10.0),
         (Projection::Orthographic(OrthographicProjection::default_3d()), 1.0),

@@ -31,28 +31,28 @@
 #include <stddef.h>
 #include <stdint.h>
 
-// Version of the interface. It grows when a change breaks programs that were compiled before.
+// Version of the interface. It increases when a change breaks programs that were compiled before.
 #define VIS_ABI_VERSION 1
 
-// The id of no object in any scene.
+// Id that no object in any scene has.
 #define VIS_NO_OBJECT 4294967295
 
-// All layers: what objects and views have unless they are given others.
+// Mask of all layers, the default for objects and views.
 #define VIS_ALL_LAYERS 4294967295
 
 // Flag of an object that is visible in every view of its layers, whatever the cullers find.
 #define VIS_OBJECT_NEVER_CULL 1
 
-// Flag of an object that is opaque and may hide others. Only an object with an occluder mesh hides anything.
+// Flag of an opaque object that may occlude others. Only an object with an occluder mesh occludes.
 #define VIS_OBJECT_OCCLUDER 2
 
-// Flag of an object that what is behind is drawn through: glass, blended and alpha-tested surfaces. It must
-// not be an occluder. For the judge (`vis_measure_compare`), which draws triangles.
+// Flag of an object that others are visible through: glass, blended and alpha-tested surfaces. It must not
+// be an occluder. Only the judge (`vis_measure_compare`), which draws triangles, uses this flag.
 #define VIS_OBJECT_SEE_THROUGH 4
 
-// Flag of an object whose triangles are drawn from their front alone, as with backface culling. Read by the
-// judge and by bakes, and part of the version that a baked set is compared by. Occluder meshes that
-// `vis_scene_prepare_occluders` makes hide from the front alone in any case.
+// Flag of an object whose triangles are drawn only from their front, as with backface culling. The judge and
+// bakes use this flag, and the version of a baked set depends on it. Occluder meshes made by
+// `vis_scene_prepare_occluders` only occlude from the front, with or without this flag.
 #define VIS_OBJECT_ONE_SIDED 8
 
 // Result of a call. Everything but `VIS_OK` is an error. A failed call has changed nothing, unless its
@@ -60,36 +60,36 @@
 typedef enum vis_status {
   // The call succeeded.
   VIS_OK = 0,
-  // A pointer is null that must not be.
+  // A pointer is null but must not be.
   VIS_ERROR_NULL = 1,
-  // An argument cannot be used: a matrix that is not finite, an unknown enumerator, a size out of range, a
+  // An argument is invalid: a matrix that is not finite, an unknown enumerator, a size out of range, a
   // misaligned pointer.
   VIS_ERROR_ARGUMENT = 2,
-  // An object, mesh, cell or portal is not there: the object was removed, or belongs to another scene.
+  // An object, mesh, cell or portal does not exist: it was removed, or belongs to another scene.
   VIS_ERROR_UNKNOWN_ID = 3,
-  // A buffer is too short. The length that it needs has been written.
+  // A buffer is too short. The required length was written.
   VIS_ERROR_TOO_SHORT = 4,
-  // The content of a file or buffer is damaged, or of another format.
+  // The content of a file or buffer is damaged, or has another format.
   VIS_ERROR_FORMAT = 5,
-  // Something has to be done first: give the view a camera, cull before asking for results, set local
-  // bounds before a transform.
+  // Another call is needed first: give the view a camera, cull before asking for results, set local bounds
+  // before a transform.
   VIS_ERROR_STATE = 6,
   // Another thread is using the handle in a way that excludes this call. Nothing was done.
   VIS_ERROR_BUSY = 7,
-  // A fault inside the library. Handles that the call changed answer every later call with this status;
-  // all that is left is to destroy them.
+  // A fault inside the library. Handles that the call was changing return this status from now on, and can
+  // only be destroyed.
   VIS_ERROR_PANIC = 8,
 } vis_status;
 
-// What a pipeline promises of its result.
+// Accuracy that a pipeline promises for its result.
 typedef enum vis_accuracy {
-  // Reports what is visible and nothing else.
+  // Reports exactly the visible objects.
   VIS_ACCURACY_EXACT = 0,
   // Never hides a visible object.
   VIS_ACCURACY_CONSERVATIVE = 1,
   // Never reports a hidden object.
   VIS_ACCURACY_AGGRESSIVE = 2,
-  // May err both ways, within what its stages say.
+  // May hide visible objects and report hidden ones, within the limits stated by its stages.
   VIS_ACCURACY_APPROXIMATE = 3,
 } vis_accuracy;
 
@@ -109,39 +109,39 @@ typedef enum vis_depth {
   VIS_DEPTH_REVERSED_INFINITE = 5,
 } vis_depth;
 
-// The cells of a building with their doors, shared by the pipelines of all views. Its functions wait for
-// each other; they never return `VIS_ERROR_BUSY`.
+// The cells of a building with their doors, shared by the pipelines of all views. Its functions wait for one
+// another, so they never return `VIS_ERROR_BUSY`.
 typedef struct vis_cells vis_cells;
 
-// A graph of convex cells and of the portals between them. It never changes.
+// Graph of convex cells and the portals between them. It never changes.
 typedef struct vis_graph vis_graph;
 
-// A software renderer that finds which objects show in at least one pixel: for tests and tools, not for
+// Software renderer that finds the objects with at least one visible pixel, for tests and tools, not for
 // frames.
 typedef struct vis_measure vis_measure;
 
-// A pipeline: the cullers of one view, in the order in which they were added, with their memory of earlier
-// frames. Two eyes, or two players, have two pipelines over one scene.
+// Pipeline: the cullers of one view in the order in which they were added, with their state from earlier
+// frames. Two eyes, or two players, need two pipelines over one scene.
 typedef struct vis_pipeline vis_pipeline;
 
-// A potentially visible set: for each viewcell the targets, cells or objects, that may be seen from there.
+// Potentially visible set: for each viewcell the targets, cells or objects, that may be visible from there.
 // It never changes.
 typedef struct vis_pvs vis_pvs;
 
-// A scene: the objects, their hierarchy and their occluder meshes.
+// Scene: objects, their hierarchy and their occluder meshes.
 typedef struct vis_scene vis_scene;
 
-// A potentially visible set prepared for a scene. It never changes.
+// Potentially visible set prepared for a scene. It never changes.
 typedef struct vis_scene_pvs vis_scene_pvs;
 
-// A view: a camera and the layers that it shows. Created once, set each frame.
+// View: a camera and the layers that it shows. Created once, and set in each frame.
 typedef struct vis_view vis_view;
 
-// The objects that a view sees: the result of `vis_pipeline_cull`. It stays what it is when the scene
-// changes. Once listed, a render thread can read it while the scene changes.
+// Set of the objects that a view sees, the result of `vis_pipeline_cull`. Changes of the scene do not change
+// the set. Once listed, a render thread can read it while the scene changes.
 typedef struct vis_visible vis_visible;
 
-// A portal of a graph: a convex polygon between two cells.
+// Portal of a graph: a convex polygon between two cells.
 typedef struct vis_portal {
   // Index of the polygon's first vertex among all vertices. The vertices run counter-clockwise as seen
   // from the second cell.
@@ -152,33 +152,33 @@ typedef struct vis_portal {
   uint32_t cells[2];
 } vis_portal;
 
-// A convex volume in the world: a cell of a building, or a viewcell of a baked set.
+// Convex volume in world space: a cell of a building, or a viewcell of a baked set.
 typedef struct vis_volume {
   // Minimum corner of a box around the volume: x, y, z.
   double min[3];
   // Maximum corner of the box.
   double max[3];
-  // Index of the first plane that cuts a part off the box, among all planes.
+  // Index, among all planes, of the first plane that cuts a part off the box.
   uint32_t first_plane;
-  // Number of planes; 0 if the volume is the box.
+  // Number of planes; 0 if the volume is the whole box.
   uint32_t plane_count;
 } vis_volume;
 
-// How a result differs from what the renderer sees. Pixels are samples: what is falsely hidden is a lower
-// bound, what is falsely visible an upper one.
+// Differences between a result and the renderer's picture. Pixels are samples, so the numbers of falsely
+// hidden objects are lower bounds, and those of falsely visible objects upper bounds.
 typedef struct vis_comparison {
-  // Number of objects with triangles that the result has.
+  // Number of objects in the result that have triangles.
   uint32_t reported_objects;
-  // Number of objects that show in a pixel and are missing from the result: always 0 for a conservative
+  // Number of objects with a visible pixel that are missing from the result. Always 0 for a conservative
   // pipeline.
   uint32_t false_hidden_objects;
-  // Number of objects of the result that show in no pixel.
+  // Number of objects in the result without a visible pixel.
   uint32_t false_visible_objects;
-  // Number of pixels that are wrong if only the result is drawn.
+  // Number of pixels that are wrong if only the objects in the result are drawn.
   uint32_t wrong_pixels;
 } vis_comparison;
 
-// An axis-aligned box by its minimum and maximum corners.
+// Axis-aligned box.
 typedef struct vis_box {
   // Minimum corner: x, y, z.
   float min[3];
@@ -186,27 +186,27 @@ typedef struct vis_box {
   float max[3];
 } vis_box;
 
-// Counters of the work of a frame. They depend neither on the machine nor on time.
+// Counters of a frame's work. They do not depend on the machine or on timing.
 typedef struct vis_stats {
   // Number of nodes of the hierarchy whose children were tested.
   uint64_t nodes;
-  // Number of nodes whose candidates were all kept without further tests.
+  // Number of nodes accepted as a whole, without tests of their children.
   uint64_t accepted_subtrees;
   // Number of tests of one box against one plane, one occlusion map or similar.
   uint64_t tests;
   // Number of occluders drawn.
   uint64_t occluders;
-  // Number of objects left.
+  // Number of visible objects after the stage.
   uint64_t visible;
 } vis_stats;
 
-// Description of an object to insert. Start from `vis_object_default`: all zero describes an object that is
-// on no layer and so never seen.
+// Description of an object to insert. Start from `vis_object_default`: a description of zeros would put the
+// object on no layer, so that it is never visible.
 typedef struct vis_object_desc {
   // Bounds relative to the scene's origin. An object whose bounds are inverted, NaN or infinite is never
   // culled.
   struct vis_box bounds;
-  // The layers that the object is on, one bit per layer. A view shows objects that share a layer with it.
+  // Layers of the object, one bit per layer. A view shows objects that share a layer with it.
   uint32_t layers;
   // Cost of drawing the object, in triangles or any other unit.
   uint32_t cost;
@@ -214,13 +214,13 @@ typedef struct vis_object_desc {
   uint32_t flags;
 } vis_object_desc;
 
-// Place and directions of a camera, in world coordinates.
+// Position and directions of a camera, in world coordinates.
 typedef struct vis_pose {
   // Position of the eye.
   double eye[3];
-  // A point that the camera looks at.
+  // Point that the camera looks at.
   double target[3];
-  // A direction that is upwards in the picture.
+  // Direction that points upwards in the picture.
   double up[3];
 } vis_pose;
 
@@ -228,7 +228,8 @@ typedef struct vis_pose {
 extern "C" {
 #endif // __cplusplus
 
-// Returns the `VIS_ABI_VERSION` that the library was built with: programs that load it at run time compare.
+// Returns the `VIS_ABI_VERSION` that the library was built with, for comparison by programs that load the
+// library at run time.
 uint32_t vis_abi_version(void);
 
 // Makes a graph of `cell_count` cells from arrays: `portals`, and 3 coordinates for each of `vertices`.
@@ -239,28 +240,27 @@ enum vis_status vis_graph_create(size_t cell_count,
                                  size_t vertex_count,
                                  struct vis_graph **graph);
 
-// Makes a graph from the text of a portal file of a map compiler, `.prt` in the forms PRT1, PRT2 and
-// PRT1-AM, of `length` bytes.
+// Makes a graph from the `length` bytes of a map compiler's portal file (`.prt`), in the format PRT1, PRT2
+// or PRT1-AM.
 enum vis_status vis_graph_read_prt(const uint8_t *text, size_t length, struct vis_graph **graph);
 
 // Destroys a graph. Does nothing for a null pointer.
 void vis_graph_destroy(struct vis_graph *graph);
 
-// Writes the numbers of cells and of portals.
+// Writes the number of cells and the number of portals.
 enum vis_status vis_graph_counts(const struct vis_graph *graph, size_t *cells, size_t *portals);
 
-// Computes which cells may be seen from anywhere in which cells, with all portals open. `clearance` is the
-// distance that a line of sight keeps from edges of portals to count, in world units; 0 for the default,
-// 1e-6 or, if that is more, 2^-33 of the greatest coordinate of a portal. Takes from milliseconds to
-// minutes. Conservative.
+// Computes which cells may see one another from anywhere inside, with all portals open. Conservative.
+// `clearance` is the least distance in world units between a line of sight and the edges of portals; 0 for
+// the default, which is 1e-6 or, if more, 2^-33 of the greatest coordinate of a portal. Takes from
+// milliseconds to minutes.
 enum vis_status vis_graph_bake(const struct vis_graph *graph, double clearance, struct vis_pvs **pvs);
 
-// Makes the cells of a building from a graph and from the volumes of its cells, in their order. `planes` has
-// 4 numbers a, b, c, d each: what is kept is a x + b y + c z + d >= 0. `tolerance` is the distance by which
-// portals and volumes may be misplaced: 1e-6 for metres computed in double precision, the last decimal for
-// coordinates read from text. All portals are open. A portal that is wound the wrong way is turned by the
-// volumes; a portal whose volumes are not on opposite sides of it is an error. The graph may be destroyed
-// afterwards.
+// Makes the cells of a building from a graph and the volume of each cell. `planes` has 4 numbers a, b, c, d
+// each; a volume keeps the side where a x + b y + c z + d >= 0. `tolerance` is the greatest error in the
+// positions of portals and volumes: 1e-6 for metres computed in double precision, the last decimal for
+// coordinates read from text. All portals are open. A portal with the wrong winding is corrected; a portal
+// whose two volumes are not on opposite sides is an error. The graph may be destroyed afterwards.
 enum vis_status vis_cells_create(const struct vis_graph *graph,
                                  const struct vis_volume *cell_volumes,
                                  size_t volume_count,
@@ -272,21 +272,21 @@ enum vis_status vis_cells_create(const struct vis_graph *graph,
 // Destroys cells; pipelines that use them keep them alive. Does nothing for a null pointer.
 void vis_cells_destroy(struct vis_cells *cells);
 
-// Limits what is seen from a cell to its row of a baked set, whose targets must be the cells of the graph.
-// The set may be destroyed afterwards. Returns `VIS_ERROR_ARGUMENT` for a set that was baked from another
-// graph. Of one made by `vis_pvs_create` nobody knows: pipelines with the cells are then
+// Restricts what is seen from a cell to its row in a baked set, whose targets must be the cells of the
+// graph. The set may be destroyed afterwards. Returns `VIS_ERROR_ARGUMENT` for a set baked from another
+// graph. For a set made by `vis_pvs_create` the graph is unknown, so pipelines with the cells become
 // `VIS_ACCURACY_APPROXIMATE`.
 enum vis_status vis_cells_set_pvs(struct vis_cells *cells, const struct vis_pvs *pvs);
 
-// Opens or closes a portal, like a door.
+// Opens or closes a portal, for example a door.
 enum vis_status vis_cells_set_open(struct vis_cells *cells, uint32_t portal, bool open);
 
-// Sets in which directions a portal can be seen through while it is open: from its first cell into the
-// second (`forward`), from the second into the first (`backward`), or both. To allow neither, close it.
+// Sets the directions in which an open portal can be seen through: from its first cell into the second
+// (`forward`), from the second into the first (`backward`), or both. To allow neither, close the portal.
 enum vis_status vis_cells_set_passage(struct vis_cells *cells, uint32_t portal, bool forward, bool backward);
 
-// Writes whether one cell may see another through the portals that are open now, from anywhere in it: for
-// sound, for the AI of guards.
+// Writes whether one cell may see another, from anywhere inside, through the portals that are open now.
+// Useful for sound and for the AI of guards.
 enum vis_status vis_cells_can_see(const struct vis_cells *cells, uint32_t from, uint32_t to, bool *sees);
 
 // Returns the message of the last call that failed on this thread, in English, UTF-8, ending with a zero
@@ -300,8 +300,8 @@ enum vis_status vis_measure_create(uint32_t width, uint32_t height, struct vis_m
 // Destroys a renderer. Does nothing for a null pointer.
 void vis_measure_destroy(struct vis_measure *measure);
 
-// Draws all triangles of the scene's objects (`vis_scene_set_triangles`) for a view and compares the result
-// of a pipeline for the same view with what shows. Objects without triangles count for nothing.
+// Draws all triangles of the scene's objects (`vis_scene_set_triangles`) for a view, and compares the
+// picture with a pipeline's result for the same view. Objects without triangles are not compared.
 enum vis_status vis_measure_compare(struct vis_measure *measure,
                                     const struct vis_scene *scene,
                                     const struct vis_view *view,
@@ -311,42 +311,42 @@ enum vis_status vis_measure_compare(struct vis_measure *measure,
 // Writes the bounds of an object, relative to the scene's origin.
 enum vis_status vis_scene_bounds(const struct vis_scene *scene, uint64_t object, struct vis_box *bounds);
 
-// Sets the bounds of an object that has moved or changed its shape. If they differ from the present ones,
-// the object loses its occluder mesh, its triangles and its local bounds, which would stay behind: move
-// objects that have these by `vis_scene_set_transforms_batch`.
+// Sets the bounds of an object that has moved or changed its shape. If the bounds change, the object loses
+// its occluder mesh, its triangles and its local bounds, which would no longer match. Move objects that have
+// these with `vis_scene_set_transforms_batch`.
 enum vis_status vis_scene_set_bounds(struct vis_scene *scene, uint64_t object, const struct vis_box *bounds);
 
-// Sets the bounds of `count` objects, as `vis_scene_set_bounds` does for one, or of none of them if an id is
-// unknown. For what moves each frame.
+// Sets the bounds of `count` objects, like `vis_scene_set_bounds`. If an id is unknown, no bounds are set.
+// For objects that move in each frame.
 enum vis_status vis_scene_set_bounds_batch(struct vis_scene *scene,
                                            const uint64_t *ids,
                                            const struct vis_box *bounds,
                                            size_t count);
 
-// Sets the bounds of an object in its own coordinates; `vis_scene_set_transforms_batch` then moves bounds
-// and occluder mesh together.
+// Sets the bounds of an object in its own coordinates. `vis_scene_set_transforms_batch` can then move its
+// bounds and occluder mesh together.
 enum vis_status vis_scene_set_local_bounds(struct vis_scene *scene,
                                            uint64_t object,
                                            const struct vis_box *bounds);
 
-// Moves `count` objects that have local bounds, or none of them on an error. `transforms` has 16 numbers per
+// Moves `count` objects that have local bounds. On an error, moves none. `transforms` has 16 numbers per
 // object: a matrix from the object's coordinates to the scene's, column-major, with the last row 0 0 0 1.
 enum vis_status vis_scene_set_transforms_batch(struct vis_scene *scene,
                                                const uint64_t *ids,
                                                const float *transforms,
                                                size_t count);
 
-// Tightens the hierarchy where objects have moved; call it once per frame. `budget` is about the
-// microseconds that the call may take. Writes the number of nodes still waiting to `waiting`, which may be
-// null.
+// Tightens the hierarchy where objects have moved. Call this once per frame. `budget` is the approximate
+// time limit in microseconds. Writes the number of nodes still waiting to `waiting`, which may be null.
 enum vis_status vis_scene_maintain(struct vis_scene *scene, size_t budget, size_t *waiting);
 
-// Builds the best hierarchy for the objects as they are: once after loading, not each frame. Ids stay valid.
+// Builds the best hierarchy for the present objects. Call this once after loading, not in each frame. Ids
+// stay valid.
 enum vis_status vis_scene_rebuild(struct vis_scene *scene);
 
 // Stores an occluder mesh in a scene, for any number of objects, and writes its id. `positions` has 3
-// numbers per vertex, `indices` 3 per triangle, counter-clockwise from the front. Only front faces hide,
-// unless `two_sided`. Each pixel that the mesh covers must be covered by the object as drawn, or visible
+// numbers per vertex, `indices` 3 per triangle, counter-clockwise from the front. Only front faces occlude,
+// unless `two_sided`. The drawn object must cover every pixel that the mesh covers; otherwise visible
 // objects are hidden.
 enum vis_status vis_scene_add_mesh(struct vis_scene *scene,
                                    const float *positions,
@@ -356,37 +356,37 @@ enum vis_status vis_scene_add_mesh(struct vis_scene *scene,
                                    bool two_sided,
                                    uint64_t *mesh);
 
-// Stores the occluder mesh of a box in a scene and writes its id: for walls, houses and other solids.
+// Stores the occluder mesh of a box in a scene and writes its id, for walls, houses and other solids.
 enum vis_status vis_scene_add_box_mesh(struct vis_scene *scene, const struct vis_box *bounds, uint64_t *mesh);
 
-// Removes an occluder mesh from a scene. Its id names no mesh any more. Objects that have the mesh keep it
-// until they get another or lose it; its memory is freed with the last of them, at once if there is none.
+// Removes an occluder mesh from a scene. Its id becomes invalid. Objects keep the mesh until they get
+// another or lose it. Its memory is freed when no object has it.
 enum vis_status vis_scene_remove_mesh(struct vis_scene *scene, uint64_t mesh);
 
-// Writes the number of occluder meshes that a scene holds: those that were added and not removed, those that
-// an object keeps, and those prepared from the triangles of objects.
+// Writes the number of occluder meshes in a scene: meshes that were added and not removed, removed meshes
+// that an object still has, and meshes prepared from the triangles of objects.
 enum vis_status vis_scene_mesh_count(const struct vis_scene *scene, size_t *count);
 
-// Gives an object an occluder mesh, which hides others while the object has `VIS_OBJECT_OCCLUDER`.
-// `transform` is a matrix of 16 numbers from mesh to scene coordinates, column-major, with the last row
-// 0 0 0 1; null for the identity. An object with local bounds is moved there; set bounds before, since a
-// change of bounds takes the mesh away. A mesh that reaches out of the bounds hides nothing, and
-// `vis_pipeline_lacks` says so.
+// Gives an object an occluder mesh, which occludes while the object has the flag `VIS_OBJECT_OCCLUDER`.
+// `transform` is a matrix of 16 numbers from mesh to scene coordinates, column-major, with the last row 0 0
+// 0 1; null for the identity. An object with local bounds is moved by the same transform. Set bounds before
+// the mesh, since a change of bounds removes the mesh. A mesh that reaches outside of the bounds hides
+// nothing, and `vis_pipeline_lacks` reports it.
 enum vis_status vis_scene_set_mesh(struct vis_scene *scene,
                                    uint64_t object,
                                    uint64_t mesh,
                                    const float *transform);
 
 // Replaces the triangles of an object, 9 numbers each, in scene coordinates, for
-// `vis_scene_prepare_occluders` and `vis_measure_compare`. The object's bounds must contain them, or
-// they are an error. They are taken away when the object moves.
+// `vis_scene_prepare_occluders` and `vis_measure_compare`. An error if the object's bounds do not contain
+// them. The object loses its triangles when it moves.
 enum vis_status vis_scene_set_triangles(struct vis_scene *scene,
                                         uint64_t object,
                                         const float *triangles,
                                         size_t count);
 
-// Makes occluder meshes from the triangles of objects that have `VIS_OBJECT_OCCLUDER` and no mesh, and
-// writes the number of objects that got one to `count`. Once after loading.
+// Makes occluder meshes from the triangles of objects that have `VIS_OBJECT_OCCLUDER` and no mesh. Writes
+// the number of objects that got one to `count`. Call this once after loading.
 enum vis_status vis_scene_prepare_occluders(struct vis_scene *scene, size_t *count);
 
 // Creates a pipeline without stages, which reports every object on the view's layers.
@@ -395,33 +395,35 @@ enum vis_status vis_pipeline_create(struct vis_pipeline **pipeline);
 // Destroys a pipeline. Does nothing for a null pointer.
 void vis_pipeline_destroy(struct vis_pipeline *pipeline);
 
-// Appends frustum culling, which should come first: it removes what is outside the view. Conservative.
+// Appends frustum culling, which removes objects outside the view and should be the first stage.
+// Conservative.
 enum vis_status vis_pipeline_add_frustum(struct vis_pipeline *pipeline);
 
-// Appends the removal of objects that are smaller than `min_pixels` pixels in pictures `picture_height`
-// pixels high, out of their draw range, or stood in for by an HLOD parent. If one of the two numbers is
-// zero, no object is too small. Approximate.
+// Appends contribution culling. It removes objects that are smaller than `min_pixels` pixels in a picture
+// `picture_height` pixels high, outside of their draw range, or replaced by an HLOD parent. If one of the
+// two numbers is zero, no object is too small. Approximate.
 enum vis_status vis_pipeline_add_contribution(struct vis_pipeline *pipeline,
                                               double picture_height,
                                               double min_pixels);
 
-// Appends occlusion culling by a hierarchical z-buffer in software, which removes what objects with
-// `VIS_OBJECT_OCCLUDER` and a mesh hide. `width` and `height` are the buffer's in pixels, 16 to 4096; 0 and
-// 0 for the default, 512 x 288. Conservative.
+// Appends occlusion culling by a software hierarchical z-buffer. It removes objects hidden behind objects
+// that have a mesh and the flag `VIS_OBJECT_OCCLUDER`. `width` and `height` are the size of the buffer in
+// pixels, 16 to 4096; 0 and 0 for the default, 512 x 288. Conservative.
 enum vis_status vis_pipeline_add_z_buffer(struct vis_pipeline *pipeline, size_t width, size_t height);
 
-// Appends portal culling, which removes what cannot be seen through the open portals of a building. Several
-// pipelines may share the cells, which live as long as any of them, even if destroyed. Conservative.
+// Appends portal culling, which removes objects that cannot be seen through the open portals of a building.
+// Several pipelines may share the cells, which live as long as a pipeline uses them, even if destroyed.
+// Conservative.
 enum vis_status vis_pipeline_add_portals(struct vis_pipeline *pipeline, const struct vis_cells *cells);
 
-// Appends culling by a baked set, which removes what the set excludes for the viewcells of the eye. Several
-// pipelines may share the set, which lives as long as any of them, even if destroyed. Conservative if the
-// set is.
+// Appends culling by a baked set. It removes objects that the set excludes for the viewcells around the eye.
+// Several pipelines may share the set, which lives as long as a pipeline uses it, even if destroyed.
+// Conservative if the set is.
 enum vis_status vis_pipeline_add_pvs(struct vis_pipeline *pipeline, const struct vis_scene_pvs *pvs);
 
 // Culls: fills `visible` with the objects of the scene that the view may see. Writes the sum of the stages'
-// counters to `stats`, which may be null. Once per frame and view; several views of one scene may be culled
-// at once on several threads, each with a pipeline and a set of its own.
+// counters to `stats`, which may be null. Call this once per frame and view. Several threads may cull views
+// of one scene at once, each with its own pipeline and visible set.
 enum vis_status vis_pipeline_cull(struct vis_pipeline *pipeline,
                                   const struct vis_scene *scene,
                                   const struct vis_view *view,
@@ -431,7 +433,7 @@ enum vis_status vis_pipeline_cull(struct vis_pipeline *pipeline,
 // Makes all stages forget earlier frames. Never needed for correct results.
 enum vis_status vis_pipeline_reset(struct vis_pipeline *pipeline);
 
-// Writes what all stages together promise.
+// Writes the accuracy that all stages together promise.
 enum vis_status vis_pipeline_accuracy(const struct vis_pipeline *pipeline, enum vis_accuracy *accuracy);
 
 // Writes the counters of one stage in the last frame; stages count from 0 in the order in which they were
@@ -440,38 +442,38 @@ enum vis_status vis_pipeline_stage_stats(const struct vis_pipeline *pipeline,
                                          size_t stage,
                                          struct vis_stats *stats);
 
-// Makes later frames keep culling for the view of the last one (`true`), so that an engine can look from
-// elsewhere at what was culled, or for the views passed to them (`false`).
+// With `true`, later frames keep culling for the view of the last frame, so that an engine can look at the
+// culled scene from elsewhere. With `false`, they cull for the views passed to them.
 enum vis_status vis_pipeline_freeze(struct vis_pipeline *pipeline, bool frozen);
 
-// Starts or stops recording which stage removes which object, from the next frame on. Frames cost time in
-// proportion to the scene meanwhile.
+// Starts or stops recording, from the next frame on, which stage removes each object. While recording, a
+// frame takes time proportional to the size of the scene.
 enum vis_status vis_pipeline_set_explaining(struct vis_pipeline *pipeline, bool explaining);
 
-// Writes why an object was, or was not, visible in the last frame, such as "visible" or "removed by
-// frustum": a text with a zero byte at its end, and its length with that byte to `count`. With a null `text`
-// writes the length alone. "unknown" unless the pipeline was explaining.
+// Writes why an object was visible or not in the last frame, such as "visible" or "removed by frustum".
+// Writes a text that ends with a zero byte, and its length including this byte to `count`. With a null
+// `text`, writes only the length. The text is "unknown" unless the pipeline was explaining.
 enum vis_status vis_pipeline_explain(const struct vis_pipeline *pipeline,
                                      uint64_t object,
                                      char *text,
                                      size_t capacity,
                                      size_t *count);
 
-// Writes what the stages lack to cull a scene, a line each, such as "hzb: occluders without a mesh: 12";
-// empty if nothing. Text and length as in `vis_pipeline_explain`.
+// Writes what the stages need and the scene lacks, one line each, such as "hzb: occluders without a mesh:
+// 12". Empty if nothing is missing. Text and length as in `vis_pipeline_explain`.
 enum vis_status vis_pipeline_lacks(const struct vis_pipeline *pipeline,
                                    const struct vis_scene *scene,
                                    char *text,
                                    size_t capacity,
                                    size_t *count);
 
-// Loads a set from the `length` bytes that `vis_pvs_write` has stored. They are checked. Files of the
-// program `bake` are read by `vis_scene_pvs_read_version`.
+// Loads a set from the `length` bytes that `vis_pvs_write` has written. The bytes are checked. For files of
+// the program `bake`, use `vis_scene_pvs_read_version`.
 enum vis_status vis_pvs_read(const uint8_t *bytes, size_t length, struct vis_pvs **pvs);
 
-// Makes a set of objects from rows, for bakers of your own: viewcell `i` sees the targets from
-// `targets[row_ends[i - 1]]` (0 for the first) up to `targets[row_ends[i]]`, exclusive. Each row ascends
-// strictly; targets are below `target_count`.
+// Makes a set of objects from rows, for sets of your own baker. Viewcell `i` sees the targets from
+// `targets[row_ends[i - 1]]` (0 for the first) up to `targets[row_ends[i]]`, exclusive. The targets of each
+// row are strictly ascending and below `target_count`.
 enum vis_status vis_pvs_create(size_t target_count,
                                const size_t *row_ends,
                                size_t viewcell_count,
@@ -482,19 +484,19 @@ enum vis_status vis_pvs_create(size_t target_count,
 // Destroys a set. Does nothing for a null pointer.
 void vis_pvs_destroy(struct vis_pvs *pvs);
 
-// Writes the bytes of a set, to be stored as they are, and their number to `count`. With a null `bytes`
-// writes the number alone; returns `VIS_ERROR_TOO_SHORT` if `bytes` has room for fewer.
+// Writes the bytes of a set, to be stored unchanged, and their number to `count`. With a null `bytes`,
+// writes only the number. Returns `VIS_ERROR_TOO_SHORT` if `bytes` is too short.
 enum vis_status vis_pvs_write(const struct vis_pvs *pvs, uint8_t *bytes, size_t capacity, size_t *count);
 
-// Writes the numbers of viewcells and of targets.
+// Writes the number of viewcells and the number of targets.
 enum vis_status vis_pvs_counts(const struct vis_pvs *pvs, size_t *viewcells, size_t *targets);
 
-// Writes whether a target may be seen from a viewcell; false if the set has no such target or viewcell.
+// Writes whether a target may be visible from a viewcell; false if the set has no such target or viewcell.
 enum vis_status vis_pvs_sees(const struct vis_pvs *pvs, uint32_t viewcell, uint32_t target, bool *sees);
 
-// Writes the row of a viewcell: one bit per target, `target % 32` of word `target / 32`, set for targets
-// that may be seen from there, and the number of words to `count`. Null and too short as for
-// `vis_pvs_write`. Faster than `vis_pvs_sees` for many targets.
+// Writes the row of a viewcell as one bit per target: bit `target % 32` of word `target / 32` is set if the
+// target may be visible from there. Writes the number of words to `count`. A null or too short `words` is
+// handled as in `vis_pvs_write`. Faster than `vis_pvs_sees` for many targets.
 enum vis_status vis_pvs_write_row(const struct vis_pvs *pvs,
                                   uint32_t viewcell,
                                   uint32_t *words,
@@ -502,8 +504,8 @@ enum vis_status vis_pvs_write_row(const struct vis_pvs *pvs,
                                   size_t *count);
 
 // Prepares a set for the present state of a scene, for `vis_pipeline_add_pvs`. Viewcell `i` of the set is
-// the region `viewcells[i]`; `planes` as in `vis_cells_create`. The arrays `objects` and `targets`, of
-// `pair_count`, give objects their targets; an object may have several. Objects without a target, and
+// the region `viewcells[i]`; `planes` as in `vis_cells_create`. The arrays `objects` and `targets`, both of
+// length `pair_count`, assign targets to objects; an object may have several. Objects without a target, and
 // objects that change later, are never hidden. The set may be destroyed afterwards.
 enum vis_status vis_scene_pvs_create(const struct vis_scene *scene,
                                      const struct vis_pvs *pvs,
@@ -516,20 +518,20 @@ enum vis_status vis_scene_pvs_create(const struct vis_scene *scene,
                                      size_t pair_count,
                                      struct vis_scene_pvs **scene_pvs);
 
-// Loads the `length` bytes of a file that the program `bake` has written for a scene, for
-// `vis_pipeline_add_pvs`. They are checked. The scene must have just the objects of the baked scene,
-// inserted in the same order and with the same bounds; returns `VIS_ERROR_ARGUMENT` for another. Objects
-// that change later are never hidden. `version` is that of the level, as `bake` prints it: a hash of all
-// that the bake rests on, triangles included. Returns `VIS_ERROR_ARGUMENT` if the set is of another version.
+// Loads the `length` bytes of a file that the program `bake` has written, for `vis_pipeline_add_pvs`. The
+// bytes are checked. The scene must have exactly the objects of the baked scene, inserted in the same order
+// with the same bounds. Objects that change later are never hidden. `version` is the level's version as
+// printed by `bake`: a hash of everything the bake depends on, triangles included. Returns
+// `VIS_ERROR_ARGUMENT` for another scene or version.
 enum vis_status vis_scene_pvs_read_version(const struct vis_scene *scene,
                                            const uint8_t *bytes,
                                            size_t length,
                                            uint64_t version,
                                            struct vis_scene_pvs **scene_pvs);
 
-// Loads a file as `vis_scene_pvs_read_version` does, for a level that carries no version. An edit that
-// leaves all bounds as they are, such as a new door in a wall, is not noticed, and what it makes visible is
-// hidden: pipelines with the set are `VIS_ACCURACY_APPROXIMATE`, and `vis_pipeline_lacks` says why.
+// Loads a file like `vis_scene_pvs_read_version`, for a level without a stored version. An edit that changes
+// no bounds, such as a new door in a wall, is not noticed, and objects that it makes visible are hidden. So
+// pipelines with the set are `VIS_ACCURACY_APPROXIMATE`, and `vis_pipeline_lacks` reports the reason.
 enum vis_status vis_scene_pvs_read(const struct vis_scene *scene,
                                    const uint8_t *bytes,
                                    size_t length,
@@ -547,15 +549,15 @@ enum vis_status vis_scene_create(struct vis_scene **scene);
 // Destroys a scene. Does nothing for a null pointer.
 void vis_scene_destroy(struct vis_scene *scene);
 
-// Moves the whole scene so that its origin is at a point of the world, `origin`: 3 numbers. Bounds,
-// triangles and transforms, which are relative to the origin, stay as they are.
+// Moves the whole scene so that its origin is at the point `origin` of the world (3 numbers). Bounds,
+// triangles and transforms are relative to the origin and keep their values.
 enum vis_status vis_scene_set_origin(struct vis_scene *scene, const double *origin);
 
 // Writes the number of objects.
 enum vis_status vis_scene_count(const struct vis_scene *scene, size_t *count);
 
-// Writes an upper bound, exclusive, on the index (`(uint32_t)id`) of every object so far: the length of
-// arrays that are indexed by object. `(limit + 31) / 32` words hold a bit for each.
+// Writes an upper bound, exclusive, on the index (`(uint32_t)id`) of every object so far: the length of an
+// array indexed by object. `(limit + 31) / 32` words hold one bit per object.
 enum vis_status vis_scene_index_limit(const struct vis_scene *scene, size_t *limit);
 
 // Writes whether an id names an object of the scene: false once the object is removed.
@@ -565,35 +567,35 @@ enum vis_status vis_scene_contains(const struct vis_scene *scene, uint64_t objec
 // and dense, for arrays. A later object may get the index of a removed one, never the id.
 enum vis_status vis_scene_insert(struct vis_scene *scene, const struct vis_object_desc *object, uint64_t *id);
 
-// Adds `count` objects, or none of them on an error, and writes their ids to `ids`, an array of `count`.
-// Much faster than single calls for a new scene.
+// Adds `count` objects and writes their ids to `ids`, an array of `count`. On an error, adds none. Much
+// faster than single calls for a new scene.
 enum vis_status vis_scene_insert_batch(struct vis_scene *scene,
                                        const struct vis_object_desc *objects,
                                        size_t count,
                                        uint64_t *ids);
 
-// Removes an object. Its id is unknown from then on.
+// Removes an object. Its id becomes invalid.
 enum vis_status vis_scene_remove(struct vis_scene *scene, uint64_t object);
 
-// Removes `count` objects, or none of them if an id is unknown or listed twice.
+// Removes `count` objects. If an id is unknown or listed twice, removes none.
 enum vis_status vis_scene_remove_batch(struct vis_scene *scene, const uint64_t *ids, size_t count);
 
-// Sets the layers of an object, one bit per layer. An object with 0 is in no view.
+// Sets the layers of an object, one bit per layer. With 0 the object is in no view.
 enum vis_status vis_scene_set_layers(struct vis_scene *scene, uint64_t object, uint32_t layers);
 
-// Sets the flags of an object: any of the flags `VIS_OBJECT_...`, or 0, which takes the others. To open a
-// door that hides what is behind, take `VIS_OBJECT_OCCLUDER` from the door.
+// Sets the flags of an object to any of the flags `VIS_OBJECT_...`, or 0, and clears all others. To open a
+// door that occludes, clear `VIS_OBJECT_OCCLUDER` of the door.
 enum vis_status vis_scene_set_flags(struct vis_scene *scene, uint64_t object, uint32_t flags);
 
 // Sets the distances from the eye, in metres, at which an object is drawn, for the stage
-// `vis_pipeline_add_contribution`: from `begin` to `end`, which may be infinite. Other stages draw it at
-// every distance. Ranges alone leave distances at which neither of two levels of one thing is drawn, where
-// their bounds differ: make the far one the parent of the near one by `vis_scene_set_hlod_parent`.
+// `vis_pipeline_add_contribution`: from `begin` to `end`, which may be infinite. Other stages ignore the
+// range. If two levels of detail have different bounds, adjoining ranges leave distances at which neither is
+// drawn. To avoid this, make the far level the parent of the near one with `vis_scene_set_hlod_parent`.
 enum vis_status vis_scene_set_draw_range(struct vis_scene *scene, uint64_t object, float begin, float end);
 
-// Makes `parent` stand in for an object beyond the begin of the parent's draw range, for the stage
-// `vis_pipeline_add_contribution`; `VIS_NO_OBJECT` for no parent. Both are measured from the bounds of
-// the parent, which must contain those of the object.
+// Makes `parent` replace an object beyond the begin of the parent's draw range, for the stage
+// `vis_pipeline_add_contribution`; `VIS_NO_OBJECT` for no parent. Distances of both are measured from the
+// parent's bounds, which must contain the object's bounds.
 enum vis_status vis_scene_set_hlod_parent(struct vis_scene *scene, uint64_t object, uint64_t parent);
 
 // Creates a view without a camera, on all layers.
@@ -602,13 +604,13 @@ enum vis_status vis_view_create(struct vis_view **view);
 // Destroys a view. Does nothing for a null pointer.
 void vis_view_destroy(struct vis_view *view);
 
-// Sets the camera of a view by the matrix that the engine draws with: 16 numbers, column-major, from the
-// world to clip space. `depth` is the `vis_depth` that the matrix was made for. `origin` has the 3
-// coordinates of the point of the world that the matrix is relative to, for engines that draw relative to
-// the camera; null for the origin of the world. The view keeps its layers and loses its clip planes.
+// Sets the camera of a view from the engine's matrix from world to clip space: 16 numbers, column-major.
+// `depth` is the `vis_depth` of the matrix. `origin` is the point of the world that the matrix is relative
+// to (3 coordinates), for engines that draw relative to the camera; null for the origin of the world. The
+// view keeps its layers and loses its clip planes.
 //
-// Two conditions, which every camera meets, are not checked: clip-space w does not decrease away from the
-// eye, and the near plane is not behind the eye. Occlusion culling relies on them.
+// Occlusion culling relies on two conditions that every camera meets and that are not checked: clip-space w
+// does not decrease away from the eye, and the near plane is not behind the eye.
 enum vis_status vis_view_set_matrix(struct vis_view *view,
                                     const float *matrix,
                                     uint32_t depth,
@@ -620,7 +622,7 @@ enum vis_status vis_view_set_matrix_f64(struct vis_view *view,
                                         uint32_t depth,
                                         const double *origin);
 
-// Sets the camera of a view by its pose and lens, for programs that have no matrix. `fov_y` is the vertical
+// Sets the camera of a view from its pose and lens, for programs without a matrix. `fov_y` is the vertical
 // field of view in radians, `aspect` width over height, `near_plane` and `far_plane` the distances of the
 // planes; `far_plane` may be infinite. The view keeps its layers and loses its clip planes.
 enum vis_status vis_view_set_perspective(struct vis_view *view,
@@ -630,8 +632,8 @@ enum vis_status vis_view_set_perspective(struct vis_view *view,
                                          double near_plane,
                                          double far_plane);
 
-// Sets the camera of a view with parallel lines of sight: shadow cascades, maps, plans. The picture is
-// `width` by `height` metres around the viewing axis; `near_plane` and `far_plane` are distances from the
+// Sets the camera of a view with parallel lines of sight, for shadow cascades, maps and plans. The picture
+// is `width` by `height` metres around the viewing axis; `near_plane` and `far_plane` are distances from the
 // eye along the axis, and `near_plane` may be negative. The view keeps its layers and loses its clip planes.
 enum vis_status vis_view_set_orthographic(struct vis_view *view,
                                           const struct vis_pose *pose,
@@ -640,77 +642,77 @@ enum vis_status vis_view_set_orthographic(struct vis_view *view,
                                           double near_plane,
                                           double far_plane);
 
-// Sets the layers that a view shows, one bit per layer. They outlast changes of the camera.
+// Sets the layers that a view shows, one bit per layer. A change of the camera keeps them.
 enum vis_status vis_view_set_layers(struct vis_view *view, uint32_t layers);
 
-// Restricts a view to one side of each of `count` planes: 4 numbers a, b, c, d each, of the points with
-// a x + b y + c z + d >= 0, relative to the origin of the matrix, or to the eye of a view that was set by a
-// pose. They replace former ones. At most 10.
+// Restricts a view to one side of each of `count` planes, at most 10. A plane has 4 numbers a, b, c, d and
+// keeps the points with a x + b y + c z + d >= 0, relative to the origin of the matrix, or to the eye of a
+// view set from a pose. Replaces earlier planes.
 enum vis_status vis_view_set_clip_planes(struct vis_view *view, const double *planes, size_t count);
 
-// Creates a set for the results of one view. With `with_changes` it also tells what became visible and
-// hidden since the frame before, for a few nanoseconds per visible object.
+// Creates a set for the results of one view. With `with_changes`, it also records which objects became
+// visible or hidden since the last frame, for a few nanoseconds per visible object.
 enum vis_status vis_visible_create(bool with_changes, struct vis_visible **visible);
 
 // Destroys a set. Does nothing for a null pointer.
 void vis_visible_destroy(struct vis_visible *visible);
 
-// Lists the visible objects, unless `vis_visible_sort_by_index` or a set with changes has: once listed, the
-// functions below need no scene, so that a render thread can read the set while the scene changes.
+// Lists the visible objects, unless they are listed already, by `vis_visible_sort_by_index` or in a set with
+// changes. The functions below can read a listed set without a scene, so that a render thread can read it
+// while the scene changes.
 enum vis_status vis_visible_list(struct vis_visible *visible, const struct vis_scene *scene);
 
 // Writes the number of visible objects that are still in the scene. `scene` may be null if the set is
-// listed; objects removed since then are counted.
+// listed; objects removed after the listing then count too.
 enum vis_status vis_visible_count(const struct vis_visible *visible,
                                   const struct vis_scene *scene,
                                   size_t *count);
 
-// Writes whether an object is visible. False if it has been removed from the scene since.
+// Writes whether an object is visible. False if it was removed from the scene.
 enum vis_status vis_visible_contains(const struct vis_visible *visible,
                                      const struct vis_scene *scene,
                                      uint64_t object,
                                      bool *contains);
 
-// Sorts the visible objects by ascending index, the order in which arrays that are indexed by object are
-// read fastest, and drops those removed from the scene since. Without it, neighbours in space follow each
-// other.
+// Sorts the visible objects by ascending index, the fastest order for reading arrays indexed by object.
+// Drops objects that were removed from the scene. In an unsorted set, neighbours in space follow each other.
 enum vis_status vis_visible_sort_by_index(struct vis_visible *visible, const struct vis_scene *scene);
 
 // Writes the ids of the visible objects that are still in the scene, and their number to `count`. With a
-// null `ids` writes the number alone; returns `VIS_ERROR_TOO_SHORT` if `ids` has room for fewer. `scene` may
-// be null if the set is listed; objects removed since then are written too.
+// null `ids`, writes only the number. Returns `VIS_ERROR_TOO_SHORT` if `ids` is too short. `scene` may be
+// null if the set is listed; objects removed after the listing are then written too.
 enum vis_status vis_visible_ids(const struct vis_visible *visible,
                                 const struct vis_scene *scene,
                                 uint64_t *ids,
                                 size_t capacity,
                                 size_t *count);
 
-// Like `vis_visible_ids`, writes the indices of the visible objects: half the memory, for engines whose data
-// is in arrays.
+// Writes the indices of the visible objects, like `vis_visible_ids`. Indices take half the memory of ids,
+// for engines with arrays indexed by object.
 enum vis_status vis_visible_indices(const struct vis_visible *visible,
                                     const struct vis_scene *scene,
                                     uint32_t *indices,
                                     size_t capacity,
                                     size_t *count);
 
-// Writes one bit per object index, `index % 32` of word `index / 32`, set for visible objects that are still
-// in the scene, and the number of words to `count`. Null and too short as for `vis_visible_ids`; the number
-// of words follows from `vis_scene_index_limit`.
+// Writes one bit per object index: bit `index % 32` of word `index / 32` is set for visible objects that are
+// still in the scene. Writes the number of words to `count`, which follows from `vis_scene_index_limit`. A
+// null or too short `words` is handled as in `vis_visible_ids`.
 enum vis_status vis_visible_write_bits(const struct vis_visible *visible,
                                        const struct vis_scene *scene,
                                        uint32_t *words,
                                        size_t capacity,
                                        size_t *count);
 
-// Writes the ids of the objects that are visible and were not in the frame before, as `vis_visible_ids`
-// does. None unless the set was created with changes.
+// Writes the ids of objects that are visible and were not in the last frame, like `vis_visible_ids`. None
+// unless the set was created with changes.
 enum vis_status vis_visible_newly_visible(const struct vis_visible *visible,
                                           uint64_t *ids,
                                           size_t capacity,
                                           size_t *count);
 
-// Writes the ids of the objects that were visible in the frame before and are not, as `vis_visible_ids`
-// does; removed objects too. None unless the set was created with changes.
+// Writes the ids of objects that were visible in the last frame and are not now, like `vis_visible_ids`.
+// Includes removed objects. None unless the set was created with changes.
 enum vis_status vis_visible_newly_hidden(const struct vis_visible *visible,
                                          uint64_t *ids,
                                          size_t capacity,

@@ -10,10 +10,10 @@ use visibility_core::cells::{CellGraph, CellId, PortalId};
 use visibility_core::glam::DVec3;
 use visibility_portals::{BakerSettings, CellBaker, Passage, SceneCells, prt};
 
-/// A graph of convex cells and of the portals between them. It never changes.
+/// Graph of convex cells and the portals between them. It never changes.
 pub struct vis_graph(CellGraph);
 
-/// A portal of a graph: a convex polygon between two cells.
+/// Portal of a graph: a convex polygon between two cells.
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct vis_portal {
@@ -37,9 +37,9 @@ pub unsafe extern "C" fn vis_graph_create(
     graph: *mut *mut vis_graph,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rules P1 and P2 of `visibility.h`.
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (portals, place) = unsafe { (array(portals, portal_count, "portals")?, out(graph, "graph")?) };
-        // SAFETY: rule P1 of `visibility.h`; 3 numbers for each of `vertex_count`.
+        // SAFETY: by rule P1 of `visibility.h`, null or valid to read: 3 numbers for each of `vertex_count`.
         let vertices = unsafe { array(vertices.cast::<[f64; 3]>(), vertex_count, "vertices") }?;
         let made = portals.iter().enumerate().map(|(index, portal)| {
             let own = range(vertices, portal.first_vertex, portal.vertex_count, "portal", index)?;
@@ -51,8 +51,8 @@ pub unsafe extern "C" fn vis_graph_create(
     })
 }
 
-/// Makes a graph from the text of a portal file of a map compiler, `.prt` in the forms PRT1, PRT2 and
-/// PRT1-AM, of `length` bytes.
+/// Makes a graph from the `length` bytes of a map compiler's portal file (`.prt`), in the format PRT1, PRT2
+/// or PRT1-AM.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_graph_read_prt(
     text: *const u8,
@@ -60,7 +60,7 @@ pub unsafe extern "C" fn vis_graph_read_prt(
     graph: *mut *mut vis_graph,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rules P1 and P2 of `visibility.h`.
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (text, place) = unsafe { (array(text, length, "text")?, out(graph, "graph")?) };
         create(place, vis_graph(prt::read(&String::from_utf8_lossy(text))?.graph));
         Ok(())
@@ -70,11 +70,11 @@ pub unsafe extern "C" fn vis_graph_read_prt(
 /// Destroys a graph. Does nothing for a null pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_graph_destroy(graph: *mut vis_graph) {
-    // SAFETY: rule P3 of `visibility.h`.
+    // SAFETY: by rule P3 of `visibility.h`, the handle is null, or made by this library and unused.
     unsafe { destroy(graph) }
 }
 
-/// Writes the numbers of cells and of portals.
+/// Writes the number of cells and the number of portals.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_graph_counts(
     graph: *const vis_graph,
@@ -82,9 +82,9 @@ pub unsafe extern "C" fn vis_graph_counts(
     portals: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rules P1 and P2 of `visibility.h`.
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (graph, mut cells) = unsafe { (reference(graph, "graph")?, out(cells, "cells")?) };
-        // SAFETY: rule P2 of `visibility.h`.
+        // SAFETY: by rule P2 of `visibility.h`, the pointer is null or valid to write.
         let mut portals = unsafe { out(portals, "portals") }?;
         cells.set(graph.0.cell_count());
         portals.set(graph.0.portals().len());
@@ -92,10 +92,10 @@ pub unsafe extern "C" fn vis_graph_counts(
     })
 }
 
-/// Computes which cells may be seen from anywhere in which cells, with all portals open. `clearance` is the
-/// distance that a line of sight keeps from edges of portals to count, in world units; 0 for the default,
-/// 1e-6 or, if that is more, 2^-33 of the greatest coordinate of a portal. Takes from milliseconds to
-/// minutes. Conservative.
+/// Computes which cells may see one another from anywhere inside, with all portals open. Conservative.
+/// `clearance` is the least distance in world units between a line of sight and the edges of portals; 0 for
+/// the default, which is 1e-6 or, if more, 2^-33 of the greatest coordinate of a portal. Takes from
+/// milliseconds to minutes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_graph_bake(
     graph: *const vis_graph,
@@ -103,7 +103,7 @@ pub unsafe extern "C" fn vis_graph_bake(
     pvs: *mut *mut vis_pvs,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rules P1 and P2 of `visibility.h`.
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (graph, place) = unsafe { (reference(graph, "graph")?, out(pvs, "pvs")?) };
         let clearance = (clearance != 0.0).then_some(clearance);
         let settings = BakerSettings::default().with_clearance(clearance);
@@ -113,8 +113,8 @@ pub unsafe extern "C" fn vis_graph_bake(
     })
 }
 
-/// The cells of a building with their doors, shared by the pipelines of all views. Its functions wait for
-/// each other; they never return `VIS_ERROR_BUSY`.
+/// The cells of a building with their doors, shared by the pipelines of all views. Its functions wait for one
+/// another, so they never return `VIS_ERROR_BUSY`.
 pub struct vis_cells(Arc<RwLock<SceneCells>>);
 
 fn failed<G>(_: G) -> Error {
@@ -122,7 +122,7 @@ fn failed<G>(_: G) -> Error {
 }
 
 impl vis_cells {
-    /// Returns a handle to the cells, for a pipeline.
+    /// Returns a shared handle to the cells, for a pipeline.
     pub(crate) fn shared(&self) -> Arc<RwLock<SceneCells>> {
         self.0.clone()
     }
@@ -136,12 +136,11 @@ impl vis_cells {
     }
 }
 
-/// Makes the cells of a building from a graph and from the volumes of its cells, in their order. `planes` has
-/// 4 numbers a, b, c, d each: what is kept is a x + b y + c z + d >= 0. `tolerance` is the distance by which
-/// portals and volumes may be misplaced: 1e-6 for metres computed in double precision, the last decimal for
-/// coordinates read from text. All portals are open. A portal that is wound the wrong way is turned by the
-/// volumes; a portal whose volumes are not on opposite sides of it is an error. The graph may be destroyed
-/// afterwards.
+/// Makes the cells of a building from a graph and the volume of each cell. `planes` has 4 numbers a, b, c, d
+/// each; a volume keeps the side where a x + b y + c z + d >= 0. `tolerance` is the greatest error in the
+/// positions of portals and volumes: 1e-6 for metres computed in double precision, the last decimal for
+/// coordinates read from text. All portals are open. A portal with the wrong winding is corrected; a portal
+/// whose two volumes are not on opposite sides is an error. The graph may be destroyed afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_cells_create(
     graph: *const vis_graph,
@@ -153,11 +152,11 @@ pub unsafe extern "C" fn vis_cells_create(
     cells: *mut *mut vis_cells,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rules P1 and P2 of `visibility.h`.
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (graph, place) = unsafe { (reference(graph, "graph")?, out(cells, "cells")?) };
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let given = unsafe { array(cell_volumes, volume_count, "cell_volumes") }?;
-        // SAFETY: rule P1 of `visibility.h`; 4 numbers for each of `plane_count`.
+        // SAFETY: by rule P1 of `visibility.h`, null or valid to read: 4 numbers for each of `plane_count`.
         let planes = unsafe { array(planes.cast::<[f64; 4]>(), plane_count, "planes") }?;
         let cells = SceneCells::new(graph.0.clone(), volumes(given, planes)?, tolerance)?;
         create(place, vis_cells(Arc::new(RwLock::new(cells))));
@@ -168,18 +167,18 @@ pub unsafe extern "C" fn vis_cells_create(
 /// Destroys cells; pipelines that use them keep them alive. Does nothing for a null pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_cells_destroy(cells: *mut vis_cells) {
-    // SAFETY: rule P3 of `visibility.h`.
+    // SAFETY: by rule P3 of `visibility.h`, the handle is null, or made by this library and unused.
     unsafe { destroy(cells) }
 }
 
-/// Limits what is seen from a cell to its row of a baked set, whose targets must be the cells of the graph.
-/// The set may be destroyed afterwards. Returns `VIS_ERROR_ARGUMENT` for a set that was baked from another
-/// graph. Of one made by `vis_pvs_create` nobody knows: pipelines with the cells are then
+/// Restricts what is seen from a cell to its row in a baked set, whose targets must be the cells of the
+/// graph. The set may be destroyed afterwards. Returns `VIS_ERROR_ARGUMENT` for a set baked from another
+/// graph. For a set made by `vis_pvs_create` the graph is unknown, so pipelines with the cells become
 /// `VIS_ACCURACY_APPROXIMATE`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_cells_set_pvs(cells: *mut vis_cells, pvs: *const vis_pvs) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let (cells, pvs) = unsafe { (reference(cells, "cells")?, reference(pvs, "pvs")?) };
         let mut cells = cells.write()?;
         let limited = cells.clone().with_pvs(pvs.0.clone())?;
@@ -188,18 +187,18 @@ pub unsafe extern "C" fn vis_cells_set_pvs(cells: *mut vis_cells, pvs: *const vi
     })
 }
 
-/// Opens or closes a portal, like a door.
+/// Opens or closes a portal, for example a door.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_cells_set_open(cells: *mut vis_cells, portal: u32, open: bool) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let cells = unsafe { reference(cells, "cells") }?;
         Ok(cells.write()?.set_open(PortalId(portal), open)?)
     })
 }
 
-/// Sets in which directions a portal can be seen through while it is open: from its first cell into the
-/// second (`forward`), from the second into the first (`backward`), or both. To allow neither, close it.
+/// Sets the directions in which an open portal can be seen through: from its first cell into the second
+/// (`forward`), from the second into the first (`backward`), or both. To allow neither, close the portal.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_cells_set_passage(
     cells: *mut vis_cells,
@@ -208,7 +207,7 @@ pub unsafe extern "C" fn vis_cells_set_passage(
     backward: bool,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let cells = unsafe { reference(cells, "cells") }?;
         let passage = match (forward, backward) {
             (true, true) => Passage::BothWays,
@@ -220,8 +219,8 @@ pub unsafe extern "C" fn vis_cells_set_passage(
     })
 }
 
-/// Writes whether one cell may see another through the portals that are open now, from anywhere in it: for
-/// sound, for the AI of guards.
+/// Writes whether one cell may see another, from anywhere inside, through the portals that are open now.
+/// Useful for sound and for the AI of guards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_cells_can_see(
     cells: *const vis_cells,
@@ -230,7 +229,7 @@ pub unsafe extern "C" fn vis_cells_can_see(
     sees: *mut bool,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rules P1 and P2 of `visibility.h`.
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (cells, mut sees) = unsafe { (reference(cells, "cells")?, out(sees, "sees")?) };
         sees.set(cells.read()?.can_see_now(CellId(from), CellId(to)));
         Ok(())

@@ -1,4 +1,4 @@
-//! Status codes, the message of the last error, and the border that no panic crosses.
+//! Status codes, the message of the last error, and the wrapper that stops panics.
 
 use std::any::Any;
 use std::cell::RefCell;
@@ -24,30 +24,30 @@ use visibility_portals::{BakeError, SceneCellsError};
 pub enum vis_status {
     /// The call succeeded.
     VIS_OK = 0,
-    /// A pointer is null that must not be.
+    /// A pointer is null but must not be.
     VIS_ERROR_NULL = 1,
-    /// An argument cannot be used: a matrix that is not finite, an unknown enumerator, a size out of range, a
+    /// An argument is invalid: a matrix that is not finite, an unknown enumerator, a size out of range, a
     /// misaligned pointer.
     VIS_ERROR_ARGUMENT = 2,
-    /// An object, mesh, cell or portal is not there: the object was removed, or belongs to another scene.
+    /// An object, mesh, cell or portal does not exist: it was removed, or belongs to another scene.
     VIS_ERROR_UNKNOWN_ID = 3,
-    /// A buffer is too short. The length that it needs has been written.
+    /// A buffer is too short. The required length was written.
     VIS_ERROR_TOO_SHORT = 4,
-    /// The content of a file or buffer is damaged, or of another format.
+    /// The content of a file or buffer is damaged, or has another format.
     VIS_ERROR_FORMAT = 5,
-    /// Something has to be done first: give the view a camera, cull before asking for results, set local
-    /// bounds before a transform.
+    /// Another call is needed first: give the view a camera, cull before asking for results, set local bounds
+    /// before a transform.
     VIS_ERROR_STATE = 6,
     /// Another thread is using the handle in a way that excludes this call. Nothing was done.
     VIS_ERROR_BUSY = 7,
-    /// A fault inside the library. Handles that the call changed answer every later call with this status;
-    /// all that is left is to destroy them.
+    /// A fault inside the library. Handles that the call was changing return this status from now on, and can
+    /// only be destroyed.
     VIS_ERROR_PANIC = 8,
 }
 
 use vis_status::*;
 
-/// An error on its way across the border: its code and its message.
+/// Error of a call, with its status code and message.
 #[derive(Debug)]
 pub(crate) struct Error {
     pub(crate) status: vis_status,
@@ -70,7 +70,7 @@ impl Error {
     }
 }
 
-/// Implements the conversion of errors of the Rust crates, each with its code.
+/// Implements conversions from errors of the Rust crates, each to its status code.
 macro_rules! codes {
     ($($error:ty, $parameter:pat => $status:expr;)*) => {$(
         impl From<$error> for Error {
@@ -114,16 +114,15 @@ thread_local! {
     static LAST: RefCell<CString> = RefCell::default();
 }
 
-/// Runs the body of a function that C calls: the one place where panics end and errors become codes.
+/// Runs the body of a function called from C. Stops panics, and turns errors into status codes.
 ///
-/// Values that the body had borrowed for changes may be half changed after a panic. They are behind the locks
-/// of `handle`, which refuse them from then on, so asserting unwind safety is
-/// sound.
+/// After a panic, values that the body was changing may be inconsistent. They are behind the locks of
+/// `handle`, which then refuse access, so asserting unwind safety is sound.
 pub(crate) fn border(body: impl FnOnce() -> Result<(), Error>) -> vis_status {
     let outcome = catch_unwind(AssertUnwindSafe(body)).unwrap_or_else(|panic| Err(Error::panicked(&*panic)));
     let Err(error) = outcome else { return VIS_OK };
     let message = CString::new(error.message.replace('\0', " ")).unwrap_or_default();
-    // A thread that is ending has no message any more; the code stands.
+    // A thread that is ending can no longer store a message; the status code is still returned.
     let _ = LAST.try_with(|last| last.replace(message));
     error.status
 }

@@ -1,10 +1,11 @@
-//! What is behind an opaque handle: a value with a lock that refuses conflicting calls.
+//! Value behind an opaque handle, with a lock that refuses conflicting calls.
 
 use crate::error::{Error, vis_status::*};
 use std::sync::{RwLock, RwLockReadGuard, RwLockWriteGuard, TryLockError};
 
-/// A value that any number of calls read at once, or one changes. A conflicting call is not made to wait: it
-/// gets `VIS_ERROR_BUSY`, since a frame that waits for another thread is a mistake in the caller's schedule.
+/// Value that any number of calls may read at once, or one call may change. A conflicting call does not wait
+/// but fails with `VIS_ERROR_BUSY`, because a frame that waits for another thread is a mistake in the
+/// caller's schedule.
 #[derive(Debug)]
 pub(crate) struct Guarded<T>(RwLock<T>);
 

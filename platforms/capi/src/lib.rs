@@ -1,13 +1,13 @@
-//! The C library of the `visibility` crates: what `include/visibility.h` declares. The header states the
-//! rules for callers; the README shows a program.
+//! The C library of the `visibility` crates, declared in `include/visibility.h`. The header states the rules
+//! for callers; the README shows a program.
 //!
 //! # Safety
 //! Every function that takes a pointer relies on the rules P1 to P3 of the header: a pointer is null, or
-//! points to a value of its type, or to as many as the function's description says, that stays where it is
-//! and is not changed (for results: not used) by anyone else during the call; a handle was made by this
-//! library and is not destroyed. What can be checked is checked: null, alignment, sizes, enumerators, ids,
-//! and two threads that use one handle in ways that exclude each other. All code that dereferences a pointer
-//! is in [`pointer`].
+//! points to a value of its type, or to as many values as the function's description says. During the call,
+//! the values are not moved and not changed (memory for results: not used) by anyone else. A handle was made
+//! by this library and is not destroyed. The library checks what it can: null, alignment, sizes, enumerators,
+//! ids, and two threads that use one handle in ways that exclude each other. All code that dereferences a
+//! pointer is in [`pointer`].
 //!
 //! Every function runs its body in [`error::border`], which turns errors into codes and stops panics. Handles
 //! are behind the locks of [`handle`].
@@ -38,7 +38,8 @@ pub use view::*;
 pub use visible::*;
 pub use volume::*;
 
-/// The header lets any thread use any handle: does not compile for a handle of which that is not true.
+/// The header allows any thread to use any handle, so compilation fails if a handle's type is not `Send` and
+/// `Sync`.
 const _: () = {
     const fn any_thread<T: Send + Sync>() {}
     any_thread::<vis_cells>();
@@ -52,10 +53,11 @@ const _: () = {
     any_thread::<vis_visible>();
 };
 
-/// Version of the interface. It grows when a change breaks programs that were compiled before.
+/// Version of the interface. It increases when a change breaks programs that were compiled before.
 pub const VIS_ABI_VERSION: u32 = 1;
 
-/// Returns the `VIS_ABI_VERSION` that the library was built with: programs that load it at run time compare.
+/// Returns the `VIS_ABI_VERSION` that the library was built with, for comparison by programs that load the
+/// library at run time.
 #[unsafe(no_mangle)]
 pub extern "C" fn vis_abi_version() -> u32 {
     VIS_ABI_VERSION

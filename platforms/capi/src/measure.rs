@@ -1,4 +1,4 @@
-//! The judge: how a frame's result differs from what a software renderer sees.
+//! Judge of a frame's result: comparison with a software renderer.
 
 use crate::error::{border, vis_status};
 use crate::handle::Guarded;
@@ -8,23 +8,23 @@ use crate::view::vis_view;
 use crate::visible::vis_visible;
 use visibility_measure::{Comparison, DrawnObject, ItemBuffer};
 
-/// A software renderer that finds which objects show in at least one pixel: for tests and tools, not for
+/// Software renderer that finds the objects with at least one visible pixel, for tests and tools, not for
 /// frames.
 pub struct vis_measure(Guarded<ItemBuffer>);
 
-/// How a result differs from what the renderer sees. Pixels are samples: what is falsely hidden is a lower
-/// bound, what is falsely visible an upper one.
+/// Differences between a result and the renderer's picture. Pixels are samples, so the numbers of falsely
+/// hidden objects are lower bounds, and those of falsely visible objects upper bounds.
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct vis_comparison {
-    /// Number of objects with triangles that the result has.
+    /// Number of objects in the result that have triangles.
     pub reported_objects: u32,
-    /// Number of objects that show in a pixel and are missing from the result: always 0 for a conservative
+    /// Number of objects with a visible pixel that are missing from the result. Always 0 for a conservative
     /// pipeline.
     pub false_hidden_objects: u32,
-    /// Number of objects of the result that show in no pixel.
+    /// Number of objects in the result without a visible pixel.
     pub false_visible_objects: u32,
-    /// Number of pixels that are wrong if only the result is drawn.
+    /// Number of pixels that are wrong if only the objects in the result are drawn.
     pub wrong_pixels: u32,
 }
 
@@ -36,7 +36,7 @@ pub unsafe extern "C" fn vis_measure_create(
     measure: *mut *mut vis_measure,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rule P2 of `visibility.h`.
+        // SAFETY: by rule P2 of `visibility.h`, the pointer is null or valid to write.
         let place = unsafe { out(measure, "measure") }?;
         create(place, vis_measure(Guarded::new(ItemBuffer::new(width, height)?)));
         Ok(())
@@ -46,12 +46,12 @@ pub unsafe extern "C" fn vis_measure_create(
 /// Destroys a renderer. Does nothing for a null pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_measure_destroy(measure: *mut vis_measure) {
-    // SAFETY: rule P3 of `visibility.h`.
+    // SAFETY: by rule P3 of `visibility.h`, the handle is null, or made by this library and unused.
     unsafe { destroy(measure) }
 }
 
-/// Draws all triangles of the scene's objects (`vis_scene_set_triangles`) for a view and compares the result
-/// of a pipeline for the same view with what shows. Objects without triangles count for nothing.
+/// Draws all triangles of the scene's objects (`vis_scene_set_triangles`) for a view, and compares the
+/// picture with a pipeline's result for the same view. Objects without triangles are not compared.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_measure_compare(
     measure: *mut vis_measure,
@@ -61,11 +61,11 @@ pub unsafe extern "C" fn vis_measure_compare(
     comparison: *mut vis_comparison,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let (measure, scene) = unsafe { (reference(measure, "measure")?, reference(scene, "scene")?) };
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let (view, visible) = unsafe { (reference(view, "view")?, reference(visible, "visible")?) };
-        // SAFETY: rule P2 of `visibility.h`.
+        // SAFETY: by rule P2 of `visibility.h`, the pointer is null or valid to write.
         let mut place = unsafe { out(comparison, "comparison") }?;
         let (view, state, visible) = (view.get()?, scene.read()?, visible.finished()?);
         let (scene, mut buffer) = (&state.scene, measure.0.write()?);

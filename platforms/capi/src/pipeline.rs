@@ -1,4 +1,4 @@
-//! Pipelines: the cullers of one view, and what they did in the last frame.
+//! Pipelines: the cullers of one view, and their counters of the last frame.
 
 use crate::cells::vis_cells;
 use crate::error::{Error, border, vis_status};
@@ -16,23 +16,23 @@ use visibility_frame::lod::ContributionCuller;
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_portals::SharedPortalCuller;
 
-/// A pipeline: the cullers of one view, in the order in which they were added, with their memory of earlier
-/// frames. Two eyes, or two players, have two pipelines over one scene.
+/// Pipeline: the cullers of one view in the order in which they were added, with their state from earlier
+/// frames. Two eyes, or two players, need two pipelines over one scene.
 pub struct vis_pipeline(Guarded<Pipeline>);
 
-/// Counters of the work of a frame. They depend neither on the machine nor on time.
+/// Counters of a frame's work. They do not depend on the machine or on timing.
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct vis_stats {
     /// Number of nodes of the hierarchy whose children were tested.
     pub nodes: u64,
-    /// Number of nodes whose candidates were all kept without further tests.
+    /// Number of nodes accepted as a whole, without tests of their children.
     pub accepted_subtrees: u64,
     /// Number of tests of one box against one plane, one occlusion map or similar.
     pub tests: u64,
     /// Number of occluders drawn.
     pub occluders: u64,
-    /// Number of objects left.
+    /// Number of visible objects after the stage.
     pub visible: u64,
 }
 
@@ -48,17 +48,17 @@ impl From<CullStats> for vis_stats {
     }
 }
 
-/// What a pipeline promises of its result.
+/// Accuracy that a pipeline promises for its result.
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum vis_accuracy {
-    /// Reports what is visible and nothing else.
+    /// Reports exactly the visible objects.
     VIS_ACCURACY_EXACT = 0,
     /// Never hides a visible object.
     VIS_ACCURACY_CONSERVATIVE = 1,
     /// Never reports a hidden object.
     VIS_ACCURACY_AGGRESSIVE = 2,
-    /// May err both ways, within what its stages say.
+    /// May hide visible objects and report hidden ones, within the limits stated by its stages.
     VIS_ACCURACY_APPROXIMATE = 3,
 }
 
@@ -66,7 +66,7 @@ pub enum vis_accuracy {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_create(pipeline: *mut *mut vis_pipeline) -> vis_status {
     border(|| {
-        // SAFETY: rule P2 of `visibility.h`.
+        // SAFETY: by rule P2 of `visibility.h`, the pointer is null or valid to write.
         let place = unsafe { out(pipeline, "pipeline") }?;
         create(place, vis_pipeline(Guarded::new(Pipeline::new())));
         Ok(())
@@ -76,14 +76,14 @@ pub unsafe extern "C" fn vis_pipeline_create(pipeline: *mut *mut vis_pipeline) -
 /// Destroys a pipeline. Does nothing for a null pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_destroy(pipeline: *mut vis_pipeline) {
-    // SAFETY: rule P3 of `visibility.h`.
+    // SAFETY: by rule P3 of `visibility.h`, the handle is null, or made by this library and unused.
     unsafe { destroy(pipeline) }
 }
 
-/// Appends a stage to a pipeline.
+/// Appends a culler as the last stage of a pipeline.
 ///
 /// # Safety
-/// Rule P1 of `visibility.h`.
+/// `pipeline` must be null or valid to read, by rule P1 of `visibility.h`.
 unsafe fn push(
     pipeline: *mut vis_pipeline,
     culler: impl Culler + Send + Sync + 'static,
@@ -94,29 +94,30 @@ unsafe fn push(
     Ok(())
 }
 
-/// Appends frustum culling, which should come first: it removes what is outside the view. Conservative.
+/// Appends frustum culling, which removes objects outside the view and should be the first stage.
+/// Conservative.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_add_frustum(pipeline: *mut vis_pipeline) -> vis_status {
-    // SAFETY: rule P1 of `visibility.h`.
+    // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
     border(|| unsafe { push(pipeline, FrustumCuller::new()) })
 }
 
-/// Appends the removal of objects that are smaller than `min_pixels` pixels in pictures `picture_height`
-/// pixels high, out of their draw range, or stood in for by an HLOD parent. If one of the two numbers is
-/// zero, no object is too small. Approximate.
+/// Appends contribution culling. It removes objects that are smaller than `min_pixels` pixels in a picture
+/// `picture_height` pixels high, outside of their draw range, or replaced by an HLOD parent. If one of the
+/// two numbers is zero, no object is too small. Approximate.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_add_contribution(
     pipeline: *mut vis_pipeline,
     picture_height: f64,
     min_pixels: f64,
 ) -> vis_status {
-    // SAFETY: rule P1 of `visibility.h`.
+    // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
     border(|| unsafe { push(pipeline, ContributionCuller::new(picture_height, min_pixels)) })
 }
 
-/// Appends occlusion culling by a hierarchical z-buffer in software, which removes what objects with
-/// `VIS_OBJECT_OCCLUDER` and a mesh hide. `width` and `height` are the buffer's in pixels, 16 to 4096; 0 and
-/// 0 for the default, 512 x 288. Conservative.
+/// Appends occlusion culling by a software hierarchical z-buffer. It removes objects hidden behind objects
+/// that have a mesh and the flag `VIS_OBJECT_OCCLUDER`. `width` and `height` are the size of the buffer in
+/// pixels, 16 to 4096; 0 and 0 for the default, 512 x 288. Conservative.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_add_z_buffer(
     pipeline: *mut vis_pipeline,
@@ -125,45 +126,46 @@ pub unsafe extern "C" fn vis_pipeline_add_z_buffer(
 ) -> vis_status {
     border(|| {
         let map = if (width, height) == (0, 0) { Hzb::default() } else { Hzb::new(width, height)? };
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         unsafe { push(pipeline, HzbCuller::new(map)) }
     })
 }
 
-/// Appends portal culling, which removes what cannot be seen through the open portals of a building. Several
-/// pipelines may share the cells, which live as long as any of them, even if destroyed. Conservative.
+/// Appends portal culling, which removes objects that cannot be seen through the open portals of a building.
+/// Several pipelines may share the cells, which live as long as a pipeline uses them, even if destroyed.
+/// Conservative.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_add_portals(
     pipeline: *mut vis_pipeline,
     cells: *const vis_cells,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let cells = unsafe { reference(cells, "cells") }?;
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         unsafe { push(pipeline, SharedPortalCuller::new(cells.shared())) }
     })
 }
 
-/// Appends culling by a baked set, which removes what the set excludes for the viewcells of the eye. Several
-/// pipelines may share the set, which lives as long as any of them, even if destroyed. Conservative if the
-/// set is.
+/// Appends culling by a baked set. It removes objects that the set excludes for the viewcells around the eye.
+/// Several pipelines may share the set, which lives as long as a pipeline uses it, even if destroyed.
+/// Conservative if the set is.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_add_pvs(
     pipeline: *mut vis_pipeline,
     pvs: *const vis_scene_pvs,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let pvs = unsafe { reference(pvs, "pvs") }?;
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         unsafe { push(pipeline, PvsCuller::new(pvs.shared())) }
     })
 }
 
 /// Culls: fills `visible` with the objects of the scene that the view may see. Writes the sum of the stages'
-/// counters to `stats`, which may be null. Once per frame and view; several views of one scene may be culled
-/// at once on several threads, each with a pipeline and a set of its own.
+/// counters to `stats`, which may be null. Call this once per frame and view. Several threads may cull views
+/// of one scene at once, each with its own pipeline and visible set.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_cull(
     pipeline: *mut vis_pipeline,
@@ -173,11 +175,11 @@ pub unsafe extern "C" fn vis_pipeline_cull(
     stats: *mut vis_stats,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let (pipeline, scene) = unsafe { (reference(pipeline, "pipeline")?, reference(scene, "scene")?) };
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let (view, visible) = unsafe { (reference(view, "view")?, reference(visible, "visible")?) };
-        // SAFETY: rule P2 of `visibility.h`.
+        // SAFETY: by rule P2 of `visibility.h`, the pointer is null or valid to write.
         let place = unsafe { optional_out(stats, "stats") }?;
         let (view, scene) = (view.get()?, scene.read()?);
         let (mut pipeline, mut visible) = (pipeline.0.write()?, visible.write()?);
@@ -191,21 +193,21 @@ pub unsafe extern "C" fn vis_pipeline_cull(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_reset(pipeline: *mut vis_pipeline) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let pipeline = unsafe { reference(pipeline, "pipeline") }?;
         pipeline.0.write()?.reset();
         Ok(())
     })
 }
 
-/// Writes what all stages together promise.
+/// Writes the accuracy that all stages together promise.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_accuracy(
     pipeline: *const vis_pipeline,
     accuracy: *mut vis_accuracy,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rules P1 and P2 of `visibility.h`.
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (pipeline, mut place) = unsafe { (reference(pipeline, "pipeline")?, out(accuracy, "accuracy")?) };
         place.set(match pipeline.0.read()?.accuracy() {
             Accuracy::Exact => vis_accuracy::VIS_ACCURACY_EXACT,
@@ -226,7 +228,7 @@ pub unsafe extern "C" fn vis_pipeline_stage_stats(
     stats: *mut vis_stats,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rules P1 and P2 of `visibility.h`.
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (pipeline, mut place) = unsafe { (reference(pipeline, "pipeline")?, out(stats, "stats")?) };
         let pipeline = pipeline.0.read()?;
         let absent = || Error::argument(format_args!("the pipeline has no stage {stage}"));
@@ -235,12 +237,12 @@ pub unsafe extern "C" fn vis_pipeline_stage_stats(
     })
 }
 
-/// Makes later frames keep culling for the view of the last one (`true`), so that an engine can look from
-/// elsewhere at what was culled, or for the views passed to them (`false`).
+/// With `true`, later frames keep culling for the view of the last frame, so that an engine can look at the
+/// culled scene from elsewhere. With `false`, they cull for the views passed to them.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_freeze(pipeline: *mut vis_pipeline, frozen: bool) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let pipeline = unsafe { reference(pipeline, "pipeline") }?;
         let mut pipeline = pipeline.0.write()?;
         if frozen {
@@ -252,24 +254,24 @@ pub unsafe extern "C" fn vis_pipeline_freeze(pipeline: *mut vis_pipeline, frozen
     })
 }
 
-/// Starts or stops recording which stage removes which object, from the next frame on. Frames cost time in
-/// proportion to the scene meanwhile.
+/// Starts or stops recording, from the next frame on, which stage removes each object. While recording, a
+/// frame takes time proportional to the size of the scene.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_set_explaining(
     pipeline: *mut vis_pipeline,
     explaining: bool,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let pipeline = unsafe { reference(pipeline, "pipeline") }?;
         pipeline.0.write()?.set_explaining(explaining);
         Ok(())
     })
 }
 
-/// Writes why an object was, or was not, visible in the last frame, such as "visible" or "removed by
-/// frustum": a text with a zero byte at its end, and its length with that byte to `count`. With a null `text`
-/// writes the length alone. "unknown" unless the pipeline was explaining.
+/// Writes why an object was visible or not in the last frame, such as "visible" or "removed by frustum".
+/// Writes a text that ends with a zero byte, and its length including this byte to `count`. With a null
+/// `text`, writes only the length. The text is "unknown" unless the pipeline was explaining.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_explain(
     pipeline: *const vis_pipeline,
@@ -279,14 +281,14 @@ pub unsafe extern "C" fn vis_pipeline_explain(
     count: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rules P1 and P2 of `visibility.h`.
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (pipeline, text) = unsafe { (reference(pipeline, "pipeline")?, buffer(text, capacity, count)?) };
         text.text(&pipeline.0.read()?.explain(ObjectId::from_bits(object)).to_string())
     })
 }
 
-/// Writes what the stages lack to cull a scene, a line each, such as "hzb: occluders without a mesh: 12";
-/// empty if nothing. Text and length as in `vis_pipeline_explain`.
+/// Writes what the stages need and the scene lacks, one line each, such as "hzb: occluders without a mesh:
+/// 12". Empty if nothing is missing. Text and length as in `vis_pipeline_explain`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_lacks(
     pipeline: *const vis_pipeline,
@@ -296,9 +298,9 @@ pub unsafe extern "C" fn vis_pipeline_lacks(
     count: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let (pipeline, scene) = unsafe { (reference(pipeline, "pipeline")?, reference(scene, "scene")?) };
-        // SAFETY: rule P2 of `visibility.h`.
+        // SAFETY: by rule P2 of `visibility.h`, the pointer is null or valid to write.
         let text = unsafe { buffer(text, capacity, count) }?;
         let mut lines = String::new();
         pipeline.0.read()?.for_each_lack(&scene.read()?.scene, |stage, lack| {

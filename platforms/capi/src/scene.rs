@@ -8,10 +8,10 @@ use visibility_core::glam::DVec3;
 use visibility_core::scene::DrawRange;
 use visibility_core::{Aabb, Object, ObjectId, Scene};
 
-/// A scene: the objects, their hierarchy and their occluder meshes.
+/// Scene: objects, their hierarchy and their occluder meshes.
 pub struct vis_scene(Guarded<State>);
 
-/// A scene, and scratch memory for batches, so that frames allocate nothing once it has grown.
+/// Scene with scratch memory for batches. Once the scratch memory has grown, frames allocate nothing.
 pub(crate) struct State {
     pub(crate) scene: Scene,
     pub(crate) moved: Vec<(ObjectId, Aabb)>,
@@ -29,28 +29,28 @@ impl vis_scene {
     }
 }
 
-/// The id of no object in any scene.
+/// Id that no object in any scene has.
 pub const VIS_NO_OBJECT: u64 = 0xFFFF_FFFF;
 
-/// All layers: what objects and views have unless they are given others.
+/// Mask of all layers, the default for objects and views.
 pub const VIS_ALL_LAYERS: u32 = 0xFFFF_FFFF;
 
 /// Flag of an object that is visible in every view of its layers, whatever the cullers find.
 pub const VIS_OBJECT_NEVER_CULL: u32 = 1;
 
-/// Flag of an object that is opaque and may hide others. Only an object with an occluder mesh hides anything.
+/// Flag of an opaque object that may occlude others. Only an object with an occluder mesh occludes.
 pub const VIS_OBJECT_OCCLUDER: u32 = 2;
 
-/// Flag of an object that what is behind is drawn through: glass, blended and alpha-tested surfaces. It must
-/// not be an occluder. For the judge (`vis_measure_compare`), which draws triangles.
+/// Flag of an object that others are visible through: glass, blended and alpha-tested surfaces. It must not
+/// be an occluder. Only the judge (`vis_measure_compare`), which draws triangles, uses this flag.
 pub const VIS_OBJECT_SEE_THROUGH: u32 = 4;
 
-/// Flag of an object whose triangles are drawn from their front alone, as with backface culling. Read by the
-/// judge and by bakes, and part of the version that a baked set is compared by. Occluder meshes that
-/// `vis_scene_prepare_occluders` makes hide from the front alone in any case.
+/// Flag of an object whose triangles are drawn only from their front, as with backface culling. The judge and
+/// bakes use this flag, and the version of a baked set depends on it. Occluder meshes made by
+/// `vis_scene_prepare_occluders` only occlude from the front, with or without this flag.
 pub const VIS_OBJECT_ONE_SIDED: u32 = 8;
 
-/// An axis-aligned box by its minimum and maximum corners.
+/// Axis-aligned box.
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct vis_box {
@@ -66,15 +66,15 @@ impl From<vis_box> for Aabb {
     }
 }
 
-/// Description of an object to insert. Start from `vis_object_default`: all zero describes an object that is
-/// on no layer and so never seen.
+/// Description of an object to insert. Start from `vis_object_default`: a description of zeros would put the
+/// object on no layer, so that it is never visible.
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct vis_object_desc {
     /// Bounds relative to the scene's origin. An object whose bounds are inverted, NaN or infinite is never
     /// culled.
     pub bounds: vis_box,
-    /// The layers that the object is on, one bit per layer. A view shows objects that share a layer with it.
+    /// Layers of the object, one bit per layer. A view shows objects that share a layer with it.
     pub layers: u32,
     /// Cost of drawing the object, in triangles or any other unit.
     pub cost: u32,
@@ -89,7 +89,7 @@ impl vis_object_desc {
     }
 }
 
-/// Returns an object with these flags and no others.
+/// Returns the object with exactly these flags. An error for an unknown flag.
 fn flagged(object: Object, flags: u32) -> Result<Object, Error> {
     let all = VIS_OBJECT_NEVER_CULL | VIS_OBJECT_OCCLUDER | VIS_OBJECT_SEE_THROUGH | VIS_OBJECT_ONE_SIDED;
     if flags & !all != 0 {
@@ -114,7 +114,7 @@ pub extern "C" fn vis_object_default(bounds: vis_box) -> vis_object_desc {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_create(scene: *mut *mut vis_scene) -> vis_status {
     border(|| {
-        // SAFETY: rule P2 of `visibility.h`.
+        // SAFETY: by rule P2 of `visibility.h`, the pointer is null or valid to write.
         let place = unsafe { out(scene, "scene") }?;
         let (moved, placed, removed) = (Vec::new(), Vec::new(), Vec::new());
         create(place, vis_scene(Guarded::new(State { scene: Scene::new(), moved, placed, removed })));
@@ -125,16 +125,16 @@ pub unsafe extern "C" fn vis_scene_create(scene: *mut *mut vis_scene) -> vis_sta
 /// Destroys a scene. Does nothing for a null pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_destroy(scene: *mut vis_scene) {
-    // SAFETY: rule P3 of `visibility.h`.
+    // SAFETY: by rule P3 of `visibility.h`, the handle is null, or made by this library and unused.
     unsafe { destroy(scene) }
 }
 
-/// Moves the whole scene so that its origin is at a point of the world, `origin`: 3 numbers. Bounds,
-/// triangles and transforms, which are relative to the origin, stay as they are.
+/// Moves the whole scene so that its origin is at the point `origin` of the world (3 numbers). Bounds,
+/// triangles and transforms are relative to the origin and keep their values.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_set_origin(scene: *mut vis_scene, origin: *const f64) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let (scene, origin) = unsafe { (reference(scene, "scene")?, array(origin, 3, "origin")?) };
         Ok(scene.write()?.scene.set_origin(DVec3::from_slice(origin))?)
     })
@@ -144,19 +144,19 @@ pub unsafe extern "C" fn vis_scene_set_origin(scene: *mut vis_scene, origin: *co
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_count(scene: *const vis_scene, count: *mut usize) -> vis_status {
     border(|| {
-        // SAFETY: rules P1 and P2 of `visibility.h`.
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (scene, mut count) = unsafe { (reference(scene, "scene")?, out(count, "count")?) };
         count.set(scene.read()?.scene.len());
         Ok(())
     })
 }
 
-/// Writes an upper bound, exclusive, on the index (`(uint32_t)id`) of every object so far: the length of
-/// arrays that are indexed by object. `(limit + 31) / 32` words hold a bit for each.
+/// Writes an upper bound, exclusive, on the index (`(uint32_t)id`) of every object so far: the length of an
+/// array indexed by object. `(limit + 31) / 32` words hold one bit per object.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_index_limit(scene: *const vis_scene, limit: *mut usize) -> vis_status {
     border(|| {
-        // SAFETY: rules P1 and P2 of `visibility.h`.
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (scene, mut limit) = unsafe { (reference(scene, "scene")?, out(limit, "limit")?) };
         limit.set(scene.read()?.scene.index_limit());
         Ok(())
@@ -171,7 +171,7 @@ pub unsafe extern "C" fn vis_scene_contains(
     contains: *mut bool,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rules P1 and P2 of `visibility.h`.
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (scene, mut contains) = unsafe { (reference(scene, "scene")?, out(contains, "contains")?) };
         contains.set(scene.read()?.scene.contains(ObjectId::from_bits(object)));
         Ok(())
@@ -187,9 +187,9 @@ pub unsafe extern "C" fn vis_scene_insert(
     id: *mut u64,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let (scene, object) = unsafe { (reference(scene, "scene")?, reference(object, "object")?) };
-        // SAFETY: rule P2 of `visibility.h`.
+        // SAFETY: by rule P2 of `visibility.h`, the pointer is null or valid to write.
         let mut id = unsafe { out(id, "id") }?;
         let object = object.object()?;
         id.set(scene.write()?.scene.insert(object).to_bits());
@@ -197,8 +197,8 @@ pub unsafe extern "C" fn vis_scene_insert(
     })
 }
 
-/// Adds `count` objects, or none of them on an error, and writes their ids to `ids`, an array of `count`.
-/// Much faster than single calls for a new scene.
+/// Adds `count` objects and writes their ids to `ids`, an array of `count`. On an error, adds none. Much
+/// faster than single calls for a new scene.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_insert_batch(
     scene: *mut vis_scene,
@@ -207,13 +207,13 @@ pub unsafe extern "C" fn vis_scene_insert_batch(
     ids: *mut u64,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let (scene, objects) = unsafe { (reference(scene, "scene")?, array(objects, count, "objects")?) };
         if count == 0 {
             return Ok(());
         }
         let mut written = 0;
-        // SAFETY: rule P2 of `visibility.h`; `ids` has `count` elements.
+        // SAFETY: by rule P2 of `visibility.h`, null or valid to write: `count` ids.
         let ids = unsafe { out(ids, "ids").and_then(|_| buffer(ids, count, &raw mut written)) }?;
         let objects: Vec<Object> = objects.iter().map(vis_object_desc::object).collect::<Result<_, _>>()?;
         let inserted = scene.write()?.scene.insert_batch(objects);
@@ -221,17 +221,17 @@ pub unsafe extern "C" fn vis_scene_insert_batch(
     })
 }
 
-/// Removes an object. Its id is unknown from then on.
+/// Removes an object. Its id becomes invalid.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_remove(scene: *mut vis_scene, object: u64) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let scene = unsafe { reference(scene, "scene") }?;
         Ok(scene.write()?.scene.remove(ObjectId::from_bits(object))?)
     })
 }
 
-/// Removes `count` objects, or none of them if an id is unknown or listed twice.
+/// Removes `count` objects. If an id is unknown or listed twice, removes none.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_remove_batch(
     scene: *mut vis_scene,
@@ -239,7 +239,7 @@ pub unsafe extern "C" fn vis_scene_remove_batch(
     count: usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let (scene, ids) = unsafe { (reference(scene, "scene")?, array(ids, count, "ids")?) };
         let State { scene, removed, .. } = &mut *scene.write()?;
         removed.clear();
@@ -248,22 +248,22 @@ pub unsafe extern "C" fn vis_scene_remove_batch(
     })
 }
 
-/// Sets the layers of an object, one bit per layer. An object with 0 is in no view.
+/// Sets the layers of an object, one bit per layer. With 0 the object is in no view.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_set_layers(scene: *mut vis_scene, object: u64, layers: u32) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let scene = unsafe { reference(scene, "scene") }?;
         Ok(scene.write()?.scene.set_layers(ObjectId::from_bits(object), layers)?)
     })
 }
 
-/// Sets the flags of an object: any of the flags `VIS_OBJECT_...`, or 0, which takes the others. To open a
-/// door that hides what is behind, take `VIS_OBJECT_OCCLUDER` from the door.
+/// Sets the flags of an object to any of the flags `VIS_OBJECT_...`, or 0, and clears all others. To open a
+/// door that occludes, clear `VIS_OBJECT_OCCLUDER` of the door.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_set_flags(scene: *mut vis_scene, object: u64, flags: u32) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let scene = unsafe { reference(scene, "scene") }?;
         let (scene, id) = (&mut scene.write()?.scene, ObjectId::from_bits(object));
         let former = scene.object(id)?;
@@ -278,9 +278,9 @@ pub unsafe extern "C" fn vis_scene_set_flags(scene: *mut vis_scene, object: u64,
 }
 
 /// Sets the distances from the eye, in metres, at which an object is drawn, for the stage
-/// `vis_pipeline_add_contribution`: from `begin` to `end`, which may be infinite. Other stages draw it at
-/// every distance. Ranges alone leave distances at which neither of two levels of one thing is drawn, where
-/// their bounds differ: make the far one the parent of the near one by `vis_scene_set_hlod_parent`.
+/// `vis_pipeline_add_contribution`: from `begin` to `end`, which may be infinite. Other stages ignore the
+/// range. If two levels of detail have different bounds, adjoining ranges leave distances at which neither is
+/// drawn. To avoid this, make the far level the parent of the near one with `vis_scene_set_hlod_parent`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_set_draw_range(
     scene: *mut vis_scene,
@@ -289,16 +289,16 @@ pub unsafe extern "C" fn vis_scene_set_draw_range(
     end: f32,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let scene = unsafe { reference(scene, "scene") }?;
         let range = DrawRange { begin, end, ..DrawRange::ALWAYS };
         Ok(scene.write()?.scene.set_draw_range(ObjectId::from_bits(object), range)?)
     })
 }
 
-/// Makes `parent` stand in for an object beyond the begin of the parent's draw range, for the stage
-/// `vis_pipeline_add_contribution`; `VIS_NO_OBJECT` for no parent. Both are measured from the bounds of
-/// the parent, which must contain those of the object.
+/// Makes `parent` replace an object beyond the begin of the parent's draw range, for the stage
+/// `vis_pipeline_add_contribution`; `VIS_NO_OBJECT` for no parent. Distances of both are measured from the
+/// parent's bounds, which must contain the object's bounds.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_set_hlod_parent(
     scene: *mut vis_scene,
@@ -306,7 +306,7 @@ pub unsafe extern "C" fn vis_scene_set_hlod_parent(
     parent: u64,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let scene = unsafe { reference(scene, "scene") }?;
         let parent = (parent != VIS_NO_OBJECT).then(|| ObjectId::from_bits(parent));
         Ok(scene.write()?.scene.set_hlod_parent(ObjectId::from_bits(object), parent)?)

@@ -1,4 +1,4 @@
-//! Views: the camera in the engine's own convention.
+//! Views: the camera in the engine's own depth convention.
 
 use crate::error::{Error, border, vis_status};
 use crate::handle::Guarded;
@@ -10,17 +10,17 @@ use visibility_core::glam::DVec3;
 use visibility_core::view::{ClipMatrix, Depth, Window};
 use visibility_core::{Pose, View};
 
-/// A view: a camera and the layers that it shows. Created once, set each frame.
+/// View: a camera and the layers that it shows. Created once, and set in each frame.
 pub struct vis_view(Guarded<State>);
 
 struct State {
-    /// The camera, as a view of core; `None` until the caller has set one.
+    /// Camera of the view; `None` until the caller has set one.
     camera: Option<View>,
     layers: u32,
 }
 
 impl vis_view {
-    /// Returns the view, or an error if it has no camera yet.
+    /// Returns the camera as a view of core, or an error if none is set yet.
     pub(crate) fn get(&self) -> Result<View, Error> {
         let no_camera = || Error::new(vis_status::VIS_ERROR_STATE, "the view has no camera yet");
         self.0.read()?.camera.ok_or_else(no_camera)
@@ -64,7 +64,7 @@ const DEPTHS: [(vis_depth, Depth); 6] = [
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_view_create(view: *mut *mut vis_view) -> vis_status {
     border(|| {
-        // SAFETY: rule P2 of `visibility.h`.
+        // SAFETY: by rule P2 of `visibility.h`, the pointer is null or valid to write.
         let place = unsafe { out(view, "view") }?;
         create(place, vis_view(Guarded::new(State { camera: None, layers: VIS_ALL_LAYERS })));
         Ok(())
@@ -74,11 +74,11 @@ pub unsafe extern "C" fn vis_view_create(view: *mut *mut vis_view) -> vis_status
 /// Destroys a view. Does nothing for a null pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_view_destroy(view: *mut vis_view) {
-    // SAFETY: rule P3 of `visibility.h`.
+    // SAFETY: by rule P3 of `visibility.h`, the handle is null, or made by this library and unused.
     unsafe { destroy(view) }
 }
 
-/// Makes a view of a clip matrix, its depth convention (a `vis_depth`) and the 3 coordinates of the point
+/// Makes a view from a clip matrix, its depth convention (a `vis_depth`) and the 3 coordinates of the point
 /// that the matrix is relative to; null for the origin of the world.
 fn camera(matrix: impl Into<ClipMatrix>, depth: u32, origin: Option<&[f64; 3]>) -> Result<View, Error> {
     let known = DEPTHS.iter().find(|(number, _)| *number as u32 == depth);
@@ -87,25 +87,25 @@ fn camera(matrix: impl Into<ClipMatrix>, depth: u32, origin: Option<&[f64; 3]>) 
     Ok(origin.map_or(Ok(view), |&origin| view.relative_to(DVec3::from_array(origin)))?)
 }
 
-/// Borrows 3 coordinates that may be absent.
+/// Borrows 3 optional coordinates. `None` for a null pointer.
 ///
 /// # Safety
-/// That of [`reference`].
+/// The same as for [`reference`].
 unsafe fn optional_point<'a>(point: *const f64, name: &str) -> Result<Option<&'a [f64; 3]>, Error> {
     if point.is_null() {
         return Ok(None);
     }
-    // SAFETY: the caller's promise.
+    // SAFETY: the caller of this function makes the same promise.
     unsafe { reference(point.cast(), name) }.map(Some)
 }
 
-/// Sets the camera of a view by the matrix that the engine draws with: 16 numbers, column-major, from the
-/// world to clip space. `depth` is the `vis_depth` that the matrix was made for. `origin` has the 3
-/// coordinates of the point of the world that the matrix is relative to, for engines that draw relative to
-/// the camera; null for the origin of the world. The view keeps its layers and loses its clip planes.
+/// Sets the camera of a view from the engine's matrix from world to clip space: 16 numbers, column-major.
+/// `depth` is the `vis_depth` of the matrix. `origin` is the point of the world that the matrix is relative
+/// to (3 coordinates), for engines that draw relative to the camera; null for the origin of the world. The
+/// view keeps its layers and loses its clip planes.
 ///
-/// Two conditions, which every camera meets, are not checked: clip-space w does not decrease away from the
-/// eye, and the near plane is not behind the eye. Occlusion culling relies on them.
+/// Occlusion culling relies on two conditions that every camera meets and that are not checked: clip-space w
+/// does not decrease away from the eye, and the near plane is not behind the eye.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_view_set_matrix(
     view: *mut vis_view,
@@ -114,9 +114,9 @@ pub unsafe extern "C" fn vis_view_set_matrix(
     origin: *const f64,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let (view, origin) = unsafe { (reference(view, "view")?, optional_point(origin, "origin")?) };
-        // SAFETY: rule P1 of `visibility.h`; 16 numbers.
+        // SAFETY: by rule P1 of `visibility.h`, null or valid to read: 16 numbers.
         let matrix = unsafe { reference(matrix.cast::<[f32; 16]>(), "matrix") }?;
         view.set(camera(*matrix, depth, origin)?)
     })
@@ -131,23 +131,23 @@ pub unsafe extern "C" fn vis_view_set_matrix_f64(
     origin: *const f64,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let (view, origin) = unsafe { (reference(view, "view")?, optional_point(origin, "origin")?) };
-        // SAFETY: rule P1 of `visibility.h`; 16 numbers.
+        // SAFETY: by rule P1 of `visibility.h`, null or valid to read: 16 numbers.
         let matrix = unsafe { reference(matrix.cast::<[f64; 16]>(), "matrix") }?;
         view.set(camera(*matrix, depth, origin)?)
     })
 }
 
-/// Place and directions of a camera, in world coordinates.
+/// Position and directions of a camera, in world coordinates.
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct vis_pose {
     /// Position of the eye.
     pub eye: [f64; 3],
-    /// A point that the camera looks at.
+    /// Point that the camera looks at.
     pub target: [f64; 3],
-    /// A direction that is upwards in the picture.
+    /// Direction that points upwards in the picture.
     pub up: [f64; 3],
 }
 
@@ -158,7 +158,7 @@ impl From<&vis_pose> for Pose {
     }
 }
 
-/// Sets the camera of a view by its pose and lens, for programs that have no matrix. `fov_y` is the vertical
+/// Sets the camera of a view from its pose and lens, for programs without a matrix. `fov_y` is the vertical
 /// field of view in radians, `aspect` width over height, `near_plane` and `far_plane` the distances of the
 /// planes; `far_plane` may be infinite. The view keeps its layers and loses its clip planes.
 #[unsafe(no_mangle)]
@@ -171,14 +171,14 @@ pub unsafe extern "C" fn vis_view_set_perspective(
     far_plane: f64,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let (view, pose) = unsafe { (reference(view, "view")?, reference(pose, "pose")?) };
         view.set(View::perspective(pose.into(), fov_y, aspect, near_plane, far_plane)?)
     })
 }
 
-/// Sets the camera of a view with parallel lines of sight: shadow cascades, maps, plans. The picture is
-/// `width` by `height` metres around the viewing axis; `near_plane` and `far_plane` are distances from the
+/// Sets the camera of a view with parallel lines of sight, for shadow cascades, maps and plans. The picture
+/// is `width` by `height` metres around the viewing axis; `near_plane` and `far_plane` are distances from the
 /// eye along the axis, and `near_plane` may be negative. The view keeps its layers and loses its clip planes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_view_set_orthographic(
@@ -190,18 +190,18 @@ pub unsafe extern "C" fn vis_view_set_orthographic(
     far_plane: f64,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let (view, pose) = unsafe { (reference(view, "view")?, reference(pose, "pose")?) };
         let window = Window::centered(width * 0.5, height * 0.5);
         view.set(View::orthographic(pose.into(), window, near_plane, far_plane)?)
     })
 }
 
-/// Sets the layers that a view shows, one bit per layer. They outlast changes of the camera.
+/// Sets the layers that a view shows, one bit per layer. A change of the camera keeps them.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_view_set_layers(view: *mut vis_view, layers: u32) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let view = unsafe { reference(view, "view") }?;
         let mut state = view.0.write()?;
         state.layers = layers;
@@ -210,9 +210,9 @@ pub unsafe extern "C" fn vis_view_set_layers(view: *mut vis_view, layers: u32) -
     })
 }
 
-/// Restricts a view to one side of each of `count` planes: 4 numbers a, b, c, d each, of the points with
-/// a x + b y + c z + d >= 0, relative to the origin of the matrix, or to the eye of a view that was set by a
-/// pose. They replace former ones. At most 10.
+/// Restricts a view to one side of each of `count` planes, at most 10. A plane has 4 numbers a, b, c, d and
+/// keeps the points with a x + b y + c z + d >= 0, relative to the origin of the matrix, or to the eye of a
+/// view set from a pose. Replaces earlier planes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_view_set_clip_planes(
     view: *mut vis_view,
@@ -220,9 +220,9 @@ pub unsafe extern "C" fn vis_view_set_clip_planes(
     count: usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`; 4 numbers for each of `count`.
+        // SAFETY: by rule P1 of `visibility.h`, null or valid to read: 4 numbers for each of `count`.
         let planes = unsafe { array(planes.cast::<[f64; 4]>(), count, "planes") }?;
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let view = unsafe { reference(view, "view") }?;
         let camera = view.get()?;
         let planes: Vec<Plane> = planes.iter().map(plane).collect();

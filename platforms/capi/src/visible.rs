@@ -8,12 +8,12 @@ use std::sync::{RwLockReadGuard, RwLockWriteGuard};
 use visibility_core::visible_set::BitsError;
 use visibility_core::{ObjectId, VisibleSet};
 
-/// The objects that a view sees: the result of `vis_pipeline_cull`. It stays what it is when the scene
-/// changes. Once listed, a render thread can read it while the scene changes.
+/// Set of the objects that a view sees, the result of `vis_pipeline_cull`. Changes of the scene do not change
+/// the set. Once listed, a render thread can read it while the scene changes.
 pub struct vis_visible(Guarded<VisibleSet>);
 
 impl vis_visible {
-    /// Returns the set of the last frame, or an error if no frame was culled yet: the empty list would say
+    /// Returns the set of the last frame. An error if no frame was culled yet, since an empty list would mean
     /// that nothing is visible.
     pub(crate) fn finished(&self) -> Result<RwLockReadGuard<'_, VisibleSet>, Error> {
         let visible = self.0.read()?;
@@ -23,11 +23,11 @@ impl vis_visible {
         Err(Error::new(VIS_ERROR_STATE, "no pipeline has culled into the set of visible objects"))
     }
 
-    /// Calls `read` with the number of visible objects and these objects: those that are still in the scene,
-    /// or without a scene those of the list.
+    /// Calls `read` with the number of visible objects and an iterator over them. With a scene, these are the
+    /// objects that are still in it; with a null `scene`, the objects in the list.
     ///
     /// # Safety
-    /// `scene` is null, or a live handle.
+    /// `scene` is null, or a handle that is not destroyed.
     unsafe fn read(
         &self,
         scene: *const vis_scene,
@@ -35,7 +35,7 @@ impl vis_visible {
     ) -> Result<(), Error> {
         let visible = self.finished()?;
         if !scene.is_null() {
-            // SAFETY: the caller's promise.
+            // SAFETY: the caller promises that `scene` is null or a live handle.
             let scene = &unsafe { reference(scene, "scene") }?.read()?.scene;
             return read(visible.count(scene), &mut visible.iter(scene));
         }
@@ -52,15 +52,15 @@ impl vis_visible {
     }
 }
 
-/// Creates a set for the results of one view. With `with_changes` it also tells what became visible and
-/// hidden since the frame before, for a few nanoseconds per visible object.
+/// Creates a set for the results of one view. With `with_changes`, it also records which objects became
+/// visible or hidden since the last frame, for a few nanoseconds per visible object.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_visible_create(
     with_changes: bool,
     visible: *mut *mut vis_visible,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rule P2 of `visibility.h`.
+        // SAFETY: by rule P2 of `visibility.h`, the pointer is null or valid to write.
         let place = unsafe { out(visible, "visible") }?;
         let set = if with_changes { VisibleSet::new().with_changes() } else { VisibleSet::new() };
         create(place, vis_visible(Guarded::new(set)));
@@ -71,16 +71,17 @@ pub unsafe extern "C" fn vis_visible_create(
 /// Destroys a set. Does nothing for a null pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_visible_destroy(visible: *mut vis_visible) {
-    // SAFETY: rule P3 of `visibility.h`.
+    // SAFETY: by rule P3 of `visibility.h`, the handle is null, or made by this library and unused.
     unsafe { destroy(visible) }
 }
 
-/// Lists the visible objects, unless `vis_visible_sort_by_index` or a set with changes has: once listed, the
-/// functions below need no scene, so that a render thread can read the set while the scene changes.
+/// Lists the visible objects, unless they are listed already, by `vis_visible_sort_by_index` or in a set with
+/// changes. The functions below can read a listed set without a scene, so that a render thread can read it
+/// while the scene changes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_visible_list(visible: *mut vis_visible, scene: *const vis_scene) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let (visible, scene) = unsafe { (reference(visible, "visible")?, reference(scene, "scene")?) };
         let scene = &scene.read()?.scene;
         drop(visible.finished()?);
@@ -90,7 +91,7 @@ pub unsafe extern "C" fn vis_visible_list(visible: *mut vis_visible, scene: *con
 }
 
 /// Writes the number of visible objects that are still in the scene. `scene` may be null if the set is
-/// listed; objects removed since then are counted.
+/// listed; objects removed after the listing then count too.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_visible_count(
     visible: *const vis_visible,
@@ -98,9 +99,9 @@ pub unsafe extern "C" fn vis_visible_count(
     count: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rules P1 and P2 of `visibility.h`.
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (visible, mut count) = unsafe { (reference(visible, "visible")?, out(count, "count")?) };
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         unsafe {
             visible.read(scene, |length, _| {
                 count.set(length);
@@ -110,7 +111,7 @@ pub unsafe extern "C" fn vis_visible_count(
     })
 }
 
-/// Writes whether an object is visible. False if it has been removed from the scene since.
+/// Writes whether an object is visible. False if it was removed from the scene.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_visible_contains(
     visible: *const vis_visible,
@@ -119,9 +120,9 @@ pub unsafe extern "C" fn vis_visible_contains(
     contains: *mut bool,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let (visible, scene) = unsafe { (reference(visible, "visible")?, reference(scene, "scene")?) };
-        // SAFETY: rule P2 of `visibility.h`.
+        // SAFETY: by rule P2 of `visibility.h`, the pointer is null or valid to write.
         let mut contains = unsafe { out(contains, "contains") }?;
         let scene = &scene.read()?.scene;
         contains.set(visible.finished()?.contains(scene, ObjectId::from_bits(object)));
@@ -129,16 +130,15 @@ pub unsafe extern "C" fn vis_visible_contains(
     })
 }
 
-/// Sorts the visible objects by ascending index, the order in which arrays that are indexed by object are
-/// read fastest, and drops those removed from the scene since. Without it, neighbours in space follow each
-/// other.
+/// Sorts the visible objects by ascending index, the fastest order for reading arrays indexed by object.
+/// Drops objects that were removed from the scene. In an unsorted set, neighbours in space follow each other.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_visible_sort_by_index(
     visible: *mut vis_visible,
     scene: *const vis_scene,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let (visible, scene) = unsafe { (reference(visible, "visible")?, reference(scene, "scene")?) };
         let scene = &scene.read()?.scene;
         drop(visible.finished()?);
@@ -148,8 +148,8 @@ pub unsafe extern "C" fn vis_visible_sort_by_index(
 }
 
 /// Writes the ids of the visible objects that are still in the scene, and their number to `count`. With a
-/// null `ids` writes the number alone; returns `VIS_ERROR_TOO_SHORT` if `ids` has room for fewer. `scene` may
-/// be null if the set is listed; objects removed since then are written too.
+/// null `ids`, writes only the number. Returns `VIS_ERROR_TOO_SHORT` if `ids` is too short. `scene` may be
+/// null if the set is listed; objects removed after the listing are then written too.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_visible_ids(
     visible: *const vis_visible,
@@ -159,15 +159,15 @@ pub unsafe extern "C" fn vis_visible_ids(
     count: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rules P1 and P2 of `visibility.h`.
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (visible, ids) = unsafe { (reference(visible, "visible")?, buffer(ids, capacity, count)?) };
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         unsafe { visible.read(scene, |count, objects| ids.fill(count, objects.map(ObjectId::to_bits))) }
     })
 }
 
-/// Like `vis_visible_ids`, writes the indices of the visible objects: half the memory, for engines whose data
-/// is in arrays.
+/// Writes the indices of the visible objects, like `vis_visible_ids`. Indices take half the memory of ids,
+/// for engines with arrays indexed by object.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_visible_indices(
     visible: *const vis_visible,
@@ -177,18 +177,18 @@ pub unsafe extern "C" fn vis_visible_indices(
     count: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rules P1 and P2 of `visibility.h`.
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (visible, indices) =
             unsafe { (reference(visible, "visible")?, buffer(indices, capacity, count)?) };
         let index = |id: ObjectId| id.index() as u32;
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         unsafe { visible.read(scene, |count, objects| indices.fill(count, objects.map(index))) }
     })
 }
 
-/// Writes one bit per object index, `index % 32` of word `index / 32`, set for visible objects that are still
-/// in the scene, and the number of words to `count`. Null and too short as for `vis_visible_ids`; the number
-/// of words follows from `vis_scene_index_limit`.
+/// Writes one bit per object index: bit `index % 32` of word `index / 32` is set for visible objects that are
+/// still in the scene. Writes the number of words to `count`, which follows from `vis_scene_index_limit`. A
+/// null or too short `words` is handled as in `vis_visible_ids`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_visible_write_bits(
     visible: *const vis_visible,
@@ -198,9 +198,9 @@ pub unsafe extern "C" fn vis_visible_write_bits(
     count: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rules P1 and P2 of `visibility.h`.
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (visible, words) = unsafe { (reference(visible, "visible")?, buffer(words, capacity, count)?) };
-        // SAFETY: rule P1 of `visibility.h`.
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let scene = &unsafe { reference(scene, "scene") }?.read()?.scene;
         let visible = visible.finished()?;
         let needed = match visible.write_bits(scene, &mut []) {
@@ -214,8 +214,8 @@ pub unsafe extern "C" fn vis_visible_write_bits(
     })
 }
 
-/// Writes the ids of the objects that are visible and were not in the frame before, as `vis_visible_ids`
-/// does. None unless the set was created with changes.
+/// Writes the ids of objects that are visible and were not in the last frame, like `vis_visible_ids`. None
+/// unless the set was created with changes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_visible_newly_visible(
     visible: *const vis_visible,
@@ -224,15 +224,15 @@ pub unsafe extern "C" fn vis_visible_newly_visible(
     count: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rules P1 and P2 of `visibility.h`.
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (visible, ids) = unsafe { (reference(visible, "visible")?, buffer(ids, capacity, count)?) };
         let visible = visible.finished()?;
         ids.fill(visible.newly_visible().count(), visible.newly_visible().map(ObjectId::to_bits))
     })
 }
 
-/// Writes the ids of the objects that were visible in the frame before and are not, as `vis_visible_ids`
-/// does; removed objects too. None unless the set was created with changes.
+/// Writes the ids of objects that were visible in the last frame and are not now, like `vis_visible_ids`.
+/// Includes removed objects. None unless the set was created with changes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_visible_newly_hidden(
     visible: *const vis_visible,
@@ -241,7 +241,7 @@ pub unsafe extern "C" fn vis_visible_newly_hidden(
     count: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: rules P1 and P2 of `visibility.h`.
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (visible, ids) = unsafe { (reference(visible, "visible")?, buffer(ids, capacity, count)?) };
         let visible = visible.finished()?;
         ids.fill(visible.newly_hidden().count(), visible.newly_hidden().map(ObjectId::to_bits))

@@ -1,11 +1,11 @@
-//! Convex volumes in the world, from arrays.
+//! Convex volumes in world space, read from arrays.
 
 use crate::error::Error;
 use crate::view::plane;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Viewcell, Viewcells};
 
-/// A convex volume in the world: a cell of a building, or a viewcell of a baked set.
+/// Convex volume in world space: a cell of a building, or a viewcell of a baked set.
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct vis_volume {
@@ -13,13 +13,13 @@ pub struct vis_volume {
     pub min: [f64; 3],
     /// Maximum corner of the box.
     pub max: [f64; 3],
-    /// Index of the first plane that cuts a part off the box, among all planes.
+    /// Index, among all planes, of the first plane that cuts a part off the box.
     pub first_plane: u32,
-    /// Number of planes; 0 if the volume is the box.
+    /// Number of planes; 0 if the volume is the whole box.
     pub plane_count: u32,
 }
 
-/// Returns elements `first..first + count`, or an error that names the element that wants them.
+/// Returns the elements `first..first + count`. An error names the item that refers to missing elements.
 pub(crate) fn range<'a, T>(
     all: &'a [T],
     first: u32,
@@ -36,7 +36,7 @@ pub(crate) fn range<'a, T>(
     })
 }
 
-/// Makes volumes from arrays.
+/// Makes viewcells from arrays of volumes and of their planes.
 pub(crate) fn volumes(volumes: &[vis_volume], planes: &[[f64; 4]]) -> Result<Viewcells, Error> {
     let made = volumes.iter().enumerate().map(|(index, volume)| {
         let planes = range(planes, volume.first_plane, volume.plane_count, "volume", index)?;

@@ -1,8 +1,8 @@
-//! The checked-in header is what cbindgen makes of the sources.
+//! Test that the checked-in header equals the one that cbindgen makes from the sources.
 
 use std::path::Path;
 
-/// Returns the header that cbindgen makes of the sources.
+/// Returns the header that cbindgen makes from the sources.
 fn made() -> String {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
     let config = cbindgen::Config::from_file(folder.join("cbindgen.toml")).expect("cbindgen.toml");
@@ -42,7 +42,7 @@ fn every_exported_function_is_declared_and_called_by_a_test_or_sample() {
     let uses = texts("tests").concat() + &texts("samples").concat();
     let sources = texts("src").concat();
     let mut count = 0;
-    // cbindgen leaves out what it cannot express.
+    // cbindgen silently omits functions that it cannot express in C.
     for rest in sources.split("#[unsafe(no_mangle)]").skip(1) {
         let name = rest.split_once("fn ").and_then(|(_, rest)| rest.split_once('(')).expect("a function").0;
         assert!(header.contains(&format!("{name}(")), "{name} is not declared");

@@ -1,5 +1,4 @@
-//! Random calls with the numbers that break programs: none ends in a panic, whatever the handles are used
-//! for.
+//! Test with random calls and extreme numbers: no call may panic, whatever the handles are used for.
 
 mod common;
 
@@ -9,7 +8,7 @@ use visibility::vis_status::*;
 use visibility::*;
 use visibility_testing::Random;
 
-/// Picks a number that programs do not expect, or a plain one.
+/// Returns an extreme number (NaN, infinite, huge, denormal and so on), or an ordinary one.
 fn number(rng: &mut Random) -> f64 {
     const NUMBERS: [f64; 12] = [
         f64::NAN,
@@ -37,7 +36,7 @@ fn random_box(rng: &mut Random) -> vis_box {
     vis_box { min, max }
 }
 
-/// Returns an affine matrix, a matrix with one bad element, or 16 arbitrary numbers.
+/// Returns an affine matrix, a matrix with one invalid element, or 16 arbitrary numbers.
 fn matrix(rng: &mut Random) -> [f32; 16] {
     let mut matrix: [f32; 16] = std::array::from_fn(|i| if i % 5 == 0 { 1.0 } else { 0.0 });
     match rng.below(3) {
@@ -56,7 +55,7 @@ fn no_number_makes_a_call_panic() {
     let (mut graph, mut cells, mut pvs) = (null_mut(), null_mut(), null_mut());
     let (mut ids, mut meshes) = (vec![VIS_NO_OBJECT], vec![0]);
     let (mut list, mut count, mut outcomes) = ([0_u64; 64], 0, [0; 9]);
-    // SAFETY: handles are live, and arrays as long as said.
+    // SAFETY: handles are live, and arrays have the stated lengths.
     unsafe {
         ok(vis_visible_create(true, &mut visible));
         ok(vis_measure_create(32, 32, &mut measure));
@@ -126,7 +125,7 @@ fn no_number_makes_a_call_panic() {
                 18 => vis_scene_prepare_occluders(scene, &mut count),
                 19 => vis_scene_maintain(scene, rng.below(50), null_mut()),
                 20 => {
-                    // Two cells with a door that is hardly ever one.
+                    // Two cells with a portal polygon that is rarely valid.
                     let portal = vis_portal { first_vertex: 0, vertex_count: 3, cells: [0, 1] };
                     let [min, max] = [numbers(rng), numbers(rng)];
                     let volume = vis_volume { min, max, first_plane: 0, plane_count: 1 };
@@ -166,7 +165,8 @@ fn no_number_makes_a_call_panic() {
             outcomes[status as usize] += 1;
         }
     }
-    // Good numbers and bad ones came: calls succeeded, and calls were refused for each reason that there is.
+    // Checks that the numbers were varied: many calls succeeded, and calls were refused for each possible
+    // reason.
     assert!(outcomes[VIS_OK as usize] > 5_000, "{outcomes:?}");
     for reason in [VIS_ERROR_ARGUMENT, VIS_ERROR_UNKNOWN_ID, VIS_ERROR_STATE] {
         assert!(outcomes[reason as usize] > 100, "{reason:?}: {outcomes:?}");

@@ -1,5 +1,5 @@
-//! What C programs do wrong: null and misaligned pointers, removed ids, short buffers, matrices that are
-//! none, threads in each other's way. Each is answered by a code and a message that names the mistake.
+//! Tests of mistakes in C programs: null and misaligned pointers, removed ids, short buffers, invalid
+//! matrices, conflicting threads. Each call must return a status code, and a message that names the mistake.
 
 mod common;
 
@@ -10,7 +10,7 @@ use visibility::vis_depth::*;
 use visibility::vis_status::*;
 use visibility::*;
 
-/// Asserts that a call was refused with a status and a message.
+/// Asserts that a call failed with the expected status and a message that contains `said`.
 #[track_caller]
 fn refused(status: vis_status, expected: vis_status, said: &str) {
     returns(status, expected);
@@ -19,7 +19,8 @@ fn refused(status: vis_status, expected: vis_status, said: &str) {
 
 static BOX: vis_box = vis_box { min: [5.0, -1.0, -1.0], max: [6.0, 1.0, 1.0] };
 
-/// A scene of some boxes ahead of the eye, and what it takes to cull it. Not destroyed: tests end soon.
+/// Scene of some boxes ahead of the eye, with all handles needed to cull it. The handles are never destroyed,
+/// since tests end soon.
 struct Setting {
     scene: *mut vis_scene,
     view: *mut vis_view,
@@ -54,7 +55,7 @@ impl Setting {
 #[test]
 fn null_pointers_are_refused_by_name() {
     let Setting { scene, view, pipeline, visible, .. } = Setting::new(1);
-    // SAFETY: null is allowed everywhere; all else is live.
+    // SAFETY: null is allowed everywhere; all other pointers are live.
     unsafe {
         for (status, name) in [
             (vis_scene_create(null_mut()), "scene"),
@@ -77,14 +78,14 @@ fn null_pointers_are_refused_by_name() {
             (vis_graph_read_prt(null(), 5, &mut null_mut()), "text"),
             (vis_pvs_read(null(), 5, &mut null_mut()), "bytes"),
         ] {
-            // The calls run before the loop: only the last message is there to read.
+            // All calls have run before this loop, so only the last message can be checked.
             assert_eq!(status, VIS_ERROR_NULL, "{name}");
         }
         assert_eq!(message(), "the pointer `bytes` is null", "the message names the last pointer");
         let mut count = 9;
         ok(vis_scene_count(scene, &raw mut count));
         assert_eq!(count, 1, "refused calls change nothing");
-        // Null arrays of nothing are arrays of nothing; null handles are not destroyed.
+        // A null array of length 0 is valid, and destroying a null handle does nothing.
         ok(vis_scene_insert_batch(scene, null(), 0, null_mut()));
         ok(vis_scene_set_bounds_batch(scene, null(), null(), 0));
         vis_scene_destroy(null_mut());
@@ -124,7 +125,7 @@ fn removed_ids_are_unknown_and_batches_do_all_or_nothing() {
             VIS_ERROR_UNKNOWN_ID,
             "object 1 is not, or no longer, in the scene",
         );
-        // The index is used again, the id is not.
+        // The index is reused, the id is not.
         ok(vis_scene_insert(scene, &vis_object_default(BOX), &raw mut other));
         assert_eq!(other as u32, ids[1] as u32, "the new object takes the index of the old");
         returns(vis_scene_set_layers(scene, ids[1], 1), VIS_ERROR_UNKNOWN_ID);
@@ -136,7 +137,7 @@ fn removed_ids_are_unknown_and_batches_do_all_or_nothing() {
         ok(vis_scene_bounds(scene, ids[0], &raw mut bounds));
         assert_eq!(bounds, BOX, "a refused batch changes no box");
         returns(vis_scene_remove_batch(scene, [ids[0], ids[0]].as_ptr(), 2), VIS_ERROR_UNKNOWN_ID);
-        // Ids of another scene are unknown, and so are meshes.
+        // Ids of another scene's objects and meshes are unknown.
         let (stranger, mut mesh) = (make(vis_scene_create), 0);
         returns(vis_scene_set_layers(stranger, ids[0], 1), VIS_ERROR_UNKNOWN_ID);
         ok(vis_scene_add_box_mesh(stranger, &raw const BOX, &raw mut mesh));
@@ -172,7 +173,8 @@ fn values_out_of_range_are_refused_and_named() {
         returns(vis_scene_set_draw_range(scene, ids[0], 5.0, 1.0), VIS_ERROR_ARGUMENT);
         returns(vis_scene_set_hlod_parent(scene, ids[0], ids[0]), VIS_ERROR_ARGUMENT);
         returns(vis_scene_set_origin(scene, [0.0, f64::NAN, 0.0].as_ptr()), VIS_ERROR_ARGUMENT);
-        // Transforms: of an object that has no local bounds, by rows instead of columns, not finite.
+        // Invalid transforms: for an object without local bounds, row-major instead of column-major, not
+        // finite.
         let id = ids.as_ptr();
         returns(vis_scene_set_transforms_batch(scene, id, identity.as_ptr(), 1), VIS_ERROR_STATE);
         ok(vis_scene_set_local_bounds(scene, ids[0], &raw const BOX));
@@ -191,14 +193,14 @@ fn values_out_of_range_are_refused_and_named() {
             "the transform of object 0 is not finite",
         );
         ok(vis_scene_set_transforms_batch(scene, id, identity.as_ptr(), 1));
-        // Meshes.
+        // Invalid meshes.
         let (mut mesh, corners) = (0, [0.0_f32; 9]);
         let add = |indices: &[u32; 3], mesh: *mut u64| {
             vis_scene_add_mesh(scene, corners.as_ptr(), 3, indices.as_ptr(), 1, false, mesh)
         };
         refused(add(&[0, 1, 3], &raw mut mesh), VIS_ERROR_ARGUMENT, "triangle 0 has no vertex 3");
         assert_eq!(add(&[0, 1, 2], &raw mut mesh), VIS_ERROR_ARGUMENT, "no area");
-        // Stages.
+        // Invalid stages.
         let mut stats = vis_stats::default();
         refused(
             vis_pipeline_stage_stats(pipeline, 1, &raw mut stats),
@@ -288,7 +290,8 @@ fn sets_need_no_scene_once_they_are_listed() {
             ok(vis_visible_ids(visible, null(), ids.as_mut_ptr(), 9, &raw mut count));
             assert_eq!(count, 9, "sorted: {sorts}: objects in the list");
         }
-        // The list keeps what has left the scene; with the scene, only what is left is read.
+        // A listed set keeps objects that have left the scene. If read with the scene, it only has the
+        // remaining ones.
         ok(vis_scene_remove(scene, setting.ids[4]));
         ok(vis_visible_count(visible, null(), &raw mut count));
         assert_eq!(count, 9, "objects in the list after one was removed");
@@ -366,8 +369,8 @@ fn files_that_are_damaged_are_refused_with_the_place() {
 
 #[test]
 fn a_handle_in_use_elsewhere_is_busy() {
-    // Many objects, so that a call on one thread is under way while another tries: whoever comes second is
-    // told so, or comes when the first has ended. No call waits, none reads what another changes.
+    // Many objects, so that a call on one thread runs while another thread tries: the second call is refused
+    // as busy, or comes after the first has ended. No call waits, and none reads what another changes.
     let setting = Setting::new(1000);
     struct Shared(*mut vis_scene);
     // SAFETY: handles may go to any thread.
@@ -377,7 +380,7 @@ fn a_handle_in_use_elsewhere_is_busy() {
     std::thread::scope(|scope| {
         let shared = &shared;
         let other = scope.spawn(move || {
-            // SAFETY: the handle is live; that both threads change the scene is what is tried.
+            // SAFETY: the handle is live. That two threads change the scene at once is what this test tries.
             (0..300).map(|_| unsafe { vis_scene_rebuild(shared.0) }).collect::<Vec<_>>()
         });
         // SAFETY: as before.

@@ -1,4 +1,4 @@
-//! A warm frame allocates nothing on this side of the border: batches, views, culling and results use memory
+//! Test that a warm frame allocates nothing in the C library: batches, views, culling and results use memory
 //! that handles keep.
 
 mod common;

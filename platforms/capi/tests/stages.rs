@@ -1,5 +1,5 @@
-//! Stages, layers and the tools that tell why an object is not drawn, through the C interface. What C
-//! programs do with scenes, portals, baked sets and the judge is in `samples`.
+//! Tests of stages, layers and explanations through the C interface. Programs in `samples` test scenes,
+//! portals, baked sets and the judge.
 
 mod common;
 
@@ -15,7 +15,7 @@ use visibility_core::pvs::{Viewcell, Viewcells};
 
 fn new_visible(with_changes: bool) -> *mut vis_visible {
     let mut handle = null_mut();
-    // SAFETY: `handle` is a place for the result.
+    // SAFETY: `handle` is memory for the result.
     ok(unsafe { vis_visible_create(with_changes, &raw mut handle) });
     handle
 }
@@ -32,7 +32,7 @@ fn insert(scene: *mut vis_scene, desc: vis_object_desc) -> u64 {
     id
 }
 
-/// A view from the origin along x, a scene, and a pipeline that starts with the frustum.
+/// Creates a view from the origin along x, a scene, and a pipeline that starts with frustum culling.
 fn setting() -> (*mut vis_scene, *mut vis_view, *mut vis_pipeline) {
     let (view, pipeline) = (make(vis_view_create), make(vis_pipeline_create));
     let pose = vis_pose { eye: [0.0; 3], target: [1.0, 0.0, 0.0], up: [0.0, 0.0, 1.0] };
@@ -63,7 +63,7 @@ fn visible_ids(
     }
 }
 
-/// Reads a text that a function writes: its length first.
+/// Reads a text by calling `write` twice: first for the length, then for the text.
 fn text(write: impl Fn(*mut c_char, usize, *mut usize) -> vis_status) -> String {
     let mut length = 0;
     ok(write(null_mut(), 0, &raw mut length));
@@ -102,12 +102,12 @@ fn layers_flags_ranges_and_parents_decide_what_is_drawn() {
         assert_eq!(see(), [near, far], "all layers");
         ok(vis_visible_newly_visible(visible, &raw mut id, 1, &raw mut count));
         assert_eq!((count, id), (1, near), "one object has appeared, the near one");
-        // A wall across the view, by a plane: only what is beyond 100 m.
+        // A clip plane across the view keeps only what is beyond 100 m.
         let plane = [1.0, 0.0, 0.0, -100.0_f64]; // relative to the eye
         ok(vis_view_set_clip_planes(view, plane.as_ptr(), 1));
         assert_eq!(see(), [far], "what is beyond the clip plane");
         ok(vis_view_set_clip_planes(view, null(), 0));
-        // The far cube is 2 pixels high in pictures of 1080 rows.
+        // The far cube is 2 pixels high in a picture of 1080 rows, below the least size of 8.
         ok(vis_pipeline_add_contribution(pipeline, 1080.0, 8.0));
         assert_eq!(see(), [near], "the far cube is too small");
         ok(vis_pipeline_accuracy(pipeline, &raw mut accuracy));
@@ -118,7 +118,7 @@ fn layers_flags_ranges_and_parents_decide_what_is_drawn() {
         );
         ok(vis_scene_set_draw_range(scene, near, 0.0, 3.0));
         assert_eq!(see(), [], "the near cube is beyond its range");
-        // A stand-in from 20 m on: nearer, the child is drawn instead.
+        // An HLOD parent from 20 m on: at smaller distances, its child is drawn instead.
         let coarse = insert(scene, vis_object_default(cube_at(5.0)));
         ok(vis_scene_set_draw_range(scene, near, 0.0, f32::INFINITY));
         ok(vis_scene_set_draw_range(scene, coarse, 20.0, f32::INFINITY));
@@ -145,7 +145,7 @@ fn each_depth_convention_has_its_near_and_far_plane() {
     let (scene, view, pipeline) = setting();
     let visible = new_visible(false);
     let [_before, between, beyond] = [-0.2, 4.0, 50.0].map(|x| insert(scene, vis_object_default(cube_at(x))));
-    // Clip depth a x + b, with w = x, for planes at n and f.
+    // Clip depth is a x + b, with w = x, for a near plane at n and a far plane at f.
     let (n, f) = (1.0, 10.0);
     for (depth, a, b) in [
         (VIS_DEPTH_NEGATIVE_ONE_TO_ONE, (f + n) / (f - n), -2.0 * f * n / (f - n)),
@@ -195,7 +195,7 @@ fn pipelines_explain_freeze_and_say_what_they_lack() {
         ok(vis_scene_set_flags(scene, wall, VIS_OBJECT_OCCLUDER));
         assert_eq!(see(), [wall, hidden], "a wall without a mesh hides nothing");
         assert_eq!(lacks(), "hzb: occluders without a mesh: 1\n", "the wall lacks a mesh");
-        // From the triangles that the wall is drawn with; first of them, one that faces the eye.
+        // Occluder prepared from the wall's triangles. The first triangle faces the eye.
         let quad = [[4.0, -5.0, -5.0], [4.0, 5.0, 5.0], [4.0, 5.0, -5.0], [4.0, -5.0, 5.0_f32]];
         let triangles = [quad[0], quad[1], quad[2], quad[0], quad[3], quad[1]];
         let mut made = 0;
@@ -206,7 +206,7 @@ fn pipelines_explain_freeze_and_say_what_they_lack() {
         assert_eq!(explain(wall), "visible", "the wall's explanation");
         assert_eq!(explain(hidden), "removed by hzb", "the hidden cube's explanation");
         assert_eq!(explain(behind), "removed by frustum", "the explanation of what is behind");
-        // The eye turns, the frozen pipeline does not.
+        // The eye turns, but the frozen pipeline does not.
         ok(vis_pipeline_freeze(pipeline, true));
         let pose = vis_pose { eye: [0.0; 3], target: [-1.0, 0.0, 0.0], up: [0.0, 0.0, 1.0] };
         ok(vis_view_set_orthographic(view, &raw const pose, 5.0, 5.0, 0.0, 50.0));
@@ -223,13 +223,13 @@ fn pipelines_explain_freeze_and_say_what_they_lack() {
         let depth = vis_depth::VIS_DEPTH_REVERSED_INFINITE as u32;
         ok(vis_view_set_matrix_f64(view, matrix.as_ptr(), depth, far.as_ptr()));
         assert_eq!(see(), [wall], "the camera has followed");
-        // A mesh of one's own, two-sided, on an object that is moved by its bounds and so loses it.
+        // A two-sided mesh on an object. A change of the object's bounds removes the mesh.
         let (mut mesh, corners) = (0, quad.map(|[_, y, z]| [4.0, y, z]));
         let indices = [0, 2, 1, 0, 1, 3_u32];
         let positions = corners.as_ptr().cast();
         ok(vis_scene_add_mesh(scene, positions, 4, indices.as_ptr(), 2, true, &raw mut mesh));
         ok(vis_scene_set_mesh(scene, wall, mesh, null()));
-        // Removed, the mesh still hides until the object loses it.
+        // A removed mesh still occludes until the object loses it.
         let (mut before, mut after) = (0, 0);
         ok(vis_scene_mesh_count(scene, &raw mut before));
         ok(vis_scene_remove_mesh(scene, mesh));
@@ -254,7 +254,7 @@ fn doors_shut_for_all_views_that_share_the_cells() {
         first_plane: 0,
         plane_count: planes,
     };
-    // The first cell is cut off its box at the door by a plane.
+    // A plane at the door cuts the first cell's box.
     let (volumes, plane) = ([cell(-1.0, 1), cell(3.0, 0)], [-1.0, 0.0, 0.0, 3.0_f64]);
     let (mut graph, mut cells, mut sees) = (null_mut(), null_mut(), false);
     // SAFETY: handles are live, and arrays as long as said.
@@ -286,10 +286,10 @@ fn doors_shut_for_all_views_that_share_the_cells() {
         assert_eq!(see(), [1, 1], "the door is seen through from this side");
         returns(vis_cells_set_passage(cells, 0, false, false), VIS_ERROR_ARGUMENT);
         returns(vis_cells_set_open(cells, 7, true), VIS_ERROR_UNKNOWN_ID);
-        // The lamp leaves by bounds: both pipelines see the change.
+        // A change of bounds moves the lamp out of the cells, and both pipelines notice the change.
         ok(vis_scene_set_bounds(scene, lamp, &cube_at(-9.0)));
         assert_eq!(see(), [0, 1], "outside all cells nothing is hidden but by the frustum");
-        // Another scene may use the cells in between.
+        // Meanwhile, another scene uses the same cells.
         let elsewhere = crate::make(vis_scene_create);
         insert(elsewhere, vis_object_default(cube_at(5.0)));
         ok(vis_cells_set_passage(cells, 0, false, true));
@@ -305,7 +305,7 @@ fn doors_shut_for_all_views_that_share_the_cells() {
             "the lamp elsewhere, after the own scene"
         );
         vis_scene_destroy(elsewhere);
-        // A baked set of objects does not fit cells.
+        // A baked set of objects does not fit cells, so it is refused.
         let (mut pvs, ends, targets) = (null_mut(), [1_usize, 3], [0, 0, 1_u32]);
         ok(vis_pvs_create(2, ends.as_ptr(), 2, targets.as_ptr(), 3, &raw mut pvs));
         returns(vis_cells_set_pvs(cells, pvs), VIS_ERROR_ARGUMENT);
@@ -318,7 +318,7 @@ fn doors_shut_for_all_views_that_share_the_cells() {
         ok(vis_pvs_write_row(pvs, 1, &mut row, 1, &mut rows));
         assert_eq!((rows, row), (1, 3), "one word, and both targets");
         returns(vis_pvs_write_row(pvs, 2, &mut row, 1, &mut rows), VIS_ERROR_UNKNOWN_ID);
-        // A target in each half of a word of the set, and a row that ends in the first half.
+        // Targets in each half of a 64-bit word of the set. The row ends in the first half.
         let (mut wide, targets) = (null_mut(), [0, 31, 32, 63, 64, 69_u32]);
         ok(vis_pvs_create(70, &6, 1, targets.as_ptr(), 6, &mut wide));
         let mut words = [0; 3];

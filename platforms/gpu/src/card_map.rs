@@ -1,8 +1,8 @@
-//! A hierarchical z-buffer that the card draws and reduces, as core's [`OcclusionMap`].
+//! Hierarchical z-buffer on the graphics card, as an implementation of core's [`OcclusionMap`].
 //!
 //! Occluders are drawn on the card, a compute shader makes the pyramid, and the pyramid is read back: each
-//! [`flush`](OcclusionMap::flush) that has new occluders waits for the card. Boxes are tested on the
-//! processor, as `shaders/second_phase.wgsl` tests them (Greene, Kass and Miller, "Hierarchical Z-Buffer
+//! [`flush`](OcclusionMap::flush) with new occluders waits for the card. Boxes are tested on the processor,
+//! in the same way as in `shaders/second_phase.wgsl` (Greene, Kass and Miller, "Hierarchical Z-Buffer
 //! Visibility", 1993).
 
 use crate::Gpu;
@@ -15,13 +15,14 @@ use visibility_core::view::ViewPlanes;
 use visibility_core::{Aabb, Accuracy, OccluderMesh, OcclusionMap, View};
 use wgpu::BufferUsages;
 
-/// Margins of rounding and of interpolation, the same as in `shaders/second_phase.wgsl`.
+/// Margin for rounding and interpolation, the same as in `shaders/second_phase.wgsl`.
 const ROUNDING: f32 = 1.0 / (1 << 20) as f32;
 const INTERPOLATION: f32 = 1.0 / (1 << 14) as f32;
-/// Greatest number of columns and rows of a level that are looked at.
+/// Maximum number of columns and of rows of a pyramid level that one test reads.
 const MOST: u32 = 4;
 
-/// Occlusion map of a graphics card, for views with reversed depth. Views of other conventions hide nothing.
+/// Occlusion map on a graphics card, for views with reversed depth. With other depth conventions it hides
+/// nothing.
 #[derive(Debug)]
 pub struct CardMap {
     gpu: Gpu,
@@ -34,16 +35,16 @@ pub struct CardMap {
     read_back: wgpu::Buffer,
     clip_from_scene: Mat4,
     clip_planes: Option<ViewPlanes>,
-    /// Corners of the triangles of all occluders of the frame.
+    /// Corners of the triangles of all occluders in this frame.
     corners: Vec<[f32; 3]>,
-    /// Number of corners that the numbers take into account.
+    /// Number of corners drawn into the pyramid.
     flushed: usize,
-    /// Numbers of the pyramid; empty if nothing is hidden.
+    /// Depths of all pyramid levels. Empty if nothing is hidden.
     numbers: Vec<f32>,
 }
 
 impl CardMap {
-    /// Makes a map of `width` by `height` pixels, at least 1 each.
+    /// Creates a map of `width` by `height` pixels, at least 1 each.
     pub fn new(gpu: &Gpu, width: u32, height: u32) -> Self {
         let size = [width.max(1), height.max(1)];
         let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
@@ -102,7 +103,7 @@ impl CardMap {
         }
     }
 
-    /// Returns whether no pixel can show anything of a box.
+    /// Returns whether no pixel can show any part of a box.
     fn is_hidden(&self, bounds: &Aabb) -> bool {
         let rows = [0, 1, 2, 3].map(|row| self.clip_from_scene.row(row));
         let extent = bounds.min.abs().max(bounds.max.abs()).extend(1.0);
@@ -114,7 +115,7 @@ impl CardMap {
                 |axis: usize| if corner >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
             let position = self.clip_from_scene * Vec3::new(pick(0), pick(1), pick(2)).extend(1.0);
             let w = position.w - error[3];
-            // False also for numbers that are not finite.
+            // False also for NaN and infinities.
             let beyond_near = w > 0.0 && position.z + error[2] < w;
             if !beyond_near {
                 return false;
@@ -130,7 +131,7 @@ impl CardMap {
         let first = [(least[0] * 0.5 + 0.5) * size[0], (0.5 - most[1] * 0.5) * size[1]];
         let last = [(most[0] * 0.5 + 0.5) * size[0], (0.5 - least[1] * 0.5) * size[1]];
         if last[0] < 0.0 || last[1] < 0.0 || first[0] >= size[0] || first[1] >= size[1] {
-            // Outside of the picture: what the frustum is for.
+            // The box is outside of the picture, which the frustum culler tests.
             return false;
         }
         let pixel = |at: f32, axis: usize| at.clamp(0.0, size[axis] - 1.0) as u32;
@@ -154,8 +155,8 @@ impl OcclusionMap for CardMap {
         "z-buffer on the card"
     }
 
-    /// Approximate: occluders cover pixels whose middles they cover. For a picture of the same size, with one
-    /// sample a pixel, nothing visible is hidden.
+    /// Approximate, because an occluder covers each pixel whose centre it covers. In a picture of the same
+    /// size with one sample per pixel, nothing visible is hidden.
     fn accuracy(&self) -> Accuracy {
         Accuracy::Approximate
     }
@@ -208,7 +209,7 @@ impl OcclusionMap for CardMap {
         self.flushed = self.corners.len();
         self.numbers.clear();
         let numbers = &mut self.numbers;
-        // A lost device hides nothing.
+        // If the device is lost, the map hides nothing.
         let _ = self
             .gpu
             .read(&self.read_back, |bytes| numbers.extend(bytemuck::pod_collect_to_vec::<u8, f32>(bytes)));

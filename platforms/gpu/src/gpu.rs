@@ -1,4 +1,4 @@
-//! The device: found, opened, and read back from.
+//! The graphics device: finding and opening it, and reading results back.
 
 use std::fmt;
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
@@ -6,25 +6,25 @@ use wgpu::util::{BufferInitDescriptor, DeviceExt};
 /// Device of a graphics card, and its queue.
 #[derive(Debug, Clone)]
 pub struct Gpu {
-    /// The instance that found the adapter, for surfaces of windows.
+    /// Instance that found the adapter, also for surfaces of windows.
     pub instance: wgpu::Instance,
-    /// The adapter that the device belongs to.
+    /// Adapter that the device belongs to.
     pub adapter: wgpu::Adapter,
-    /// The device.
+    /// Device of the graphics card.
     pub device: wgpu::Device,
-    /// The device's queue.
+    /// Queue of the device.
     pub queue: wgpu::Queue,
 }
 
-/// Reason why a device cannot be used.
+/// Reason why a graphics device cannot be used.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum GpuError {
-    /// The system has no adapter at all.
+    /// The system has no graphics adapter.
     NoAdapter(wgpu::RequestAdapterError),
-    /// The adapter lacks a feature that drawing from draw lists takes, or refuses to open.
+    /// The adapter cannot draw from indirect draw commands, or refuses to open.
     NoDevice(wgpu::RequestDeviceError),
-    /// The device is lost, or a buffer could not be read back.
+    /// The device was lost, or a buffer could not be read back.
     ReadBack,
 }
 
@@ -41,7 +41,7 @@ impl fmt::Display for GpuError {
 impl std::error::Error for GpuError {}
 
 impl Gpu {
-    /// Opens the fastest adapter. The variables `WGPU_BACKEND` and the like are respected.
+    /// Opens the fastest adapter. Environment variables such as `WGPU_BACKEND` are respected.
     ///
     /// # Errors
     /// [`GpuError::NoAdapter`] on a machine without one, [`GpuError::NoDevice`] if the adapter cannot draw
@@ -51,10 +51,11 @@ impl Gpu {
         Self::of(instance, None)
     }
 
-    /// Opens the fastest adapter of an instance that can draw into a surface, if one is given.
+    /// Opens the fastest adapter of an instance. If a surface is given, the adapter must be able to draw into
+    /// it.
     ///
     /// # Errors
-    /// As [`open`](Self::open).
+    /// The errors of [`open`](Self::open).
     pub fn of(instance: wgpu::Instance, surface: Option<&wgpu::Surface<'_>>) -> Result<Self, GpuError> {
         let options = wgpu::RequestAdapterOptions {
             power_preference: wgpu::PowerPreference::HighPerformance,
@@ -63,7 +64,7 @@ impl Gpu {
         };
         let adapter = pollster::block_on(instance.request_adapter(&options)).map_err(GpuError::NoAdapter)?;
         let descriptor = wgpu::DeviceDescriptor {
-            // Draw commands name their first instance.
+            // Indirect draw commands state their first instance.
             required_features: wgpu::Features::INDIRECT_FIRST_INSTANCE,
             ..Default::default()
         };
@@ -72,14 +73,14 @@ impl Gpu {
         Ok(Self { instance, adapter, device, queue })
     }
 
-    /// Describes the adapter for people.
+    /// Returns a description of the adapter for people.
     pub fn description(&self) -> String {
         let info = self.adapter.get_info();
         let software = if info.device_type == wgpu::DeviceType::Cpu { ", software" } else { "" };
         format!("{} ({}{software})", info.name, info.backend)
     }
 
-    /// Makes a buffer that holds `values`. An empty slice makes a buffer of 4 bytes.
+    /// Creates a buffer that holds `values`. An empty slice makes a buffer of 4 bytes.
     pub(crate) fn buffer<T: bytemuck::NoUninit>(
         &self,
         label: &str,
@@ -91,21 +92,21 @@ impl Gpu {
         self.device.create_buffer_init(&BufferInitDescriptor { label: Some(label), contents, usage })
     }
 
-    /// Makes a buffer of `size` zeros, in bytes.
+    /// Creates a buffer of `size` zero bytes.
     pub(crate) fn zeros(&self, label: &str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
         let descriptor =
             wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
         self.device.create_buffer(&descriptor)
     }
 
-    /// Makes the commands by `record`, and submits them.
+    /// Records commands with `record`, and submits them.
     pub fn submit(&self, record: impl FnOnce(&mut wgpu::CommandEncoder)) {
         let mut encoder = self.device.create_command_encoder(&Default::default());
         record(&mut encoder);
         self.queue.submit([encoder.finish()]);
     }
 
-    /// Waits until all that was submitted is done.
+    /// Waits until all submitted work is done.
     ///
     /// # Errors
     /// [`GpuError::ReadBack`] if the device is lost.
@@ -136,7 +137,7 @@ impl Gpu {
         })
     }
 
-    /// Makes a bind group of whole buffers and views, numbered from 0.
+    /// Makes a bind group of whole buffers and views, with bindings numbered from 0.
     pub(crate) fn bind(
         &self,
         layout: &wgpu::BindGroupLayout,

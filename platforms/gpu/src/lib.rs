@@ -1,15 +1,18 @@
-//! Culling beside a graphics card, over wgpu: pictures drawn from draw lists, an item buffer on the card, the
-//! card's own occlusion queries, and a depth pyramid in compute shaders.
+//! Culling together with a graphics card, through wgpu: pictures drawn from draw lists, an item buffer on the
+//! card, the card's occlusion queries, and a depth pyramid in compute shaders.
 //!
 //! - [`Gpu`] is a device, with or without a window.
-//! - [`World`] is a built-in scene with the views of its walks, [`Meshes`] the same on the card.
-//! - [`Painter`] draws objects into a [`Target`]: a picture and an item buffer, which tells what can be seen.
-//! - [`CardQueries`] implements core's `QueryDevice` by occlusion queries of the card.
-//! - [`Method`] is a way of culling and drawing a frame, [`Viewer`] what all methods need.
-//! - [`CardMap`] implements core's `OcclusionMap` by the same pyramid, read back.
-//! - [`TwoPhaseCuller`] culls on the card by a depth pyramid of what the last frame saw.
+//! - [`World`] is a built-in scene with the views of its walks, [`Meshes`] are its meshes on the card.
+//! - [`Painter`] draws objects into a [`Target`]: a picture and an item buffer, which has the object visible
+//!   in each pixel.
+//! - [`CardQueries`] implements core's `QueryDevice` with occlusion queries of the card.
+//! - [`Method`] is a way of culling and drawing a frame, [`Viewer`] has the scene and device that all methods
+//!   need.
+//! - [`CardMap`] implements core's `OcclusionMap` with the depth pyramid, read back to the processor.
+//! - [`TwoPhaseCuller`] culls on the card with a depth pyramid of the objects visible in the last frame.
 
-// The built-in scenes: recipes of the example programs, which use more of these modules than this crate does.
+// The built-in scenes, which are recipes of the example programs. This crate does not use all items of these
+// modules.
 #[allow(dead_code, unreachable_pub, unused_imports)]
 #[path = "../../../examples/src/error.rs"]
 mod error;

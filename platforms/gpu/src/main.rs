@@ -1,4 +1,5 @@
-//! Flies through a built-in scene with several cullers, and says what each reports, misses and costs.
+//! Flies through a built-in scene with several cullers, and prints for each the objects reported, the visible
+//! objects missed, and the time.
 //!
 //! ```text
 //! visibility-gpu [--scene RECIPE] [--frames N] [--size WIDTHxHEIGHT] [--screenshot DIR] [--window]
@@ -17,10 +18,10 @@ const USAGE: &str =
 /// Exit status on a machine without a graphics adapter.
 const NO_ADAPTER: i32 = 77;
 
-/// How many times as many frames the walks have as are measured.
+/// Ratio of the number of frames in the walks to the number of measured frames.
 const SLOWNESS: usize = 10;
 
-/// What the command line asks for.
+/// Values of the command line.
 struct Arguments {
     scene: String,
     frames: usize,
@@ -75,7 +76,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [width, height] = arguments.size;
     println!("{}, {width} x {height} pixels, {}", gpu.description(), arguments.scene);
     let mut viewer = Viewer::new(gpu, &arguments.scene, arguments.size)?;
-    // Frames as close to each other as those of a person who walks: a part of the walks, from the middle.
+    // A part of the walks around their middle, with frames as close to each other as for a walking person.
     let mut views = viewer.views(arguments.frames * SLOWNESS)?;
     let first = (views.len() - arguments.frames) / 2;
     let views: Vec<View> = views.drain(first..first + arguments.frames).collect();
@@ -103,7 +104,7 @@ fn window(_: &Arguments) -> Result<(), Box<dyn Error>> {
     Err("built without a window: cargo run --features window -- --window".into())
 }
 
-/// Culls and draws each view, waits for each picture, and prints the means.
+/// Culls and draws each view, waits for each picture, and prints mean values.
 fn measure(method: &mut Method, viewer: &mut Viewer, views: &[View]) -> Result<(), Box<dyn Error>> {
     let (mut reported, mut missing, mut cull_ms, mut all_ms) = (0, 0, 0.0, 0.0);
     let mut visible = VisibleSet::new();
@@ -135,7 +136,7 @@ fn measure(method: &mut Method, viewer: &mut Viewer, views: &[View]) -> Result<(
     Ok(())
 }
 
-/// Writes pictures of the middle of the walk: from the eye without and with culling, and from above.
+/// Writes pictures from the middle of the walk: from the eye with and without culling, and from above.
 fn screenshots(viewer: &mut Viewer, views: &[View], folder: &std::path::Path) -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(folder)?;
     let Some(view) = views.get(views.len() / 2) else { return Ok(()) };

@@ -1,4 +1,4 @@
-//! The meshes of a scene on the card.
+//! Meshes of a scene in the card's memory.
 
 use crate::Gpu;
 use visibility_core::Scene;
@@ -10,9 +10,10 @@ use wgpu::BufferUsages;
 pub struct Meshes {
     /// Coordinates of all vertices, relative to the scene's origin.
     pub(crate) vertices: wgpu::Buffer,
-    /// The numbers from 0 up to the vertices of the largest mesh: triangles share no vertices.
+    /// Indices 0, 1, 2 and so on, as many as the largest mesh has vertices, since triangles share no
+    /// vertices.
     pub(crate) indices: wgpu::Buffer,
-    /// For each object, by index, the command that draws it once.
+    /// For each object, by index, the draw command of one instance.
     commands: Vec<DrawIndexedIndirect>,
 }
 
@@ -43,7 +44,8 @@ impl Meshes {
         }
     }
 
-    /// Returns for each object, by index, the command that draws it once: its instance is the object's index.
+    /// Returns for each object, by index, a draw command of one instance. Its instance number is the object's
+    /// index.
     pub fn commands(&self) -> &[DrawIndexedIndirect] {
         &self.commands
     }

@@ -1,4 +1,4 @@
-//! The ways of culling that the program, its window and the figures compare.
+//! Culling methods that the program, its window and the figures compare.
 
 use crate::{CardQueries, Delay, TwoPhaseCuller, Viewer};
 use std::error::Error;
@@ -7,30 +7,30 @@ use visibility_core::occlusion::{HardwareQueries, LateAnswers};
 use visibility_core::{Culler, FrustumCuller, OcclusionCuller, Pipeline, View, VisibleSet};
 use visibility_hzb::{Hzb, HzbCuller};
 
-/// A way of culling and drawing a frame.
+/// Method of culling and drawing a frame.
 #[derive(Debug)]
 pub struct Method {
-    /// What the method is, for people.
+    /// Description of the method, for people.
     pub name: &'static str,
-    /// Its cullers.
+    /// Cullers of the method, and where they run.
     pub culling: Culling,
 }
 
 /// Cullers of a [`Method`].
 #[derive(Debug)]
 pub enum Culling {
-    /// All objects are drawn.
+    /// No culling: all objects are drawn.
     None,
-    /// On the processor alone.
+    /// Culling on the processor.
     Pipeline(Pipeline),
-    /// On the processor, with answers of the card.
+    /// Culling on the processor, with answers of the card's occlusion queries.
     Queries(Box<OcclusionCuller<HardwareQueries<CardQueries>>>),
-    /// On the card, what a pipeline leaves.
+    /// Culling on the card of the objects that a pipeline leaves.
     TwoPhase(Pipeline, Box<TwoPhaseCuller>),
 }
 
 impl Method {
-    /// Makes all methods, for a viewer's scene and target.
+    /// Creates all methods, for a viewer's scene and target.
     pub fn all(viewer: &Viewer) -> Vec<Self> {
         let Viewer { gpu, world, meshes, painter, target, .. } = viewer;
         let frustum = || Pipeline::new().with(FrustumCuller::new());
@@ -57,8 +57,8 @@ impl Method {
         .collect()
     }
 
-    /// Culls and draws one view into the viewer's target. Returns the milliseconds of the processor's
-    /// culling. `visible` becomes what the processor's cullers leave.
+    /// Culls and draws one view into the viewer's target. Returns the time of culling on the processor in
+    /// milliseconds. `visible` is replaced by the objects that the cullers on the processor leave.
     ///
     /// # Errors
     /// None is expected.

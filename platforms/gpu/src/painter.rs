@@ -1,4 +1,4 @@
-//! Draws objects from draw lists, or from commands that are on the card already.
+//! Drawing of objects, from draw lists or from draw commands that are on the card already.
 
 use crate::target::{COLOR, DEPTH, ITEMS};
 use crate::{Gpu, Meshes, Target};
@@ -8,7 +8,7 @@ use visibility_core::ObjectId;
 use visibility_frame::draw_list::DrawList;
 use wgpu::BufferUsages;
 
-/// The camera as shaders have it; see `shaders/camera.wgsl`.
+/// Camera in the layout of the shaders; see `shaders/camera.wgsl`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct Camera {
@@ -19,11 +19,11 @@ pub(crate) struct Camera {
 }
 
 impl Camera {
-    /// Makes the camera of pictures of `size` pixels.
+    /// Makes the camera for pictures of `size` pixels.
     pub(crate) fn new(clip_from_scene: Mat4, size: [u32; 2]) -> Self {
         let size = size.map(|side| side as f32);
-        // A displacement of d metres moves a point by d |row| / w in normalized coordinates, of which a pixel
-        // has 2 / size.
+        // A displacement by d metres moves a point by d |row| / w in normalized coordinates, where a pixel is
+        // 2 / size wide.
         let half = |axis: usize| 1.0 / (clip_from_scene.row(axis).truncate().length() * size[axis]);
         Self {
             clip_from_scene: clip_from_scene.to_cols_array(),
@@ -39,17 +39,17 @@ impl Camera {
 pub struct Painter {
     pipeline: wgpu::RenderPipeline,
     bindings: wgpu::BindGroup,
-    /// The camera, for other passes of the same picture, too.
+    /// Camera buffer, which other passes of the same picture use too.
     pub(crate) camera: wgpu::Buffer,
     colors: wgpu::Buffer,
-    /// The numbers from 0 up to the greatest index of an object.
+    /// Object indices 0, 1, 2 and so on.
     object_indices: wgpu::Buffer,
     object_count: u32,
     list: DrawList,
 }
 
 impl Painter {
-    /// Makes a painter of the objects of `meshes`, in colours made of their indices.
+    /// Creates a painter for the objects of `meshes`. Colours are derived from object indices.
     pub fn new(gpu: &Gpu, meshes: &Meshes) -> Self {
         let source = concat!(include_str!("shaders/camera.wgsl"), include_str!("shaders/paint.wgsl"));
         let shader = gpu.shader("paint", source);
@@ -101,24 +101,25 @@ impl Painter {
         }
     }
 
-    /// Sets the camera of all that is submitted from here on.
+    /// Sets the camera for everything submitted after this call.
     pub fn look(&self, gpu: &Gpu, target: &Target, clip_from_scene: Mat4) {
         let camera = Camera::new(clip_from_scene, target.size);
         gpu.queue.write_buffer(&self.camera, 0, bytemuck::bytes_of(&camera));
     }
 
-    /// Returns the colour that a new painter gives to each object, by index: red in the lowest byte.
+    /// Returns the initial colour of each object, by index, with red in the lowest byte.
     pub fn own_colors(&self) -> Vec<u32> {
         (0..self.object_count).map(color_of).collect()
     }
 
-    /// Sets the colour of each object, by index: red in the lowest byte.
+    /// Sets the colour of each object, by index, with red in the lowest byte.
     pub fn set_colors(&self, gpu: &Gpu, colors: &[u32]) {
         let count = colors.len().min(self.object_count as usize);
         gpu.queue.write_buffer(&self.colors, 0, bytemuck::cast_slice(&colors[..count]));
     }
 
-    /// Draws objects into an empty target: groups them into a draw list, uploads its commands, and submits.
+    /// Clears the target and draws objects into it: groups them into a draw list, uploads its commands, and
+    /// submits.
     pub fn draw(&mut self, gpu: &Gpu, target: &Target, meshes: &Meshes, objects: &[ObjectId]) {
         // Each object is a mesh of its own, so its index is its key.
         self.list.group(objects.iter().copied(), |id| id.index() as u32);
@@ -132,7 +133,8 @@ impl Painter {
         });
     }
 
-    /// Records drawing by commands of the card, one for each object, whose instances are object indices.
+    /// Records drawing by commands on the card, one for each object. The instance number of a command is the
+    /// object index.
     pub(crate) fn record_all(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -187,7 +189,7 @@ impl Painter {
     }
 }
 
-/// The depth test of a pass, with depth 1 at the near plane and 0 at infinity.
+/// Returns the depth test of a pass, with depth 1 at the near plane and 0 at infinity.
 pub(crate) fn depth_test(compare: wgpu::CompareFunction, write: bool) -> wgpu::DepthStencilState {
     wgpu::DepthStencilState {
         format: DEPTH,
@@ -198,10 +200,10 @@ pub(crate) fn depth_test(compare: wgpu::CompareFunction, write: bool) -> wgpu::D
     }
 }
 
-/// Makes up a colour for an object.
+/// Derives a colour from an object's index.
 fn color_of(object: u32) -> u32 {
     let hash = object.wrapping_add(1).wrapping_mul(0x9e37_79b9);
-    // Bytes from 96 to 223: neither dark nor white.
+    // Bytes from 96 to 223 are neither too dark nor too bright.
     u32::from_le_bytes([hash, hash >> 7, hash >> 14, 0].map(|bits| 96 + (bits >> 11 & 127) as u8))
         | 0xff00_0000
 }

@@ -1,4 +1,4 @@
-//! Pictures: in files, and of the culled set from above.
+//! Pictures in files, and pictures of the culled scene from above.
 
 use crate::Viewer;
 use glam::{DVec3, DVec4};
@@ -7,10 +7,10 @@ use std::path::Path;
 use visibility_core::view::{Eye, Window};
 use visibility_core::{Pose, View, VisibleSet};
 
-/// Colours of objects from above, red in the lowest byte: outside of the frustum, and hidden.
+/// Colours of objects from above, with red in the lowest byte: outside of the frustum, and hidden.
 const OUTSIDE: u32 = 0xffb4_b4b4;
 const HIDDEN: u32 = 0xff50_50e6;
-/// Colour of the lines that bound the view, and of the eye.
+/// Colour of the view's edges and of the eye.
 const LINES: [u8; 4] = [0, 60, 200, 255];
 
 impl Viewer {
@@ -22,8 +22,8 @@ impl Viewer {
         write(path, self.target.size, &self.target.pixels(&self.gpu)?)
     }
 
-    /// Draws the scene from above, in colours that tell what was culled; see
-    /// [`save_from_above`](Self::save_from_above). Returns the view from above.
+    /// Draws the scene from above in the colours of [`save_from_above`](Self::save_from_above), which tell
+    /// culled objects apart. Returns the view from above.
     ///
     /// # Errors
     /// None is expected.
@@ -46,9 +46,9 @@ impl Viewer {
         Ok(above)
     }
 
-    /// Writes a picture of the scene from above to a PNG file: around the eye of a view, with objects of
-    /// `visible` in their own colours, other objects of `in_frustum` red, and the rest grey. Where the scene
-    /// has ceilings, it is cut above the eye.
+    /// Writes a picture from above of the surroundings of a view's eye to a PNG file. Objects of `visible`
+    /// have their own colours, other objects of `in_frustum` are red, and the rest is grey. A scene with
+    /// ceilings is cut open above the eye.
     ///
     /// # Errors
     /// Errors of the device and of the file system.
@@ -68,7 +68,7 @@ impl Viewer {
 }
 
 impl crate::World {
-    /// Makes a view from above of what surrounds the eye of a view.
+    /// Makes a view from above of the surroundings of another view's eye.
     fn view_from_above(&self, view: &View, size: [u32; 2]) -> Result<View, Box<dyn Error>> {
         let eye = eye_of(view);
         let [width, height] = size.map(f64::from);
@@ -79,7 +79,7 @@ impl crate::World {
     }
 }
 
-/// Returns the eye of a perspective view in the world.
+/// Returns the eye of a perspective view, in world space.
 fn eye_of(view: &View) -> DVec3 {
     match view.eye(DVec3::ZERO) {
         Eye::Point(eye) => eye,
@@ -98,7 +98,7 @@ fn draw_outline(pixels: &mut [[u8; 4]], [width, height]: [u32; 2], view: &View, 
     let eye = eye_of(view);
     let inverse = view.clip_from(eye).inverse();
     for x in [-1.0, 1.0] {
-        // A point on the near plane, in the middle of an edge of the picture.
+        // Point on the near plane, in the middle of the left or right edge of the picture.
         let on_edge = inverse * DVec4::new(x, 0.0, 1.0, 1.0);
         let mut direction = on_edge.truncate() / on_edge.w;
         direction.z = 0.0;

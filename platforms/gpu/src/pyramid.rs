@@ -1,4 +1,4 @@
-//! The depth pyramid in compute shaders, and what dispatches them.
+//! Depth pyramid, made by compute shaders, and the dispatch of such shaders.
 
 use crate::Gpu;
 use bytemuck::{Pod, Zeroable};
@@ -7,15 +7,15 @@ use wgpu::BufferUsages;
 /// Pyramid of the farthest depths of a depth buffer; see `shaders/pyramid.wgsl`.
 #[derive(Debug)]
 pub(crate) struct Pyramid {
-    /// The numbers of all levels, finest first.
+    /// Depths of all levels, finest first.
     pub(crate) numbers: wgpu::Buffer,
-    /// Where each level begins, and its size.
+    /// Start and size of each level.
     pub(crate) levels: Vec<Level>,
     steps: Vec<Step>,
 }
 
 impl Pyramid {
-    /// Makes a pyramid of a depth buffer of `size` pixels.
+    /// Creates the pyramid of a depth buffer of `size` pixels.
     pub(crate) fn new(gpu: &Gpu, depth: &wgpu::TextureView, size: [u32; 2]) -> Self {
         let levels = levels(size);
         let count: u64 = levels.iter().map(|level| u64::from(level.size[0]) * u64::from(level.size[1])).sum();
@@ -35,13 +35,13 @@ impl Pyramid {
         Self { numbers, levels, steps }
     }
 
-    /// Records making the pyramid of what the depth buffer has then.
+    /// Records commands that compute the pyramid from the depth buffer's content at that time.
     pub(crate) fn record(&self, encoder: &mut wgpu::CommandEncoder) {
         self.steps.iter().for_each(|step| step.run(encoder));
     }
 }
 
-/// A dispatch of a compute shader.
+/// Dispatch of a compute shader, with its pipeline and resources.
 #[derive(Debug)]
 pub(crate) struct Step {
     pipeline: wgpu::ComputePipeline,
@@ -50,7 +50,7 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    /// Makes a dispatch of an entry point of `shader`, with resources numbered from 0.
+    /// Creates a dispatch of an entry point of `shader`. The resources have bindings numbered from 0.
     pub(crate) fn new(
         gpu: &Gpu,
         shader: &wgpu::ShaderModule,
@@ -78,7 +78,7 @@ impl Step {
     }
 }
 
-/// A level of the pyramid; see `shaders/pyramid.wgsl`.
+/// Level of the pyramid; see `shaders/pyramid.wgsl`.
 #[derive(Clone, Copy, Pod, Zeroable, Debug)]
 #[repr(C)]
 pub(crate) struct Level {
@@ -88,7 +88,7 @@ pub(crate) struct Level {
     size_below: [u32; 2],
 }
 
-/// Lists the levels of the pyramid of a picture, down to a single number.
+/// Returns the levels of the pyramid of a picture, down to a single number.
 fn levels(size: [u32; 2]) -> Vec<Level> {
     let mut levels = vec![Level { start: 0, start_below: 0, size, size_below: size }];
     let mut last = levels[0];

@@ -1,9 +1,9 @@
-//! The card's occlusion queries as core's [`QueryDevice`].
+//! Occlusion queries of the graphics card, as an implementation of core's [`QueryDevice`].
 //!
-//! The engine culls, draws what is left into a [`Target`], and calls [`CardQueries::submit`], which draws the
-//! boxes that culling asked about against the depth of the picture. Answers come back when the card has them.
-//! The depth is that of all that was drawn, so no occluders are needed
-//! ([`with_price(0)`](visibility_core::OcclusionCuller::with_price)); the engine calls
+//! The engine culls, draws the remaining objects into a [`Target`], and calls [`CardQueries::submit`]. This
+//! draws the boxes that culling asked about, with the depth test of the picture. Answers arrive when the card
+//! has finished. Since everything drawn is in the depth buffer, no occluders are needed
+//! ([`with_price(0)`](visibility_core::OcclusionCuller::with_price)). The engine calls
 //! [`HardwareQueries::invalidate`](visibility_core::occlusion::HardwareQueries::invalidate) when objects have
 //! moved.
 
@@ -15,13 +15,15 @@ use visibility_core::Aabb;
 use visibility_core::occlusion::QueryDevice;
 use wgpu::BufferUsages;
 
-/// When [`CardQueries`] hands over answers.
+/// Time at which [`CardQueries`] delivers answers.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Delay {
-    /// In the first frame that begins after they have arrived. Never waits for the card.
+    /// Answers are delivered in the first frame that begins after they have arrived. No frame waits for the
+    /// card.
     Arrival,
-    /// In the frame with this distance from the one that asked, at least 1: waits for the card if they have
-    /// not arrived. 1 is the least delay that is possible, and stalls.
+    /// Answers are delivered a fixed number of frames, at least 1, after the frame that asked. If they have
+    /// not arrived by then, the frame waits for the card. With 1, the frame always waits until the card is
+    /// done.
     Frames(u32),
 }
 
@@ -32,18 +34,18 @@ pub struct CardQueries {
     delay: Delay,
     pipeline: wgpu::RenderPipeline,
     bindings: wgpu::BindGroup,
-    /// Number of the present frame: calls of [`QueryDevice::answers`].
+    /// Number of the present frame, which counts calls of [`QueryDevice::answers`].
     frame: u64,
-    /// Numbers of the queries of the present frame, and their boxes.
+    /// Ids of the present frame's queries; their boxes are in `boxes`.
     asked: Vec<u64>,
     boxes: Vec<Aabb>,
-    /// Queries that the card has not answered, in the order of their frames.
+    /// Batches of queries that the card has not answered yet, in the order of their frames.
     under_way: VecDeque<Batch>,
-    /// Batches to be used again.
+    /// Batches whose memory can be reused.
     idle: Vec<Batch>,
 }
 
-/// Queries that are sent to the card together.
+/// Queries sent to the card together.
 #[derive(Debug)]
 struct Batch {
     queries: Vec<u64>,
@@ -51,12 +53,12 @@ struct Batch {
     set: wgpu::QuerySet,
     resolved: wgpu::Buffer,
     read_back: wgpu::Buffer,
-    /// Set when the answers have arrived: whether they can be read.
+    /// Set when the answers have arrived: true if they can be read.
     arrived: Arc<OnceLock<bool>>,
 }
 
 impl CardQueries {
-    /// Makes a device for pictures of a painter.
+    /// Creates a query device for pictures of a painter.
     pub fn new(gpu: &Gpu, painter: &Painter, delay: Delay) -> Self {
         let source = concat!(include_str!("shaders/camera.wgsl"), include_str!("shaders/boxes.wgsl"));
         let shader = gpu.shader("boxes", source);
@@ -75,8 +77,8 @@ impl CardQueries {
                 })],
             },
             primitive: Default::default(),
-            // What shows may lie on the surface of its box. Boxes are drawn nearer than they are; where a
-            // card rounds that away, equal depth passes.
+            // An object may lie on the surface of its box. Boxes are drawn slightly nearer; if the card
+            // rounds this away, equal depth also passes.
             depth_stencil: Some(depth_test(wgpu::CompareFunction::GreaterEqual, false)),
             multisample: Default::default(),
             fragment: None,
@@ -97,13 +99,13 @@ impl CardQueries {
         }
     }
 
-    /// Returns the number of queries that the present frame has asked so far.
+    /// Returns the number of queries asked in the present frame so far.
     pub fn asked(&self) -> usize {
         self.asked.len()
     }
 
-    /// Sends the queries of the present frame to the card. To be called after the frame's objects are drawn
-    /// into `target`, with the camera still set.
+    /// Sends the queries of the present frame to the card. Call this after drawing the frame's objects into
+    /// `target`, with the camera still set.
     pub fn submit(&mut self, target: &Target) {
         let boxes = std::mem::take(&mut self.boxes);
         let asked = std::mem::take(&mut self.asked);
@@ -116,7 +118,7 @@ impl CardQueries {
             self.send(&mut batch, boxes, target);
             self.under_way.push_back(batch);
         }
-        // The memory is used again.
+        // The memory of these lists is reused.
         (self.boxes, self.asked) = (boxes, asked);
         self.boxes.clear();
         self.asked.clear();
@@ -131,7 +133,7 @@ impl CardQueries {
                 label: Some("queries"),
                 depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
                     view: &target.depth,
-                    // None: the depth is only read.
+                    // No depth operations, since the depth is only read.
                     depth_ops: None,
                     stencil_ops: None,
                 }),
@@ -153,7 +155,7 @@ impl CardQueries {
         batch.arrived = Arc::default();
         let arrived = Arc::clone(&batch.arrived);
         batch.read_back.slice(..u64::from(count) * 8).map_async(wgpu::MapMode::Read, move |result| {
-            // Nobody else sets it.
+            // Set only here, so this cannot fail.
             let _ = arrived.set(result.is_ok());
         });
     }
@@ -177,7 +179,7 @@ impl Batch {
         }
     }
 
-    /// Hands over the answers of a batch that has arrived. A query that the card lost has none.
+    /// Delivers the answers of a batch that has arrived. A query that the card lost has no answer.
     fn hand_over(&self, each: &mut dyn FnMut(u64, bool)) {
         if self.arrived.get() != Some(&true) {
             return;
@@ -200,7 +202,8 @@ impl QueryDevice for CardQueries {
 
     fn answers(&mut self, each: &mut dyn FnMut(u64, bool)) {
         self.frame += 1;
-        // Calls back for what has arrived. An error means that the device is lost: no answers arrive.
+        // Runs callbacks for answers that have arrived. On an error the device is lost, and no answers
+        // arrive.
         let _ = self.gpu.device.poll(wgpu::PollType::Poll);
         while let Some(batch) = self.under_way.front() {
             if let Delay::Frames(frames) = self.delay {

@@ -1,16 +1,16 @@
-//! What is drawn into, and read back: the picture, the item buffer, and depth.
+//! Render target with picture, item buffer and depth buffer, which can be read back.
 
 use crate::{Gpu, GpuError};
 use wgpu::{TextureFormat, TextureUsages};
 
-/// Number in the item buffer of pixels that show no object.
+/// Value in the item buffer for a pixel without an object.
 pub const NO_ITEM: u32 = 0;
 
 pub(crate) const ITEMS: TextureFormat = TextureFormat::R32Uint;
 pub(crate) const COLOR: TextureFormat = TextureFormat::Rgba8Unorm;
 pub(crate) const DEPTH: TextureFormat = TextureFormat::Depth32Float;
 
-/// A picture, its item buffer, and its depth buffer.
+/// Render target: a picture, its item buffer, and its depth buffer.
 #[derive(Debug)]
 pub struct Target {
     /// Width and height in pixels.
@@ -22,7 +22,7 @@ pub struct Target {
 }
 
 impl Target {
-    /// Makes a target of `width` by `height` pixels, at least 1 each.
+    /// Creates a target of `width` by `height` pixels, at least 1 each.
     pub fn new(gpu: &Gpu, width: u32, height: u32) -> Self {
         let size = [width.max(1), height.max(1)];
         let texture = |label, format, usage| {
@@ -78,7 +78,7 @@ impl Target {
         Ok(items.into_iter().filter(|&item| item != NO_ITEM).map(|item| item as usize - 1).collect())
     }
 
-    /// Reads a texture with 4 bytes a pixel.
+    /// Reads a texture with 4 bytes per pixel.
     fn read<T: bytemuck::Pod>(&self, gpu: &Gpu, texture: &wgpu::Texture) -> Result<Vec<T>, GpuError> {
         let [width, height] = self.size;
         let stride = bytes_per_row(self.size);
@@ -105,7 +105,8 @@ fn extent([width, height]: [u32; 2]) -> wgpu::Extent3d {
     wgpu::Extent3d { width, height, depth_or_array_layers: 1 }
 }
 
-/// Returns the bytes of a row of 4-byte pixels in a buffer, as copies ask.
+/// Returns the number of bytes per row of 4-byte pixels, padded to the alignment that copies to buffers
+/// require.
 fn bytes_per_row([width, _]: [u32; 2]) -> u32 {
     (width * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT)
 }

@@ -1,13 +1,13 @@
-//! Occlusion culling on the card, by a depth pyramid of what the last frame saw.
+//! Two-phase occlusion culling on the card, with a depth pyramid of the objects visible in the last frame.
 //!
 //! The hierarchical z-buffer of Greene, Kass and Miller ("Hierarchical Z-Buffer Visibility", 1993), with
-//! their temporal coherence: what was visible in the last frame is drawn first, and the pyramid of its depth
-//! tests all else. In the first phase the card draws those of the candidates that the last frame saw, and
-//! makes a pyramid of farthest depths. In the second, it tests the boxes of all candidates, and draws those
-//! that are visible and not drawn yet. Nothing is read back: draw commands are written by compute shaders.
+//! their temporal coherence. In the first phase the card draws the candidates that were visible in the last
+//! frame, and makes a pyramid of farthest depths. In the second phase it tests the boxes of all candidates
+//! against the pyramid, and draws visible objects that are not drawn yet. Nothing is read back: draw commands
+//! are written by compute shaders.
 //!
-//! Whatever the first phase draws, the second hides no object that a pixel of the whole picture shows: that
-//! object is at least as near, at that pixel, as anything drawn, and so is its box.
+//! Whatever the first phase draws, the second phase hides no object that has a pixel in the complete picture:
+//! at this pixel the object, and so its box, is at least as near as everything drawn.
 
 use crate::pyramid::{Pyramid, Step};
 use crate::{Gpu, GpuError, Meshes, Painter, Target};
@@ -19,7 +19,7 @@ use wgpu::BufferUsages;
 #[derive(Debug)]
 pub struct TwoPhaseCuller {
     candidates: wgpu::Buffer,
-    /// For each object, bit 0: visible by the last test; bit 1: drawn in the first phase.
+    /// State of each object. Bit 0: visible in the last test; bit 1: drawn in the first phase.
     states: wgpu::Buffer,
     first_commands: wgpu::Buffer,
     second_commands: wgpu::Buffer,
@@ -27,17 +27,17 @@ pub struct TwoPhaseCuller {
     pyramid: Pyramid,
     test: Step,
     read_back: wgpu::Buffer,
-    /// Scratch: one bit for each object.
+    /// Scratch memory with one bit for each object.
     bits: Vec<u32>,
 }
 
 impl TwoPhaseCuller {
-    /// Makes a culler of the objects of a scene, as they are now, that has seen nothing.
+    /// Creates a culler for the present objects of a scene. No object counts as visible in the last frame.
     pub fn new(gpu: &Gpu, scene: &Scene, meshes: &Meshes, painter: &Painter, target: &Target) -> Self {
         let count = scene.index_limit();
         let mut boxes = vec![Aabb::EMPTY; count];
         for id in scene.ids() {
-            // The card keeps objects with an empty box, as those that are never culled must be.
+            // The card never culls an object with an empty box, so never-culled objects keep one.
             if let Ok(object) = scene.object(id)
                 && !object.is_unculled()
             {
@@ -75,16 +75,17 @@ impl TwoPhaseCuller {
         Self { candidates, states, first_commands, second_commands, choose, pyramid, test, read_back, bits }
     }
 
-    /// Forgets what the last frame saw: the first phase of the next frame draws nothing.
+    /// Forgets which objects were visible in the last frame, so the first phase of the next frame draws
+    /// nothing.
     pub fn reset(&self, gpu: &Gpu) {
         gpu.submit(|encoder| encoder.clear_buffer(&self.states, 0, None));
     }
 
-    /// Culls the objects of a set of a scene, such as those in the frustum, and draws what is left into an
-    /// empty target: the one that the culler was made for. The painter's camera must be set.
+    /// Culls the objects of a visible set, such as those in the frustum, clears the target that the culler
+    /// was made for, and draws the remaining objects into it. The painter's camera must be set.
     ///
     /// # Errors
-    /// A set of a larger scene than the one that the culler was made for.
+    /// An error if the set belongs to a scene with more objects than the culler was made for.
     pub fn draw(
         &mut self,
         gpu: &Gpu,
@@ -106,8 +107,8 @@ impl TwoPhaseCuller {
         Ok(())
     }
 
-    /// Waits for the card, and reads for each object, by index, whether the second phase found it visible,
-    /// and whether it was drawn in either phase. For tests and figures: frames do not need it.
+    /// Waits for the card, and reads two flags for each object, by index: found visible in the second phase,
+    /// and drawn in either phase. Only for tests and figures.
     ///
     /// # Errors
     /// [`GpuError::ReadBack`] if the device is lost.

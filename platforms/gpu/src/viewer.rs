@@ -1,4 +1,4 @@
-//! A scene, and all that draws it: what the program, the window and the tests share.
+//! Scene with everything needed to draw it, shared by the program, the window and the tests.
 
 use crate::{Gpu, Meshes, Painter, Target, World};
 use std::error::Error;
@@ -7,24 +7,24 @@ use visibility_core::{ObjectId, Scene, View, VisibleSet};
 /// A built-in scene on a device, with a target to draw into.
 #[derive(Debug)]
 pub struct Viewer {
-    /// The device.
+    /// Device of the graphics card.
     pub gpu: Gpu,
-    /// The scene and its walks.
+    /// Scene with its walks.
     pub world: World,
-    /// The scene's meshes on the card.
+    /// Meshes of the scene on the card.
     pub meshes: Meshes,
-    /// Draws into the target.
+    /// Painter that draws into the target.
     pub painter: Painter,
-    /// The picture.
+    /// Target with the picture.
     pub target: Target,
     all: Vec<ObjectId>,
 }
 
 impl Viewer {
-    /// Makes the scene that a recipe names, and a target of `width` by `height` pixels.
+    /// Creates the scene that a recipe names, and a target of `width` by `height` pixels.
     ///
     /// # Errors
-    /// An unknown recipe or wrong sizes.
+    /// An error for an unknown recipe or invalid sizes.
     pub fn new(gpu: Gpu, recipe: &str, [width, height]: [u32; 2]) -> Result<Self, Box<dyn Error>> {
         let world = World::built_in(recipe)?;
         let meshes = Meshes::new(&gpu, &world.scene);
@@ -34,7 +34,7 @@ impl Viewer {
         Ok(Self { gpu, world, meshes, painter, target, all })
     }
 
-    /// Returns `count` views along the scene's walks, for the shape of the target.
+    /// Returns `count` views along the scene's walks, with the aspect ratio of the target.
     ///
     /// # Errors
     /// None is expected: the recipes' walks are valid.
@@ -43,7 +43,7 @@ impl Viewer {
         self.world.views(count, width / height)
     }
 
-    /// Sets the camera of what is drawn from here on.
+    /// Sets the camera for everything drawn after this call.
     pub fn look(&self, view: &View) {
         self.painter.look(&self.gpu, &self.target, self.world.clip_from_scene(view));
     }
@@ -60,7 +60,7 @@ impl Viewer {
         self.painter.draw(&self.gpu, &self.target, &self.meshes, &self.all);
     }
 
-    /// Returns how many of the objects with the indices `shown` are not in a set.
+    /// Returns the number of objects among `shown`, given by index, that are not in a visible set.
     pub fn missing(scene: &Scene, shown: &[usize], visible: &VisibleSet) -> usize {
         let reported = |&index: &usize| scene.id_at(index).is_some_and(|id| visible.contains(scene, id));
         shown.iter().filter(|index| !reported(index)).count()

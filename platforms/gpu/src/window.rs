@@ -1,4 +1,4 @@
-//! A window that flies along the scene's walks.
+//! Window that flies along the scene's walks.
 
 use crate::{Culling, Gpu, Method, Viewer};
 use std::error::Error;
@@ -17,7 +17,7 @@ use winit::window::{Window, WindowId};
 const FRAMES: usize = 2000;
 
 /// Opens a window and flies along the walks of a built-in scene until the window is closed. Keys: 1 to 7
-/// choose how to cull, A shows the culled set from above, the space bar stops and goes on, Escape ends.
+/// choose the culling method, A shows the culled scene from above, the space bar pauses, Escape ends.
 ///
 /// # Errors
 /// No display, no graphics card, or an unknown recipe.
@@ -28,7 +28,7 @@ pub fn fly(recipe: &str, size: [u32; 2]) -> Result<(), Box<dyn Error>> {
     flight.error.map_or(Ok(()), Err)
 }
 
-/// The program in its window.
+/// Application state: the flight in its window.
 struct Flight {
     recipe: String,
     size: [u32; 2],
@@ -36,7 +36,7 @@ struct Flight {
     error: Option<Box<dyn Error>>,
 }
 
-/// All that there is once the window is open.
+/// State that exists once the window is open.
 struct Shown {
     window: Arc<Window>,
     surface: wgpu::Surface<'static>,
@@ -68,7 +68,7 @@ impl Shown {
         let mut configuration = surface
             .get_default_config(&gpu.adapter, size[0], size[1])
             .ok_or("the adapter cannot draw into the window")?;
-        // The picture's colours are shown as they are.
+        // A format without sRGB conversion, so that colours are shown unchanged.
         let formats = surface.get_capabilities(&gpu.adapter).formats;
         configuration.format =
             formats.into_iter().find(|format| !format.is_srgb()).unwrap_or(configuration.format);
@@ -124,7 +124,7 @@ impl Shown {
     }
 
     fn resize(&mut self, size: PhysicalSize<u32>) {
-        // The picture keeps its size.
+        // The picture keeps its size when the window is resized.
         (self.configuration.width, self.configuration.height) = (size.width.max(1), size.height.max(1));
         self.surface.configure(&self.viewer.gpu.device, &self.configuration);
         let size = [size.width as f32, size.height as f32];

@@ -1,4 +1,4 @@
-//! A built-in scene, filled as an engine would fill it, and the views along its walks.
+//! Built-in scene, filled as an engine would fill it, with the views along its walks.
 
 use crate::recipes::built_in;
 use crate::source::SceneSource;
@@ -8,10 +8,11 @@ use std::error::Error;
 use visibility_core::occlusion::Preparation;
 use visibility_core::{Aabb, Object, Pose, Scene, View};
 
-/// A built-in scene and its walks.
+/// Built-in scene with its walks.
 #[derive(Debug)]
 pub struct World {
-    /// The scene. The object with index `i` is the `i`-th of the recipe, and each object has its triangles.
+    /// Scene of the objects. The object with index `i` is the `i`-th of the recipe, and each object has its
+    /// triangles.
     pub scene: Scene,
     source: SceneSource,
 }
@@ -20,7 +21,7 @@ impl World {
     /// Makes the scene that a recipe such as `london:12,12` names.
     ///
     /// # Errors
-    /// An unknown recipe or wrong sizes.
+    /// An error for an unknown recipe or invalid sizes.
     pub fn built_in(recipe: &str) -> Result<Self, Box<dyn Error>> {
         let source = built_in(recipe)?;
         let mut scene = Scene::new();
@@ -36,10 +37,10 @@ impl World {
         Ok(Self { scene, source })
     }
 
-    /// Returns `count` views along the scene's walks, for pictures of a width divided by height of `aspect`.
+    /// Returns `count` views along the scene's walks. `aspect` is the picture's width divided by its height.
     ///
     /// # Errors
-    /// An aspect that is no positive number.
+    /// An error unless `aspect` is a positive number.
     pub fn views(&self, count: usize, aspect: f64) -> Result<Vec<View>, Box<dyn Error>> {
         let mut views = Vec::new();
         for frame in frames(&self.source.walks, count) {
@@ -51,12 +52,12 @@ impl World {
         Ok(views)
     }
 
-    /// Returns whether the scene has rooms: from above, only ceilings would show.
+    /// Returns whether the scene has rooms, whose ceilings would hide everything from above.
     pub(crate) fn has_ceilings(&self) -> bool {
         self.source.cells.is_some()
     }
 
-    /// Returns the matrix from coordinates of the scene to clip space, for the card.
+    /// Returns the matrix from scene coordinates to clip space, for the card.
     pub fn clip_from_scene(&self, view: &View) -> Mat4 {
         view.clip_from(self.scene.origin()).as_mat4()
     }

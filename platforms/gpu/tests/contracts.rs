@@ -1,7 +1,7 @@
-//! What the card shows without culling is what each culler reports, and more: no object is hidden by mistake.
+//! Tests that each culler reports every object that the card shows without culling.
 //!
-//! The card's item buffer judges. It shares no projection, clipping or raster code with the cullers that run
-//! on the processor. Without an adapter the tests say so and pass; with the variable
+//! The judge is the card's item buffer, which shares no projection, clipping or raster code with the cullers
+//! on the processor. Without an adapter the tests print a note and pass; with the environment variable
 //! `VISIBILITY_GPU=required` they fail.
 
 use glam::{DVec3, Vec3};
@@ -63,7 +63,8 @@ fn the_item_buffer_of_the_card_is_that_of_the_software() {
                 .zip(positions)
                 .filter(|&(&item, (row, column))| item != key(row, column))
                 .count();
-            // Surfaces that coincide show either object, and edges fall on either side of a sample.
+            // Where surfaces coincide, either object may be shown; at edges, a sample may fall on either
+            // side.
             let tied = software.visible().tied_pixels() as usize;
             println!("{name}: {other} other pixels of {}, {tied} are ties", items.len());
             assert!(other <= tied + items.len() / 100, "{name}");
@@ -77,7 +78,7 @@ fn cullers_report_all_that_the_card_shows() {
     for scene in SCENES {
         let mut viewer = viewer(&gpu, scene);
         let frustum = || Pipeline::new().with(FrustumCuller::new());
-        // On the card, a map of the size of the picture.
+        // Occlusion map on the card with the size of the picture.
         let on_card = OcclusionCuller::new(CardMap::new(&gpu, SIZE[0], SIZE[1]));
         let mut pipelines =
             [frustum(), frustum().with(HzbCuller::new(Hzb::default())), frustum().with(on_card)];
@@ -91,7 +92,7 @@ fn cullers_report_all_that_the_card_shows() {
                 *reported += visible.count(&viewer.world.scene);
                 let missing = Viewer::missing(&viewer.world.scene, &shown, &visible);
                 assert_eq!(missing, 0, "{scene}, pipeline {number}");
-                // The culled picture is the whole picture.
+                // The picture drawn after culling equals the picture of all objects.
                 let ids = visible.ids(&viewer.world.scene).to_vec();
                 viewer.draw(&view, &ids);
                 assert_eq!(viewer.target.visible(&gpu).unwrap(), shown, "{scene}");
@@ -106,7 +107,7 @@ fn cullers_report_all_that_the_card_shows() {
     }
 }
 
-/// Culling by the frustum and by the card's queries.
+/// Culler by the frustum and by the card's queries.
 struct ByQueries {
     culler: OcclusionCuller<HardwareQueries<CardQueries>>,
     visible: VisibleSet,
@@ -115,12 +116,12 @@ struct ByQueries {
 impl ByQueries {
     fn new(viewer: &Viewer, delay: Delay, late: LateAnswers) -> Self {
         let card = CardQueries::new(&viewer.gpu, &viewer.painter, delay);
-        // The depth of the picture is that of all that is drawn: no other occluders.
+        // Price 0, since everything drawn is in the depth buffer and no other occluders are needed.
         let culler = OcclusionCuller::new(HardwareQueries::new(card, late)).with_price(0);
         Self { culler, visible: VisibleSet::new() }
     }
 
-    /// Culls, draws what is left, and asks. Returns the number of objects in the frustum.
+    /// Culls, draws the remaining objects, and submits queries. Returns the number of objects in the frustum.
     fn frame(&mut self, viewer: &mut Viewer, view: &View) -> usize {
         let Self { culler, visible } = self;
         let scene = &viewer.world.scene;
@@ -151,7 +152,7 @@ fn late_answers_that_count_as_visible_hide_nothing() {
         let (mut in_frustum, mut left) = (0, 0);
         for view in viewer.views(6).unwrap() {
             let shown = shown(&mut viewer, &view);
-            // The camera stands still long enough for answers on each level of the hierarchy.
+            // The camera stands still until answers have arrived for each level of the hierarchy.
             for frame in 0..12 {
                 let all = queries.frame(&mut viewer, &view);
                 let missing = Viewer::missing(&viewer.world.scene, &shown, &queries.visible);
@@ -215,8 +216,8 @@ fn two_phases_draw_all_that_the_card_shows() {
         let mut frustum = Pipeline::new().with(FrustumCuller::new());
         let mut visible = VisibleSet::new();
         let (mut in_frustum, mut found, mut drawn, mut seen, mut other_pixels) = (0, 0, 0, 0, 0);
-        // Each view twice: from what another view saw, as after a camera cut, and from what the same view
-        // saw.
+        // Each view is drawn twice: first with the visible objects of another view, as after a camera cut,
+        // then with those of the same view.
         let views = viewer.views(20).unwrap();
         for (frame, view) in views.into_iter().flat_map(|view| [view, view]).enumerate() {
             let shown = shown(&mut viewer, &view);
@@ -246,7 +247,7 @@ fn two_phases_draw_all_that_the_card_shows() {
              {other_pixels} other pixels"
         );
         assert!(found < in_frustum && found <= drawn, "{scene}: something is hidden");
-        // Only where surfaces coincide does the order of drawing show.
+        // The order of drawing only matters where surfaces coincide.
         assert!(other_pixels * 1000 < 40 * (SIZE[0] * SIZE[1]) as usize, "{scene}");
     }
 }
@@ -294,7 +295,7 @@ fn an_empty_scene_is_drawn() {
     assert_eq!(target.visible(&gpu).unwrap(), [0; 0], "an empty scene shows nothing");
 }
 
-/// Adds an object that is a rectangle across the x axis.
+/// Adds an object: a rectangle perpendicular to the x axis.
 fn add_rectangle(scene: &mut Scene, x: f32, [y0, z0]: [f32; 2], [y1, z1]: [f32; 2]) {
     let corners = [[y0, z0], [y1, z0], [y1, z1], [y0, z1]].map(|[y, z]| Vec3::new(x, y, z));
     let id = scene.insert(Object::new(Aabb::from_points(corners)));
@@ -302,8 +303,8 @@ fn add_rectangle(scene: &mut Scene, x: f32, [y0, z0]: [f32; 2], [y1, z1]: [f32; 
     scene.set_triangles(id, [[a, b, c], [a, c, d]].as_slice()).unwrap();
 }
 
-/// Posters on a wall, without any distance between them: posters and wall have the same depth, but for
-/// rounding. The first frame draws the wall alone, so the second tests the posters against the wall.
+/// Posters directly on a wall, with equal depth up to rounding. The first frame only draws the wall, so the
+/// second frame tests the posters against the wall.
 #[test]
 fn a_poster_on_a_wall_is_not_hidden() {
     let Some(gpu) = gpu() else { return };
@@ -311,7 +312,7 @@ fn a_poster_on_a_wall_is_not_hidden() {
     let target = Target::new(&gpu, 256, 256);
     let mut judged = 0;
     for round in 0..24 {
-        // Coordinates are up to a hundred thousand times the distance of the wall.
+        // Coordinates are up to a hundred thousand times the distance to the wall.
         let distance = 10.0_f64.powf(random.range(0.0, 2.0));
         let spread = distance * 10.0_f64.powf(random.range(0.0, 5.0));
         let eye = random.vector(spread);
@@ -327,7 +328,8 @@ fn a_poster_on_a_wall_is_not_hidden() {
         add_rectangle(&mut scene, wall, corner(-1.0), corner(1.0));
         let meshes = Meshes::new(&gpu, &scene);
         let mut painter = Painter::new(&gpu, &meshes);
-        // Often almost straight at the wall, where no slope of depth makes up for rounding.
+        // Often the view direction is almost perpendicular to the wall, so that the slope of the depth does
+        // not cover rounding errors.
         let turn = 10.0_f64.powf(random.range(-6.0, 0.5));
         let target_point = eye + DVec3::new(1.0, random.range(-turn, turn), random.range(-turn, turn));
         let pose = Pose::look_at(eye, target_point, DVec3::Z);

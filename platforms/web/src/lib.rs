@@ -1,11 +1,11 @@
-//! The C library of the `visibility` crates as a WebAssembly module: the functions of
+//! C library of the `visibility` crates as a WebAssembly module: the functions of
 //! `platforms/capi/include/visibility.h`, and memory for their arguments. `package/visibility.js` wraps them.
 
 pub use visibility::*;
 
 use std::alloc::{Layout, alloc, dealloc};
 
-/// Sizes in bytes that `package/visibility.js` counts on: does not compile if a structure of the header
+/// Sizes in bytes that `package/visibility.js` relies on. Compilation fails if a structure of the header
 /// changes.
 const _: () = {
     assert!(
@@ -23,11 +23,11 @@ const _: () = {
     assert!(size_of::<vis_comparison>() == 16, "sizes in bytes of the header's structures");
 };
 
-/// Alignment of memory for arguments, in bytes: that of the most strictly aligned type of the header.
+/// Alignment of memory for arguments in bytes, which suits every type of the header.
 const ALIGNMENT: usize = 8;
 
-/// Returns memory of `size` bytes, aligned for every type of the header. Null if `size` is 0 or there is not
-/// that much memory.
+/// Returns memory of `size` bytes, aligned for every type of the header. Null if `size` is 0 or memory is
+/// exhausted.
 #[unsafe(no_mangle)]
 pub extern "C" fn vis_alloc(size: usize) -> *mut u8 {
     match Layout::from_size_align(size, ALIGNMENT) {
@@ -37,7 +37,7 @@ pub extern "C" fn vis_alloc(size: usize) -> *mut u8 {
     }
 }
 
-/// Frees memory of [`vis_alloc`]. Does nothing for a null pointer.
+/// Frees memory allocated by [`vis_alloc`]. Does nothing for a null pointer.
 ///
 /// # Safety
 /// The pointer is null, or was returned by `vis_alloc(size)` and has not been freed since.

@@ -1,30 +1,30 @@
-//! Makes walls edges of the triangulation. Triangles that a wall crosses are removed, and their area is
-//! triangulated anew on both sides of the wall. Walls that cross are split.
+//! Inserts walls as edges of the triangulation. Triangles that a wall crosses are removed, and their area is
+//! triangulated again on both sides of the wall. Walls that cross are split.
 //!
 //! This work is based on: Marc Vigo Anglada, "An Improved Incremental Algorithm for Constructing Restricted
-//! Delaunay Triangulations", 1997 (both sides of the wall are triangulated anew); Godfried Toussaint and
+//! Delaunay Triangulations", 1997 (both sides of the wall are triangulated again); Godfried Toussaint and
 //! David Avis, "On a Convex Hull Algorithm for Polygons and its Application to Triangulation Problems", 1982
 //! (in one pass over the corners, since all of them see the wall).
 //!
 //! Two walls that cross are split at the `f64` point nearest to their crossing, and from there on both are
 //! chains through that point. If a vertex is within [`rounding`] of the crossing, both walls pass through
-//! that vertex instead. Otherwise their pieces might cross again beside it, on and on. No gap opens: a chain
-//! has the ends of its wall and no holes.
+//! that vertex instead. Otherwise their pieces might cross again beside it, without end. No gap opens,
+//! because the chain still connects both ends of the wall.
 
 use super::error::PlanError;
 use super::predicates::{MIN_MAGNITUDE, Point, area, is_same_way, orient};
 use super::triangulation::{NONE, Place, Triangulation, next, previous};
 use alloc::vec::Vec;
 
-/// Greatest number of vertices of a triangulation, ends of walls and crossings together. Also the greatest
-/// number of items in its lists of walls.
+/// Greatest number of vertices of a triangulation: ends of walls plus crossings. Also the greatest length of
+/// `Triangulation::lists`.
 pub(crate) const MAX_VERTICES: usize = 1 << 24;
 
-/// Flag of a number that stands for a half-edge or a step. If set, the other bits are an index into
-/// `Constrainer::steps`. If not, the number is the index of a half-edge.
+/// Flag that tells steps from half-edges. If set, the other bits are an index into `Constrainer::steps`;
+/// otherwise the number is the index of a half-edge.
 const STEP: u32 = 1 << 31;
 
-/// A piece of a wall that is to become an edge or a chain of edges.
+/// Piece of a wall that is still to be inserted as an edge or a chain of edges.
 #[derive(Clone, Debug)]
 struct Task {
     from: u32,
@@ -34,16 +34,16 @@ struct Task {
     is_part: bool,
 }
 
-/// An edge of the boundary of the triangles that a wall crosses.
+/// Boundary edge of the hole left by the triangles that a wall crosses.
 #[derive(Clone, Debug)]
 struct Step {
-    /// Vertex at which the step ends on the way clockwise around the removed triangles: the origin of
-    /// `inner`.
+    /// Vertex at the end of the edge, on the way clockwise around the hole: the origin of `inner`.
     vertex: u32,
-    /// Half-edge on the inner side of the step: of the removed triangle, later of the new one (`fill_side`).
+    /// Half-edge of the edge inside the hole: first of the removed triangle, later of the new one
+    /// (`fill_side`).
     inner: u32,
-    /// Half-edge on the outer side. If the triangles on both sides of the edge are removed: [`STEP`] plus the
-    /// index of the step along the edge's other side. [`NONE`] on the outer rectangle.
+    /// Half-edge of the edge outside the hole; [`NONE`] on the outer rectangle. If the triangles on both
+    /// sides of the edge are removed: [`STEP`] plus the index of the step along the edge's other side.
     outer: u32,
     walls: u32,
 }
@@ -56,7 +56,7 @@ enum Way {
     Through(u32),
 }
 
-/// Turns walls into edges of a triangulation. One value serves all walls, and keeps its memory.
+/// Inserts walls as edges of a triangulation. One value inserts all walls and reuses its memory.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Constrainer {
     tasks: Vec<Task>,
@@ -66,22 +66,22 @@ pub(crate) struct Constrainer {
     right: Vec<Step>,
     /// Indices of the triangles that the wall crosses. `fill_side` gives them to the new triangles.
     removed: Vec<u32>,
-    /// Scratch of `fill_side`: vertices that are not cut off yet, each with the half-edge, or [`STEP`] and
-    /// the step, that joins it to the vertex before it. [`NONE`] for the first.
+    /// Scratch of `fill_side`: vertices of the side that are not cut off yet. The second number is the
+    /// half-edge (or [`STEP`] plus a step) from the vertex before; [`NONE`] for the first.
     chain: Vec<(u32, u32)>,
     /// Number of times that the wall being inserted was split at a crossing.
     splits: usize,
-    /// Greatest value of `splits`. Beyond it the splitting of the wall counts as endless, and is an error.
+    /// Limit on `splits`. If a wall is split more often, its splitting counts as endless, which is an error.
     usual: usize,
 }
 
 impl Constrainer {
-    /// Makes the wall between two vertices a chain of edges. Nothing happens for equal vertices.
+    /// Inserts the wall between two vertices as a chain of edges. Does nothing for equal vertices.
     ///
     /// # Errors
     /// [`PlanError::TooMany`] when crossings make more than [`MAX_VERTICES`] vertices, or overlaps more than
-    /// [`MAX_VERTICES`] items in `Triangulation::lists`. The check comes before each step, which can double
-    /// the items: even then their numbers fit into `u32`.
+    /// [`MAX_VERTICES`] items in `Triangulation::lists`. The limits are checked before each step. A step can
+    /// at most double the items, so their numbers fit into `u32`.
     pub(crate) fn insert(
         &mut self,
         of: &mut Triangulation,
@@ -94,8 +94,8 @@ impl Constrainer {
         self.insert_list(of, from, to, walls)
     }
 
-    /// Makes the segment between two vertices a chain of edges with a list of walls, as
-    /// [`insert`](Self::insert) does with a single wall.
+    /// Inserts the segment between two vertices as a chain of edges, like [`insert`](Self::insert), for a
+    /// whole list of walls along the segment.
     pub(crate) fn insert_list(
         &mut self,
         of: &mut Triangulation,
@@ -106,7 +106,8 @@ impl Constrainer {
         self.tasks.push(Task { from, to, walls, is_part: false });
         (self.splits, self.usual) = (0, 16 * of.points.len() + 1024);
         while let Some(task) = self.tasks.pop() {
-            // Pieces as short as rounding may bend to and fro without end, in very few piles of walls.
+            // In very rare piles of walls, pieces at the limit of rounding would be bent back and forth
+            // without end.
             let endless = if self.splits > self.usual { MAX_VERTICES + self.splits } else { 0 };
             let count = of.points.len().max(of.lists.len()).max(endless);
             if count > MAX_VERTICES {
@@ -118,8 +119,8 @@ impl Constrainer {
         Ok(())
     }
 
-    /// Makes the first part of a task's piece an edge, up to the next vertex on the way, and pushes the rest
-    /// as a task. If a wall is in the way, only splits both walls where they cross.
+    /// Inserts the first part of a task's piece as an edge, up to the next vertex on the way, and pushes the
+    /// rest as a task. If another wall is in the way, it only splits both walls at their crossing.
     fn advance(&mut self, of: &mut Triangulation, task: Task) {
         let Task { from, to, walls, is_part } = task;
         if from == to {
@@ -134,14 +135,14 @@ impl Constrainer {
             }
         };
         mark(of, h, walls);
-        // Flips of a long wall's neighbours could take quadratic time.
+        // The number of flips is limited, because the flips near a long wall could take quadratic time.
         of.restore_delaunay(16 * self.steps.len() + 64);
         self.tasks.push(Task { from: rest, to, walls, is_part });
     }
 
     /// Walks from the vertex of `h` through the triangle of `h` to the next vertex on the way to `to`, and
-    /// collects the edges crossed. Returns that vertex. `None` if a wall is in the way: both walls are then
-    /// split where they cross, and their pieces become tasks.
+    /// collects the edges crossed. Returns that vertex. If a wall is in the way, both walls are split at
+    /// their crossing, their pieces become tasks, and the result is `None`.
     fn cross(&mut self, of: &mut Triangulation, h: u32, task: &Task) -> Option<u32> {
         let (from, to) = (task.from, task.to);
         let [a, b] = [from, to].map(|v| of.points[v as usize]);
@@ -188,8 +189,8 @@ impl Constrainer {
         let ends_of_both = [from, to, ends[0], ends[1]];
         let vertex = near_vertex(of, middle, ends_of_both, is_part);
         let vertex = vertex.unwrap_or_else(|| of.insert(middle));
-        // The pieces of the wall in the way come first, so that the way is not crossed twice. A piece between
-        // equal vertices is dropped.
+        // The pieces of the other wall are pushed last and so inserted first, so that it is not crossed
+        // again. A piece between equal vertices is dropped.
         for (from, to, walls) in [
             (vertex, to, walls),
             (from, vertex, walls),
@@ -206,7 +207,7 @@ impl Constrainer {
         of.unify(&self.removed);
         let left = self.steps.len();
         self.steps.extend(self.right.drain(..).rev());
-        // An edge whose two triangles are both removed is two steps.
+        // An edge between two removed triangles appears as two steps.
         for (index, step) in (0u32..).zip(&self.steps) {
             of.edges[step.inner as usize].twin = STEP | index;
         }
@@ -247,7 +248,7 @@ impl Constrainer {
                 if orient(p, q, r) >= 0.0 {
                     break;
                 }
-                // The corner is convex: the triangle z y x is cut off.
+                // The corner is convex, so the triangle z y x is cut off.
                 let Some(t) = self.removed.pop() else { break };
                 let h = 3 * t;
                 for (h, origin, link_to) in [(h, z, link_z), (h + 1, y, link_y)] {
@@ -296,8 +297,8 @@ fn mark_as(of: &mut Triangulation, h: u32, walls: u32) {
     }
 }
 
-/// Adds the walls of the list that begins with item `walls` to the edge of `h`. A wall may then be listed
-/// more than once.
+/// Adds the walls of a list to the edge of `h`. `walls` is the first item of the list. A wall may then be
+/// listed more than once.
 fn mark(of: &mut Triangulation, h: u32, walls: u32) {
     let mut head = of.edges[h as usize].walls;
     if head == walls {
@@ -319,8 +320,9 @@ fn mark(of: &mut Triangulation, h: u32, walls: u32) {
     mark_as(of, h, head);
 }
 
-/// Returns whether a wall is among the 64 items added last to a list, which are the first from `item` on.
-/// Without this test, walls that bend onto each other again and again would double their lists each time.
+/// Returns whether a wall is among the 64 items that were last added to a list. New items come first, so
+/// these are the items from `item` on. Without this test, walls that are bent onto each other repeatedly
+/// would double their lists each time.
 fn lists_lately(of: &Triangulation, mut item: u32, wall: u32) -> bool {
     for _ in 0..64 {
         if item == NONE {
@@ -335,13 +337,13 @@ fn lists_lately(of: &Triangulation, mut item: u32, wall: u32) -> bool {
     false
 }
 
-/// Returns how the segment from one vertex to another leaves the first: along an edge, or through a triangle.
-/// `None` only if the triangulation is broken.
+/// Returns how the segment from one vertex to another begins: along an edge, or through a triangle. `None`
+/// only if the triangulation is broken.
 fn way(of: &Triangulation, from: u32, to: u32) -> Option<Way> {
     let [a, b] = [from, to].map(|v| of.points[v as usize]);
     let first = of.out[from as usize];
     let mut h = first;
-    // Counter-clockwise around the vertex, from edge to edge.
+    // Visits the edges around the vertex counter-clockwise.
     loop {
         let end = of.edges[next(h) as usize].origin;
         let c = of.points[end as usize];
@@ -361,9 +363,9 @@ fn way(of: &Triangulation, from: u32, to: u32) -> Option<Way> {
 
 /// Returns a vertex through which two segments that cross may both pass: one within [`rounding`] of their
 /// crossing. `middle` is that crossing, rounded. `ends` are the vertices at the ends of the first segment,
-/// then of the second. `is_part`: true if the first segment is a part of a segment that was split before.
-/// Then an end of either segment that is within rounding of the other segment will do, however far from the
-/// crossing: at a small angle the crossing is hardly known. `None` if there is no such vertex.
+/// then of the second. `is_part` tells that the first segment is a part of a segment that was split before.
+/// Then an end of either segment within rounding of the other segment is also accepted, however far from the
+/// crossing, because at a small angle the crossing is hardly known. `None` if there is no such vertex.
 fn near_vertex(of: &Triangulation, middle: Point, ends: [u32; 4], is_part: bool) -> Option<u32> {
     let [a, b, c, d] = ends.map(|v| of.points[v as usize]);
     let is_on = |&(v, segment): &(u32, [Point; 2])| may_bend(segment, of.points[v as usize]);
@@ -384,10 +386,10 @@ fn near_vertex(of: &Triangulation, middle: Point, ends: [u32; 4], is_part: bool)
     corners.map(|h| of.edges[h as usize].origin).into_iter().find(is_near)
 }
 
-/// Returns whether the piece of a wall from `a` to `b` may be bent so that it runs through the vertex
-/// `through`. It may if the vertex is `a` or `b`, or if it is within [`rounding`] of the segment `ab` and
-/// strictly between `a` and `b` along the longer axis of `ab`. A segment that is parallel to an axis stays
-/// straight: only vertices exactly on it count.
+/// Returns whether the piece of a wall from `a` to `b` may be bent so that it passes through the vertex
+/// `through`. True if the vertex is `a` or `b`, or if it is within [`rounding`] of the segment `ab` and
+/// strictly between `a` and `b` along the longer axis of `ab`. A segment parallel to an axis may not be bent,
+/// so only vertices exactly on it count.
 fn may_bend([a, b]: [Point; 2], through: Point) -> bool {
     if through == a || through == b {
         return true;
@@ -406,17 +408,17 @@ fn may_bend([a, b]: [Point; 2], through: Point) -> bool {
 
 /// Returns the distance within which points that were rounded several times count as one.
 ///
-/// A crossing is wrong by some units of rounding of the greatest coordinate. Pieces of walls that were split
-/// at it may cross again a little beside it, and so on without end, where a coordinate rounds back to the
-/// same number. Walls on top of each other cross at every vertex of either. So walls that cross within this
-/// distance of a vertex are led through the vertex.
+/// A crossing has an error of some units of rounding of the greatest coordinate. Pieces of walls that were
+/// split at it may cross again a little beside it, and so on without end, if a coordinate rounds back to the
+/// same number. Walls on top of each other cross at every vertex of either. To stop this, walls that cross
+/// within this distance of a vertex are bent to pass through the vertex.
 fn rounding(points: &[Point]) -> f64 {
     8.0 * f64::EPSILON * points.as_flattened().iter().fold(0.0, |size: f64, x| size.max(x.abs()))
 }
 
 /// Returns the `f64` point nearest to the crossing of `ab` and `cd`, up to a few units of rounding. The point
-/// lies in the bounding boxes of both segments. Lines that 106 bits cannot tell from parallel ones are cut in
-/// the middle of `ab`.
+/// lies in the bounding boxes of both segments. If 106 bits cannot tell the lines from parallel ones, the
+/// middle of `ab` is returned.
 ///
 /// A coordinate of a magnitude below [`MIN_MAGNITUDE`] becomes 0, which is in both boxes: their corners are 0
 /// or beyond `MIN_MAGNITUDE`.

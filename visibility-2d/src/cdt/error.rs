@@ -1,4 +1,4 @@
-//! Errors of plans: walls that cannot be triangulated, and queries with unusable numbers.
+//! Errors of plans: walls that cannot be triangulated, and queries with invalid numbers.
 
 use core::fmt;
 
@@ -10,20 +10,20 @@ pub enum PlanError {
     Coordinate {
         /// Index of the wall with the faulty point, or of the point among the points of a query, from 0.
         index: usize,
-        /// The first point with a coordinate that cannot be used.
+        /// First point with an invalid coordinate.
         point: [f64; 2],
     },
     /// There are more walls than [`Plan::LIMIT`](crate::cdt::Plan::LIMIT), the walls cross or overlap more
     /// often than [`Plan::new`](crate::cdt::Plan::new) allows, or the beams of a region enter more than 2^24
     /// triangles.
     TooMany {
-        /// Number of walls given, or number of vertices, overlaps or triangles entered when the work ended.
-        /// For a wall that is split without end: 2^24 plus the number of its splits.
+        /// Number of walls given; or number of vertices, overlaps or entered triangles when the limit was
+        /// reached; or, for a wall that is split without end, 2^24 plus the number of its splits.
         count: usize,
     },
     /// A wall's number is not below the number of walls of the plan.
     UnknownWall {
-        /// Index of the wall that was asked for.
+        /// Index of the wall in the query.
         wall: u32,
         /// Number of walls of the plan.
         walls: usize,

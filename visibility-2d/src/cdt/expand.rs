@@ -3,16 +3,16 @@
 //! This work is based on: Francisc Bungiu, Michael Hemmer, John Hershberger, Kan Huang and Alexander
 //! Kroeller, "Efficient Computation of Visibility Polygons", 2014.
 //!
-//! A cone is bounded by two rays from the eye through ends of walls. All decisions are on which side of a ray
-//! a vertex lies, and exact. A cone of no width is not followed: what is seen through a single point is not
-//! seen.
+//! A cone is bounded by two rays from the eye through ends of walls. Every decision is on which side of a ray
+//! a vertex lies, and is exact. A cone of zero width is not followed, so things visible only through a single
+//! point do not count as seen.
 
 use super::plan::{BLOCKS, Plan, TWIN, WALL};
 use super::predicates::{ORIENTATION_ERROR, Point, orient, orient_slow};
 use super::triangulation::{Place, next, previous};
 use alloc::vec::Vec;
 
-/// A ray from the eye through a point: a vertex, or a bound of the sector.
+/// Ray from the eye through a point: a vertex, or a point of the sector's bounds.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ray {
     /// Index of a vertex of the plan, or the number of its vertices plus an index into `Expansion::sector`.
@@ -21,7 +21,7 @@ pub(crate) struct Ray {
     pub(crate) offset: Point,
 }
 
-/// Part of the view that leaves a triangle by an edge.
+/// Cone of sight where it leaves a triangle through an edge.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cone {
     /// Half-edge across which the cone leaves a triangle. If `enters`, the half-edge on the outer rectangle
@@ -36,18 +36,18 @@ pub(crate) struct Cone {
 }
 
 impl Cone {
-    /// Returns the triangle that the cone leaves, and the right and the left ray that bound the cone. `None`
-    /// for a cone from outside the rectangle.
+    /// Returns the triangle that the cone leaves, and the right and the left ray that bound it. `None` for a
+    /// cone from outside the rectangle.
     pub(crate) fn inside(&self) -> Option<(u32, Ray, Ray)> {
         (!self.enters).then_some((self.edge / 3, self.right, self.left))
     }
 }
 
-/// What happens to a cone of sight at an edge of a triangle.
+/// Event of a cone of sight at an edge of a triangle.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Met {
-    /// The cone goes on beyond the wall, which does not block or is one of the opaque walls that the view
-    /// sees through.
+    /// The cone passes the wall, because the wall does not block, or is one of the opaque walls that the view
+    /// may see through.
     Passed,
     /// The cone ends at a wall or at the outer rectangle.
     Ended,
@@ -55,7 +55,7 @@ pub(crate) enum Met {
     Far,
 }
 
-/// The eye of a query and the plan on which it looks around: what all cones of the query share.
+/// Eye and plan of a query, and other data that all its cones share.
 #[derive(Clone, Copy)]
 pub(crate) struct Expansion<'a> {
     pub(crate) plan: &'a Plan,
@@ -87,9 +87,9 @@ impl Expansion<'_> {
         orient_slow(self.point(first.point), self.point(second.point), self.eye) > 0.0
     }
 
-    /// Replaces `cones` by the cones in which the view leaves the triangles at `place`, the place of the eye,
-    /// counter-clockwise. For an eye outside the rectangle: by the cones in which the view enters it. Each
-    /// cone may pass `through` opaque walls.
+    /// Replaces `cones` by the cones of sight around the eye, counter-clockwise, each where it leaves a
+    /// triangle at the eye's place. For an eye outside the rectangle, by the cones that enter the rectangle.
+    /// Each cone may pass `through` opaque walls.
     pub(crate) fn start(&self, place: Place, through: u32, cones: &mut Vec<Cone>) {
         cones.clear();
         let plan = self.plan;
@@ -111,7 +111,7 @@ impl Expansion<'_> {
             }
             Place::Vertex(h) => plan.fan(h).for_each(|h| push(next(h), false)),
             Place::Outside => {
-                // The outer edges that the eye is before: one or two, the right one first.
+                // The one or two outer edges that face the eye, the right one first.
                 let mut outer = plan.outer();
                 let is_before = outer.map(|h| {
                     let [a, b] = plan.ends(h);
@@ -130,7 +130,7 @@ impl Expansion<'_> {
         }
     }
 
-    /// Replaces cones by their parts within the sector, from right to left.
+    /// Clips cones to the sector, from right to left.
     pub(crate) fn limit(&self, cones: &mut Vec<Cone>) {
         let count = cones.len();
         let vertices = self.plan.points.len() as u32;
@@ -140,7 +140,8 @@ impl Expansion<'_> {
             let first = cones[..count].iter().position(begins).unwrap_or(0);
             for index in 0..count {
                 let mut cone = cones[(first + index) % count];
-                // Both are narrower than half a turn, so they meet in one cone or not at all.
+                // Cone and sector part are both narrower than half a turn, so they overlap in at most one
+                // cone.
                 if self.holds(cone.right, cone.left, right) {
                     cone.right = right;
                 } else if !self.holds(right, left, cone.right) {
@@ -155,7 +156,7 @@ impl Expansion<'_> {
         cones.drain(..count);
     }
 
-    /// Returns whether `ray` is on the right bound or strictly inside of the cone from `right` to `left`. The
+    /// Returns whether `ray` is strictly inside the cone from `right` to `left`, or on its right bound. The
     /// cone must be narrower than half a turn.
     fn holds(&self, right: Ray, left: Ray, ray: Ray) -> bool {
         !self.is_left(ray, right)
@@ -169,9 +170,9 @@ impl Expansion<'_> {
 
     /// Follows the cones on the stack, the last one first. Calls `meet(edge, right, left, met)` for each part
     /// of an edge between two rays where a cone passes a wall or ends, from right to left. A cone ends at an
-    /// edge for which `is_near` is false, at the outer rectangle, and at a wall that blocks and for which
-    /// `stops` is true, once the cone has passed as many such walls as it may.
-    /// Calls `enter(triangle, right, left)` for each triangle that a cone enters.
+    /// edge for which `is_near` is false, at the outer rectangle, and at a blocking wall for which `stops` is
+    /// true, unless it may still pass through such walls. Calls `enter(triangle, right, left)` for each
+    /// triangle that a cone enters.
     #[inline(always)]
     pub(crate) fn run(
         &self,
@@ -184,8 +185,8 @@ impl Expansion<'_> {
         let plan = self.plan;
         while let Some(mut cone) = stack.pop() {
             loop {
-                // A cone that `enters` begins inside the triangle of its edge. Any other one crosses the edge
-                // to the triangle beyond it, if nothing there ends it.
+                // A cone that `enters` starts inside the triangle of its edge. Any other cone first crosses
+                // the edge, unless it ends there.
                 let twin = if cone.enters {
                     cone.edge
                 } else {
@@ -209,9 +210,9 @@ impl Expansion<'_> {
                     twin & TWIN
                 };
                 enter(twin / 3, cone.right, cone.left);
-                // In the triangle entered, the cone is divided by the ray through the apex, the corner
-                // opposite the edge it came by. Parts right of the ray go on through one edge, parts left of
-                // it through the other.
+                // In the new triangle, the ray through the apex (the corner opposite the crossed edge)
+                // divides the cone. The part right of this ray leaves through one edge, the part left of it
+                // through the other.
                 let (to_right, to_left) = (next(twin), previous(twin));
                 let apex = plan.edges[to_left as usize].origin;
                 let [x, y] = plan.points[apex as usize];
@@ -230,9 +231,8 @@ impl Expansion<'_> {
         }
     }
 
-    /// Returns the point at which a ray meets an edge. The edge's ends lie on either side of the ray or on
-    /// it. If the ray goes through an end, that end itself; other points are rounded, but lie between the
-    /// ends.
+    /// Returns the point where a ray meets an edge, whose ends lie on either side of the ray or on it. Exact
+    /// if the ray passes through an end; otherwise rounded, but between the ends.
     pub(crate) fn meet(&self, ray: Ray, edge: u32) -> Point {
         let (a, b) = (self.plan.edges[edge as usize].origin, self.plan.edges[next(edge) as usize].origin);
         if ray.point == a || ray.point == b {

@@ -1,12 +1,12 @@
-//! Order of points along a space-filling curve: points that are near in the order are near in space.
+//! Order of points along a space-filling curve: points close in the order are close in space.
 //!
 //! This work is based on: David Hilbert, "Ueber die stetige Abbildung einer Linie auf ein Flaechenstueck",
 //! 1891. Location by binary search in the order adapts to the density of the points, which a grid does not.
 
 use super::predicates::Point;
 
-/// A space-filling curve through a rectangle, given by the rectangle's least corner and the curve's finest
-/// steps per world unit along each axis.
+/// Space-filling curve through a rectangle, given by the rectangle's least corner and the number of the
+/// curve's finest steps per world unit along each axis.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Curve {
     low: Point,
@@ -21,10 +21,10 @@ impl Curve {
         Self { low, scale }
     }
 
-    /// Returns the position of a point along a curve of 2^(2 `LEVELS`) steps: the number of the step at the
-    /// point, as the highest 2 `LEVELS` bits of the result. `LEVELS` must be at most 32. The position at
-    /// fewer levels is a prefix of the position at more levels. A point outside the rectangle has the
-    /// position of a point on the rectangle's boundary.
+    /// Returns the position of a point along a curve of 2^(2 `LEVELS`) steps: the index of the step at the
+    /// point, in the highest 2 `LEVELS` bits of the result. `LEVELS` must be at most 32. The position at
+    /// fewer levels is a prefix of the position at more levels. A point outside the rectangle gets the
+    /// position of a point on its boundary.
     pub(crate) fn place<const LEVELS: u32>(&self, point: Point) -> u64 {
         // A cast to an integer saturates, and NaN becomes 0.
         let [mut x, mut y] =
@@ -33,7 +33,8 @@ impl Curve {
         for level in 0..LEVELS {
             let (right, upper) = (x >> (31 - level) & 1, y >> (31 - level) & 1);
             place = place << 2 | u64::from((3 * right) ^ upper);
-            // Without branches: `swap` is all ones in the lower quadrants, `mirror` also in the right one.
+            // Branchless: `swap` has all bits set in the lower quadrants, `mirror` only in the lower right
+            // one.
             let swap = upper.wrapping_sub(1);
             let mirror = swap & 0u32.wrapping_sub(right);
             (x, y) = (x ^ mirror, y ^ mirror);

@@ -4,17 +4,18 @@ use super::plan::Plan;
 use super::predicates::{Point, orient};
 use super::triangulation::{NONE, Place, next, place_in};
 
-/// Greatest number of steps of a walk from the triangle of the last eye. More steps take as long as a binary
-/// search.
+/// Maximum number of steps of a walk from the last eye's triangle. A longer walk would take as long as a
+/// binary search.
 const MAX_STEPS: u32 = 16;
 
 impl Plan {
-    /// Returns the [`Place`] of a point: the triangle, half-edge or vertex that it is on. Walks there from
-    /// half-edge `from` if [`MAX_STEPS`] steps suffice. Otherwise, or if `from` is [`NONE`], walks from a
-    /// vertex found by binary search along the curve. The answer does not depend on `from`.
+    /// Returns the [`Place`] of a point: the triangle, half-edge or vertex that it lies on. Walks there from
+    /// half-edge `from` in at most [`MAX_STEPS`] steps. If that does not suffice, or `from` is [`NONE`],
+    /// walks from a vertex found by binary search along the curve. The result does not depend on `from`.
     pub(crate) fn locate_near(&self, point: Point, from: u32) -> Place {
         match self.walk_to(point, from) {
-            // The half-edge by which the walk came, of several.
+            // A vertex or an edge has several half-edges. Picks a fixed one, so that the result does not
+            // depend on the walk.
             Place::Vertex(h) => Place::Vertex(self.out[self.edges[h as usize].origin as usize]),
             Place::Edge(h) => Place::Edge(self.edges[h as usize].twin().map_or(h, |twin| h.min(twin))),
             place => place,
@@ -26,9 +27,9 @@ impl Plan {
         near.unwrap_or_else(|| self.locate(point, self.near(point)))
     }
 
-    /// Returns the triangle, half-edge or vertex that a point is on, [`Place::Outside`] if there is none.
-    /// Walks there from the triangle of half-edge `from`. If the walk runs in a circle, which it hardly ever
-    /// does, it ends after more steps than there are half-edges, and all triangles are searched.
+    /// Returns the triangle, half-edge or vertex that a point lies on, [`Place::Outside`] if there is none.
+    /// Walks there from the triangle of half-edge `from`. A walk that goes in a circle, which is very rare,
+    /// is stopped after as many steps as there are half-edges, and then all triangles are searched.
     pub(crate) fn locate(&self, point: Point, from: u32) -> Place {
         let found = self.walk(point, from, self.edges.len() as u32 + 16);
         let mut triangles = 0..self.edges.len() as u32 / 3;
@@ -36,9 +37,9 @@ impl Plan {
         found.or_else(search).unwrap_or(Place::Outside)
     }
 
-    /// Walks from the triangle of half-edge `from` to that of a point, each time across an edge that the
-    /// point is beyond. Each step begins its tests at another edge, so that the walk hardly ever runs in a
-    /// circle. `None` if the point is not reached in `most` steps.
+    /// Walks from the triangle of half-edge `from` to that of a point. Each step crosses an edge that has the
+    /// point on its other side. The steps test the edges in varying order, so that the walk hardly ever goes
+    /// in a circle. `None` if the point is not reached in `most` steps.
     fn walk(&self, point: Point, from: u32, most: u32) -> Option<Place> {
         let mut t = from / 3;
         'walk: for step in 0..most {
@@ -62,10 +63,10 @@ impl Plan {
     }
 
     /// Returns the half-edges that begin at the vertex of `h`, counter-clockwise. At a corner of the outer
-    /// rectangle from the first to the last inside; elsewhere all around, from `h`.
+    /// rectangle, from the first to the last; elsewhere all around, starting with `h`.
     pub(crate) fn fan(&self, h: u32) -> impl Iterator<Item = u32> + '_ {
         let mut first = h;
-        // Clockwise, as far as there are triangles.
+        // Goes clockwise until there is no triangle.
         while let Some(twin) = self.edges[first as usize].twin() {
             first = next(twin);
             if first == h {

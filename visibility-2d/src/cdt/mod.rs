@@ -1,13 +1,14 @@
 //! Exact visibility among walls on a plan, by a constrained Delaunay triangulation.
 //!
-//! A [`Plan`] is made once of [`Wall`]s. Each query expands sight from its eye through triangles until walls
-//! end it, so it takes time in proportion to what is seen. All decisions are on which side of a line through
-//! two ends of walls a third one lies, and these are exact: see `predicates.rs`. Only the corners of
-//! visibility polygons are rounded.
+//! A [`Plan`] is made once from [`Wall`]s. Each query expands cones of sight from its eye through triangles
+//! until they end at walls, so its time is proportional to the number of triangles seen. Every decision is on
+//! which side of the line through two wall ends a third wall end lies, and is exact: see `predicates.rs`.
+//! Only the corners of visibility polygons are rounded.
 //!
 //! - [`Plan::look`]: the visibility polygon and the walls seen, within a range or a sector, through glass,
 //!   one-way walls and a number of opaque ones.
-//! - [`Plan::look_at`]: which of many objects are seen, in proportion to what is seen.
+//! - [`Plan::look_at`]: which of many objects are seen, in time proportional to the triangles and objects
+//!   seen.
 //! - [`Wall::with_heights`], [`Plan::sees_at`], [`PlanView::with_heights`]: low walls, and eyes above them.
 //! - [`Plan::sees`], [`Plan::ray`]: lines of sight between two points, the first wall on a ray.
 //! - [`Plan::look_from_region`]: the walls and triangles seen from anywhere in a triangle, on a segment, in a

@@ -1,4 +1,5 @@
-//! Objects on a plan: points, boxes and other convex outlines, listed by the triangles that they overlap.
+//! Objects on a plan: points, boxes and other convex outlines. Each is listed in the triangles that it
+//! overlaps.
 
 use super::error::PlanError;
 use super::plan::Plan;
@@ -9,22 +10,24 @@ use super::triangulation::NONE;
 use alloc::vec::Vec;
 use visibility_core::stamp::Stamp;
 
-/// An item of two linked lists: the objects of a triangle, and the triangles of an object.
+/// Pair of an object and a triangle, in two linked lists: the objects of the triangle, and the triangles of
+/// the object.
 #[derive(Clone, Copy, Debug)]
 struct Item {
     object: u32,
     triangle: u32,
-    /// Next item of the same triangle, or [`NONE`].
+    /// Next item of the same triangle, [`NONE`] at the end.
     next: u32,
-    /// Next item of the same object, or [`NONE`]. For a free item, the next free item.
+    /// Next item of the same object, [`NONE`] at the end. For a free item, the next free item.
     next_of_object: u32,
 }
 
-/// Objects on a plan, which [`Plan::look_at`] finds in time in proportion to what is seen.
+/// Objects on a plan. [`Plan::look_at`] finds the visible ones in time proportional to the triangles and
+/// objects seen.
 ///
-/// Each is the convex hull of some points: a point, a segment, a box, a polygon. Walls are not changed:
-/// objects hide nothing. Objects belong to the plan that they were put on, and to its clones; doors may open
-/// and close meanwhile.
+/// Each object is the convex hull of some points: a point, a segment, a box, a polygon. Objects do not
+/// occlude. They belong to the plan that they were put on, and to its clones. Doors may open and close
+/// meanwhile.
 ///
 /// ```
 /// use visibility_2d::cdt::{Plan, PlanObjects, PlanView, Visibility, Wall};
@@ -51,7 +54,7 @@ pub struct PlanObjects {
     /// Corners of the hull of each object, counter-clockwise.
     hulls: Vec<Vec<Point>>,
     items: Vec<Item>,
-    /// First item of `items` that is free, or [`NONE`].
+    /// Index of the first free item of `items`, or [`NONE`].
     free: u32,
     scratch: RegionVisibility,
 }
@@ -81,10 +84,10 @@ impl PlanObjects {
     }
 
     /// Adds the object that is the convex hull of some points in world units, and returns its number, counted
-    /// from 0. Time is in proportion to the triangles that the object overlaps.
+    /// from 0. Takes time proportional to the number of triangles that the object overlaps.
     ///
     /// # Errors
-    /// The errors of [`set`](Self::set); then no object is added.
+    /// Returns the errors of [`set`](Self::set). No object is then added.
     pub fn insert(&mut self, plan: &Plan, outline: &[[f64; 2]]) -> Result<u32, PlanError> {
         let object = self.of_object.len() as u32;
         self.place(plan, outline)?;
@@ -94,8 +97,8 @@ impl PlanObjects {
         Ok(object)
     }
 
-    /// Replaces an object's outline: the object becomes the convex hull of `outline`. Takes the time of
-    /// [`remove`](Self::remove) and [`insert`](Self::insert).
+    /// Replaces an object's outline: the object becomes the convex hull of `outline`. Takes as long as
+    /// [`remove`](Self::remove) and [`insert`](Self::insert) together.
     ///
     /// # Errors
     /// - [`PlanError::Coordinate`] if a coordinate of a point is NaN, infinite or above 1e60 in absolute
@@ -103,7 +106,7 @@ impl PlanObjects {
     /// - [`PlanError::Region`] if there is no point, or a point is outside the rectangle around the plan.
     /// - [`PlanError::Objects`] if the objects are of another plan, or if no object has that number.
     ///
-    /// After an error the object stays where it was.
+    /// After an error the object is unchanged.
     pub fn set(&mut self, plan: &Plan, object: u32, outline: &[[f64; 2]]) -> Result<(), PlanError> {
         if object as usize >= self.of_object.len() {
             return Err(PlanError::Objects);
@@ -114,9 +117,9 @@ impl PlanObjects {
         Ok(())
     }
 
-    /// Removes an object. It is not seen until it is [set](Self::set) again, and its number is not given to
-    /// another object. Nothing happens for an unknown number. Takes time in proportion to the number of
-    /// objects in the triangles that the object overlaps.
+    /// Removes an object. It is not seen until it is [set](Self::set) again. Its number is not given to
+    /// another object. Does nothing for an unknown number. Takes time proportional to the number of objects
+    /// in the triangles that the object overlaps.
     pub fn remove(&mut self, object: u32) {
         let Some(first) = self.of_object.get_mut(object as usize) else { return };
         let mut item = core::mem::replace(first, NONE);
@@ -137,7 +140,7 @@ impl PlanObjects {
         }
     }
 
-    /// Computes the hull of an outline and the triangles that it overlaps, in scratch memory.
+    /// Computes the hull of an outline and the triangles that it overlaps, into scratch memory.
     fn place(&mut self, plan: &Plan, outline: &[[f64; 2]]) -> Result<(), PlanError> {
         if self.of != plan.triangulated {
             return Err(PlanError::Objects);
@@ -151,7 +154,7 @@ impl PlanObjects {
         plan.overlapped(scratch)
     }
 
-    /// Lists an object in the triangles that [`place`](Self::place) has found.
+    /// Adds an object to the lists of the triangles that [`place`](Self::place) has found.
     fn list(&mut self, object: u32) {
         let Self { scratch, hulls, items, of_triangle, of_object, free, .. } = self;
         let hull = &mut hulls[object as usize];
@@ -173,7 +176,7 @@ impl PlanObjects {
         }
     }
 
-    /// Calls `each` for the objects of a triangle.
+    /// Calls `each` with each object of a triangle.
     pub(super) fn for_each_in(&self, triangle: u32, mut each: impl FnMut(u32)) {
         let mut item = self.of_triangle[triangle as usize];
         while item != NONE {
@@ -183,15 +186,16 @@ impl PlanObjects {
         }
     }
 
-    /// Returns false only if no point of an object is in the closed cone between the rays from an eye through
-    /// `right` and `left`. Exact for points.
+    /// Returns whether an object meets the closed cone between the rays from an eye through `right` and
+    /// `left`. Exact for points. For other objects, possibly true without a common point.
     pub(super) fn is_in_cone(&self, object: u32, eye: Point, [right, left]: [Point; 2]) -> bool {
         let hull = &self.hulls[object as usize];
         hull.iter().any(|&p| orient(eye, right, p) >= 0.0)
             && hull.iter().any(|&p| orient(eye, left, p) <= 0.0)
     }
 
-    /// Returns false only if no point of an object is within a disc around the eye.
+    /// Returns whether an object has a point within a disc around the eye. Possibly true without such a
+    /// point.
     pub(super) fn is_near(&self, object: u32, eye: Point, disc: &Disc) -> bool {
         let hull = &self.hulls[object as usize];
         let sides = || (0..hull.len()).map(|k| [hull[k], hull[(k + 1) % hull.len()]]);

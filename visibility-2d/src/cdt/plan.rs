@@ -1,4 +1,4 @@
-//! The plan: a constrained Delaunay triangulation of walls, ready for queries.
+//! Floor plan: a constrained Delaunay triangulation of walls, ready for queries.
 
 use super::constrain::{Constrainer, MAX_VERTICES};
 use super::error::PlanError;
@@ -13,7 +13,7 @@ use visibility_core::stamp::Stamp;
 /// for some walls that overlap.
 const MAX_WALLS: usize = 4 * MAX_VERTICES;
 
-/// A half-edge of a plan. 8 bytes, since queries read these in random order.
+/// Half-edge of a plan. It takes only 8 bytes, since queries read half-edges in random order.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HalfEdge {
     /// Vertex at which the half-edge begins.
@@ -22,9 +22,9 @@ pub(crate) struct HalfEdge {
     pub(crate) twin: u32,
 }
 
-/// Flag: lines of sight that leave the triangle across the half-edge end here.
+/// Flag of a half-edge across which lines of sight cannot leave the triangle.
 pub(crate) const BLOCKS: u32 = 1 << 31;
-/// Flag: a wall lies along the half-edge.
+/// Flag of a half-edge with a wall along it.
 pub(crate) const WALL: u32 = 1 << 30;
 /// Bits of `HalfEdge::twin` that hold the index of the twin. All ones on the outer rectangle, where there
 /// is no twin.
@@ -39,17 +39,17 @@ impl HalfEdge {
     }
 }
 
-/// Walls of a floor plan, triangulated: answers what can be seen from a point or a region of the plane.
+/// Triangulated walls of a floor plan, for visibility queries from a point or a region of the plane.
 ///
-/// Walls are segments, infinitely thin and closed. They may touch, cross, overlap, repeat and have no length.
-/// Two walls that cross are split at an `f64` point within a few units of rounding of their crossing; every
-/// other answer is exact for the ends of walls as given. A rectangle around all walls bounds the plan;
-/// nothing stands outside.
+/// Walls are closed segments without thickness. They may touch, cross, overlap, repeat and have zero length.
+/// Two walls that cross are split at an `f64` point within a few units of rounding of their crossing; apart
+/// from this, all answers are exact for the given wall ends. A rectangle around all walls bounds the plan.
 ///
 /// Building takes expected time `n log n` in the number of walls, crossings and overlaps (pairs of a wall and
-/// a piece of another along which the wall lies). A query takes time in proportion to what it sees, and a
-/// binary search to find its eye. If one wall is farther away than some 65,536 times the extent of the `n`
-/// others, the search is a walk past up to `sqrt(n)` triangles, or more if these walls are in one line.
+/// a piece of another along which the wall lies). A query takes time proportional to the number of triangles
+/// that it sees, plus a binary search to locate its eye. If one wall is farther away than about 65,536 times
+/// the extent of the `n` others, the search becomes a walk through up to `sqrt(n)` triangles, or more if
+/// these walls are collinear.
 ///
 /// ```
 /// use visibility_2d::cdt::{Plan, PlanView, Visibility, Wall};
@@ -67,7 +67,7 @@ impl HalfEdge {
 #[derive(Clone, Debug)]
 pub struct Plan {
     stamp: Stamp,
-    /// Stamp of the triangles, which doors do not change.
+    /// Stamp of the triangulation, which opening and closing doors does not change.
     pub(super) triangulated: Stamp,
     pub(crate) points: Vec<Point>,
     pub(crate) edges: Vec<HalfEdge>,
@@ -75,16 +75,18 @@ pub struct Plan {
     pub(crate) out: Vec<u32>,
     curve: Curve,
     /// For each vertex, the first 32 bits of its position along the Hilbert curve ([`Curve::place`]).
-    /// Vertices are sorted by it, ascending.
+    /// Vertices are sorted by this position, ascending.
     places: Vec<u32>,
     /// Piece of a wall along each half-edge, [`NONE`] without a wall. Both halves have the same piece.
     pub(crate) piece: Vec<u32>,
-    /// By piece: start of its walls in `walls_of_pieces`. The last entry is the end of the last piece.
+    /// For each piece, the start of its walls in `walls_of_pieces`. The last entry is the end of the last
+    /// piece.
     first_wall: Vec<u32>,
     walls_of_pieces: Vec<u32>,
-    /// One of the half-edges of each piece, by piece.
+    /// For each piece, one of its two half-edges.
     piece_edge: Vec<u32>,
-    /// By wall: start of its pieces in `pieces_of_walls`. The last entry is the end of the last wall.
+    /// For each wall, the start of its pieces in `pieces_of_walls`. The last entry is the end of the last
+    /// wall.
     first_piece: Vec<u32>,
     pieces_of_walls: Vec<u32>,
     walls: Vec<Wall>,
@@ -94,18 +96,18 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Greatest number of walls: their ends, two each, and the corners of the rectangle are then 2^24
-    /// vertices. Crossings are vertices as well, so that fewer walls may be too many.
+    /// Greatest number of walls. Their ends (two each) and the corners of the rectangle are then 2^24
+    /// vertices. Crossings are vertices too, so fewer walls may already be too many.
     pub const LIMIT: usize = MAX_VERTICES / 2 - 2;
 
-    /// Makes a plan of walls, numbered from 0 in the order given. The rectangle around the plan leaves a
-    /// margin of a quarter of the larger extent of all walls, at least 1.
+    /// Makes a plan of walls, which are numbered from 0 in the given order. The rectangle around the plan has
+    /// a margin of a quarter of the larger extent of all walls, at least 1.
     ///
     /// # Errors
     /// - [`PlanError::Coordinate`] for a coordinate that is NaN, infinite or above 1e60 in absolute value.
     /// - [`PlanError::TooMany`] for more than [`LIMIT`](Self::LIMIT) walls, 2^24 vertices or 2^24 overlaps,
-    ///   if the walls of all pieces are together more than 2^26, or if rounding makes the pieces of a wall
-    ///   cross other walls without end.
+    ///   if the numbers of walls of all pieces sum to more than 2^26, or if rounding makes the pieces of a
+    ///   wall cross other walls without end.
     pub fn new(walls: &[Wall]) -> Result<Self, PlanError> {
         Self::from_walls_within(walls, |[low, high]| {
             (0.25 * (high[0] - low[0]).max(high[1] - low[1])).max(1.0)
@@ -113,11 +115,11 @@ impl Plan {
     }
 
     /// Makes a plan like [`new`](Self::new), with the rectangle at a distance of `margin` world units around
-    /// all walls. A margin that is not positive, is NaN, or vanishes beside the coordinates counts as the
-    /// least one that keeps all walls strictly inside.
+    /// all walls. A margin that is NaN, not positive, or too small to change the coordinates is replaced by
+    /// the least margin that keeps all walls strictly inside.
     ///
     /// # Errors
-    /// The errors of [`new`](Self::new), for the same reasons.
+    /// Returns the errors of [`new`](Self::new), for the same reasons.
     pub fn from_walls(walls: &[Wall], margin: f64) -> Result<Self, PlanError> {
         Self::from_walls_within(walls, |_| margin)
     }
@@ -135,11 +137,12 @@ impl Plan {
             }
         }
         let [low, high] = bounds_of(&ends);
-        // 4 units in the last place of the greatest coordinate, so that rectangle and walls differ; at least
-        // the least coordinate, and at most the greatest.
+        // The margin is at least 4 units in the last place of the greatest coordinate, so that rectangle and
+        // walls differ. It is clamped to the magnitudes that coordinates may have.
         let size = low.iter().chain(&high).fold(MIN_MAGNITUDE, |size, x| size.max(x.abs()));
         let margin = margin([low, high]).max(4.0 * f64::EPSILON * size).clamp(MIN_MAGNITUDE, MAX_MAGNITUDE);
-        // Without the margin, beside which all walls could be at one place of the curve.
+        // The curve covers the walls without the margin. With a large margin, all walls could be at one
+        // position of the curve.
         let curve = Curve::new(low, high);
         let (low, high) = (low.map(|x| x - margin), high.map(|x| x + margin));
         let mut triangulation = Triangulation::new(low, high);
@@ -151,7 +154,7 @@ impl Plan {
         Self::packed(triangulation, walls, curve, [low, high])
     }
 
-    /// Makes the plan of a triangulation: renumbers vertices and triangles along the curve, and lists the
+    /// Makes the plan from a triangulation: renumbers vertices and triangles along the curve, and lists the
     /// walls of each piece.
     fn packed(
         from: Triangulation,
@@ -197,15 +200,15 @@ impl Plan {
             bounds,
             outer: [0; 4],
         };
-        // Half-edges in the new order. Both halves of a wall's piece have the same piece number: the half
-        // that comes later takes that of its twin.
+        // Copies the half-edges in the new order. Both halves of a piece get the same piece number: the later
+        // half takes that of its twin.
         for &(_, old) in &triangles {
             for h in 3 * old..3 * old + 3 {
                 let edge = from.edges[h as usize];
                 let here = plan.edges.len() as u32;
                 let twin = if edge.twin == NONE { TWIN | BLOCKS } else { new_edge(edge.twin) };
                 if edge.twin == NONE {
-                    // The corners are the first four vertices of the triangulation.
+                    // Vertices 0 to 3 of the triangulation are the corners of the rectangle.
                     plan.outer[edge.origin as usize & 3] = here;
                 }
                 plan.edges.push(HalfEdge { origin: new_vertex[edge.origin as usize], twin });
@@ -226,8 +229,8 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Appends a piece along half-edge `h`. Its walls are those of the list that begins with `item`, sorted
-    /// and without repetition.
+    /// Appends a piece along half-edge `h`. `item` is the first item of the piece's list of walls, which is
+    /// sorted and freed of repetitions.
     fn push_piece(&mut self, h: u32, lists: &[(u32, u32)], mut item: u32) -> Result<(), PlanError> {
         let first = self.walls_of_pieces.len();
         while item != NONE {
@@ -248,7 +251,7 @@ impl Plan {
         self.walls_of_pieces.truncate(kept);
         self.first_wall.push(kept as u32);
         self.piece_edge.push(h);
-        // Pieces share a list, so that all together may have many more walls than the lists.
+        // Several pieces shared one list before the copying, so the copies may be much longer in total.
         if kept > MAX_WALLS { Err(PlanError::TooMany { count: kept }) } else { Ok(()) }
     }
 
@@ -277,7 +280,8 @@ impl Plan {
         let ends = self.ends(h);
         for &wall in self.walls_of(piece) {
             let wall = &self.walls[wall as usize];
-            // The triangle of a half-edge is on its left. Lines of sight out of it come from there.
+            // The triangle of a half-edge is on its left, so lines of sight that leave the triangle cross the
+            // edge from left to right.
             if wall.stops(ends) {
                 out |= BLOCKS;
             }
@@ -292,8 +296,8 @@ impl Plan {
         }
     }
 
-    /// Changes the opacity of a wall, for instance of a door that opens. Time is in proportion to the pieces
-    /// that crossings split the wall into: one for a door that crosses nothing.
+    /// Changes the opacity of a wall, for instance of a door that opens. Takes time proportional to the
+    /// number of the wall's pieces: one for a door that crosses no other wall.
     ///
     /// # Errors
     /// [`PlanError::UnknownWall`] if the plan has no wall of that number.
@@ -309,13 +313,13 @@ impl Plan {
         Ok(())
     }
 
-    /// Returns the stamp that identifies the walls of the plan and their opacities. A clone has the same
-    /// stamp until one of the two changes.
+    /// Returns the stamp of the walls and their opacities. A clone has the same stamp until either of the two
+    /// plans changes.
     pub fn stamp(&self) -> Stamp {
         self.stamp
     }
 
-    /// Returns the walls as given, with their present opacities.
+    /// Returns the walls with their given ends and present opacities.
     pub fn walls(&self) -> &[Wall] {
         &self.walls
     }
@@ -337,13 +341,13 @@ impl Plan {
             .then(|| core::array::from_fn(|k| self.start(3 * triangle + k as u32)))
     }
 
-    /// Returns the pieces that walls were split into at crossings and contacts: the two ends of each piece,
-    /// with the numbers of the walls along it, ascending.
+    /// Returns the pieces into which crossings and contacts split the walls: the two ends of each piece, and
+    /// the numbers of the walls along it, ascending.
     pub fn pieces(&self) -> impl ExactSizeIterator<Item = ([[f64; 2]; 2], &[u32])> {
         self.piece_edge.iter().enumerate().map(|(piece, &h)| (self.ends(h), self.walls_of(piece as u32)))
     }
 
-    /// Returns the memory of the plan's lists in bytes.
+    /// Returns the size of the plan's lists in bytes.
     pub fn memory(&self) -> usize {
         16 * self.points.len()
             + 12 * self.edges.len()
@@ -387,14 +391,14 @@ impl Plan {
         [self.start(h), self.start(next(h))]
     }
 
-    /// Returns the next half-edge that begins at the same vertex, counter-clockwise. `None` at the outer
+    /// Returns the next half-edge counter-clockwise that begins at the same vertex. `None` at the outer
     /// rectangle.
     pub(crate) fn turned(&self, h: u32) -> Option<u32> {
         self.edges[previous(h) as usize].twin()
     }
 
-    /// Returns a half-edge near a point. It begins at the vertex just before or just after the point along
-    /// the curve, whichever is nearer.
+    /// Returns a half-edge near a point, as start of a walk. It begins at the nearer of the two vertices just
+    /// before and just after the point along the curve.
     pub(crate) fn near(&self, point: Point) -> u32 {
         let place = (self.curve.place::<16>(point) >> 32) as u32;
         let after = self.places.partition_point(|&p| p < place).min(self.points.len() - 1);

@@ -1,4 +1,4 @@
-//! `PlanCells`: a plan as the level in which movers see each other.
+//! `PlanCells`: a floor plan as cells for visibility between moving objects.
 
 use super::error::PlanError;
 use super::plan::Plan;
@@ -10,16 +10,17 @@ use visibility_core::bits::Bits;
 use visibility_core::stamp::Stamp;
 use visibility_core::who_sees::{Reach, SightCells};
 
-/// A plan as the level in which movers see each other: its triangles are the cells. Doors may open and close.
+/// A floor plan as the cells of visibility between movers: its triangles are the cells. Doors may open and
+/// close.
 ///
-/// A mover is where its box stands on the ground. It does not go through walls that no line of sight passes,
-/// so that nobody sees the room behind a wall that the reach alone sticks through. A mover that is not wholly
-/// in the rectangle around the plan sees and is seen by all.
+/// A mover is in the triangles that its box overlaps on the ground. Its reach does not pass through walls
+/// that no line of sight passes, so a reach that sticks through a wall does not make the room behind visible.
+/// A mover that is not entirely inside the rectangle around the plan sees all others and is seen by all.
 ///
-/// The triangles seen from a triangle are found when a mover first comes there, and kept until a door
-/// changes: some 10 us to 1 ms, and 4 bytes for each of them. A mover sees what its triangles see, and a
-/// triangle is seen as a whole, so that large triangles report more than needed. [Clear](Opacity::Clear)
-/// walls along a grid of some metres make them smaller.
+/// The triangles seen from a triangle are computed when a mover first enters it, in 10 us to 1 ms, and kept
+/// until a door changes, at 4 bytes per triangle seen. A mover sees everything that its triangles see, and
+/// triangles are seen as a whole, so large triangles report more than needed. [Clear](Opacity::Clear) walls
+/// along a grid of some metres make triangles smaller.
 ///
 /// ```
 /// use visibility_2d::cdt::{Opacity, Plan, PlanCells, Wall};
@@ -44,20 +45,20 @@ use visibility_core::who_sees::{Reach, SightCells};
 pub struct PlanCells {
     plan: Plan,
     axes: [usize; 2],
-    /// Changes with the opacity of walls.
+    /// Stamp that changes with the opacity of walls.
     stamp: Stamp,
-    /// For each triangle the triangles seen from it, or an empty list if they are too many. `None` until a
-    /// mover is there.
+    /// For each triangle, the triangles seen from it, or an empty list if they are too many. `None` until a
+    /// mover has entered the triangle.
     rows: Vec<Option<Box<[u32]>>>,
-    /// Triangles of the mover at work.
+    /// Scratch: triangles of the present mover.
     reached: RegionVisibility,
-    /// What is seen from the triangle at work.
+    /// Scratch: triangles seen from the present triangle.
     seen: RegionVisibility,
 }
 
 impl PlanCells {
-    /// Makes the level. `axes` are the axes of world space along which the plan's x and y run: `[0, 1]` if z
-    /// is up. Walls with [heights](super::Wall::heights) are made clear, since movers look over them.
+    /// Makes cells from a plan. `axes` are the indices of the world axes of the plan's x and y: `[0, 1]` if z
+    /// is up. Walls with [heights](super::Wall::heights) become clear, since movers may look over them.
     ///
     /// # Errors
     /// [`PlanError::Axes`] if an axis is above 2, or both are the same.
@@ -67,7 +68,7 @@ impl PlanCells {
         }
         for wall in 0..plan.walls().len() as u32 {
             if !plan.walls()[wall as usize].is_endless() {
-                // The plan has a wall of that number.
+                // The wall exists, so this cannot fail.
                 _ = plan.set_opacity(wall, Opacity::Clear);
             }
         }
@@ -81,7 +82,7 @@ impl PlanCells {
         &self.plan
     }
 
-    /// Changes the opacity of a wall, as [`Plan::set_opacity`]. A wall with heights stays clear.
+    /// Changes the opacity of a wall, like [`Plan::set_opacity`]. A wall with heights stays clear.
     ///
     /// # Errors
     /// [`PlanError::UnknownWall`] if the plan has no wall of that number.
@@ -98,10 +99,11 @@ impl PlanCells {
         Ok(())
     }
 
-    /// Lists the triangles that a mover may be in, in `self.reached`. False if it may be outside the plan.
+    /// Finds the triangles that a mover may be in, and stores them in `self.reached`. False if it may be
+    /// outside the plan.
     fn find(&mut self, reach: &Reach) -> bool {
         let corners = |reach: &Reach| {
-            // Coordinates that a plan takes for 0 are moved outwards.
+            // A plan rounds small coordinates to 0, so such bounds are moved outwards.
             let outward = |x: f64, least: f64| if x.abs() < MIN_MAGNITUDE { least } else { x };
             let [low, high] = reach.bounds();
             let low = self.axes.map(|axis| outward(low[axis], -MIN_MAGNITUDE));

@@ -2,12 +2,12 @@
 //!
 //! This work is based on: Jonathan Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust
 //! Geometric Predicates", 1997, as implemented by the crate `robust`. The first filter of the orientation is
-//! repeated here, so that it is compiled into the loops.
+//! repeated here, so that the compiler can inline it.
 
 use super::error::PlanError;
 use robust::Coord;
 
-/// A point of the plan: x and y in world units.
+/// Point of the plan: x and y in world units.
 pub(crate) type Point = [f64; 2];
 
 /// Greatest magnitude of a coordinate. The in-circle test multiplies four differences of coordinates: below
@@ -50,8 +50,9 @@ pub(crate) fn orient_slow(a: Point, b: Point, c: Point) -> f64 {
 /// left. [`orient`] has the same sign, but where the points are nearly collinear its magnitude is not
 /// precise.
 ///
-/// Differences are exact as sums of two numbers, and so are products: T. J. Dekker, "A Floating-Point
-/// Technique for Extending the Available Precision", 1971. What is left out is 2^-105 of the two products.
+/// Differences and products are computed exactly, as sums of two numbers: T. J. Dekker, "A Floating-Point
+/// Technique for Extending the Available Precision", 1971. Only terms below 2^-105 of the two products are
+/// left out.
 pub(crate) fn area(a: Point, b: Point, c: Point) -> f64 {
     let left = product(sum(a[0], -c[0]), sum(b[1], -c[1]));
     let right = product(sum(a[1], -c[1]), sum(b[0], -c[0]));
@@ -69,7 +70,7 @@ fn sum(a: f64, b: f64) -> (f64, f64) {
 /// Returns the product of two numbers, each the sum of a high and a low part, again as high and low part. The
 /// product of the two low parts is left out.
 fn product((a, a_low): (f64, f64), (b, b_low): (f64, f64)) -> (f64, f64) {
-    // Halves of 26 bits: 2^27 + 1 times a number moves its upper half to the top.
+    // Splits a number into two halves of 26 bits. Multiplying by 2^27 + 1 isolates the upper half.
     let halves = |x: f64| {
         let moved = 134_217_729.0 * x;
         let upper = moved - (moved - x);
@@ -92,7 +93,7 @@ pub(crate) fn is_same_way(origin: Point, a: Point, b: Point) -> bool {
     (a[axis] > origin[axis]) == (b[axis] > origin[axis])
 }
 
-/// Returns the point with magnitudes below [`MIN_MAGNITUDE`] replaced by 0, and -0 by 0.
+/// Returns the point with coordinates below [`MIN_MAGNITUDE`] in magnitude, and -0, replaced by 0.
 ///
 /// # Errors
 /// [`PlanError::Coordinate`] with the given index if a coordinate is NaN or its magnitude exceeds

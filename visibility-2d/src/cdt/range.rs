@@ -1,18 +1,18 @@
-//! Sight up to a distance: the test whether an edge comes within it, and polygons cut off at the circle.
+//! Sight within a distance: the test whether an edge is in range, and the clipping of polygons to the circle.
 
 use super::predicates::Point;
 
-/// Cosine of a 64th of a turn, the greatest angle between successive points of an arc.
+/// Cosine of 1/64 of a turn, the greatest angle between successive points of an arc.
 const COSINE: f64 = 0.995_184_726_672_196_9;
 
-/// The points within the range of an eye.
+/// Disc of the points within the range of an eye.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Disc {
     eye: Point,
     range: f64,
 }
 
-/// Returns twice the area of the triangle of the eye and two points, positive if they turn left.
+/// Returns twice the area of the triangle of the eye, `a` and `b`; positive if they turn left.
 #[inline]
 pub(crate) fn chord(eye: Point, a: Point, b: Point) -> f64 {
     (a[0] - eye[0]) * (b[1] - eye[1]) - (a[1] - eye[1]) * (b[0] - eye[0])
@@ -32,7 +32,8 @@ impl Disc {
         Self { eye, range: range.max(0.0) }
     }
 
-    /// Returns false only if no point of a segment is within the range.
+    /// Returns whether a point of a segment is within the range. Possibly true if the segment is out of range
+    /// by less than rounding.
     ///
     /// Let u be 2^-53, and a and b the ends relative to the eye, each coordinate rounded once, so each is
     /// wrong by at most u of itself. The cross product of a and b then differs from the true one by at most
@@ -46,7 +47,8 @@ impl Disc {
         if dot(a, a).min(dot(b, b)) <= square * (1.0 + ERROR) {
             return true;
         }
-        // Where the foot of the perpendicular is beyond an end by more than rounding, that end is nearest.
+        // If the foot of the perpendicular is beyond an end by more than rounding, this end is the nearest
+        // point.
         let (length, at_a, at_b) = (dot(along, along), dot(a, along), dot(b, along));
         let scale = (a[0].abs() + a[1].abs() + b[0].abs() + b[1].abs()) * (along[0].abs() + along[1].abs());
         if length == 0.0 || at_a > ERROR * scale || at_b < -ERROR * scale {
@@ -99,7 +101,8 @@ impl Disc {
 
     fn inner_arc(&self, right: Point, left: Point, push: &mut impl FnMut(Point), depth: u32) {
         if depth > 0 && dot(right, left) < COSINE {
-            // Nearly opposite directions have no reliable sum: a quarter turn from the right one instead.
+            // The sum of nearly opposite directions is unreliable, so the arc is split a quarter turn from
+            // the right one instead.
             let sum = plus(right, 1.0, left);
             let middle = if dot(sum, sum) > 1e-6 { unit(sum) } else { [-right[1], right[0]] };
             self.inner_arc(right, middle, push, depth - 1);
@@ -111,7 +114,7 @@ impl Disc {
 
 /// Returns the unit vector in a direction; (1, 0) for the zero vector.
 fn unit(direction: Point) -> Point {
-    // Scaled first, so that squares neither overflow nor vanish.
+    // Scaled first, so that squares neither overflow nor underflow.
     let size = direction[0].abs().max(direction[1].abs());
     if size == 0.0 {
         return [1.0, 0.0];

@@ -1,11 +1,11 @@
 //! Visibility from a region: beams of lines through the triangulation, clipped in the dual plane.
 //!
-//! A directed line of the plan is a point of the dual, a vertex is a line of the dual, and the lines that
-//! pass a vertex on its left are a half-plane. The lines of a beam pass a sequence of edges, between the
-//! vertices to the right and those to the left, so they are a convex polygon. A side of the polygon is a
-//! vertex that lines of the beam touch, and a corner is a line through two vertices. The polygon is kept as
-//! these vertices, never as numbers: clipping it at the next vertex asks on which side of each corner line
-//! the vertex lies, which is an exact orientation of three given points.
+//! A directed line of the plan is a point in the dual plane, a vertex is a line, and the lines that pass a
+//! vertex on its left are a half-plane. The lines of a beam pass through a sequence of edges, between the
+//! vertices to the right and those to the left, so in the dual they form a convex polygon. A side of this
+//! polygon is a vertex that lines of the beam touch, and a corner is a line through two vertices. The polygon
+//! is stored as these vertices, not as coordinates. Clipping it at the next vertex asks on which side of each
+//! corner line the vertex lies, which is an exact orientation of three given points.
 //!
 //! Related to the stabbing lines of Seth Teller and Carlo Sequin, "Visibility Preprocessing for Interactive
 //! Walkthroughs", 1991, here without linear programs.
@@ -17,33 +17,33 @@ use super::triangulation::{NONE, Place, next, previous};
 use super::wall::add_walls;
 use alloc::vec::Vec;
 
-/// Greatest number of triangles that all beams of a region enter together. A beam enters a triangle in some
+/// Maximum number of triangles that all beams of a region may enter in total. Entering a triangle takes about
 /// 40 ns.
 const MAX_STEPS: usize = 1 << 24;
 
-/// A side of a beam's polygon in the dual plane, where each point is a line of sight, with the corner that
+/// Side of a beam's polygon in the dual plane (where a point is a line of sight), with the corner that
 /// follows it.
 #[derive(Clone, Copy, Debug)]
 struct Side {
-    /// Index of the vertex that the lines of the side touch.
+    /// Index of the vertex that the lines on this side touch.
     vertex: u32,
-    /// Two vertices on the line of the corner, in the line's direction.
+    /// The two vertices on the line of the corner, in the line's direction.
     corner: [u32; 2],
 }
 
-/// A beam of lines of sight that leaves a triangle across an edge.
+/// Beam of lines of sight where it leaves a triangle across an edge.
 #[derive(Clone, Copy, Debug)]
 struct Beam {
     /// Half-edge of the triangle that the beam leaves.
     edge: u32,
     /// Half-open range of the beam's sides in `RegionVisibility::sides`.
     sides: (u32, u32),
-    /// Length of `RegionVisibility::sides` up to which the list belongs to this beam and to the beams below
-    /// it on the stack.
+    /// Length that `RegionVisibility::sides` is cut to when this beam is taken from the stack: the entries of
+    /// this beam and of the beams below it.
     kept: u32,
 }
 
-/// The answer of [`Plan::look_from_region`]: walls and triangles seen. Keeps its memory.
+/// Result of [`Plan::look_from_region`]: walls and triangles seen. Reuses its memory.
 #[derive(Clone, Debug, Default)]
 pub struct RegionVisibility {
     triangles: Vec<u32>,
@@ -53,8 +53,8 @@ pub struct RegionVisibility {
     query: u32,
     sides: Vec<Side>,
     beams: Vec<Beam>,
-    /// The points given by the caller, whose convex hull is the region, in world units. Each once, in
-    /// ascending order of x, then of y. Points inside the hull are kept.
+    /// Points given by the caller, whose convex hull is the region, in world units. Without repetitions,
+    /// ascending by x, then y. Points inside the hull are kept.
     pub(super) points: Vec<Point>,
     /// Corners of the region, the convex hull of `points`, counter-clockwise from the first point of
     /// `points`. One corner if the region is a point, two if it is a segment.
@@ -64,7 +64,7 @@ pub struct RegionVisibility {
 }
 
 impl RegionVisibility {
-    /// Makes an empty answer, with no triangles and no walls.
+    /// Makes an empty result, without triangles and walls.
     pub fn new() -> Self {
         Self::default()
     }
@@ -74,13 +74,13 @@ impl RegionVisibility {
         &self.walls
     }
 
-    /// Returns the numbers of the triangles seen, each once. Those that the region overlaps come first. See
-    /// [`Plan::triangle`].
+    /// Returns the numbers of the triangles seen, each once. Triangles that the region overlaps come first.
+    /// See [`Plan::triangle`].
     pub fn triangles(&self) -> &[u32] {
         &self.triangles
     }
 
-    /// Returns the number of triangles that beams entered, as a measure of the work.
+    /// Returns the number of triangles that beams entered, a measure of the work.
     pub fn steps(&self) -> usize {
         self.steps
     }
@@ -104,7 +104,7 @@ impl RegionVisibility {
         }
     }
 
-    /// Adds a triangle to the answer. Returns false if the answer has it already.
+    /// Adds a triangle to the result. Returns false if the result contains it already.
     fn add_triangle(&mut self, triangle: u32) -> bool {
         let mark = &mut self.triangle_marks[triangle as usize];
         let is_new = core::mem::replace(mark, self.query) != self.query;
@@ -116,14 +116,14 @@ impl RegionVisibility {
 }
 
 impl Plan {
-    /// Finds the walls and triangles that are seen from anywhere inside the convex hull of some points in
-    /// world units: a point, a segment, a convex cell.
+    /// Finds the walls and triangles visible from anywhere inside the convex hull of `points`, in world
+    /// units: a point, a segment, a convex cell.
     ///
-    /// Conservative, and exact for a triangle of the plan and for a region inside one: a wall or a triangle
-    /// is listed if a line that crosses it meets the region, and meets no wall on its way from the triangles
-    /// that the region overlaps. To get exact answers for a region in several triangles, give the plan the
-    /// region's outline as [clear](super::Opacity::Clear) walls, and join the answers of its triangles. Time
-    /// is in proportion to the triangles that beams of lines enter: see [`RegionVisibility::steps`].
+    /// Conservative in general, and exact if the region is inside one triangle of the plan: a wall or
+    /// triangle is listed if a line through it meets the region, and crosses no wall on its way from the
+    /// triangles that the region overlaps. For exact answers in other cases, add the region's outline to the
+    /// plan as [clear](super::Opacity::Clear) walls, and unite the results of its triangles. Takes time
+    /// proportional to the number of triangles that beams enter: see [`RegionVisibility::steps`].
     ///
     /// # Errors
     /// - [`PlanError::Coordinate`] if a coordinate of a point is NaN, infinite or above 1e60 in absolute
@@ -131,7 +131,7 @@ impl Plan {
     /// - [`PlanError::Region`] if there is no point, or a point is outside the rectangle around the plan.
     /// - [`PlanError::TooMany`] if beams enter more than 2^24 triangles.
     ///
-    /// After an error the answer is unusable: count everything as visible.
+    /// After an error the result is invalid: count everything as visible.
     ///
     /// ```
     /// use visibility_2d::cdt::{Plan, RegionVisibility, Wall};
@@ -159,12 +159,12 @@ impl Plan {
         self.follow_all(answer)
     }
 
-    /// Adds the walls and triangles that are seen from the part of the hull in the triangles listed so far.
+    /// Adds the walls and triangles visible from the part of the hull inside the triangles listed so far.
     pub(super) fn follow_all(&self, answer: &mut RegionVisibility) -> Result<(), PlanError> {
         for index in 0..answer.triangles.len() {
             let first = 3 * answer.triangles[index];
             for edge in first..first + 3 {
-                // A region without area on a wall sees the wall, as an eye does.
+                // A region without area that touches a wall sees this wall, like an eye on it.
                 let piece = self.piece[edge as usize];
                 let [a, b] = self.ends(edge);
                 if piece != NONE
@@ -207,7 +207,7 @@ impl Plan {
             Place::Vertex(h) => self.fan(h).for_each(|h| add(h, answer)),
             Place::Outside => {}
         }
-        // Overlapped triangles hang together across edges, since the hull is convex and connected. A hull
+        // The overlapped triangles are connected through edges, because the hull is convex. Only a hull
         // without area may pass through a vertex.
         let mut index = 0;
         while index < answer.triangles.len() {
@@ -225,7 +225,7 @@ impl Plan {
         Ok(())
     }
 
-    /// Finds the walls and triangles that are seen from anywhere in a triangle: exact.
+    /// Finds the walls and triangles visible from anywhere in a triangle. Exact.
     pub(super) fn look_from_triangle(
         &self,
         triangle: u32,
@@ -237,9 +237,10 @@ impl Plan {
         self.follow_all(answer)
     }
 
-    /// Lists the triangles that a convex body overlaps, and all that some point of the body may get to inside
-    /// `outer`, through edges that some line of sight passes. Both are corners of convex polygons with an
-    /// area, counter-clockwise, and `outer` holds the body. Leaves `outer` as the hull.
+    /// Lists the triangles that a convex body overlaps, and those that some point of the body can reach
+    /// inside `outer` through edges that some line of sight passes. Body and `outer` are given as corners of
+    /// convex polygons with an area, counter-clockwise; `outer` contains the body. Afterwards the result's
+    /// hull is `outer`.
     pub(super) fn reached(
         &self,
         body: &[Point],
@@ -269,7 +270,7 @@ impl Plan {
         Ok(())
     }
 
-    /// Returns whether all points are in the rectangle around the plan.
+    /// Returns whether all points are inside the rectangle around the plan.
     fn is_inside(&self, points: &[Point]) -> bool {
         let [low, high] = self.bounds();
         points.iter().all(|p| (0..2).all(|axis| low[axis] <= p[axis] && p[axis] <= high[axis]))
@@ -283,9 +284,9 @@ impl Plan {
     fn follow_from(&self, edge: u32, answer: &mut RegionVisibility) -> Result<(), PlanError> {
         answer.sides.clear();
         let (a, b) = (self.edges[edge as usize].origin, self.edges[next(edge) as usize].origin);
-        // Every line across an edge of the hull meets the hull.
+        // If both ends of the edge are in the hull, every line across the edge meets the hull.
         let is_in_hull = [a, b].iter().all(|&v| contains(&answer.hull, self.points[v as usize]));
-        // All lines across the edge, from along it in one direction to along it in the other.
+        // The beam of all lines across the edge, from the direction along it to the opposite direction.
         answer.sides.push(Side { vertex: a, corner: [a, b] });
         answer.sides.push(Side { vertex: b, corner: [b, a] });
         answer.beams.clear();
@@ -317,7 +318,7 @@ impl Plan {
                 let side = orient(from, to, point);
                 answer.signs.push(if side > 0.0 { 1 } else { -i8::from(side < 0.0) });
             }
-            // To the left of the apex, and to its right.
+            // Splits the beam into the lines on the left and on the right of the apex.
             clip(answer, beam, apex, -1, previous(twin));
             clip(answer, beam, apex, 1, next(twin));
         }
@@ -325,7 +326,7 @@ impl Plan {
     }
 
     /// Returns whether a line of a beam meets the hull. If the lines at all corners of the beam pass the hull
-    /// on the same side, all its lines do. If some pass it on the left and some on the right, a line between
+    /// on the same side, no line meets it. If some pass it on the left and some on the right, a line between
     /// these meets it.
     fn meets_hull(&self, beam: Beam, answer: &RegionVisibility) -> bool {
         let mut common = 0;
@@ -346,8 +347,8 @@ impl Plan {
     }
 }
 
-/// Returns whether two convex polygons overlap, a segment or a point being one without area. False only if a
-/// side of either separates them. Polygons that only touch overlap if either is without area.
+/// Returns whether two convex polygons overlap. A segment or a point counts as a polygon without area. False
+/// only if a side of either separates them. If one has no area, touching counts as overlapping.
 fn overlap(one: &[Point], other: &[Point]) -> bool {
     let have_area = one.len() > 2 && other.len() > 2;
     let is_apart = |of: &[Point], others: &[Point]| {
@@ -363,18 +364,18 @@ fn overlap(one: &[Point], other: &[Point]) -> bool {
     !is_apart(one, other) && !is_apart(other, one)
 }
 
-/// Returns whether a convex polygon, counter-clockwise, contains a point in its inside or on its outline.
-/// False for a polygon without area.
+/// Returns whether a convex polygon, counter-clockwise, contains a point inside or on its outline. False for
+/// a polygon without area.
 fn contains(hull: &[Point], point: Point) -> bool {
     let after = hull.iter().cycle().skip(1);
     hull.len() > 2
         && hull.iter().zip(after).all(|(&a, &b)| a == point || b == point || orient(a, b, point) >= 0.0)
 }
 
-/// Pushes the part of a beam that passes the vertex `apex` on one side, as the beam that leaves by half-edge
-/// `edge`. `sign` is 1 for lines with the vertex to their left, -1 for those with it to their right.
-/// `answer.signs` must hold, for each corner of the beam, the side of the corner's line on which the vertex
-/// is.
+/// Pushes the part of a beam whose lines pass the vertex `apex` on one side, as the beam that leaves by
+/// half-edge `edge`. `sign` is 1 for lines with the vertex to their left, -1 for lines with it to their
+/// right. `answer.signs` must hold, for each corner of the beam, on which side of the corner's line the
+/// vertex lies.
 fn clip(answer: &mut RegionVisibility, beam: Beam, apex: u32, sign: i8, edge: u32) {
     let (first, count) = (beam.sides.0 as usize, answer.signs.len());
     let kept = answer.sides.len() as u32;
@@ -386,8 +387,8 @@ fn clip(answer: &mut RegionVisibility, beam: Beam, apex: u32, sign: i8, edge: u3
         answer.beams.push(Beam { edge, sides: beam.sides, kept });
         return;
     }
-    // The corners that stay follow one another: either none of them is the last, or they end at the first
-    // that does not stay.
+    // The corners that stay are contiguous in cyclic order. If the last corner stays, they end at the first
+    // one that does not.
     let keeps = |&other: &i8| other == sign;
     let end = if keeps(&answer.signs[count - 1]) {
         answer.signs.iter().position(|other| !keeps(other)).unwrap_or(count)
@@ -403,7 +404,8 @@ fn clip(answer: &mut RegionVisibility, beam: Beam, apex: u32, sign: i8, edge: u3
     }
     let before = answer.sides[first + begin].vertex;
     let after = answer.sides[first + if end == count { 0 } else { end }].vertex;
-    // Lines pass the vertices of earlier edges first.
+    // Lines pass the vertices of earlier edges before the apex, so corner lines run from these vertices to
+    // the apex.
     answer.sides.push(Side { vertex: after, corner: [after, apex] });
     answer.sides.push(Side { vertex: apex, corner: [before, apex] });
     let sides = (kept, answer.sides.len() as u32);

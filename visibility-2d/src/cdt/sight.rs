@@ -1,6 +1,7 @@
 //! Lines of sight between two points, and the first wall on a ray.
 //!
-//! Both walk from triangle to triangle along the segment, by exact orientations of three given points.
+//! Both queries walk from triangle to triangle along the segment, and decide by exact orientations of three
+//! given points.
 //!
 //! A segment through a vertex passes if it could be pushed aside there to the left or to the right without
 //! crossing a wall. A segment that runs along walls must not change sides until it leaves them.
@@ -10,50 +11,50 @@ use super::plan::{BLOCKS, Plan};
 use super::predicates::{MAX_MAGNITUDE, Point, area, checked, is_same_way, orient};
 use super::triangulation::{NONE, Place, next, previous};
 
-/// End of a ray: the first point at which it is stopped.
+/// Point where a ray ends at a wall or at the rectangle around the plan.
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub struct WallHit {
     /// Point in world units where the ray ends, rounded.
     pub point: [f64; 2],
-    /// Number of the wall at which the ray ends, the least if several stop it there. `None` at the rectangle
+    /// Number of the wall where the ray ends, the least if several stop it there. `None` at the rectangle
     /// around the plan.
     pub wall: Option<u32>,
 }
 
-/// Bit of the left side, as seen along the segment from its first point to its second: the segment may pass a
-/// vertex on this side, or has passed walls on this side.
+/// Bit for the left side, as seen along the segment. Set in a mask if the segment may pass a vertex on this
+/// side, or has passed walls on this side.
 const LEFT: u8 = 1;
-/// Bit of the right side: see [`LEFT`].
+/// Bit for the right side: see [`LEFT`].
 const RIGHT: u8 = 2;
 
 /// Position of a walk from triangle to triangle along a segment.
 #[derive(Clone, Copy, Debug)]
 enum At {
-    /// In the triangle of a half-edge, about to cross it. Index of the half-edge.
+    /// The walk is in the triangle of this half-edge, about to cross the half-edge.
     Edge(u32),
-    /// At the origin of a half-edge. Index of the half-edge, and the sides ([`LEFT`], [`RIGHT`] or both bits)
-    /// on which the segment may have come to this vertex: both unless it came along a wall that blocks.
+    /// The walk is at the origin of this half-edge. The second number has the sides ([`LEFT`], [`RIGHT`]) on
+    /// which the segment may have come to the vertex: both, unless it came along a blocking wall.
     Vertex(u32, u8),
 }
 
-/// End of a walk along a segment.
+/// Reason why a walk along a segment ended.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Stop {
     /// The walk has reached the second point, or no more triangle is on the way.
     Reached,
     /// A wall or the outer rectangle stops the segment at this half-edge, between its ends.
     Edge(u32),
-    /// A wall or the outer rectangle stops the segment at the origin of a half-edge. Index of the half-edge,
-    /// and the sides ([`LEFT`], [`RIGHT`]) on which the segment came: none at the rectangle.
+    /// A wall or the outer rectangle stops the segment at the origin of this half-edge. The second number has
+    /// the sides ([`LEFT`], [`RIGHT`]) on which the segment came: none at the rectangle.
     Vertex(u32, u8),
 }
 
 impl Plan {
-    /// Returns whether two points see each other: whether no wall stops the segment between them. Exact, and
-    /// symmetric unless one-way walls are in the way; then, whether `a` sees `b`. A point on a wall sees both
-    /// sides of the wall. A segment passes the end of a wall, and along a wall. Points outside the rectangle
-    /// around the plan are allowed. Time is in proportion to the triangles crossed.
+    /// Returns whether `a` sees `b`: whether no wall stops the segment between them. Exact, and symmetric
+    /// unless one-way walls are in the way. A point on a wall sees both sides of the wall. A segment may
+    /// touch the end of a wall, and may run along a wall. Points outside the rectangle around the plan are
+    /// allowed. Takes time proportional to the number of triangles crossed.
     ///
     /// ```
     /// use visibility_2d::cdt::{Plan, Wall};
@@ -72,11 +73,11 @@ impl Plan {
         Ok(a == b || Walk { plan: self, a, b, is_ray: false, heights: None }.run() == Stop::Reached)
     }
 
-    /// Returns whether two points, each given with its height, see each other. As [`sees`](Self::sees), but a
-    /// line of sight may also pass over or under walls with [heights](super::Wall::heights). A wall stops the
-    /// segment if the segment's height where the two cross is above the wall's lower end and below its upper
-    /// end; where rounding leaves that open, by some 2^-49 of the heights, the segment passes. So what is
-    /// seen is never denied.
+    /// Returns whether two points with heights see each other. Like [`sees`](Self::sees), but a line of sight
+    /// may also pass over or under walls with [heights](super::Wall::heights). A wall stops the segment if
+    /// the segment's height at their crossing is above the wall's lower end and below its upper end. If
+    /// rounding (about 2^-49 of the heights) leaves this undecided, the segment passes, so visible points are
+    /// never called hidden.
     ///
     /// ```
     /// use visibility_2d::cdt::{Plan, Wall};
@@ -105,8 +106,8 @@ impl Plan {
 
     /// Follows a ray from an eye through a point, to the first wall that stops the ray or to the rectangle
     /// around the plan. `None` if the two points are equal, or if the ray does not enter the rectangle; a ray
-    /// along a side of the rectangle may end anywhere on the side. What stops a ray is exact, and defined as
-    /// for [`sees`](Self::sees).
+    /// along a side of the rectangle may end anywhere on the side. Walls stop a ray as in
+    /// [`sees`](Self::sees), which is exact.
     ///
     /// # Errors
     /// [`PlanError::Coordinate`] with index 0 or 1 if a coordinate of `eye` or `through` is NaN, infinite or
@@ -140,8 +141,8 @@ impl Plan {
         })
     }
 
-    /// Returns the wall of least number along half-edge `h` at which lines of sight out of its triangle end.
-    /// `None` if they pass.
+    /// Returns the least number of a wall along half-edge `h` that stops lines of sight out of its triangle.
+    /// `None` if all let them pass.
     fn wall_that_stops(&self, h: u32) -> Option<u32> {
         let piece = self.piece[h as usize];
         let walls = if piece == NONE { &[] } else { self.walls_of(piece) };
@@ -156,7 +157,7 @@ struct Walk<'a> {
     b: Point,
     /// True for a ray, which does not end at `b`; false for the segment.
     is_ray: bool,
-    /// Heights at `a` and `b`. `None`: walls stop the walk at any height.
+    /// Heights at `a` and `b`. With `None`, walls stop the walk at any height.
     heights: Option<[f64; 2]>,
 }
 
@@ -191,7 +192,7 @@ impl Walk<'_> {
                     }
                     match self.leave(h, sides) {
                         Some(at) => at,
-                        // The walk leaves the rectangle at a corner, or ends on an edge.
+                        // A ray leaves the rectangle at a corner; a segment has ended on an edge.
                         None if self.is_ray => return Stop::Vertex(h, 0),
                         None => return Stop::Reached,
                     }
@@ -207,8 +208,8 @@ impl Walk<'_> {
             return false;
         }
         let Some([of_a, of_b]) = self.heights else { return true };
-        // The share of the way is wrong by less than 8 u, the height by that of the difference of heights and
-        // by two roundings.
+        // The fraction of the way has an error below 8 u. The height adds the error of the difference of
+        // heights, and two roundings.
         let share = end.map_or_else(
             || {
                 let [p, q] = self.plan.ends(h);
@@ -238,8 +239,8 @@ impl Walk<'_> {
         is_same_way(self.a, self.b, point)
     }
 
-    /// Returns the walk's first position. `None` if the walk does not run through the rectangle, or ends
-    /// before a vertex on its line.
+    /// Returns the walk's first position. `None` if the walk does not cross the rectangle, or ends before a
+    /// vertex on its line.
     fn begin(&self) -> Option<At> {
         let plan = self.plan;
         match plan.locate(self.a, plan.near(self.a)) {
@@ -251,7 +252,7 @@ impl Walk<'_> {
                     return self.leave_triangle(h);
                 }
                 if side < 0.0 {
-                    // Without a twin, a ray ends at once and a segment leaves the rectangle.
+                    // At the outer rectangle (no twin), a ray ends and a segment leaves.
                     return match plan.edges[h as usize].twin() {
                         Some(twin) => self.leave_triangle(twin),
                         None if self.is_ray => Some(At::Edge(h)),
@@ -267,15 +268,15 @@ impl Walk<'_> {
     }
 
     /// Returns whether the walk reaches the origin of half-edge `h`, which lies ahead on the segment's line.
-    /// True for a ray. A segment that ends exactly there reaches it.
+    /// Always true for a ray. True for a segment that ends exactly there.
     fn runs_to(&self, h: u32) -> bool {
         let axis = usize::from(self.a[0] == self.b[0]);
         let (from, to, end) = (self.a[axis], self.b[axis], self.plan.start(h)[axis]);
         self.is_ray || if to > from { to >= end } else { to <= end }
     }
 
-    /// Returns the position at which the line of the walk leaves the triangle of `h`, in which the walk is or
-    /// on whose boundary it begins. `None` if that is a vertex, and the walk ends before it.
+    /// Returns the position where the walk's line leaves the triangle of `h`, in which or on whose boundary
+    /// the walk is. `None` if this is a vertex and the walk ends before it.
     fn leave_triangle(&self, h: u32) -> Option<At> {
         [h, next(h), previous(h)].into_iter().find_map(|h| {
             let [p, q] = self.plan.ends(h);
@@ -287,8 +288,8 @@ impl Walk<'_> {
         })
     }
 
-    /// Returns the next position after the walk has entered the triangle of `h` across `h`, whose first end
-    /// is to the left. `None` if a vertex is next, and the walk ends before it.
+    /// Returns the next position of a walk that has entered the triangle of `h` across `h`, whose first end
+    /// is to the left. `None` if the next position is a vertex and the walk ends before it.
     fn cross(&self, h: u32) -> Option<At> {
         let apex = previous(h);
         let side = self.side(self.plan.start(apex));
@@ -299,12 +300,12 @@ impl Walk<'_> {
     }
 
     /// Returns the first position of a walk that begins outside the rectangle. `None` if the walk does not
-    /// come into the rectangle, or ends before a vertex on its line.
+    /// enter the rectangle, or ends before a vertex on its line.
     fn enter(&self) -> Option<At> {
         let plan = self.plan;
         for h in plan.outer() {
             let [p, q] = plan.ends(h);
-            // The sides are parallel to the axes: comparing coordinates is exact.
+            // The rectangle's sides are parallel to the axes, so comparing coordinates is exact.
             let axis = usize::from(p[1] == q[1]);
             let inwards = if axis == 1 { q[0] > p[0] } else { q[1] < p[1] };
             let forward = if inwards { self.b[axis] > self.a[axis] } else { self.b[axis] < self.a[axis] };
@@ -314,7 +315,7 @@ impl Walk<'_> {
                 return if reaches { self.cross(h) } else { None };
             }
         }
-        // A line through two corners enters at the nearer one.
+        // A line through two corners enters the rectangle at the nearer one.
         let axis = usize::from(self.a[0] == self.b[0]);
         let distance = |h: &u32| (plan.start(*h)[axis] - self.a[axis]).abs();
         let is_met = |h: &u32| {
@@ -327,21 +328,21 @@ impl Walk<'_> {
     }
 
     /// Returns the sides on which the segment may pass the origin of half-edge `h`: [`LEFT`], [`RIGHT`], both
-    /// or 0. A side is left out if a wall at the vertex stops the segment there. Left and right are as seen
+    /// or 0. A side is missing if a wall at the vertex stops the segment there. Left and right are as seen
     /// along the segment, from `a` to `b`.
     fn open_sides(&self, h: u32) -> u8 {
         let is_closed = |side: u8| self.plan.fan(h).any(|h| self.stop_at(h, side).is_some());
         [LEFT, RIGHT].into_iter().filter(|&side| !is_closed(side)).sum()
     }
 
-    /// Returns the half-edge, `h` or its twin, at which the edge of `h` ends a walk that passes the origin of
-    /// `h` on `sides`: on the side of the one bit that is set, or on either side if both are. `None` if the
-    /// edge does not end the walk.
+    /// Returns the half-edge, `h` or its twin, at which a wall along the edge of `h` stops a walk that passes
+    /// the origin of `h` on `sides`. If both bits are set, it must stop the walk on either side. `None` if
+    /// the edge does not stop the walk.
     fn stop_at(&self, h: u32, sides: u8) -> Option<u32> {
         let plan = self.plan;
         let twin = plan.edges[h as usize].twin()?;
         let side = self.side(plan.start(next(h)));
-        // On the left, the segment passes clockwise, out of the triangle of the half-edge.
+        // On the left, the segment passes the edges clockwise, so it leaves the triangle of this half-edge.
         let passed = if side > 0.0 && sides & LEFT != 0 {
             h
         } else if side < 0.0 && sides & RIGHT != 0 {
@@ -353,8 +354,8 @@ impl Walk<'_> {
     }
 
     /// Returns the next position from the origin of `h` in the direction of `b`, if the segment may pass this
-    /// vertex on `sides`. `None` if no triangle lies there, or if `b` is on the edge along which the segment
-    /// runs.
+    /// vertex on `sides`. `None` if no triangle lies in this direction, or if `b` is on the edge along which
+    /// the segment runs.
     fn leave(&self, h: u32, sides: u8) -> Option<At> {
         let plan = self.plan;
         let from = plan.start(h);
@@ -362,8 +363,8 @@ impl Walk<'_> {
             let axis = usize::from(self.a[0] == self.b[0]);
             (self.b[axis] > self.a[axis]) == (point[axis] > from[axis])
         };
-        // The segment passes either along an edge of the vertex that leads ahead, or between the other two
-        // corners of exactly one triangle around the vertex.
+        // The segment continues along an edge of the vertex, or between the other two corners of exactly one
+        // triangle around the vertex.
         plan.fan(h)
             .find_map(|h| {
                 let side = self.side(plan.start(next(h)));
@@ -374,12 +375,12 @@ impl Walk<'_> {
                 is_through.then_some((h, false))
             })
             .and_then(|(h, along)| {
-                // Through the triangle's far edge.
+                // The segment leaves through the triangle's far edge.
                 if !along {
                     return Some(At::Edge(next(h)));
                 }
-                // Along an edge. If the edge is a wall that blocks, the segment goes on only on the sides of
-                // it that were open.
+                // The segment runs along an edge. If the edge is a blocking wall, only the sides that were
+                // open remain open.
                 let edge = plan.edges[h as usize];
                 let back = edge.twin().map_or(0, |twin| plan.edges[twin as usize].twin);
                 let is_wall = edge.twin().is_some_and(|twin| {

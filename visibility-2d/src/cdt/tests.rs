@@ -9,7 +9,7 @@ use super::{Plan, PlanError, PlanView, Visibility, Wall};
 use alloc::vec::Vec;
 use visibility_testing::Random;
 
-/// Asserts that triangles turn left, that twins agree, and that every wall is a chain of pieces.
+/// Asserts that triangles are counter-clockwise, that twins agree, and that every wall is a chain of pieces.
 fn check(plan: &Plan) {
     let mut area = 0.0;
     for t in 0..plan.triangle_count() as u32 {
@@ -49,7 +49,8 @@ fn check(plan: &Plan) {
     let [low, high] = plan.bounds();
     let whole = 2.0 * (high[0] - low[0]) * (high[1] - low[1]);
     assert!((area - whole).abs() <= 1e-9 * whole, "area {area} of {whole}");
-    // Each end of a wall is the end of one of its pieces, every other point of the chain of two.
+    // Each end of a wall is an end of one piece in its chain; every other point of the chain is an end of two
+    // pieces.
     let mut ends: Vec<Vec<[u64; 2]>> = alloc::vec![Vec::new(); plan.walls().len()];
     for (piece, walls) in plan.pieces() {
         assert!(
@@ -75,7 +76,7 @@ fn check(plan: &Plan) {
     }
 }
 
-/// Counts the edges that could be flipped to make the triangulation more Delaunay.
+/// Counts the edges whose flip would make the triangulation more Delaunay.
 fn flippable(plan: &Plan) -> usize {
     (0..plan.edges.len() as u32)
         .filter(|&h| {
@@ -98,7 +99,7 @@ fn walls_that_cross_become_chains() {
     for seed in 0..150 {
         let mut random = Random(seed);
         let count = random.below(50);
-        // Grids make many walls collinear and concurrent; thirds of them make every crossing inexact.
+        // On grids many walls are collinear or concurrent. Scaling by a third makes every crossing inexact.
         let scale = random.pick(&[1.0, 1.0 / 3.0, 1e-9]);
         let size = random.between(1, 12);
         let offset = random.pick(&[0.0, 1e6]);
@@ -109,8 +110,8 @@ fn walls_that_cross_become_chains() {
     }
 }
 
-/// Makes walls, and walls on top of them: equal ones, parts of them, and ones whose ends differ in the last
-/// bits, at several scales, in any direction, many of them at small angles.
+/// Makes walls and copies on top of them: equal walls, parts of walls, and walls whose ends differ in the
+/// last bits, at several scales, in any direction, many at small angles.
 fn piled_walls(random: &mut Random) -> Vec<Wall> {
     let scale = [random.pick(&[1.0, 1e6, 1e-6]), random.pick(&[1.0, 1e-3, 1e3])];
     let offset = [random.pick(&[0.0, 0.0, 1e6, -3e3]), random.pick(&[0.0, 0.0, 1e6, 12.5])];
@@ -145,7 +146,7 @@ fn check_piles(seeds: core::ops::Range<u64>) {
     for seed in seeds {
         let walls = piled_walls(&mut Random(seed));
         let Ok(plan) = Plan::new(&walls) else {
-            // Very few are refused, as soon as bending does not come to an end.
+            // A pile is refused if bending its walls does not end, which is very rare.
             refused += 1;
             continue;
         };
@@ -156,8 +157,8 @@ fn check_piles(seeds: core::ops::Range<u64>) {
     assert!(refused <= count / 2000, "{refused} of {count} piles refused");
 }
 
-/// Such walls cross at every vertex of each other, by rounding alone: some thousand of these piles were
-/// millions of pieces without an end, as long as crossings were not moved to vertices beside them.
+/// Piled walls cross at every vertex of each other, by rounding alone. Unless crossings are moved to nearby
+/// vertices, some thousand of these piles would split into millions of pieces without end.
 #[test]
 fn walls_on_top_of_each_other_are_few_pieces() {
     check_piles(0..1500);
@@ -189,7 +190,7 @@ fn without_crossings_the_triangulation_is_delaunay() {
 
 #[test]
 fn a_wall_past_many_others_takes_no_quadratic_time() {
-    // 20,000 short walls in two jagged rows, and a wall between the rows that crosses edges of all of them.
+    // 20,000 short walls in two jagged rows, and one wall between the rows that crosses edges of all of them.
     let mut walls = Vec::new();
     let mut random = Random(3);
     for i in 0..10_000 {
@@ -217,7 +218,7 @@ fn hostile_bits_are_errors_or_plans() {
             [0, 1].map(|_| match kind {
                 0 => random.bits64(),
                 1 => f64::from(random.bits32()),
-                // Neighbouring numbers: hardly any crossing can be represented.
+                // Neighbouring floating-point numbers, so that most crossings are not representable.
                 2 => f64::from_bits(1.0f64.to_bits() + random.below(5) as u64),
                 _ => random.pick(&[0.0, -0.0, 1e-300, 1e-40, 1e-39, 1.0, 1e17, -1e59, 1e60, 3e-5]),
             })
@@ -259,7 +260,7 @@ fn hostile_bits_are_errors_or_plans() {
     assert!(plans > 500 && errors > 300, "{plans} plans, {errors} errors");
 }
 
-/// Asserts the parts of [`check`] that hold without rounding at any magnitude.
+/// Asserts the properties in [`check`] that hold exactly at any magnitude.
 fn check_structure(plan: &Plan) {
     for t in 0..plan.triangle_count() as u32 {
         let [a, b, c] = plan.triangle(t).unwrap();
@@ -267,10 +268,11 @@ fn check_structure(plan: &Plan) {
     }
 }
 
-/// Walls on top of walls are listed pair by pair: some 100,000 of them would fill any memory.
+/// Overlapping walls are listed pair by pair. Without a limit, the lists of 100,000 such walls would fill any
+/// memory.
 #[test]
 fn too_many_overlaps_are_an_error() {
-    // Wall i lies on i pieces: the lists grow while walls are laid.
+    // Wall i lies on i pieces, so the lists grow while walls are inserted.
     let nested: Vec<_> = (1..6500).map(|i| Wall::new([0.0, 0.0], [f64::from(i), 0.0])).collect();
     assert!(
         matches!(Plan::new(&nested), Err(PlanError::TooMany { .. })),
@@ -286,7 +288,7 @@ fn too_many_overlaps_are_an_error() {
 
 #[test]
 fn too_many_overlaps_of_crossed_walls_are_an_error() {
-    // Equal walls are one list, which crossings make that of many pieces.
+    // Equal walls share one list. Crossings copy the list to many pieces.
     let mut crossed = alloc::vec![Wall::new([0.0, 0.0], [9000.0, 0.0]); 9000];
     crossed.extend((1..9000).map(f64::from).map(|x| Wall::new([x, -1.0], [x, 1.0])));
     assert!(matches!(Plan::new(&crossed), Err(PlanError::TooMany { .. })), "9000 equal walls, each crossed");
@@ -294,7 +296,7 @@ fn too_many_overlaps_of_crossed_walls_are_an_error() {
 
 #[test]
 fn as_many_walls_as_the_limit_have_vertices() {
-    // Two ends each, and the corners of the rectangle.
+    // Each wall has two ends; the rectangle has four corners.
     assert!(
         2 * core::hint::black_box(Plan::LIMIT) + 4 <= MAX_VERTICES,
         "the limit of walls leaves room for their ends"
@@ -315,7 +317,7 @@ fn a_wide_margin_keeps_the_order_along_the_curve() {
     for _ in 0..100 {
         let [x, y] = point(&mut random);
         let [u, v] = plan.start(plan.near([x, y]));
-        // The mean distance to the nearest wall is 16.
+        // The mean distance to the nearest wall is 16, so the walk ends near its goal.
         assert!((u - x).abs() + (v - y).abs() < 400.0, "{x} {y}: {u} {v}");
     }
     check_structure(&plan);
@@ -331,7 +333,7 @@ fn points_at_one_place_of_the_curve_are_inserted_in_order() {
     let (low, high) = ([-1e15; 2], [1e15; 2]);
     let mut triangulation = Triangulation::new(low, high);
     triangulation.insert_all(&points, &Curve::new(low, high));
-    // Vertices are numbered as they are inserted; the first four are the rectangle.
+    // Vertices are numbered in the order of insertion; the first four are the rectangle.
     let steps = triangulation.points[4..].windows(2).map(|pair| (pair[0][0] - pair[1][0]).abs());
     let length: f64 = steps.sum();
     assert!(length < 16.0 * 4096.0, "{length}");
@@ -350,7 +352,7 @@ fn nearly_parallel_walls_are_split_where_they_cross() {
         ),
     ];
     let plan = Plan::new(&walls).unwrap();
-    // By fractions of whole numbers.
+    // The crossing, computed with exact fractions.
     let crossing = [2.583_835_515_027_79, 3.945_661_638_748_201_7];
     let is_near = |end: [f64; 2]| (0..2).all(|k| (end[k] - crossing[k]).abs() < 1e-12);
     assert!(

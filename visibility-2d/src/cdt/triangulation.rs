@@ -1,15 +1,17 @@
-//! A Delaunay triangulation while it is made: half-edges, insertion of points by flips.
+//! Construction of a Delaunay triangulation: half-edges, and insertion of points by flips.
 //!
 //! This work is based on: C. L. Lawson, "Software for C1 Surface Interpolation", 1977 (insertion by flips);
 //! Nina Amenta, Sunghee Choi and Guenter Rote, "Incremental Constructions con BRIO", 2003 (points in random
-//! rounds, each along a space-filling curve, so that flips take no quadratic time on any input).
+//! rounds, each along a space-filling curve, so that the expected number of flips is not quadratic for any
+//! input).
 //!
-//! Points at the same position along the curve are inserted in the order of x: on a line each is next to the
-//! one before. If one point is farther away than 2^32 times the extent of the `n` others, these may all have
-//! the same position. Unless they are on a line, they are then found by walks past up to `sqrt(n)` triangles.
+//! Points at the same position along the curve are inserted in the order of x, so that collinear points
+//! follow each other. If one point is farther away than 2^32 times the extent of the `n` others, these may
+//! all have the same position. Unless they are collinear, locating each of them then takes a walk through up
+//! to `sqrt(n)` triangles.
 //!
-//! Triangles carry labels, which a user of the triangulation sets: parts of a triangle keep its label, and a
-//! label that a flip would take to other points is erased and reported.
+//! Triangles have labels, set by the user of the triangulation. Parts of a split triangle keep its label. If
+//! a flip would extend a label to other points, the label is erased and reported.
 //!
 //! Triangle `t` has the half-edges `3 t`, `3 t + 1` and `3 t + 2`, counter-clockwise. All points lie strictly
 //! inside the rectangle of the first four, so every insertion splits a triangle or an inner edge.
@@ -18,7 +20,7 @@ use super::hilbert::Curve;
 use super::predicates::{Point, in_circle, orient};
 use alloc::vec::Vec;
 
-/// Index that no half-edge, no vertex and no list has.
+/// Index that no half-edge, vertex or list has.
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// Returns the half-edge that follows `h` in its triangle.
@@ -33,20 +35,20 @@ pub(crate) fn previous(h: u32) -> u32 {
     if h.is_multiple_of(3) { h + 2 } else { h - 1 }
 }
 
-/// What a point of a triangulation is on: a triangle, a half-edge or a vertex.
+/// Place of a point in a triangulation: a triangle, a half-edge or a vertex.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Place {
-    /// Strictly inside the triangle with this index.
+    /// The point is strictly inside the triangle with this index.
     Triangle(u32),
-    /// On a half-edge, between its ends.
+    /// The point is on a half-edge, between its ends.
     Edge(u32),
-    /// At the origin of a half-edge.
+    /// The point is at the origin of a half-edge.
     Vertex(u32),
-    /// Outside all triangles.
+    /// The point is outside all triangles.
     Outside,
 }
 
-/// A half-edge while the triangulation is made.
+/// Half-edge during construction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BuildEdge {
     /// Vertex at which the half-edge begins.
@@ -66,14 +68,14 @@ pub(crate) struct Triangulation {
     pub(crate) out: Vec<u32>,
     /// Items of the lists of walls: the number of a wall, and the next item or [`NONE`]. Items never change.
     pub(crate) lists: Vec<(u32, u32)>,
-    /// Label of each triangle, [`NONE`] without one. A label says something that holds for all points of its
-    /// triangle.
+    /// Label of each triangle, [`NONE`] without one. A label stands for a fact that holds at all points of
+    /// its triangle.
     pub(crate) labels: Vec<u32>,
     /// Labels that triangles have lost. A label may be listed several times.
     pub(crate) erased: Vec<u32>,
-    /// Least and greatest coordinates of the triangles that have lost their labels.
+    /// Bounds of the triangles that have lost their labels.
     pub(crate) erased_bounds: [Point; 2],
-    /// Half-edge from whose triangle the next walk to a point begins: see `locate`.
+    /// Half-edge at which the next walk to a point begins: see `locate`.
     last: u32,
     stack: Vec<u32>,
 }
@@ -89,7 +91,7 @@ impl Triangulation {
         new
     }
 
-    /// Resets the triangulation to the two triangles of a rectangle, and keeps its memory.
+    /// Resets the triangulation to the two triangles of a rectangle. Reuses its memory.
     pub(crate) fn restart(&mut self, low: Point, high: Point) {
         let edge = |origin, twin| BuildEdge { origin, twin, walls: NONE };
         let lists = [&mut self.out, &mut self.labels, &mut self.erased, &mut self.stack].into_iter();
@@ -107,9 +109,9 @@ impl Triangulation {
     }
 
     /// Gives triangles the same label: if their labels differ, all of them lose their labels. Called before
-    /// the area of these triangles is divided into other triangles, each of which may take over points of
-    /// several of them: a label must hold for all points of its triangle. Adds the labels lost to `erased`,
-    /// and the triangles that had them to `erased_bounds`.
+    /// the area of these triangles is divided differently, since each new triangle may contain points of
+    /// several old ones, and a label must hold at all points of its triangle. Adds the labels lost to
+    /// `erased`, and the triangles that had them to `erased_bounds`.
     pub(crate) fn unify(&mut self, triangles: &[u32]) {
         let label = |of: &Self, t: u32| of.labels[t as usize];
         if triangles.windows(2).all(|pair| label(self, pair[0]) == label(self, pair[1])) {
@@ -139,13 +141,14 @@ impl Triangulation {
         self.edges[previous(h) as usize].origin
     }
 
-    /// Inserts points, in an order that makes the expected time `n log n`, and returns the vertex of each.
-    /// Equal points share a vertex.
+    /// Inserts points in an order with expected time `n log n`, and returns the vertex of each. Equal points
+    /// share a vertex.
     pub(crate) fn insert_all(&mut self, points: &[Point], curve: &Curve) -> Vec<u32> {
         let mut order: Vec<_> = (0u32..)
             .zip(points)
             .map(|(index, &point)| {
-                // A multiplicative hash of the index: a point is in a later round with probability 7 / 8.
+                // A multiplicative hash of the index selects the round: a point is in a later round with
+                // probability 7 / 8.
                 let hash = (u64::from(index) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
                 let round = 10 - (hash >> 32 | 1 << 30).trailing_zeros() / 3;
                 (round, curve.place::<32>(point), index)
@@ -166,8 +169,8 @@ impl Triangulation {
         vertices
     }
 
-    /// Inserts a point strictly inside the outer rectangle and returns its vertex. A point at an existing
-    /// vertex returns that vertex. A wall through the point is split there.
+    /// Inserts a point strictly inside the outer rectangle and returns its vertex, or the existing vertex at
+    /// the point. A wall through the point is split there.
     pub(crate) fn insert(&mut self, point: Point) -> u32 {
         let place = self.locate(point);
         if let Place::Vertex(h) = place {
@@ -187,10 +190,10 @@ impl Triangulation {
         vertex
     }
 
-    /// Returns the triangle, half-edge or vertex that a point is on, [`Place::Outside`] if there is none.
-    /// Walks there from the triangle of half-edge `last`, each time across an edge that the point is beyond.
-    /// Each step begins its tests at another edge, so that the walk hardly ever runs in a circle; after more
-    /// steps than there are half-edges, all triangles are searched.
+    /// Returns the triangle, half-edge or vertex that a point lies on, [`Place::Outside`] if there is none.
+    /// Walks there from the triangle of half-edge `last`. Each step crosses an edge that has the point on its
+    /// other side. The steps test the edges in varying order, so that the walk hardly ever goes in a circle;
+    /// after as many steps as there are half-edges, all triangles are searched.
     pub(crate) fn locate(&self, point: Point) -> Place {
         let mut t = self.last / 3;
         'walk: for step in 0..self.edges.len() as u32 + 16 {
@@ -210,7 +213,7 @@ impl Triangulation {
         (0..self.edges.len() as u32 / 3).find_map(|t| self.place_in(t, point)).unwrap_or(Place::Outside)
     }
 
-    /// Returns the place of a point in a triangle or on its boundary. `None` if it is outside.
+    /// Returns the place of a point inside a triangle or on its boundary. `None` if the point is outside.
     fn place_in(&self, t: u32, point: Point) -> Option<Place> {
         place_in(core::array::from_fn(|k| self.start(3 * t + k as u32)), t, point)
     }
@@ -263,7 +266,8 @@ impl Triangulation {
         let (of_bc, of_ad) = (self.across(hn), self.across(gn));
         let [of_h, of_g] = [h, g].map(|h| self.labels[h as usize / 3]);
         let (e, f) = (self.push_triangle(of_h), self.push_triangle(of_g));
-        // Triangle of h: a v c; new: v b c. Triangle of g: b v d; new: v a d.
+        // Of the four triangles around the new vertex v, those of h (a v c) and g (b v d) keep their index.
+        // New are (v b c) and (v a d).
         self.set(h, a, (f, walls));
         self.set(hn, v, (e + 2, NONE));
         self.set(e, v, (g, walls));
@@ -295,18 +299,18 @@ impl Triangulation {
         self.stack.clear();
     }
 
-    /// Sets the half-edge at which the next search for a point begins.
+    /// Sets the half-edge at which the next walk to a point begins.
     pub(crate) fn begin_at(&mut self, h: u32) {
         self.last = h;
     }
 
-    /// Puts an edge on the stack of [`restore_delaunay`](Self::restore_delaunay).
+    /// Pushes an edge on the stack of [`restore_delaunay`](Self::restore_delaunay).
     pub(crate) fn suspect(&mut self, h: u32) {
         self.stack.push(h);
     }
 
-    /// Replaces the edge `a b` of `h` by the other diagonal of the two triangles at it, which form a convex
-    /// quadrilateral. Then `h` begins at `a`, the twin at `b`, and the new edge is at `next(h)`.
+    /// Replaces the edge `a b` of `h` by the other diagonal of the convex quadrilateral that its two
+    /// triangles form. Afterwards `h` begins at `a`, the twin at `b`, and the new edge is `next(h)`.
     pub(crate) fn flip(&mut self, h: u32) {
         let g = self.edges[h as usize].twin;
         self.unify(&[h / 3, g / 3]);
@@ -320,15 +324,15 @@ impl Triangulation {
     }
 }
 
-/// Returns the place of a point in triangle `t` with the given corners, or on its boundary. `None` if it is
-/// outside.
+/// Returns the place of a point inside triangle `t` with the given corners, or on its boundary. `None` if the
+/// point is outside.
 pub(crate) fn place_in(corners: [Point; 3], t: u32, point: Point) -> Option<Place> {
     let sides = [0, 1, 2].map(|k| orient(corners[k], corners[(k + 1) % 3], point));
     if sides.iter().any(|side| *side < 0.0) {
         return None;
     }
     let on = |k: usize| sides[k] == 0.0;
-    // The corner k is on the sides k and k - 1.
+    // A point at corner k is on the sides k and k - 1.
     Some(match (0..3).find(|&k| on(k) && on((k + 2) % 3)) {
         Some(k) => Place::Vertex(3 * t + k as u32),
         None => (0..3).find(|&k| on(k)).map_or(Place::Triangle(t), |k| Place::Edge(3 * t + k as u32)),

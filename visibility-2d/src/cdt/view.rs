@@ -1,22 +1,14 @@
-//! Views of a plan: the eye, and limits on what it sees.
+//! Views on a plan: an eye, and limits on what it sees.
 
 use super::error::PlanError;
 use super::predicates::{Point, checked, is_same_way, orient};
 use alloc::vec::Vec;
 
-/// An eye on a plan, with limits on its sight: a range, a sector, heights, and a number of walls to see
-/// through.
-///
-/// ```
-/// use visibility_2d::cdt::PlanView;
-/// // A guard at the origin sees 20 units far, a quarter turn from the direction +x to the direction +y.
-/// let guard = PlanView::new([0.0, 0.0]).with_range(20.0).with_sector([1.0, 0.0], [0.0, 1.0]);
-/// assert_eq!(guard.range, 20.0);
-/// ```
+/// Eye on a plan, with limits on its sight: a range, a sector, heights, and a number of walls to see through.
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[must_use]
 pub struct PlanView {
-    /// Eye in world units. An eye on a wall sees both sides of the wall.
+    /// Position of the eye in world units. An eye on a wall sees both sides of the wall.
     pub eye: [f64; 2],
     /// Greatest distance that the eye sees, in world units. Infinite by default; NaN counts as infinite, a
     /// negative number as 0.
@@ -25,16 +17,15 @@ pub struct PlanView {
     /// second: nothing if both have the same direction. `None` by default: all directions. A point equal to
     /// the eye has no direction, and the limit is ignored.
     pub sector: Option<[[f64; 2]; 2]>,
-    /// Heights of the eye and of the things it looks for, in world units. `None` by default: all walls count.
-    /// With heights, a wall counts only if it stops every line of sight between the two heights: if it
-    /// reaches from the lower height or below to the upper one or above. So nothing that is seen over or
-    /// under a wall is left out. A wall that hides only a part of the heights hides nothing here: ask
-    /// [`Plan::sees_at`].
+    /// Heights of the eye and of its targets, in world units. `None` by default: all walls block. With
+    /// heights, a wall only blocks if it extends at least from the lower to the upper of the two heights, and
+    /// so stops every line of sight between them. Targets visible over or under a wall are therefore never
+    /// left out. For walls that cover a part of the heights, use [`Plan::sees_at`].
     ///
     /// [`Plan::sees_at`]: super::Plan::sees_at
     pub heights: Option<[f64; 2]>,
-    /// Number of opaque walls that a line of sight passes through before it ends at the next one. 0 by
-    /// default. Walls along the same piece count once.
+    /// Number of opaque walls that a line of sight may pass through. 0 by default. Walls along the same piece
+    /// count as one.
     pub through: u32,
 }
 
@@ -49,23 +40,23 @@ impl PlanView {
         Self { range, ..self }
     }
 
-    /// Returns the view limited to the directions from the point `right` counter-clockwise to the point
-    /// `left`, in world units. The directions are exact, since points are given and not angles.
+    /// Returns the view limited to the directions counter-clockwise from the point `right` to the point
+    /// `left`, in world units. Points are exact, unlike angles.
     pub fn with_sector(self, right: impl Into<[f64; 2]>, left: impl Into<[f64; 2]>) -> Self {
         Self { sector: Some([right.into(), left.into()]), ..self }
     }
 
-    /// Returns the view with the heights of the eye and of the things it looks for, in world units.
+    /// Returns the view with heights of the eye and of its targets, in world units.
     pub fn with_heights(self, eye: f64, target: f64) -> Self {
         Self { heights: Some([eye, target]), ..self }
     }
 
-    /// Returns the view with a number of opaque walls that lines of sight pass through.
+    /// Returns the view with a number of opaque walls that lines of sight may pass through.
     pub fn with_through(self, through: u32) -> Self {
         Self { through, ..self }
     }
 
-    /// Returns the eye with coordinates that the exact predicates accept.
+    /// Returns the eye, with coordinates rounded to ones that the exact predicates accept.
     ///
     /// # Errors
     /// [`PlanError::Coordinate`] with index 0 if a coordinate of the eye is NaN, infinite or above 1e60 in
@@ -75,8 +66,8 @@ impl PlanView {
     }
 
     /// Replaces `out` by points whose directions from the eye divide the sector into parts of less than half
-    /// a turn each, from right to left. A single point: the sector is empty. Returns false if the view has no
-    /// sector, or one without directions: all directions count.
+    /// a turn each, from right to left. An empty sector gives a single point. Returns false if the view has
+    /// no sector, or a sector point equals the eye: then all directions count.
     ///
     /// # Errors
     /// [`PlanError::Coordinate`] with index 1 or 2 if a coordinate of the sector's first or second point is
@@ -93,8 +84,8 @@ impl PlanView {
         if orient(eye, right, left) == 0.0 && is_same_way(eye, right, left) {
             return Ok(true);
         }
-        // A quarter turn at a time leaves more than nothing as long as half a turn or more is left. The step
-        // is as long as the coordinates, so that its rounding turns it by some 2^-51 only.
+        // Quarter turns are added while half a turn or more is left. A step is as long as the coordinates, so
+        // that rounding changes its direction by only about 2^-51.
         while orient(eye, at, left) <= 0.0 && out.len() < 5 {
             let [x, y] = [at[0] - eye[0], at[1] - eye[1]];
             let length = x.abs() + y.abs();

@@ -12,7 +12,7 @@ use super::wall::add_walls;
 use alloc::vec::Vec;
 use visibility_core::stamp::Stamp;
 
-/// The answer of [`Plan::look`]: visibility polygon, its area and the walls seen. Keeps its memory, so that a
+/// Result of [`Plan::look`]: visibility polygon, its area, and the walls seen. Reuses its memory, so that a
 /// warm query does not allocate.
 #[derive(Clone, Debug)]
 pub struct Visibility {
@@ -22,17 +22,17 @@ pub struct Visibility {
     twice_area: f64,
     cones: Vec<Cone>,
     sector: Vec<Point>,
-    /// Number of the last query that saw each wall, by wall.
+    /// For each wall, the number of the last query that saw it.
     marks: Vec<u32>,
-    /// Number of the last query that saw each object, by object.
+    /// For each object, the number of the last query that saw it.
     object_marks: Vec<u32>,
     query: u32,
-    /// Half-edge at the eye of the last query, and the stamp of its triangulation.
+    /// Half-edge at the eye of the last query, with the stamp of its triangulation.
     last: (u32, Stamp),
 }
 
 impl Visibility {
-    /// Makes an empty answer: no polygon, no walls.
+    /// Makes an empty result, without polygon and walls.
     pub fn new() -> Self {
         Self {
             polygon: Vec::new(),
@@ -48,15 +48,15 @@ impl Visibility {
         }
     }
 
-    /// Returns the numbers of the objects that [`Plan::look_at`] has seen, each once, in no particular order.
+    /// Returns the numbers of the objects seen by [`Plan::look_at`], each once, in no particular order.
     pub fn objects(&self) -> &[u32] {
         &self.objects
     }
 
-    /// Returns the corners of the visibility polygon in world units, counter-clockwise. Corners at ends of
-    /// walls are exact. Corners where a line of sight past an end of a wall ends are rounded. A range makes
-    /// arcs, which become chords of at most a 64th of a turn. The eye is a corner if it does not see all
-    /// around. Empty if nothing is seen.
+    /// Returns the corners of the visibility polygon in world units, counter-clockwise. Corners at wall ends
+    /// are exact. Corners where a line of sight past a wall end hits another wall are rounded. With a range,
+    /// arcs become chords of at most a 64th of a turn. The eye is a corner if it does not see all around.
+    /// Empty if nothing is seen.
     pub fn polygon(&self) -> &[[f64; 2]] {
         &self.polygon
     }
@@ -66,10 +66,10 @@ impl Visibility {
         0.5 * self.twice_area
     }
 
-    /// Returns the numbers of the walls seen, each once, in the order in which sight meets them first,
-    /// counter-clockwise. A wall is seen if lines of sight meet more than one point of it, or if the eye is
-    /// on it. A wall seen only along itself is not. With a range, walls are listed whose piece comes within
-    /// the range, even if the part of the piece that is seen does not.
+    /// Returns the numbers of the walls seen, each once, in the order in which cones of sight first meet
+    /// them, counter-clockwise. A wall is seen if lines of sight meet more than one point of it, or if the
+    /// eye is on it. A wall seen exactly edge-on is not listed. With a range, a wall is listed if a piece of
+    /// it with a visible part comes within the range, even if the visible part does not.
     pub fn walls(&self) -> &[u32] {
         &self.walls
     }
@@ -99,19 +99,19 @@ impl Default for Visibility {
 }
 
 impl Plan {
-    /// Finds the walls that a view sees, and its visibility polygon. Time is in proportion to the triangles
-    /// seen, plus a search for the eye.
+    /// Finds the walls that a view sees, and its visibility polygon. Takes time proportional to the number of
+    /// triangles seen, plus the location of the eye.
     ///
     /// # Errors
     /// [`PlanError::Coordinate`] if a coordinate of the eye (index 0) or of a point of the sector (index 1 or
-    /// 2) is NaN, infinite or above 1e60 in absolute value. The answer is then empty.
+    /// 2) is NaN, infinite or above 1e60 in absolute value. The result is then empty.
     pub fn look(&self, view: &PlanView, answer: &mut Visibility) -> Result<(), PlanError> {
         self.look_for(view, None, answer)
     }
 
     /// Finds the walls and the objects that a view sees. An object is seen if a line of sight within the
-    /// view's limits meets it, up to and including the line's end. Time is in proportion to the triangles
-    /// seen and to the objects in them.
+    /// view's limits meets it, up to and including the line's end. Takes time proportional to the number of
+    /// triangles seen and of objects in them.
     ///
     /// Exact for objects that are points, up to rounding of the range. Conservative for others: an object
     /// counts as seen if it overlaps a triangle of which a part is seen, and reaches into the cone of
@@ -119,7 +119,7 @@ impl Plan {
     ///
     /// # Errors
     /// The errors of [`look`](Self::look), and [`PlanError::Objects`] if the objects are of another plan. The
-    /// answer is then empty.
+    /// result is then empty.
     pub fn look_at(
         &self,
         view: &PlanView,
@@ -159,7 +159,7 @@ impl Plan {
         answer: &mut Visibility,
     ) {
         let eye = from.eye;
-        // From where the last eye was, if that is some steps away.
+        // Starts at the last eye's position, which is used if it is only some steps away.
         let last = if answer.last.1 == self.triangulated { answer.last.0 } else { NONE };
         let place = self.locate_near(eye, last);
         if let Place::Triangle(t) = place {
@@ -168,7 +168,7 @@ impl Plan {
         let Visibility {
             polygon, walls, objects: seen, twice_area, cones, marks, object_marks, query, ..
         } = answer;
-        // The walls that the eye stands on are seen.
+        // Walls on which the eye stands are seen.
         match place {
             Place::Edge(h) if self.piece[h as usize] != NONE => {
                 add_walls(walls, marks, *query, self.walls_of(self.piece[h as usize]));
@@ -180,7 +180,7 @@ impl Plan {
             }
             _ => {}
         }
-        // Cones around the eye, from right to left. They are taken from the end of the stack, so the order is
+        // Cones around the eye, from right to left. They are taken from the end of the list, so the order is
         // reversed.
         from.start(place, view.through, cones);
         if limited {
@@ -188,7 +188,7 @@ impl Plan {
         }
         cones.reverse();
         let disc = (view.range < f64::INFINITY).then(|| Disc::new(eye, view.range));
-        // Objects of each triangle that a cone enters are seen if they meet this cone, and are within range.
+        // The objects of each triangle that a cone enters are seen if they meet this cone within range.
         let mut enter = |triangle: u32, right: Ray, left: Ray| {
             let Some(objects) = objects else { return };
             let cone = [from.point(right.point), from.point(left.point)];
@@ -203,7 +203,7 @@ impl Plan {
                 }
             });
         };
-        // The triangles around the eye are entered by no edge.
+        // The triangles at the eye are not entered through an edge, so they are handled here.
         for cone in cones.iter() {
             if let Some((triangle, right, left)) = cone.inside() {
                 enter(triangle, right, left);
@@ -211,8 +211,8 @@ impl Plan {
         }
         let heights = view.heights.map(|[a, b]| [a.min(b), a.max(b)]);
         let stops = |edge: u32| heights.is_none_or(|heights| self.stops_between(edge, heights));
-        // The polygon closes around the eye unless the view is limited or the eye is on the boundary of the
-        // plan: then the eye is a vertex of it.
+        // The eye is a corner of the polygon if the view is limited or the eye is on the boundary of the
+        // plan. Otherwise the polygon closes around the eye.
         let around = !limited && !self.is_on_boundary(place);
         let mut last = [f64::NAN; 2];
         let mut push = |point: Point| {
@@ -227,8 +227,8 @@ impl Plan {
                 add_walls(walls, marks, *query, self.walls_of(piece));
             }
         };
-        // Within a range the polygon's boundary has arcs, and its area is that of the finished polygon.
-        // Without one it consists of parts of walls, whose triangles with the eye add up.
+        // With a range, the boundary has arcs, and the area is computed from the finished polygon. Otherwise
+        // the boundary consists of parts of walls, whose triangles with the eye are summed.
         if let Some(disc) = disc {
             from.run(
                 cones,

@@ -1,4 +1,4 @@
-//! Walls of a plan, as given.
+//! Walls of a plan, as input.
 
 use super::predicates::Point;
 use alloc::vec::Vec;
@@ -7,33 +7,27 @@ use visibility_core::glam::DVec2;
 /// Effect of a wall on lines of sight that cross it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
 pub enum Opacity {
-    /// Lines of sight end at the wall: a wall, a closed door.
+    /// Lines of sight end at the wall, such as a solid wall or a closed door.
     #[default]
     Opaque,
-    /// Lines of sight pass, and the wall is seen by them: glass, an open door, a line that only marks a
-    /// place.
+    /// Lines of sight pass through the wall, and the wall itself is seen: glass, an open door, a line that
+    /// only marks a place.
     Clear,
     /// Lines of sight pass from the left side of the wall to its right side, and end when they come from the
-    /// right. Left is as seen along the wall from its first end to its second.
+    /// right. Left is as seen along the wall from its first to its second end.
     OneWay,
 }
 
-/// A wall: a segment of the plan between two ends, in world units.
-///
-/// ```
-/// use visibility_2d::cdt::{Opacity, Wall};
-/// let window = Wall::new([0.0, 0.0], [4.0, 0.0]).with_opacity(Opacity::Clear);
-/// assert_eq!(window.opacity, Opacity::Clear);
-/// ```
+/// Wall of a plan: a segment between two ends, in world units.
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[must_use]
 pub struct Wall {
-    /// The two ends of the wall in world units. Equal ends make a wall that is never seen and hides nothing.
+    /// Ends of the wall in world units. A wall with equal ends is never seen and hides nothing.
     pub ends: [[f64; 2]; 2],
-    /// Which lines of sight the wall stops: all, none, or those from one side.
+    /// Lines of sight that the wall stops: all, none, or those from one side.
     pub opacity: Opacity,
-    /// Heights at which the wall begins and ends, in world units. From negative to positive infinity by
-    /// default: the wall stops lines of sight at any height. Only questions with heights look at them.
+    /// Heights of the wall's lower and upper end, in world units. From negative to positive infinity by
+    /// default, so that the wall stops lines of sight at any height. Only queries with heights use them.
     pub heights: [f64; 2],
 }
 
@@ -49,19 +43,18 @@ impl Wall {
         Self { opacity, ..self }
     }
 
-    /// Returns the wall with the heights at which it begins and ends: a parapet, a crate, the wall above a
-    /// door. If the first is not below the second, or one is NaN, the wall stops no line of sight that
-    /// has heights.
+    /// Returns the wall with a lower and an upper height: a parapet, a crate, the wall above a door. If `low`
+    /// is not below `high`, or one is NaN, the wall stops no line of sight that has heights.
     pub fn with_heights(self, low: f64, high: f64) -> Self {
         Self { heights: [low, high], ..self }
     }
 
-    /// Returns whether the wall has no lower and no upper end.
+    /// Returns whether the wall extends from negative to positive infinity in height.
     pub(crate) fn is_endless(&self) -> bool {
         self.heights == [f64::NEG_INFINITY, f64::INFINITY]
     }
 
-    /// Returns whether the wall ends lines of sight that cross a piece of it from the piece's left side to
+    /// Returns whether the wall stops lines of sight that cross a piece of it from the piece's left side to
     /// its right side.
     pub(crate) fn stops(&self, piece: [Point; 2]) -> bool {
         match self.opacity {
@@ -79,14 +72,14 @@ impl From<[DVec2; 2]> for Wall {
     }
 }
 
-/// Returns whether a piece of a wall runs from the wall's first end towards its second. Both coordinates are
-/// monotonic along a wall's pieces, so that one coordinate decides.
+/// Returns whether a piece of a wall runs in the direction from the wall's first end to its second. One
+/// coordinate decides, since both are monotonic along a wall's pieces.
 pub(crate) fn is_along(wall: [Point; 2], piece: [Point; 2]) -> bool {
     let axis = usize::from(piece[0][0] == piece[1][0]);
     (wall[0][axis] < wall[1][axis]) == (piece[0][axis] < piece[1][axis])
 }
 
-/// Adds to `to` each wall of `walls` whose entry in `marks` is not `query` yet, and sets the entry.
+/// Appends to `to` each wall of `walls` that is not marked with `query` in `marks`, and marks it.
 pub(crate) fn add_walls(to: &mut Vec<u32>, marks: &mut [u32], query: u32, walls: &[u32]) {
     for &wall in walls {
         let mark = &mut marks[wall as usize];

@@ -1,23 +1,23 @@
-//! The directions that are still open, that is, in which no disc has been met: disjoint intervals of
-//! direction numbers, in sectors.
+//! Set of the open directions, in which no disc has been met yet: disjoint intervals of direction numbers,
+//! stored by sectors.
 //!
-//! An interval is inserted into the list of its sector alone, so that a cut moves little memory. Where m
-//! intervals come to lie in one sector, 1/256 of a turn, a cut moves up to m of them, 16 bytes each.
+//! Each sector has its own list of intervals, so that a cut moves little memory: up to m intervals of 16
+//! bytes each if m intervals lie in one sector of 1/256 turn.
 
 use alloc::vec::Vec;
 
-/// Number of sectors into which the full turn around the eye is divided, equal in direction numbers.
+/// Number of sectors of the full turn around the eye, all with equal ranges of direction numbers.
 const SECTORS: usize = 256;
 
 /// Number of sectors per unit of direction numbers.
 const PER_UNIT: f64 = SECTORS as f64 / 4.0;
 
-/// A set of directions in which no disc has been met so far.
+/// Set of directions in which no disc has been met yet.
 #[derive(Clone, Debug)]
 pub(crate) struct Gaps {
     /// For each sector, its open intervals as pairs of direction numbers, ascending.
     sectors: Vec<Vec<(f64, f64)>>,
-    /// Number of sectors that have an open interval.
+    /// Number of sectors with an open interval.
     open: usize,
 }
 
@@ -56,15 +56,15 @@ impl Gaps {
         self.open == 0
     }
 
-    /// Returns whether some direction is open between `first`, counter-clockwise, and `last`, both moved
-    /// outwards by `error`.
+    /// Returns whether some direction is open between `first` and `last`, counter-clockwise, after moving
+    /// both outwards by `error`.
     #[inline]
     pub(crate) fn any(&self, first: f64, last: f64, error: f64) -> bool {
         let (first, last) = (first - error, last + error);
         if first > last {
             return self.any_between(first, 4.0) || self.any_between(0.0, last);
         }
-        // An end moved beyond 0 or 4 goes on at the other.
+        // A range moved beyond 0 or 4 continues at the other end.
         self.any_between(first, last)
             || (first < 0.0 && self.any_between(first + 4.0, 4.0))
             || (last > 4.0 && self.any_between(0.0, last - 4.0))
@@ -85,14 +85,15 @@ impl Gaps {
             || self.sectors[from + 1..to].iter().any(|gaps| !gaps.is_empty())
     }
 
-    /// Closes the directions between `first`, counter-clockwise, and `last`, at most half a turn apart, both
-    /// moved inwards by `error`, which is at least `2^-49`.
+    /// Closes the directions between `first` and `last`, counter-clockwise and at most half a turn apart,
+    /// after moving both inwards by `error`, which is at least `2^-49`.
     #[inline]
     pub(crate) fn cut(&mut self, first: f64, last: f64, error: f64) {
         let width = if first <= last { last - first } else { last + 4.0 - first };
-        // The ends of an interval thinner than their error may be the wrong way around, which looks like
-        // almost a full turn. Of three errors, two are cut off, and one is more than the rounding of the
-        // width (`2^-51`) and of the moved ends (`2^-51` and `2^-52`), so that they keep their order.
+        // If an interval is thinner than its error, its ends may be swapped, which looks like almost a full
+        // turn. So intervals up to three errors wide are skipped: two errors are cut off, and the third
+        // exceeds the rounding of the width (`2^-51`) and of the moved ends (`2^-51` and `2^-52`), so that
+        // they keep their order.
         if width <= 3.0 * error || width > 2.0 {
             return;
         }
@@ -158,13 +159,14 @@ pub(super) fn cut_list(gaps: &mut Vec<(f64, f64)>, first: f64, last: f64) {
 mod tests {
     use super::*;
 
-    /// Ranks of a whole turn: three for each border of sectors, which are just before, on and just after it.
+    /// Number of ranks of a whole turn: three for each border between sectors, just before, on and just after
+    /// it.
     const TURN: i64 = 3 * SECTORS as i64;
 
-    /// Error of directions in these tests: more than the distance of neighbouring numbers.
+    /// Error of directions in these tests, greater than the spacing of direction numbers.
     const ERROR: f64 = 4.0 * f64::EPSILON;
 
-    /// Returns the numbers around some borders of sectors with their ranks. 4 is the same direction as 0.
+    /// Returns the numbers around some borders with their ranks. 4 is the same direction as 0.
     fn around(borders: &[i64]) -> Vec<(f64, i64)> {
         let mut all = Vec::new();
         for &border in borders {
@@ -176,18 +178,18 @@ mod tests {
         all
     }
 
-    /// Returns the ranks from one direction counter-clockwise to another.
+    /// Returns the number of ranks counter-clockwise from one direction to another.
     fn width(from: i64, to: i64) -> i64 {
         (to - from).rem_euclid(TURN)
     }
 
-    /// A cut and a question between every two numbers around borders of sectors. What is not within the cut
-    /// is open.
+    /// Tries a cut and a query between every two numbers around borders of sectors. Directions outside of the
+    /// cut must stay open.
     #[test]
     fn directions_are_open_unless_they_are_within_a_cut() {
         let all = around(&[0, 1, 2, 3, 64, 65, 127, 128, 200, 255, 256]);
         for (&(first, a), &(last, b)) in all.iter().flat_map(|x| all.iter().map(move |y| (x, y))) {
-            // An interval as thin as the error may be the wrong way around.
+            // The ends of an interval as thin as the error may be swapped.
             let cut = width(a, b);
             if !(3..=TURN / 2 - 3).contains(&cut) {
                 continue;
@@ -204,7 +206,8 @@ mod tests {
                 let is_within = |inwards: i64| width(a + inwards, c) + asked <= cut - 2 * inwards;
                 let is_open = gaps.any(from, to, ERROR);
                 assert!(is_open || is_within(0), "{first} to {last} is cut, {from} to {to} is open");
-                // Margins are a few units of the last place of the greatest number: two ranks are less.
+                // Margins are a few units in the last place of the greatest number, which is less than two
+                // ranks.
                 let is_far = is_within(3) && width(a, c) >= 3;
                 assert!(!is_open || !is_far, "{first} to {last} is cut, {from} to {to} is closed");
             }

@@ -1,23 +1,24 @@
-//! The visible zone, kept as an eye moves: the tangent segments at the eye, each with its equivalence class.
+//! The visible zone of a moving eye, updated from frame to frame: the tangent segments at the eye, each with
+//! its equivalence class.
 //!
 //! ("Visible Zone Maintenance for Real-Time Occlusion Culling", 2002.) A tangent segment begins at the eye,
-//! touches one disc, its pivot, and ends at the disc that it meets first beyond, its front, or never. Its
-//! class are all segments that come from it by rolling along the pivot without touching another disc. While
-//! the eye moves so that each of its tangent segments stays in its class, the same discs are seen. The class
-//! ends where the segment touches a second disc, on one of two fixed lines, the bitangents of pivot and that
-//! disc. So a class is held by two tests, linear in the position of the eye, and only these are made in a
-//! frame in which nothing changes.
+//! touches one disc (its pivot), and ends at the next disc beyond (its front), or never. Its class is the set
+//! of all segments that result from rolling it along the pivot without touching another disc. As long as each
+//! tangent segment at the moving eye stays in its class, the same discs are seen. A class ends where the
+//! segment touches a second disc, on one of two fixed lines, which are bitangents of the pivot and another
+//! disc. So two tests, linear in the position of the eye, tell whether a segment is still in its class. If
+//! nothing changes in a frame, only these tests are made.
 //!
-//! The paper keeps tangent segments of hidden discs too and brings them up to date by recursion when a
-//! segment of the eye needs them. This module keeps the segments of the eye only. Where classes end, it looks
-//! again, from scratch, between the nearest segments on both sides whose classes hold, and derives the
-//! classes of new segments by a search of the tree of [`Discs`] along the segment.
+//! The paper also stores tangent segments of hidden discs, and updates them recursively when needed. This
+//! module only stores the segments at the eye. When classes end, it looks again from scratch between the
+//! nearest segments on both sides that are still in their classes. The classes of new segments are derived by
+//! a search of the tree of [`Discs`] along the segment.
 //!
 //! # Why the discs between two held segments are the same
-//! Between two neighbouring segments at the eye one disc is seen, or none. Another disc could come in only
-//! across one of the segments, which would touch it then, or at the eye, which would come out of it; an eye
-//! that near to a disc ends the classes of that disc's own segments before. The regions of eyes in which a
-//! class is held are convex, so both hold on the whole way between two frames.
+//! Between two neighbouring segments at the eye, one disc is seen, or none. Another disc could only appear
+//! across one of the segments, which would touch it then, or at the eye, by the eye leaving the disc. An eye
+//! so close to a disc ends the classes of that disc's own segments first. The set of eyes that keep a segment
+//! in its class is convex, so this holds on the whole way between two frames.
 
 use super::gaps::cut_list;
 use super::tree::{Disc, Discs, FAN};
@@ -32,49 +33,46 @@ use visibility_core::geometry::sqrt;
 /// Index that no disc has.
 const NONE: u32 = u32::MAX;
 
-/// Distance of the eye to a bitangent up to which the class counts as ended, as a fraction of the lengths
-/// from which the distance is computed. Bitangents of two discs that pass the test of [`MIN_SINE`] are
-/// rounded by some `1e-12` of these lengths.
+/// Distance from a bitangent (a line that touches two discs) below which the eye counts as beyond it, as a
+/// fraction of the lengths from which the distance is computed. Bitangents of two discs that pass the test of
+/// [`MIN_SINE`] have a rounding error of about `1e-12` of these lengths.
 const MARGIN: f64 = 1e-9;
 
 /// Least sine of the angle between a bitangent and the perpendicular to the line through both centres. Below
-/// it the rounding of the bitangent is too great.
+/// this value, the rounding error of the bitangent is too large.
 const MIN_SINE: f64 = 1e-4;
 
-/// Counts of the work of a [`KineticZone`]'s last move.
-///
-/// ```
-/// assert_eq!(visibility_2d::discs::ZoneWork::default().steps, 0);
-/// ```
+/// Counters of the work of a [`KineticZone`]'s last move.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 #[non_exhaustive]
 pub struct ZoneWork {
-    /// Tangent segments at the eye after the move.
+    /// Number of tangent segments at the eye after the move.
     pub segments: usize,
-    /// Number of elementary steps at the eye: tangent segments with a pivot or a front that they did not have
-    /// before.
+    /// Number of tangent segments that touch another disc than before, or end at another disc (elementary
+    /// steps of the zone).
     pub steps: usize,
-    /// Tangent segments whose class did not hold for the new eye: the eye has left it, or has gone beyond the
-    /// zone's reach from where the class was derived.
+    /// Number of tangent segments that may have changed their discs, because the eye has left the region
+    /// where they certainly keep them, or moved beyond the zone's reach.
     pub ended: usize,
-    /// Whether all segments were made anew, as in the first move, for an eye that touches a disc or has gone
-    /// far, and where rounding cannot decide. If false, only segments whose class had ended were.
+    /// Whether all segments were rebuilt: in the first move, for an eye that touches a disc or has moved far,
+    /// and if rounding is undecided. If false, only segments that may have changed their discs were rebuilt.
     pub rebuilt: bool,
 }
 
-/// Half-plane of eyes with `normal . (eye - anchor) + offset > 0`.
+/// Half-plane of eye positions with `normal . (eye - anchor) + offset > 0`.
 #[derive(Clone, Copy, Debug, Default)]
 struct HalfPlane {
     normal: [f64; 2],
     offset: f64,
 }
 
-/// Class of a tangent segment, given by the eyes for which the segment certainly stays in it.
+/// Eye positions for which a tangent segment certainly keeps its class: the disc that it touches (pivot), and
+/// the disc where it ends (front).
 #[derive(Clone, Copy, Debug, Default)]
 struct Class {
     anchor: [f64; 2],
     /// Squared distance in square metres from the anchor up to which the class is known. Negative if it is
-    /// known nowhere.
+    /// unknown.
     reach_squared: f64,
     bounds: [HalfPlane; 2],
 }
@@ -96,21 +94,21 @@ impl Class {
 /// Range of directions in which the same disc is seen, and the tangent segment at its clockwise end.
 #[derive(Clone, Copy, Debug)]
 struct Arc {
-    /// Place in `Discs::discs` of the disc that is seen in the arc, [`NONE`] if none is.
+    /// Index in `Discs::discs` of the disc seen in the arc, [`NONE`] if there is none.
     disc: u32,
     pivot: u32,
     front: u32,
-    /// Whether the segment is the first of the pivot's two tangents counter-clockwise; if not, the last.
+    /// Whether the segment is the first of the pivot's two tangents counter-clockwise. False for the last.
     is_first: bool,
     class: Class,
 }
 
-/// Keeps the set of discs that a moving eye sees from frame to frame.
+/// Set of the discs that a moving eye sees, updated from frame to frame.
 ///
 /// # Exactness
 /// The discs reported are those that [`DiscZone::look`] reports for the same eye, in another order. Nothing
-/// visible is left out: where rounding cannot tell a class, the zone is looked at from scratch. Discs that
-/// overlap or touch, or have radius 0, have no such classes, so among them each move is a look from scratch.
+/// visible is left out: if rounding leaves undecided whether the discs seen have changed, they are computed
+/// from scratch. If any discs overlap or touch, or have radius 0, each move computes the discs from scratch.
 ///
 /// ```
 /// use visibility_2d::discs::{Disc, Discs, KineticZone};
@@ -126,7 +124,7 @@ struct Arc {
 pub struct KineticZone<'a> {
     discs: &'a Discs,
     reach: f64,
-    /// By the index that the caller gave a disc: the disc's place in `discs.discs`.
+    /// For each disc, by the caller's index, its index in `discs.discs`.
     places: Vec<u32>,
     zone: DiscZone,
     /// Arcs around the eye, counter-clockwise. Empty if the zone must be rebuilt.
@@ -136,18 +134,19 @@ pub struct KineticZone<'a> {
     painter: Painter,
     looked: Vec<u32>,
     seen: Vec<u32>,
-    /// By place in `discs.discs`: number of the last move that reported the disc.
+    /// For each disc, by its index in `discs.discs`, the number of the last move that reported it.
     marks: Vec<u32>,
     mark: u32,
     work: ZoneWork,
 }
 
-/// Assigns directions to discs that are given front to back.
+/// Assigns each direction to the first disc that covers it, in front-to-back order.
 #[derive(Clone, Debug, Default)]
 struct Painter {
-    /// Ranges of directions that no disc drawn so far covers, ascending, as direction numbers.
+    /// Direction ranges not covered by any disc so far, ascending, as direction numbers.
     open: Vec<(f64, f64)>,
-    /// Direction number from which on a disc is seen, and the disc's place in `Discs::discs` or [`NONE`].
+    /// Direction number at which a disc starts to be visible, and the disc's index in `Discs::discs` or
+    /// [`NONE`].
     runs: Vec<(f64, u32)>,
 }
 
@@ -158,7 +157,7 @@ impl Painter {
         self.open.push((first, last));
     }
 
-    /// Assigns the open directions from `first` to `last` to a disc. Returns whether there are any.
+    /// Assigns the open directions from `first` to `last` to a disc. Returns whether there were any.
     fn paint(&mut self, first: f64, last: f64, disc: u32) -> bool {
         let wrapped = [(first, last + 4.0), (first - 4.0, last), (first + 4.0, last + 8.0)];
         let plain = [(first, last), (first + 4.0, last + 4.0)];
@@ -201,10 +200,10 @@ fn left_of([x, y]: [f64; 2]) -> [f64; 2] {
 }
 
 impl<'a> KineticZone<'a> {
-    /// Makes a zone without an eye. The class of a tangent segment is derived for eyes up to `reach` metres
-    /// from the present one. Best is some tens of times the distance that the eye moves in a frame; a greater
-    /// reach makes the derivation slower. NaN and negative numbers count as 0, which makes each move a look
-    /// from scratch.
+    /// Makes a zone without an eye. The regions in which the tangent segments at the eye stay the same are
+    /// derived for eyes within `reach` metres of the present one. A good reach is some tens of times the
+    /// distance that the eye moves in a frame; a greater one makes the derivation slower. NaN and negative
+    /// numbers count as 0, with which each move starts from scratch.
     pub fn new(discs: &'a Discs, reach: f64) -> Self {
         let mut places = alloc::vec![0; discs.len()];
         for (place, &index) in (0..).zip(&discs.indices) {
@@ -227,14 +226,13 @@ impl<'a> KineticZone<'a> {
         }
     }
 
-    /// Returns the counts of the last move's work.
+    /// Returns the counters of the last move.
     pub fn work(&self) -> ZoneWork {
         self.work
     }
 
-    /// Moves the eye in a straight line to `eye` and returns the discs that are visible from `eye`, each
-    /// once. A disc is named by its index in the list that [`Discs::new`] was given. Returns all discs if
-    /// `eye` is not finite.
+    /// Moves the eye in a straight line to `eye`, and returns the discs visible from there, each once, as
+    /// indices into the list given to [`Discs::new`]. Returns all discs if `eye` is not finite.
     pub fn move_to(&mut self, eye: [f64; 2]) -> &[u32] {
         self.is_held.clear();
         self.is_held.extend(self.arcs.iter().map(|arc| arc.class.holds(eye)));
@@ -251,7 +249,7 @@ impl<'a> KineticZone<'a> {
         &self.seen
     }
 
-    /// Replaces `seen` with the discs of the arcs.
+    /// Replaces `seen` with the discs of all arcs.
     fn list(&mut self) {
         self.seen.clear();
         self.mark = self.mark.wrapping_add(1);
@@ -268,7 +266,7 @@ impl<'a> KineticZone<'a> {
         }
     }
 
-    /// Finds the arcs from scratch. Leaves none if rounding cannot decide them.
+    /// Computes the arcs from scratch. Leaves them empty if rounding makes them undecided.
     fn rebuild(&mut self, eye: [f64; 2]) {
         self.work.rebuilt = true;
         self.arcs.clear();
@@ -281,7 +279,7 @@ impl<'a> KineticZone<'a> {
         if self.paint(eye, (0.0, 4.0), &[]).is_none() {
             return;
         }
-        // The directions around 0 are one run.
+        // The runs before and after direction 0 are one.
         let runs = &mut self.painter.runs;
         if runs.len() > 1 && runs[0].1 == runs[runs.len() - 1].1 {
             runs.pop();
@@ -294,9 +292,9 @@ impl<'a> KineticZone<'a> {
         }
     }
 
-    /// Assigns directions to the discs of the last look. `None` if one of them touches the eye, up to
-    /// rounding, or if no direction is left for one that is not in `beside`, a list of places in
-    /// `Discs::discs`. `between` are the first and the last direction number; the last may exceed 4.
+    /// Assigns directions to the discs of the last look. `None` if one of them touches the eye up to
+    /// rounding, or if no direction is left for one that is not in `beside`, a list of indices into
+    /// `Discs::discs`. `between` has the first and the last direction number; the last may exceed 4.
     fn paint(&mut self, eye: [f64; 2], between: (f64, f64), beside: &[u32]) -> Option<()> {
         self.painter.begin(between.0, between.1);
         for &index in &self.looked {
@@ -310,8 +308,8 @@ impl<'a> KineticZone<'a> {
         Some(())
     }
 
-    /// Makes `next_arcs` from the present arcs. Arcs beside classes that have ended are found anew. `None` if
-    /// the zone must be rebuilt.
+    /// Makes `next_arcs` from the present arcs, and recomputes the arcs beside tangent segments whose class
+    /// has ended. `None` if the zone must be rebuilt.
     fn mend(&mut self, eye: [f64; 2]) -> Option<()> {
         self.next_arcs.clear();
         let count = self.arcs.len();
@@ -328,7 +326,7 @@ impl<'a> KineticZone<'a> {
                 let beside = [begin.pivot, begin.front, stop.pivot, stop.front];
                 self.paint(eye, (first, if first < last { last } else { last + 4.0 }), &beside)?;
                 let runs = &self.painter.runs;
-                // The discs seen beside held segments are those seen there before.
+                // Beside segments that are still in their classes, the same discs must be seen as before.
                 if runs.first()?.1 != begin.disc || runs.last()?.1 != old_last.disc {
                     return None;
                 }
@@ -347,15 +345,15 @@ impl<'a> KineticZone<'a> {
         Some(())
     }
 
-    /// Returns the direction number of an arc's tangent segment. `None` for an eye that is in the arc's pivot
-    /// or so near it that rounding cannot tell.
+    /// Returns the direction number of an arc's tangent segment. `None` for an eye inside the arc's pivot, or
+    /// too near to it for the rounding.
     fn number(&self, arc: Arc, eye: [f64; 2]) -> Option<f64> {
         let (first, last) = span(&self.discs.discs[arc.pivot as usize], eye)?;
         Some(if arc.is_first { first } else { last })
     }
 
-    /// Makes the arc of directions in which `disc` is seen. `before` is the disc of the arc that ends where
-    /// this one begins, counter-clockwise. Either may be [`NONE`], not both.
+    /// Makes the arc in which `disc` is seen. `before` is the disc of the previous arc counter-clockwise. One
+    /// of the two may be [`NONE`].
     fn arc(&self, eye: [f64; 2], before: u32, disc: u32) -> Arc {
         let power = |index: u32| {
             let Some(disc) = self.discs.discs.get(index as usize) else { return f64::INFINITY };
@@ -368,7 +366,8 @@ impl<'a> KineticZone<'a> {
         Arc { disc, pivot, front, is_first, class }
     }
 
-    /// Derives the class of a tangent segment. `None` if rounding cannot decide it.
+    /// Derives the eye positions for which a tangent segment keeps its pivot (the disc that it touches) and
+    /// its front (the disc where it ends). `None` if rounding makes them undecided.
     fn class(&self, eye: [f64; 2], pivot: u32, front: u32, is_first: bool) -> Option<Class> {
         let mut search = Search::new(self.discs, eye, pivot, front, is_first, self.reach)?;
         let mut stack: SmallVec<[(usize, usize); 64]> = SmallVec::new();
@@ -399,8 +398,8 @@ impl<'a> KineticZone<'a> {
     }
 }
 
-/// Returns the direction numbers of a disc's tangents. `None` for an eye in the disc, or so near it that
-/// rounding cannot tell.
+/// Returns the direction numbers of a disc's tangents. `None` for an eye inside the disc, or too near to it
+/// for the rounding.
 fn span(disc: &Disc, eye: [f64; 2]) -> Option<(f64, f64)> {
     let [x, y] = minus(disc.center, eye);
     let power = x * x + y * y - disc.radius * disc.radius;
@@ -408,29 +407,31 @@ fn span(disc: &Disc, eye: [f64; 2]) -> Option<(f64, f64)> {
     (error <= WIDEST_ERROR).then_some((first, last))
 }
 
-/// A bound of a class: a direction of the rolling segment, and the sine of the angle between it and the
-/// segment's present direction.
+/// Bound of a tangent segment that rolls along the disc that it touches: its direction there, and the sine of
+/// the angle to its present direction.
 #[derive(Clone, Copy, Debug)]
 struct Bound {
     along: [f64; 2],
     sine: f64,
 }
 
-/// Search for the bitangents that bound the class of a tangent segment.
+/// Search for the bitangents up to which a tangent segment can roll along its pivot, the disc that it
+/// touches.
 struct Search<'a> {
     discs: &'a [Disc],
     eye: [f64; 2],
     pivot: Disc,
     front: Option<Disc>,
-    /// Signed distance of the pivot's centre to the left of the segment: plus or minus its radius.
+    /// Signed distance of the centre of the pivot (the disc that the segment touches) to the left of the
+    /// segment: plus or minus the pivot's radius.
     aside: f64,
     /// Unit direction of the segment.
     along: [f64; 2],
-    /// Length of the segment up to the pivot, in metres.
+    /// Length of the segment from the eye to the pivot, the disc that the segment touches, in metres.
     length: f64,
     reach: f64,
     /// Greatest distance from the eye, in metres along the segment, at which the segment may meet `front`,
-    /// the disc that stops it; infinite if no disc does.
+    /// the disc that stops it. Infinite if no disc stops it.
     farthest: f64,
     /// Nearest bitangents found so far on the clockwise and on the counter-clockwise side of the segment.
     bounds: [Bound; 2],
@@ -453,7 +454,7 @@ impl<'a> Search<'a> {
         let length = sqrt(squared - pivot.radius * pivot.radius);
         let aside = if is_first { pivot.radius } else { -pivot.radius };
         let along = [(x * length + y * aside) / squared, (y * length - x * aside) / squared];
-        // Eyes of the class are outside of the pivot, before the point where the segment touches it.
+        // Eyes of the class are outside of the pivot, before the point of contact.
         let reach = reach.min(0.5 * (sqrt(squared) - pivot.radius));
         let sine = (1.5 * reach / length).min(0.5);
         let cosine = sqrt(1.0 - sine * sine);
@@ -469,19 +470,19 @@ impl<'a> Search<'a> {
         is_good.then_some(Self { discs, eye, pivot, front, aside, along, length, reach, farthest, bounds })
     }
 
-    /// Returns whether a rectangle relative to the eye may meet a segment between the bounds.
+    /// Returns whether a rectangle, relative to the eye, may meet a segment between the bounds.
     fn may_touch(&self, [x0, y0, x1, y1]: [f64; 4]) -> bool {
         let [u, v] = self.along;
         let (x, y) = (0.5 * (x0 + x1), 0.5 * (y0 + y1));
         let (half_x, half_y) = (0.5 * (x1 - x0), 0.5 * (y1 - y0));
-        // In the frame of the segment.
+        // Coordinates along the segment and to its left.
         let (ahead, half_ahead) = (x * u + y * v, half_x * u.abs() + half_y * v.abs());
         let (left, half_left) = (y * u - x * v, half_y * u.abs() + half_x * v.abs());
         if ahead + half_ahead < -2.0 * self.reach || ahead - half_ahead > self.farthest {
             return false;
         }
-        // A segment at the angle d is at the height (x - length) tan d, and as it rolls, by up to
-        // r (1 / cos d - 1) <= r sin^2 d beside it, for sines up to a half.
+        // A segment rotated by angle d is at height (x - length) tan d. Rolling shifts it sideways by up to r
+        // (1 / cos d - 1) <= r sin^2 d, for sines up to 1/2.
         let (mut low, mut high, mut roll) = (f64::INFINITY, f64::NEG_INFINITY, 0.0f64);
         for Bound { sine, .. } in self.bounds {
             let tangent = sine / sqrt(1.0 - sine * sine);
@@ -496,17 +497,17 @@ impl<'a> Search<'a> {
         !misses
     }
 
-    /// Narrows the bounds to the directions before the segment first touches a disc. `None` if rounding
-    /// cannot decide that.
+    /// Narrows the bounds to the directions before the segment first touches a disc. `None` if rounding makes
+    /// this undecided.
     fn limit_by(&mut self, index: u32) -> Option<()> {
         let disc = self.discs[index as usize];
         let between = minus(disc.center, self.pivot.center);
         let squared = dot(between, between);
         let to_disc = minus(disc.center, self.eye);
-        // The segment's left normal n has n . between + aside = radius or -radius where it touches the disc.
+        // A segment with left normal n touches the disc where n . between + aside is radius or -radius.
         for height in [disc.radius - self.aside, -disc.radius - self.aside] {
             let root = sqrt(squared - height * height);
-            // Not less, so that NaN, of discs that overlap by rounding, is refused.
+            // Negated comparison, so that NaN, which overlapping discs can give, is refused.
             let is_known = root > MIN_SINE * sqrt(squared);
             if !is_known {
                 return None;
@@ -518,7 +519,7 @@ impl<'a> Search<'a> {
                 if dot(along, self.along) <= 0.0 {
                     continue;
                 }
-                // Touched behind the eye, or beyond the front.
+                // The point of contact is behind the eye, or beyond the front.
                 let at = dot(to_disc, along);
                 let slack = MARGIN * (at.abs() + self.length);
                 let is_beyond =
@@ -536,13 +537,14 @@ impl<'a> Search<'a> {
         Some(())
     }
 
-    /// Returns the class between the bounds. `None` if the eye lies on one of them.
+    /// Returns the eye positions between the two bounds. `None` if the eye lies on one of them.
     fn finish(&self) -> Option<Class> {
         let from_pivot = minus(self.eye, self.pivot.center);
         let size = from_pivot[0].abs() + from_pivot[1].abs() + self.reach;
         let mut bounds = [HalfPlane::default(); 2];
         for (k, sign) in [(0, -1.0), (1, 1.0)] {
-            // An eye before the pivot is right of the clockwise bound, and left of the counter-clockwise one.
+            // Eyes of the class are to the right of the clockwise bound, and to the left of the
+            // counter-clockwise one.
             let normal = left_of(self.bounds[k].along).map(|x| sign * x);
             let offset = dot(normal, from_pivot) + sign * self.aside - MARGIN * size;
             let is_inside = offset > 0.0;

@@ -1,20 +1,19 @@
 //! Exact visibility among discs on the plan: the trunks of a forest, pillars, silos.
 //!
-//! The eye sees few of a million trunks, those nearby. They are found front to back: a priority queue takes
-//! nodes of a tree and discs by their *power*, the squared distance of the centre less the squared radius,
-//! and each disc that shows in a gap between those before closes a part of it. When no gap is left, the
-//! search ends, however many discs there are behind. The power of the eye with respect to a disc is the
-//! product of the distances at which a line of sight enters and leaves the disc, so of two disjoint discs on
-//! a line of sight, the nearer one has the lesser power: powers are an order of depth. Distances of nearest
-//! points are not.
+//! Of a million trunks, the eye only sees a few nearby. A search visits discs and nodes of a tree front to
+//! back, by a priority queue. Each disc that shows in a gap between earlier discs closes a part of the gap.
+//! When no gap is left, the search ends, however many discs are behind. The queue is sorted by *power*: the
+//! squared distance of the centre minus the squared radius. The power is the product of the distances at
+//! which a line of sight enters and leaves the disc. So of two disjoint discs on a line of sight, the nearer
+//! one has the lesser power, and powers are a valid depth order, unlike distances of nearest points.
 //!
 //! ("Visible Zone Maintenance for Real-Time Occlusion Culling", 2002, on the same scenes: 835,089 trees, of
-//! which 46 are drawn. That work keeps the zone between frames, as [`KineticZone`] does. [`DiscZone`] finds
+//! which 46 are drawn. That work updates the zone between frames, like [`KineticZone`]. [`DiscZone`] computes
 //! it from scratch in each frame, in microseconds.)
 //!
-//! - [`Discs`] is the set, made once; [`DiscZone`] looks around in it: [`look`](DiscZone::look) finds the
-//!   discs seen from a point, or from all points of a small ball.
-//! - [`KineticZone`] keeps the discs seen as an eye moves.
+//! - [`Discs`] is the set of discs, made once. [`DiscZone::look`] finds the discs seen from a point, or from
+//!   all points of a small ball.
+//! - [`KineticZone`] updates the set of discs seen as an eye moves.
 
 mod gaps;
 mod kinetic;
@@ -23,8 +22,8 @@ mod tests;
 mod tree;
 mod zone;
 
-/// Relative margin for the rounding of lengths and of their squares: 9,000 times the round-off of `f64`. Each
-/// takes some ten roundings.
+/// Relative margin for the rounding of lengths and their squares: 9,000 times the unit round-off of `f64`.
+/// Each computation has about ten roundings.
 const ROUNDING: f64 = 1e-12;
 
 /// Greatest magnitude of a coordinate or a radius, so that sums of squares are finite.

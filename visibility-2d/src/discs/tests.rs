@@ -1,4 +1,4 @@
-//! Inputs at which margins, seams and bounds on work decide.
+//! Tests with inputs at which margins, wrap-around or limits on work decide.
 
 use super::gaps::Gaps;
 use super::{Disc, DiscView, DiscZone, Discs};
@@ -35,10 +35,11 @@ fn a_cut_closes_nothing_outside_its_bounds() {
     let mut random = Random(7);
     let mut gaps = Gaps::new();
     for _ in 0..200_000 {
-        // Widths about twice the error, where rounding may turn the moved ends around.
+        // Intervals are about twice as wide as the error, so that rounding may swap the moved ends.
         let error = random.fine_range(8.0, 9.0) * f64::EPSILON;
         let (before, width) = (random.fine_range(0.0, 4.0) * error, random.fine_range(0.0, 4.0) * error);
-        // Anywhere, or over the seam, where the last end is finer than the first.
+        // The interval is anywhere, or across direction 0, where the number of the last end is more precise
+        // than that of the first.
         let anywhere = random.fine_range(0.0, 3.99);
         let over = (4.0 - before, if width > before { width - before } else { 4.0 - (before - width) });
         let (first, last) = [(anywhere, anywhere + width), over][random.below(2)];
@@ -71,7 +72,7 @@ fn an_interval_moved_outwards_goes_on_beyond_the_seam() {
 fn a_disc_that_touches_the_sector_is_reported_in_all_quarters() {
     let turned = |[x, y]: [f64; 2], quarters: u32| (0..quarters).fold([x, y], |[x, y], _| [-y, x]);
     for quarters in 0..4 {
-        // The tangents of the discs are the ends of the sector.
+        // Discs whose tangents are the ends of the sector.
         for y in [1.0, -1.0] {
             let disc = Disc { center: turned([5.0, y], quarters), radius: 1.0 };
             let (right, left) = if y > 0.0 { ([1.0, -1.0], [1.0, 0.0]) } else { ([1.0, 0.0], [1.0, 1.0]) };
@@ -107,8 +108,8 @@ fn a_sector_takes_vectors_of_any_length() {
 #[test]
 fn a_disc_far_from_the_origin_is_found_to_its_tangent() {
     let far = f64::from(1 << 30);
-    // The first disc is seen 4.8e-8 to the left of the direction +y, the others to the right only. More than
-    // one leaf, so that the bounds of leaves are asked.
+    // The first disc is seen 4.8e-8 to the left of the direction +y, the others only to its right. There is
+    // more than one leaf, so that the bounds of leaves are tested too.
     let discs: Vec<Disc> = (0..40)
         .map(|i| Disc { center: [far + 10.0 * f64::from(i), 1.0 + 10.0 * f64::from(i)], radius: 0.3 })
         .collect();
@@ -134,7 +135,7 @@ fn an_outlier_leaves_the_tree_tight() {
             };
             extent(0) > 16.0 || extent(1) > 16.0
         };
-        // The leaf of the outlier, at most.
+        // At most one leaf is wide: the one with the outlier.
         assert!(made.discs.chunks(LEAF).filter(is_wide).count() <= 1, "{outlier}");
     }
 }
@@ -146,7 +147,7 @@ fn a_disc_in_a_pile_hides_nothing_and_others_hide() {
     let discs: Vec<Disc> = beside.into_iter().chain(pile).collect();
     let made = Discs::new(&discs).unwrap();
     let solid = |of: u32| made.solid_radii[made.indices.iter().position(|&i| i == of).unwrap()];
-    // The first meets more discs than are looked at.
+    // The first disc overlaps more discs than are searched.
     assert_eq!(
         [solid(0), solid(1), solid(2), solid(10_000)],
         [0.0, 0.5, 0.0, 0.0],

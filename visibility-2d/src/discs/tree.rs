@@ -1,4 +1,5 @@
-//! Discs on the plan in a hierarchy: halved at the median of the longer axis, leaves of 16, nodes of 8.
+//! Hierarchy of discs on the plan: halved at the median of the longer axis, with leaves of 16 discs and nodes
+//! of 8 children.
 
 use super::{MAX_NUMBER, ROUNDING};
 use crate::median_order::{LEAF, put_in_order};
@@ -9,17 +10,11 @@ use smallvec::SmallVec;
 /// Greatest number of children of an inner node of the tree of discs.
 pub(crate) const FAN: usize = 8;
 
-/// Greatest number of nodes that are searched for discs that overlap a disc. Beyond it the disc hides
+/// Maximum number of nodes searched for discs that overlap a given disc. Beyond this number, the disc hides
 /// nothing.
 const MAX_NODES: usize = 512;
 
-/// A disc on the plan: a trunk, a pillar, a silo.
-///
-/// ```
-/// use visibility_2d::discs::Disc;
-/// let trunk = Disc { center: [3.0, 4.0], radius: 0.3 };
-/// assert_eq!(trunk.center[0], 3.0);
-/// ```
+/// Disc on the plan: a trunk, a pillar, a silo.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Disc {
     /// Position of the centre in metres.
@@ -28,13 +23,13 @@ pub struct Disc {
     pub radius: f64,
 }
 
-/// Reasons why discs cannot be used.
+/// Reason why discs are invalid.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum DiscError {
     /// A coordinate or the radius is NaN or infinite or beyond 1e150, or the radius is negative.
     Disc {
-        /// Index of the first such disc.
+        /// Index of the first invalid disc.
         index: usize,
     },
     /// There are more than 2^27 discs.
@@ -54,7 +49,7 @@ impl fmt::Display for DiscError {
 
 impl core::error::Error for DiscError {}
 
-/// Bounds of the centres of a node's discs, and their largest radius; in `f32`, rounded outwards.
+/// Bounds of the centres of a node's discs, and their largest radius, in `f32`, rounded outwards.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Node {
     pub(crate) min: [f32; 2],
@@ -81,11 +76,12 @@ impl Node {
     }
 
     /// Returns the bounds of the node's discs relative to a point, rounded outwards: least x and y, greatest
-    /// x and y, from -1e300 to 1e300.
+    /// x and y, clamped to -1e300 to 1e300.
     pub(crate) fn around(&self, [x, y]: [f64; 2]) -> [f64; 4] {
         let radius = f64::from(self.radius);
-        // Three roundings of at most `u (|away| + radius)`, so `4u` of that are outwards. Bounds may be
-        // infinite, discs are within 4e150.
+        // Three roundings err by at most `u (|away| + radius)` each, where `u` is half of `EPSILON`. So
+        // bounds are moved outwards by four times this error. They may be infinite, since discs lie within
+        // 4e150.
         let by = |away: f64| (radius + 2.0 * f64::EPSILON * (away.abs() + radius)).min(f64::MAX);
         let low = |bound: f32, at: f64| {
             let away = f64::from(bound) - at;
@@ -98,21 +94,21 @@ impl Node {
         [low(self.min[0], x), low(self.min[1], y), high(self.max[0], x), high(self.max[1], y)]
     }
 
-    /// Returns the distances along x and y from a point to the bounds of the centres; 0 within.
+    /// Returns the distances along x and y from a point to the bounds of the centres. 0 inside.
     fn away(&self, point: [f64; 2]) -> [f64; 2] {
         [0, 1].map(|axis| {
             (f64::from(self.min[axis]) - point[axis]).max(point[axis] - f64::from(self.max[axis])).max(0.0)
         })
     }
 
-    /// Returns whether a disc of the node may overlap `disc` or touch it.
+    /// Returns whether a disc of the node may overlap or touch `disc`.
     fn may_overlap(&self, disc: &Disc) -> bool {
         let ([dx, dy], reach) = (self.away(disc.center), f64::from(self.radius) + disc.radius);
         dx * dx + dy * dy <= reach * reach * (1.0 + 10.0 * ROUNDING)
     }
 
-    /// Returns a lower bound on the power, squared distance less squared radius, that a point has with
-    /// respect to any of the node's discs.
+    /// Returns a lower bound on the power (squared distance minus squared radius) of a point with respect to
+    /// any of the node's discs.
     pub(crate) fn least_power(&self, point: [f64; 2]) -> f64 {
         let [dx, dy] = self.away(point);
         dx * dx + dy * dy - f64::from(self.radius) * f64::from(self.radius)
@@ -129,9 +125,9 @@ fn up(x: f64) -> f32 {
     if f64::from(near) < x { near.next_up() } else { near }
 }
 
-/// A set of discs on the plan, prepared for questions of visibility. Immutable, and shared by all eyes.
+/// Set of discs on the plan, prepared for visibility queries. Immutable, and shared by all eyes.
 ///
-/// Memory is about 40 bytes a disc. Takes `n log n` time to make, wherever the discs are.
+/// Uses about 40 bytes per disc. Preparation takes `n log n` time, wherever the discs are.
 ///
 /// ```
 /// use visibility_2d::discs::{Disc, Discs};
@@ -145,18 +141,18 @@ pub struct Discs {
     pub(crate) discs: Vec<Disc>,
     /// For each of `discs`, its index in the list that the caller gave.
     pub(crate) indices: Vec<u32>,
-    /// Radius in metres within which each of `discs` is disjoint from all others. Only this part of the disc
-    /// hides.
+    /// Radius in metres of the part of each disc, around its centre, that no other disc overlaps. Only this
+    /// part occludes.
     pub(crate) solid_radii: Vec<f64>,
-    /// Whether no disc touches another or has radius 0.
+    /// True if no two discs touch and none has radius 0.
     pub(crate) are_disjoint: bool,
-    /// Nodes by level, leaves first. Empty without discs.
+    /// Nodes of each level, leaves first. Empty without discs.
     pub(crate) levels: Vec<Vec<Node>>,
 }
 
 impl Discs {
-    /// Prepares discs, which may overlap. A part of a disc that another reaches into hides nothing, nor does
-    /// a disc in a pile: one that thousands of others overlap.
+    /// Prepares discs, which may overlap. Only the part of a disc that no other disc overlaps occludes. A
+    /// disc that thousands of others overlap does not occlude at all.
     ///
     /// # Errors
     /// [`DiscError::Disc`] if a coordinate or a radius is NaN, infinite or beyond 1e150, or a radius is
@@ -172,7 +168,7 @@ impl Discs {
             return Err(DiscError::Disc { index });
         }
         let mut order: Vec<([f64; 2], u32)> = (0..).zip(discs).map(|(i, disc)| (disc.center, i)).collect();
-        // In the order of a space-filling curve, neighbours of the plan share leaves and nodes.
+        // Along a space-filling curve, so that neighbours on the plan share leaves and nodes.
         put_in_order(&mut order);
         let indices: Vec<u32> = order.iter().map(|&(_, index)| index).collect();
         let discs: Vec<Disc> = indices.iter().map(|&index| discs[index as usize]).collect();
@@ -186,7 +182,7 @@ impl Discs {
             }
         }
         let mut made = Self { discs, indices, solid_radii: Vec::new(), are_disjoint: false, levels };
-        // The part of each disc that no other disc reaches into: only that part hides.
+        // Only the part of a disc that no other disc overlaps occludes.
         made.solid_radii = (0..made.len()).map(|index| made.solid_radius(index)).collect();
         made.are_disjoint = made
             .discs
@@ -206,8 +202,8 @@ impl Discs {
         self.discs.is_empty()
     }
 
-    /// Returns the radius in metres of the part of a disc that no other disc reaches into, around the same
-    /// centre. 0 if too many discs would have to be tested.
+    /// Returns the radius in metres of the part of a disc, around its centre, that no other disc overlaps. 0
+    /// if too many discs would have to be tested.
     fn solid_radius(&self, index: usize) -> f64 {
         let disc = &self.discs[index];
         let mut solid = disc.radius;
@@ -227,7 +223,7 @@ impl Discs {
             for (at, other) in (node * LEAF..).zip(self.discs.iter().skip(node * LEAF).take(LEAF)) {
                 let (dx, dy) = (disc.center[0] - other.center[0], disc.center[1] - other.center[1]);
                 let (squared, reach) = (dx * dx + dy * dy, disc.radius + other.radius);
-                // A little more than touching counts as overlapping: rounding.
+                // Discs that touch up to rounding count as overlapping.
                 if at != index && squared <= reach * reach * (1.0 + ROUNDING) {
                     let left = visibility_core::geometry::sqrt(squared) * (1.0 - ROUNDING) - other.radius;
                     solid = solid.min(left.max(0.0));

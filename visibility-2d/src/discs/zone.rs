@@ -1,4 +1,4 @@
-//! The discs that an eye sees, front to back.
+//! Search for the discs that an eye sees, front to back.
 
 use super::gaps::Gaps;
 use super::tree::{Disc, Discs, FAN, Node};
@@ -9,51 +9,46 @@ use alloc::collections::BinaryHeap;
 use alloc::vec::Vec;
 use core::cmp::Reverse;
 
-/// Number of the low bits of a queue entry that are an index into a level or into the discs. The level is
-/// above them.
+/// Number of low bits of a queue entry that hold an index, into a level or into the discs. The level is in
+/// the bits above.
 const INDEX_BITS: u32 = 27;
-/// Level of a queue entry that is a disc to be tested.
+/// Level of a queue entry for a disc to be tested.
 const DISC: u32 = 31;
-/// Level of a queue entry that is a disc which overlaps others: it closes gaps with its solid radius only.
+/// Level of a queue entry for a disc that overlaps others. It only closes gaps with its solid radius.
 const SOLID: u32 = 30;
-/// Bound on the error of the direction numbers of a rectangle's sides, which are at most 4: more than `4u` of
-/// 4, with `u = 2^-53`.
+/// Bound on the error of the direction numbers (at most 4) of a rectangle's sides: more than `4u` of 4, with
+/// `u = 2^-53`.
 const RECTANGLE_ERROR: f64 = 16.0 * f64::EPSILON;
 
-/// Greatest error of the direction numbers of a disc's tangents. Beyond it the eye counts as on the disc's
-/// circle.
+/// Greatest accepted error of the direction numbers of a disc's tangents. With a larger error, the eye counts
+/// as on the disc's circle.
 pub(super) const WIDEST_ERROR: f64 = 0.1;
 
-/// An eye among discs: where it is, and how far and in which directions it looks.
-///
-/// ```
-/// use visibility_2d::discs::DiscView;
-/// let view = DiscView::new([3.0, 4.0]).with_sector([1.0, -1.0], [1.0, 1.0]).with_range(500.0);
-/// # let _ = view;
-/// ```
+/// Eye among discs: its position, range and directions.
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[must_use]
 pub struct DiscView {
     eye: [f64; 2],
-    /// Direction numbers of the first and the last direction. `None` for all directions.
+    /// Direction numbers of the first and the last direction seen. `None` for all directions.
     directions: Option<(f64, f64)>,
     range: f64,
     ball: f64,
 }
 
 impl DiscView {
-    /// Creates a view from a point, in metres, that looks in all directions and without limit.
+    /// Creates a view from a point, in metres, in all directions and without a range.
     pub const fn new(eye: [f64; 2]) -> Self {
         Self { eye, directions: None, range: f64::INFINITY, ball: 0.0 }
     }
 
-    /// Restricts the view to the directions from `right`, counter-clockwise, to `left`. With equal vectors
-    /// the view sees nothing. Vectors of any length; if one is zero, infinite or NaN, the view looks in all
-    /// directions.
+    /// Restricts the view to the directions from `right` counter-clockwise to `left`. With vectors of equal
+    /// direction, the view sees nothing. Vectors may have any length; if one is zero, infinite or NaN, the
+    /// view sees all directions.
     pub fn with_sector(self, right: [f64; 2], left: [f64; 2]) -> Self {
         let is_known = |v: [f64; 2]| v.iter().all(|x| x.is_finite()) && v != [0.0; 2];
         let number = |[x, y]: [f64; 2]| {
-            // A half of large vectors, whose sum may overflow. Not of small ones, whose half may vanish.
+            // Large vectors are halved, since their sum may overflow. Small ones are not, since halving may
+            // underflow.
             let by = if x.abs().max(y.abs()) > 1.0 { 0.5 } else { 1.0 };
             diamond(by * x, by * y)
         };
@@ -72,24 +67,24 @@ impl DiscView {
         Self { range: range.max(0.0), ..self }
     }
 
-    /// Widens the view to all eyes within `radius` metres of the point, and to all directions. The discs
-    /// found serve while an eye moves by less than the radius. NaN and negative numbers count as 0.
+    /// Widens the view to all eyes within `radius` metres of the point, in all directions. The discs found
+    /// are then valid while an eye moves by less than the radius. NaN and negative numbers count as 0.
     pub fn with_ball(self, radius: f64) -> Self {
         Self { ball: radius.max(0.0), ..self }
     }
 }
 
-/// Finds the discs that an eye sees. Keeps memory between calls, nothing else; one for each thread.
+/// Finds the discs that an eye sees. Only keeps scratch memory between calls. Use one per thread.
 ///
 /// # Exactness
-/// A disc is reported if it is seen through a gap wider than rounding: some `1e-15` of a turn, and more for
-/// tangents at an eye so close to a disc that its power is tiny. Discs seen through narrower gaps, and discs
-/// that touch the eye or contain it, are reported too: nothing visible is left out. A disc that contains the
-/// eye hides nothing. From a ball the answer is conservative: discs that some eye of the ball sees are
-/// reported, and some that none sees. (Occluders are lessened by the radius of the ball: Wonka, Wimmer and
-/// Schmalstieg, "Visibility Preprocessing with Occluder Fusion for Urban Walkthroughs", 2000.)
+/// Nothing visible is left out. A hidden disc is reported only if a gap of the width of rounding seems to
+/// show it: about `1e-15` of a turn, and more for an eye very close to a disc. Discs that touch or contain
+/// the eye are reported. A disc that contains the eye hides nothing. From a ball the answer is conservative:
+/// it has all discs that some eye of the ball sees, and some that none sees. (Occluders are shrunk by the
+/// radius of the ball: Wonka, Wimmer and Schmalstieg, "Visibility Preprocessing with Occluder Fusion for
+/// Urban Walkthroughs", 2000.)
 ///
-/// Discs that overlap hide with the part that no other disc reaches into.
+/// Of discs that overlap, only the parts that no other disc overlaps occlude.
 ///
 /// ```
 /// use visibility_2d::discs::{Disc, Discs, DiscView, DiscZone};
@@ -103,7 +98,8 @@ impl DiscView {
 #[derive(Clone, Debug)]
 pub struct DiscZone {
     gaps: Gaps,
-    /// Queue of nodes and discs: the power as the bits of a number that is at least 0; then level and index.
+    /// Queue of nodes and discs. The first number is the power, as the bits of a non-negative number; the
+    /// second number is level and index.
     queue: BinaryHeap<Reverse<(u64, u32)>>,
 }
 
@@ -114,15 +110,15 @@ impl Default for DiscZone {
 }
 
 impl DiscZone {
-    /// Makes a finder, which allocates in its first call of [`look`](Self::look).
+    /// Makes a finder. Allocates nothing until the first call of [`look`](Self::look).
     pub fn new() -> Self {
         Self { gaps: Gaps::new(), queue: BinaryHeap::new() }
     }
 
-    /// Replaces `seen` with the discs that a view sees, as their indices in the order that
-    /// [`Discs::new`] was given them, roughly nearest first. All discs if the eye is not finite. Takes time
-    /// in proportion to the discs seen, times the logarithm of all. If m gaps lie within 1/256 of a turn, as
-    /// for an eye far from a forest, each disc seen there moves up to `16 m` bytes besides.
+    /// Replaces `seen` with the discs that a view sees, as indices into the list given to [`Discs::new`],
+    /// roughly nearest first. All discs if the eye is not finite. Takes time proportional to the number of
+    /// discs seen, times the logarithm of the number of all discs. If m gaps lie within 1/256 of a turn, as
+    /// for an eye far from a forest, each disc seen there also moves up to `16 m` bytes.
     pub fn look(&mut self, discs: &Discs, view: &DiscView, seen: &mut Vec<u32>) {
         seen.clear();
         let DiscView { eye, directions, range, ball } = *view;
@@ -130,13 +126,13 @@ impl DiscZone {
             seen.extend(0..discs.len() as u32);
             return;
         }
-        // A ball's eyes see in directions and to distances that its middle does not.
+        // Eyes of the ball see farther, and in more directions, than its centre.
         let range = range + ball;
         self.gaps.begin(directions.filter(|_| ball == 0.0));
         self.queue.clear();
         let Some(top) = discs.levels.len().checked_sub(1) else { return };
-        // A disc in range has a nearest point at `d - r <= range`, so a power of at most
-        // `range (range + 2 r)`.
+        // A disc in range has a nearest point at `d - r <= range`, so its power is at most `range (range + 2
+        // r)`.
         let widest = f64::from(discs.levels[top][0].radius);
         let farthest = range * (range + 2.0 * widest) * (1.0 + ROUNDING);
         self.queue.push(Reverse((0, (top as u32) << INDEX_BITS)));
@@ -188,7 +184,7 @@ impl DiscZone {
         error > WIDEST_ERROR || self.gaps.any(first, last, error)
     }
 
-    /// Reports the disc `index` if it shows, and closes the gaps that it shows in.
+    /// Reports the disc `index` if it shows in a gap, and closes the directions that it covers.
     fn take(
         &mut self,
         discs: &Discs,
@@ -218,7 +214,8 @@ impl DiscZone {
         let Some((first, last, error)) = span.filter(|_| squared > clear * clear) else { return };
         let solid = discs.solid_radii[index];
         if solid < disc.radius {
-            // Disjoint from the others with the lesser radius, whose power comes later.
+            // The disc only occludes with its solid radius, so it is queued again with the larger power of
+            // this radius.
             let power = (squared - solid * solid).max(0.0).to_bits();
             self.queue.push(Reverse((power, SOLID << INDEX_BITS | index as u32)));
         } else if ball == 0.0 {
@@ -228,8 +225,8 @@ impl DiscZone {
         }
     }
 
-    /// Closes the directions in which a disc would be seen if it had the given radius. Closes none if the
-    /// radius is not positive, or if the eye is within it.
+    /// Closes the directions in which a disc with the given radius would be seen. Closes none if the radius
+    /// is not positive, or if the eye is inside it.
     fn close(&mut self, disc: &Disc, radius: f64, eye: [f64; 2]) {
         let (x, y) = (disc.center[0] - eye[0], disc.center[1] - eye[1]);
         let power = x * x + y * y - radius * radius;

@@ -1,16 +1,17 @@
-//! The test of a box against the columns.
+//! Test of a box against the columns of a horizon.
 //!
 //! In each face that a box meets, the part of the box within the face's wedge (`|y| <= x`) is bounded by its
 //! columns, its least depth and its heights in the picture.
 //!
 //! # Rounding
 //! With `u = 2^-24`, the unit round-off of `f32`. The eye is given as `high + low` in `f32`, within `a`
-//! metres of the exact one. A coordinate minus `high` rounds by `u` of itself, minus `low` again: `2u` of the
-//! result and of `low`, which `a` includes. Coordinates are moved outwards by `4u` of themselves and `a`,
-//! which rounds once more. Inverses then round by `u` and products with them by `u`: heights and inverse
-//! depths are moved outwards by `8u` of themselves. Columns, in the face at most twice half their number `h`,
-//! round by `4u` of that in an inverse, two products and a sum, and are moved by `16u h`; columns beside the
-//! face are farther off, but on the right side. Underflow loses less than the least normal number.
+//! metres of the exact one. Subtracting `high` and then `low` from a coordinate rounds by `2u` of the result
+//! and of `low`, and `a` includes the latter. So coordinates are moved outwards by `4u` of themselves plus
+//! `a`, which rounds once more. Inverses and products with them then round by `u` each, so heights and
+//! inverse depths are moved outwards by `8u` of themselves. Positions of columns, at most `2h` if the face
+//! has `2h` columns, round by `4u` of this in an inverse, two products and a sum, and are moved by `16u h`.
+//! Positions outside of the face have larger errors, but stay on the correct side. Underflow loses less than
+//! the least normal number.
 
 use super::columns::{BLOCK, Columns};
 use super::frame::{FACES, Frame};
@@ -20,7 +21,7 @@ use visibility_core::scene::Boxes64;
 /// Unit round-off of `f32`: 2^-24.
 const U: f32 = f32::EPSILON / 2.0;
 
-/// The eye in `f32`, with a bound on its error.
+/// Eye in `f32`, with a bound on its error.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct QueryEye {
     high: [f32; 3],
@@ -36,7 +37,7 @@ impl QueryEye {
         let high = frame.eye.map(|x| x as f32);
         let low: [f32; 3] = core::array::from_fn(|i| (frame.eye[i] - f64::from(high[i])) as f32);
         let size = frame.eye.iter().fold(0.0f64, |size, x| size.max(x.abs()));
-        // `low` is at most `u size` and rounds by `u` of itself, once as it is made and twice as it is
+        // `low` is at most `u size`. It rounds by `u` of itself, once when it is made and twice when it is
         // subtracted.
         let error = 2.0 * (frame.error + 4.0 * f64::from(U) * f64::from(U) * size) + 1e-30;
         let is_finite = high.iter().all(|x| x.is_finite());
@@ -48,7 +49,7 @@ impl QueryEye {
 const LANES: usize = 16;
 
 /// Boxes relative to the eye in metres, rounded outwards, one per lane: least and greatest coordinates on the
-/// plan, and heights.
+/// plan and in height.
 struct Relative<const N: usize> {
     x: [[f32; N]; 2],
     y: [[f32; N]; 2],
@@ -57,13 +58,13 @@ struct Relative<const N: usize> {
 
 /// Bounds of the parts of boxes in a face's wedge, one per lane.
 struct Parts<const N: usize> {
-    /// Whether each box meets the wedge. If not, the other entries of its lane have no meaning.
+    /// Whether each box meets the wedge. If not, the lane's other entries are meaningless.
     meets: [bool; N],
     /// Least position of each part, in columns from the right edge of the face, rounded downwards.
     from: [f32; N],
     /// Greatest position of each part, in columns from the right edge of the face, rounded upwards.
     to: [f32; N],
-    /// Greatest inverse depth of each part, that of its nearest point, in 1/m, rounded upwards.
+    /// Greatest inverse depth of each part, at its nearest point, in 1/m, rounded upwards.
     inverse_depth: [f32; N],
     /// Least height of each part in the picture (height above the eye over depth), rounded downwards.
     low: [f32; N],
@@ -90,8 +91,8 @@ impl<const N: usize> Relative<N> {
         Self { x: around(0), y: around(1), z: around(2) }
     }
 
-    /// Returns the coordinates of the boxes in the face `FACE`: depth, then lateral coordinate; of each the
-    /// least, then the greatest.
+    /// Returns the coordinates of the boxes in the face `FACE`: depth, then lateral coordinate, each as least
+    /// and greatest value.
     #[inline(always)]
     fn turned<const FACE: usize>(&self) -> [[[f32; N]; 2]; 2] {
         let negated = |of: &[[f32; N]; 2]| {
@@ -122,11 +123,12 @@ impl<const N: usize> Relative<N> {
         };
         let slack = 16.0 * U * half;
         for lane in 0..N {
-            // In the wedge, depth is at least the distance from the middle.
+            // Inside the wedge, depth is at least the lateral distance from the middle of the face.
             let (right, left, far) = (right[lane], left[lane], far[lane]);
             let aside = if right > -left { right } else { -left };
             let near = if near[lane] > aside { near[lane] } else { aside };
-            // A box over or under the eye is in every column at any height. NaN does not meet.
+            // A box above or below the eye is in every column at any height. A NaN box does not meet the
+            // wedge.
             parts.meets[lane] = (near > 0.0) & (near <= far);
             let inverse = 1.0 / near;
             let inverse_far = 1.0 / far;
@@ -146,9 +148,9 @@ impl<const N: usize> Relative<N> {
 }
 
 impl Columns {
-    /// Tests the lanes of `state.0` in the face `FACE`. Removes those that are not hidden there, and adds
-    /// those that meet the face to `state.1`. `state.0` are the candidates that are hidden in all faces so
-    /// far.
+    /// Tests the lanes of `state.0` in the face `FACE`. `state.0` has the candidates that were hidden in all
+    /// faces so far; lanes not hidden in this face are removed. Lanes that meet the face are added to
+    /// `state.1`.
     #[inline(always)]
     fn hidden_in_face<const FACE: usize, const N: usize>(
         &self,
@@ -163,7 +165,7 @@ impl Columns {
         while left != 0 {
             let lane = left.trailing_zeros() as usize % N;
             left &= left - 1;
-            // Beside the wedge, or beside the columns in view.
+            // The box is outside of the wedge, or outside of the columns in view.
             if !parts.meets[lane] || parts.to[lane] < begin || parts.from[lane] >= last + 1.0 {
                 continue;
             }
@@ -177,8 +179,7 @@ impl Columns {
         }
     }
 
-    /// Returns the lanes of `candidates` in which each point of the box that the view may see is certainly
-    /// hidden.
+    /// Returns the lanes of `candidates` whose box is certainly hidden wherever the view may see it.
     #[inline(always)]
     fn hidden_lanes<const N: usize>(
         &self,
@@ -191,13 +192,14 @@ impl Columns {
         for lane in 0..N {
             let (x, y, z) = (&relative.x, &relative.y, &relative.z);
             let is_beside = (x[0][lane] > 0.0) | (x[1][lane] < 0.0) | (y[0][lane] > 0.0) | (y[1][lane] < 0.0);
-            // The box as given is tested: `relative` is widened, so a slightly inverted box is proper there.
+            // Validity is tested on the original box: `relative` is widened, so a slightly inverted box would
+            // be valid there.
             let is_proper = boxes.iter().fold(true, |all, [min, max]| all & (min[lane] <= max[lane]));
             let is_number =
                 (x[0][lane] <= x[1][lane]) & (y[0][lane] <= y[1][lane]) & (z[0][lane] <= z[1][lane]);
             open |= u64::from(!(is_beside & is_proper & is_number)) << lane;
         }
-        // Lanes that are hidden in the faces so far, and those that meet some face.
+        // Lanes that are hidden in all faces so far, and lanes that meet some face.
         let mut state = (candidates & !open, 0);
         let is_seen = |face: usize| !self.seen(face).is_empty();
         if is_seen(0) {
@@ -215,8 +217,8 @@ impl Columns {
         state.0 & state.1
     }
 
-    /// Returns whether each column from `first` to `last` of a face has a step that hides a surface from
-    /// `low` to `high` at inverse depth `inverse_depth` or less.
+    /// Returns whether each column from `first` to `last` of a face has a step that hides a surface between
+    /// the heights `low` and `high`, at inverse depth `inverse_depth` or less.
     #[inline(always)]
     fn is_behind(
         &self,
@@ -229,7 +231,7 @@ impl Columns {
     ) -> bool {
         let Some(blocks) = self.face(face).get(first / BLOCK..=last / BLOCK) else { return false };
         let all = (1 << BLOCK) - 1;
-        // Columns before the first and behind the last need not hide.
+        // In the first and last block, columns outside of the range need not hide the surface.
         let (mut before, behind) = ((1 << (first % BLOCK)) - 1, all & !((2 << (last % BLOCK)) - 1));
         let count = blocks.len();
         for (index, block) in blocks.iter().enumerate() {
@@ -283,8 +285,8 @@ impl Columns {
     }
 
     /// Calls `each` with the part of a box in each face in view (the face, the first and the last column, and
-    /// the greatest height in the picture) until `each` returns false. Returns whether it never did. False
-    /// for a box over or under the eye and for NaN.
+    /// the greatest height in the picture), until `each` returns false. Returns true if it never did. False
+    /// for a box above or below the eye and for NaN.
     pub(crate) fn for_each_part(
         &self,
         eye: &QueryEye,

@@ -1,4 +1,5 @@
-//! The columns of the picture: each has a few steps, behind which everything between two heights is hidden.
+//! Columns of the horizon's picture. Each has a few steps; behind a step, everything between two heights is
+//! hidden.
 
 use super::frame::{FACES, Frame};
 use super::outline::{Corner, CornerError, Edge, Outline, Post};
@@ -7,11 +8,11 @@ use alloc::vec::Vec;
 use core::ops::Range;
 
 /// Number of steps that a column keeps. With one fewer, a tower behind a house replaces a part of the house's
-/// occlusion; one more changed next to nothing (measured).
+/// occlusion; one more made hardly any difference (measured).
 pub(crate) const STEPS: usize = 3;
 
-/// A step of a column: every line of sight through the column whose height in the picture is between `low`
-/// and `high` has met an occluder where the inverse of its depth is at least `inverse_depth`.
+/// Step of a column. Every line of sight through the column with a height in the picture between `low` and
+/// `high` has met an occluder at an inverse depth of at least `inverse_depth`.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Step {
     pub(crate) inverse_depth: f32,
@@ -20,7 +21,7 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    /// A step that hides nothing.
+    /// Step that hides nothing.
     const OPEN: Self = Self { inverse_depth: 0.0, low: f32::INFINITY, high: f32::NEG_INFINITY };
 
     /// Returns whether this step hides everything that `other` hides.
@@ -28,7 +29,7 @@ impl Step {
         self.inverse_depth >= other.inverse_depth && self.low <= other.low && self.high >= other.high
     }
 
-    /// Returns whether the heights of the two steps have a height in common.
+    /// Returns whether the height ranges of the two steps intersect.
     fn meets(&self, other: &Self) -> bool {
         self.low <= other.high && other.low <= self.high
     }
@@ -37,11 +38,11 @@ impl Step {
 /// Number of columns of a [`Block`].
 pub(crate) const BLOCK: usize = 8;
 
-/// The steps of eight neighbouring columns, by step and column: tested together.
+/// Steps of eight neighbouring columns, which are tested together, indexed by step and column.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Block {
-    /// Step that hides only what every column of the block hides, made from the step with the highest top in
-    /// each.
+    /// Step that hides only what every column of the block hides, made from each column's step with the
+    /// highest top.
     common: Step,
     inverse_depth: [[f32; BLOCK]; STEPS],
     low: [[f32; BLOCK]; STEPS],
@@ -88,20 +89,20 @@ impl Block {
         self.common = all;
     }
 
-    /// Returns whether all columns hide a surface from height `low` to `high` at inverse depth
-    /// `inverse_depth` or less, by the step that they have in common.
+    /// Returns whether the common step hides, in all columns, a surface between the heights `low` and `high`
+    /// at inverse depth `inverse_depth` or less.
     #[inline(always)]
     pub(crate) fn is_hidden_throughout(&self, inverse_depth: f32, low: f32, high: f32) -> bool {
         let Step { inverse_depth: w, low: from, high: to } = self.common;
         (w > inverse_depth) & (from < low) & (to > high)
     }
 
-    /// Returns a mask of the columns with a step that hides a surface from height `low` to `high` at inverse
-    /// depth `inverse_depth` or less.
-    // Not inlined, since it compiles to vector instructions only by itself.
+    /// Returns a mask of the columns with a step that hides a surface between the heights `low` and `high` at
+    /// inverse depth `inverse_depth` or less.
+    // Not inlined, because the loop compiles to vector instructions only in a separate function.
     #[inline(never)]
     pub(crate) fn hides(&self, inverse_depth: f32, low: f32, high: f32) -> u32 {
-        // Masks by selection, without shifts: SSE2 shifts all lanes by the same number.
+        // Masks are made by selection instead of shifts, since SSE2 shifts all lanes by the same number.
         const BITS: [u32; BLOCK] = [1, 2, 4, 8, 16, 32, 64, 128];
         let mut any = [0u32; BLOCK];
         for step in 0..STEPS {
@@ -115,14 +116,14 @@ impl Block {
     }
 }
 
-/// All columns of the four faces of the picture.
+/// Columns of the four faces of the picture.
 #[derive(Clone, Debug)]
 pub(crate) struct Columns {
     per_face: usize,
-    /// Blocks of the columns of all faces, face by face. The columns of each face are rounded up to whole
-    /// blocks.
+    /// Blocks of columns of all faces, face by face. The number of columns of each face is rounded up to
+    /// whole blocks.
     blocks: Vec<Block>,
-    /// Half-open range of the columns of each face that are in view. Empty for a face that is not.
+    /// Half-open range of the columns in view of each face. Empty for a face that is not in view.
     seen: [Range<usize>; FACES],
     outline: Outline,
     /// Scratch of [`draw`](Self::draw), one entry per side of a column: top, negated bottom, inverse depth.
@@ -145,13 +146,13 @@ impl Columns {
         self.per_face
     }
 
-    /// Returns the half-open range of the columns of a face that are in view, empty if none is.
+    /// Returns the half-open range of the columns in view of a face. Empty if none is.
     pub(crate) fn seen(&self, face: usize) -> Range<usize> {
         self.seen[face].clone()
     }
 
-    /// Returns the columns of one face, in blocks of [`BLOCK`] from its right edge on. The last block may
-    /// have columns beyond the face.
+    /// Returns the columns of one face, in blocks of [`BLOCK`] from its right edge. The last block may have
+    /// columns beyond the face.
     pub(crate) fn face(&self, face: usize) -> &[Block] {
         let count = self.per_face.div_ceil(BLOCK);
         &self.blocks[face * count..][..count]
@@ -162,7 +163,7 @@ impl Columns {
         &mut self.blocks[face * count..][..count]
     }
 
-    /// Takes the range of columns in view from a new frame, and empties these columns.
+    /// Takes the range of columns in view from a new frame, and clears these columns.
     pub(crate) fn begin(&mut self, frame: &Frame) {
         for (face, seen) in frame.seen.iter().enumerate() {
             let last = self.per_face as f64;
@@ -189,9 +190,9 @@ impl Columns {
         }
     }
 
-    /// Adds a wall of upright panels, two posts each. Their front is to the right of the way from the first
-    /// post to the second; their back hides only if `two_sided`. `error` bounds the distance of each post
-    /// from the exact one, in metres.
+    /// Adds a wall of upright panels, two posts each. A panel's front is to the right when walking from its
+    /// first post to its second; its back only hides if `two_sided`. `error` bounds the distance in metres of
+    /// each post from the exact one.
     pub(crate) fn draw_wall(&mut self, frame: &Frame, posts: &[Post], error: f64, two_sided: bool) {
         for face in 0..FACES {
             if self.seen[face].is_empty() {
@@ -214,30 +215,29 @@ impl Columns {
         block.summarize();
     }
 
-    /// Adds the area between two outlines to the columns of a face that both outlines span. Each outline runs
-    /// from its first to its last column. `bends` is true if the outlines may bend inwards, as those of walls
-    /// do.
+    /// Adds the area between two outlines to the columns of a face that both outlines span. `bends` is true
+    /// if the outlines may bend inwards, as those of walls do.
     fn draw(&mut self, face: usize, outline: &Outline, bends: bool) {
         let Outline { upper, lower, error, .. } = outline;
         let ([first, .., last], [low_first, .., low_last]) = (&upper[..], &lower[..]) else { return };
         let begin = first.column.max(low_first.column) + error.column;
         let end = last.column.min(low_last.column) - error.column;
         let seen = self.seen[face].clone();
-        // Whole columns, clamped to those in view.
+        // The whole columns that both outlines span, clamped to those in view.
         let begin = (ceil(begin).max(seen.start as f64)) as usize;
         let end = (end.min(seen.end as f64).max(0.0)) as usize;
         if begin >= end {
             return;
         }
         let sides = &mut self.sides;
-        // Upper height, lower height (negated) and inverse depth at each boundary between columns, each
-        // bounded so that the face hides no more than it does.
+        // Upper height, negated lower height and inverse depth at each boundary between columns. Each is
+        // bounded such that the column hides no more than the occluder does.
         sides.iter_mut().for_each(|entries| entries[begin..=end].fill(f64::INFINITY));
         let [highs, lows, inverse_depths] = sides;
         sample(&mut highs[begin..=end], &mut inverse_depths[begin..=end], begin, upper, error, 1.0);
         sample(&mut lows[begin..=end], &mut inverse_depths[begin..=end], begin, lower, error, -1.0);
-        // Between two boundaries an outline of a wall may dip at a corner: the corner's height counts for its
-        // column.
+        // The outline of a wall may dip at a corner between two boundaries, so the corner's height also
+        // counts for its column.
         if bends {
             for (outline, heights, sense) in [(upper, &mut *highs, 1.0), (lower, &mut *lows, -1.0)] {
                 for corner in &outline[1..outline.len() - 1] {
@@ -253,7 +253,7 @@ impl Columns {
             let least =
                 |of: &[f64]| (if of[column] < of[column + 1] { of[column] } else { of[column + 1] }) as f32;
             let (high, low, inverse_depth) = (least(highs), -least(lows), least(inverse_depths));
-            // Rounding to `f32` errs by 2^-24 of a number, or by the least denormal number.
+            // Rounding to `f32` has an error of 2^-24 of the number, or of the least denormal number.
             let step = Step {
                 inverse_depth: inverse_depth - inverse_depth * INWARDS,
                 low: low + (low.abs() * INWARDS + f32::MIN_POSITIVE),
@@ -270,15 +270,15 @@ impl Columns {
 /// Relative amount by which a number is moved inwards after rounding to `f32`: twice the unit round-off.
 const INWARDS: f32 = f32::EPSILON;
 
-/// Returns the least whole number that is not less than `x`.
+/// Returns the smallest integer not less than `x`.
 fn ceil(x: f64) -> f64 {
     let whole = x.clamp(-1e15, 1e15) as i64 as f64;
     if whole < x { whole + 1.0 } else { whole }
 }
 
 /// Lowers `heights` and `inverse_depths` to at most the height (times `sense`, 1 or -1) and the inverse depth
-/// of an outline, less the error bounds. Each entry is for a side between two columns, from the right side of
-/// column `begin` on.
+/// of an outline, minus the error bounds. Each entry is for a boundary between two columns, starting at the
+/// right side of column `begin`.
 fn sample(
     heights: &mut [f64],
     inverse_depths: &mut [f64],
@@ -289,7 +289,7 @@ fn sample(
 ) {
     let last = (begin + heights.len() - 1) as f64;
     for pair in outline.windows(2) {
-        // The sides that the exact edge may cross.
+        // Boundaries that the exact edge may cross.
         let (from, to) = (pair[0].column - error.column, pair[1].column + error.column);
         if to < begin as f64 || from > last {
             continue;
@@ -308,8 +308,8 @@ fn sample(
 }
 
 /// Lowers `heights` and `inverse_depths` to at most the height (times `sense`, 1 or -1) and the inverse depth
-/// of a corner, less the error bounds, at the right side of each column that the exact corner may be in.
-/// Entries are those of [`sample`]. The column to the right, which has this side too, is lowered with it.
+/// of a corner, minus the error bounds, at the right side of each column that the exact corner may be in.
+/// Entries are those of [`sample`]. This also lowers the column to the right, which shares this side.
 fn lower_at(
     heights: &mut [f64],
     inverse_depths: &mut [f64],
@@ -336,11 +336,11 @@ fn lower_at(
 /// Adds a step to a column of a block. If the column is full, the step that spans the least height, old or
 /// new, is dropped.
 fn insert(block: &mut Block, column: usize, step: Step) {
-    // Most columns are drawn once.
+    // Shortcut for the first step of a column, since most columns are drawn only once.
     if block.high.iter().all(|high| high[column] == f32::NEG_INFINITY) {
         return block.set_step(0, column, step);
     }
-    // Behind the farther of two steps whose heights meet, the union of both heights is hidden.
+    // If the height ranges of two steps meet, their union is hidden behind the farther of the two.
     let mut steps: [Step; STEPS] = core::array::from_fn(|old| block.step(old, column));
     let mut new = step;
     for old in &steps {
@@ -379,13 +379,13 @@ mod tests {
     use visibility_core::Aabb;
     use visibility_testing::{End, UNIT, ends, ends_f32};
 
-    /// Columns of each face.
+    /// Number of columns of each face.
     const COUNT: usize = 16;
 
-    /// Greatest distance in ranks from a border within which margins may decide either way.
+    /// Greatest distance in ranks from a border at which margins may decide either way.
     const HAIR: i64 = 2;
 
-    /// Returns columns of which some, of face 0, are in view. `begin` and `end` are in columns.
+    /// Returns columns of which only a part of face 0 is in view, from `begin` to `end`, in columns.
     fn columns(begin: f64, end: f64) -> Columns {
         let mut columns = Columns::new(COUNT);
         let mut seen = [const { 0.0..0.0 }; FACES];
@@ -417,7 +417,7 @@ mod tests {
         }
     }
 
-    /// Returns an outline from height -1 up to the given corners: columns and heights, at depth 1.
+    /// Returns an outline from height -1 up to the given corners (column and height), at depth 1.
     fn outline(upper: &[(f64, f64)], error: f64) -> Outline {
         let corner = |&(column, height): &(f64, f64)| Corner { column, height, inverse_depth: 1.0 };
         let lower = [upper[0].0, upper[upper.len() - 1].0].map(|column| (column, -1.0));
@@ -428,7 +428,7 @@ mod tests {
         outline
     }
 
-    /// Returns whether a column hides what is up to a height, a little behind the outlines.
+    /// Returns whether a column hides a surface at a height, slightly behind the outlines.
     fn hides(columns: &Columns, column: usize, height: f32) -> bool {
         columns.face(0)[column / BLOCK].hides(0.9, -0.9, height) >> (column % BLOCK) & 1 == 1
     }
@@ -446,7 +446,7 @@ mod tests {
                             && start(column + 1) <= high.rank - ranks - hair
                     };
                     let is_hidden = hides(&columns, column, 0.9);
-                    // Sums of an end and an error round to the next number, for which errors allow.
+                    // The sum of an end and an error is rounded to the next number, for which errors allow.
                     let is_held = holds(-i64::from(error > 0.0));
                     assert!(!is_hidden || is_held, "{low:?} to {high:?}, {error}: not all of {column}");
                     let is_seen = (2..=12).contains(&column);
@@ -461,8 +461,8 @@ mod tests {
         }
     }
 
-    /// A wall that is lower at one corner, as a notch or as a step down or up: the column that the corner is
-    /// in hides no more than the lower height.
+    /// A wall that is lower at one corner, as a notch or as a step. The column of the corner must not hide
+    /// above the lower height.
     #[test]
     fn corners_lower_the_columns_that_they_are_in() {
         for End { value, rank } in ends(1, 15) {
@@ -483,7 +483,7 @@ mod tests {
                     let what = || std::format!("shape {shape}, corner {value}, column {column}");
                     assert!(!is_low || !hides(&columns, column, 0.26), "{}", what());
                     assert!(hides(&columns, column, 0.24), "{}", what());
-                    // The side before the corner is lower, and with it the column before that.
+                    // The boundary before the corner is lowered, and with it the column before that.
                     let is_clear = start(column + 2) + HAIR < rank || start(column) - HAIR > rank;
                     assert!(is_low || !is_clear || shape == 0 || hides(&columns, column, 0.9), "{}", what());
                 }
@@ -491,13 +491,13 @@ mod tests {
         }
     }
 
-    /// A flat box before columns that all hide it but one.
+    /// A flat box behind columns, all of which hide it except one.
     #[test]
     fn boxes_are_hidden_unless_they_meet_the_only_open_column() {
         let mut frame = Frame::BLIND;
         frame.error = 0.0;
         let eye = QueryEye::new(&frame);
-        // At a depth of half the columns, a metre is a column.
+        // At a depth of half the number of columns, a column is a metre wide.
         let (half, all) = (COUNT as i16 / 2, ends_f32(-9, 9));
         let depth = f32::from(half);
         for open in 0..COUNT {

@@ -1,12 +1,13 @@
-//! Crossings of crowns: how many crowns of trees a line of sight has passed, by direction. A crown is an
-//! object that the user has named as the crown of a tree
+//! Number of tree crowns that lines of sight have passed, by direction. A crown is an object that the user
+//! has declared to be the crown of a tree
 //! ([`HorizonCuller::with_crowns`](super::HorizonCuller::with_crowns)). Picture, face, column and height are
-//! those of the [`horizon`](super) module.
+//! defined in the [`horizon`](super) module.
 //!
-//! No crown hides what is behind it, but hardly anything shows through six. Each column counts the crowns
-//! that were met, nearest first, with the inner part of their width, and the mean of their tops. What is
-//! behind the given number of crowns in all its columns, and lower, counts as hidden. Approximate. ("Visible
-//! Zone Maintenance for Real-Time Occlusion Culling", 2002: the aggregate occlusion of trees by direction.)
+//! A single crown does not occlude, but hardly anything is visible through six. Each column counts the crowns
+//! whose inner part meets the column, nearest first, and the mean height of their tops. A box counts as
+//! hidden if it is behind the given number of crowns in all its columns, and lower than their mean top.
+//! Approximate. ("Visible Zone Maintenance for Real-Time Occlusion Culling", 2002: the aggregate occlusion of
+//! trees by direction.)
 
 use super::column_query::QueryEye;
 use super::columns::Columns;
@@ -15,15 +16,15 @@ use alloc::vec;
 use alloc::vec::Vec;
 use visibility_core::{Aabb, ObjectId};
 
-/// Share of a crown's width that counts: its middle half, since its rim is thin.
+/// Share of a crown's width that counts: its middle half, because its rim is thin.
 const CORE: f32 = 0.5;
 
-/// Count of the crowns that each column has met.
+/// For each column, the number of crowns met so far.
 #[derive(Clone, Debug)]
 pub(crate) struct CrownColumns {
     /// Ids of the objects that are crowns, ascending.
     crowns: Vec<ObjectId>,
-    /// Number of crowns in a row that count as opaque, at least 1.
+    /// Number of crowns, one behind another, that count as opaque. At least 1.
     crossings: u8,
     /// For each column: the number of crowns that the column has met, and the sum of the heights of their
     /// tops in the picture (height above the eye divided by depth). Column `c` of face `f` is at index `f *
@@ -38,7 +39,7 @@ impl CrownColumns {
         Self { crowns, crossings: crossings.max(1), met: Vec::new() }
     }
 
-    /// Empties the columns for a new frame, with `per_face` columns in each face.
+    /// Clears the columns for a new frame, with `per_face` columns in each face.
     pub(crate) fn begin(&mut self, per_face: usize) {
         if self.met.len() != per_face * FACES {
             self.met = vec![(0, 0.0); per_face * FACES];
@@ -52,7 +53,7 @@ impl CrownColumns {
     }
 
     /// Returns whether a box is behind enough crowns, and lower than the mean of their tops, in every column
-    /// in which the view may see it. False for a box over or under the eye.
+    /// in which the view may see it. False for a box above or below the eye.
     pub(crate) fn hides(&self, columns: &Columns, eye: &QueryEye, rows: [usize; 3], bounds: &Aabb) -> bool {
         let mut any = false;
         columns.for_each_part(eye, rows, bounds, |face, first, last, high| {

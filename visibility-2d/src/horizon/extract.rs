@@ -1,8 +1,9 @@
-//! Upright convex solids of an occluder mesh.
+//! Extraction of upright convex solids from an occluder mesh.
 //!
-//! A convex solid of the mesh, or a convex part, is one as it is. City models have houses without a floor:
-//! those are found among the other triangles, by shared vertices, as prisms that are open at the bottom
-//! only. Upright panels of other triangles make walls, in `walls.rs`. The rest hides nothing here.
+//! Closed convex meshes, and convex parts of meshes, are used as they are. Houses of city models often have
+//! no floor. They are found among the other triangles, by shared vertices, as prisms that are open only at
+//! the bottom. Upright panels among the remaining triangles make walls, in `walls.rs`. All other triangles
+//! are ignored here.
 
 use super::frame::UpAxis;
 use super::outline::Post;
@@ -10,11 +11,12 @@ use alloc::vec::Vec;
 use visibility_core::OccluderMesh;
 use visibility_core::glam::{Affine3A, DVec3};
 
-/// Greatest number of posts of a solid. Rounder solids are rare, and cost more than they hide.
+/// Maximum number of posts of a solid. Solids with more are rare, and cost more than they hide.
 const MAX_POSTS: usize = 32;
 
-/// Least size of a solid's upright face, width times height, as a fraction of the largest of the same mesh.
-/// Smaller solids are left out: posts and rails of a house hide next to nothing beside its walls.
+/// Least size of a solid's upright face, width times height, as a fraction of the largest face in the same
+/// mesh. Smaller solids are left out: posts and rails of a house hide next to nothing compared with its
+/// walls.
 const MIN_FACE: f64 = 1.0 / 16.0;
 
 /// Shape that the posts of a [`Solid`] span.
@@ -22,31 +24,31 @@ const MIN_FACE: f64 = 1.0 / 16.0;
 pub(crate) enum Shape {
     /// The convex hull of all posts.
     Convex,
-    /// Upright panels, each between two successive posts, its front to the right of the way from the first to
-    /// the second. Their backs hide only if `two_sided`.
+    /// Upright panels, each between two successive posts. A panel's front is to the right when walking from
+    /// its first post to its second; its back only hides if `two_sided`.
     Wall { two_sided: bool },
 }
 
-/// A convex solid as the hull of posts, or a wall.
+/// Convex hull of posts, or a wall.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Solid {
     pub(crate) shape: Shape,
-    /// Index of the solid's first post, in the list of posts that the solid was added with.
+    /// Index of the solid's first post in its list of posts.
     pub(crate) first: u32,
     pub(crate) count: u32,
     /// Bound on the distance in metres of each post from a point of the exact solid.
     pub(crate) error: f64,
-    /// Part of `error` that is not rounding, in metres: how far the hull of the posts may reach out of the
-    /// mesh where the mesh is dented.
+    /// Part of `error` that is not due to rounding, in metres: how far the hull of the posts may reach out of
+    /// the mesh at a dent.
     pub(crate) dent: f64,
-    /// Height in metres that the eye must be above, since the solid has no face there; negative infinity for
-    /// a closed solid.
+    /// Height in metres below which the eye must not be, because the solid has no face there. Negative
+    /// infinity for a closed solid.
     pub(crate) open_below: f64,
     /// Area in square metres of the upright face of the solid's bounds: greater width times height.
     pub(crate) face: f64,
 }
 
-/// Solids found so far.
+/// Solids extracted so far, with their posts.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Solids {
     pub(crate) solids: Vec<Solid>,
@@ -66,7 +68,8 @@ impl Solids {
         self.posts.clear();
     }
 
-    /// Adds the convex solids of a mesh under a transform, and its [`walls`](super::walls) if `walls`.
+    /// Adds the convex solids of a mesh with its transform. If `walls`, also adds its
+    /// [`walls`](super::walls).
     pub(crate) fn add_mesh(&mut self, mesh: &OccluderMesh, transform: &Affine3A, up: UpAxis, walls: bool) {
         let begin = self.solids.len();
         let pieces = if mesh.parts().is_empty() { core::slice::from_ref(mesh) } else { mesh.parts() };
@@ -94,14 +97,14 @@ impl Solids {
                 let [x, y, z] = up.split(p);
                 self.add_post(first, Post { x, y, low: z, high: z });
             }
-            // A convex mesh may be dented by two steps of `f32` of its largest coordinate, a cuboid not.
+            // A convex mesh may have dents of two `f32` steps of its largest coordinate. A cuboid has none.
             let dent = if mesh.is_cuboid() { 0.0 } else { 4.0 * f64::from(f32::EPSILON) * size };
             self.finish(first, transform, size, Shape::Convex, dent, f64::NEG_INFINITY);
         }
     }
 
-    /// Adds a post to the solid that began at index `first`. A post over the same point of the plan as an
-    /// earlier one of the solid is joined with it.
+    /// Adds a post to the solid that began at index `first`. A post at the same point of the plan as an
+    /// earlier post of the solid is merged with it.
     fn add_post(&mut self, first: usize, post: Post) {
         for other in &mut self.posts[first..] {
             if other.x == post.x && other.y == post.y {
@@ -113,7 +116,7 @@ impl Solids {
     }
 
     /// Adds the solid of the posts from index `first` on. Drops these posts if there are fewer than two or
-    /// one is not finite. `size` is the greatest sum of magnitudes that [`placed`] returned for them.
+    /// one is not finite. `size` is the greatest sum of magnitudes that [`placed`] returned for these posts.
     pub(crate) fn finish(
         &mut self,
         first: usize,
@@ -137,8 +140,8 @@ impl Solids {
         self.solids.push(Solid { shape, first, count, error, dent, open_below, face });
     }
 
-    /// Removes solids, from index `begin` on, whose upright face is smaller than [`MIN_FACE`] of the
-    /// largest of these, or than [`least_face`](Self::least_face).
+    /// Removes solids, from index `begin` on, whose upright face is smaller than [`MIN_FACE`] of the largest
+    /// of them, or smaller than [`least_face`](Self::least_face).
     fn drop_small(&mut self, begin: usize) {
         let largest = self.solids[begin..].iter().map(|solid| solid.face).fold(0.0, f64::max);
         let least = self.least_face.max(MIN_FACE * largest);
@@ -158,10 +161,10 @@ impl Solids {
         }
     }
 
-    /// Adds a prism that may be open at the bottom. The triangles must be joined by shared vertices and meet
-    /// these conditions: their vertices have two heights in all; the triangles between the two heights are
-    /// upright and bound the hull of the triangles on the plan; every edge joins two triangles, except edges
-    /// at the lower height. `None`, and nothing is added, if the triangles are no such prism.
+    /// Adds a prism that may be open at the bottom. The triangles must be connected by shared vertices. Their
+    /// vertices must have two heights in total. The triangles between the two heights must be upright, on the
+    /// hull of the triangles on the plan. Every edge must join two triangles, except edges at the lower
+    /// height. `None`, and nothing is added, if a condition fails.
     fn add_open_prism(
         &mut self,
         mesh: &OccluderMesh,
@@ -186,7 +189,7 @@ impl Solids {
         if !all().all(|p| p[2] == low || p[2] == high) || low == high {
             return None;
         }
-        // Edges of a single triangle lie at the lower height.
+        // Edges of only one triangle must lie at the lower height.
         for &t in triangles {
             for edge in mesh.triangle_edges()[t as usize] {
                 let edge = &mesh.edges()[edge as usize];
@@ -203,7 +206,7 @@ impl Solids {
         if hull.len() < 3 || hull.len() > MAX_POSTS {
             return None;
         }
-        // Each triangle is level or a part of a side between neighbours of the hull.
+        // Each triangle must be level, or a part of a side between neighbouring corners of the hull.
         let position = |p: &[f64; 3]| hull.iter().position(|q| q[0] == p[0] && q[1] == p[1]);
         for t in &corners {
             if t.iter().all(|p| p[2] == low) || t.iter().all(|p| p[2] == high) {
@@ -217,9 +220,9 @@ impl Solids {
                 return None;
             }
         }
-        // All edges but the lowest join two triangles that run through them in opposite directions, so the
-        // number of triangles over a point of the hull's surface, those that face inwards counted negative,
-        // is the same everywhere above the lower height. At the top it is the quotient of the areas.
+        // All edges except the lowest join two triangles in opposite directions. So the number of triangles
+        // over a point of the hull's surface (inward-facing triangles counted negative) is the same
+        // everywhere above the lower height. At the top this number is the quotient of the areas.
         let area = |p: &[[f64; 2]]| {
             let around = (0..p.len()).map(|i| (p[i], p[(i + 1) % p.len()]));
             around
@@ -228,7 +231,7 @@ impl Solids {
         };
         let top = corners.iter().filter(|t| t.iter().all(|p| p[2] == high));
         let covered: f64 = top.map(|t| area(&t.map(|p| [p[0], p[1]]))).sum::<f64>() / area(&hull);
-        // A one-sided mesh hides from outside if it faces outwards.
+        // A one-sided mesh only occludes from outside if it faces outwards.
         let is_mirrored = transform.matrix3.determinant() <= 0.0;
         let is_covered = if mesh.is_two_sided() { covered.abs() } else { covered } > 0.5;
         if !is_covered || is_mirrored && !mesh.is_two_sided() {
@@ -252,8 +255,8 @@ fn face(posts: &[Post]) -> f64 {
     (max[0] - min[0]).max(max[1] - min[1]) * (max[2] - min[2])
 }
 
-/// Returns a point under a transform, and a sum of magnitudes: that of the terms of a coordinate, for the
-/// coordinate for which it is greatest.
+/// Returns a point under a transform, and the sum of the magnitudes of the terms of one of its coordinates:
+/// the greatest of the three sums.
 pub(crate) fn placed(p: DVec3, transform: &Affine3A) -> (DVec3, f64) {
     if *transform == Affine3A::IDENTITY {
         return (p, p.abs().max_element());
@@ -267,14 +270,14 @@ pub(crate) fn placed(p: DVec3, transform: &Affine3A) -> (DVec3, f64) {
     (sum, size.max_element())
 }
 
-/// Returns a bound on the error of a point that [`placed`] returned with the given sum of magnitudes. Each
-/// coordinate is a sum of three products and a term, rounded at most four times each: 8u of the magnitudes.
-/// Points that stay where they are stay exact.
+/// Returns a bound on the error of a point from [`placed`], given its sum of magnitudes. Each coordinate is a
+/// sum of three products and a term, rounded at most four times each: 8u of the magnitudes. Points that are
+/// not moved are exact.
 fn rounding(transform: &Affine3A, size: f64) -> f64 {
     if *transform == Affine3A::IDENTITY { 0.0 } else { 8.0 * f64::EPSILON * size }
 }
 
-/// Returns the triangles of a mesh in groups that share vertices.
+/// Groups the triangles of a mesh that share vertices.
 fn components(mesh: &OccluderMesh) -> Vec<Vec<u32>> {
     let mut parent: Vec<u32> = (0..mesh.positions().len() as u32).collect();
     fn root(parent: &mut [u32], mut i: u32) -> u32 {
@@ -296,8 +299,8 @@ fn components(mesh: &OccluderMesh) -> Vec<Vec<u32>> {
     order.chunk_by(|a, b| a.0 == b.0).map(|group| group.iter().map(|&(_, t)| t).collect()).collect()
 }
 
-/// Returns the convex hull of points on the plan that are sorted by x, then y, without repetition,
-/// counter-clockwise. Points on a side of the hull, as far as `f64` can tell, are left out.
+/// Returns the convex hull, counter-clockwise, of points on the plan that are sorted by x, then y, without
+/// repetition. Points that `f64` places on a side of the hull are left out.
 pub(crate) fn convex_hull(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let cross =
         |o: [f64; 2], a: [f64; 2], b: [f64; 2]| (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]);
@@ -322,7 +325,7 @@ mod tests {
     use super::*;
     use visibility_core::glam::{Mat3, Vec3};
 
-    /// Returns the number of solids of triangles, in a mesh of one side or two.
+    /// Returns the number of solids found in a mesh of triangles.
     fn count(triangles: &[[Vec3; 3]], two_sided: bool, transform: Affine3A) -> usize {
         let mesh = OccluderMesh::from_triangles(triangles).unwrap().with_two_sided(two_sided);
         let mut solids = Solids::default();
@@ -349,7 +352,7 @@ mod tests {
         let turned: Vec<_> = house.iter().map(|[a, b, c]| [*a, *c, *b]).collect();
         assert_eq!(count(&house, false, Affine3A::IDENTITY), 1, "a house without a floor");
         assert_eq!(count(&house, true, Affine3A::IDENTITY), 1, "a house without a floor, two-sided");
-        // A room, seen from inside only, unless both sides hide.
+        // The inside of a room occludes only if both sides do.
         assert_eq!(count(&turned, false, Affine3A::IDENTITY), 0, "a room, turned inside out");
         assert_eq!(count(&turned, true, Affine3A::IDENTITY), 1, "a room, two-sided");
         let mirror = Affine3A::from_mat3(Mat3::from_diagonal(Vec3::new(-1.0, 1.0, 1.0)));
@@ -366,17 +369,17 @@ mod tests {
             holed.remove(missing);
             assert_eq!(count(&holed, true, Affine3A::IDENTITY), 0, "without triangle {missing}");
         }
-        // A plan with a dent, whose top from the first corner is still whole.
+        // A plan with a dent. Its top, a fan around the first corner, still has no overlap.
         let dented = prism(&[[1.0, 0.5], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0], [0.0, 0.0]]);
         assert_eq!(count(&dented, true, Affine3A::IDENTITY), 0, "a house with a dent");
     }
 
-    /// Two triangles back to back have no edge of a single triangle, and cover half of their hull.
+    /// Two triangles back to back: every edge joins two triangles, but they cover only half of their hull.
     #[test]
     fn a_flap_of_two_triangles_is_no_solid() {
         let [a, b, c] = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 0.0, 3.0)];
         assert_eq!(count(&[[a, b, c], [a, c, b]], true, Affine3A::IDENTITY), 0, "a flap of two triangles");
-        // The same, hung on the top of a square whose other half is open.
+        // The same flap, attached to the top of a square whose other half is open.
         let mut house = prism(&SQUARE);
         let last = house.len() - 1;
         let [a, b, c] = house[last];

@@ -1,4 +1,4 @@
-//! The four faces of the picture, relative to the eye, and the columns of each that the view can see.
+//! Four faces of the horizon's picture, relative to the eye, and the columns of each that the view can see.
 
 use core::ops::Range;
 use visibility_core::View;
@@ -8,12 +8,7 @@ use visibility_core::view::{ClipRow, Eye, ViewProjection};
 /// Unit round-off of `f64`: 2^-53.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// The axis of a scene that points up.
-///
-/// ```
-/// use visibility_2d::horizon::UpAxis;
-/// assert_eq!(UpAxis::default(), UpAxis::Z);
-/// ```
+/// Axis of a scene that points up.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
 pub enum UpAxis {
     /// The y axis points up, as in most engines.
@@ -24,7 +19,7 @@ pub enum UpAxis {
 }
 
 impl UpAxis {
-    /// Returns a point as its two coordinates on the plan, then its height, a right-handed system.
+    /// Returns a point as its two coordinates on the plan and its height, in a right-handed system.
     pub(crate) fn split(self, p: DVec3) -> [f64; 3] {
         match self {
             Self::Y => [p.z, p.x, p.y],
@@ -40,8 +35,8 @@ impl UpAxis {
         }
     }
 
-    /// Returns the rows of a [`Boxes64`](visibility_core::scene::Boxes64) or the components of a vector that
-    /// hold the plan's x, the plan's y and the height.
+    /// Returns the indices of the plan's x, the plan's y and the height: of rows in a
+    /// [`Boxes64`](visibility_core::scene::Boxes64), or of components in a vector.
     pub(crate) const fn rows(self) -> [usize; 3] {
         match self {
             Self::Y => [2, 0, 1],
@@ -75,8 +70,8 @@ pub(crate) struct Frame {
     pub(crate) up: UpAxis,
     /// Eye in metres relative to the scene's origin: two coordinates on the plan and the height.
     pub(crate) eye: [f64; 3],
-    /// Bound on the distance in metres of the exact eye from `eye`. Infinite if nothing can be hidden:
-    /// before the first frame, in parallel views, and where rounding leaves the eye undecided.
+    /// Bound in metres on the distance between the exact eye and `eye`. Infinite if nothing can be hidden:
+    /// before the first frame, in parallel views, and if rounding leaves the eye undecided.
     pub(crate) error: f64,
     /// Linear function of points relative to `anchor`, positive beyond the near plane.
     near: ClipRow,
@@ -87,7 +82,7 @@ pub(crate) struct Frame {
 }
 
 impl Frame {
-    /// A frame in which nothing can be hidden.
+    /// Frame in which nothing can be hidden.
     pub(crate) const BLIND: Self = Self {
         up: UpAxis::Z,
         eye: [0.0; 3],
@@ -109,15 +104,15 @@ impl Frame {
         Self { up, eye: up.split(eye), error, near: projection.near(), anchor: projection.anchor(), seen }
     }
 
-    /// Returns whether a ball around a point relative to the scene's origin, given by its two coordinates on
-    /// the plan and its height, is certainly beyond the near plane. False for NaN.
+    /// Returns whether a ball is certainly beyond the near plane. The centre is relative to the scene's
+    /// origin, as two coordinates on the plan and a height. False for NaN.
     pub(crate) fn is_beyond_near(&self, point: [f64; 3], radius: f64) -> bool {
         let (value, error) = self.near.at(self.up.join(point) - self.anchor);
         value > error + self.near.linear.length() * 2.0 * radius
     }
 
-    /// Returns whether a box relative to the scene's origin is certainly beyond the near plane. `min` and
-    /// `max` are its least and greatest coordinates: two on the plan, then the height. False for NaN.
+    /// Returns whether a box is certainly beyond the near plane. `min` and `max` are its least and greatest
+    /// coordinates relative to the scene's origin: two on the plan, then the height. False for NaN.
     pub(crate) fn is_box_beyond_near(&self, min: [f64; 3], max: [f64; 3]) -> bool {
         let growth = self.up.split(self.near.linear);
         let nearest = core::array::from_fn(|i| if growth[i] > 0.0 { min[i] } else { max[i] });
@@ -125,27 +120,28 @@ impl Frame {
     }
 }
 
-/// Returns the part of each face, from 0 to 1, that a perspective view can see. `None` if the view sees in
-/// all directions of the plan, as a camera that looks down does, or if rounding leaves that undecided.
+/// Returns the range of each face, from 0 to 1, that a perspective view can see. `None` if the view sees all
+/// directions on the plan, as a camera that looks down does, or if rounding leaves this undecided.
 fn seen_columns(projection: &ViewProjection, up: UpAxis) -> Option<[Range<f64>; FACES]> {
     let rows = DMat3::from_cols(projection.x().linear, projection.y().linear, projection.w().linear);
     let forth = rows.transpose();
     let back = forth.inverse();
     let norm = |m: &DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>();
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| {
-        // A corner of the picture is where clip-space x and y are `w` or `-w`: the direction that `forth`
-        // takes to (+-1, +-1, 1). The computed direction is off by the inverse of what is left over. The rows
-        // are within 3u of the exact ones, a product with them rounds by 3u of its terms.
+        // At a corner of the picture, clip-space x and y are `w` or `-w`: it is the direction that `forth`
+        // maps to (+-1, +-1, 1). The error of the computed direction is the inverse applied to the residual.
+        // The rows are within 3u of the exact ones, and a product with them rounds by 3u of its terms.
         let target = DVec3::new(x, y, 1.0);
         let corner = back * target;
         let left_over = (forth * corner - target).length();
         let size = norm(&forth) * corner.length_squared();
         let off = norm(&back) * (left_over * left_over + 256.0 * U * U * size);
-        // Squares, so that no square root is needed: `off` is the square of the error, here of its double.
+        // Values are squared, to avoid square roots: `off` is the squared error, and 4 `off` the square of
+        // twice the error.
         (up.split(corner), 4.0 * off)
     });
-    // All four corners must lead to one side of a line through the eye, by a good margin: then the view is
-    // within the sector between the outermost two.
+    // If all four corners point to one side of a line through the eye, by a good margin, the view is within
+    // the sector between the outermost two.
     let middle = corners.iter().fold([0.0; 2], |sum, (c, _)| [sum[0] + c[0], sum[1] + c[1]]);
     let length2 = middle[0] * middle[0] + middle[1] * middle[1];
     let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -163,10 +159,11 @@ fn seen_columns(projection: &ViewProjection, up: UpAxis) -> Option<[Range<f64>; 
     let side = |tangent: f64| [middle[0] - middle[1] * tangent, middle[1] + middle[0] * tangent];
     let (right, left) = (side(widened(least, -1.0)), side(widened(most, 1.0)));
     let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
-    // NaN gives `None`.
+    // For NaN the result is `None`.
     (cross(right, left) > 0.0).then(|| {
         core::array::from_fn(|face| {
-            // A face spans the directions from (1, -1) to (1, 1), less than half a turn as the sector does.
+            // A face spans the directions from (1, -1) to (1, 1), less than half a turn, and so does the
+            // sector.
             let turn = |v: [f64; 2]| {
                 let (x, y) = turned(face, v[0], v[1]);
                 [x, y]

@@ -1,4 +1,4 @@
-//! The horizon as an occlusion map of core's driver.
+//! The horizon as an occlusion map for core's driver.
 
 use super::column_query::QueryEye;
 use super::columns::Columns;
@@ -13,27 +13,26 @@ use visibility_core::scene::Boxes64;
 use visibility_core::view::ViewPlanes;
 use visibility_core::{Aabb, Accuracy, OccluderMesh, OcclusionMap, View};
 
-/// Default number of columns of each face of the picture: 1,440 around, a quarter of a degree each. Twice as
-/// many report less than a tenth fewer objects on cities and take a half longer (measured).
+/// Default number of columns of each face: 1,440 around, a quarter of a degree each. Twice as many report
+/// less than a tenth fewer objects in cities and take half as long again (measured).
 const DEFAULT_COLUMNS: usize = 360;
 
 /// Largest number of columns of a face.
 const MAX_COLUMNS: usize = 1 << 14;
 
-/// A horizon: for each of some thousand directions on the plan, the height and the distance from which on
-/// occluders hide what is behind them.
+/// Occlusion map for scenes of upright solids. For each of about a thousand directions on the plan, it stores
+/// up to which height, and from which distance on, everything is hidden.
 ///
-/// For scenes of upright solids on a ground: cities, walls, trunks. Anything else that is convex occludes
-/// too; meshes that are not made of convex solids or of prisms without a floor hide nothing. Conservative. In
-/// a parallel view nothing is hidden.
+/// Suits cities, walls and trunks. All convex solids occlude, and prisms without a floor; other meshes hide
+/// nothing. Conservative. In a parallel view nothing is hidden.
 ///
-/// The map can be used by [`OcclusionCuller`](visibility_core::OcclusionCuller), which chooses occluders by
-/// what they cost, over any hierarchy. [`HorizonCuller`](super::HorizonCuller) takes the scene's own
-/// hierarchy and prepared occluders, and is faster.
+/// [`OcclusionCuller`](visibility_core::OcclusionCuller) can use the map over any hierarchy, and chooses
+/// occluders by their cost. [`HorizonCuller`](super::HorizonCuller) uses the scene's own hierarchy and
+/// prepared occluders, and is faster.
 ///
 /// # Cost
-/// An occluder takes about 0.8 us and a box some 40 ns. Memory is about 40 bytes for each column of the four
-/// faces.
+/// Drawing an occluder takes about 0.8 us, testing a box about 40 ns. Memory: about 40 bytes for each column
+/// of the four faces.
 ///
 /// ```
 /// use visibility_2d::horizon::{Horizon, UpAxis};
@@ -50,7 +49,7 @@ pub struct Horizon {
     pub(crate) columns: Columns,
     clip_planes: ViewPlanes,
     scratch: Solids,
-    /// Scratch: the posts of the panels of a wall that are beyond the near plane.
+    /// Scratch: posts of those panels of a wall that are beyond the near plane.
     panels: Vec<Post>,
 }
 
@@ -68,12 +67,12 @@ impl Horizon {
         }
     }
 
-    /// Sets the number of columns of each of the four faces of the picture, moved into the range from 1 to
-    /// 16,384. More columns hide more, and take time in proportion.
+    /// Sets the number of columns of each of the four faces, clamped to 1 to 16,384. More columns hide more,
+    /// and take proportionally more time.
     #[must_use]
     pub fn with_columns(mut self, per_face: usize) -> Self {
         self.columns = Columns::new(per_face.clamp(1, MAX_COLUMNS));
-        // The columns are of no frame.
+        // The new columns belong to no frame, so nothing is hidden.
         (self.frame, self.eye) = (Frame::BLIND, QueryEye::BLIND);
         self
     }
@@ -91,7 +90,7 @@ impl Horizon {
         self.up = up;
     }
 
-    /// Returns whether nothing can be hidden: before the first frame, and in frames whose eye is not known.
+    /// Returns whether nothing can be hidden: before the first frame, and in frames whose eye is undecided.
     pub(crate) fn is_blind(&self) -> bool {
         !self.frame.error.is_finite()
     }

@@ -1,4 +1,4 @@
-//! The upright solids of a scene, made in advance and kept in step with the scene.
+//! Upright solids of a scene, made in advance and synchronized with the scene.
 
 use super::extract::{Solid, Solids};
 use super::frame::UpAxis;
@@ -14,18 +14,18 @@ use visibility_core::{ObjectId, OccluderMesh, Scene};
 const USUAL: f64 = 0.95;
 
 /// Least area of a solid's upright face, as a fraction of the area at the quantile [`USUAL`]. Smaller solids
-/// are left out: furniture hides next to nothing beside walls.
+/// are left out: furniture hides next to nothing compared with walls.
 const MIN_FACE: f64 = 1.0 / 8.0;
 
-/// The convex solids of a scene's occluders that a [`HorizonCuller`](super::HorizonCuller) draws, made from
-/// the occluder meshes in advance. Shared by the cullers of all views.
+/// Convex solids of a scene's occluders, made in advance from the occluder meshes, for
+/// [`HorizonCuller`](super::HorizonCuller). Shared by the cullers of all views.
 ///
 /// Solids are closed convex meshes or convex parts of meshes, and upright prisms that are open at the bottom,
-/// such as the houses of city models. Of other meshes, chains of upright panels are walls: two triangles with
-/// corners over two points of the plan are a panel. Triangles that face up and join at edges are ground,
-/// which may be of many objects; it hides what is behind its hills. All other triangles hide nothing. An
-/// occluder that has changed since the last [`sync`](Self::sync) hides nothing until the next one. Ground
-/// that has changed hides nothing until the occluders are made anew.
+/// such as the houses of city models. In other meshes, chains of upright panels are walls; a panel is two
+/// triangles whose corners lie over two points of the plan. Triangles that face up and join at edges are
+/// ground, which may belong to many objects; its hills occlude. All other triangles hide nothing. An occluder
+/// that has changed since the last [`sync`](Self::sync) hides nothing until the next one. Ground that has
+/// changed hides nothing until all occluders are made again.
 ///
 /// ```
 /// use visibility_2d::horizon::{HorizonOccluders, UpAxis};
@@ -47,17 +47,17 @@ pub struct HorizonOccluders {
     /// Range of the solids of each object in `solids`, by object index: start, and exclusive end. Empty for
     /// an object without solids.
     ranges: Vec<[u32; 2]>,
-    /// Number of solids in use. The others belong to former states of objects.
+    /// Number of solids in use. The others belong to earlier states of objects.
     used: usize,
     terrain: Terrain,
 }
 
 impl HorizonOccluders {
-    /// Makes the solids of all objects of `scene` that are flagged as occluders and have a mesh. Solids that
-    /// are small beside the large ones of the scene are left out: furniture, where there are walls. Takes
-    /// time proportional to the triangles of all occluders: about a microsecond for a house, and as much for
-    /// each triangle that faces up and may be ground. Long triangles of ground take more: time for each
-    /// square of the ground's grid in the triangle's bounds, and memory for each square that it meets.
+    /// Makes the solids of all objects of `scene` that are flagged as occluders and have a mesh. Solids much
+    /// smaller than the large ones of the scene are left out, such as furniture among walls. Takes time
+    /// proportional to the triangles of all occluders: about a microsecond for a house, and as much for each
+    /// upward triangle that may be ground. A long triangle of ground also takes time for each square of the
+    /// ground's grid in its bounds, and memory for each square that it meets.
     pub fn new(scene: &Scene, up: UpAxis) -> Self {
         let mut occluders = Self {
             up,
@@ -71,8 +71,9 @@ impl HorizonOccluders {
         occluders
     }
 
-    /// Updates the solids to the changes of `scene` since the last call, in time proportional to the changed
-    /// occluders. Another scene, or more changes than the scene's log holds, makes all solids anew.
+    /// Updates the solids from the changes of `scene` since the last call, in time proportional to the
+    /// changed occluders. For another scene, or if the scene's change log is too short, all solids are made
+    /// again.
     pub fn sync(&mut self, scene: &Scene) {
         match self.cursor.follow(scene) {
             Changes::Objects(changed) => {
@@ -80,7 +81,7 @@ impl HorizonOccluders {
                     self.terrain.lose(id.index());
                     self.take(scene, id);
                 }
-                // Former solids are dropped once there are more of them than of those in use.
+                // Old solids are removed when there are more of them than solids in use.
                 if self.solids.solids.len() > 2 * self.used + 64 {
                     self.drop_former();
                 }
@@ -107,7 +108,7 @@ impl HorizonOccluders {
         self.terrain = Terrain::new(scene, self.up);
     }
 
-    /// Removes solids that are not in use, and those whose upright face is smaller than `least_face`.
+    /// Removes old solids, and solids whose upright face is smaller than `least_face`.
     fn drop_former(&mut self) {
         let least_face = self.solids.least_face;
         let all = core::mem::replace(&mut self.solids, Solids { least_face, ..Solids::default() });
@@ -135,7 +136,7 @@ impl HorizonOccluders {
         let [first, end] = self.ranges[id.index()];
         self.used -= (end - first) as usize;
         let begin = self.solids.solids.len();
-        // The id may be of an object that is gone; what has its index now is listed by itself.
+        // The object may have been removed. A new object with its index is in the list of changes itself.
         if let Some(id) = scene.id_at(id.index())
             && scene.object(id).is_ok_and(|object| object.occluder)
             && let Some((mesh, ref transform)) = scene.occluder(id)
@@ -156,7 +157,7 @@ impl HorizonOccluders {
         self.used
     }
 
-    /// Returns the sheets of ground.
+    /// Returns the ground as sheets of triangles.
     pub(crate) fn terrain(&self) -> &Terrain {
         &self.terrain
     }

@@ -1,15 +1,15 @@
 //! Upper and lower outline of an occluder in one face of the picture.
 //!
 //! An occluder is given by *posts*: upright segments inside of it. A convex solid contains the hull of its
-//! posts, so the polylines through the highest and lowest points of that hull are inside of the occluder's
-//! picture, whichever posts are left out. That needs no exact predicates: a wrong choice makes the outline
-//! smaller, never larger.
+//! posts, so the polylines through the highest and lowest points of this hull lie inside the occluder's
+//! picture. This remains true if posts are left out, so no exact predicates are needed: a wrong choice makes
+//! the outline smaller, never larger.
 //!
-//! A wall is a list of upright panels between two posts each. Its *runs* are panels that follow each other in
-//! one direction of the picture, each from where the one before ends. By continuity a line of sight of any
-//! column between the ends of a run meets the plan of one of its panels. Unlike the outlines of a convex
-//! solid, those of a run may bend both ways and jump, so within a column they are bounded at their corners
-//! too.
+//! A wall is a list of upright panels between two posts each. A *run* is a sequence of panels in one
+//! direction of the picture, each beginning where the one before ends. By continuity, in each column between
+//! the ends of a run, a line of sight crosses one of its panels on the plan. Unlike the outlines of a convex
+//! solid, those of a run may bend both ways and jump, so within a column they are also bounded at their
+//! corners.
 //!
 //! # Rounding
 //! With `u = 2^-53`. Coordinates relative to the eye are off by at most `e`: the eye's error, the post's own,
@@ -34,7 +34,7 @@ const U: f64 = f64::EPSILON / 2.0;
 /// columns of a face, and as many for its first term.
 const STEPS: f64 = 32768.0;
 
-/// An upright segment inside of an occluder, in metres relative to the scene's origin.
+/// Upright segment inside of an occluder, in metres relative to the scene's origin.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Post {
     /// First coordinate on the plan, in metres from the scene's origin.
@@ -46,7 +46,7 @@ pub(crate) struct Post {
     pub(crate) high: f64,
 }
 
-/// A corner of an outline in one face of the picture.
+/// Corner of an outline in one face of the picture.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Corner {
     /// Lateral position in columns, from 0 at the right edge of the face.
@@ -65,7 +65,7 @@ pub(crate) struct CornerError {
     pub(crate) inverse_depth: f64,
 }
 
-/// Outlines of one occluder in one face. Kept between occluders for its memory.
+/// Outlines of one occluder in one face. Reused for the next occluder to keep its memory.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Outline {
     /// Corners of the upper outline, from the least to the greatest column: none or at least two.
@@ -75,13 +75,14 @@ pub(crate) struct Outline {
     pub(crate) error: CornerError,
     cut: Vec<Relative>,
     projected: Vec<Projected>,
-    /// Panel of a wall with which the next run begins.
+    /// Panel of a wall at which the next run begins: panels that follow each other in one direction of the
+    /// picture.
     next_panel: usize,
     /// Number of the wall's panels that are in no run so far.
     panels_left: usize,
 }
 
-/// A post relative to the eye: depth and lateral coordinate in a face, heights of its ends, in metres.
+/// Post relative to the eye: depth and lateral coordinate in a face, and heights of its ends, in metres.
 #[derive(Clone, Copy, Debug)]
 struct Relative {
     depth: f64,
@@ -101,7 +102,7 @@ impl Relative {
     }
 }
 
-/// A post in a face of the picture: its column, the heights of its ends, its inverse depth in 1/m.
+/// Post in a face of the picture: its column, the heights of its ends, its inverse depth in 1/m.
 #[derive(Clone, Copy, Debug)]
 struct Projected {
     column: f64,
@@ -121,7 +122,8 @@ impl Projected {
 impl Outline {
     /// Computes the outlines of the convex solid that contains `posts`, in one face of `columns` columns.
     /// `error` bounds the distance in metres of each post from some post inside of the exact solid. Returns
-    /// whether there is an outline. False if the solid is behind the face or rounding leaves that undecided.
+    /// whether there is an outline. False if the solid is behind the face, or if rounding leaves this
+    /// undecided.
     pub(crate) fn project(
         &mut self,
         frame: &Frame,
@@ -146,7 +148,8 @@ impl Outline {
 
     /// Projects the panels of a wall, two posts each, in one face of `columns` columns. `error` bounds the
     /// distance of each post from the exact one, in metres. Returns whether there are panels in the face;
-    /// false also where rounding leaves them undecided. [`next_run`](Self::next_run) then gives the outlines.
+    /// false if rounding leaves this undecided. Afterwards, [`next_run`](Self::next_run) returns the
+    /// outlines.
     pub(crate) fn project_wall(
         &mut self,
         frame: &Frame,
@@ -168,16 +171,16 @@ impl Outline {
         }
         self.cut.truncate(kept);
         self.project_cut(e, columns);
-        // A ring of panels has no first one: begin where a run does.
+        // In a ring no panel is the first, so the walk starts at a panel that begins a run.
         let count = kept / 2;
         self.panels_left = count;
         self.next_panel = (0..count).find(|&i| !self.continues((i + count - 1) % count, i)).unwrap_or(0);
         count > 0
     }
 
-    /// Replaces the outlines by those of the next run of panels of a wall: panels that follow each other in
-    /// one direction of the picture. Panels whose columns ascend show their back, and count only if
-    /// `two_sided`. Returns false after the last run.
+    /// Replaces the outlines by those of the wall's next run: panels that follow each other in one direction
+    /// of the picture. Panels with ascending columns show their back, and are skipped unless `two_sided`.
+    /// Returns false after the last run.
     pub(crate) fn next_run(&mut self, two_sided: bool) -> bool {
         let count = self.projected.len() / 2;
         while self.panels_left > 0 {
@@ -214,7 +217,7 @@ impl Outline {
         self.projected[2 * panel].column < self.projected[2 * panel + 1].column
     }
 
-    /// Returns whether panel `b` begins where panel `a` ends and goes on in the same direction.
+    /// Returns whether panel `b` begins where panel `a` ends, and continues in the same direction.
     fn continues(&self, a: usize, b: usize) -> bool {
         let (end, begin) = (&self.projected[2 * a + 1], &self.projected[2 * b]);
         end.column == begin.column
@@ -222,8 +225,8 @@ impl Outline {
             && self.ascends(a) == self.ascends(b)
     }
 
-    /// Computes the posts relative to the eye, in `cut`. Returns the least depth that is drawn and a bound on
-    /// the error of coordinates, both in metres. `None` if all posts are behind the face, or if rounding
+    /// Computes the posts relative to the eye, in `cut`. Returns the least depth that is drawn, and a bound
+    /// on the error of coordinates, both in metres. `None` if all posts are behind the face, or if rounding
     /// leaves the picture undecided.
     fn place(&mut self, frame: &Frame, posts: &[Post], error: f64, face: usize) -> Option<(f64, f64)> {
         self.cut.clear();
@@ -235,7 +238,7 @@ impl Outline {
             size = size.max(depth.abs()).max(lateral.abs()).max(low.abs()).max(high.abs());
             self.cut.push(Relative { depth, lateral, low, high });
         }
-        // Lines of sight of a face that meet the solid nearer than this see little of it.
+        // The part nearer than 1/64 of the greatest depth is cut off, which loses little occlusion.
         let nearest = deepest * (1.0 / 64.0);
         let e = frame.error + error + 8.0 * U * size + f64::MIN_POSITIVE;
         // Written so that NaN gives `None`. The other bounds keep all quotients finite.
@@ -243,8 +246,8 @@ impl Outline {
         is_decided.then_some((nearest, e))
     }
 
-    /// Projects the posts of `cut`, whose coordinates are off by at most `e` metres, into `projected`, and
-    /// sets the bounds in `error`.
+    /// Projects the posts in `cut`, whose coordinates have an error of at most `e` metres, into `projected`,
+    /// and sets the bounds in `error`.
     fn project_cut(&mut self, e: f64, columns: usize) {
         let half = 0.5 * columns as f64;
         let (mut tangent, mut height, mut least) = (0.0f64, 0.0f64, 0.0f64);
@@ -266,8 +269,8 @@ impl Outline {
         };
     }
 
-    /// Replaces the posts nearer than the depth `nearest` by the posts at which the hull of all posts meets
-    /// this depth.
+    /// Replaces the posts nearer than the depth `nearest` by posts where the hull of all posts crosses this
+    /// depth.
     fn cut_at(&mut self, nearest: f64) {
         let near = |p: &Relative| p.depth < nearest;
         if !self.cut.iter().any(near) {
@@ -286,8 +289,8 @@ impl Outline {
     }
 }
 
-/// Appends a corner to a chain that bends one way only: to the right if `sense` is 1, to the left if -1.
-/// Drops corners before it that would bend the other way.
+/// Appends a corner to a chain that only bends one way: to the right if `sense` is 1, to the left if -1.
+/// First removes corners that would make the chain bend the other way.
 fn push_to_hull(chain: &mut Vec<Corner>, corner: Corner, sense: f64) {
     while let [.., a, b] = chain[..] {
         let turn = (b.column - a.column) * (corner.height - a.height)
@@ -307,25 +310,25 @@ fn push_to_hull(chain: &mut Vec<Corner>, corner: Corner, sense: f64) {
     chain.push(corner);
 }
 
-/// An edge of an outline as a function of the column: its inverse depth and its height, less their error
+/// Edge of an outline as linear functions of the column: its inverse depth and its height, minus their error
 /// bounds.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Edge {
     /// First column of the edge.
     column: f64,
-    /// Inverse depth at `column` in 1/m, less its error bound.
+    /// Inverse depth at `column` in 1/m, minus its error bound.
     inverse_depth: f64,
-    /// Height in the picture at `column`, less its error bound.
+    /// Height in the picture at `column`, minus its error bound.
     height: f64,
-    /// Change of the inverse depth from column to column.
+    /// Change of the inverse depth per column.
     pub(crate) inverse_depth_slope: f64,
-    /// Change of the height from column to column.
+    /// Change of the height per column.
     pub(crate) slope: f64,
 }
 
 impl Edge {
     /// Makes the edge between two successive corners of an outline, with heights times `sense`, 1 or -1. A
-    /// steep edge has everywhere the lesser values of its two ends.
+    /// steep edge has the lesser values of its two ends everywhere.
     pub(crate) fn new(from: Corner, to: Corner, error: &CornerError, sense: f64) -> Self {
         let width = to.column - from.column;
         let is_steep = width.is_nan() || width <= 4.0 * error.column;
@@ -347,8 +350,8 @@ impl Edge {
         }
     }
 
-    /// Returns inverse depth and height at a column of the edge, or beyond its ends by at most the error of
-    /// columns.
+    /// Returns inverse depth and height at a column of the edge, or at a column beyond its ends by at most
+    /// the error of columns.
     #[inline]
     pub(crate) fn at(&self, column: f64) -> (f64, f64) {
         let along = column - self.column;

@@ -1,19 +1,19 @@
-//! Ground that hides what is behind its hills: sheets of triangles that face up, in squares of a grid.
+//! Ground whose hills occlude: sheets of triangles that face up, in squares of a grid.
 //!
 //! A *sheet* is a set of triangles that face up and join at edges, each edge between two triangles: hills, a
-//! road on them, the roof of a hall. Triangles of several objects join where their corners are the same
-//! points to the last bit. A square of the plan that a sheet covers without a border is *unbroken*; it has
-//! the lowest and the highest height of the sheet there.
+//! road on them, the roof of a hall. Triangles of different objects join if their corners are bit-identical.
+//! A square of the plan that a sheet covers without a border is *unbroken*; it stores the least and the
+//! greatest height of the sheet there.
 //!
 //! # Why a sheet hides
-//! Take the part of a line of sight over unbroken squares, and go along below it on the sheet: an edge leads
-//! from a triangle that faces up to one on the other side, and borders are elsewhere. So the height of the
-//! sheet below the line is continuous. If the line is above the sheet first and below it later, it has met a
-//! triangle in between, from above, at its front. Nothing depends on which sheet is the ground: a road under
-//! a bridge, two roofs over each other and a ramp that winds over itself are sheets like others, for heights
-//! are those of all triangles over a square.
+//! Follow the part of a line of sight over unbroken squares, and the point of the sheet below it. At an edge
+//! this point passes from one upward triangle to the next, and there are no borders, so its height is
+//! continuous. If the line is above the sheet first and below it later, it has crossed a triangle in between,
+//! from above, at its front. It does not matter which sheet is the ground: a road under a bridge, two roofs
+//! over each other and a ramp that winds over itself are sheets too, because a square's heights are those of
+//! all triangles over it.
 //!
-//! Squares are joined by fours, again and again, so that those far away are large.
+//! Coarser levels join squares four by four, so that distant squares are large.
 
 use super::extract::placed;
 use super::frame::UpAxis;
@@ -24,7 +24,7 @@ use alloc::vec::Vec;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{Aabb, ObjectId, Scene};
 
-/// Greatest number of sheets of a scene. Each takes its own time in a frame.
+/// Maximum number of sheets (connected ground) of a scene. Each sheet adds to the time of a frame.
 const MAX_SHEETS: usize = 4;
 
 /// Least area of a sheet on the plan, as a fraction of the rectangle around all triangles of the scene that
@@ -35,21 +35,21 @@ const MIN_AREA: f64 = 1.0 / 64.0;
 /// its bounds on the plan. A floor hides next to nothing.
 const MIN_HEIGHT: f64 = 1.0 / 128.0;
 
-/// Number of squares of a grid for each triangle of its sheet. Sides of squares are powers of two, so that a
-/// grid may have down to a quarter of that. Borders break whole squares.
+/// Wanted number of squares in a grid per triangle of its sheet, since borders break whole squares. The side
+/// of a square is rounded to a power of two, so there may be only a quarter as many.
 const SQUARES_PER_TRIANGLE: usize = 64;
 
-/// Least and greatest number of squares to ask for in a grid, which may have down to a quarter of that.
+/// Least and greatest wanted number of squares in a grid. There may be only a quarter as many.
 const SQUARES: [usize; 2] = [1 << 10, 1 << 22];
 
-/// Greatest number of levels of squares. Each level joins the squares of the one below by fours.
+/// Maximum number of levels of squares. Each level joins the squares of the level below four by four.
 const LEVELS: usize = 8;
 
-/// Distance in squares below which a triangle counts as meeting a square. A hundred times the errors of
-/// positions, which [`Sheet::new`] checks.
+/// Distance, in sides of a square, at which a triangle still counts as meeting a square: a hundred times the
+/// errors of positions, which [`Sheet::new`] checks.
 pub(crate) const PAD: f64 = 1e-4;
 
-/// A triangle of a sheet: corners on the plan and in height in metres, counter-clockwise from above.
+/// Triangle of a sheet: corners on the plan and in height in metres, counter-clockwise from above.
 #[derive(Clone, Copy, Debug)]
 struct Triangle {
     corners: [[f64; 3]; 3],
@@ -57,11 +57,11 @@ struct Triangle {
     vertices: [u32; 3],
     /// Bound on the distance of a corner from the exact one, in metres.
     error: f64,
-    /// Position of the triangle's object in [`Terrain::objects`].
+    /// Index of the triangle's object in [`Terrain::objects`].
     object: u32,
 }
 
-/// An object that has triangles in a sheet.
+/// Object with triangles in a sheet.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct GroundObject {
     pub(crate) id: ObjectId,
@@ -69,7 +69,7 @@ pub(crate) struct GroundObject {
     pub(crate) bounds: Aabb,
 }
 
-/// A square of the plan, or several that are joined.
+/// Square of the plan: one square of the finest level, or several joined.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Square {
     /// Least height of the sheet over the square in metres, rounded downwards.
@@ -95,10 +95,10 @@ pub(crate) struct Level {
     pub(crate) squares: Vec<Square>,
 }
 
-/// A sheet in the squares of its grid.
+/// Sheet of ground in the squares of its grid.
 #[derive(Clone, Debug)]
 pub(crate) struct Sheet {
-    /// Corner of the first square on the plan, a multiple of `side`.
+    /// Least corner of the first square on the plan, a multiple of `side`.
     pub(crate) corner: [f64; 2],
     /// Side of a square in metres, a power of two.
     pub(crate) side: f64,
@@ -108,21 +108,21 @@ pub(crate) struct Sheet {
     pub(crate) bottom: f32,
     /// Greatest height of the sheet over its unbroken squares, in metres from the scene's origin.
     pub(crate) top: f32,
-    /// By number of a list of owners (the objects whose triangles meet a square): the end, exclusive, of the
-    /// list in [`objects`](Self::objects). A list begins where the list before it ends.
+    /// For each list of owners (the objects whose triangles meet a square), the exclusive end of the list in
+    /// [`objects`](Self::objects). A list begins where the list before it ends.
     owner_ends: Vec<u32>,
-    /// Owners of all lists, one list after another, as positions in [`Terrain::objects`].
+    /// Owners of all lists, one list after another, as indices into [`Terrain::objects`].
     objects: Vec<u32>,
 }
 
-/// The sheets of a scene.
+/// Sheets of ground of a scene.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Terrain {
     pub(crate) sheets: Vec<Sheet>,
     /// Objects with triangles in any of the sheets, in no particular order.
     pub(crate) objects: Vec<GroundObject>,
-    /// By position in `objects`: whether the object has changed since the sheets were made, so that its
-    /// triangles hide nothing any more.
+    /// For each object, by its index in `objects`, whether it has changed since the sheets were made, so that
+    /// its triangles hide nothing.
     lost: Vec<bool>,
 }
 
@@ -135,7 +135,7 @@ impl Terrain {
             .iter()
             .filter_map(|members| Sheet::new(&triangles, &borders.sides, members))
             .collect();
-        // Objects of no sheet are forgotten.
+        // Objects without triangles in a sheet are removed.
         let mut place = vec![u32::MAX; objects.len()];
         let mut kept = Vec::new();
         for object in sheets.iter_mut().flat_map(|sheet| &mut sheet.objects) {
@@ -150,7 +150,7 @@ impl Terrain {
         Self { sheets, objects: kept, lost }
     }
 
-    /// Notes that an object has changed: from now on its triangles hide nothing.
+    /// Records that an object has changed, so that its triangles no longer occlude.
     pub(crate) fn lose(&mut self, index: usize) {
         for (object, lost) in self.objects.iter().zip(&mut self.lost) {
             *lost |= object.id.index() == index;
@@ -164,7 +164,7 @@ impl Terrain {
 }
 
 impl Sheet {
-    /// Returns the list of owners with the number `list`, as positions in [`Terrain::objects`]. The owners of
+    /// Returns the list of owners with the number `list`, as indices into [`Terrain::objects`]. The owners of
     /// a square are the objects whose triangles are over it.
     pub(crate) fn owners(&self, list: u32) -> &[u32] {
         let list = list as usize;
@@ -172,13 +172,13 @@ impl Sheet {
         &self.objects[begin..self.owner_ends[list] as usize]
     }
 
-    /// Returns the number of lists of owners: numbers of lists are below it.
+    /// Returns the number of lists of owners.
     pub(crate) fn list_count(&self) -> usize {
         self.owner_ends.len()
     }
 
     /// Sorts the triangles `members` into squares. `None` if the sheet is flat, or if coordinates are too
-    /// large beside its extent.
+    /// large compared with its extent.
     fn new(triangles: &[Triangle], borders: &[[bool; 3]], members: &[u32]) -> Option<Self> {
         let (mut min, mut max) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         let (mut size, mut error) = (0.0f64, 0.0f64);
@@ -190,8 +190,8 @@ impl Sheet {
             }
             size = corner.iter().fold(size, |size, x| size.max(x.abs()));
         }
-        // The side of a square is a power of two, so that indices of squares are exact: about as many squares
-        // as triangles ask for.
+        // The side of a square is a power of two, so that computed indices of squares are exact. There are
+        // about as many squares as wanted for the number of triangles.
         let wanted = (members.len() * SQUARES_PER_TRIANGLE).clamp(SQUARES[0], SQUARES[1]) as f64;
         let [width, depth] = [max[0] - min[0], max[1] - min[1]];
         let mut side = 1.0f64;
@@ -201,10 +201,10 @@ impl Sheet {
         while width * depth <= wanted * side * side * 0.25 && side > 1e-30 {
             side *= 0.5;
         }
-        // Squares must be much larger than the error of coordinates, or a triangle could be put into the
-        // wrong one.
+        // Squares must be much larger than the error of coordinates; otherwise a triangle could be put into a
+        // wrong square.
         let error = error + 16.0 * f64::EPSILON * size;
-        // NaN and infinite extents are refused, too.
+        // False also for NaN and infinite extents.
         let fits = error < 0.01 * PAD * side && width < side * 1e7 && depth < side * 1e7;
         if !fits {
             return None;
@@ -219,9 +219,9 @@ impl Sheet {
         let mut squares = vec![Square::EMPTY; columns * rows];
         let mut is_border = vec![false; columns * rows];
         let mut owned: Vec<(u32, u32)> = Vec::new();
-        // Each square takes the heights of all triangles that meet it, rounded outwards, and the objects that
-        // own them. A square that a border of the sheet meets hides nothing: sight could pass beside the
-        // sheet.
+        // Each square gets the heights of all triangles that meet it, rounded outwards, and the objects that
+        // own them. A square with a border of the sheet hides nothing, since a line of sight could pass the
+        // sheet there.
         for &t in members {
             let triangle = &triangles[t as usize];
             let range = HeightRange::new(triangle, error);
@@ -251,12 +251,12 @@ impl Sheet {
         let unbroken = || squares.iter().filter(|square| square.owners != BROKEN);
         let bottom = unbroken().map(|square| square.low).fold(f32::INFINITY, f32::min);
         let top = unbroken().map(|square| square.high).fold(f32::NEG_INFINITY, f32::max);
-        // A flat sheet hides nothing from above it. False where no square is unbroken, too.
+        // A flat sheet hides nothing from eyes above it. If all squares are broken, the test is false too.
         let is_hilly = f64::from(top) - f64::from(bottom) > MIN_HEIGHT * width.min(depth);
         if !is_hilly {
             return None;
         }
-        // Coarser levels, each of 2 by 2 squares of the level below, for rings far from the eye.
+        // Coarser levels for distant rings. Each square joins 2 by 2 squares of the level below.
         let mut levels = vec![Level { columns, squares }];
         for _ in 1..LEVELS {
             let last = &levels[levels.len() - 1];
@@ -271,7 +271,7 @@ impl Sheet {
 }
 
 impl Level {
-    /// Returns the next coarser level, in which four squares are one.
+    /// Returns the next coarser level, with one square for every four.
     fn joined(&self, lists: &mut Lists) -> Self {
         let rows = self.squares.len() / self.columns;
         let columns = self.columns.div_ceil(2);
@@ -300,7 +300,7 @@ impl Level {
     }
 }
 
-/// Lists of objects under construction, the owners of squares. Equal lists are stored once.
+/// Lists of owners under construction. Equal lists are stored once.
 #[derive(Default)]
 struct Lists {
     ends: Vec<u32>,
@@ -309,7 +309,7 @@ struct Lists {
 }
 
 impl Lists {
-    /// Returns the number of an ascending list, which is stored if it is new.
+    /// Returns the number of an ascending list. Stores the list if it is new.
     fn number(&mut self, list: Vec<u32>) -> u32 {
         if let Some(&number) = self.numbers.get(&list) {
             return number;
@@ -321,8 +321,7 @@ impl Lists {
         number
     }
 
-    /// Returns the number of the list that unites four lists, given by their numbers. The united list is
-    /// stored if it is new.
+    /// Returns the number of the union of four lists, given by their numbers. Stores the union if it is new.
     fn union(&mut self, four: [u32; 4]) -> u32 {
         let mut all = Vec::new();
         for list in four {
@@ -335,7 +334,8 @@ impl Lists {
     }
 }
 
-/// Layout of the finest squares of a sheet, from its least corner on the plan, in metres.
+/// Layout of the finest squares of a sheet. Positions are relative to its least corner on the plan, in
+/// metres.
 struct Grid {
     corner: [f64; 2],
     side: f64,
@@ -344,9 +344,9 @@ struct Grid {
 }
 
 impl Grid {
-    /// Calls `each` with the squares that a triangle meets on the plan, after each square has been enlarged
-    /// by `pad` sides in all directions: the index, and the enlarged square's least and greatest coordinates.
-    /// May call `each` with squares that are a little farther away.
+    /// Calls `each` with the squares that a triangle meets on the plan, when each square is enlarged by `pad`
+    /// sides in all directions: the index, and the enlarged square's least and greatest coordinates. Possibly
+    /// also with squares slightly farther away.
     fn for_each_met(
         &self,
         corners: &[[f64; 3]; 3],
@@ -364,14 +364,15 @@ impl Grid {
         for row in range(y, self.rows) {
             for column in range(x, self.columns) {
                 let (cx, cy) = (column as f64 + 0.5, row as f64 + 0.5);
-                // A side of the triangle with all of the square on its outer side separates the two. The
-                // bound on rounding is generous: lengths of sides are below 1e7 squares.
+                // A side of the triangle with the whole square on its outer side separates the two. The bound
+                // on rounding is generous, since sides are shorter than 1e7 squares.
                 let is_apart = (0..3).any(|i| {
                     let j = (i + 1) % 3;
                     let (dx, dy) = (x[j] - x[i], y[j] - y[i]);
                     let across = dx * (cy - y[i]) - dy * (cx - x[i]);
                     let reach = (dx.abs() + dy.abs()) * (0.5 + 2.0 * pad);
-                    // A border is a triangle without area: both of its sides separate.
+                    // A border edge is a triangle without area, which both of its sides can separate from a
+                    // square.
                     let is_segment = x[1] == x[2] && y[1] == y[2];
                     across < -reach || is_segment && across > reach
                 });
@@ -386,7 +387,7 @@ impl Grid {
     }
 }
 
-/// Bounds of the height of a triangle over rectangles of the plan.
+/// Bounds of a triangle's height over rectangles of the plan.
 struct HeightRange {
     low: f64,
     high: f64,
@@ -395,7 +396,8 @@ struct HeightRange {
     /// Greatest coordinates of the triangle on the plan.
     max: [f64; 2],
     /// First corner of the triangle (on the plan, then its height), and the slopes of the height along the
-    /// plan's two axes, in metres per metre. `None` for a triangle that is too narrow or too steep for that.
+    /// plan's two axes, in metres per metre. `None` if the triangle is too narrow or too steep for accurate
+    /// slopes.
     plane: Option<([f64; 3], [f64; 2])>,
     /// Bound in metres on the error of a height taken from `plane`.
     slack: f64,
@@ -412,9 +414,9 @@ impl HeightRange {
         let area = u[0] * v[1] - u[1] * v[0];
         let gradient = [(u[2] * v[1] - v[2] * u[1]) / area, (v[2] * u[0] - u[2] * v[0]) / area];
         let steepness = gradient[0].abs() + gradient[1].abs();
-        // A triangle is wide if its least altitude is more than a thousandth of its longest side. A corner
-        // that moves by the error then moves the plane, anywhere in the triangle's bounds, by less than four
-        // thousand times the error, on the plan as often as it is steep.
+        // A triangle is wide if its least altitude is more than a thousandth of its longest side. If a corner
+        // moves by the error, the plane then moves, within the triangle's bounds, by less than four thousand
+        // times the error, multiplied by the steepness for errors on the plan.
         let longest = (most(0) - least(0)).max(most(1) - least(1));
         let is_wide = area > 2e-3 * longest * longest && steepness < 1e3;
         Self {
@@ -427,7 +429,7 @@ impl HeightRange {
         }
     }
 
-    /// Returns bounds of the height over a rectangle that the triangle meets.
+    /// Returns bounds of the triangle's height over a rectangle that the triangle meets.
     fn over(&self, from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
         let Some((a, gradient)) = self.plane else { return [self.low, self.high] };
         let (mut low, mut high) = (a[2] - self.slack, a[2] + self.slack);
@@ -461,7 +463,7 @@ fn placed_exactly(p: Vec3, transform: &Affine3A) -> Option<DVec3> {
         let mut sum = at[axis];
         for term in products {
             let next = sum + term;
-            // What rounding took (Knuth's sum of two numbers); not zero for NaN.
+            // Rounding error of the addition (Knuth's two-sum). Not zero for NaN.
             let back = next - sum;
             let lost = (sum - (next - back)) + (term - back);
             if lost != 0.0 || !next.is_finite() {
@@ -474,12 +476,12 @@ fn placed_exactly(p: Vec3, transform: &Affine3A) -> Option<DVec3> {
     Some(out)
 }
 
-/// Key of a corner. Corners with equal keys are one vertex. Either the bits of an exact position, or the
-/// number of an object and of its vertex.
+/// Key of a triangle corner: the bits of an exact position, or else the number of an object and of its
+/// vertex. Corners with equal keys are one vertex.
 type VertexKey = [u64; 4];
 
-/// Returns the triangles that face up, of all occluders that are not convex, and the objects that they belong
-/// to. Triangles of meshes that hide from both sides are turned up.
+/// Returns the upward triangles of all occluders that are not convex, and the objects that they belong to.
+/// Triangles of two-sided meshes are turned to face up.
 fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, Vec<Triangle>) {
     let (mut objects, mut triangles) = (Vec::new(), Vec::<Triangle>::new());
     let mut keys: Vec<(VertexKey, u32)> = Vec::new();
@@ -488,15 +490,16 @@ fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, Vec<
         if mesh.is_convex() || !scene.object(id).is_ok_and(|object| object.occluder) {
             continue;
         }
-        // Whether the front of a triangle surely stays the side from which it runs counter-clockwise.
+        // Whether the transform certainly keeps the front of triangles on the side from which they are
+        // counter-clockwise.
         let m = transform.matrix3;
         let volume = m.x_axis.length() * m.y_axis.length() * m.z_axis.length();
         let keeps_fronts = m.determinant() > 1e-4 * volume;
         if !(keeps_fronts || mesh.is_two_sided()) {
             continue;
         }
-        // Vertices join triangles if their world coordinates are equal to the last bit. A key is the
-        // coordinates where the transform is exact, or else the vertex of this object alone.
+        // Triangles join at vertices whose world coordinates are bit-identical. A key is these coordinates if
+        // the transform is exact, or else the object's own vertex.
         let object = objects.len() as u32;
         let mut bounds = Aabb::EMPTY;
         let points: Vec<([f64; 3], VertexKey, f64)> = (0u32..)
@@ -518,7 +521,7 @@ fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, Vec<
                 continue;
             }
             let [a, b, c] = t.map(|(p, ..)| [p[0], p[1]]);
-            // Turned up means counter-clockwise on the plan.
+            // A triangle faces up if it is counter-clockwise on the plan.
             let area = orient(a, b, c);
             if area < 0.0 && mesh.is_two_sided() {
                 t.swap(1, 2);
@@ -529,7 +532,7 @@ fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, Vec<
             for (p, key, error) in t {
                 keys.push((key, keys.len() as u32));
                 let p = up.join(p);
-                // Two roundings to `f32`, of the point and of what it is moved by.
+                // Two roundings to `f32`: of the point, and of the amount added to it.
                 let by = p.abs() * f64::from(f32::EPSILON) + error + f64::from(f32::MIN_POSITIVE);
                 bounds.min = bounds.min.min((p - by).as_vec3());
                 bounds.max = bounds.max.max((p + by).as_vec3());
@@ -552,10 +555,10 @@ fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, Vec<
 
 /// Result of joining triangles at their sides.
 struct Borders {
-    /// Sides of each triangle, from corner to next corner, that are borders: joined to no other triangle, or
-    /// to several.
+    /// For each triangle, which of its sides (from corner to next corner) are borders: shared with no other
+    /// triangle, or with several.
     sides: Vec<[bool; 3]>,
-    /// Indices of the two triangles of each pair that joins at a side.
+    /// Pairs of indices of triangles that join at a side.
     pairs: Vec<[u32; 2]>,
 }
 
@@ -595,14 +598,14 @@ fn largest(triangles: &[Triangle], borders: &Borders) -> Vec<Vec<u32>> {
         }
         i
     }
-    // Union-find: triangles with a common edge are of one sheet, named by its least triangle.
+    // Union-find: triangles with a common edge belong to one sheet, which is named by its least triangle.
     for &[a, b] in &borders.pairs {
         let (a, b) = (root(&mut parent, a), root(&mut parent, b));
         parent[a.max(b) as usize] = a.min(b);
     }
     let mut order: Vec<(u32, u32)> = (0..triangles.len() as u32).map(|i| (root(&mut parent, i), i)).collect();
     order.sort_unstable();
-    // Twice the area on the plan. All triangles face up, so that no parts cancel.
+    // Twice the area on the plan. All triangles face up, so no parts cancel.
     let area = |group: &[(u32, u32)]| -> f64 {
         let of = |&(_, i): &(u32, u32)| {
             let [a, b, c] = triangles[i as usize].corners;
@@ -635,8 +638,8 @@ mod tests {
     use super::*;
     use visibility_testing::{UNIT, ends};
 
-    /// Triangles that end on or next to borders of squares, and their borders, in squares of a quarter of a
-    /// metre, half a metre or a metre, whose grid begins at 1 m.
+    /// Triangles that end at or next to borders of squares, with squares of 0.25, 0.5 or 1 m and a grid that
+    /// begins at 1 m.
     #[test]
     fn squares_are_those_that_a_triangle_meets() {
         for (side, per_square) in [(0.25, UNIT / 4), (0.5, UNIT / 2), (1.0, UNIT)] {
@@ -664,7 +667,7 @@ mod tests {
                             let meets = low.rank <= end && high.rank >= start;
                             assert!(met.is_some() || !meets, "{low:?} to {high:?} meets {place} of {side}");
                             let is_near = low.rank - 1 <= end && high.rank + 1 >= start;
-                            // Ends beyond the grid count for its last square.
+                            // Points beyond the grid count as in its last square.
                             let is_beyond = place == 3 && high.rank >= end;
                             assert!(met.is_none() || is_near || is_beyond, "{low:?} to {high:?}, {place}");
                             if let Some((from, to)) = met {

@@ -1,10 +1,10 @@
-//! The hills of a frame: steps of columns from the sheets of ground, block of columns by block.
+//! Hills in a frame: computes steps of columns from the sheets of ground, one block of columns at a time.
 //!
-//! From the eye outwards, the wedge of a block is cut into *rings* by depth. The squares that a ring meets
-//! bound the height of the sheet there. While they are unbroken, the step of a ring reaches from the least of
-//! the greatest heights in the picture of the rings before it up to its own least height: a line of sight
-//! between the two was above the sheet before and is below it at this ring. A step is added to the columns
-//! where the heights stop growing, which is at a crest.
+//! The wedge of a block is cut into *rings* by depth, from the eye outwards. The squares that a ring meets
+//! bound the height of the sheet there. As long as the squares are unbroken, each ring gives a step. Its top
+//! is the ring's least height, projected to the picture. Its bottom is the minimum, over earlier rings, of
+//! their projected greatest heights. A line of sight between bottom and top was above the sheet in an earlier
+//! ring and is below it in this ring. Steps are only added at crests, where heights stop growing.
 //!
 //! # Rounding
 //! With `u = 2^-53`. Depths and sides of a wedge are numbers as computed, for the exact eye. Points of the
@@ -24,22 +24,21 @@ const U: f64 = f64::EPSILON / 2.0;
 /// Length of a ring as a fraction of its depth.
 const RING: f64 = 0.1;
 
-/// Greatest number of squares along each axis that a ring reads. Where there would be more, a coarser level
-/// is read.
+/// Maximum number of squares along each axis that a ring reads. If there are more, a coarser level is used.
 const MAX_SQUARES: i64 = 3;
 
 /// Number of rings behind a crest after which the crest's step is added.
 const BEHIND_CREST: u32 = 2;
 
-/// Whether objects of the ground are drawn in a frame. Computed on the first request for each list.
+/// For each list of ground objects, whether all of them are drawn in a frame. Computed when first needed.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Presence {
-    /// By number of a list of objects: whether all objects in the list are drawn or certainly outside the
-    /// view. `None` if this was not computed yet in this frame.
+    /// For each list, whether all its objects are drawn or certainly outside the view. `None` if not computed
+    /// in this frame.
     lists: Vec<Option<bool>>,
 }
 
-/// What decides, in one frame, whether the triangles of an object of the ground may hide others.
+/// Data that tells, in one frame, whether the triangles of a ground object may occlude.
 struct Drawn<'a> {
     scene: &'a Scene,
     visible: &'a VisibleSet,
@@ -50,8 +49,8 @@ struct Drawn<'a> {
 }
 
 impl Drawn<'_> {
-    /// Returns whether the triangles of an object of the ground may hide: it is unchanged since the sheets
-    /// were made, and it is a candidate of the frame or outside the view.
+    /// Returns whether the triangles of a ground object may occlude: it is unchanged since the sheets were
+    /// made, and it is a candidate of the frame or outside the view.
     fn is_drawn(&self, object: usize) -> bool {
         let ground = &self.terrain.objects[object];
         if self.terrain.is_lost(object) || self.changed.binary_search(&(ground.id.index() as u32)).is_ok() {
@@ -65,15 +64,15 @@ impl Drawn<'_> {
 fn is_outside(planes: &ViewPlanes, bounds: &Aabb) -> bool {
     let (center, half) = (bounds.center().as_dvec3(), bounds.half_extent().as_dvec3());
     planes.as_slice().iter().any(|ViewPlane { plane, error }| {
-        // Center and half extent round to `f32`.
+        // The factors 1.001 and 1e-6 cover the rounding of centre and half extent to `f32`.
         let reach = plane.normal.abs().dot(half * 1.001 + center.abs() * 1e-6);
         let most = plane.signed_distance(center) + reach;
         most < -(4.0 * plane.error_bound(center.abs() + half) + error)
     })
 }
 
-/// Adds the ground to the columns of a new frame. `changed` are the indices of objects that have changed
-/// since the sheets were made, ascending.
+/// Adds the ground to the columns of a new frame. `changed` has the indices, ascending, of objects that have
+/// changed since the sheets were made.
 pub(crate) fn draw_terrain(
     columns: &mut Columns,
     frame: &Frame,
@@ -85,7 +84,7 @@ pub(crate) fn draw_terrain(
     let (scene, visible, changed) = candidates;
     let drawn = Drawn { scene, visible, planes, changed, terrain };
     for sheet in &terrain.sheets {
-        // From below, nearly every line of sight meets the back.
+        // From below the sheet, nearly every line of sight meets its back, so it is skipped.
         if frame.eye[2] < f64::from(sheet.bottom) {
             continue;
         }
@@ -111,7 +110,7 @@ pub(crate) fn draw_terrain(
     }
 }
 
-/// A walk outwards along the wedge of a block of columns.
+/// Walk outwards along the wedge of a block of columns.
 struct Wedge<'a> {
     frame: &'a Frame,
     sheet: &'a Sheet,
@@ -133,13 +132,13 @@ struct Wedge<'a> {
     top: f64,
 }
 
-/// Consecutive rings of a wedge in which every square is unbroken: the sheet covers it without a border.
+/// Consecutive rings of a wedge whose squares are all unbroken, so that the sheet has no border there.
 #[derive(Clone, Copy)]
 struct Run {
-    /// Least, over the rings of the run, of a ring's greatest height in the picture (height above the eye
-    /// over depth).
+    /// Minimum, over the rings of the run, of each ring's greatest height in the picture (height above the
+    /// eye over depth).
     low: f64,
-    /// The step at the crest: its lower and upper height in the picture, and its depth in metres.
+    /// Step at the crest: its lower and upper height in the picture, and its depth in metres.
     crest: [f64; 3],
     /// Number of rings since the crest. `None` before the first crest, and once the crest's step is added.
     since: Option<u32>,
@@ -149,7 +148,7 @@ impl Run {
     const EMPTY: Self =
         Self { low: f64::INFINITY, crest: [f64::INFINITY, f64::NEG_INFINITY, 0.0], since: None };
 
-    /// Returns the step at the crest of the run. `None` if it was returned before.
+    /// Returns the step at the crest of the run. `None` if it was already returned.
     fn take(&mut self) -> Option<Step> {
         self.since.take()?;
         let [low, high, depth] = self.crest;
@@ -168,7 +167,7 @@ impl<'a> Wedge<'a> {
         let counts = [finest.columns, finest.squares.len() / finest.columns];
         let far = |axis: usize| sheet.corner[axis] + counts[axis] as f64 * sheet.side;
         let eye = frame.eye;
-        // Depths of the grid in this face.
+        // Depths, in this face, where the grid begins and ends.
         let [near, end] = match face {
             0 => [sheet.corner[0] - eye[0], far(0) - eye[0]],
             1 => [sheet.corner[1] - eye[1], far(1) - eye[1]],
@@ -179,7 +178,7 @@ impl<'a> Wedge<'a> {
         let error = 2.0 * frame.error + 16.0 * U * size;
         let depth = near.max(0.5 * sheet.side);
         let (bottom, top) = (f64::from(sheet.bottom) - eye[2], f64::from(sheet.top) - eye[2]);
-        // NaN, and errors that squares do not allow for, leave nothing to walk.
+        // For NaN, and for errors larger than squares allow for, the walk is empty.
         let end = if error < PAD * sheet.side && size < 1e15 { end } else { 0.0 };
         Self {
             frame,
@@ -196,14 +195,14 @@ impl<'a> Wedge<'a> {
         }
     }
 
-    /// Returns the next step outwards, or `None` if no further part of the sheet hides anything. `is_present`
+    /// Returns the next step outwards, or `None` if the rest of the sheet hides nothing more. `is_present`
     /// tells whether all objects of a list (see [`Sheet::owners`]) are drawn.
     fn next_step(&mut self, is_present: &mut impl FnMut(u32) -> bool) -> Option<Step> {
         while self.depth < self.end {
             let from = self.depth;
             let to = from + self.sheet.side.max(from * RING);
             self.depth = to;
-            // No point from here on can be higher in the picture than the crest.
+            // From here on, no point of the sheet can be higher in the picture than the crest.
             if self.top / if self.top > 0.0 { from } else { self.end } < self.run.crest[1] {
                 break;
             }
@@ -215,7 +214,8 @@ impl<'a> Wedge<'a> {
                 }
                 continue;
             };
-            // Lines of sight are lowest under a height at one end of the ring or the other.
+            // A line of sight lower than this in the picture is below the sheet at one end of the ring, which
+            // suffices to block it.
             let run = &mut self.run;
             let under = low / if low > 0.0 { from } else { to };
             let mut step = None;
@@ -239,8 +239,8 @@ impl<'a> Wedge<'a> {
 
     /// Returns a lower bound on the least and an upper bound on the greatest height of the sheet above the
     /// eye, in metres, in the part of the wedge from depth `from` to depth `to`. `is_present` tells whether
-    /// all objects of a list (see [`Sheet::owners`]) are drawn. `None` if the sheet must not hide there: the
-    /// part leaves the grid or is too large for the coarsest level, meets a [`BROKEN`] square (one with a
+    /// all objects of a list (see [`Sheet::owners`]) are drawn. `None` if the sheet must not occlude there:
+    /// the part leaves the grid or is too large for the coarsest level, meets a [`BROKEN`] square (one with a
     /// border of the sheet, or not covered by it) or an object that is not drawn, or is not certainly beyond
     /// the near plane.
     fn heights(&self, from: f64, to: f64, is_present: &mut impl FnMut(u32) -> bool) -> Option<[f64; 2]> {
@@ -249,8 +249,8 @@ impl<'a> Wedge<'a> {
         let e = self.error;
         let ring = [from - e, to + e, right - e, left + e];
         let [near, far, right, left] = ring;
-        // The ring's part in this column as a rectangle on the plan: `from` to `to` along the axis of the
-        // face, the column's sides across it.
+        // The ring's part in this block as a rectangle on the plan: `from` to `to` along the face's axis, and
+        // between the wedge's sides across it.
         let ([x0, x1], [y0, y1]) = match self.face {
             0 => ([near, far], [right, left]),
             1 => ([-left, -right], [near, far]),
@@ -264,7 +264,7 @@ impl<'a> Wedge<'a> {
         };
         let first = [index(min, 0, -PAD), index(min, 1, -PAD)];
         let last = [index(max, 0, PAD), index(max, 1, PAD)];
-        // The finest level on which the rectangle meets few squares.
+        // The finest level on which the rectangle meets at most [`MAX_SQUARES`] squares along each axis.
         let mut level = 0;
         while (0..2).any(|axis| (last[axis] >> level) - (first[axis] >> level) >= MAX_SQUARES) {
             level += 1;
@@ -281,7 +281,7 @@ impl<'a> Wedge<'a> {
             let begin = row * squares.columns;
             for square in &squares.squares[begin + x0 as usize..=begin + x1 as usize] {
                 let Square { low: a, high: b, owners } = *square;
-                // Most neighbours have the same owners.
+                // Most neighbouring squares have the same owners, so the last answer is reused.
                 if owners == BROKEN || owners != known && !is_present(owners) {
                     return None;
                 }
@@ -293,10 +293,10 @@ impl<'a> Wedge<'a> {
         if !self.frame.is_box_beyond_near([min[0], min[1], low], [max[0], max[1], high]) {
             return None;
         }
-        // Relative to the eye, outward by the roundings of both heights.
+        // Heights relative to the eye, with a bound on the rounding of both.
         let outward = |height: f64| (height - eye[2], e + 4.0 * U * (height.abs() + eye[2].abs()));
         let ((low, a), (high, b)) = (outward(low), outward(high));
-        // Quotients by depths round once: 4u of themselves.
+        // Quotients by depths round once: 4u of their value.
         Some([low - a - 8.0 * U * low.abs(), high + b + 8.0 * U * high.abs()])
     }
 }

@@ -1,14 +1,14 @@
-//! Walls of a mesh that is no convex solid: chains of upright panels.
+//! Walls in a mesh that is not convex: chains of upright panels.
 //!
 //! Houses with a yard, a bay or a hipped roof are not convex, but their walls stand upright. A *panel* is a
 //! pair of triangles that share an edge and whose corners are over two points of the plan: a trapezoid
-//! between two upright sides, where each line of sight that passes between its upper and its lower edge ends.
-//! Panels that follow each other around corners are a wall, and hide as one.
+//! between two upright sides. It stops each line of sight that passes between its upper and its lower edge.
+//! Panels that follow each other around corners are a wall, and occlude as one.
 //!
 //! # Why no gap opens between panels
-//! Panels follow each other if they have a point of the plan in common to the last bit, in coordinates of the
-//! mesh. The transform must take upright lines to upright lines, which is decided without rounding. The exact
-//! panels then have that point of the plan in common, wherever it is.
+//! Panels follow each other if they have a bit-identical point of the plan in common, in mesh coordinates.
+//! The transform must map upright lines to upright lines, which is decided without rounding. So the exact
+//! transformed panels also have a point of the plan in common.
 
 use super::extract::{Shape, Solids, placed};
 use super::frame::UpAxis;
@@ -18,25 +18,25 @@ use core::cmp::Ordering;
 use visibility_core::OccluderMesh;
 use visibility_core::glam::{Affine3A, Vec3};
 
-/// Greatest number of panels of a wall. A longer chain is cut, which costs a column of the picture.
+/// Maximum number of panels of a wall. A longer chain is cut, which loses one column of the picture.
 const MAX_PANELS: usize = 64;
 
-/// Least height of a panel as a fraction of the height of its mesh. Lower ones, such as the edge of a table,
-/// hide next to nothing and take as long.
+/// Least height of a panel as a fraction of the height of its mesh. Lower panels, such as the edge of a
+/// table, hide next to nothing and take as much time.
 const MIN_HEIGHT: f32 = 1.0 / 4.0;
 
-/// Greatest number of panels that are tried as the next of a wall, so that many panels at one point of the
-/// plan take time in proportion.
+/// Maximum number of panels that are tried as the next panel of a wall, so that many panels at one point of
+/// the plan take linear time.
 const MAX_BESIDE: usize = 16;
 
-/// An upright trapezoid in mesh coordinates, its front to the right of the way from its first side to its
+/// Upright trapezoid in mesh coordinates. Its front is to the right when walking from its first side to its
 /// second.
 #[derive(Clone, Copy, Debug)]
 struct Panel {
     sides: [Side; 2],
 }
 
-/// An upright side of a panel.
+/// Upright side of a panel.
 #[derive(Clone, Copy, Debug)]
 struct Side {
     /// Position of the side on the plan, in mesh coordinates.
@@ -50,7 +50,8 @@ impl Side {
         Self { at: [a[0], a[1]], low: a[2].min(b[2]), high: a[2].max(b[2]) }
     }
 
-    /// Returns the height that two sides at one point of the plan have in common, negative if none.
+    /// Returns the length of the common height range of two sides at one point of the plan. Negative if they
+    /// have none.
     fn overlap(&self, other: &Self) -> f32 {
         self.high.min(other.high) - self.low.max(other.low)
     }
@@ -62,8 +63,8 @@ fn compare(a: &[f32; 2], b: &[f32; 2]) -> Ordering {
 }
 
 impl Solids {
-    /// Adds the walls among some triangles of a mesh under a transform. Adds none under a transform that does
-    /// not keep upright lines upright, or that takes the plan to a line.
+    /// Adds the walls among some triangles of a mesh with its transform. Adds none if the transform does not
+    /// keep upright lines upright, or collapses the plan to a line.
     pub(super) fn add_walls(
         &mut self,
         mesh: &OccluderMesh,
@@ -74,7 +75,7 @@ impl Solids {
         let Some(is_mirrored) = is_mirrored_on_plan(transform, up) else { return };
         let panels = panels(mesh, triangles, up);
         for mut chain in chains(&panels) {
-            // In a mirror image, the front is to the right of the way back.
+            // In a mirror image, the front is on the other side, so the chain is reversed.
             if is_mirrored {
                 chain.reverse();
             }
@@ -98,13 +99,13 @@ impl Solids {
     }
 }
 
-/// Returns whether a transform mirrors the plan. `None` if it does not take upright lines to upright lines,
-/// or takes the plan to a line. Decided without rounding.
+/// Returns whether a transform mirrors the plan. `None` if it does not map upright lines to upright lines, or
+/// collapses the plan to a line. Decided without rounding.
 fn is_mirrored_on_plan(transform: &Affine3A, up: UpAxis) -> Option<bool> {
     let m = transform.matrix3;
     let axes = [m.x_axis, m.y_axis, m.z_axis];
     let [x, y, z] = up.rows().map(|row| up.split_f32(Vec3::from(axes[row])).map(f64::from));
-    // Products of two numbers of `f32` are exact, so the sign of their difference is.
+    // Products of two `f32` are exact in `f64`, so their comparison is exact too.
     let (a, b) = (x[0] * y[1], x[1] * y[0]);
     (z[0] == 0.0 && z[1] == 0.0 && a != b).then_some(a < b)
 }
@@ -119,7 +120,7 @@ fn panels(mesh: &OccluderMesh, triangles: &[u32], up: UpAxis) -> Vec<Panel> {
         let (t, edges) = (mesh.triangles()[index as usize], mesh.triangle_edges()[index as usize]);
         for corner in 0..3 {
             let edge = &mesh.edges()[edges[corner] as usize];
-            // Each pair once: from the triangle that is the left one of the edge.
+            // Each pair of triangles is visited once, from the triangle on the left of the edge.
             let Some(right) = edge.right.filter(|_| edge.left == index) else { continue };
             let [u, v, w] = [t[corner], t[(corner + 1) % 3], t[(corner + 2) % 3]];
             let other = mesh.triangles()[right as usize];
@@ -131,8 +132,8 @@ fn panels(mesh: &OccluderMesh, triangles: &[u32], up: UpAxis) -> Vec<Panel> {
                 () if is_over(w, v) && is_over(x, u) => [[u, x], [v, w]],
                 () => continue,
             };
-            // Whether the corner of this triangle is above the edge, and that of the other one below, or
-            // the reverse. Otherwise, the triangles are folded onto each other.
+            // In a trapezoid, one triangle's corner is above the edge and the other's is below. Otherwise,
+            // the triangles are folded onto each other.
             let (over_u, over_v) = (sides[0][1][2] > sides[0][0][2], sides[1][1][2] > sides[1][0][2]);
             let is_proper = sides.iter().all(|[a, b]| a[2] != b[2]);
             if !is_proper || over_u == over_v {
@@ -142,7 +143,7 @@ fn panels(mesh: &OccluderMesh, triangles: &[u32], up: UpAxis) -> Vec<Panel> {
             if (a.high - a.low).max(b.high - b.low) < least {
                 continue;
             }
-            // A triangle that runs from `u` to `v` and then up has its front to the right of that way.
+            // A triangle that runs from `u` to `v` and then up has its front to the right of this direction.
             let is_up = if is_over(w, u) { over_u } else { over_v };
             panels.push(Panel { sides: if is_up { [a, b] } else { [b, a] } });
         }
@@ -150,8 +151,8 @@ fn panels(mesh: &OccluderMesh, triangles: &[u32], up: UpAxis) -> Vec<Panel> {
     panels
 }
 
-/// Returns chains of panels at a common height. Each panel of a chain begins where the one before ends. Each
-/// panel is in one chain.
+/// Returns chains of panels that share a common range of heights. Each panel of a chain begins where the one
+/// before ends. Each panel is in one chain.
 fn chains(panels: &[Panel]) -> Vec<Vec<usize>> {
     let sorted = |side: usize| {
         let mut order: Vec<usize> = (0..panels.len()).collect();
@@ -165,7 +166,7 @@ fn chains(panels: &[Panel]) -> Vec<Vec<usize>> {
     };
     let mut is_used = alloc::vec![false; panels.len()];
     let mut chains = Vec::new();
-    // Chains that have a first panel, then rings.
+    // Chains with a first panel come before rings.
     let has_former = |&i: &usize| range(&by_end, 1, &panels[i].sides[0].at).is_empty();
     let firsts = (0..panels.len()).filter(has_former).chain(0..panels.len());
     for first in firsts {

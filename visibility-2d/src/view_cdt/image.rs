@@ -1,9 +1,9 @@
-//! The image: a constrained Delaunay triangulation of occluder outlines, with the shape that fills each
+//! The image: a constrained Delaunay triangulation of occluder outlines, with the shape that covers each
 //! triangle.
 //!
-//! That a triangle is filled is proven from its three corners alone: if all are strictly inside the
-//! half-planes of a shape, the triangle is covered, since the half-planes are convex. Outlines are rounded to
-//! the grid, and crossings of outlines are rounded too; both change only which triangles there are.
+//! Whether a shape fills a triangle is decided from the triangle's corners: if all three are strictly inside
+//! the shape's half-planes, the triangle is covered, since half-planes are convex. Outlines and their
+//! crossings are rounded to the grid, which only affects the choice of triangles, not this proof.
 
 use super::screen::{GRID, ProjectedBox, REACH, RIM};
 use super::shape::{Shape, Shapes, at};
@@ -11,21 +11,21 @@ use crate::cdt::constrain::Constrainer;
 use crate::cdt::triangulation::{NONE, NOWHERE, Place, Triangulation};
 use alloc::vec::Vec;
 
-/// Greatest number of triangles that may be filled. Further triangles stay open.
+/// Maximum number of triangles that may be filled. Further triangles stay open.
 pub(crate) const MAX_TRIANGLES: usize = 1 << 13;
 
-/// Value of `BuildEdge::walls` that marks every edge of an outline. It is the number of no list.
+/// Value of `BuildEdge::walls` that marks every edge of an outline. It is not the number of a list.
 const OUTLINE: u32 = 0;
 
-/// Least and greatest coordinates of a region that is all of the image plane.
+/// Region that covers the whole image plane, as least and greatest coordinates.
 const EVERYWHERE: [[f64; 2]; 2] = [[f64::NEG_INFINITY; 2], [f64::INFINITY; 2]];
 
-/// Triangles that a search has seen and that wait for it, in memory of fixed size: a test, which only borrows
-/// the image, allocates nothing.
+/// Triangles that a search has found and must still visit. The memory has a fixed size, so that a test, which
+/// only borrows the image, allocates nothing.
 struct Search {
     seen: [u64; MAX_TRIANGLES / 64],
     waiting: [u64; MAX_TRIANGLES / 64],
-    /// Words of `waiting` below this one are 0.
+    /// Words of `waiting` before this one are 0.
     first: usize,
 }
 
@@ -34,7 +34,7 @@ impl Search {
         Self { seen: [0; MAX_TRIANGLES / 64], waiting: [0; MAX_TRIANGLES / 64], first: 0 }
     }
 
-    /// Adds triangle `t` to those that wait, unless it was added before. Returns false, and adds nothing, if
+    /// Adds triangle `t` to the waiting ones, unless it was added before. Returns false, and adds nothing, if
     /// `t` is not below [`MAX_TRIANGLES`].
     fn push(&mut self, t: u32) -> bool {
         let (word, bit) = (t as usize / 64, 1 << (t % 64));
@@ -60,8 +60,8 @@ impl Search {
     }
 }
 
-/// A convex region of the image, in grid units: the common part of the rectangle from `low` to `high` and of
-/// the hull of points that are wrong by at most one unit.
+/// Convex region of the image, in grid units: the intersection of the rectangle from `low` to `high` with the
+/// hull of points that have an error of at most one unit.
 #[derive(Clone, Copy)]
 struct Region<'a> {
     low: [f64; 2],
@@ -70,8 +70,7 @@ struct Region<'a> {
 }
 
 impl Region<'_> {
-    /// Returns whether the triangle with the given corners may meet the rectangle: whether they overlap in
-    /// their ranges of x and in their ranges of y.
+    /// Returns whether a triangle may meet the rectangle: whether their ranges of x and of y overlap.
     fn meets_rectangle(&self, corners: &[[f64; 2]; 3]) -> bool {
         (0..2).all(|axis| {
             corners.iter().any(|p| p[axis] >= self.low[axis])
@@ -79,12 +78,12 @@ impl Region<'_> {
         })
     }
 
-    /// Returns whether the triangle with the given corners may meet the hull: false only if the hull is
-    /// beyond one of the triangle's sides.
+    /// Returns whether a triangle may meet the hull. False only if the hull is entirely beyond one of the
+    /// triangle's sides.
     ///
-    /// Points of the hull are wrong by up to half a unit on each axis. They are below 2^48 and sides shorter
-    /// than 2^21, so the cross product is wrong by less than a quarter of the side's extents. Together these
-    /// are less than the extents times one unit.
+    /// Points of the hull have errors of up to half a unit on each axis. They are below 2^48 and sides are
+    /// shorter than 2^21, so rounding changes the cross product by less than a quarter of the side's extents.
+    /// In total this is less than the extents times one unit.
     fn meets_hull(&self, corners: &[[f64; 2]; 3]) -> bool {
         (0..3).all(|k| {
             let (a, b) = (corners[k], corners[(k + 1) % 3]);
@@ -96,9 +95,9 @@ impl Region<'_> {
 }
 
 /// Returns whether a box is certainly behind all planes of a shape. The points behind a plane are a
-/// half-space, so that the corners decide.
+/// half-space, so it suffices to test the corners.
 ///
-/// Corners are wrong by a quarter of a unit, and the bound on a plane holds in the triangulated rectangle.
+/// Corners have an error of a quarter of a unit. The bound on a plane is valid in the triangulated rectangle.
 fn is_behind(shapes: &Shapes, shape: &Shape, bounds: &ProjectedBox) -> bool {
     let is_inside = |p: &[f64; 2]| p.iter().all(|x| -RIM < *x && *x < REACH);
     let planes = &shapes.planes[shape.planes.clone()];
@@ -110,9 +109,9 @@ fn is_behind(shapes: &Shapes, shape: &Shape, bounds: &ProjectedBox) -> bool {
         })
 }
 
-/// Returns a lower bound on the depth key (greater is nearer) of a shape wherever a triangle and a rectangle
-/// overlap. `rectangle` holds the corners of the rectangle; if it is empty, the bound holds in the whole
-/// triangle.
+/// Returns a lower bound on the depth key (greater is nearer) of a shape in the intersection of a triangle
+/// and a rectangle. `rectangle` has the corners of the rectangle; if it is empty, the bound holds in the
+/// whole triangle.
 fn least_key(shapes: &Shapes, shape: &Shape, triangle: &[[f64; 2]; 3], rectangle: &[[f64; 2]]) -> f64 {
     let least =
         |plane, points: &[[f64; 2]]| points.iter().map(|&p| at(plane, p)).fold(f64::INFINITY, f64::min);
@@ -123,7 +122,7 @@ fn least_key(shapes: &Shapes, shape: &Shape, triangle: &[[f64; 2]; 3], rectangle
     planes.reduce(f64::min).map_or(shape.floor, |key| key.max(shape.floor))
 }
 
-/// The triangulated image of a frame.
+/// Triangulated image of a frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Image {
     triangulation: Triangulation,
@@ -135,7 +134,7 @@ pub(crate) struct Image {
 }
 
 impl Image {
-    /// Empties the image: no triangle hides.
+    /// Clears the image, so that no triangle hides anything.
     pub(crate) fn clear(&mut self) {
         self.triangulation.restart([-RIM; 2], [REACH; 2]);
         self.is_filled = false;
@@ -151,9 +150,9 @@ impl Image {
         !self.is_filled
     }
 
-    /// Adds a shape, given by its index in the list of `shapes`: its outline as edges, and the index as the
-    /// label of the triangles that it fills. Does nothing if all triangles within the outline are filled
-    /// already.
+    /// Adds a shape, given by its index in the list of `shapes`: its outline as edges, and its index as the
+    /// label of the triangles that it fills. Does nothing if all triangles within the outline are already
+    /// filled.
     pub(crate) fn add(&mut self, shapes: &Shapes, number: u32) {
         let shape = &shapes.list[number as usize];
         let outline = &shapes.outlines[shape.outline.clone()];
@@ -170,11 +169,11 @@ impl Image {
         let count = self.outline.len();
         for k in 0..count {
             let (from, to) = (self.outline[k], self.outline[(k + 1) % count]);
-            // The only error is that there are too many vertices: then the outline is open.
+            // The only possible error is too many vertices. The outline then stays open, which hides less.
             let _ = self.constrainer.insert_list(of, from, to, OUTLINE);
         }
         self.fill(shapes, number, EVERYWHERE);
-        // Crossings may have divided triangles of other shapes anew.
+        // Crossings may have re-triangulated areas of other shapes, so their triangles are filled again.
         let bounds = core::mem::replace(&mut self.triangulation.erased_bounds, NOWHERE);
         while let Some(label) = self.triangulation.erased.pop() {
             if label != number {
@@ -184,9 +183,8 @@ impl Image {
         }
     }
 
-    /// Labels with `number` the triangles that the shape of this number certainly fills, except those that a
-    /// nearer shape fills. Only triangles within `bounds` are looked at: least corner, then greatest corner,
-    /// in grid units.
+    /// Labels triangles with `number` if the shape with this number certainly fills them and no nearer shape
+    /// does. Only looks at triangles within `bounds`: least corner, then greatest corner, in grid units.
     fn fill(&mut self, shapes: &Shapes, number: u32, bounds: [[f64; 2]; 2]) {
         let shape = &shapes.list[number as usize];
         self.collect(&shapes.outlines[shape.outline.clone()], bounds);
@@ -205,8 +203,8 @@ impl Image {
         }
     }
 
-    /// Lists in `found` the triangles that a polygon meets within `bounds`, and some beside them. `bounds`
-    /// are the least corner, then the greatest corner. All coordinates are in grid units.
+    /// Lists in `found` the triangles that a polygon meets within `bounds`, and possibly some beside them.
+    /// `bounds` has the least corner, then the greatest corner. All coordinates are in grid units.
     fn collect(&mut self, polygon: &[[f64; 2]], bounds: [[f64; 2]; 2]) {
         let mut found = core::mem::take(&mut self.found);
         found.clear();
@@ -228,7 +226,7 @@ impl Image {
 
     /// Tests whether every triangle that a box meets is filled by a shape that is certainly nearer.
     pub(crate) fn hides(&self, shapes: &Shapes, bounds: &ProjectedBox) -> bool {
-        // A unit outwards, so that the region has an area, and then to the image.
+        // Enlarged by a unit so that the region has an area, then clamped to the image.
         let region = Region {
             low: bounds.low.map(|x| (x - 1.0).max(0.0)),
             high: bounds.high.map(|x| (x + 1.0).min(GRID)),
@@ -236,7 +234,7 @@ impl Image {
         };
         let ([x0, y0], [x1, y1]) = (region.low, region.high);
         let rectangle = [[x0, y0], [x1, y0], [x1, y1], [x0, y1]];
-        // The shape that filled the last triangle, and whether the box is behind it.
+        // Shape that filled the last triangle, and whether the box is behind it.
         let mut last = (NONE, false);
         self.visit(region, |t, corners| {
             let label = self.triangulation.labels[t as usize];
@@ -248,9 +246,8 @@ impl Image {
         })
     }
 
-    /// Calls `each` for the triangles that meet a region, until `each` returns false. These triangles are
-    /// connected, so that all are found from the one in the region's middle. Returns whether all were
-    /// visited.
+    /// Calls `each` for the triangles that meet a region, until `each` returns false. Returns whether all
+    /// were visited. The triangles are connected, so all are found from the one in the region's middle.
     fn visit(&self, region: Region<'_>, mut each: impl FnMut(u32, &[[f64; 2]; 3]) -> bool) -> bool {
         let middle = [0, 1].map(|axis| 0.5 * (region.low[axis] + region.high[axis]));
         let first = match self.triangulation.locate(middle) {

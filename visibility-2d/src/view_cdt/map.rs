@@ -1,4 +1,4 @@
-//! The triangulated image as an occlusion map of core's driver.
+//! The triangulated image as an occlusion map for core's driver.
 
 use super::image::Image;
 use super::screen::{BoxPlace, Projected, Screen};
@@ -11,15 +11,15 @@ use visibility_core::{Aabb, Accuracy, OccluderMesh, OcclusionMap, View};
 /// Default and greatest number of vertices of the image.
 const MAX_VERTICES: usize = 3072;
 
-/// An occlusion map at object precision: outlines of occluders in a triangulation of the image.
+/// Occlusion map at object precision: a triangulation of the image with the outlines of occluders.
 ///
-/// Independent of any resolution: two occluders that overlap by a millionth of the image leave no gap.
-/// Occluders that only touch do. Conservative. Convex solids are entered by their outline, other meshes by
-/// groups of neighbouring triangles that look convex from the eye.
+/// It has no pixels: two occluders that overlap by a millionth of the image leave no gap. Occluders that only
+/// touch leave one. Conservative. A convex solid is entered as one outline, other meshes as groups of
+/// neighbouring triangles that look convex from the eye.
 ///
 /// # Cost
-/// Some 10 us for an occluder, and more where outlines cross; below a microsecond for a box that is visible,
-/// and up to some 10 us for a hidden one. Memory is about 300 bytes for each vertex.
+/// About 10 us for an occluder, and more where outlines cross; less than a microsecond for a visible box, and
+/// up to about 10 us for a hidden one. Memory: about 300 bytes per vertex.
 ///
 /// ```
 /// use visibility_2d::view_cdt::ViewCdt;
@@ -45,7 +45,7 @@ pub struct ViewCdt {
     screen: Screen,
     clip_planes: ViewPlanes,
     shapes: Shapes,
-    /// Number of shapes that are in the image.
+    /// Number of shapes entered into the image.
     entered: usize,
     image: Image,
     projected: Projected,
@@ -73,8 +73,8 @@ impl ViewCdt {
         }
     }
 
-    /// Sets the number of vertices of the image from which on no more occluder is added: at most 3,072, the
-    /// default. An occluder adds some six vertices, and one for each outline that it crosses.
+    /// Sets the number of vertices of the image after which no more occluder is added: at most 3,072, the
+    /// default. An occluder adds about six vertices, and one for each crossing with an outline.
     #[must_use]
     pub fn with_vertices(self, most: usize) -> Self {
         Self { most: most.min(MAX_VERTICES), ..self }

@@ -4,18 +4,18 @@
 //! later without figures (`cdt-and-visapi`), after Kevin Weiler and Peter Atherton, "Hidden Surface Removal
 //! Using Polygon Area Sorting", 1977.
 //!
-//! Outlines of occluders are entered front to back into a triangulation of the image, at the precision of the
-//! objects and not of pixels: a triangle of the image is filled by one occluder, or open. A box is hidden if
-//! all triangles that it meets are filled by nearer occluders, so that several occluders hide together what
+//! Outlines of occluders are entered front to back into a triangulation of the image, at object precision
+//! instead of pixels: each triangle of the image is filled by one occluder, or open. A box is hidden if all
+//! triangles that it meets are filled by nearer occluders, so several occluders together can hide a box that
 //! none of them hides alone.
 //!
-//! Outlines are moved inwards to a grid of 2^20 by 2^20 points, and boxes outwards. What the proposal leaves
-//! open was measured, and what lost was deleted: an occluder that is partly hidden by others is cut at the
-//! outlines that it crosses (left out, it hid less on every scene), and each occluder keeps planes of depth
+//! Outlines are moved inwards to a grid of 2^20 by 2^20 points, and boxes outwards. Choices that the proposal
+//! leaves open were measured, and only the winners kept. An occluder that others partly hide is cut at the
+//! outlines that it crosses (leaving it out hid less on every scene). Each occluder stores depth planes
 //! (cells of doubling distance hid less).
 //!
 //! - `screen.rs`: projection with bounds on rounding.
-//! - `shape.rs`: what an occluder certainly covers, as half-planes, and how far it is.
+//! - `shape.rs`: the area that an occluder certainly covers, as half-planes, and its depth.
 //! - `image.rs`: the triangulation with the occluder that fills each triangle.
 
 mod image;

@@ -2,7 +2,7 @@
 //!
 //! Corners are homogeneous: `x`, `y` and `w`, where `x / w` and `y / w` are grid coordinates; `n`, where `n /
 //! w` is the depth key (greater is nearer); and the distance beyond the near plane. Each of the five is a
-//! linear function of points, a [`ClipRow`] of core, which brings its bound.
+//! linear function of points, a [`ClipRow`] of core, which comes with a bound on its error.
 
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::view::{ClipRow, ViewProjection};
@@ -14,13 +14,13 @@ pub(crate) const U: f64 = f64::EPSILON / 2.0;
 /// Width and height of the image in units of the grid.
 pub(crate) const GRID: f64 = 1_048_576.0;
 
-/// Distance in grid units from the image to the rectangle that is triangulated.
+/// Width in grid units of the rim around the image that is triangulated too.
 pub(crate) const RIM: f64 = 8.0;
 
-/// Greatest magnitude of a grid coordinate in the rectangle that is triangulated.
+/// Greatest magnitude of a grid coordinate in the triangulated rectangle.
 pub(crate) const REACH: f64 = GRID + RIM;
 
-/// A homogeneous corner: `x`, `y`, `w`, `n` and the distance beyond the near plane.
+/// Homogeneous corner: `x`, `y`, `w`, `n` and the distance beyond the near plane.
 pub(crate) type Corner = [f64; 5];
 
 /// Projection of a view to the grid.
@@ -28,8 +28,8 @@ pub(crate) type Corner = [f64; 5];
 pub(crate) struct Screen {
     rows: [ClipRow; 5],
     anchor: DVec3,
-    /// Sign that the determinant of a triangle's corners `(x, y, w)` has if the triangle faces the eye and no
-    /// transform mirrors it. 0 if this sign is not known.
+    /// Sign of the determinant of a triangle's corners `(x, y, w)` if the triangle faces the eye and its
+    /// transform does not mirror. 0 if this sign is unknown.
     facing: f64,
 }
 
@@ -47,8 +47,8 @@ pub(crate) struct Projected {
 /// Grid rectangle and depth of a box.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ProjectedBox {
-    /// Column and row of each corner in grid units, in the order of [`Aabb::corners`]. Each value is wrong by
-    /// at most a quarter of a grid unit.
+    /// Column and row of each corner in grid units, in the order of [`Aabb::corners`]. Each value has an
+    /// error of at most a quarter of a grid unit.
     pub(crate) corners: [[f64; 2]; 8],
     /// Least column and row that the box may reach, in grid units, rounded outwards.
     pub(crate) low: [f64; 2],
@@ -72,7 +72,7 @@ pub(crate) enum BoxPlace {
 }
 
 impl Screen {
-    /// A screen on which every box is [`BoxPlace::Unknown`] and no triangle faces the eye.
+    /// Screen on which every box is [`BoxPlace::Unknown`] and no triangle faces the eye.
     pub(crate) const BLIND: Self = Self {
         rows: [ClipRow { linear: DVec3::ZERO, constant: 0.0, error: f64::INFINITY }; 5],
         anchor: DVec3::ZERO,
@@ -85,8 +85,8 @@ impl Screen {
         Self {
             rows: [x, y, projection.w(), projection.depth_key(), projection.near()],
             anchor: projection.anchor(),
-            // Rows run downwards, which mirrors; normals of triangles that face the eye point towards it,
-            // which mirrors again.
+            // Rows run downwards, which mirrors. Normals of visible triangles point towards the eye, which
+            // mirrors again.
             facing: projection.orientation(),
         }
     }
@@ -101,10 +101,10 @@ impl Screen {
             .then_some(determinant.signum() * self.facing)
     }
 
-    /// Projects placed points. Returns false, and leaves the result unusable, if a value is not finite.
+    /// Projects points under a transform. Returns false, and an invalid result, if a value is not finite.
     ///
-    /// Products of two `f32` are exact in `f64`, and three sums round: a coordinate is wrong by less than `4
-    /// u` of the magnitudes summed. Another `4 u` of each value is for the interpolation of points.
+    /// Products of two `f32` are exact in `f64`, and three sums round, so a coordinate has an error below `4
+    /// u` of the sum of magnitudes. Another `4 u` of each value allows for the interpolation of points.
     pub(crate) fn project(&self, points: &[Vec3], transform: &Affine3A, out: &mut Projected) -> bool {
         let mut is_finite = true;
         out.corners.clear();
@@ -134,8 +134,8 @@ impl Screen {
 
     /// Returns the position of a box relative to the view. The box must be [proper](Aabb::is_proper).
     ///
-    /// A quotient `q = a / w` with errors `e_a` and `e_w` is wrong by `(e_a + |q| e_w) / w` to first order
-    /// and by two roundings. The factor 2 covers higher orders, since `w` exceeds `1024 e_w`.
+    /// A quotient `q = a / w` with errors `e_a` and `e_w` has an error of `(e_a + |q| e_w) / w` to first
+    /// order, and two roundings. The factor 2 covers higher orders, since `w` exceeds `1024 e_w`.
     pub(crate) fn place(&self, bounds: &Aabb) -> BoxPlace {
         let (mut corners, mut low, mut high) = ([[0.0; 2]; 8], [f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         let (mut nearest, mut is_known) = (f64::NEG_INFINITY, true);

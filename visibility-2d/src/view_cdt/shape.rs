@@ -1,15 +1,15 @@
-//! Occluders as shapes of the image: half-planes that certainly bound what is covered, and depth.
+//! Occluders as shapes in the image: half-planes whose intersection is certainly covered, and depth.
 //!
-//! A shape is made of triangles of a mesh that certainly face the eye, cut at the near plane. Its contour is
-//! the edges with one such triangle, and the cuts. A point strictly on the inner side of the lines of all
-//! contour edges is covered: each of them runs around the point in the same sense, so the contour winds
-//! around it at least once, and the winding number is the number of triangles that cover the point.
+//! A shape consists of triangles of a mesh that certainly face the eye, cut at the near plane. Its contour
+//! consists of the edges with only one such triangle, and of the cuts. A point strictly on the inner side of
+//! all contour lines is covered: every contour edge runs around the point in the same sense, so the contour
+//! winds around it at least once, and the winding number is the number of triangles that cover the point.
 //!
 //! # Bounds
 //! Let `e` be the errors of corners and `S` their sizes with error. A component `a_j b_k - a_k b_j` of a
-//! cross product is wrong by at most `2 (e_j S_k + S_j e_k)`, and by less than `4 u S_j S_k` of rounding; the
-//! code has `8 u`. A determinant `a . (b x c)` is wrong by the errors of one factor times the size `2 S_j
-//! S_k` of the other, and the reverse.
+//! cross product has an error of at most `2 (e_j S_k + S_j e_k)`, and a rounding below `4 u S_j S_k`; the
+//! code uses `8 u`. A determinant `a . (b x c)` has the errors of `a` times the size `2 S_j S_k` of the cross
+//! product, and the error of the cross product times the size of `a`.
 
 use super::screen::{Corner, Projected, REACH, U};
 use alloc::vec::Vec;
@@ -19,17 +19,17 @@ use visibility_core::OccluderMesh;
 /// Grid units by which outlines are moved inwards before they are rounded to the grid.
 const INSET: f64 = 1.0;
 
-/// Greatest number of triangles of a shape that is no convex solid.
+/// Maximum number of triangles of a shape that is not a convex solid.
 const MAX_JOINED: usize = 16;
 
-/// A linear function `a x + b y + c` of grid coordinates.
+/// Linear function `a x + b y + c` of grid coordinates.
 pub(crate) type Line = [f64; 3];
 
 pub(crate) fn at([a, b, c]: Line, [x, y]: [f64; 2]) -> f64 {
     a * x + b * y + c
 }
 
-/// What a shape covers and how near it is, as ranges in the lists of [`Shapes`].
+/// Area that an occluder covers, and its depth, as ranges in the lists of [`Shapes`].
 #[derive(Clone, Debug)]
 pub(crate) struct Shape {
     /// Half-planes of the shape: a point of the grid at which all are positive is covered.
@@ -43,7 +43,7 @@ pub(crate) struct Shape {
     pub(crate) floor: f64,
 }
 
-/// Shapes of the occluders of a frame, and the lists that the shapes have ranges in.
+/// Shapes of the occluders in a frame, and the lists that hold their lines, planes and outlines.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Shapes {
     pub(crate) list: Vec<Shape>,
@@ -59,11 +59,11 @@ pub(crate) struct Shapes {
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum State {
-    /// The triangle hides nothing, or is in an earlier shape.
+    /// The triangle does not occlude, or is in an earlier shape.
     Unused,
-    /// The triangle faces the eye and is in no shape yet.
+    /// The triangle faces the eye and is not in a shape yet.
     Free,
-    /// The triangle is in the shape that is being made.
+    /// The triangle is in the shape under construction.
     Joined,
 }
 
@@ -75,15 +75,15 @@ fn dot(line: Line, a: &Corner) -> f64 {
     line[0] * a[0] + line[1] * a[1] + line[2] * a[2]
 }
 
-/// A projected mesh with the bounds that hold for all of its corners.
+/// Projected mesh, with bounds that hold for all of its corners.
 struct Meshed<'a> {
     mesh: &'a OccluderMesh,
     corners: &'a [Corner],
     size: &'a Corner,
     error: &'a Corner,
-    /// Sign that the determinant of a triangle's corners has if it may be a part of the shape.
+    /// Sign of a triangle's determinant if the triangle may belong to the shape.
     facing: f64,
-    /// Distance beyond the near plane, the fifth value of a corner, at which geometry is cut.
+    /// Least distance beyond the near plane (the fifth value of a corner), at which geometry is cut.
     limit: f64,
     /// Bounds on the errors of components of cross products.
     of_cross: Line,
@@ -101,8 +101,8 @@ impl<'a> Meshed<'a> {
                 e[i] * crossed + s[i] * of_cross[i] + 16.0 * U * s[i] * crossed
             })
             .sum();
-        // A cut at the computed distance `limit` is truly beyond the near plane: it is wrong by `e`, and by
-        // the rounding of its interpolation.
+        // A cut at the computed distance `limit` is certainly beyond the near plane: its error is `e` plus
+        // the rounding of the interpolation.
         let limit = 2.0 * e[4] + 16.0 * U * s[4];
         Self { mesh, corners: &of.corners, size: s, error: e, facing, limit, of_cross, of_determinant }
     }
@@ -115,8 +115,8 @@ impl<'a> Meshed<'a> {
         self.corner(vertex)[4] > self.limit
     }
 
-    /// Returns a linear function that is positive only on the inner side of an edge from `a` to `b`: the
-    /// edge's line, lowered by the bound on its error in the triangulated rectangle.
+    /// Returns a linear function that is positive only on the inner side of the edge from `a` to `b`: the
+    /// edge's line, lowered by a bound on its error in the triangulated rectangle.
     fn line(&self, a: &Corner, b: &Corner) -> Line {
         let line = cross(a, b).map(|x| x * self.facing);
         let size = REACH * (line[0].abs() + line[1].abs()) + line[2].abs();
@@ -132,7 +132,7 @@ impl<'a> Meshed<'a> {
     }
 
     /// Returns a linear function of grid coordinates that is a lower bound on the depth key of a triangle's
-    /// plane, at all points of the grid. `None` if rounding leaves the plane open.
+    /// plane, at all points of the grid. `None` if rounding leaves the plane undecided.
     ///
     /// By Cramer's rule the key is `n_a (b x c) + n_b (c x a) + n_c (a x b)` over the determinant.
     fn depth_plane(&self, t: [u32; 3]) -> Option<Line> {
@@ -153,8 +153,8 @@ impl<'a> Meshed<'a> {
         (least > 0.0 && error.is_finite()).then_some([plane[0], plane[1], plane[2] - error])
     }
 
-    /// Returns the point at which an edge meets the near limit. `a` and `b` may be exchanged: the result is
-    /// the same to the last bit.
+    /// Returns the point where an edge crosses the near limit. Exchanging `a` and `b` gives the bit-identical
+    /// result.
     fn cut(&self, a: u32, b: u32) -> Corner {
         let (a, b) = if self.is_beyond(b) { (a, b) } else { (b, a) };
         let (a, b) = (self.corner(a), self.corner(b));
@@ -171,8 +171,9 @@ impl Shapes {
         self.outlines.clear();
     }
 
-    /// Adds the shapes of a mesh: one of a convex solid, and otherwise shapes of neighbouring triangles that
-    /// together look convex. `facing` is the determinant's sign of triangles that face the eye.
+    /// Adds the shapes of a mesh: one for a convex solid, otherwise one for each group of neighbouring
+    /// triangles that together look convex. `facing` is the sign of the determinant of triangles that face
+    /// the eye.
     pub(crate) fn add(&mut self, mesh: &OccluderMesh, projected: &Projected, facing: f64) {
         for facing in [facing, -facing] {
             let of = Meshed::new(mesh, projected, facing);
@@ -191,7 +192,7 @@ impl Shapes {
         }
     }
 
-    /// Collects the triangles of a shape, from the triangle `seed` on.
+    /// Collects the triangles of a shape, starting with the triangle `seed`.
     fn join(&mut self, of: &Meshed<'_>, seed: u32) {
         self.joined.clear();
         if of.mesh.is_convex() {
@@ -223,8 +224,8 @@ impl Shapes {
         }
     }
 
-    /// Returns whether all corners of the shape are on the inner side of its contour. It decides only how
-    /// triangles are joined, so rounding does no harm.
+    /// Returns whether all corners of the shape are on the inner side of its contour. Rounding does no harm,
+    /// because this only decides which triangles are joined.
     fn looks_convex(&mut self, of: &Meshed<'_>) -> bool {
         let first = self.lines.len();
         self.push_contour(of);
@@ -255,7 +256,8 @@ impl Shapes {
                     self.lines.push(of.line(of.corner(a), of.corner(b)));
                 }
             }
-            // Where the triangle leaves the part beyond the near plane, and where it comes back.
+            // Points where the triangle's outline crosses the near limit: leaving the part beyond it, and
+            // coming back.
             let find = |leaves: bool| {
                 (0..3)
                     .map(|k| (triangle[k], triangle[(k + 1) % 3]))
@@ -279,14 +281,14 @@ impl Shapes {
                 let q = n / w;
                 let margin = 2.0 * ((of.error[3] + q.abs() * of.error[2]) / w + 4.0 * U * q.abs());
                 if w > 1024.0 * of.error[2] {
-                    // A corner before the near plane, too: a cut may be as far as it, if the plane is
-                    // oblique.
+                    // A corner before the near plane counts too, since an oblique near plane may cut the
+                    // triangle as far away as this corner.
                     floor = floor.min(q - margin);
                 } else if w > 0.0 || of.is_beyond(vertex) {
                     floor = f64::NEG_INFINITY;
                 }
             }
-            // Without a plane, the least key of all corners holds.
+            // Without a depth plane, only the least key of all corners is used.
             self.planes.push(of.depth_plane(triangle).unwrap_or([0.0, 0.0, f64::NEG_INFINITY]));
         }
         for &t in &self.joined {
@@ -307,13 +309,13 @@ impl Shapes {
     }
 
     /// Adds the outline of the points inside all lines from `first` on, moved inwards and rounded to the
-    /// grid. Returns false if fewer than three vertices are left. The outline need not be exact: only
+    /// grid. Returns false if fewer than three vertices remain. The outline need not be exact, because only
     /// triangles whose corners are inside the lines are filled.
     fn push_outline(&mut self, first: usize) -> bool {
         let begin = self.outlines.len();
         let (low, high) = (-0.5 * super::screen::RIM, REACH - 0.5 * super::screen::RIM);
         self.outlines.extend([[low, low], [high, low], [high, high], [low, high]]);
-        // Sutherland-Hodgman: the square that holds the whole grid, clipped by each line in turn.
+        // Clips the square around the whole grid by each line in turn (Sutherland-Hodgman).
         for &line in &self.lines[first..] {
             let inset = INSET * (line[0].abs() + line[1].abs());
             let height = |p| at(line, p) - inset;
@@ -333,7 +335,7 @@ impl Shapes {
             self.outlines.truncate(begin);
             self.outlines.append(&mut self.clipped);
         }
-        // Rounding may make neighbours equal. Such vertices are dropped.
+        // Neighbouring vertices that rounding makes equal are dropped.
         for p in &mut self.outlines[begin..] {
             *p = p.map(round);
         }
@@ -353,7 +355,7 @@ impl Shapes {
     }
 }
 
-/// Rounds to the nearest whole number, magnitudes up to 2^51: the sum has no bits for fractions.
+/// Rounds to the nearest integer, for magnitudes up to 2^51. The addition leaves no bits for fractions.
 fn round(x: f64) -> f64 {
     const WHOLE: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
     (x + WHOLE) - WHOLE

@@ -1,4 +1,4 @@
-//! The solids around a viewcell that may hide something from it, in a tree on the plan.
+//! Solids around a viewcell that may occlude, in a tree on the plan.
 
 use super::lines::{Point, U, left_of};
 use super::solids::PlanSolids;
@@ -6,13 +6,13 @@ use crate::median_order::{LEAF, put_in_order};
 use alloc::vec::Vec;
 use visibility_core::geometry::sqrt;
 
-/// Greatest number of children of an inner node of the tree of solids.
+/// Maximum number of children of an inner node.
 const FAN: usize = 8;
 
-/// Greatest number of solids of a viewcell. Those that look largest are used.
+/// Maximum number of solids of a viewcell. The solids that look largest are used.
 const MAX_SOLIDS: usize = 2048;
 
-/// The box that contains all viewpoints, relative to the scene's origin: the plan's two coordinates and the
+/// Box that contains all viewpoints, relative to the scene's origin: the plan's two coordinates and the
 /// height.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct CellBox {
@@ -42,18 +42,19 @@ impl CellBox {
     }
 }
 
-/// An upright edge of a solid, as a viewcell sees it.
+/// Upright edge of a solid, as seen from a viewcell.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Post {
     pub(crate) at: Point,
-    /// Upper bound on the height of the lower end.
+    /// Upper bound on the height of the post's lower end.
     pub(crate) low: f64,
-    /// Slope up to which lines of sight from the viewcell certainly meet the post instead of passing above
-    /// it, in metres of rise per metre on the plan. -1 if the post's top is below the highest viewpoint.
+    /// Greatest slope, in metres of rise per metre on the plan, up to which lines of sight from the viewcell
+    /// certainly meet the post instead of passing above it. -1 if the post's top is below the highest
+    /// viewpoint.
     pub(crate) slope: f64,
 }
 
-/// A solid around a viewcell.
+/// Solid around a viewcell.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CellSolid {
     first: u32,
@@ -78,19 +79,19 @@ struct Node {
     slope: f64,
 }
 
-/// Solids around a viewcell. On the plan none of them meets the viewcell.
+/// Solids around a viewcell. On the plan, no solid meets the viewcell.
 #[derive(Clone, Debug)]
 pub(crate) struct CellSolids {
     /// Chosen solids, in the order of the tree's leaves.
     solids: Vec<CellSolid>,
     posts: Vec<Post>,
-    /// Posts that the last [`restrict`](Self::restrict) left in use, solid by solid. `used_ends` has the end
-    /// of each solid's range.
+    /// Posts in use after the last [`restrict`](Self::restrict), solid by solid. `used_ends` has the end of
+    /// each solid's range.
     used: Vec<Post>,
     used_ends: Vec<u32>,
     levels: Vec<Vec<Node>>,
-    /// Scratch: solids of candidate objects that are higher than the viewpoints, as size and index in
-    /// `PlanSolids`.
+    /// Scratch: solids of candidate objects that reach above the viewpoints, as (size, index in
+    /// `PlanSolids`).
     ranked: Vec<(f64, u32)>,
     order: Vec<([f64; 2], u32)>,
 }
@@ -118,7 +119,7 @@ impl CellSolids {
         &self.posts[solid.first as usize..][..solid.count as usize]
     }
 
-    /// Returns the posts of a solid that the last [`restrict`](Self::restrict) left in use,
+    /// Returns the posts of a solid that are in use after the last [`restrict`](Self::restrict),
     /// counter-clockwise.
     pub(crate) fn ring(&self, index: u32) -> &[Post] {
         let end = |index: usize| self.used_ends[index] as usize;
@@ -126,12 +127,12 @@ impl CellSolids {
         &self.used[first..end(index as usize)]
     }
 
-    /// Returns whether the last [`restrict`](Self::restrict) left all posts of a solid in use.
+    /// Returns whether all posts of a solid are in use after the last [`restrict`](Self::restrict).
     pub(crate) fn is_whole(&self, index: u32) -> bool {
         self.ring(index).len() == self.solids[index as usize].count as usize
     }
 
-    /// Leaves in use only the posts whose slope is at least `slope` and for which `is_of_use` returns true.
+    /// Keeps in use only the posts whose slope is at least `slope` and for which `is_of_use` returns true.
     pub(crate) fn restrict(&mut self, slope: f64, is_of_use: impl Fn(&Post) -> bool) {
         self.used.clear();
         self.used_ends.clear();
@@ -150,13 +151,12 @@ impl CellSolids {
         (0..2).all(|axis| a.min[axis] <= b.max[axis] && b.min[axis] <= a.max[axis])
     }
 
-    /// Replaces the solids by those that look largest from a viewcell, of the objects for which
+    /// Replaces the solids by those that look largest from a viewcell, among the objects for which
     /// `is_candidate` returns true. Solids that may touch the viewcell on the plan are left out.
     pub(crate) fn fill(&mut self, all: &PlanSolids, cell: &CellBox, is_candidate: impl Fn(u32) -> bool) {
         let middle = [0, 1].map(|axis| 0.5 * cell.min[axis] + 0.5 * cell.max[axis]);
         self.ranked.clear();
-        // Size in the view of the nearest eye of the cell, about a solid angle: an estimate, which only
-        // orders the solids.
+        // Approximate solid angle from the nearest eye of the viewcell, which only orders the solids.
         for (index, solid) in (0..).zip(&all.solids) {
             let height = solid.high - cell.max[2];
             if height > 0.0 && is_candidate(solid.object) {
@@ -168,8 +168,8 @@ impl CellSolids {
                 }
             }
         }
-        // At most `MAX_SOLIDS` solids, the largest; equal sizes are ordered by index, so that the choice is
-        // the same every time.
+        // Only the largest `MAX_SOLIDS` solids are kept. Equal sizes are ordered by index, so that the choice
+        // is always the same.
         if self.ranked.len() > MAX_SOLIDS {
             self.ranked.select_nth_unstable_by(MAX_SOLIDS, |a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
             self.ranked.truncate(MAX_SOLIDS);
@@ -179,7 +179,7 @@ impl CellSolids {
             let solid = &all.solids[index as usize];
             ([0, 1].map(|axis| 0.5 * solid.min[axis] + 0.5 * solid.max[axis]), i)
         }));
-        // In the order of a curve, for the tree that `build` makes.
+        // Sorted so that neighbours share nodes of the tree made by `build`.
         put_in_order(&mut self.order);
         self.solids.clear();
         self.posts.clear();
@@ -189,19 +189,19 @@ impl CellSolids {
             let solid = &all.solids[index as usize];
             let ring = all.ring(solid);
             let first = self.posts.len();
-            // The height above the eyes is rounded once, the distance is an upper bound, the sum and the
-            // quotient are rounded once each.
+            // The height above the eyes is rounded once, the distance is an upper bound, and sum and quotient
+            // are rounded once each.
             self.posts.extend(ring.iter().map(|post| {
                 // The least tangent, over all eyes of the cell, of the elevation of the post's top.
                 let slope = ((post.high - cell.max[2]) * (1.0 - 4.0 * U) - 2.0 * solid.error)
                     / (cell.reach(post.x, post.y) + 2.0 * solid.error);
                 let at = Point { x: post.x, y: post.y, error: solid.error };
-                // NaN, of infinite numbers, is no slope.
+                // A NaN slope, from infinite numbers, becomes -1.
                 let slope = if slope >= 0.0 { slope * (1.0 - 8.0 * U) } else { -1.0 };
                 Post { at, low: post.low + solid.error * (1.0 + 4.0 * U), slope }
             }));
             let ring = &self.posts[first..];
-            // A solid that may touch the cell, or that no eye looks up to, hides nothing.
+            // A solid that may touch the viewcell, or that is below the highest eye, hides nothing.
             if !is_apart(ring, &corners) || ring.iter().all(|post| post.slope < 0.0) {
                 self.posts.truncate(first);
                 continue;
@@ -275,7 +275,7 @@ impl CellSolids {
     }
 }
 
-/// Returns whether the ring and the viewcell are certainly apart on the plan: whether a side of either
+/// Returns whether the ring and the viewcell are certainly separate on the plan: whether a side of either
 /// separates them.
 fn is_apart(ring: &[Post], corners: &[Point; 4]) -> bool {
     let next = |i: usize| if i + 1 == ring.len() { 0 } else { i + 1 };
@@ -290,7 +290,7 @@ fn is_apart(ring: &[Post], corners: &[Point; 4]) -> bool {
     (0..4).any(beside_cell) || (0..ring.len()).any(beside_ring)
 }
 
-/// A segment that is tested against boxes. Rounding may miss a box, whose solids are then no blockers.
+/// Segment that is tested against boxes. Rounding may miss a box; its solids then do not occlude.
 struct Segment {
     min: [f64; 2],
     max: [f64; 2],

@@ -1,42 +1,42 @@
 //! Chains of solids that together hide a point behind them from all of a viewcell.
 //!
-//! Seen from the point, the viewcell spans an angle, and so does the *chord* of each solid: a segment between
-//! two of its posts. The viewcell is hidden if chords, each beginning in the one before, span its angle, all
-//! of it is beyond the lines of the chords, and the solids are high enough. For fixed chords all these
-//! conditions say that the point is to the left of a line. So they hold on a segment if they hold at both of
-//! its ends, and where chords only just meet is found by a division.
+//! A *chord* is a segment between two posts of a solid. Seen from the point, the viewcell and each chord span
+//! an angle. The viewcell is hidden if chords, each overlapping the one before, together span its angle, the
+//! whole viewcell is beyond the lines of the chords, and the solids are high enough. For fixed chords, each
+//! of these conditions says that the point is to the left of a line. So they hold on a segment if they hold
+//! at both of its ends, and the position where chords only just meet is found by a division.
 
 use super::cell_solids::{CellSolids, Post};
 use super::lines::{Point, U, all_left_of, left_of};
 use alloc::vec::Vec;
 
-/// Greatest number of solids of a chain.
+/// Maximum number of solids of a chain.
 const MAX_LINKS: usize = 64;
 
-/// Number of solids of the former chain that are tried for the next link.
+/// Number of solids of the previous chain that are tried for the next link.
 const AHEAD: usize = 3;
 
 /// Greatest extent of a virtual occluder to each side, as a multiple of the line's distance from the
-/// viewcell's middle. Farther aside, lines of sight are almost parallel to the line.
+/// viewcell's middle. Farther out, lines of sight are almost parallel to the line.
 pub(crate) const WIDEST: f64 = 4.0;
 
-/// A line on the plan behind which virtual occluders hide, with the viewcell on its near side.
+/// Line on the plan behind which virtual occluders hide. The viewcell is on its near side.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BackLine {
-    /// Point on the plan, in metres, that `distance` is measured from: the middle of the viewcell.
+    /// Point on the plan, in metres, from which `distance` is measured: the middle of the viewcell.
     origin: [f64; 2],
     /// Unit vector that points away from the viewcell.
     normal: [f64; 2],
     pub(crate) distance: f64,
-    /// Bound in metres on the distance between the line and points computed on it, and between the line and
-    /// the line through two such points.
+    /// Bound in metres on the distance between the line and points computed on it, and between the line and a
+    /// line through two such points.
     pub(crate) error: f64,
 }
 
 impl BackLine {
-    /// Makes the line that is `distance` metres from a point in a unit direction.
+    /// Makes the line at `distance` metres from a point in a unit direction.
     pub(crate) fn new(origin: [f64; 2], normal: [f64; 2], distance: f64) -> Self {
-        // A point is a sum of three terms, rounded three times, from a normal that is unit to 4u.
+        // A point is a sum of three terms with three roundings, and the normal has unit length up to 4u.
         let size = origin[0].abs() + origin[1].abs() + (1.0 + WIDEST) * distance;
         Self { origin, normal, distance, error: 64.0 * U * size }
     }
@@ -54,30 +54,30 @@ impl BackLine {
         (x - self.origin[0]) * self.normal[0] + (y - self.origin[1]) * self.normal[1] - self.distance
     }
 
-    /// Returns whether a point is certainly on the near side.
+    /// Returns whether a point is certainly on the near side of the line.
     pub(crate) fn is_before(&self, point: Point) -> bool {
         let size = point.x.abs() + point.y.abs();
         self.beyond(point.x, point.y) + 2.0 * point.error + 4.0 * self.error + 16.0 * U * size < 0.0
     }
 }
 
-/// A solid of a chain.
+/// Solid in a chain.
 #[derive(Clone, Copy, Debug)]
 struct Link {
     solid: u32,
-    /// End of the chord that is first counter-clockwise, as seen from the hidden point. The other end is
+    /// End of the chord that comes first counter-clockwise, as seen from the hidden point. The other end is
     /// `to`.
     from: Point,
     to: Point,
-    /// Height in metres from which on the chord hides: not below the lower end of any of its posts.
+    /// Height in metres above which the chord occludes: at least the lower end of each of its posts.
     low: f64,
-    /// Point of both solids in which the chord of the link before must end in place of its own end. `None` if
-    /// that chord needs no other end.
+    /// Point of both solids where the chord of the link before must end, instead of at its own end. `None` if
+    /// that chord keeps its own end.
     joint: Option<Point>,
 }
 
-/// Task of a chain: to hide the points beyond a line from a viewcell. The viewcell is given by its corners
-/// and by `solids`, whose posts have slopes as seen from the viewcell.
+/// Problem for a chain: hide the points beyond a line from a viewcell. The viewcell is given by its corners
+/// and by `solids`, whose slopes are as seen from the viewcell.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Task<'a> {
     pub(crate) solids: &'a CellSolids,
@@ -86,7 +86,7 @@ pub(crate) struct Task<'a> {
     pub(crate) slope: f64,
 }
 
-/// A chain of solids. One value serves many chains, and keeps its memory.
+/// Chain of solids. One value computes many chains and reuses its memory.
 #[derive(Clone, Debug)]
 pub(crate) struct Chain {
     links: Vec<Link>,
@@ -98,7 +98,7 @@ impl Chain {
         Self { links: Vec::new(), former: Vec::new() }
     }
 
-    /// Returns the greatest height of a lower end of a post in the chain.
+    /// Returns the greatest lower end of all posts in the chain, in metres.
     pub(crate) fn low(&self) -> f64 {
         self.links.iter().map(|link| link.low).fold(f64::NEG_INFINITY, f64::max)
     }
@@ -108,14 +108,13 @@ impl Chain {
         self.links.clear();
     }
 
-    /// Makes the chain that hides the viewcell from the point at `position` of the task's line. The chain's
-    /// present solids are tried first. Returns whether there is such a chain. If not, the chain must not be
-    /// used.
+    /// Makes a chain that hides the viewcell from the point at `position` on the task's line. The chain's
+    /// present solids are tried first. Returns whether there is such a chain; if not, the chain is invalid.
     pub(crate) fn cover(&mut self, task: &Task, position: f64) -> bool {
         core::mem::swap(&mut self.links, &mut self.former);
         let is_hidden = self.cover_anew(task, task.line.at(position));
         if !is_hidden {
-            // The former solids serve the next try.
+            // The solids of the previous chain are kept for the next attempt.
             core::mem::swap(&mut self.links, &mut self.former);
         }
         is_hidden
@@ -124,7 +123,7 @@ impl Chain {
     fn cover_anew(&mut self, task: &Task, at: Point) -> bool {
         let Self { links, former } = self;
         links.clear();
-        // Former solids follow one another: only the next few have to be tried.
+        // Solids of the previous chain come in order, so only the next few have to be tried.
         let mut next = 0;
         while links.len() < MAX_LINKS {
             let last = links.last().copied();
@@ -141,7 +140,7 @@ impl Chain {
                 }
             }
             if best.is_none() {
-                // The line of sight that is not hidden so far, to beyond the viewcell.
+                // Line of sight that is not hidden yet, extended beyond the viewcell.
                 let aim = last.map_or_else(|| task.first_corner(at), |link| link.to);
                 let (dx, dy) = (aim.x - at.x, aim.y - at.y);
                 let length = |x: f64, y: f64| x.abs() + y.abs();
@@ -171,8 +170,8 @@ impl Chain {
         !self.links.is_empty() && self.conditions(task).all(|(a, b)| left_of(a, b, at) >= 0.0)
     }
 
-    /// Returns pairs of points. The chain hides the viewcell from every point that is to the left of all
-    /// lines through the pairs.
+    /// Returns pairs of points. The chain hides the viewcell from every point that is to the left of the
+    /// lines through all pairs.
     fn conditions<'a>(&'a self, task: &'a Task) -> impl Iterator<Item = (Point, Point)> + 'a {
         let chords = self.links.iter().map(|link| (link.from, link.to));
         let joints = self
@@ -186,8 +185,8 @@ impl Chain {
         chords.chain(joints).chain(ends)
     }
 
-    /// Returns the farthest position from `from` towards `to` up to which the chain hides the viewcell. It
-    /// must do so at `from`.
+    /// Returns the farthest position from `from` towards `to` up to which the chain hides the viewcell. The
+    /// chain must hide it at `from`.
     pub(crate) fn reach(&self, task: &Task, from: f64, to: f64) -> f64 {
         if self.holds(task, to) {
             return to;
@@ -200,7 +199,7 @@ impl Chain {
                 part = part.min(first / (first - last));
             }
         }
-        // The quotient is rounded, and bounds on errors are not linear.
+        // The quotient is rounded and error bounds are not linear, so slightly smaller positions are tried.
         for less in [1e-9, 1e-6, 1e-3, 0.1] {
             let position = from + (to - from) * part * (1.0 - less);
             if self.holds(task, position) {
@@ -212,15 +211,15 @@ impl Chain {
 }
 
 impl Task<'_> {
-    /// Returns the corner of the viewcell that is first counter-clockwise, seen from a point.
+    /// Returns the corner of the viewcell that comes first counter-clockwise, seen from a point.
     fn first_corner(&self, at: Point) -> Point {
         let [a, b, c, d] = *self.corners;
         let first = |a: Point, b: Point| if left_of(at, b, a) > 0.0 { b } else { a };
         first(first(a, b), first(c, d))
     }
 
-    /// Returns a link of a solid whose chord begins within the chord of `last`, or clockwise of the viewcell
-    /// if there is no link yet, and reaches farther counter-clockwise. `None` if that is not certain.
+    /// Returns a link of a solid whose chord begins within the chord of `last` (or clockwise of the viewcell,
+    /// if there is no link yet) and reaches farther counter-clockwise. `None` if this is not certain.
     fn link(&self, at: Point, last: Option<&Link>, solid: u32) -> Option<Link> {
         if last.is_some_and(|last| last.solid == solid) {
             return None;
@@ -229,7 +228,7 @@ impl Task<'_> {
         if ring.len() < 2 {
             return None;
         }
-        // A wrong choice by rounding is refused below.
+        // Rounding may choose wrong posts, which the exact tests below refuse.
         let turn = |a: Point, b: Point| (a.x - at.x) * (b.y - at.y) - (a.y - at.y) * (b.x - at.x);
         let (mut from, mut to) = (0, 0);
         for i in 1..ring.len() {
@@ -240,7 +239,7 @@ impl Task<'_> {
                 to = i;
             }
         }
-        // Seen from the point, the chord must show some of the viewcell behind it.
+        // The chord must cover a part of the viewcell that is not hidden yet.
         let seen = last.map_or_else(|| self.first_corner(at), |last| last.to);
         if turn(seen, ring[to].at) <= 0.0 {
             return None;
@@ -255,7 +254,8 @@ impl Task<'_> {
         };
         let is_good = |link: &Link| left_of(at, seen, link.to) > 0.0 && self.is_chord(at, link.from, link.to);
         let widest = link(from, to);
-        // A joint holds on both sides of the line through it, ends of chords that pass one another do not.
+        // A joint, a point of both solids, also holds for points beyond the line through it; chords whose
+        // ends overlap hold on one side only. So a joint is preferred.
         if let Some(joined) = last.and_then(|last| self.join(at, last, &widest)) {
             return Some(joined);
         }
@@ -265,22 +265,22 @@ impl Task<'_> {
         if is_good(&widest) {
             return Some(widest);
         }
-        // A chord that has the viewcell behind it.
+        // Tries other chords, which have the whole viewcell behind them.
         let near = |i: usize| [i.checked_sub(1).unwrap_or(ring.len() - 1), (i + 1) % ring.len()];
         let other = near(from).map(|i| (i, to)).into_iter().chain(near(to).map(|i| (from, i)));
         let mut other = other.filter(|(i, j)| i != j).map(|(i, j)| link(i, j));
         other.find(|link| begins(link) && is_good(link))
     }
 
-    /// Returns whether a segment is a chord as seen from the point `at`: whether `to` is certainly to the
-    /// left of `from` or in line with it, and the whole viewcell certainly beyond the line through both.
+    /// Returns whether a segment is a chord as seen from the point `at`: `to` is certainly to the left of
+    /// `from` or in line with it, and the whole viewcell is certainly beyond the line through both.
     fn is_chord(&self, at: Point, from: Point, to: Point) -> bool {
         left_of(at, from, to) >= 0.0 && all_left_of(to, from, self.corners)
     }
 
-    /// Returns `link` with another chord: one that begins in a joint, a corner of the solid of `last` or of
-    /// `link` that is certainly in the other solid. No line passes between solids that touch. `None` if there
-    /// is no such corner.
+    /// Returns `link` with a chord that begins at a joint: a corner of the solid of `last` or of `link` that
+    /// is certainly inside the other solid. No line of sight passes between solids that touch. `None` if
+    /// there is no such corner.
     fn join(&self, at: Point, last: &Link, link: &Link) -> Option<Link> {
         let (a, b) = (self.solids.ring(last.solid), self.solids.ring(link.solid));
         let is_exact = |solid: u32, ring: &[Post]| {
@@ -304,7 +304,7 @@ impl Task<'_> {
     }
 }
 
-/// Returns whether a point is certainly in a ring of exact points or on it.
+/// Returns whether a point is certainly inside or on a ring of exact points.
 fn is_in(point: Point, ring: &[Post]) -> bool {
     let coordinate = |p: Point| robust::Coord { x: p.x, y: p.y };
     (0..ring.len()).all(|i| {

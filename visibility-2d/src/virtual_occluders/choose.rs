@@ -1,15 +1,15 @@
-//! Choice of the few virtual occluders that hide most.
+//! Greedy choice of the few virtual occluders that hide the most objects.
 
 use super::umbra::Umbra;
 use alloc::vec::Vec;
 use visibility_core::bits::Bits;
 
-/// A box: least, then greatest values of the plan's two coordinates and the height.
+/// Box on the plan with heights: least, then greatest values of the two coordinates and the height.
 pub(crate) type PlanBox = [[f64; 3]; 2];
 
-/// Moves the umbrae that together hide most of `boxes` to the front, and drops the others. Each is the umbra
-/// that hides most of the boxes that no umbra before it hides. At most `most` are kept, and none that hides
-/// no further box.
+/// Moves the umbrae that together hide the most of `boxes` to the front, and drops the others. Each umbra is
+/// the one that hides the most boxes not hidden by the umbrae before it. Keeps at most `most` umbrae, and
+/// none that hides no further box.
 pub(crate) fn choose(umbrae: &mut Vec<Umbra>, boxes: &[PlanBox], most: usize) {
     let hides = |umbra: &Umbra| {
         let mut hidden = Bits::new(boxes.len());
@@ -22,7 +22,7 @@ pub(crate) fn choose(umbrae: &mut Vec<Umbra>, boxes: &[PlanBox], most: usize) {
     let mut hidden = Bits::new(boxes.len());
     let mut chosen = 0;
     while chosen < most.min(umbrae.len()) {
-        // Of equal ones the first: the nearest line of the largest seed.
+        // Of several umbrae with the same value, the first wins. It has the nearest line of the largest seed.
         let (index, most) = (chosen..umbrae.len())
             .map(|index| (index, hides[index].count_without(&hidden)))
             .fold((chosen, 0), |best, next| if next.1 > best.1 { next } else { best });
@@ -30,7 +30,7 @@ pub(crate) fn choose(umbrae: &mut Vec<Umbra>, boxes: &[PlanBox], most: usize) {
             break;
         }
         hidden.unite(&hides[index]);
-        // The order of the others stays.
+        // A rotation keeps the order of the others.
         umbrae[chosen..=index].rotate_right(1);
         hides[chosen..=index].rotate_right(1);
         chosen += 1;

@@ -1,4 +1,4 @@
-//! `VirtualOccluderCuller`: makes the virtual occluders of a viewcell and culls with them alone.
+//! `VirtualOccluderCuller`, which makes the virtual occluders of a viewcell and culls with only these.
 
 use super::VirtualOccluder;
 use super::cell_solids::{CellBox, CellSolids};
@@ -15,32 +15,35 @@ use visibility_core::pvs::Viewcell;
 use visibility_core::walk::{Child, SceneHierarchy, Walk};
 use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
 
-/// Number of sectors of directions around the viewcell. In each, the solid that looks largest is a seed.
+/// Number of sectors of directions around the viewcell. In each sector, the solid that looks largest is a
+/// seed.
 const SEEDS: usize = 16;
 
 /// Ratio of the distances of two successive lines behind a seed.
 const FARTHER: f64 = 2.0;
 
-/// A farther line behind the seed is tried only while an occluder on the present line looks wider, by more
-/// than this factor, than the widest on the lines before.
+/// Factor by which an occluder on a farther line must look wider than the widest on nearer lines. Otherwise
+/// no farther line behind the seed is tried.
 const WIDER: f64 = 1.1;
 
-/// Approximate number of objects, evenly chosen by index, by which virtual occluders are compared.
+/// Approximate number of sampled objects, evenly spaced by index, by which virtual occluders are compared.
 const SAMPLE: usize = 1024;
 
-/// For each slice of heights: the share of the sampled objects, lowest tops first, that the slice is high
-/// enough to hide.
+/// For each slice of heights, the share of the sampled objects, in order of their tops, that the slice is
+/// high enough to hide.
 const SLICES: [f64; 5] = [0.5, 0.8, 0.93, 0.98, 0.995];
 
-/// Finds virtual occluders of viewcells on the plan, and removes the objects that they hide. Conservative.
+/// Culler that finds virtual occluders of viewcells on the plan, and removes the objects that they hide.
+/// Conservative.
 ///
-/// Occluders are upright convex solids among the meshes of the candidates, as [`HorizonOccluders`] finds
-/// them: houses, walls. They hide if they begin no higher than the lowest viewpoint, reach above the highest
-/// one and do not meet the viewcell on the plan. At most 2,048 are used, those that look largest. A house
-/// whose upper storeys are solids of their own hides by its ground floor only.
+/// Occluders are upright convex solids in the meshes of the candidates, as found by [`HorizonOccluders`]:
+/// houses, walls. A solid occludes if it begins no higher than the lowest viewpoint, reaches above the
+/// highest one, and does not meet the viewcell on the plan. At most 2,048 solids are used, those that look
+/// largest. If the upper storeys of a house are separate solids, only its ground floor occludes.
 ///
-/// Cost: in a city of 250,000 houses about 0.1 s for a viewcell of 50 m and 20 ms for one of 10 m, most of it
-/// for growing, and a pass over all occluders; made ready for a changed scene in 2 us for each occluder.
+/// Cost: in a city of 250,000 houses about 0.1 s for a viewcell of 50 m and 20 ms for one of 10 m, mostly for
+/// growing virtual occluders, plus a pass over all occluders. Preparing for a changed scene takes 2 us per
+/// occluder.
 ///
 /// ```
 /// use visibility_2d::{horizon::UpAxis, virtual_occluders::VirtualOccluderCuller};
@@ -76,7 +79,7 @@ pub struct VirtualOccluderCuller {
 }
 
 impl VirtualOccluderCuller {
-    /// Greatest number of virtual occluders of a viewcell by default.
+    /// Default maximum number of virtual occluders of a viewcell.
     pub const MAX: usize = 8;
 
     /// Makes a culler for scenes in which the given axis points up.
@@ -91,7 +94,7 @@ impl VirtualOccluderCuller {
         }
     }
 
-    /// Sets the greatest number of virtual occluders of a viewcell. 0 hides nothing.
+    /// Sets the maximum number of virtual occluders of a viewcell. With 0 nothing is hidden.
     #[must_use]
     pub fn with_max(self, most: usize) -> Self {
         Self { most, ..self }
@@ -121,7 +124,7 @@ impl VirtualOccluderCuller {
         for &seed in &seeds {
             let solid = &self.solids.solids()[seed as usize];
             let normal = [0, 1].map(|axis| (solid.middle[axis] - middle[axis]) / solid.distance);
-            // The line touches the far side of the seed, and leaves room for rounding.
+            // The nearest line touches the far side of the seed, with a margin for rounding.
             let along = |p: f64, q: f64| (p - middle[0]) * normal[0] + (q - middle[1]) * normal[1];
             let ring = self.solids.posts(seed).iter();
             let behind = ring.map(|post| along(post.at.x, post.at.y)).fold(0.0, f64::max);
@@ -162,14 +165,14 @@ impl VirtualOccluderCuller {
     }
 }
 
-/// Returns the box of a viewcell relative to a scene's origin, rounded outwards. `None` if it is inverted or
-/// not finite.
+/// Returns the box of a viewcell relative to a scene's origin, rounded outwards. `None` if the viewcell is
+/// inverted or not finite.
 fn cell_box(cell: &Viewcell, origin: DVec3, up: UpAxis) -> Option<CellBox> {
     if !cell.min.cmple(cell.max).all() {
         return None;
     }
     let outwards = |x: f64, origin: f64, step: fn(f64) -> f64| {
-        // Without an origin the difference is exact.
+        // With the origin at 0, the difference is exact.
         if origin == 0.0 { x } else { step(x - origin) }
     };
     let at = |p: DVec3, step: fn(f64) -> f64| {
@@ -185,14 +188,14 @@ fn plan_box(bounds: &Aabb, up: UpAxis) -> PlanBox {
     [bounds.min, bounds.max].map(|p| up.split(p.as_dvec3()))
 }
 
-/// Returns the boxes of about [`SAMPLE`] objects, evenly chosen by index.
+/// Returns the boxes of about [`SAMPLE`] objects, evenly spaced by index.
 fn sample(scene: &Scene, up: UpAxis) -> Vec<PlanBox> {
     let step = scene.len() / SAMPLE + 1;
     scene.ids().step_by(step).filter_map(|id| Some(plan_box(&scene.bounds(id).ok()?, up))).collect()
 }
 
-/// Returns the slopes of lines of sight for which slices are made, ascending. They are the quantiles
-/// [`SLICES`] of the slopes to the tops of `boxes`, without slopes above `highest`, the greatest of a seed.
+/// Returns the slopes of lines of sight for which slices are made, ascending: the quantiles [`SLICES`] of the
+/// slopes to the tops of `boxes`. Slopes above `highest`, the greatest slope of a seed, are left out.
 fn slopes(boxes: &[PlanBox], cell: &CellBox, highest: f64) -> Vec<f64> {
     let mut all: Vec<f64> = boxes
         .iter()
@@ -206,7 +209,8 @@ fn slopes(boxes: &[PlanBox], cell: &CellBox, highest: f64) -> Vec<f64> {
     let mut slopes = Vec::new();
     if !all.is_empty() {
         let at = |part: f64| all[((all.len() - 1) as f64 * part) as usize];
-        // A little more, so that the object itself is within the slope by more than rounding.
+        // Slopes are slightly increased, so that the object at the quantile is within its slope by more than
+        // rounding.
         slopes.extend(SLICES.map(|part| at(part) * (1.0 + 1e-6) + 1e-9));
     }
     slopes.dedup();
@@ -219,8 +223,8 @@ impl RegionCuller for VirtualOccluderCuller {
         Accuracy::Conservative
     }
 
-    /// Removes the candidates that a virtual occluder hides. Of a viewcell that planes cut, the whole box
-    /// counts. A viewcell that is inverted or not finite removes nothing.
+    /// Removes the candidates that a virtual occluder hides. A viewcell with planes counts as its whole box.
+    /// An inverted or non-finite viewcell removes nothing.
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
         self.find(scene, cell, visible);
         let mut walk = Walk::new(scene, &SceneHierarchy, visible);

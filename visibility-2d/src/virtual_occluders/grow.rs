@@ -1,27 +1,27 @@
-//! Growth of a virtual occluder along a line behind a seed.
+//! Growth of a virtual occluder along a line behind a seed, the solid that the line was laid behind.
 
 use super::cell_solids::{CellBox, CellSolids};
 use super::chain::{BackLine, Chain, Task, WIDEST};
 use super::lines::Point;
 
-/// Step beyond the end of a chain's reach at which another chain is tried, as a fraction of the line's
-/// distance from the viewcell. A try that fails is repeated with a quarter of the step.
+/// Distance beyond the end of a chain's reach at which the next chain is tried, as a fraction of the line's
+/// distance from the viewcell. After a failure, a quarter of the distance is tried.
 const STEP: f64 = 1.0 / 32.0;
 const TRIES: u32 = 5;
 
-/// Greatest number of chains by which a segment grows to each side of its middle.
+/// Maximum number of chains by which a segment grows to each side of its middle.
 const CHAINS: usize = 256;
 
-/// A segment on the plan that no line of sight from the viewcell reaches, if the line of sight rises by at
-/// most `slope` metres per metre on the plan and stays above the height `bottom`.
+/// Segment on the plan that no line of sight from the viewcell reaches, as long as the line of sight rises by
+/// at most `slope` metres per metre on the plan and stays above the height `bottom`.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Grown {
-    /// Ends, the first counter-clockwise of the second as seen from the viewcell.
+    /// Ends of the segment. As seen from the viewcell, the first is counter-clockwise of the second.
     pub(crate) ends: [Point; 2],
     /// Least height in metres that a hidden line of sight may have where it meets the solids.
     pub(crate) bottom: f64,
     pub(crate) slope: f64,
-    /// Bound in metres on the distance of the hidden segment from the straight one between `ends`.
+    /// Bound in metres on the distance between the hidden segment and the straight one between `ends`.
     pub(crate) error: f64,
 }
 

@@ -1,9 +1,9 @@
-//! Points on the plan that are known up to an error, and on which side of a line they certainly are.
+//! Points on the plan with bounds on their errors, and certain tests on which side of a line they are.
 
 /// Unit round-off of `f64`: 2^-53.
 pub(crate) const U: f64 = f64::EPSILON / 2.0;
 
-/// A point on the plan in metres relative to the scene's origin.
+/// Point on the plan in metres relative to the scene's origin.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(crate) struct Point {
     pub(crate) x: f64,
@@ -18,19 +18,19 @@ impl Point {
         Self { x, y, error: 0.0 }
     }
 
-    /// Returns whether two points are certainly the same.
+    /// Returns whether two points are certainly identical.
     pub(crate) fn is(self, other: Self) -> bool {
         self == other && self.error == 0.0
     }
 }
 
-/// Returns twice the area of the triangle less a bound on its error: at least 0 only if `c` is certainly to
+/// Returns twice the area of the triangle minus a bound on its error. At least 0 only if `c` is certainly to
 /// the left of the line from `a` to `b` or on it. NaN for NaN.
 ///
 /// With `p` and `q` the vectors from `a` to `b` and `c`, the area is a difference of two products of
-/// differences: each product is rounded by less than `4u` of itself, the difference by `u`. The errors of
-/// the points change `p` by at most `e` along each axis and `q` by at most `f`, and the area by at most
-/// `e |q|_1 + f |p|_1 + 2 e f`. What vanishes in an underflow is less than the least positive number.
+/// differences: each product is rounded by less than `4u` of itself, the difference by `u`. The errors of the
+/// points change `p` by at most `e` along each axis and `q` by at most `f`, and so the area by at most `e
+/// |q|_1 + f |p|_1 + 2 e f`. An underflow loses less than the least positive number.
 pub(crate) fn left_of(a: Point, b: Point, c: Point) -> f64 {
     let (px, py, qx, qy) = (b.x - a.x, b.y - a.y, c.x - a.x, c.y - a.y);
     let (first, second) = (px * qy, py * qx);

@@ -1,4 +1,4 @@
-//! Upright convex solids of a scene as rings on the plan, made once for a state of the scene.
+//! Upright convex solids of a scene as rings on the plan, updated when the scene changes.
 
 use super::lines::{Point, left_of};
 use crate::horizon::{Post, Solids, UpAxis, convex_hull};
@@ -15,15 +15,15 @@ pub(crate) struct PlanSolids {
     posts: Vec<Post>,
 }
 
-/// A convex solid of an occluder.
+/// Convex solid of an occluder.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PlanSolid {
     /// Index of the object in the scene.
     pub(crate) object: u32,
     first: u32,
     count: u32,
-    /// Bound on the distance in metres of each post from a point of the exact solid. 0 if the solid is the
-    /// hull of its posts.
+    /// Bound in metres on the distance between each post and a point of the exact solid. 0 if the solid is
+    /// the hull of its posts.
     pub(crate) error: f64,
     /// Least corner of the bounds on the plan, in metres.
     pub(crate) min: [f64; 2],
@@ -47,7 +47,7 @@ impl PlanSolids {
         &self.posts[solid.first as usize..][..solid.count as usize]
     }
 
-    /// Finds the solids anew if the scene has changed.
+    /// Finds the solids again if the scene has changed.
     pub(crate) fn sync(&mut self, scene: &Scene) {
         if self.cursor.is_current(scene) {
             return;
@@ -97,8 +97,8 @@ impl PlanSolids {
     }
 }
 
-/// Returns whether a mesh is exactly the hull of its posts: a prism between two heights, no corner of which
-/// is so flat that a face may leave it out. The mesh is known to be convex up to dents of depth `dent`.
+/// Returns whether a mesh is exactly the hull of its posts: a prism between two heights, without a corner so
+/// flat that a face may omit it. The mesh must be convex up to dents of depth `dent`.
 fn is_prism(posts: &[Post], dent: f64) -> bool {
     let Some(first) = posts.first() else { return false };
     if dent == 0.0 {

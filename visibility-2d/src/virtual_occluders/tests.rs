@@ -1,4 +1,4 @@
-//! Margins at which a hidden point, box or corner is decided.
+//! Tests of the margins at which a hidden point, box or corner is decided.
 
 use super::cell_solids::CellBox;
 use super::chain::BackLine;
@@ -68,8 +68,8 @@ fn points_that_are_known_up_to_an_error_may_be_anywhere_within() {
     assert!(decided > 50_000, "{decided}");
 }
 
-/// The umbra of a segment 10 m in front of a viewcell of 2 m, whose eyes are 1 to 2 m high, of lines of sight
-/// that rise by a quarter at most, above a bottom of half a metre.
+/// Returns the umbra of a segment 10 m in front of a viewcell of 2 m. Eyes are 1 to 2 m high; lines of sight
+/// rise by at most a quarter and stay above half a metre.
 fn umbra() -> Umbra {
     let cell = CellBox { min: [-1.0, -2.0, 1.0], max: [1.0, 0.0, 2.0] };
     let ends = [Point::exact(-20.0, 10.0), Point::exact(20.0, 10.0)];
@@ -80,7 +80,7 @@ fn umbra() -> Umbra {
 fn boxes_are_hidden_up_to_the_line_the_ends_the_slope_and_the_bottom() {
     let umbra = umbra();
     let hides = |x: [f64; 2], y: [f64; 2], z: [f64; 2]| umbra.hides([x[0], y[0], z[0]], [x[1], y[1], z[1]]);
-    // 20 m from the viewcell: 5 m above the highest eye.
+    // At 20 m from the viewcell, the slope is 5 m above the highest eye.
     assert!(hides([-1.0, 1.0], [20.0, 21.0], [0.5, 6.999_999]), "a box lower than the slope");
     assert!(!hides([-1.0, 1.0], [20.0, 21.0], [0.5, 7.000_001]), "over the top");
     assert!(hides([-1.0, 1.0], [10.000_001, 21.0], [0.5, 4.0]), "a box just behind the line");
@@ -88,8 +88,8 @@ fn boxes_are_hidden_up_to_the_line_the_ends_the_slope_and_the_bottom() {
     // The line from the corner (-1, -2) past the end at (-20, 10) is at x = -35.833 where y is 20.
     assert!(hides([-35.83, 1.0], [20.0, 20.0], [0.5, 4.0]), "a box just within the end");
     assert!(!hides([-35.84, 1.0], [20.0, 20.0], [0.5, 4.0]), "beside the end");
-    // Lines from 1 m to the ground far behind are above half a metre where solids stand, those to what is
-    // close behind are not.
+    // Lines of sight from 1 m to the ground far behind the solids are above half a metre where they pass the
+    // solids. Lines to the ground close behind them are not.
     assert!(hides([-1.0, 1.0], [24.0, 25.0], [0.1, 4.0]), "a box just above the bottom");
     assert!(!hides([-1.0, 1.0], [10.1, 11.0], [0.1, 4.0]), "below the bottom");
     assert!(!hides([f64::NAN, 1.0], [20.0, 21.0], [0.5, 4.0]), "a box with NaN");

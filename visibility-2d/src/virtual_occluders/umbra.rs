@@ -1,10 +1,10 @@
-//! Test whether a virtual occluder hides boxes from a viewcell: whether they are in its umbra.
+//! Umbra of a virtual occluder, and the test whether it contains a box.
 
 use super::cell_solids::CellBox;
 use super::grow::Grown;
 use super::lines::{Point, U, left_of};
 
-/// The umbra of a virtual occluder from a viewcell.
+/// Umbra of a virtual occluder for a viewcell.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Umbra {
     grown: Grown,
@@ -21,14 +21,14 @@ impl Umbra {
         let (dx, dy) = (b.x - a.x, b.y - a.y);
         let length = visibility_core::geometry::sqrt(dx * dx + dy * dy);
         let normal = [-dy / length, dx / length];
-        // The ends may differ by rounding: the farther one counts.
+        // The ends may differ by rounding, so the farther one is used.
         let along = |p: Point| p.x * normal[0] + p.y * normal[1];
         Self { grown: *grown, cell: *cell, normal, distance: along(a).max(along(b)) }
     }
 
     /// Returns the upright rectangle that is hidden from the viewcell: its two ends on the plan,
-    /// `[end][coordinate]`, the left end first as seen from the viewcell; then the heights of its lower and
-    /// of its upper side. All are in metres.
+    /// `[end][coordinate]`, the left end first as seen from the viewcell, then the heights of its lower and
+    /// upper side. All in metres.
     pub(crate) fn rectangle(&self) -> ([[f64; 2]; 2], f64, f64) {
         let Grown { ends, bottom, slope, .. } = self.grown;
         let along = |p: Point| p.x * self.normal[0] + p.y * self.normal[1];
@@ -39,10 +39,10 @@ impl Umbra {
         (ends.map(|p| [p.x, p.y]), bottom, top - 4.0 * U * (top.abs() + self.cell.max[2].abs()))
     }
 
-    /// Returns whether a box, by its bounds on the plan and its heights, is certainly hidden from all of the
-    /// viewcell.
+    /// Returns whether a box, given by its bounds on the plan and its heights, is certainly hidden from the
+    /// whole viewcell.
     pub(crate) fn hides(&self, min: [f64; 3], max: [f64; 3]) -> bool {
-        // The nearest corner beyond the segment.
+        // Corner of the box nearest to the segment, along its normal.
         let [nx, ny] = self.normal;
         let nearest = [if nx > 0.0 { min[0] } else { max[0] }, if ny > 0.0 { min[1] } else { max[1] }];
         let size = nearest[0].abs() + nearest[1].abs() + self.distance.abs();
@@ -57,7 +57,7 @@ impl Umbra {
                 .map(|[x, y]| Point::exact(x, y))
                 .into_iter()
         };
-        // All lines from the viewcell to the box pass between the ends.
+        // All lines of sight from the viewcell to the box must pass between the ends.
         let is_between = self
             .cell
             .corners()
@@ -74,8 +74,8 @@ impl Umbra {
         // Each sum is rounded once.
         let top = slope * self.cell.distance(min, max) * (1.0 - 4.0 * U) + highest;
         let is_below_top = high <= top - 2.0 * U * (top.abs() + highest.abs());
-        // A line of sight is above its lower end by a share of the height of the other, where it meets solids
-        // before the segment: at least the share of the gap in its length.
+        // At the solids, before the segment, a line of sight is higher than the box's lower end by a share of
+        // the eye's height above this end. The share is at least the gap divided by the line's length.
         let reach = |axis: usize| (max[axis] - self.cell.min[axis]).max(self.cell.max[axis] - min[axis]);
         let share = gap / (reach(0) + reach(1)) * (1.0 - 16.0 * U);
         let above = low.min(lowest) + (lowest - low).max(0.0) * share.min(1.0);

@@ -1,12 +1,12 @@
-//! Rays at what was hidden, cast triangle by triangle, for the tests of several cullers.
+//! Rays cast at hidden objects, triangle by triangle, for the tests of several cullers.
 
 use visibility_core::OccluderMesh;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 
-/// A triangle in the scene: its corners, counter-clockwise from the front, and whether its back hides too.
+/// Triangle in the scene: its corners, counter-clockwise from the front, and whether its back occludes too.
 pub(crate) type Face = ([DVec3; 3], bool);
 
-/// A mesh and its place.
+/// Mesh with its transform.
 pub(crate) struct Occluder {
     pub(crate) mesh: OccluderMesh,
     pub(crate) transform: Affine3A,
@@ -19,7 +19,7 @@ impl Occluder {
     }
 }
 
-/// Returns placed triangles. A mirror image keeps its fronts.
+/// Returns the triangles of placed meshes. A mirroring transform keeps their fronts.
 pub(crate) fn faces(
     triangles: impl Iterator<Item = [Vec3; 3]>,
     transform: &Affine3A,
@@ -41,8 +41,8 @@ pub(crate) fn faces(
     })
 }
 
-/// Returns whether the open segment from `from` to `to` meets a face that hides, beyond the plane `near`,
-/// given by its normal and offset. Faces count as closed and a little larger.
+/// Returns whether the open segment from `from` to `to` meets an occluding face beyond the plane `near`,
+/// given by its normal and offset. Faces count as closed and slightly enlarged.
 pub(crate) fn is_blocked(from: DVec3, to: DVec3, near: (DVec3, f64), faces: &[Face]) -> bool {
     let along = to - from;
     faces.iter().any(|&([a, b, c], two_sided)| {

@@ -1,4 +1,5 @@
-//! Plans against exact arithmetic: integers and fractions of `i128`, sharing no code with the plan.
+//! Tests of plans against exact arithmetic with integers and fractions of `i128`, which shares no code with
+//! the plan.
 
 mod oracle;
 mod region_oracle;
@@ -7,11 +8,11 @@ use oracle::Oracle;
 use visibility_2d::cdt::{Plan, PlanView, RegionVisibility, Visibility, Wall};
 use visibility_testing::Random;
 
-/// Number of integer units of the oracle in a world unit.
+/// Number of integer units of the oracle per world unit.
 pub(crate) const UNIT: f64 = 4.0;
 
 /// Makes walls between points of a grid. Walls are parallel to an axis or a diagonal, so that all crossings
-/// have coordinates that `f64` represents. Many touch, overlap, repeat or have no length.
+/// have coordinates that `f64` represents. Many walls touch, overlap, repeat or have zero length.
 fn grid_walls(random: &mut Random, count: usize, size: i32) -> Vec<[[i32; 2]; 2]> {
     let mut walls: Vec<[[i32; 2]; 2]> = Vec::new();
     for _ in 0..count {
@@ -37,7 +38,7 @@ fn plan_of(walls: &[[[i32; 2]; 2]]) -> Plan {
     Plan::from_walls(&walls, 2.0).unwrap()
 }
 
-/// Holds what a plan sees from an eye, in quarters of the grid's unit, against the oracle.
+/// Compares what a plan sees from an eye, in quarters of the grid's unit, with the oracle.
 fn compare(plan: &Plan, oracle: &Oracle, eye: [i32; 2], answer: &mut Visibility) {
     let point = eye.map(|x| f64::from(x) / UNIT);
     plan.look(&PlanView::new(point), answer).unwrap();
@@ -74,7 +75,7 @@ fn compare_grids(seeds: std::ops::Range<u64>, eyes: usize) {
         let mut random = Random(seed);
         let (plan, oracle, [low, high]) = random_plan(&mut random, 9, 24);
         for _ in 0..eyes {
-            // On vertices, on walls, on other edges of the triangulation, and anywhere.
+            // Eyes on vertices, on walls, on other edges of the triangulation, and anywhere.
             let step = random.pick(&[1, 2, 4]);
             let eye = [0, 1].map(|axis| {
                 let x = random.between(low[axis] + 4, high[axis] - 4);
@@ -90,14 +91,14 @@ fn eyes_anywhere_see_what_exact_arithmetic_says() {
     compare_grids(0..400, 12);
 }
 
-/// Compares lines of sight between points of the grid, vertices and points of walls among them.
+/// Compares lines of sight between points of the grid, which include vertices and points on walls.
 fn compare_sight(seeds: std::ops::Range<u64>, pairs: usize) {
     let (mut seen, mut hidden) = (0, 0);
     for seed in seeds {
         let mut random = Random(seed);
         let (plan, oracle, [low, high]) = random_plan(&mut random, 9, 16);
         for _ in 0..pairs {
-            // Also outside the rectangle.
+            // Points may also be outside the rectangle.
             let step = random.pick(&[1, 2, 4, 4]);
             let [a, b] =
                 [0, 1].map(|_| [0, 1].map(|k| random.between(low[k] - 6, high[k] + 6) / step * step));
@@ -106,7 +107,8 @@ fn compare_sight(seeds: std::ops::Range<u64>, pairs: usize) {
             *(if expected { &mut seen } else { &mut hidden }) += 1;
             assert_eq!(plan.sees(p, q).unwrap(), expected, "seed {seed}: from {p:?} to {q:?}");
             assert_eq!(plan.sees(q, p).unwrap(), expected, "seed {seed}: back from {q:?} to {p:?}");
-            // The ray through a point that is seen goes at least as far, and otherwise ends before.
+            // The ray through a visible point goes at least as far as this point, and through a hidden point
+            // ends before it.
             if let Some(hit) = plan.ray(p, q).unwrap() {
                 let length = |to: [f64; 2]| (to[0] - p[0]).hypot(to[1] - p[1]);
                 let (far, near) = (length(hit.point), length(q));
@@ -140,7 +142,7 @@ fn eyes_anywhere_see_what_exact_arithmetic_says_at_length() {
     compare_grids(400..20_000, 12);
 }
 
-/// Compares what triangles see with lines through all pairs of vertices.
+/// Compares the result for each triangle with lines through all pairs of vertices.
 fn compare_triangles(seeds: std::ops::Range<u64>) {
     let (mut answer, mut inner) = (RegionVisibility::new(), Visibility::new());
     let mut total = 0;
@@ -163,7 +165,7 @@ fn compare_triangles(seeds: std::ops::Range<u64>) {
             assert_eq!(seen, expected, "seed {seed}: from {corners:?} {walls:?}");
             total += seen.len();
 
-            // A part of the triangle sees no more, and no less than each of its points.
+            // A part of the triangle sees no more than the triangle, and no less than each of its own points.
             let point = |random: &mut Random| {
                 let shares = [0, 1, 2].map(|_| random.unit() + 1e-3);
                 let sum: f64 = shares.iter().sum();
@@ -204,7 +206,7 @@ fn regions_across_triangles_miss_nothing() {
         let walls = grid_walls(&mut random, count, 9);
         let plan = plan_of(&walls);
         let [low, high] = plan.bounds();
-        // Corners on the grid as well, so that sides run along walls and through vertices.
+        // Corners are often on the grid, so that sides run along walls and through vertices.
         let step = random.pick(&[1.0, 0.01]);
         let corners: Vec<_> = (0..random.between(1, 5))
             .map(|_| {

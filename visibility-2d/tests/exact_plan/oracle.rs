@@ -1,5 +1,5 @@
-//! What an eye sees, by brute force in fractions: between two neighbouring directions to ends and crossings,
-//! one wall is nearest.
+//! Oracle of an eye's view, by brute force in fractions: between two neighbouring directions to wall ends and
+//! crossings, one wall is nearest.
 
 use super::UNIT;
 use std::cmp::Ordering;
@@ -7,7 +7,7 @@ use std::cmp::Ordering;
 pub(crate) type Vector = [i128; 2];
 
 pub(crate) struct Oracle {
-    /// Walls and the four sides of the rectangle, in integer units.
+    /// Walls, and the four sides of the rectangle, in integer units.
     pub(crate) walls: Vec<[Vector; 2]>,
     pub(crate) count: usize,
 }
@@ -47,7 +47,7 @@ impl Oracle {
         let mut directions: Vec<Vector> = walls.iter().flatten().copied().collect();
         for (i, a) in walls.iter().enumerate() {
             for b in &walls[..i] {
-                // The crossing a0 + t / d (a1 - a0), times |d|.
+                // Crossing a0 + t / d (a1 - a0), multiplied by |d|.
                 let (u, v) = (minus(a[1], a[0]), minus(b[1], b[0]));
                 let d = cross(u, v);
                 if d != 0 {
@@ -67,7 +67,8 @@ impl Oracle {
             let second = directions[(i + 1) % directions.len()];
             assert!(cross(first, second) > 0, "the rectangle surrounds the eye");
             let middle = [first[0] + second[0], first[1] + second[1]];
-            // Distance along the middle direction, as a fraction with a positive denominator.
+            // Distance along the middle direction between two neighbours, as a fraction with a positive
+            // denominator.
             let mut nearest: Option<(i128, i128)> = None;
             let mut hits = Vec::new();
             for (index, wall) in walls.iter().enumerate() {
@@ -95,7 +96,7 @@ impl Oracle {
             area += 0.5 * distance(first) * distance(second) * cross(first, second) as f64;
             seen.extend(hits);
         }
-        // Walls through the eye.
+        // Walls through the eye are also seen.
         seen.extend((0..walls.len()).filter(|&i| {
             let [a, b] = walls[i];
             a != b && cross(a, b) == 0 && dot(a, b) <= 0
@@ -106,13 +107,13 @@ impl Oracle {
         (seen, area / (UNIT * UNIT))
     }
 
-    /// Returns whether the segment between two points is not stopped.
+    /// Returns whether no wall stops the segment between two points.
     pub(crate) fn sees(&self, a: [i32; 2], b: [i32; 2]) -> bool {
         let (a, b) = (a.map(i128::from), b.map(i128::from));
         let along = minus(b, a);
         let end = dot(along, along);
-        // Places along the segment from 0 to `end`: where a wall begins to the left or right, and runs of
-        // walls along it.
+        // Positions along the segment from 0 to `end`: where a wall begins to the left or to the right, and
+        // ranges of walls along the segment.
         let (mut left, mut right, mut runs) = (Vec::new(), Vec::new(), Vec::new());
         for wall in &self.walls[..self.count] {
             let sides = wall.map(|w| cross(along, minus(w, a)).signum());
@@ -123,7 +124,7 @@ impl Oracle {
             if sides == [0, 0] {
                 runs.push((places[0].min(places[1]), places[0].max(places[1])));
             } else if sides[0] * sides[1] < 0 {
-                // The sides of the segment's ends against the wall.
+                // The segment's ends are on different sides of the wall.
                 let w = minus(wall[1], wall[0]);
                 if cross(w, minus(a, wall[0])).signum() * cross(w, minus(b, wall[0])).signum() < 0 {
                     return false;

@@ -1,22 +1,23 @@
-//! What a triangle without walls inside sees, by brute force: lines next to those through two vertices.
+//! Oracle of what is seen from a triangle without walls inside, by brute force: lines next to lines through
+//! two vertices.
 //!
-//! Whatever is seen from the triangle is seen along a set of lines that is bounded by lines through two
-//! vertices. A line a little off one of these, to either side at either vertex, is in the set.
+//! Everything seen from the triangle is seen along a set of lines, which is bounded by lines through two
+//! vertices. A line slightly off one of these, to one side at each of the two vertices, is in the set.
 
 use super::oracle::{Vector, cross, minus};
 use std::cmp::Ordering;
 
-/// Integer units of the moved lines in a unit of the vertices.
+/// Number of units of the shifted lines per unit of the vertices.
 const FINE: i128 = 1 << 20;
 
-/// A place along a line: numerator and positive denominator.
+/// Position along a line: numerator and positive denominator.
 type Place = (i128, i128);
 
 fn order(a: Place, b: Place) -> Ordering {
     (a.0 * b.1).cmp(&(b.0 * a.1))
 }
 
-/// Returns where a line crosses a segment between its ends. `None` if not, or if the line meets an end.
+/// Returns where a line crosses a segment between its ends. `None` if it does not, or if it meets an end.
 fn crossing(at: Vector, along: Vector, segment: [Vector; 2]) -> Option<Place> {
     let sides = segment.map(|p| cross(along, minus(p, at)).signum());
     let w = minus(segment[1], segment[0]);
@@ -24,7 +25,7 @@ fn crossing(at: Vector, along: Vector, segment: [Vector; 2]) -> Option<Place> {
     (sides[0] * sides[1] < 0).then(|| (cross(minus(segment[0], at), w) * across.signum(), across.abs()))
 }
 
-/// Returns the walls seen from a triangle, ascending. `vertices` are all ends and crossings of walls and the
+/// Returns the walls seen from a triangle, ascending. `vertices` has all ends and crossings of walls and the
 /// corners of the triangle.
 pub(crate) fn seen_from(triangle: [Vector; 3], walls: &[[Vector; 2]], vertices: &[Vector]) -> Vec<u32> {
     let fine = |p: Vector| p.map(|x| x * FINE);
@@ -38,7 +39,7 @@ pub(crate) fn seen_from(triangle: [Vector; 3], walls: &[[Vector; 2]], vertices: 
                 let moved = |p: Vector, by: i128| [p[0] * FINE - y * by, p[1] * FINE + x * by];
                 let at = moved(u, at_u);
                 let along = minus(moved(v, at_v), at);
-                // A line through an end of a wall is no line in the midst of a set.
+                // A line through a wall end is not inside a set of lines of sight.
                 if fine_walls.iter().flatten().any(|&end| cross(along, minus(end, at)) == 0) {
                     continue;
                 }

@@ -3,13 +3,12 @@
 //!
 //! The cavity of a new point consists of all tetrahedra whose circumspheres contain the point. They are
 //! replaced by tetrahedra between the point and the cavity's boundary faces. The first tetrahedron of the
-//! cavity is found by walking from the one made last.
+//! cavity is found by walking from the last tetrahedron made.
 
 use super::predicates::{Point, is_in_sphere, volume};
 use alloc::vec::Vec;
 
-/// Stands for the missing neighbour of a cell across a face that lies on the surface of the cube that all
-/// cells fill.
+/// Neighbour number for a face on the surface of the cube that all cells fill, where there is no neighbour.
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// Tetrahedra of positive volume that fill a cube and share whole faces, with vertices on an integer grid.
@@ -86,7 +85,8 @@ impl Mesh {
     fn close_gaps(&mut self) {
         let mut free = core::mem::take(&mut self.free);
         free.sort_unstable();
-        // The largest index first, so that the cell that is moved is never itself unused.
+        // Gaps are closed from the largest index down, so that the cell moved into a gap is never itself
+        // unused.
         for gap in free.into_iter().rev() {
             self.cells.swap_remove(gap as usize);
             self.neighbours.swap_remove(gap as usize);
@@ -139,7 +139,8 @@ impl Mesh {
         if cavity_faces.iter().any(is_flat) {
             return None;
         }
-        // The new cells, with the neighbour outside and the face towards it, before any cell is overwritten.
+        // The new cells, each with its neighbour outside the cavity and its face towards this neighbour,
+        // collected before any cell is overwritten.
         let vertex = self.points.len() as u32;
         self.points.push(point);
         let made: Vec<([u32; 4], u32, usize)> = cavity_faces
@@ -151,10 +152,10 @@ impl Mesh {
             })
             .collect();
         // Edges between cavity faces for which only one of the two new cells is known so far: the edge's
-        // vertices and twice the new point, that cell, and its face at the edge.
+        // vertices with the new point twice, the known cell, and its face at the edge.
         let mut open: Vec<([u32; 4], u32, usize)> = Vec::new();
         for (number, &(cell, outer, face)) in made.iter().enumerate() {
-            // Places of the cavity are used again first.
+            // Indices of cells in the cavity are reused first.
             let place = match cavity.get(number).copied().or_else(|| self.free.pop()) {
                 Some(place) => place,
                 None => {
@@ -172,7 +173,7 @@ impl Mesh {
                 self.neighbours[outer as usize][back] = place;
             }
             self.neighbours[place as usize] = around;
-            // Two new cells are neighbours where their boundary faces share an edge.
+            // Two new cells are neighbours if their cavity faces share an edge.
             for side in (0..4).filter(|&side| side != face) {
                 let mut edge = cell;
                 edge[side] = vertex;

@@ -1,4 +1,4 @@
-//! Visit of a tessellation's cells from the eye outwards, shared by both cullers.
+//! Walk through a tessellation's cells from the eye outwards, shared by both cullers.
 //!
 //! `state` holds the buffers of a walk, `remaining_layers` the layers not yet projected of each opened cell,
 //! `projection` appends the objects of a layer to the result, and `traversal` is the loop over cells.

@@ -1,5 +1,5 @@
-//! Projection of a cell's layers: each object is kept at most once, if the visible set holds the object and
-//! no test proves the object outside of the view or facing away, until the budget is spent.
+//! Projection of a cell's layers: keeps each object at most once, until the budget is spent. An object is
+//! kept if the visible set contains it and no test proves it outside of the view or facing away.
 
 use super::state::{BATCH, Budget, Candidate, FrameContext, MAX_TESTED_TRIANGLES, Projected, Walk};
 use crate::normal_bins::EyeSide;
@@ -110,8 +110,8 @@ impl Walk {
         if self.candidate_count + layer.max_len() > self.affordable(frame, unlimited).min(BATCH) {
             self.check_candidates(frame, unlimited);
         }
-        // Free of unpredictable branches: every object is written to the buffer, and the count only grows if
-        // the object is new and does not face away.
+        // No unpredictable branches: every object is written to the buffer, and the count only grows if the
+        // object is new and does not face away.
         let box_from_eye = frame.box_from_eye(&frame.tessellation.cell_bounds(cell));
         let mut count = self.candidate_count;
         for index in layer {

@@ -68,7 +68,7 @@ impl<T: ?Sized> FrameContext<'_, T> {
     }
 
     /// Returns how much of the budget an object takes: 1 for a budget in objects, the object's cost for a
-    /// budget by cost. 0 for an id that is not in the scene and a budget by cost.
+    /// budget by cost. With a budget by cost, an id that is not in the scene takes 0.
     pub(super) fn cost(&self, id: ObjectId) -> u64 {
         match self.settings.budget {
             Budget::Objects(_) => 1,
@@ -260,7 +260,7 @@ impl Walk {
         self.candidate_count = 0;
         (self.reached, self.projected) = (0, 0);
         self.taken.reset(frame.scene.index_limit().max(content.index_limit()));
-        // Most candidates that one cell can have, in whole batches.
+        // Largest number of candidates that one cell can have, rounded up to whole batches.
         let at_once = self.candidates.len();
         make_room(&mut self.seen, at_once);
         make_room(&mut self.tested, at_once * MAX_TESTED_TRIANGLES);
@@ -270,7 +270,8 @@ impl Walk {
         }
         self.front.reserve(cells);
         make_room(&mut self.sides, content.side_count);
-        // The cell with the most faces decides the room for faces. Faces are counted once for each content.
+        // The cell with the most faces determines the capacity for faces. Faces are counted once for each
+        // content.
         let mut most_faces = 0;
         for cell in 0..cells as u32 {
             let mut count = 0;

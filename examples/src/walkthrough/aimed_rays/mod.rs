@@ -1,6 +1,5 @@
-//! Judge of the cullers by rays that are aimed where cullers err: beside the edges and corners of triangles
-//! and of the level's polygons, from 1e-7 to 1 pixel away. An item buffer looks through the middles of pixels
-//! alone.
+//! Check of the cullers by rays aimed where cullers err: 1e-7 to 1 pixel beside the edges and corners of
+//! triangles and of the level's polygons. An item buffer only samples pixel centres.
 
 mod surfaces;
 
@@ -15,23 +14,23 @@ use visibility_core::view::{Depth, Eye};
 use visibility_occluders::LevelSettings;
 use visibility_testing::Random;
 
-/// What aimed rays found, over all frames.
+/// Results of aimed rays, over all frames.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AimedRays {
     /// Number of rays cast.
     pub rays: u64,
-    /// Number of rays that certainly met an object, in the picture and before anything else.
+    /// Number of rays that certainly met an object inside the picture, in front of all others.
     pub met: u64,
-    /// For each trial, in their order, the frame and index of each object that a ray certainly met, and that
-    /// the trial did not report. Sorted, each once.
+    /// For each trial, in order, the objects that a ray certainly met and the trial did not report, as
+    /// (frame, object index). Sorted, each once.
     pub hidden: Vec<Vec<(usize, u32)>>,
 }
 
-/// Rays of one frame that are aimed at one place.
+/// Caster of rays for one frame.
 struct Frame<'a> {
     camera: Camera,
     surfaces: &'a Surfaces,
-    /// Tangent of the angle of a pixel.
+    /// Angular size of a pixel, as a tangent.
     pixel: f64,
     met: Met,
     /// Index of the frame.
@@ -40,14 +39,13 @@ struct Frame<'a> {
     found: AimedRays,
 }
 
-/// Casts about `rays` rays, divided evenly over the frames, on as many threads as the machine has, and
-/// collects the objects that they meet and trials did not report. An object is met if a ray certainly goes
-/// through one of its triangles, beyond the near plane, and before any other opaque object's, whatever
-/// roundings there are.
+/// Casts about `rays` rays, divided evenly over the frames, on all cores, and collects the objects that rays
+/// meet and trials did not report. A ray meets an object if it certainly, despite rounding, passes through
+/// one of its triangles beyond the near plane, before the triangles of any other opaque object.
 ///
-/// Half of the rays are aimed at contours before objects that a trial hid, as close to the line to a point of
-/// the object as the blocking triangle's sides come. The others are aimed at sides and corners of triangles
-/// in the picture, and of polygons of the level. Frames with parallel views are left out.
+/// Half of the rays are aimed at objects that a trial hid. They pass beside the sides of the triangle that
+/// blocks the straight line to a point of the object. The other rays are aimed beside sides and corners of
+/// triangles in the picture, and of polygons of the level. Frames with parallel views are left out.
 pub fn cast(world: &World, trials: &[Trial], rays: u64) -> AimedRays {
     let surfaces = Surfaces::new(world);
     let level = level_occluders::make(world, LevelSettings::default()).unwrap_or_default();
@@ -101,7 +99,7 @@ fn camera(view: &View, origin: DVec3) -> Option<Camera> {
 }
 
 impl Frame<'_> {
-    /// Casts rays until `share` are cast. `edges` are the edges of the level.
+    /// Casts rays until their number reaches `share`. `edges` are the edges of the level's polygons.
     fn cast(&mut self, edges: &[[DVec3; 2]], share: u64) {
         let mut random = Random(self.frame as u64 + 1);
         let eye = self.camera.eye;
@@ -113,7 +111,7 @@ impl Frame<'_> {
             self.trials.iter().any(|trial| trial.reported[self.frame].binary_search(object).is_err())
         };
         let in_picture = |&at: &usize| surfaces[at].corners.iter().any(|p| shows(&self.camera, p.as_dvec3()));
-        // Triangles in the picture, and those among them of objects that a trial hid.
+        // Indices of the triangles in the picture, and of those that belong to objects hidden by a trial.
         let shown: Vec<usize> = (0..surfaces.len()).filter(in_picture).collect();
         let hidden: Vec<usize> =
             shown.iter().copied().filter(|&at| is_hidden(&surfaces[at].object)).collect();
@@ -126,7 +124,7 @@ impl Frame<'_> {
                 let [a, b] = random.pick(&edges);
                 self.aim_beside([a - eye, b - eye], random.fine_unit(), &mut random);
             } else if let Some(&at) = (!shown.is_empty()).then(|| &shown[random.below(shown.len())]) {
-                // Sides of what is seen at a triangle's middle.
+                // Aims beside the sides of the nearest triangle on the line to a triangle's middle.
                 let middle = surfaces[at].corners.iter().map(|p| p.as_dvec3()).sum::<DVec3>() / 3.0;
                 self.shoot(middle - eye);
                 let first = self.met.first.unwrap_or(at as u32);
@@ -146,8 +144,8 @@ impl Frame<'_> {
         [[a, b], [b, c], [c, a]]
     }
 
-    /// Aims beside what is before a random point of triangle `at`, where its sides come closest to the line
-    /// to the point, and again at what is before the new point, as long as that blocks the ray too.
+    /// Aims at a random point of triangle `at`. If another triangle blocks the line, aims beside the nearest
+    /// of its sides instead, and repeats this while the new ray is blocked.
     fn aim_before(&mut self, at: usize, random: &mut Random) {
         let surface = self.surfaces.all()[at];
         let [a, b, c] = surface.corners.map(|p| p.as_dvec3() - self.camera.eye);
@@ -164,7 +162,7 @@ impl Frame<'_> {
             }
             let sides = self.sides(first);
             for [p, q] in sides {
-                // The point of the side that is closest to the line's plane across the side.
+                // Point of the side that is nearest to the ray.
                 let across = along.cross(p.cross(q));
                 let (from, to) = (p.dot(across), q.dot(across));
                 let share = if from == to { 0.5 } else { (from / (from - to)).clamp(0.0, 1.0) };
@@ -175,8 +173,8 @@ impl Frame<'_> {
         }
     }
 
-    /// Casts a ray on each side of an edge, relative to the eye, at a share of its length, and one around
-    /// one of its ends.
+    /// Casts one ray on each side of an edge, at a fraction `share` of its length, and one ray near one of
+    /// its ends. The edge is relative to the eye.
     fn aim_beside(&mut self, edge: [DVec3; 2], share: f64, random: &mut Random) {
         let at = self.beside(edge, share, random);
         self.shoot(at);
@@ -187,14 +185,15 @@ impl Frame<'_> {
         self.shoot(around);
     }
 
-    /// Returns a point 1e-7 to 1 pixel to the left of an edge, seen from the eye, at a share of its length.
+    /// Returns a point 1e-7 to 1 pixel to the left of an edge, as seen from the eye, at a fraction `share` of
+    /// its length.
     fn beside(&self, [p, q]: [DVec3; 2], share: f64, random: &mut Random) -> DVec3 {
         let at = p + (q - p) * share;
         let away = 10f64.powf(random.fine_range(-7.0, 0.0)) * self.pixel * at.length();
         at + at.cross(q - p).normalize_or_zero() * away
     }
 
-    /// Casts the ray along `along` and takes down which trials did not report what it met.
+    /// Casts a ray in direction `along`, and records for each trial the objects met that it did not report.
     fn shoot(&mut self, along: DVec3) {
         self.found.rays += 1;
         if !along.is_finite() || along == DVec3::ZERO {
@@ -221,14 +220,14 @@ mod tests {
     use glam::Vec3;
     use visibility_core::Accuracy;
 
-    /// Returns the rectangle of points `x` metres ahead with the given ranges of y and z, front to the eye.
+    /// Returns a rectangle at `x` metres ahead with the given ranges of y and z. Its front faces the eye.
     fn plate(x: f32, y: [f32; 2], z: [f32; 2]) -> Vec<[Vec3; 3]> {
         let [a, b, c, d] =
             [[y[1], z[0]], [y[0], z[0]], [y[0], z[1]], [y[1], z[1]]].map(|[y, z]| Vec3::new(x, y, z));
         vec![[a, b, c], [a, c, d]]
     }
 
-    /// Returns the indices of objects that rays meet from the origin along x.
+    /// Returns the indices of the objects that rays from the origin along x meet.
     fn met(objects: Vec<SourceObject>) -> Vec<u32> {
         let mut source = SceneSource::new("plates", Vec3::Z, 0.5);
         source.objects = objects;
@@ -251,10 +250,10 @@ mod tests {
             let [left, right] = walls;
             assert_eq!(met(vec![left, right, object(behind.clone())]), seen, "slot of {slot} m");
         }
-        // Before the near plane nothing is seen, and nothing hides.
+        // Nothing before the near plane is visible or occludes.
         let close = object(plate(0.25, all, all));
         assert_eq!(met(vec![close, object(behind.clone())]), [1], "a plate before the near plane is not met");
-        // Glass is seen and hides nothing, and neither does the back of a plate that has only a front.
+        // Glass is visible and does not occlude; a one-sided plate seen from behind does not occlude either.
         let glass = SourceObject { see_through: true, opaque: false, ..object(plate(3.0, all, all)) };
         assert_eq!(met(vec![glass, object(behind.clone())]), [0, 1], "glass is met, and the plate behind");
         let turned = plate(3.0, all, all).into_iter().map(|[a, b, c]| [a, c, b]).collect();
@@ -266,7 +265,7 @@ mod tests {
                 "a one-sided plate: the one behind is met, or it"
             );
         }
-        // Two plates in the same place: rays certainly meet neither of the plates first.
+        // Of two plates in the same place, rays certainly meet neither first.
         assert!(
             met(vec![object(behind.clone()), object(behind)]).is_empty(),
             "of two plates in one place neither is met"

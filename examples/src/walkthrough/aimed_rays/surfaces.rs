@@ -1,7 +1,8 @@
-//! First hits of rays on a world's triangles, found in a hierarchy of boxes. A hit that rounding leaves open
-//! may block what is behind it, and counts as no hit.
+//! First hits of rays on a world's triangles, found in a hierarchy of boxes. A hit that is uncertain because
+//! of rounding does not count as a hit, but may block the triangles behind it.
 //!
-//! An oracle shares no code with what it judges: the cullers' projection, raster and hierarchy are not used.
+//! To be independent of the cullers that it judges, this module does not use their projection, raster or
+//! hierarchy.
 
 use crate::walkthrough::World;
 use glam::{DMat4, DVec3, Vec3};
@@ -9,20 +10,20 @@ use glam::{DMat4, DVec3, Vec3};
 /// Maximum number of triangles of a leaf.
 const LEAF: usize = 4;
 
-/// Bound on the rounding error of a determinant of three differences, as a share of the sum of the
-/// magnitudes of its terms: at most 10 roundings of 2^-53.
+/// Bound on the rounding error of a determinant of three differences, relative to the sum of the magnitudes
+/// of its terms: at most 10 roundings of 2^-53.
 const ROUNDING: f64 = 2e-15;
 
-/// A triangle of an object.
+/// Triangle of an object.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Surface {
     /// Corners in metres relative to the scene's origin, counter-clockwise as seen from the front.
     pub(super) corners: [Vec3; 3],
     /// Index of the object.
     pub(super) object: u32,
-    /// Whether what is behind the object shows through it.
+    /// Whether things behind the object are visible through it.
     see_through: bool,
-    /// Whether the triangle is drawn from its front alone.
+    /// Whether the triangle is drawn only from its front.
     one_sided: bool,
 }
 
@@ -38,7 +39,7 @@ struct Node {
     at: u32,
 }
 
-/// Triangles of a world that have an area, in a hierarchy of boxes.
+/// Triangles of a world with positive area, in a hierarchy of boxes.
 pub(super) struct Surfaces {
     surfaces: Vec<Surface>,
     nodes: Vec<Node>,
@@ -51,40 +52,41 @@ pub(super) struct Camera {
     pub(super) eye: DVec3,
     /// Clip matrix for points relative to the eye.
     pub(super) clip_from_eye: DMat4,
-    /// Factors of clip z and w. The sum of the products is positive beyond the near plane.
+    /// Factors of clip z and clip w. The weighted sum is positive for points beyond the near plane.
     pub(super) near: [f64; 2],
 }
 
 impl Camera {
-    /// Returns whether a point, relative to the eye, is certainly in the picture and beyond the near plane.
+    /// Returns whether a point is certainly inside the picture and beyond the near plane. The point is
+    /// relative to the eye.
     pub(super) fn certainly_shows(&self, p: DVec3) -> bool {
         let clip = self.clip_from_eye * p.extend(1.0);
         let beyond = self.near[0] * clip.z + self.near[1] * clip.w;
         clip.x.abs().max(clip.y.abs()) < clip.w * (1.0 - 1e-9) && beyond > 1e-9 * (clip.z.abs() + clip.w)
     }
 
-    /// Returns whether a point, relative to the eye, is certainly nearer than the near plane.
+    /// Returns whether a point is certainly nearer than the near plane. The point is relative to the eye.
     fn is_before_near(&self, p: DVec3) -> bool {
         let clip = self.clip_from_eye * p.extend(1.0);
         self.near[0] * clip.z + self.near[1] * clip.w < -1e-9 * (clip.z.abs() + clip.w)
     }
 }
 
-/// What a ray met, with scratch.
+/// Result of casting a ray, with scratch memory.
 #[derive(Default)]
 pub(super) struct Met {
-    /// Objects that the ray certainly meets in the picture, before anything opaque of other objects.
+    /// Objects that the ray certainly meets inside the picture, before any opaque triangle of another object.
     pub(super) objects: Vec<u32>,
     /// Index of the nearest triangle that may block the ray.
     pub(super) first: Option<u32>,
-    /// Greatest possible distance and triangle of each certain hit.
+    /// For each certain hit, its greatest possible distance and the triangle's index.
     hits: Vec<(f64, u32)>,
-    /// Least possible distance and triangle of each opaque hit, certain or not.
+    /// For each possible hit on an opaque triangle, its least possible distance and the triangle's index.
     blocks: Vec<(f64, u32)>,
     stack: Vec<u32>,
 }
 
-/// A hit of a ray on a triangle, which may be uncertain. Distances are in lengths of the ray's direction.
+/// Certain or uncertain hit of a ray on a triangle. Distances are in lengths of the ray's direction.
 struct Hit {
     nearest: f64,
     farthest: f64,
@@ -92,7 +94,7 @@ struct Hit {
 }
 
 impl Surfaces {
-    /// Sorts the triangles of a world into a hierarchy.
+    /// Builds the hierarchy over the triangles of a world.
     pub(super) fn new(world: &World) -> Self {
         let mut surfaces = Vec::with_capacity(world.source.triangle_count());
         for item in world.items() {
@@ -110,7 +112,7 @@ impl Surfaces {
         made
     }
 
-    /// Appends the nodes of a half-open range of triangles, halved at the median along its longest side.
+    /// Appends the nodes of a half-open range of triangles, split at the median along its longest axis.
     fn divide(&mut self, first: usize, end: usize) {
         let own = &mut self.surfaces[first..end];
         let points = own.iter().flat_map(|surface| surface.corners);
@@ -135,7 +137,7 @@ impl Surfaces {
         &self.surfaces
     }
 
-    /// Finds what the ray from a camera's eye along `along` meets.
+    /// Finds the triangles that the ray from a camera's eye in direction `along` meets.
     pub(super) fn meet(&self, camera: &Camera, along: DVec3, met: &mut Met) {
         let (eye, over) = (camera.eye, along.recip());
         met.objects.clear();
@@ -147,14 +149,14 @@ impl Surfaces {
         let mut limit = f64::INFINITY;
         while let Some(index) = met.stack.pop() {
             let node = &self.nodes[index as usize];
-            // Infinity, of a box that is missed, is no less than any limit.
+            // The distance of a box that the ray misses is infinite, so it is skipped.
             if node.entry(eye, over) >= limit {
                 continue;
             }
             if node.count == 0 {
                 let children = [index + 1, node.at];
                 let [a, b] = children.map(|child| self.nodes[child as usize].entry(eye, over));
-                // The last one pushed, the nearer one, is looked at first.
+                // The nearer child is pushed last, so it is visited first.
                 met.stack.extend(if a <= b { [node.at, index + 1] } else { children });
                 continue;
             }
@@ -186,13 +188,13 @@ impl Surfaces {
 }
 
 impl Node {
-    /// Returns a lower bound on the distance at which a ray meets the node's box, infinity if it does not.
-    /// `over` has the reciprocals of the direction.
+    /// Returns a lower bound on the distance at which a ray meets the node's box. Infinity if it misses.
+    /// `over` holds the reciprocals of the direction.
     fn entry(&self, eye: DVec3, over: DVec3) -> f64 {
         let (mut first, mut last) = (0.0f64, f64::INFINITY);
         for axis in 0..3 {
             let [a, b] = [self.min, self.max].map(|p| (f64::from(p[axis]) - eye[axis]) * over[axis]);
-            // NaN, of a ray within a side, leaves the range as it is.
+            // NaN, which arises for a ray in the plane of a side, leaves the range unchanged.
             first = first.max(a.min(b) * (1.0 - 1e-12));
             last = last.min(a.max(b) * (1.0 + 1e-12));
         }
@@ -201,12 +203,13 @@ impl Node {
 }
 
 impl Surface {
-    /// Returns the hit of the ray from a camera's eye on the triangle: `None` if there certainly is none
-    /// beyond the near plane, or from behind a triangle that has only a front.
+    /// Returns the hit of the ray from a camera's eye on the triangle. `None` if the ray certainly misses it
+    /// beyond the near plane, or meets a one-sided triangle from behind.
     fn hit(&self, camera: &Camera, along: DVec3) -> Option<Hit> {
         let p = self.corners.map(|p| p.as_dvec3() - camera.eye);
         let mut certain = true;
-        // The ray is to the left of all three sides, or to the right of all, as seen along it.
+        // The ray passes through the triangle if it is to the left of all three sides, or to the right of all
+        // three.
         let (mut left, mut right) = (true, true);
         for side in 0..3 {
             let (a, b) = (p[side], p[(side + 1) % 3]);
@@ -226,13 +229,14 @@ impl Surface {
         let slope_error = ROUNDING * along.abs().dot(size);
         let height_error = ROUNDING * p[0].abs().dot(size);
         if slope.abs() <= 2.0 * slope_error {
-            // Along the plane: somewhere between the nearest and the farthest corner.
+            // The ray lies in the triangle's plane, so the hit is somewhere between its nearest and farthest
+            // corner.
             let reach = p.map(|p| p.dot(along) / along.length_squared());
             let farthest = reach.into_iter().fold(f64::NEG_INFINITY, f64::max);
             let nearest = reach.into_iter().fold(f64::INFINITY, f64::min);
             return (farthest >= 0.0).then_some(Hit { nearest: nearest.max(0.0), farthest, certain: false });
         }
-        // The front faces the eye if the ray goes against the normal.
+        // The triangle faces the eye if the ray runs against its normal.
         if self.one_sided && slope > 0.0 {
             return None;
         }
@@ -247,7 +251,7 @@ impl Surface {
     }
 }
 
-/// Returns the cross product with all terms positive.
+/// Returns the sums of the magnitudes of the cross product's terms.
 fn cross_of_magnitudes(a: DVec3, b: DVec3) -> DVec3 {
     let (a, b) = (a.abs(), b.abs());
     DVec3::new(a.y * b.z + a.z * b.y, a.z * b.x + a.x * b.z, a.x * b.y + a.y * b.x)

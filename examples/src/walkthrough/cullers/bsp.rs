@@ -1,4 +1,5 @@
-//! Entries of the object-space cullers: BSP trees, occlusion trees, shadow frusta, large occluders.
+//! Command-line entries of the object-space cullers: BSP trees, occlusion trees, shadow frusta, large
+//! occluders.
 
 use super::known::{Known, no_dial};
 use crate::walkthrough::World;
@@ -74,8 +75,8 @@ fn occluders_of(world: &World) -> Result<Arc<Occluders>, String> {
     world.prepared.get("large occluders", || Ok(Occluders::new(&world.scene)))
 }
 
-/// Reads the dial as a whole number of at least one; other text is an error. Without a dial the number is
-/// `unset`.
+/// Reads the setting (dial) as a whole number of at least one; other text is an error. Without a setting, the
+/// number is `unset`.
 fn number(dial: Option<&str>, unset: usize) -> Result<usize, String> {
     let Some(dial) = dial else { return Ok(unset) };
     dial.parse().ok().filter(|&n| n > 0).ok_or_else(|| format!("`{dial}` is no number of one or more"))

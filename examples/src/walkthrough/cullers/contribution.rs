@@ -1,4 +1,4 @@
-//! Entry of the culler of small objects, whose dial is a size in pixels.
+//! Command-line entry of the culler of small objects, whose setting is a size in pixels.
 
 use super::known::Known;
 use visibility_frame::lod::ContributionCuller;

@@ -1,4 +1,4 @@
-//! Entries of the hierarchical occlusion maps, whose dial is the opacity threshold.
+//! Command-line entries of the hierarchical occlusion maps, whose setting is the opacity threshold.
 
 use super::known::{Known, Made};
 use visibility_hzb::{DepthEstimate, Hom, HomCuller};
@@ -25,8 +25,8 @@ pub(super) const KNOWN: &[Known] = &[
     },
 ];
 
-/// Makes a culler with an occlusion map of 512 x 288 pixels. The dial is an opacity threshold from 0 to 1,
-/// and other text is an error; without a dial the threshold is 1.
+/// Makes a culler with an occlusion map of 512 x 288 pixels. The setting (dial) is an opacity threshold from
+/// 0 to 1, and other text is an error; without a setting, the threshold is 1.
 fn made(dial: Option<&str>, estimate: DepthEstimate) -> Made {
     let refused = |dial: &str| format!("its dial is an opacity threshold from 0 to 1, not `{dial}`");
     let threshold = match dial {

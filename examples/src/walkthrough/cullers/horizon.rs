@@ -1,4 +1,4 @@
-//! Entries of the horizon, with a dial for its columns.
+//! Command-line entries of the horizon culler, whose setting (dial) is the number of columns.
 
 use super::known::Known;
 use crate::walkthrough::World;
@@ -38,8 +38,8 @@ pub(super) const KNOWN: &[Known] = &[
     },
 ];
 
-/// Reads the dial as a number of columns of a face, from 1 to 16,384; other text is an error. Without a dial
-/// the number is 360.
+/// Reads the setting (dial) as a number of columns of a face, from 1 to 16,384; other text is an error.
+/// Without a setting, the number is 360.
 fn columns(dial: Option<&str>) -> Result<usize, String> {
     let Some(dial) = dial else { return Ok(360) };
     let number = dial.parse().ok().filter(|n| (1..=16_384).contains(n));

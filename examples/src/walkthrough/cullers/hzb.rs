@@ -1,5 +1,5 @@
-//! Entries of the hierarchical z-buffer, with dials for its resolution, its rule of pixel coverage, and the
-//! price of hiding an object.
+//! Command-line entries of the hierarchical z-buffer, with settings for its resolution, its rule of pixel
+//! coverage and the price of hiding an object.
 
 use super::known::{Known, Made};
 use crate::arguments::parse_size;
@@ -51,8 +51,8 @@ pub(super) const KNOWN: &[Known] = &[
     },
 ];
 
-/// Makes a z-buffer whose dial is its size in pixels, such as `256x144`; without a dial 512 x 288. Text that
-/// is no size, or a size that the z-buffer cannot have, is an error.
+/// Makes a z-buffer whose setting (dial) is its size in pixels, such as `256x144`; without a setting, the
+/// size is 512 x 288. Text that is no size, or a size that the z-buffer cannot have, is an error.
 fn map(dial: Option<&str>) -> Result<Hzb, String> {
     let [width, height] = dial.map_or(Ok([512, 288]), parse_size)?;
     Hzb::new(width, height).map_err(|error| error.to_string())

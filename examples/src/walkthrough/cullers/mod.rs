@@ -1,5 +1,5 @@
-//! Cullers by the names that programs take on the command line. Each family of cullers has a file here with a
-//! table of its entries. Data that a culler needs from the scene is made when the culler is first asked for.
+//! Cullers by name, as programs take them on the command line. Each family of cullers has a file here with a
+//! table of its entries. Data that a culler needs from the scene are made when the culler is first asked for.
 
 mod bsp;
 mod contribution;
@@ -34,7 +34,7 @@ pub fn known() -> impl Iterator<Item = &'static Known> {
     .flatten()
 }
 
-/// Returns the names of all cullers with what they do, for help texts and messages, each on a line.
+/// Returns the names and descriptions of all cullers, one per line, for help texts and messages.
 pub fn listing() -> String {
     let lines = known().map(|known| format!("\n  {}: {}", known.name, known.what));
     lines.fold("\n  frustum: boxes outside the view volume are hidden".to_owned(), |all, line| all + &line)
@@ -45,7 +45,7 @@ pub fn listing() -> String {
 const PIPELINES: &[&str] =
     &["portals+hzb", "pvs+portals", "pvs+portals+hzb", "hzb+naylor", "plp:10%+hzb", "horizon+hzb"];
 
-/// Returns all entries that are worth comparing: `frustum`, each culler at each setting of its dial, then the
+/// Returns all entries that are worth comparing: `frustum`, each culler at each of its settings, then the
 /// pipelines.
 pub fn entries() -> Vec<String> {
     let mut entries = vec!["frustum".to_owned()];
@@ -59,8 +59,8 @@ pub fn entries() -> Vec<String> {
     entries
 }
 
-/// Returns the [`entries`] that a world has quickly: all if its scene brings cells, otherwise all but those
-/// for which sets of made cells would have to be baked first, which may take minutes.
+/// Returns the [`entries`] that need no long preparation for a world. If the scene has no cells of its own,
+/// leaves out cullers that would have to bake sets of made cells, which may take minutes.
 pub fn quick_entries(world: &World) -> Vec<String> {
     let mut entries = entries();
     if world.source.cells.is_none() {
@@ -70,8 +70,8 @@ pub fn quick_entries(world: &World) -> Vec<String> {
 }
 
 /// Makes pipelines from a list of entries separated by commas, such as `frustum,a,a+b:10%`. The entry `a+b`
-/// runs `b` after `a`, and `b:10%` sets the dial of `b`. Every pipeline begins with the frustum. Each entry
-/// is returned with its pipeline; spaces around entries and cullers are removed.
+/// runs `b` after `a`, and `b:10%` gives `b` the setting `10%`. Every pipeline begins with the frustum. Each
+/// entry is returned with its pipeline; spaces around entries and cullers are removed.
 ///
 /// # Errors
 ///
@@ -110,9 +110,9 @@ pub enum CullerError {
         /// Name of the culler as it was asked for.
         name: String,
     },
-    /// Culler that does not suit the setting of its dial or the scene.
+    /// Culler that does not suit its setting or the scene.
     Unsuited {
-        /// Culler with its dial, as it was asked for.
+        /// Culler with its setting, as it was asked for.
         culler: String,
         /// Explanation, for a person, of what does not suit.
         why: String,

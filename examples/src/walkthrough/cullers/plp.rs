@@ -1,5 +1,5 @@
-//! Entries of prioritized-layered projection, of its conservative form, and of the order by distance that
-//! serves as their baseline.
+//! Command-line entries of prioritized-layered projection, of its conservative form, and of sorting by
+//! distance as their baseline.
 
 use super::known::Known;
 use crate::walkthrough::World;
@@ -40,8 +40,8 @@ pub(super) const KNOWN: &[Known] = &[
         what: "a share of all triangles as plp (cplp:1%), then all that a z-buffer of 512x288 of them does not hide",
         dials: SHARES,
         make: |dial, world| {
-            // With 1 % the culler makes a tenth of the tests of front to back, for hardly more triangles:
-            // `plp --conservative` shows both.
+            // With 1 %, the culler needs a tenth of the tests of the front-to-back order, for hardly more
+            // triangles, as `plp --conservative` shows.
             let budget = budget(dial.or(Some("1%")), world)?;
             let map = Hzb::new(512, 288).map_err(|error| error.to_string())?;
             world.check_copies()?;
@@ -67,8 +67,8 @@ fn octree_of(world: &World) -> Result<Arc<OctreeTessellation>, String> {
     world.prepared.get("an octree", || Ok(OctreeTessellation::new(&world.scene)))
 }
 
-/// Returns a budget in triangles from a dial such as `10%` of all triangles. Without a dial the budget is 10
-/// %. Returns an error unless the percentage is from 0 to 100.
+/// Returns a budget in triangles from a setting such as `10%` of all triangles. Without a setting, the budget
+/// is `10%`. Returns an error unless the percentage is from 0 to 100.
 fn budget(dial: Option<&str>, world: &World) -> Result<Budget, String> {
     let dial = dial.unwrap_or("10%");
     let share = dial.strip_suffix('%').and_then(|number| number.trim().parse::<f64>().ok());

@@ -1,4 +1,4 @@
-//! Entry of the portal culler.
+//! Command-line entry of the portal culler.
 
 use super::known::Known;
 use crate::source::tolerance;
@@ -14,12 +14,12 @@ pub(super) const KNOWN: &[Known] = &[Known {
     make: |dial, world| Ok(Box::new(portals(dial, world)?) as Box<dyn Culler + Send + Sync>),
 }];
 
-/// Makes the portal culler of a world. The dial is `polygon` or `rectangle`, the shape to which each portal
-/// narrows the view; without a dial it is `polygon`.
+/// Makes the portal culler of a world. The setting (dial) is `polygon` or `rectangle`, the shape to which
+/// each portal narrows the view; without a setting, it is `polygon`.
 ///
 /// # Errors
 ///
-/// Returns a message when the dial is unknown, or the world has no cells or unusable ones.
+/// Returns a message if the setting is unknown, or the world has no cells or unusable ones.
 pub fn portals(dial: Option<&str>, world: &World) -> Result<PortalCuller, String> {
     let narrowing = match dial {
         None | Some("polygon") => Narrowing::Polygon,

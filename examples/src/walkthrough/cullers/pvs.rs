@@ -1,4 +1,5 @@
-//! Entry of the potentially visible sets of cells, which are baked when they are first asked for.
+//! Command-line entry of the potentially visible sets of cells, which are baked when they are first asked
+//! for.
 
 use super::known::{Known, Made};
 use crate::eprintln;
@@ -36,8 +37,8 @@ pub(super) const KNOWN: &[Known] = &[
     },
 ];
 
-/// Reads the sets of a file for the scene of a world. Says on standard error, once, how many cameras are
-/// outside all viewcells, if any.
+/// Reads the visible sets of a file for the scene of a world. If cameras are outside all viewcells, prints
+/// their number on standard error once.
 fn baked(file: &str, world: &World) -> Made {
     let sets = world.prepared.get(&format!("sets of the file {file}"), || {
         let sets = read_sets(Path::new(file), world)?;

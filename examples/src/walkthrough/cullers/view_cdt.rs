@@ -1,4 +1,4 @@
-//! Entries of the triangulated image, with a dial for the number of its vertices.
+//! Command-line entries of the triangulated image, with a setting for the number of its vertices.
 
 use super::known::{Known, Made};
 use visibility_2d::view_cdt::ViewCdt;
@@ -12,7 +12,7 @@ pub(super) const KNOWN: &[Known] = &[Known {
     make: |dial, _| made(dial),
 }];
 
-/// Makes the culler of a map, whose dial is a number of vertices; other text is an error.
+/// Makes the culler of a map, whose setting (dial) is a number of vertices; other text is an error.
 fn made(dial: Option<&str>) -> Made {
     let map = ViewCdt::new();
     let map = match dial {

@@ -1,4 +1,4 @@
-//! Two worlds alike, of which one is culled by bevy and one by this crate.
+//! Pairs of equal worlds, one culled by bevy and one by this crate.
 #![allow(dead_code, unreachable_pub)]
 
 use bevy_app::{App, TaskPoolPlugin};
@@ -15,16 +15,16 @@ use std::any::TypeId;
 use std::collections::BTreeSet;
 use visibility_bevy::VisibilityCullingPlugin;
 
-/// The number of an entity, the same in both worlds.
+/// Number of an entity, the same in both worlds.
 #[derive(Component, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub struct Number(pub u32);
 
-/// A world culled by bevy, or, with the plugin, by this crate.
+/// Creates an app culled by bevy, or, with the plugin, by this crate.
 pub fn app(with_plugin: bool) -> App {
     app_with(with_plugin, |_| {})
 }
 
-/// The same with more plugins.
+/// Creates the same app as [`app`], with additional plugins.
 pub fn app_with(with_plugin: bool, add_more: impl FnOnce(&mut App)) -> App {
     let mut app = App::new();
     app.add_plugins((
@@ -45,18 +45,19 @@ pub fn app_with(with_plugin: bool, add_more: impl FnOnce(&mut App)) -> App {
     app
 }
 
-/// Numbers of entities.
+/// Returns the numbers of entities.
 pub fn numbers<'a>(app: &App, entities: impl IntoIterator<Item = &'a Entity>) -> BTreeSet<Number> {
     entities.into_iter().filter_map(|&entity| app.world().get::<Number>(entity).copied()).collect()
 }
 
-/// The entity with a number.
+/// Returns the entity with a number.
 pub fn entity(app: &mut App, number: Number) -> Option<Entity> {
     let mut all = app.world_mut().query::<(Entity, &Number)>();
     all.iter(app.world()).find(|(_, own)| **own == number).map(|(entity, _)| entity)
 }
 
-/// What a camera lists as visible meshes. The list must be sorted and without repetition.
+/// Returns the numbers of the meshes in a camera's list of visible entities. Asserts that the list is sorted
+/// and without repetition.
 pub fn seen_by(app: &mut App, camera: Number) -> BTreeSet<Number> {
     let camera = entity(app, camera).unwrap();
     let list = app.world().get::<VisibleEntities>(camera).unwrap().get(TypeId::of::<Mesh3d>());
@@ -70,7 +71,7 @@ pub fn seen_by_any(app: &mut App) -> BTreeSet<Number> {
     all.iter(app.world()).filter(|(_, result)| result.get()).map(|(number, _)| *number).collect()
 }
 
-/// What an entity of class `Mesh3d` needs, without an asset.
+/// Returns the components that an entity of class `Mesh3d` needs, without an asset.
 pub fn drawn(number: u32, transform: Transform) -> impl Bundle {
     (Number(number), Mesh3d::default(), transform)
 }

@@ -1,4 +1,4 @@
-//! What the tests of the C interface share: handles, and assertions that show the library's own message.
+//! Helpers of the C interface's tests: handles, and assertions that show the library's own message.
 
 use std::ffi::CStr;
 use std::ptr::null_mut;
@@ -17,16 +17,16 @@ pub(crate) fn ok(status: vis_status) {
     returns(status, VIS_OK);
 }
 
-/// Asserts that a call has returned a status.
+/// Asserts that a call has returned the expected status.
 #[track_caller]
 pub(crate) fn returns(status: vis_status, expected: vis_status) {
     assert_eq!(status, expected, "the last error of this thread is: {}", message());
 }
 
-/// Makes a handle by a function that takes nothing else.
+/// Creates a handle with a function that has no other argument.
 pub(crate) fn make<T>(create: unsafe extern "C" fn(*mut *mut T) -> vis_status) -> *mut T {
     let mut handle = null_mut();
-    // SAFETY: `handle` is a place for the result.
+    // SAFETY: `handle` is memory for the result.
     ok(unsafe { create(&raw mut handle) });
     handle
 }

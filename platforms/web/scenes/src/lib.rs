@@ -1,10 +1,10 @@
-//! The built-in scenes as lists of numbers, for the page and for tests: a WebAssembly module of its own,
-//! which knows nothing of culling. The recipes are those of the example programs.
+//! The built-in scenes as lists of numbers, for the page and for tests: a separate WebAssembly module without
+//! culling. The recipes are those of the example programs.
 //!
-//! `scenes_make` makes a scene; `scenes_numbers` and `scenes_length` then give its lists, which stay where
-//! they are until the next scene is made.
+//! `scenes_make` makes a scene; `scenes_numbers` and `scenes_length` then return its lists, which stay at
+//! their addresses until the next scene is made.
 
-// The example programs use more of these modules than the page does.
+// The page does not use all items of these modules of the example programs.
 #![allow(dead_code, unreachable_pub, unused_imports)]
 
 #[path = "../../../../examples/src/error.rs"]

@@ -3,7 +3,7 @@
 use crate::source::{SceneSource, tolerance};
 use std::cell::RefCell;
 
-/// A scene as lists of numbers. JavaScript numbers the lists in the order of the fields, from 0.
+/// Scene as lists of numbers. JavaScript refers to a list by its index, from 0, in the order of the fields.
 #[derive(Debug, Default, Clone, PartialEq)]
 pub struct Lists {
     /// Number of triangles of each object.
@@ -14,7 +14,7 @@ pub struct Lists {
     pub key_counts: Vec<u32>,
     /// Keys of all walks: eye and target, 6 coordinates each.
     pub keys: Vec<f64>,
-    /// Distance of the near plane, then the vertical field of view of each walk, in radians.
+    /// Near plane distance, then the vertical field of view of each walk in radians.
     pub lenses: Vec<f64>,
     /// Minimum and maximum corner of each cell; empty for a scene without cells.
     pub cells: Vec<f64>,
@@ -24,12 +24,12 @@ pub struct Lists {
     pub portal_vertex_counts: Vec<u32>,
     /// Vertices of all portals: 3 coordinates each.
     pub portal_vertices: Vec<f64>,
-    /// Distance by which cells and portals may be misplaced, in metres; empty for a scene without cells.
+    /// Tolerance for positions of cells and portals, in metres; empty for a scene without cells.
     pub tolerance: Vec<f64>,
 }
 
 impl Lists {
-    /// Lists a scene. Of its cells, those that have one for each doorway.
+    /// Lists a scene. If it has cells for doorways, the cells with doorways are listed.
     pub fn new(scene: &SceneSource) -> Self {
         let mut lists = Self { lenses: vec![f64::from(scene.near)], ..Self::default() };
         for object in &scene.objects {
@@ -58,7 +58,7 @@ impl Lists {
         lists
     }
 
-    /// Returns the pointer to a list's numbers, and how many there are.
+    /// Returns the pointer to a list's numbers, and their count.
     fn numbers(&self, list: u32) -> (*const u8, usize) {
         fn of<T>(list: &[T]) -> (*const u8, usize) {
             (list.as_ptr().cast(), list.len())
@@ -93,13 +93,13 @@ pub extern "C" fn scenes_make(scene: u32, a: u32, b: u32) -> bool {
     made.is_some()
 }
 
-/// Returns where the numbers of a list of the scene begin.
+/// Returns the address of the first number of a list.
 #[unsafe(no_mangle)]
 pub extern "C" fn scenes_numbers(list: u32) -> *const u8 {
     LISTS.with_borrow(|lists| lists.numbers(list).0)
 }
 
-/// Returns how many numbers a list of the scene has.
+/// Returns the number of numbers in a list.
 #[unsafe(no_mangle)]
 pub extern "C" fn scenes_length(list: u32) -> usize {
     LISTS.with_borrow(|lists| lists.numbers(list).1)

@@ -1,9 +1,8 @@
-//! What the module for the web is compared with: the native library, without the C interface, on the same
-//! scenes.
+//! Reference results for the web module: the native library, without the C interface, on the same scenes.
 //!
 //! `native answers` prints a line for each scene, pipeline and frame of the scene's walks: the number of
-//! visible objects and the FNV-1a hash of their indices, ascending. `native times` prints microseconds a
-//! frame. Tests run the same in JavaScript: `tests/answers.js` and `tests/times.js`.
+//! visible objects and the FNV-1a hash of their indices, ascending. `native times` prints microseconds per
+//! frame. `tests/answers.js` and `tests/times.js` do the same in JavaScript.
 
 use glam::DVec3;
 use std::sync::Arc;
@@ -19,7 +18,7 @@ use visibility_web_scenes::{SceneSource, built_in, tolerance};
 
 /// Width over height of all pictures.
 const ASPECT: f64 = 16.0 / 9.0;
-/// Interval of the frames that are judged by an item buffer of 256 x 144 pixels.
+/// Interval of the frames judged by an item buffer of 256 x 144 pixels.
 const JUDGED_EVERY: usize = 20;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -30,7 +29,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
 }
 
-/// Fills a scene as an engine would by the C interface.
+/// Fills a scene in the way that an engine does through the C interface.
 fn fill(source: &SceneSource) -> Result<Scene, Box<dyn std::error::Error>> {
     let mut scene = Scene::new();
     let ids = scene.insert_batch(source.objects.iter().map(|object| Object {
@@ -58,7 +57,7 @@ fn views(source: &SceneSource) -> Result<Vec<View>, Box<dyn std::error::Error>> 
     Ok(views)
 }
 
-/// Makes the pipelines that a scene is culled with, by name.
+/// Makes the pipelines for a scene, each with its name.
 fn pipelines(
     source: &SceneSource,
     scene: &Scene,
@@ -129,7 +128,7 @@ fn times(name: &str) -> Result<(), Box<dyn std::error::Error>> {
     let (scene, views) = (fill(&source)?, views(&source)?);
     let mut visible = VisibleSet::new();
     for (label, mut pipeline) in pipelines(&source, &scene)? {
-        // The least of many rounds: others use the machine, too.
+        // Takes the least time of many rounds, since other programs use the machine too.
         let mut least = f64::INFINITY;
         let begin = Instant::now();
         while begin.elapsed().as_secs_f64() < 3.0 {
