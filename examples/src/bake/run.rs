@@ -2,6 +2,7 @@
 
 use super::failure::Failure;
 use crate::output_file::write;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
@@ -48,7 +49,8 @@ pub fn run<'a>(
     let mut bake = match std::fs::read(&run.state) {
         Ok(bytes) => Bake::resume(baker(), &bytes)
             .map_err(|error| format!("{}: {error}; remove the file to begin anew", run.state.display()))?,
-        Err(_) => Bake::new(baker()),
+        Err(error) if error.kind() == ErrorKind::NotFound => Bake::new(baker()),
+        Err(error) => return Err(format!("{}: {error}", run.state.display()).into()),
     };
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(run.threads)

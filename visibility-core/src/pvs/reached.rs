@@ -74,11 +74,11 @@ impl Viewcells {
     }
 }
 
-/// Tests whether the viewcells in `by` cover the convex polygon `whole`, relative to `anchor`, except for gaps
-/// up to twice `margin` (metres) wide. Each viewcell in turn takes its part of a piece of the polygon; the
-/// parts beyond the viewcell's faces are pieces that are left to the next viewcells. A viewcell with a face
-/// that is not known takes no part. Returns false after [`MAX_TESTS`] tests, and if more than [`MAX_LEFT`]
-/// pieces are left.
+/// Tests whether the viewcells in `by` cover the convex polygon `whole`, relative to `anchor`, except for
+/// gaps up to twice `margin` (metres) wide. Each viewcell in turn takes its part of a piece of the polygon;
+/// the parts beyond the viewcell's faces are pieces that are left to the next viewcells. A viewcell with a
+/// face that is not known takes no part. Returns false after [`MAX_TESTS`] tests, and if more than
+/// [`MAX_LEFT`] pieces are left.
 fn is_covered(whole: &[DVec3], by: &[ViewcellId], all: &[Viewcell], anchor: DVec3, margin: f64) -> bool {
     // Pieces not yet covered, each with the place in `by` of the first viewcell not yet tested with it.
     let mut left: SmallVec<[(Corners, usize); MAX_LEFT]> = SmallVec::new();

@@ -7,10 +7,10 @@
 //!
 //! 1. Cubes of rays from the corners and the middle of the viewcell, and random rays.
 //! 2. Border sampling: rays just past the corners and edges of a found triangle, from the viewpoint that
-//!   found it. Triangles that these rays find are sampled in turn.
+//!    found it. Triangles that these rays find are sampled in turn.
 //! 3. Reverse sampling: where a blocker ends a ray before its target point, a ray is sent from the target
-//!   point past an edge of the blocker back to the viewcell. This finds gaps that are visible only from a
-//!   small part of the viewcell.
+//!    point past an edge of the blocker back to the viewcell. This finds gaps that are visible only from a
+//!    small part of the viewcell.
 //! 4. Rays to objects that are not found yet. Reverse sampling follows each ray that is blocked.
 
 mod eyes;
