@@ -123,6 +123,20 @@ fn one_bake_at_a_time_writes_a_file() {
 }
 
 #[cfg(unix)]
+/// A folder in place of the state file stands for any state that is there and cannot be read: the finished
+/// work in it is not replaced by a new bake.
+#[test]
+fn a_state_that_cannot_be_read_is_not_replaced() {
+    let folder = folder("bake_state");
+    write_wall(&folder.join("wall.vscn"), WHOLE);
+    fs::create_dir(folder.join("wall.set.state")).unwrap();
+    let output = bake_wall(&folder, "wall.set", &[]);
+    let message = text(&output.stderr);
+    assert!(!output.status.success(), "a bake whose state cannot be read fails");
+    assert!(message.contains("wall.set.state"), "the message names the state: {message}");
+    assert_eq!(names(&folder), ["wall.set.state", "wall.vscn"], "no set is written");
+}
+
 #[test]
 fn links_are_followed_and_devices_stay() {
     use std::os::unix::fs::{FileTypeExt, symlink};
