@@ -4,7 +4,9 @@
 use visibility_core::glam::{Affine3A, DAffine3, DQuat, DVec3, EulerRot, Quat, Vec3};
 use visibility_core::{
     Aabb, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionCuller, Pipeline, Pose, Scene, View,
-    VisibleSet, occlusion::Preparation, scene::SceneError,
+    VisibleSet,
+    occlusion::Preparation,
+    scene::{SceneError, SharedTriangles},
 };
 use visibility_testing::{PlainMap, Random};
 
@@ -197,7 +199,16 @@ fn bounds_computed_to_the_nearest_hold_their_mesh_and_others_do_not() {
         let mut is_used = |bounds: Aabb| {
             let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
             scene.set_mesh(id, mesh_id, transform).unwrap();
-            scene.occluder(id).is_some()
+            let is_used = scene.occluder(id).is_some();
+            let tested = scene.bounds(id).unwrap();
+            let holds = tested.min.as_dvec3().cmple(min).all() && max.cmple(tested.max.as_dvec3()).all();
+            assert!(!is_used || holds, "{tested:?} does not hold {min} to {max}");
+            // Whatever is tested, the object is the one that was given, and is not moved by its own bounds.
+            assert_eq!(scene.object(id).unwrap().bounds, bounds, "the bounds that were given");
+            scene.set_bounds(id, bounds).unwrap();
+            scene.set_bounds_batch(&[(id, bounds)]).unwrap();
+            assert!(scene.has_mesh(id) && scene.bounds(id) == Ok(tested), "the same bounds keep the mesh");
+            is_used
         };
         assert!(is_used(nearest) && is_used(halved), "{nearest:?}: {transform:?}");
         let f32_image = Aabb::from_points(mesh.positions().iter().map(|&p| transform.transform_point3(p)));
@@ -213,4 +224,109 @@ fn bounds_computed_to_the_nearest_hold_their_mesh_and_others_do_not() {
         decided += 1;
     }
     assert!(rounded > 1000 && decided > 3900, "{rounded} {decided}");
+}
+
+/// A mesh that reaches out of a local box by roundings: the local box is enlarged, and given again it changes
+/// nothing. A mesh that moves by small steps does not enlarge bounds ever further.
+#[test]
+fn a_local_box_is_enlarged_to_hold_its_mesh_and_stays_the_one_that_was_given() {
+    let mut random = Random(39);
+    let mut enlarged = 0;
+    for _ in 0..400 {
+        let points: Vec<Vec3> = (0..6).map(|_| random.fine_vector(9.0).as_vec3()).collect();
+        let Ok(mesh) = OccluderMesh::from_indexed(&points, &[[0, 1, 2], [3, 4, 5]]) else { continue };
+        let held = *mesh.bounds();
+        let (middle, half) = ((held.min + held.max) * 0.5, (held.max - held.min) * 0.5);
+        let local = Aabb::new(middle - half, middle + half);
+        let mut scene = Scene::new();
+        let mesh = scene.add_mesh(mesh);
+        let id = scene.insert(Object { occluder: true, ..Object::new(local) });
+        let at = Affine3A::from_translation(random.fine_vector(99.0).as_vec3());
+        scene.set_local_bounds(id, local).unwrap();
+        scene.set_mesh(id, mesh, at).unwrap();
+        let [bounds, given] = [scene.bounds(id).unwrap(), local.transformed(&at)];
+        assert_eq!(bounds, local.union(&held).transformed(&at), "the bounds that cullers test");
+        assert_eq!(scene.object(id).unwrap().bounds, given, "the bounds that follow from the given box");
+        enlarged += usize::from(local.union(&held) != local);
+        // The same again, in each way in which an engine may say so in every frame.
+        scene.set_local_bounds(id, local).unwrap();
+        scene.set_transform(id, at).unwrap();
+        scene.set_transforms_batch(&[(id, at)]).unwrap();
+        assert!(scene.occluder(id).is_some() && scene.bounds(id) == Ok(bounds), "nothing has changed");
+        let other = Affine3A::from_translation(Vec3::X);
+        scene.set_transform(id, other).unwrap();
+        assert_eq!(scene.bounds(id), Ok(local.union(&held).transformed(&other)), "the bounds move along");
+        scene.set_bounds(id, given).unwrap();
+        assert!(!scene.has_mesh(id) && scene.bounds(id) == Ok(given), "bounds elsewhere take the mesh away");
+        scene.set_local_bounds(id, local).unwrap();
+        assert_eq!(scene.bounds(id), Ok(local), "a local box without the former mesh");
+    }
+    assert!(enlarged > 50, "{enlarged} boxes enlarged: too few");
+
+    let (mut scene, [house, _]) = street();
+    let mesh = scene.add_mesh(OccluderMesh::cuboid(&HOUSE).unwrap());
+    let (mut steps, step) = (0, 100.0 * f32::EPSILON);
+    while steps < 100
+        && scene.set_mesh(house, mesh, Affine3A::from_translation(Vec3::X * step * steps as f32)) == Ok(())
+        && scene.occluder(house).is_some()
+    {
+        steps += 1;
+    }
+    assert!((2..20).contains(&steps), "{steps} steps of two roundings each leave the bounds");
+}
+
+/// Triangles that reach out of the bounds of their object by roundings, and the mesh that is prepared from
+/// them, with a local box beside them and without.
+#[test]
+fn bounds_hold_triangles_and_the_mesh_prepared_from_them() {
+    let mut random = Random(40);
+    let mut enlarged = 0;
+    for trial in 0..600 {
+        let corner = |random: &mut Random| random.fine_vector(20.0).as_vec3();
+        let mesh: Vec<[Vec3; 3]> = (0..4).map(|_| [(); 3].map(|()| corner(&mut random))).collect();
+        let at = random.fine_vector(8000.0);
+        let turn = DQuat::from_rotation_z(random.fine_range(-3.0, 3.0));
+        let mut triangles = SharedTriangles::from(&mesh[..]);
+        if trial % 2 == 0 {
+            triangles = triangles.placed(DAffine3::from_rotation_translation(turn, at));
+        }
+        let bounds = triangles.bounds();
+        let (middle, half) = ((bounds.min + bounds.max) * 0.5, (bounds.max - bounds.min) * 0.5);
+        let given = if trial % 3 == 0 { bounds } else { Aabb::new(middle - half, middle + half) };
+        let mut scene = Scene::new();
+        let id = scene.insert(Object { occluder: true, ..Object::new(given) });
+        if trial % 4 == 1 {
+            scene.set_local_bounds(id, given).unwrap();
+        }
+        scene.set_triangles(id, triangles.clone()).unwrap();
+        scene.prepare_occluders(&Preparation::default().with_sliver(0.0));
+        let tested = scene.bounds(id).unwrap();
+        assert!(tested.union(&bounds) == tested, "trial {trial}: {tested:?} does not hold {bounds:?}");
+        if let Some((mesh, transform)) = scene.occluder(id) {
+            let exact = DAffine3::from_cols_array(&transform.to_cols_array().map(f64::from));
+            for p in mesh.positions() {
+                let p = exact.transform_point3(p.as_dvec3());
+                let holds = tested.min.as_dvec3().cmple(p).all() && p.cmple(tested.max.as_dvec3()).all();
+                assert!(holds, "trial {trial}: {tested:?} does not hold {p}");
+            }
+        }
+        enlarged += usize::from(tested != given);
+        assert_eq!(scene.object(id).unwrap().bounds, given, "trial {trial}: the bounds that were given");
+        let is_used = scene.occluder(id).is_some();
+        if trial % 4 == 1 {
+            scene.set_local_bounds(id, given).unwrap();
+            scene.set_transform(id, Affine3A::IDENTITY).unwrap();
+            scene.set_transforms_batch(&[(id, Affine3A::IDENTITY)]).unwrap();
+        } else {
+            scene.set_bounds(id, given).unwrap();
+        }
+        assert_eq!(scene.triangles(id).unwrap(), triangles.view(), "trial {trial}: triangles stay");
+        assert_eq!(
+            (scene.occluder(id).is_some(), scene.bounds(id)),
+            (is_used, Ok(tested)),
+            "trial {trial}: the mesh and the tested box stay"
+        );
+        assert!(is_used, "trial {trial}: the mesh is within the bounds");
+    }
+    assert!(enlarged > 200, "{enlarged} boxes enlarged: too few");
 }

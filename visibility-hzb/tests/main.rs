@@ -12,6 +12,7 @@ mod hom_no_allocation;
 mod level;
 mod magnitudes;
 mod no_allocation;
+mod own_mesh;
 mod panels;
 mod pyramid;
 mod rays;

@@ -60,9 +60,10 @@ impl ItemBuffer {
     ) -> impl Iterator<Item = ObjectId> + 'a {
         let drawn = self.view.as_ref().map(|view| (view.layers(), FreePixels::new(view, scene, &self.image)));
         scene.ids().filter(move |&id| {
-            let (Some((layers, pixels)), Ok(object)) = (&drawn, scene.object(id)) else { return false };
-            let mut is_reported = || object.never_cull || !object.bounds.is_finite() || is_seen(id);
-            object.layers & layers != 0 && (is_reported() || pixels.any(&object.bounds))
+            let Some((layers, pixels)) = &drawn else { return false };
+            let (Ok(object), Ok(bounds)) = (scene.object(id), scene.bounds(id)) else { return false };
+            let mut is_reported = || object.never_cull || !bounds.is_finite() || is_seen(id);
+            object.layers & layers != 0 && (is_reported() || pixels.any(&bounds))
         })
     }
 }

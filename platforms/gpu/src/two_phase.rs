@@ -38,10 +38,10 @@ impl TwoPhaseCuller {
         let mut boxes = vec![Aabb::EMPTY; count];
         for id in scene.ids() {
             // The card never culls an object with an empty box, so never-culled objects keep one.
-            if let Ok(object) = scene.object(id)
+            if let (Ok(object), Ok(bounds)) = (scene.object(id), scene.bounds(id))
                 && !object.is_unculled()
             {
-                boxes[id.index()] = object.bounds;
+                boxes[id.index()] = bounds;
             }
         }
         let boxes: Vec<[f32; 6]> = boxes.iter().map(|b| bytemuck::cast([b.min, b.max])).collect();

@@ -40,8 +40,9 @@ use alloc::vec::Vec;
 use build::Entry;
 use changes::ChangeLog;
 use glam::DVec3;
+use hashbrown::HashMap;
 use meshes::Meshes;
-use placement::Placements;
+use placement::{GivenBox, Placements};
 use queue::Queue;
 use tree::{Payload, Scratch};
 
@@ -89,6 +90,9 @@ pub struct Scene {
     triangles: Vec<Option<SharedTriangles>>,
     meshes: Meshes,
     placements: Placements,
+    /// Boxes of the objects whose box was enlarged to hold their mesh or triangles, as they were before, by
+    /// index.
+    given: HashMap<u32, GivenBox>,
     /// Number of objects that are flagged as occluders.
     occluders: usize,
     /// Number of objects that are flagged as occluders and have no mesh.
@@ -125,6 +129,7 @@ impl Clone for Scene {
             triangles: self.triangles.clone(),
             meshes: self.meshes.clone(),
             placements: self.placements.clone(),
+            given: self.given.clone(),
             occluders: self.occluders,
             meshless: self.meshless,
             outside: self.outside,
@@ -160,6 +165,7 @@ impl Scene {
             triangles: Vec::new(),
             meshes: Meshes::default(),
             placements: Placements::default(),
+            given: HashMap::new(),
             occluders: 0,
             meshless: 0,
             outside: 0,
@@ -239,7 +245,8 @@ impl Scene {
         }
     }
 
-    /// Returns the bounds, layers, cost and flags of an object.
+    /// Returns the bounds, layers, cost and flags of an object, as they were given. The box that cullers test
+    /// may be larger by rounding: see [`bounds`](Self::bounds).
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
@@ -247,7 +254,7 @@ impl Scene {
         let slot = self.slot(id)?;
         let payload = self.tree.payload(slot);
         Ok(Object {
-            bounds: self.tree.bounds[slot.node()].get(slot.lane()),
+            bounds: self.given_bounds(id.index, slot),
             layers: payload.layers,
             cost: self.costs[id.index()],
             never_cull: self.never_cull.contains(id.index()),
@@ -257,7 +264,9 @@ impl Scene {
         })
     }
 
-    /// Returns the bounds of an object, relative to the scene's origin.
+    /// Returns the bounds of an object, relative to the scene's origin. These are the bounds that were given,
+    /// enlarged by rounding errors so as to hold the object's occluder mesh and triangles where these reach
+    /// out of them: a culler that found the box behind the mesh would hide the object behind itself.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
@@ -368,6 +377,7 @@ impl Scene {
             *triangles = None;
         }
         self.remove_placement(id.index);
+        self.given.remove(&id.index);
         self.log.push(id, self.generations.len());
         self.layout += 1;
         Ok(())
@@ -404,12 +414,14 @@ impl Scene {
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn set_bounds(&mut self, id: ObjectId, bounds: Aabb) -> Result<(), SceneError> {
         let slot = self.slot(id)?;
+        let bounds = self.resolved(id.index, bounds);
         self.forget_place(id, &bounds);
         self.move_object(slot, id, &bounds);
         self.log.push(id, self.generations.len());
         Ok(())
     }
 
+    /// Sets the bounds of an object in the hierarchy, without any other effect on the object.
     fn move_object(&mut self, slot: Slot, id: ObjectId, bounds: &Aabb) {
         let (was, is) =
             (self.tree.is_unculled(slot), is_unculled(bounds, self.never_cull.contains(id.index())));
@@ -435,12 +447,21 @@ impl Scene {
         let mut scratch = core::mem::replace(&mut self.tree.scratch, Scratch::EMPTY);
         let found = self.find_slots(moved.iter().map(|&(id, _)| self.slot(id)), &mut scratch);
         if found.is_ok() {
+            let mut enlarged = core::mem::take(&mut scratch.placed);
+            let moved = if self.given.is_empty() {
+                moved
+            } else {
+                enlarged.clear();
+                enlarged.extend(moved.iter().map(|&(id, bounds)| (id, self.resolved(id.index, bounds))));
+                &enlarged
+            };
             if !self.placements.is_empty() || !self.triangles.is_empty() {
                 for (id, bounds) in moved {
                     self.forget_place(*id, bounds);
                 }
             }
             self.move_batch(moved, &mut scratch);
+            scratch.placed = enlarged;
         }
         self.tree.scratch = scratch;
         found
@@ -645,6 +666,7 @@ impl Scene {
             + self.queue.memory()
             + self.log.memory()
             + self.placements.memory()
+            + self.given.len() * size_of::<(u32, GivenBox)>()
     }
 
     pub(crate) fn tree(&self) -> &Tree {

@@ -17,6 +17,17 @@ pub(super) struct Placement {
     pub(super) transform: Affine3A,
 }
 
+/// What an object's box was before it was enlarged by rounding errors, to hold the object's mesh or
+/// triangles.
+#[derive(Clone, Copy, Default, Debug)]
+pub(super) struct GivenBox {
+    /// The local box. `None` if that was not enlarged.
+    pub(super) local: Option<Aabb>,
+    /// The bounds in scene coordinates. `None` if these were not enlarged, or only together with the local
+    /// box.
+    pub(super) bounds: Option<Aabb>,
+}
+
 /// The occluder mesh of an object.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlacedMesh {
@@ -80,6 +91,10 @@ impl Placements {
 
     /// Returns the placement of an object. If the object has none, it is given one without a box, whose
     /// transform is the identity.
+    pub(super) fn get_mut(&mut self, index: u32) -> Option<&mut Placement> {
+        self.dense.get_mut(*self.rows.get(index as usize)? as usize)
+    }
+
     pub(super) fn get_or_insert(&mut self, index: u32) -> &mut Placement {
         let i = index as usize;
         if self.rows.len() <= i {

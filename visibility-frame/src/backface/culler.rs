@@ -165,8 +165,11 @@ impl BackfaceCuller {
     /// both sides, has a cone already, has no triangles, or has a triangle outside its bounds.
     fn build(&mut self, scene: &Scene, id: ObjectId) {
         let (Ok(triangles), Ok(object)) = (scene.triangles(id), scene.object(id)) else { return };
-        let within = |bounds: &Aabb| triangles.iter().flatten().all(|p| bounds.contains_point(p));
-        if !object.one_sided || self.cone_of(id).is_some() || triangles.is_empty() || !within(&object.bounds)
+        let within = |bounds: Aabb| triangles.iter().flatten().all(|p| bounds.contains_point(p));
+        if !object.one_sided
+            || self.cone_of(id).is_some()
+            || triangles.is_empty()
+            || !scene.bounds(id).is_ok_and(within)
         {
             return;
         }

@@ -47,13 +47,14 @@ pub(crate) fn assign(
         Asked::Set(visible) => visible,
         Asked::Objects(ids) => {
             for &id in ids {
-                let Some(object) = scene.object(id).ok().filter(|object| !object.is_unculled()) else {
+                let (Ok(object), Ok(scene_bounds)) = (scene.object(id), scene.bounds(id)) else { continue };
+                if object.is_unculled() {
                     continue;
-                };
-                let (child, boxes) = (Child::Object(id), directions.map(|d| d.local_box(&object.bounds)));
+                }
+                let (child, boxes) = (Child::Object(id), directions.map(|d| d.local_box(&scene_bounds)));
                 let farthest = farthest(&boxes);
-                if is_usable(usable_bounds, &directions[farthest], &boxes[farthest], &object.bounds) {
-                    let (bounds, scene_bounds) = (boxes[farthest], object.bounds);
+                if is_usable(usable_bounds, &directions[farthest], &boxes[farthest], &scene_bounds) {
+                    let bounds = boxes[farthest];
                     lists[farthest].push(Item { child, bounds, scene_bounds });
                 }
             }
