@@ -1,6 +1,6 @@
 //! Culling for cameras.
 
-use crate::camera_view::{any_view, camera_view, layer_mask};
+use crate::camera_view::{any_view, camera_view, draws_nearest_fronts, layer_mask};
 use crate::entity_lists::EntitySorter;
 use crate::mirror::{ASK, Record, VisibilityScene};
 use bevy_camera::visibility::{
@@ -160,7 +160,8 @@ pub(crate) struct Scratch {
     marks: Marks,
     /// Pipeline of the cameras that do not cull: it keeps all entities.
     everything: CullingPipeline,
-    /// Pipeline of the cameras without one of their own. It remembers nothing, so all of them can share it.
+    /// Pipeline of the cameras without one of their own, and of those whose own may not be used. It remembers
+    /// nothing, so all of them can share it.
     frustum: CullingPipeline,
 }
 
@@ -205,8 +206,10 @@ pub(crate) fn cull_cameras(
         }
         let view = projection.and_then(|projection| camera_view(camera, projection, transform).ok());
         let (culling, view) = match (view, own.as_mut()) {
-            (Some(view), Some(own)) if !culls_nothing => (&mut **own, view),
-            (Some(view), None) if !culls_nothing => (&mut *frustum, view),
+            (Some(view), Some(own)) if !culls_nothing && draws_nearest_fronts(camera, &view) => {
+                (&mut **own, view)
+            }
+            (Some(view), _) if !culls_nothing => (&mut *frustum, view),
             // Also if the projection is none: then everything on the camera's layers may be in view.
             _ => (&mut *everything, any_view()),
         };

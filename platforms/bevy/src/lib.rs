@@ -67,6 +67,7 @@ pub use shared::Shared;
 pub use visibility_bake::BakedSetError;
 
 use bevy_app::{App, Plugin, PostUpdate};
+use bevy_camera::Camera3d;
 use bevy_camera::visibility::{VisibilitySystems, check_visibility_cpu_culling, check_visibility_ranges};
 use bevy_ecs::prelude::*;
 use bevy_ecs::schedule::ScheduleCleanupPolicy;
@@ -93,7 +94,8 @@ pub enum CullingSystems {
 impl Plugin for VisibilityCullingPlugin {
     fn build(&self, app: &mut App) {
         // Fails if cameras exist already. These are culled by their frustum until they are given a pipeline.
-        let _ = app.world_mut().try_register_required_components::<bevy_camera::Camera, CullingPipeline>();
+        // Other cameras do not draw the meshes by which occluders hide.
+        let _ = app.world_mut().try_register_required_components::<Camera3d, CullingPipeline>();
         app.init_resource::<VisibilityScene>()
             .init_resource::<changes::Toggled>()
             .configure_sets(
