@@ -2,12 +2,13 @@
 
 use crate::mirror::VisibilityScene;
 use bevy_camera::primitives::Aabb as BevyAabb;
+use bevy_camera::visibility::{RenderLayers, VisibilityRange};
 use bevy_ecs::lifecycle::RemovedComponents;
 use bevy_ecs::prelude::*;
 use bevy_mesh::Mesh3d;
 use bevy_transform::components::GlobalTransform;
-use std::collections::HashMap;
 use std::collections::hash_map::Entry;
+use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Mutex, PoisonError};
 use visibility_bake::{BakedSet, BakedSetError};
 use visibility_core::culler::Lack;
@@ -36,8 +37,9 @@ pub struct BakedObject(pub u32);
 ///
 /// What hid others in the bake must stay as it was. Nothing is hidden while an occluder of the bake is no
 /// longer as it was baked: its entity is gone, has changed, or is no longer its [`BakedObject`], and no other
-/// entity has taken the place. The culler is [approximate](Accuracy::Approximate) while the entity of an
-/// occluder has not been found yet, since nobody knows whether that wall is drawn.
+/// entity has taken the place. Nothing is hidden either while an occluder of the bake has a
+/// [`VisibilityRange`] or is on a layer above 30. The culler is [approximate](Accuracy::Approximate) while the
+/// entity of an occluder has not been found yet, since nobody knows whether that wall is drawn.
 ///
 /// A set is of one [version](BakedSet::version) of the level: `bake` prints it, and the game's level carries
 /// it. The culler of a set that was not compared with a version is approximate.
@@ -69,6 +71,9 @@ pub struct BakedLevel {
     /// By index of an occluder of the bake: how many entities were it as baked once, less those that have
     /// taken their places since. No entry if that is 0.
     lost_occluders: HashMap<u32, usize>,
+    /// Entities of occluders, where they were baked, that some views find and do not draw: for their
+    /// `VisibilityRange`, or for layers above 30, which the scene does not tell apart.
+    partly_drawn: HashSet<Entity>,
     /// Whether no frame has followed the entities yet.
     is_new: bool,
     cursor: SceneCursor,
@@ -89,7 +94,8 @@ enum Sets {
     /// No frame has followed the entities yet, so the culler hides nothing.
     #[default]
     Unknown,
-    /// An occluder of the bake is not as baked any more, so the culler hides nothing.
+    /// An occluder of the bake is not as baked any more, or is not drawn in all views, so the culler hides
+    /// nothing.
     WithoutOccluder,
     Of(Arc<ScenePvs>),
 }
@@ -131,6 +137,7 @@ impl BakedLevel {
             shared: Arc::default(),
             entities: HashMap::new(),
             lost_occluders: HashMap::new(),
+            partly_drawn: HashSet::new(),
             is_new: true,
             cursor: SceneCursor::START,
         })
@@ -177,12 +184,24 @@ impl BakedLevel {
     /// Notes that an entity is no longer where it was baked. Returns false if the entity has no place.
     fn set_changed(&mut self, entity: Entity) -> bool {
         let Some(place) = self.entities.get_mut(&entity) else { return false };
+        self.partly_drawn.remove(&entity);
         if let Place::AsBaked(_, index) = std::mem::replace(place, Place::Changed)
             && self.set.is_occluder(index)
         {
             *self.lost_occluders.entry(index).or_default() += 1;
         }
         true
+    }
+
+    /// Notes whether an entity is an occluder that some views find and do not draw.
+    fn set_partly_drawn(&mut self, mirror: &VisibilityScene, entity: Entity) {
+        let is_partly_drawn = matches!(self.entities.get(&entity), Some(&Place::AsBaked(id, index))
+            if self.set.is_occluder(index) && mirror.record(id).must_be_asked());
+        if is_partly_drawn {
+            self.partly_drawn.insert(entity);
+        } else {
+            self.partly_drawn.remove(&entity);
+        }
     }
 
     /// Notes that the entities of these objects are no longer where they were baked.
@@ -274,8 +293,11 @@ pub(crate) fn follow_level(
     mirror: Res<VisibilityScene>,
     touched: Query<Candidate, Touched>,
     all: Query<Candidate>,
+    limited: Query<Entity, Or<(Added<VisibilityRange>, Changed<RenderLayers>)>>,
     mut removed: RemovedComponents<BakedObject>,
     mut removed_meshes: RemovedComponents<Mesh3d>,
+    mut removed_ranges: RemovedComponents<VisibilityRange>,
+    mut removed_layers: RemovedComponents<RenderLayers>,
 ) {
     let Some(mut level) = level else {
         removed.clear();
@@ -286,6 +308,7 @@ pub(crate) fn follow_level(
     let level = level.bypass_change_detection();
     let scene = mirror.scene();
     let mut is_stale = level.cursor.follow(scene) == Changes::Everything;
+    let was_partly_drawn = !level.partly_drawn.is_empty();
     for entity in removed.read() {
         is_stale |= level.remove(entity);
     }
@@ -309,6 +332,7 @@ pub(crate) fn follow_level(
             is_stale |= mesh.is_some_and(|mesh| mesh.is_changed());
         } else if let Some(place) = level.place(&mirror, entity, object.0) {
             level.insert(entity, place, object.0);
+            level.set_partly_drawn(&mirror, entity);
             is_stale = true;
         }
     };
@@ -317,11 +341,15 @@ pub(crate) fn follow_level(
     } else {
         touched.iter().for_each(&mut follow);
     }
+    for entity in limited.iter().chain(removed_ranges.read()).chain(removed_layers.read()) {
+        level.set_partly_drawn(&mirror, entity);
+    }
+    is_stale |= was_partly_drawn && level.partly_drawn.is_empty();
     if is_stale {
         // An entity that left the scene, such as one with `NoCpuCulling`, may not be drawn any more.
         level.set_all_changed(|id| !scene.contains(id));
     }
-    let sets = if !level.lost_occluders.is_empty() {
+    let sets = if !level.lost_occluders.is_empty() || !level.partly_drawn.is_empty() {
         Sets::WithoutOccluder
     } else if is_stale {
         let placed = level.entities.values().filter_map(|place| match *place {

@@ -137,7 +137,7 @@ impl Exceptions<'_, '_, '_> {
         range_view: Option<Entity>,
         view_layers: Option<&RenderLayers>,
     ) -> bool {
-        if !record.has_range && !record.has_other_layers {
+        if !record.must_be_asked() {
             return true;
         }
         let in_range = |ranges: &VisibleEntityRanges| {

@@ -74,6 +74,7 @@ use bevy_ecs::schedule::ScheduleCleanupPolicy;
 use bevy_light::{
     LightPlugin, SimulationLightSystems, check_dir_light_mesh_visibility, check_point_light_mesh_visibility,
 };
+use bevy_mesh::mark_3d_meshes_as_changed_if_their_assets_changed;
 use bevy_transform::TransformSystems;
 
 /// Replaces bevy's frustum culling on the CPU, for cameras and for shadow views, by culling with the
@@ -103,7 +104,9 @@ impl Plugin for VisibilityCullingPlugin {
                 (CullingSystems::Sync, CullingSystems::Cameras)
                     .chain()
                     .in_set(VisibilitySystems::CheckVisibility)
-                    .after(check_visibility_ranges),
+                    .after(check_visibility_ranges)
+                    // Or a change of a mesh asset would be seen a frame late.
+                    .after(mark_3d_meshes_as_changed_if_their_assets_changed),
             )
             .add_systems(
                 PostUpdate,

@@ -74,6 +74,11 @@ impl Record {
         is_occluder: false,
         has_box: false,
     };
+
+    /// Returns whether views that find the object by its bounds and layer mask may not show the entity.
+    pub(crate) fn must_be_asked(&self) -> bool {
+        self.has_range || self.has_other_layers
+    }
 }
 
 /// The mirror of all entities that bevy culls on the CPU: a [`Scene`] whose objects are entities.
@@ -217,7 +222,7 @@ impl VisibilityScene {
 
     fn set_record(&mut self, id: ObjectId, record: Record) {
         let is_first = record.entity.generation() == EntityGeneration::FIRST;
-        let is_plain = is_first && record.classes == 0 && !record.has_range && !record.has_other_layers;
+        let is_plain = is_first && record.classes == 0 && !record.must_be_asked();
         let (generation, is_boxed) = (record.entity.generation(), record.has_box && !record.is_occluder);
         self.objects[record.entity.index_u32() as usize] = EntityObject { id, generation, is_boxed };
         self.plain[id.index()] = if is_plain { record.entity.index_u32() } else { ASK };
