@@ -14,8 +14,8 @@ use visibility_core::pipeline::Explanation;
 use visibility_core::{Accuracy, CullStats, Culler, FrustumCuller, Pipeline, Scene, View, VisibleSet};
 use visibility_hzb::{Hzb, HzbCuller};
 
-/// The cullers of a camera. Every camera is given one that culls by frustum and by occlusion. Insert another
-/// to choose:
+/// The cullers of a camera. Every `Camera3d` is given one that culls by frustum and by occlusion. Insert
+/// another to choose:
 ///
 /// ```
 /// use bevy_camera::Camera3d;
@@ -26,6 +26,9 @@ use visibility_hzb::{Hzb, HzbCuller};
 /// ```
 ///
 /// Any [`Culler`] of the `visibility` crates will do: see [`with`](Self::with).
+///
+/// It does not run while the camera draws the backs of meshes, being mirrored or having `invert_culling` but
+/// not both, nor while the eye is beyond the near plane. Then the frustum alone culls.
 #[derive(Component, Debug)]
 pub struct CullingPipeline {
     pipeline: Pipeline,

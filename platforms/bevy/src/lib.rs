@@ -37,9 +37,10 @@
 //! # What is the same as in bevy, and what is not
 //! Entities are culled by the axis-aligned world box around their turned local box. bevy tests the turned
 //! box itself, and a [`Sphere`](bevy_camera::primitives::Sphere) where there is no box, so a turned box or a
-//! sphere at the border of a view may be visible here and hidden in bevy. Entities
-//! wholly nearer than the near plane, or wholly beyond the far plane of an orthographic camera, are hidden
-//! here and may be visible in bevy, which leaves them to the graphics card. All else is the same:
+//! sphere at the border of a view may be visible here and hidden in bevy. A mesh that is a light too is
+//! culled by the box around both, and never if it is a `RectLight` or a `DirectionalLight`. Entities wholly
+//! nearer than the near plane, or wholly beyond the far plane of an orthographic camera, are hidden here and
+//! may be visible in bevy, which leaves them to the graphics card. All else is the same:
 //! `InheritedVisibility`, `RenderLayers`, `VisibilityRange`, `NoFrustumCulling`, `NoCpuCulling`, several
 //! cameras, and the shadow views of directional, point and spot lights.
 //!

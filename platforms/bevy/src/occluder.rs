@@ -18,7 +18,8 @@ use visibility_core::glam::Vec3;
 ///
 /// Never an occluder, whatever this component says: an entity that is hidden by its [`Visibility`], that has
 /// a `VisibilityRange`, `SkinnedMesh` or `MeshMorphWeights`, that is on a layer above 30, that is mirrored
-/// (its transform has a negative determinant), or that has `NoFrustumCulling` or no [`Aabb`].
+/// (its transform has a negative determinant), that is a light too, or that has `NoFrustumCulling` or no
+/// [`Aabb`].
 ///
 /// [`Visibility`]: bevy_camera::visibility::Visibility
 /// [`Aabb`]: bevy_camera::primitives::Aabb
