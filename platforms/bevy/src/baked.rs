@@ -1,7 +1,7 @@
 //! Culling by a baked set: the file of the program `bake`, whose objects are entities.
 
 use crate::mirror::VisibilityScene;
-use bevy_camera::primitives::Aabb as BevyAabb;
+use bevy_camera::primitives::{Aabb as BevyAabb, Sphere};
 use bevy_camera::visibility::{RenderLayers, VisibilityRange};
 use bevy_ecs::lifecycle::RemovedComponents;
 use bevy_ecs::prelude::*;
@@ -26,8 +26,8 @@ const PLACE_TOLERANCE: f32 = 1.0 / (1 << 18) as f32;
 /// several entities that are parts of the object.
 ///
 /// The entity must be where the object was baked. It counts as visible from everywhere until its `Aabb` is
-/// known, and again once its transform, `Aabb` or `Mesh3d` has changed. Insert the component anew when the
-/// entity is back in its place.
+/// known, and again once its transform, `Aabb` or `Mesh3d` has changed, or it has become a light. Insert the
+/// component anew when the entity is back in its place.
 #[derive(Component, Clone, Copy, PartialEq, Eq, Debug)]
 pub struct BakedObject(pub u32);
 
@@ -163,8 +163,9 @@ impl BakedLevel {
     /// Returns the place of an entity that is where the object of this index was baked.
     fn place(&self, mirror: &VisibilityScene, entity: Entity, index: u32) -> Option<Place> {
         let id = mirror.object(entity)?;
-        // Not finite as long as the entity has no `Aabb`, and for entities that are never culled.
-        let bounds = mirror.scene().bounds(id).ok().filter(Aabb::is_finite)?;
+        // Not as long as the entity has no `Aabb`, nor for lights and entities that are never culled.
+        let has_box = mirror.record(id).has_box;
+        let bounds = mirror.scene().bounds(id).ok().filter(|bounds| has_box && bounds.is_finite())?;
         let is_there = |boxes: &Vec<Aabb>| boxes.get(index as usize).is_some_and(|of| contains(of, &bounds));
         let is_known = (index as usize) < self.set.index_limit();
         (is_known && self.boxes.as_ref().is_none_or(is_there)).then_some(Place::AsBaked(id, index))
@@ -282,7 +283,14 @@ impl Culler for BakedCuller {
 
 type Candidate<'a> = (Entity, Ref<'a, BakedObject>, Option<Ref<'a, Mesh3d>>);
 
-type Touched = Or<(Changed<BakedObject>, Changed<GlobalTransform>, Changed<BevyAabb>, Changed<Mesh3d>)>;
+type Touched = Or<(
+    Changed<BakedObject>,
+    Changed<GlobalTransform>,
+    Changed<BevyAabb>,
+    Changed<Mesh3d>,
+    // A light is seen by what it shines on.
+    Changed<Sphere>,
+)>;
 
 /// Finds the entities that are where they were baked, and prepares the set for the scene if there are more,
 /// or if the scene no longer tells what changed. `last` is the level of the last frame, by the address of

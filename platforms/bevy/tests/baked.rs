@@ -11,6 +11,7 @@ use bevy_camera::visibility::{NoAutoAabb, NoCpuCulling, RenderLayers, Visibility
 use bevy_ecs::entity_disabling::Disabled;
 use bevy_ecs::prelude::*;
 use bevy_ecs::schedule::SingleThreadedExecutor;
+use bevy_light::{DirectionalLight, PointLight, RectLight};
 use bevy_math::{Vec3, Vec3A};
 use bevy_mesh::{Mesh, Mesh3d, MeshBuilder, Meshable};
 use bevy_shape::{Cuboid, Rectangle};
@@ -346,13 +347,12 @@ fn a_wall_that_is_not_as_baked_hides_nothing() {
         let mesh = Mesh3d(app.world_mut().resource_mut::<Assets<Mesh>>().add(mesh));
         app.world_mut().spawn((Number(number), mesh, NoAutoAabb, at, aabb, BakedObject(number))).id()
     };
-    let started = || {
+    let started_with = |level: BakedLevel| {
         let mut app = app(true);
         // In the order that the schedule gives, whatever the threads do.
         app.edit_schedule(PostUpdate, |schedule| {
             _ = schedule.set_executor(SingleThreadedExecutor::new());
         });
-        let level = BakedLevel::read(&file, Some(version), boxes).unwrap();
         let culling = CullingPipeline::frustum().with(level.culler());
         app.world_mut().insert_resource(level);
         let at = Transform::from_xyz(5.0, 0.0, 0.0).looking_at(Vec3::X * 100.0, Vec3::Y);
@@ -361,6 +361,7 @@ fn a_wall_that_is_not_as_baked_hides_nothing() {
         let walls = [WALL, WALL, POST, BOX].map(|number| spawn(&mut app, number));
         (app, walls)
     };
+    let started = || started_with(BakedLevel::read(&file, Some(version), boxes).unwrap());
     let changes: [(&str, fn(EntityWorldMut)); 9] = [
         ("moved", |mut wall| wall.get_mut::<Transform>().unwrap().translation.y += 30.0),
         ("of an asset that changes", |mut wall| {
@@ -431,6 +432,27 @@ fn a_wall_that_is_not_as_baked_hides_nothing() {
         app.world_mut().get_mut::<Transform>(wall).unwrap().translation.y += 30.0;
         spawn(&mut app, WALL);
         check(&mut app, true, name, "but elsewhere, and another has taken its place");
+    }
+    // A post that is a lamp from now on shines on what is seen.
+    let lights: [(&str, fn(&mut EntityWorldMut)); 3] = [
+        ("a point light", |post| _ = post.insert(PointLight::default())),
+        ("an area light", |post| _ = post.insert(RectLight::default())),
+        ("a sun", |post| _ = post.insert(DirectionalLight::default())),
+    ];
+    for (name, add_light) in lights {
+        // Also if the game's word is taken for its place.
+        let (mut app, [.., post, other]) = started_with(BakedLevel::read_unchecked(&file).unwrap());
+        let is_seen = |app: &mut App| {
+            app.update();
+            seen_by(app, BAKED).contains(&Number(POST))
+        };
+        assert!(!is_seen(&mut app), "the wall hides the post");
+        add_light(&mut app.world_mut().entity_mut(post));
+        assert!(is_seen(&mut app), "the post is {name}");
+        app.world_mut().entity_mut(other).insert(BakedObject(BOX));
+        assert!(is_seen(&mut app), "the post is {name}, and the box is found again");
+        app.world_mut().entity_mut(post).insert(BakedObject(POST));
+        assert!(is_seen(&mut app), "the post is {name}, and is found again itself");
     }
     // The post is hidden if the wall was never found, but nobody promises that it should be.
     let (mut app, [wall, part, ..]) = started();
