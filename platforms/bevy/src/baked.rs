@@ -38,8 +38,8 @@ pub struct BakedObject(pub u32);
 /// What hid others in the bake must stay as it was. Nothing is hidden while an occluder of the bake is no
 /// longer as it was baked: its entity is gone, has changed, or is no longer its [`BakedObject`], and no other
 /// entity has taken the place. Nothing is hidden either while an occluder of the bake has a
-/// [`VisibilityRange`] or is on a layer above 30. The culler is [approximate](Accuracy::Approximate) while the
-/// entity of an occluder has not been found yet, since nobody knows whether that wall is drawn.
+/// [`VisibilityRange`] or is on a layer above 30. The culler is [approximate](Accuracy::Approximate) while
+/// the entity of an occluder has not been found yet, since nobody knows whether that wall is drawn.
 ///
 /// A set is of one [version](BakedSet::version) of the level: `bake` prints it, and the game's level carries
 /// it. The culler of a set that was not compared with a version is approximate.
