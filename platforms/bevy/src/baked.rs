@@ -1,13 +1,14 @@
 //! Culling by a baked set: a file of the program `bake`, whose objects are entities.
 
 use crate::mirror::VisibilityScene;
-use bevy_camera::primitives::Aabb as BevyAabb;
+use bevy_camera::primitives::{Aabb as BevyAabb, Sphere};
+use bevy_camera::visibility::{RenderLayers, VisibilityRange};
 use bevy_ecs::lifecycle::RemovedComponents;
 use bevy_ecs::prelude::*;
 use bevy_mesh::Mesh3d;
 use bevy_transform::components::GlobalTransform;
-use std::collections::HashMap;
 use std::collections::hash_map::Entry;
+use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Mutex, PoisonError};
 use visibility_bake::{BakedSet, BakedSetError};
 use visibility_core::culler::Lack;
@@ -24,9 +25,9 @@ const PLACE_TOLERANCE: f32 = 1.0 / (1 << 18) as f32;
 /// primitives of its meshes, node by node, each node before its children. Several entities that are parts of
 /// one object may share its index.
 ///
-/// The entity must be at the position where the object was baked. It counts as visible from everywhere until
-/// its `Aabb` is known, and again after its transform, `Aabb` or `Mesh3d` has changed. If the entity returns
-/// to its baked position, insert the component again.
+/// The entity must be where the object was baked. It counts as visible from everywhere until its `Aabb` is
+/// known, and again once its transform, `Aabb` or `Mesh3d` has changed, or it has become a light. Insert the
+/// component anew when the entity is back in its place.
 #[derive(Component, Clone, Copy, PartialEq, Eq, Debug)]
 pub struct BakedObject(pub u32);
 
@@ -35,10 +36,11 @@ pub struct BakedObject(pub u32);
 /// [`BakedObject`] are hidden if the set says so; all others are visible. An eye outside of the set's
 /// viewcells sees everything.
 ///
-/// Occluders of the bake must stay unchanged. The set hides nothing while an occluder differs from its baked
-/// state: its entity is gone, has changed, or has lost its [`BakedObject`], and no other entity has replaced
-/// it. The culler is [approximate](Accuracy::Approximate) until the entity of each occluder has been found,
-/// since an occluder without an entity may not be drawn.
+/// What hid others in the bake must stay as it was. Nothing is hidden while an occluder of the bake is no
+/// longer as it was baked: its entity is gone, has changed, or is no longer its [`BakedObject`], and no other
+/// entity has taken the place. Nothing is hidden either while an occluder of the bake has a
+/// [`VisibilityRange`] or is on a layer above 30. The culler is [approximate](Accuracy::Approximate) while
+/// the entity of an occluder has not been found yet, since nobody knows whether that wall is drawn.
 ///
 /// A set belongs to one [version](BakedSet::version) of the level. `bake` prints the version, and the game
 /// stores it with the level. The culler of a set whose version was not compared is approximate.
@@ -70,7 +72,10 @@ pub struct BakedLevel {
     /// For each baked occluder, by its index: number of entities that were once in its baked state, minus the
     /// entities that have replaced them since. No entry if the number is 0.
     lost_occluders: HashMap<u32, usize>,
-    /// Whether entities have not been compared with the baked objects in any frame yet.
+    /// Entities of occluders, where they were baked, that some views find and do not draw: for their
+    /// `VisibilityRange`, or for layers above 30, which the scene does not tell apart.
+    partly_drawn: HashSet<Entity>,
+    /// Whether no frame has followed the entities yet.
     is_new: bool,
     cursor: SceneCursor,
 }
@@ -90,7 +95,8 @@ enum Sets {
     /// Entities have not been compared with the baked objects yet, so the culler hides nothing.
     #[default]
     Unknown,
-    /// An occluder of the bake differs from its baked state, so the culler hides nothing.
+    /// An occluder of the bake is not as baked any more, or is not drawn in all views, so the culler hides
+    /// nothing.
     WithoutOccluder,
     Of(Arc<ScenePvs>),
 }
@@ -132,6 +138,7 @@ impl BakedLevel {
             shared: Arc::default(),
             entities: HashMap::new(),
             lost_occluders: HashMap::new(),
+            partly_drawn: HashSet::new(),
             is_new: true,
             cursor: SceneCursor::START,
         })
@@ -158,8 +165,9 @@ impl BakedLevel {
     /// elsewhere, and while its bounds are unknown.
     fn place(&self, mirror: &VisibilityScene, entity: Entity, index: u32) -> Option<Place> {
         let id = mirror.object(entity)?;
-        // Bounds are not finite while the entity has no `Aabb`, and for entities that are never culled.
-        let bounds = mirror.scene().bounds(id).ok().filter(Aabb::is_finite)?;
+        // Not as long as the entity has no `Aabb`, nor for lights and entities that are never culled.
+        let has_box = mirror.record(id).has_box;
+        let bounds = mirror.scene().bounds(id).ok().filter(|bounds| has_box && bounds.is_finite())?;
         let is_there = |boxes: &Vec<Aabb>| boxes.get(index as usize).is_some_and(|of| contains(of, &bounds));
         let is_known = (index as usize) < self.set.index_limit();
         (is_known && self.boxes.as_ref().is_none_or(is_there)).then_some(Place::AsBaked(id, index))
@@ -179,6 +187,7 @@ impl BakedLevel {
     /// Records that an entity is no longer at its baked position. Returns false for an unrecorded entity.
     fn set_changed(&mut self, entity: Entity) -> bool {
         let Some(place) = self.entities.get_mut(&entity) else { return false };
+        self.partly_drawn.remove(&entity);
         if let Place::AsBaked(_, index) = std::mem::replace(place, Place::Changed)
             && self.set.is_occluder(index)
         {
@@ -187,7 +196,18 @@ impl BakedLevel {
         true
     }
 
-    /// Records that the entities of these objects are no longer at their baked positions.
+    /// Notes whether an entity is an occluder that some views find and do not draw.
+    fn set_partly_drawn(&mut self, mirror: &VisibilityScene, entity: Entity) {
+        let is_partly_drawn = matches!(self.entities.get(&entity), Some(&Place::AsBaked(id, index))
+            if self.set.is_occluder(index) && mirror.record(id).must_be_asked());
+        if is_partly_drawn {
+            self.partly_drawn.insert(entity);
+        } else {
+            self.partly_drawn.remove(&entity);
+        }
+    }
+
+    /// Notes that the entities of these objects are no longer where they were baked.
     fn set_all_changed(&mut self, is_changed: impl Fn(ObjectId) -> bool) {
         let places = self.entities.iter();
         let changed = places.filter(|(_, place)| matches!(place, Place::AsBaked(id, _) if is_changed(*id)));
@@ -265,7 +285,14 @@ impl Culler for BakedCuller {
 
 type Candidate<'a> = (Entity, Ref<'a, BakedObject>, Option<Ref<'a, Mesh3d>>);
 
-type Touched = Or<(Changed<BakedObject>, Changed<GlobalTransform>, Changed<BevyAabb>, Changed<Mesh3d>)>;
+type Touched = Or<(
+    Changed<BakedObject>,
+    Changed<GlobalTransform>,
+    Changed<BevyAabb>,
+    Changed<Mesh3d>,
+    // A light is seen by what it shines on.
+    Changed<Sphere>,
+)>;
 
 /// Finds the entities that are at their baked positions. Prepares the set for the scene again if there are
 /// new ones, or if the scene's change log no longer reaches back. `last` identifies the level of the last
@@ -276,8 +303,11 @@ pub(crate) fn follow_level(
     mirror: Res<VisibilityScene>,
     touched: Query<Candidate, Touched>,
     all: Query<Candidate>,
+    limited: Query<Entity, Or<(Added<VisibilityRange>, Changed<RenderLayers>)>>,
     mut removed: RemovedComponents<BakedObject>,
     mut removed_meshes: RemovedComponents<Mesh3d>,
+    mut removed_ranges: RemovedComponents<VisibilityRange>,
+    mut removed_layers: RemovedComponents<RenderLayers>,
 ) {
     let Some(mut level) = level else {
         removed.clear();
@@ -288,6 +318,7 @@ pub(crate) fn follow_level(
     let level = level.bypass_change_detection();
     let scene = mirror.scene();
     let mut is_stale = level.cursor.follow(scene) == Changes::Everything;
+    let was_partly_drawn = !level.partly_drawn.is_empty();
     for entity in removed.read() {
         is_stale |= level.remove(entity);
     }
@@ -311,6 +342,7 @@ pub(crate) fn follow_level(
             is_stale |= mesh.is_some_and(|mesh| mesh.is_changed());
         } else if let Some(place) = level.place(&mirror, entity, object.0) {
             level.insert(entity, place, object.0);
+            level.set_partly_drawn(&mirror, entity);
             is_stale = true;
         }
     };
@@ -319,11 +351,15 @@ pub(crate) fn follow_level(
     } else {
         touched.iter().for_each(&mut follow);
     }
+    for entity in limited.iter().chain(removed_ranges.read()).chain(removed_layers.read()) {
+        level.set_partly_drawn(&mirror, entity);
+    }
+    is_stale |= was_partly_drawn && level.partly_drawn.is_empty();
     if is_stale {
         // An entity that left the scene, such as one with `NoCpuCulling`, may no longer be drawn.
         level.set_all_changed(|id| !scene.contains(id));
     }
-    let sets = if !level.lost_occluders.is_empty() {
+    let sets = if !level.lost_occluders.is_empty() || !level.partly_drawn.is_empty() {
         Sets::WithoutOccluder
     } else if is_stale {
         let placed = level.entities.values().filter_map(|place| match *place {

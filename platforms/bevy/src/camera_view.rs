@@ -13,7 +13,7 @@ use visibility_core::frustum::ConvexVolume;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::{self, DMat3, DMat4, DVec3};
 use visibility_core::simd::Simd;
-use visibility_core::view::{Depth, ViewError, ViewPlane, Window};
+use visibility_core::view::{Depth, Eye, ViewError, ViewPlane, ViewProjection, Window};
 use visibility_core::{Aabb, Pose, View};
 
 /// Bit of a layer mask that stands for all layers from 31 on. If an object and a view share this bit, their
@@ -48,7 +48,17 @@ pub(crate) fn camera_view(
     View::from_clip_from_world(matrix, depth)?.relative_to(eye)
 }
 
-/// Returns a view for cullers that only use its layers.
+/// Returns whether the fronts of meshes, and the nearest of them, are what the camera draws: by these,
+/// occluders hide. A mirrored camera draws the backs, and so does one that inverts culling, but not one that
+/// is both. An eye beyond the near plane, as of a mirror seen from behind, has depth the wrong way round.
+pub(crate) fn draws_nearest_fronts(camera: &Camera, view: &View) -> bool {
+    let projection = ViewProjection::new(view, view.origin());
+    let turn = if camera.invert_culling { 1.0 } else { -1.0 };
+    let is_parallel = matches!(projection.eye(), Eye::Direction(_));
+    projection.orientation() == turn && (is_parallel || projection.near().constant < 0.0)
+}
+
+/// Returns a view for cullers that look at its layers alone.
 pub(crate) fn any_view() -> View {
     let window = Window::centered(1.0, 1.0);
     let pose = Pose { eye: DVec3::ZERO, forward: DVec3::NEG_Z, up: DVec3::Y, right: DVec3::X };

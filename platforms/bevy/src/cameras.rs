@@ -1,6 +1,6 @@
 //! Frustum and occlusion culling for cameras.
 
-use crate::camera_view::{any_view, camera_view, layer_mask};
+use crate::camera_view::{any_view, camera_view, draws_nearest_fronts, layer_mask};
 use crate::entity_lists::EntitySorter;
 use crate::mirror::{ASK, Record, VisibilityScene};
 use bevy_camera::visibility::{
@@ -14,8 +14,8 @@ use visibility_core::pipeline::Explanation;
 use visibility_core::{Accuracy, CullStats, Culler, FrustumCuller, Pipeline, Scene, View, VisibleSet};
 use visibility_hzb::{Hzb, HzbCuller};
 
-/// Component with the cullers of a camera. By default a camera culls by frustum and by occlusion. To choose
-/// other cullers, insert the component:
+/// The cullers of a camera. Every `Camera3d` is given one that culls by frustum and by occlusion. Insert
+/// another to choose:
 ///
 /// ```
 /// use bevy_camera::Camera3d;
@@ -25,7 +25,10 @@ use visibility_hzb::{Hzb, HzbCuller};
 /// world.spawn((Camera3d::default(), CullingPipeline::occlusion(1024, 576)));
 /// ```
 ///
-/// Any [`Culler`] of the `visibility` crates can be added: see [`with`](Self::with).
+/// Any [`Culler`] of the `visibility` crates will do: see [`with`](Self::with).
+///
+/// It does not run while the camera draws the backs of meshes, being mirrored or having `invert_culling` but
+/// not both, nor while the eye is beyond the near plane. Then the frustum alone culls.
 #[derive(Component, Debug)]
 pub struct CullingPipeline {
     pipeline: Pipeline,
@@ -137,7 +140,7 @@ impl Exceptions<'_, '_, '_> {
         range_view: Option<Entity>,
         view_layers: Option<&RenderLayers>,
     ) -> bool {
-        if !record.has_range && !record.has_other_layers {
+        if !record.must_be_asked() {
             return true;
         }
         let in_range = |ranges: &VisibleEntityRanges| {
@@ -160,8 +163,8 @@ pub(crate) struct Scratch {
     marks: Marks,
     /// Pipeline of cameras that do not cull: it keeps all entities.
     everything: CullingPipeline,
-    /// Frustum pipeline of cameras without a `CullingPipeline`. All of them share it, since it keeps nothing
-    /// between frames.
+    /// Pipeline of the cameras without one of their own, and of those whose own may not be used. It remembers
+    /// nothing, so all of them can share it.
     frustum: CullingPipeline,
 }
 
@@ -206,10 +209,11 @@ pub(crate) fn cull_cameras(
         }
         let view = projection.and_then(|projection| camera_view(camera, projection, transform).ok());
         let (culling, view) = match (view, own.as_mut()) {
-            (Some(view), Some(own)) if !culls_nothing => (&mut **own, view),
-            (Some(view), None) if !culls_nothing => (&mut *frustum, view),
-            // A camera without a valid projection is not culled either, since everything on its layers may be
-            // in view.
+            (Some(view), Some(own)) if !culls_nothing && draws_nearest_fronts(camera, &view) => {
+                (&mut **own, view)
+            }
+            (Some(view), _) if !culls_nothing => (&mut *frustum, view),
+            // Also if the projection is none: then everything on the camera's layers may be in view.
             _ => (&mut *everything, any_view()),
         };
         let view = view.with_layers(layer_mask(own_layers));

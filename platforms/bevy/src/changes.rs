@@ -15,7 +15,7 @@ use bevy_ecs::entity_disabling::DefaultQueryFilters;
 use bevy_ecs::lifecycle::RemovedComponents;
 use bevy_ecs::prelude::*;
 use bevy_ecs::system::SystemParam;
-use bevy_light::{DirectionalLight, NotShadowCaster};
+use bevy_light::{DirectionalLight, NotShadowCaster, RectLight};
 use bevy_mesh::morph::MeshMorphWeights;
 use bevy_mesh::skinning::SkinnedMesh;
 use bevy_mesh::{Mesh, Mesh3d};
@@ -52,6 +52,7 @@ pub(crate) struct Removals<'w, 's> {
         RemovedComponents<'w, 's, MeshMorphWeights>,
         RemovedComponents<'w, 's, NotShadowCaster>,
         RemovedComponents<'w, 's, DirectionalLight>,
+        RemovedComponents<'w, 's, RectLight>,
         RemovedComponents<'w, 's, NoCpuCulling>,
     ),
 }
@@ -62,7 +63,7 @@ impl Removals<'_, '_> {
         inherited.read().for_each(&mut each);
         view.read().for_each(&mut each);
         transform.read().for_each(&mut each);
-        let (a, b, c, d, e, f, g, h, i, j, k, l, m) = &mut self.optional;
+        let (a, b, c, d, e, f, g, h, i, j, k, l, m, n) = &mut self.optional;
         a.read().for_each(&mut each);
         b.read().for_each(&mut each);
         c.read().for_each(&mut each);
@@ -76,6 +77,7 @@ impl Removals<'_, '_> {
         k.read().for_each(&mut each);
         l.read().for_each(&mut each);
         m.read().for_each(&mut each);
+        n.read().for_each(&mut each);
     }
 }
 
@@ -105,6 +107,7 @@ type Arrived = Or<(
     Added<VisibilityRange>,
     Added<NotShadowCaster>,
     Added<DirectionalLight>,
+    Added<RectLight>,
     Added<SkinnedMesh>,
     Added<MeshMorphWeights>,
     Changed<Occluder>,

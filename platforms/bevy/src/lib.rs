@@ -35,13 +35,14 @@
 //! ```
 //!
 //! # What is the same as in bevy, and what is not
-//! Entities are culled by the axis-aligned world box around their rotated local box. bevy tests the rotated
-//! box itself, and a [`Sphere`](bevy_camera::primitives::Sphere) if there is no box. So a rotated box or a
-//! sphere at the border of a view may be visible here and hidden in bevy. Entities entirely nearer than the
-//! near plane, or entirely beyond the far plane of an orthographic camera, are hidden here and may be visible
-//! in bevy, which leaves them to the graphics card. Everything else is the same: `InheritedVisibility`,
-//! `RenderLayers`, `VisibilityRange`, `NoFrustumCulling`, `NoCpuCulling`, several cameras, and the shadow
-//! views of directional, point and spot lights.
+//! Entities are culled by the axis-aligned world box around their turned local box. bevy tests the turned
+//! box itself, and a [`Sphere`](bevy_camera::primitives::Sphere) where there is no box, so a turned box or a
+//! sphere at the border of a view may be visible here and hidden in bevy. A mesh that is a light too is
+//! culled by the box around both, and never if it is a `RectLight` or a `DirectionalLight`. Entities wholly
+//! nearer than the near plane, or wholly beyond the far plane of an orthographic camera, are hidden here and
+//! may be visible in bevy, which leaves them to the graphics card. All else is the same:
+//! `InheritedVisibility`, `RenderLayers`, `VisibilityRange`, `NoFrustumCulling`, `NoCpuCulling`, several
+//! cameras, and the shadow views of directional, point and spot lights.
 //!
 //! # What must hold of occluders
 //! An entity with an [`Occluder`] must be drawn opaque and cover at least what its occluder covers. See
@@ -67,12 +68,14 @@ pub use shared::Shared;
 pub use visibility_bake::BakedSetError;
 
 use bevy_app::{App, Plugin, PostUpdate};
+use bevy_camera::Camera3d;
 use bevy_camera::visibility::{VisibilitySystems, check_visibility_cpu_culling, check_visibility_ranges};
 use bevy_ecs::prelude::*;
 use bevy_ecs::schedule::ScheduleCleanupPolicy;
 use bevy_light::{
     LightPlugin, SimulationLightSystems, check_dir_light_mesh_visibility, check_point_light_mesh_visibility,
 };
+use bevy_mesh::mark_3d_meshes_as_changed_if_their_assets_changed;
 use bevy_transform::TransformSystems;
 
 /// Replaces bevy's frustum culling on the CPU, for cameras and for shadow views, by culling with the
@@ -92,8 +95,9 @@ pub enum CullingSystems {
 
 impl Plugin for VisibilityCullingPlugin {
     fn build(&self, app: &mut App) {
-        // Fails if cameras exist already. These are culled by their frustum until a pipeline is inserted.
-        let _ = app.world_mut().try_register_required_components::<bevy_camera::Camera, CullingPipeline>();
+        // Fails if cameras exist already. These are culled by their frustum until they are given a pipeline.
+        // Other cameras do not draw the meshes by which occluders hide.
+        let _ = app.world_mut().try_register_required_components::<Camera3d, CullingPipeline>();
         app.init_resource::<VisibilityScene>()
             .init_resource::<changes::Toggled>()
             .configure_sets(
@@ -101,7 +105,9 @@ impl Plugin for VisibilityCullingPlugin {
                 (CullingSystems::Sync, CullingSystems::Cameras)
                     .chain()
                     .in_set(VisibilitySystems::CheckVisibility)
-                    .after(check_visibility_ranges),
+                    .after(check_visibility_ranges)
+                    // Or a change of a mesh asset would be seen a frame late.
+                    .after(mark_3d_meshes_as_changed_if_their_assets_changed),
             )
             .add_systems(
                 PostUpdate,

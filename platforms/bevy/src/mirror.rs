@@ -11,7 +11,7 @@ use bevy_camera::visibility::{
 use bevy_ecs::entity::EntityGeneration;
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::QueryData;
-use bevy_light::{DirectionalLight, NotShadowCaster};
+use bevy_light::{DirectionalLight, NotShadowCaster, RectLight};
 use bevy_math::Affine3A;
 use bevy_mesh::morph::MeshMorphWeights;
 use bevy_mesh::skinning::SkinnedMesh;
@@ -42,6 +42,15 @@ pub(crate) struct Described {
     morphed: Has<MeshMorphWeights>,
     casts_no_shadow: Has<NotShadowCaster>,
     directional_light: Has<DirectionalLight>,
+    area_light: Has<RectLight>,
+}
+
+impl DescribedItem<'_, '_> {
+    /// Returns whether the entity is in view wherever it is. The sun shines everywhere, and bevy gives an
+    /// area light no bounds: those of its mesh are not those of its light.
+    fn is_never_culled(&self) -> bool {
+        self.never_cull || self.directional_light || self.area_light
+    }
 }
 
 /// Filter for the entities that the scene follows: those that bevy culls on the CPU.
@@ -75,6 +84,11 @@ impl Record {
         is_occluder: false,
         has_box: false,
     };
+
+    /// Returns whether views that find the object by its bounds and layer mask may not show the entity.
+    pub(crate) fn must_be_asked(&self) -> bool {
+        self.has_range || self.has_other_layers
+    }
 }
 
 /// Mirror of all entities that bevy culls on the CPU: a [`Scene`] with one object per entity.
@@ -217,7 +231,7 @@ impl VisibilityScene {
 
     fn set_record(&mut self, id: ObjectId, record: Record) {
         let is_first = record.entity.generation() == EntityGeneration::FIRST;
-        let is_plain = is_first && record.classes == 0 && !record.has_range && !record.has_other_layers;
+        let is_plain = is_first && record.classes == 0 && !record.must_be_asked();
         let (generation, is_boxed) = (record.entity.generation(), record.has_box && !record.is_occluder);
         self.objects[record.entity.index_u32() as usize] = EntityObject { id, generation, is_boxed };
         self.plain[id.index()] = if is_plain { record.entity.index_u32() } else { ASK };
@@ -278,19 +292,24 @@ impl VisibilityScene {
     pub(crate) fn describe(&mut self, item: DescribedItem, meshes: &Assets<Mesh>) {
         let transform = item.transform.affine();
         let layers = if item.inherited.get() { layer_mask(item.layers) } else { 0 };
+        // As bevy does, takes the sphere's centre as a point of the world.
+        let reach = |sphere: &Sphere| {
+            let [min, max] = [sphere.center - sphere.radius, sphere.center + sphere.radius];
+            Aabb::from_arrays(min.to_array(), max.to_array())
+        };
         let bounds = match (item.aabb, item.sphere) {
-            // Inverted bounds make the object visible everywhere, and every query finds it.
-            _ if item.never_cull => Aabb::EMPTY,
+            // Improper bounds: in view wherever that is, and found by every query.
+            _ if item.is_never_culled() => Aabb::EMPTY,
             (None, None) => Aabb::EMPTY,
-            (Some(aabb), _) => world_box(aabb, &transform),
-            // Like bevy, interprets the sphere's centre as a point in world space.
-            (None, Some(sphere)) => Aabb::from_arrays(
-                (sphere.center - sphere.radius).to_array(),
-                (sphere.center + sphere.radius).to_array(),
-            ),
+            (None, Some(sphere)) => reach(sphere),
+            (Some(aabb), sphere) => {
+                let of_mesh = world_box(aabb, &transform);
+                // The sphere is what the entity shines on, if it is a light too.
+                sphere.filter(|_| of_mesh.is_proper()).map_or(of_mesh, |sphere| of_mesh.union(&reach(sphere)))
+            }
         };
         let occluder = self.occluder(&item, layers, &transform, meshes);
-        let never_cull = item.never_cull || item.aabb.is_none() && item.sphere.is_none();
+        let never_cull = item.is_never_culled() || item.aabb.is_none() && item.sphere.is_none();
         let object = Object { layers, never_cull, occluder: occluder.is_some(), ..Object::new(bounds) };
         let record = Record {
             entity: item.entity,
@@ -299,7 +318,7 @@ impl VisibilityScene {
             has_other_layers: layers & OTHER_LAYERS != 0,
             casts_shadow: item.mesh.is_some() && !item.casts_no_shadow && !item.directional_light,
             is_occluder: occluder.is_some(),
-            has_box: item.aabb.is_some() && !item.never_cull,
+            has_box: item.aabb.is_some() && item.sphere.is_none() && !item.is_never_culled(),
         };
         match self.object(item.entity) {
             Some(id) => self.update(id, record, &object, occluder),
@@ -362,7 +381,9 @@ impl VisibilityScene {
         // An occluder must be drawn in every view that finds the object on its layers, and at its position in
         // the scene.
         let is_drawn = layers != 0 && layers & OTHER_LAYERS == 0 && !item.range;
-        if !is_drawn || item.never_cull || item.skinned || item.morphed || !can_occlude(transform) {
+        // The object's bounds must be those of the mesh.
+        let is_bounded = item.sphere.is_none() && !item.is_never_culled();
+        if !is_drawn || !is_bounded || item.skinned || item.morphed || !can_occlude(transform) {
             return None;
         }
         let local = local_box(aabb);

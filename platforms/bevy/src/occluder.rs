@@ -16,9 +16,10 @@ use visibility_core::glam::Vec3;
 /// Walls, floors, terrain and houses are good occluders. Small things, and meshes with many triangles, cost
 /// more than they save: give these a simpler occluder that lies inside of them, or none.
 ///
-/// Some entities never occlude in spite of this component: an entity that is hidden by its [`Visibility`],
-/// that has a `VisibilityRange`, `SkinnedMesh` or `MeshMorphWeights`, that is on a layer above 30, that is
-/// mirrored (its transform has a negative determinant), or that has `NoFrustumCulling` or no [`Aabb`].
+/// Never an occluder, whatever this component says: an entity that is hidden by its [`Visibility`], that has
+/// a `VisibilityRange`, `SkinnedMesh` or `MeshMorphWeights`, that is on a layer above 30, that is mirrored
+/// (its transform has a negative determinant), that is a light too, or that has `NoFrustumCulling` or no
+/// [`Aabb`].
 ///
 /// [`Visibility`]: bevy_camera::visibility::Visibility
 /// [`Aabb`]: bevy_camera::primitives::Aabb

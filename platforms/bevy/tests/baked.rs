@@ -3,14 +3,18 @@
 
 mod common;
 
-use bevy_app::App;
+use bevy_app::{App, PostUpdate};
+use bevy_asset::Assets;
 use bevy_camera::prelude::*;
 use bevy_camera::primitives::Aabb;
-use bevy_camera::visibility::NoCpuCulling;
+use bevy_camera::visibility::{NoAutoAabb, NoCpuCulling, RenderLayers, VisibilityRange};
 use bevy_ecs::entity_disabling::Disabled;
 use bevy_ecs::prelude::*;
+use bevy_ecs::schedule::SingleThreadedExecutor;
+use bevy_light::{DirectionalLight, PointLight, RectLight};
 use bevy_math::{Vec3, Vec3A};
-use bevy_mesh::Mesh3d;
+use bevy_mesh::{Mesh, Mesh3d, MeshBuilder, Meshable};
+use bevy_shape::{Cuboid, Rectangle};
 use bevy_transform::prelude::*;
 use common::*;
 use std::collections::{BTreeSet, HashSet};
@@ -340,20 +344,31 @@ fn a_wall_that_is_not_as_baked_hides_nothing() {
     let (file, version) = (set.to_bytes(), set.version());
     let spawn = |app: &mut App, number: u32| {
         let (aabb, at) = placed(boxes[number as usize]);
-        app.world_mut().spawn((drawn(number, at), aabb, BakedObject(number))).id()
+        let mesh = Cuboid::from_size(Vec3::from(aabb.half_extents) * 2.0).mesh().build();
+        let mesh = Mesh3d(app.world_mut().resource_mut::<Assets<Mesh>>().add(mesh));
+        app.world_mut().spawn((Number(number), mesh, NoAutoAabb, at, aabb, BakedObject(number))).id()
     };
-    let started = || {
+    let started_with = |level: BakedLevel| {
         let mut app = app(true);
-        let level = BakedLevel::read(&file, Some(version), boxes).unwrap();
+        // In the order that the schedule gives, whatever the threads do.
+        app.edit_schedule(PostUpdate, |schedule| {
+            _ = schedule.set_executor(SingleThreadedExecutor::new());
+        });
         let culling = CullingPipeline::frustum().with(level.culler());
         app.world_mut().insert_resource(level);
         let at = Transform::from_xyz(5.0, 0.0, 0.0).looking_at(Vec3::X * 100.0, Vec3::Y);
-        app.world_mut().spawn((BAKED, Camera3d::default(), culling, at));
+        let layers = RenderLayers::from_layers(&[0, 40]);
+        app.world_mut().spawn((BAKED, Camera3d::default(), culling, at, layers));
         let walls = [WALL, WALL, POST, BOX].map(|number| spawn(&mut app, number));
         (app, walls)
     };
-    let changes: [(&str, fn(EntityWorldMut)); 8] = [
+    let started = || started_with(BakedLevel::read(&file, Some(version), boxes).unwrap());
+    let changes: [(&str, fn(EntityWorldMut)); 9] = [
         ("moved", |mut wall| wall.get_mut::<Transform>().unwrap().translation.y += 30.0),
+        ("of an asset that changes", |mut wall| {
+            let (mesh, with_door) = (wall.get::<Mesh3d>().unwrap().id(), Rectangle::default().mesh().build());
+            wall.world_scope(|w| *w.resource_mut::<Assets<Mesh>>().get_mut(mesh).unwrap() = with_door);
+        }),
         ("of another mesh", |mut wall| *wall.get_mut().unwrap() = Mesh3d::default()),
         ("without its mesh", |mut wall| _ = wall.remove::<Mesh3d>()),
         ("out of the scene", |mut wall| _ = wall.insert(NoCpuCulling)),
@@ -362,29 +377,83 @@ fn a_wall_that_is_not_as_baked_hides_nothing() {
         ("disabled", |mut wall| _ = wall.insert(Disabled)),
         ("despawned", |wall| wall.despawn()),
     ];
+    let check = |app: &mut App, is_hidden: bool, name: &str, step: &str| {
+        app.update();
+        let is_seen = seen_by(app, BAKED).contains(&Number(POST));
+        assert_eq!(!is_seen, is_hidden, "the wall is {name}, {step}: whether the post is hidden");
+        let camera = entity(app, BAKED).unwrap();
+        let pipeline = app.world().get::<CullingPipeline>(camera).unwrap().pipeline();
+        assert_eq!(pipeline.accuracy(), Accuracy::Conservative, "the wall is {name}, {step}");
+        let mut lacks = 0;
+        let scene = app.world().resource::<VisibilityScene>().scene();
+        pipeline.for_each_lack(scene, |culler, _| lacks += usize::from(culler == "baked"));
+        assert_eq!(lacks > 0, !is_hidden, "the wall is {name}, {step}: what the culler lacks");
+    };
     for (name, change) in changes {
         let (mut app, [wall, part, _, other]) = started();
-        let check = |app: &mut App, is_hidden: bool, step: &str| {
-            app.update();
-            let is_seen = seen_by(app, BAKED).contains(&Number(POST));
-            assert_eq!(!is_seen, is_hidden, "the wall is {name}, {step}: whether the post is hidden");
-            let camera = entity(app, BAKED).unwrap();
-            let pipeline = app.world().get::<CullingPipeline>(camera).unwrap().pipeline();
-            assert_eq!(pipeline.accuracy(), Accuracy::Conservative, "the wall is {name}, {step}");
-            let mut lacks = 0;
-            let scene = app.world().resource::<VisibilityScene>().scene();
-            pipeline.for_each_lack(scene, |culler, _| lacks += usize::from(culler == "baked"));
-            assert_eq!(lacks > 0, !is_hidden, "the wall is {name}, {step}: what the culler lacks");
-        };
-        check(&mut app, true, "not yet");
+        check(&mut app, true, name, "not yet");
         change(app.world_mut().entity_mut(wall));
-        check(&mut app, false, "one of its parts");
+        check(&mut app, false, name, "one of its parts");
         app.world_mut().entity_mut(other).insert(BakedObject(BOX));
-        check(&mut app, false, "and the box is found again");
+        check(&mut app, false, name, "and the box is found again");
         spawn(&mut app, WALL);
-        check(&mut app, true, "and another has taken its place");
+        check(&mut app, true, name, "and another has taken its place");
         app.world_mut().despawn(part);
-        check(&mut app, false, "and its other part is gone");
+        check(&mut app, false, name, "and its other part is gone");
+    }
+    // While a part of the wall may not be drawn for the camera, another does not take its place.
+    let limits: [(&str, fn(&mut EntityWorldMut), fn(&mut EntityWorldMut)); 2] = [
+        (
+            "drawn up to 10 m",
+            |wall| _ = wall.insert(VisibilityRange::abrupt(0.0, 10.0)),
+            |wall| _ = wall.remove::<VisibilityRange>(),
+        ),
+        // The camera is on a layer above 30 too, but not on this one.
+        (
+            "on another layer",
+            |wall| _ = wall.insert(RenderLayers::layer(32)),
+            |wall| _ = wall.remove::<RenderLayers>(),
+        ),
+    ];
+    for (name, limit, unlimit) in limits {
+        let (mut app, [wall, part, _, other]) = started();
+        limit(&mut app.world_mut().entity_mut(wall));
+        check(&mut app, false, name, "from the start");
+        unlimit(&mut app.world_mut().entity_mut(wall));
+        limit(&mut app.world_mut().entity_mut(other));
+        check(&mut app, true, name, "no longer, but the box is, which hides nothing");
+        limit(&mut app.world_mut().entity_mut(wall));
+        check(&mut app, false, name, "again");
+        app.world_mut().entity_mut(other).insert(BakedObject(BOX));
+        check(&mut app, false, name, "and the box is found again");
+        app.world_mut().entity_mut(part).insert(BakedObject(WALL));
+        check(&mut app, false, name, "and its other part is found again");
+        app.world_mut().entity_mut(wall).insert(BakedObject(WALL));
+        check(&mut app, false, name, "and is found again itself");
+        app.world_mut().get_mut::<Transform>(wall).unwrap().translation.y += 30.0;
+        spawn(&mut app, WALL);
+        check(&mut app, true, name, "but elsewhere, and another has taken its place");
+    }
+    // A post that is a lamp from now on shines on what is seen.
+    let lights: [(&str, fn(&mut EntityWorldMut)); 3] = [
+        ("a point light", |post| _ = post.insert(PointLight::default())),
+        ("an area light", |post| _ = post.insert(RectLight::default())),
+        ("a sun", |post| _ = post.insert(DirectionalLight::default())),
+    ];
+    for (name, add_light) in lights {
+        // Also if the game's word is taken for its place.
+        let (mut app, [.., post, other]) = started_with(BakedLevel::read_unchecked(&file).unwrap());
+        let is_seen = |app: &mut App| {
+            app.update();
+            seen_by(app, BAKED).contains(&Number(POST))
+        };
+        assert!(!is_seen(&mut app), "the wall hides the post");
+        add_light(&mut app.world_mut().entity_mut(post));
+        assert!(is_seen(&mut app), "the post is {name}");
+        app.world_mut().entity_mut(other).insert(BakedObject(BOX));
+        assert!(is_seen(&mut app), "the post is {name}, and the box is found again");
+        app.world_mut().entity_mut(post).insert(BakedObject(POST));
+        assert!(is_seen(&mut app), "the post is {name}, and is found again itself");
     }
     // If the wall was never found, the post is hidden, but the culler is only approximate.
     let (mut app, [wall, part, ..]) = started();

@@ -10,12 +10,15 @@ use bevy_camera::visibility::{
     VisibleMeshEntities,
 };
 use bevy_ecs::prelude::*;
-use bevy_light::{CascadeShadowConfigBuilder, DirectionalLight, NotShadowCaster, PointLight, SpotLight};
+use bevy_light::{
+    CascadeShadowConfigBuilder, DirectionalLight, NotShadowCaster, PointLight, RectLight, SpotLight,
+};
 use bevy_math::{Affine3A, Quat, Vec3, Vec3A};
 use bevy_mesh::Mesh3d;
 use bevy_transform::prelude::*;
 use common::*;
 use std::collections::BTreeSet;
+use visibility_bevy::Occluder;
 use visibility_testing::Random;
 
 const SUN: Number = Number(1_000_001);
@@ -127,6 +130,41 @@ fn the_same_entities_cast_shadows() {
         casters > 5_000 && wider > 0 && wider < casters / 10,
         "{casters} casters, {wider} more than bevy's"
     );
+}
+
+/// A lamp whose mesh a wall hides is lit as long as its light may reach what is seen.
+#[test]
+fn lamps_that_are_meshes_shine_from_behind_walls() {
+    let weak = PointLight { range: 1.0, ..Default::default() };
+    lamp_shines("point light", PointLight::default(), true);
+    lamp_shines("spot light", SpotLight::default(), true);
+    lamp_shines("area light", RectLight::default(), true);
+    lamp_shines("sun", DirectionalLight::default(), true);
+    lamp_shines("weak light", weak, false);
+}
+
+fn lamp_shines<L: Component>(name: &str, light: L, is_seen: bool) {
+    let mut app = app(true);
+    let cube = || Aabb { center: Vec3A::ZERO, half_extents: Vec3A::splat(0.5) };
+    let wall = Transform::from_xyz(0.0, 0.0, -5.0).with_scale(Vec3::new(8.0, 8.0, 0.2));
+    app.world_mut().spawn((drawn(0, wall), cube(), Occluder::Box));
+    let lamp = (drawn(1, Transform::from_xyz(0.0, 0.0, -10.0)), cube(), Occluder::Box);
+    let lamp = app.world_mut().spawn(lamp).id();
+    app.world_mut().spawn(Camera3d::default());
+    let is_lit = |app: &mut bevy_app::App| {
+        app.update();
+        app.world().get::<ViewVisibility>(lamp).unwrap().get()
+    };
+    assert!(!is_lit(&mut app), "the wall hides the lamp without {name}");
+    app.world_mut().entity_mut(lamp).insert(light);
+    assert_eq!(is_lit(&mut app), is_seen, "whether the {name} is seen");
+    app.world_mut().get_mut::<Transform>(lamp).unwrap().translation.x += 0.1;
+    assert_eq!(is_lit(&mut app), is_seen, "whether the {name} is seen once it has moved");
+    app.world_mut().entity_mut(lamp).remove::<L>();
+    if app.world().get::<Sphere>(lamp).is_some() {
+        app.world_mut().entity_mut(lamp).remove::<Sphere>();
+    }
+    assert!(!is_lit(&mut app), "the wall hides the lamp again without the {name}");
 }
 
 fn world_box(app: &mut bevy_app::App, number: Number) -> Aabb {

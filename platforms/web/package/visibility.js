@@ -100,19 +100,23 @@ class Wasm {
     this.used = 0;
     /** Earlier blocks, too small, that arguments of the present call are in. */
     this.full = [];
+    /** What the library failed with inside, if it did: what it was at is half done. */
+    this.fault = null;
     this.collected = new FinalizationRegistry((held) => this.release(held));
   }
 
   /** Runs a call: all that `body` borrows is given back at its end. */
   call(body) {
+    if (this.fault !== null) throw new VisibilityError("PANIC", `an earlier ${this.fault}`);
     try {
       return body(this);
     } catch (error) {
-      // An argument that is missing, or of another type than the library's functions take.
+      // An id that is no bigint, a list that is none, or of another type than it should be.
       if (error instanceof TypeError) refuse(`${error.message} (ids are bigint, all else is numbers)`);
       // A fault inside the library, which no argument causes.
       if (!(error instanceof WebAssembly.RuntimeError)) throw error;
-      throw new VisibilityError("PANIC", `fault inside the library: ${error.message}`);
+      this.fault = `fault inside the library: ${error.message}`;
+      throw new VisibilityError("PANIC", this.fault);
     } finally {
       this.used = 0;
       if (this.blockBytes > MOST_KEPT) {
@@ -125,6 +129,7 @@ class Wasm {
 
   /** Calls a function of the header, and throws if it returns an error. Invalidates views of memory. */
   check(name, ...parameters) {
+    if (!parameters.every(isNumber)) refuse("an argument is missing, or is not a number");
     const status = this.exports[name](...parameters);
     if (status === 0) return;
     const bytes = this.bytes();
@@ -134,6 +139,7 @@ class Wasm {
 
   /** Frees what a handle holds: a value of the library's, and maybe a buffer of its own. */
   release({ kind, pointer, buffer, bytes }) {
+    if (this.fault !== null) return;
     this.exports[`vis_${kind}_destroy`](pointer);
     this.exports.vis_free(buffer, bytes);
   }
@@ -160,6 +166,7 @@ class Wasm {
 
   /** Copies numbers into memory for the present call, and returns the pointer. */
   put(Type, numbers) {
+    if (Type === Uint32Array && Array.isArray(numbers)) for (const number of numbers) whole(number, "number");
     const pointer = this.borrow(numbers.length * Type.BYTES_PER_ELEMENT);
     new Type(this.exports.memory.buffer, pointer, numbers.length).set(numbers);
     return pointer;
@@ -304,6 +311,24 @@ function elements(array, each, name) {
   return array.length / each;
 }
 
+/** Whether a value is a number. The module would take any other for 0 or 1. */
+function isNumber(value) {
+  return typeof value === "bigint" || (typeof value === "number" && !Number.isNaN(value));
+}
+
+/** Returns a whole number of 32 bits. The module would take any other for one. */
+function whole(number, name) {
+  if (!(Number.isInteger(number) && number >= -0x80000000 && number <= 0xffffffff))
+    refuse(`\`${name}\` is not a whole number of 32 bits`);
+  return number;
+}
+
+/** Returns 1 for true and 0 for false. The module would take any other number for one of them. */
+function bit(value, name) {
+  if (typeof value !== "boolean") refuse(`\`${name}\` is not true or false`);
+  return Number(value);
+}
+
 function sameLength(array, count, name) {
   if (array?.length !== count) refuse(`\`${name}\` has ${array?.length ?? "no"} elements, not ${count}`);
   return array;
@@ -361,7 +386,7 @@ class Visibility {
   }
 
   createVisible({ changes = false } = {}) {
-    return Handle.made(Visible, this.#wasm, "visible", "vis_visible_create", changes);
+    return Handle.made(Visible, this.#wasm, "visible", "vis_visible_create", bit(changes, "changes"));
   }
 
   createJudge(width, height) {
@@ -482,16 +507,16 @@ class Scene extends Handle {
       const ids = wasm.borrow(count * 8);
       const words = count * (OBJECT_BYTES / 4);
       const floats = new Float32Array(wasm.exports.memory.buffer, objects, words);
-      const whole = new Uint32Array(wasm.exports.memory.buffer, objects, words);
+      const integers = new Uint32Array(wasm.exports.memory.buffer, objects, words);
       const column = (values, name) => {
-        if (typeof values === "number") return () => values;
-        sameLength(values, count, name);
-        return (index) => values[index];
+        const isOne = typeof values === "number";
+        if (!isOne) sameLength(values, count, name);
+        return (index) => whole(isOne ? values : values[index], name);
       };
       const columns = [column(layers, "layers"), column(cost, "cost"), column(flags, "flags")];
       for (let i = 0; i < count; i++) {
         for (let k = 0; k < 6; k++) floats[9 * i + k] = outwards(bounds[6 * i + k], k);
-        for (let k = 0; k < 3; k++) whole[9 * i + 6 + k] = columns[k](i);
+        for (let k = 0; k < 3; k++) integers[9 * i + 6 + k] = columns[k](i);
       }
       wasm.check("vis_scene_insert_batch", this.pointer, objects, count, ids);
       return new BigUint64Array(wasm.exports.memory.buffer, ids, count).slice();
@@ -546,11 +571,11 @@ class Scene extends Handle {
   }
 
   setLayers(id, layers) {
-    this.wasm.call((wasm) => wasm.check("vis_scene_set_layers", this.pointer, id, layers));
+    this.wasm.call((wasm) => wasm.check("vis_scene_set_layers", this.pointer, id, whole(layers, "layers")));
   }
 
   setFlags(id, flags) {
-    this.wasm.call((wasm) => wasm.check("vis_scene_set_flags", this.pointer, id, flags));
+    this.wasm.call((wasm) => wasm.check("vis_scene_set_flags", this.pointer, id, whole(flags, "flags")));
   }
 
   setDrawRange(id, begin, end = Infinity) {
@@ -566,7 +591,8 @@ class Scene extends Handle {
       const [vertices, triangles] = [elements(positions, 3, "positions"), elements(indices, 3, "indices")];
       const [points, corners] = [wasm.put(Float32Array, positions), wasm.put(Uint32Array, indices)];
       const place = wasm.borrow(8);
-      wasm.check("vis_scene_add_mesh", this.pointer, points, vertices, corners, triangles, twoSided, place);
+      const isTwoSided = bit(twoSided, "twoSided");
+      wasm.check("vis_scene_add_mesh", this.pointer, points, vertices, corners, triangles, isTwoSided, place);
       return wasm.data().getBigUint64(place, true);
     });
   }
@@ -637,7 +663,7 @@ class View extends Handle {
   }
 
   setLayers(layers) {
-    this.wasm.call((wasm) => wasm.check("vis_view_set_layers", this.pointer, layers));
+    this.wasm.call((wasm) => wasm.check("vis_view_set_layers", this.pointer, whole(layers, "layers")));
   }
 
   setClipPlanes(planes) {
@@ -701,11 +727,12 @@ class Pipeline extends Handle {
   }
 
   freeze(frozen = true) {
-    this.wasm.call((wasm) => wasm.check("vis_pipeline_freeze", this.pointer, frozen));
+    this.wasm.call((wasm) => wasm.check("vis_pipeline_freeze", this.pointer, bit(frozen, "frozen")));
   }
 
   setExplaining(explaining) {
-    this.wasm.call((wasm) => wasm.check("vis_pipeline_set_explaining", this.pointer, explaining));
+    const flag = bit(explaining, "explaining");
+    this.wasm.call((wasm) => wasm.check("vis_pipeline_set_explaining", this.pointer, flag));
   }
 
   explain(id) {
@@ -728,12 +755,12 @@ function stats(wasm, place) {
 
 class Visible extends Handle {
   /** Pointer to the scene of the last frame, by which the set is read: null before, and once it is destroyed. */
-  get culled() {
+  get #culled() {
     return this.scene?.pointer ?? 0;
   }
 
   get count() {
-    return this.wasm.number("vis_visible_count", this.pointer, this.culled);
+    return this.wasm.number("vis_visible_count", this.pointer, this.#culled);
   }
 
   get indices() {
@@ -751,7 +778,7 @@ class Visible extends Handle {
       wasm.check(
         "vis_visible_indices",
         this.pointer,
-        this.culled,
+        this.#culled,
         held.buffer,
         held.bytes / 4,
         wasm.borrow(8),
@@ -761,11 +788,11 @@ class Visible extends Handle {
   }
 
   get ids() {
-    return this.wasm.list(BigUint64Array, "vis_visible_ids", this.pointer, this.culled);
+    return this.wasm.list(BigUint64Array, "vis_visible_ids", this.pointer, this.#culled);
   }
 
   get bits() {
-    return this.wasm.list(Uint32Array, "vis_visible_write_bits", this.pointer, this.culled);
+    return this.wasm.list(Uint32Array, "vis_visible_write_bits", this.pointer, this.#culled);
   }
 
   get newlyVisible() {
@@ -822,11 +849,13 @@ class Cells extends Handle {
   }
 
   setOpen(portal, open) {
-    this.wasm.call((wasm) => wasm.check("vis_cells_set_open", this.pointer, portal, open));
+    const parameters = [whole(portal, "portal"), bit(open, "open")];
+    this.wasm.call((wasm) => wasm.check("vis_cells_set_open", this.pointer, ...parameters));
   }
 
-  setPassage(portal, { forward, backward }) {
-    this.wasm.call((wasm) => wasm.check("vis_cells_set_passage", this.pointer, portal, forward, backward));
+  setPassage(portal, { forward, backward } = {}) {
+    const parameters = [whole(portal, "portal"), bit(forward, "forward"), bit(backward, "backward")];
+    this.wasm.call((wasm) => wasm.check("vis_cells_set_passage", this.pointer, ...parameters));
   }
 
   canSee(from, to) {

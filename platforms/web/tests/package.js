@@ -250,6 +250,54 @@ for (const simd128 of [false, true]) {
     scene.destroy();
   });
 
+  test(say("no missing or mistyped argument closes a door or empties a layer"), () => {
+    const { scene, wall, view } = street();
+    const door = [1, 2, 2, 1].map((y, i) => [4, y, i < 2 ? 0 : 2]);
+    const rooms = [0, 4].map((x) => ({ min: [x, 0, 0], max: [x + 4, 4, 3] }));
+    const cells = visibility.createCells(
+      visibility.createGraph(2, [{ vertices: door, cells: [0, 1] }]),
+      rooms,
+    );
+    for (const wrong of [undefined, null, NaN, 0.5, 1, 2, "true", 1n]) {
+      const isRefused = refused("ARGUMENT", /is not true or false/);
+      assert.throws(() => cells.setOpen(0, wrong), isRefused);
+      assert.throws(() => cells.setPassage(0, { forward: true, backward: wrong }), isRefused);
+      assert.throws(() => visibility.createVisible({ changes: wrong ?? null }), isRefused);
+    }
+    for (const wrong of [undefined, null, NaN, Infinity, 0.5, 2 ** 32, -(2 ** 31) - 1, true, "1", 1n]) {
+      const whole = /is not a whole number of 32 bits/;
+      assert.throws(() => cells.setOpen(wrong, true), refused("ARGUMENT", whole));
+      assert.throws(() => scene.setLayers(wall, wrong), refused("ARGUMENT", whole));
+      assert.throws(() => scene.setFlags(wall, wrong), refused("ARGUMENT", whole));
+      assert.throws(() => view.setLayers(wrong), refused("ARGUMENT", whole));
+      const bounds = [...WALL.min, ...WALL.max];
+      assert.throws(() => scene.insertAll({ bounds, layers: [wrong] }), refused("ARGUMENT", whole));
+      const indices = [0, 1, wrong];
+      assert.throws(() => scene.addMesh({ positions: bounds, indices }), refused("ARGUMENT", whole));
+    }
+    assert.throws(() => view.setMatrix(MATRIX), refused("ARGUMENT", /an argument is missing/));
+    assert.throws(() => cells.canSee(0), refused("ARGUMENT", /an argument is missing/));
+    view.setLayers(~4);
+    assert.equal(scene.count, 2);
+    assert.ok(cells.canSee(0, 1) && cells.canSee(1, 0));
+  });
+
+  test(say("after a fault inside the library, every call says so"), async () => {
+    const handle = (await load({ simd128 })).createScene();
+    // A module whose function `f` traps.
+    const trap = [
+      0, 97, 115, 109, 1, 0, 0, 0, 1, 4, 1, 96, 0, 0, 3, 2, 1, 0, 7, 5, 1, 1, 102, 0, 0, 10, 5, 1, 3, 0, 0,
+      11,
+    ];
+    const { instance } = await WebAssembly.instantiate(new Uint8Array(trap), {});
+    const { exports } = handle.wasm;
+    handle.wasm.exports = { ...exports, vis_scene_count: instance.exports.f };
+    assert.throws(() => handle.count, refused("PANIC", /fault inside the library: unreachable/));
+    handle.wasm.exports = { ...exports, vis_scene_destroy: instance.exports.f };
+    assert.throws(() => handle.count, refused("PANIC", /an earlier fault inside the library/));
+    handle.destroy();
+  });
+
   test(say("indices are read where they are, and memory does not grow with frames"), () => {
     const scene = visibility.createScene();
     const bounds = Array.from({ length: 5000 }, (_, i) => [

@@ -185,10 +185,10 @@ impl ViewProjection {
         [self.row((x + w) * (0.5 * width)), self.row((w - y) * (0.5 * height))]
     }
 
-    /// Returns 1 for the matrix of an unmirrored camera, -1 for a mirrored one. This is the sign of the
-    /// determinant of the clip-space `(x, y, w)` of any three points `a`, `b`, `c` in view for which the
-    /// normal `(b - a) x (c - a)` points away from the eye. Returns 0 if the computed determinant is 0 or
-    /// NaN.
+    /// Returns 1 if the directions right, up and ahead of the picture are left-handed axes, -1 if they are
+    /// right-handed. This is the sign of the determinant of the clip-space `(x, y, w)` of any three points
+    /// `a`, `b`, `c` in view for which the normal `(b - a) x (c - a)` points away from the eye. Returns 0 if
+    /// the computed determinant is 0 or NaN.
     pub fn orientation(&self) -> f64 {
         let [x, y, w] = [self.rows[0], self.rows[1], self.rows[3]].map(DVec4::truncate);
         let turn = match self.eye {
