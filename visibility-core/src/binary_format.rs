@@ -263,8 +263,8 @@ impl Writer {
     }
 }
 
-/// Reads the content of a file from its first byte to its last. Allocates no more than the bytes present can
-/// fill, however large the counts are that the content states.
+/// Reads the content of a file from its first byte to its last. Compares a count of numbers to read with the
+/// bytes left before it allocates memory for them, so that a forged count cannot exhaust memory.
 #[derive(Clone, Debug)]
 pub struct Reader<'a> {
     all: &'a [u8],

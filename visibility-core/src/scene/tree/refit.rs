@@ -96,8 +96,8 @@ fn fetch(moved: &[(ObjectId, Aabb)], positions: &[u32; FAN_OUT]) {
 }
 
 /// Returns whether every box, except in the lanes of the mask `free`, is finite and has its centre near
-/// `home`: [`is_far`] is false. `None` stands for all of space. The result may be false even if no box has
-/// moved, since an unmoved box may be far.
+/// `home`: [`is_far`] is false. `home` of `None` stands for all of space. The result may be false even if no
+/// box has moved, since an unmoved box may be far.
 fn all_stay(boxes: &Boxes64, free: u64, home: Option<&Aabb>) -> bool {
     let mut bad = [0u32; FAN_OUT];
     for axis in 0..3 {
