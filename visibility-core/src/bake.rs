@@ -172,8 +172,8 @@ impl<B: Baker> Bake<B> {
     /// Works on the next round of items like [`advance`](Self::advance), but ends early once `pause` or
     /// `stop` returns true. Items of the round that no thread has begun by then stay waiting. After `pause`,
     /// the items already begun are finished. After `stop`, an item already begun also stays waiting if its
-    /// [`Baker::work`] returns `None`. Stopping early does not change the outcome of the whole bake unless
-    /// items use one another's results.
+    /// [`Baker::work`] returns `None`. Stopping early can change the outcome of the whole bake only if items
+    /// use one another's results.
     pub fn advance_unless(
         &mut self,
         pause: impl Fn() -> bool + Sync,

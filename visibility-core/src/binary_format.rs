@@ -330,7 +330,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Returns an [`FormatError::Content`] with the present read position and a description of the problem,
+    /// Returns a [`FormatError::Content`] with the present read position and a description of the problem,
     /// for content that the caller finds inconsistent.
     pub fn content_error(&self, problem: &'static str) -> FormatError {
         FormatError::Content { offset: self.offset, problem }

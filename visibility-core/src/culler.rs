@@ -172,7 +172,7 @@ pub trait Culler {
 
     /// Returns whether the culler hides objects outside their [draw ranges](Scene::set_draw_range). If no
     /// culler of a [`Pipeline`](crate::Pipeline) does, the pipeline reports draw ranges as a lack. False by
-    /// default. A culler that wraps another must return the other's answer.
+    /// default. A culler that wraps another must return the answer of the wrapped culler.
     fn follows_draw_ranges(&self) -> bool {
         false
     }

@@ -20,7 +20,8 @@ use crate::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, scene::SceneCu
 /// long as with the occluders that were best for the frame (measured).
 const DEFAULT_PRICE: u32 = 24;
 
-/// Default bound on the work of a frame, in triangles: some milliseconds, more than an engine has to spare.
+/// Default bound on the work of a frame, in triangles: some milliseconds, more than an engine has to spare. A
+/// guard against extreme frames.
 const DEFAULT_WORK_LIMIT: u32 = 1 << 15;
 
 /// Removes the objects that an occlusion map finds hidden behind the scene's occluders.

@@ -28,7 +28,7 @@ pub struct Arrival {
 }
 
 /// Finds the objects that become visible while the eye keeps its velocity, so that they are loaded in time.
-/// Holds scratch memory; a search allocates nothing once it is large enough.
+/// Holds scratch memory; once this memory is large enough, searches allocate nothing.
 ///
 /// ```
 /// use visibility_core::pvs::{Prefetch, Pvs, PvsTargets, ScenePvs, Viewcell, Viewcells};

@@ -78,9 +78,9 @@ impl fmt::Display for ObjectId {
 
 /// Identifies an occluder mesh stored in a [`Scene`](crate::Scene); any number of objects can use the mesh.
 ///
-/// An id consists of an index and a generation, as an [`ObjectId`] does: the id of a mesh that was
-/// [removed](crate::Scene::remove_mesh) is rejected, though another mesh may reuse its index, and so is an id
-/// of another scene, within the same limits.
+/// An id consists of an index and a generation, as an [`ObjectId`] does. The id of a mesh that was
+/// [removed](crate::Scene::remove_mesh) is rejected, even if another mesh has reused the index. An id of
+/// another scene is rejected within the limits that [`ObjectId`] states.
 ///
 /// ```
 /// use visibility_core::{glam::Affine3A, Aabb, OccluderMesh, Scene};

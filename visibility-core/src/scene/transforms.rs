@@ -474,8 +474,8 @@ impl Scene {
     }
 
     /// Returns the number of objects that are flagged as occluders but have no mesh, and so hide nothing from
-    /// cullers that use meshes. Counts objects whose mesh was removed because their bounds changed. Takes
-    /// constant time.
+    /// cullers that use meshes. Objects whose mesh was removed because their bounds changed are counted too.
+    /// Takes constant time.
     ///
     /// ```
     /// use visibility_core::{Aabb, Object, Scene};

@@ -42,10 +42,10 @@ pub trait SightCells {
     /// not [proper](Reach::is_proper) is never asked for.
     fn cells_of(&mut self, reach: &Reach, cells: &mut Vec<u32>) -> bool;
 
-    /// Adds to the set `seen` every cell that may be seen, at least in part, from some point that the mover
-    /// may be at. The limit of `seen` is at least the number of cells. Returns false if the cells are not
-    /// known: then the observer counts as seeing every target. A reach that is not [proper](Reach::is_proper)
-    /// is never asked for.
+    /// Adds to the set `seen` every cell that may be seen, at least in part, from some point that the
+    /// observer, a mover, may be at. The limit of `seen` is at least the number of cells. Returns false if
+    /// the cells are not known: then the observer counts as seeing every target. A reach that is not
+    /// [proper](Reach::is_proper) is never asked for.
     fn seen_from(&mut self, reach: &Reach, seen: &mut Bits) -> bool;
 }
 

@@ -8,11 +8,11 @@ use crate::scene::queue::Queue;
 use crate::{Aabb, ObjectId};
 
 impl Tree {
-    /// Moves the objects of a batch within their leaves, as
-    /// [`move_batch_by_leaf`](Self::move_batch_by_leaf) does, in one pass over all leaves of the tree: faster
-    /// if the batch has a good part of all objects. Sorts nothing. If an object is listed twice and can stay
-    /// in its leaf, its last bounds count; positions of an object that must leave are written to
-    /// `scratch.leavers` once, for its last bounds.
+    /// Moves the objects of a batch within their leaves, as [`move_batch_by_leaf`](Self::move_batch_by_leaf)
+    /// does, in one pass over all leaves of the tree: faster if the batch has a good part of all objects.
+    /// Sorts nothing. If an object is listed several times, only its last bounds count. If with these the
+    /// object must leave its leaf, it is not moved: the position of its last bounds in `moved` is written to
+    /// `scratch.leavers`.
     pub(in crate::scene) fn refit_batch(
         &mut self,
         moved: &[(ObjectId, Aabb)],
