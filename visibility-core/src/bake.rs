@@ -104,9 +104,9 @@ pub trait Baker: Sync {
     }
 
     /// Computes the result of one item from the baker's state before the round. Called from several threads
-    /// at once with feature `rayon`. For long items, `work` calls `stop` several times a second. Once `stop`
-    /// has returned true, `work` returns `None`, and the item stays waiting. For short items, `work` ignores
-    /// `stop`.
+    /// at once with feature `rayon`. If an item takes long, `work` calls `stop` several times a second. Once
+    /// `stop` has returned true, `work` returns `None`, and the item stays waiting. If an item is short,
+    /// `work` need not call `stop`.
     fn work(&self, item: u32, scratch: &mut Self::Scratch, stop: &dyn Fn() -> bool) -> Option<Self::Found>;
 
     /// Merges the result of one item into the baker's state. Called at the end of a round for each item of
@@ -115,7 +115,8 @@ pub trait Baker: Sync {
     fn take_in(&mut self, item: u32, found: Self::Found) -> u64;
 
     /// Turns the baker's state into the final result. `waiting` lists the items that were not worked on, in
-    /// ascending order. A conservative baker counts everything that those items might have found as visible.
+    /// ascending order. A conservative baker counts as visible everything that these items could have found
+    /// to be visible.
     fn finish(self, waiting: &[u32]) -> Self::Outcome;
 
     /// Returns a hash of everything that determines the outcome: the input and the settings, but not the
@@ -171,8 +172,8 @@ impl<B: Baker> Bake<B> {
     /// Works on the next round of items like [`advance`](Self::advance), but ends early once `pause` or
     /// `stop` returns true. Items of the round that no thread has begun by then stay waiting. After `pause`,
     /// the items already begun are finished. After `stop`, an item already begun also stays waiting if its
-    /// [`Baker::work`] returns `None`. Stopping early does not change the outcome of the whole bake unless
-    /// items use one another's results.
+    /// [`Baker::work`] returns `None`. Stopping early can change the outcome of the whole bake only if items
+    /// use one another's results.
     pub fn advance_unless(
         &mut self,
         pause: impl Fn() -> bool + Sync,
@@ -276,7 +277,7 @@ fn work_on_all<B: Baker>(
 /// Returns the results of the items of a round, in the order of `round`, computed on all threads of the
 /// current pool. `None` for an item that was not begun because `pause` or `stop` had returned true, and for
 /// one for which [`Baker::work`] returned `None`. Idle threads take items from the end of the round, where
-/// rank and thus expected cost is greatest: the last items to run are the short ones.
+/// rank and thus expected cost is greatest, so that the last items to run are short.
 #[cfg(feature = "rayon")]
 fn work_on_all<B: Baker>(
     baker: &B,

@@ -263,8 +263,8 @@ impl Writer {
     }
 }
 
-/// Reads the content of a file from its first byte to its last. Allocates no more than the bytes present can
-/// fill, however large the counts are that the content states.
+/// Reads the content of a file from its first byte to its last. Compares a count of numbers to read with the
+/// bytes left before it allocates memory for them, so that a forged count cannot exhaust memory.
 #[derive(Clone, Debug)]
 pub struct Reader<'a> {
     all: &'a [u8],
@@ -330,7 +330,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Returns an [`FormatError::Content`] with the present read position and a description of the problem,
+    /// Returns a [`FormatError::Content`] with the present read position and a description of the problem,
     /// for content that the caller finds inconsistent.
     pub fn content_error(&self, problem: &'static str) -> FormatError {
         FormatError::Content { offset: self.offset, problem }

@@ -68,13 +68,13 @@ impl Bits {
         }
     }
 
-    /// Adds all indices of `other`. Indices beyond the limit are left out.
+    /// Adds all indices of `other`. Indices at or beyond the limit of this set are left out.
     pub fn unite(&mut self, other: &Self) {
         self.unite_words(other.0.iter().copied());
     }
 
-    /// Adds the indices whose bits are set in `words`, in the layout of [`words`](Self::words). Indices
-    /// beyond the limit are left out.
+    /// Adds the indices whose bits are set in `words`, in the layout of [`words`](Self::words). Indices at or
+    /// beyond the limit of this set are left out.
     #[inline]
     pub fn unite_words(&mut self, words: impl Iterator<Item = u64>) {
         self.0.iter_mut().zip(words).for_each(|(own, other)| *own |= other);

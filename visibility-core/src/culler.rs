@@ -35,9 +35,9 @@ impl Accuracy {
         matches!(self, Self::Exact | Self::Aggressive)
     }
 
-    /// Returns the accuracy of two cullers in sequence, which keep the objects that both keep. The sequence
-    /// never removes visible objects if neither culler does, and never leaves hidden ones if one of the two
-    /// leaves none.
+    /// Returns the accuracy of two cullers in sequence, after which the objects that both keep are left. No
+    /// visible object is removed if neither culler removes any. No hidden object is left if at least one of
+    /// the cullers leaves none.
     #[must_use]
     pub const fn and(self, other: Self) -> Self {
         match (self.never_hides() && other.never_hides(), self.never_shows() || other.never_shows()) {
@@ -172,7 +172,7 @@ pub trait Culler {
 
     /// Returns whether the culler hides objects outside their [draw ranges](Scene::set_draw_range). If no
     /// culler of a [`Pipeline`](crate::Pipeline) does, the pipeline reports draw ranges as a lack. False by
-    /// default. A culler that wraps another must return the other's answer.
+    /// default. A culler that wraps another must return the answer of the wrapped culler.
     fn follows_draw_ranges(&self) -> bool {
         false
     }

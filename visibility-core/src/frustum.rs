@@ -185,11 +185,11 @@ impl ConvexVolume {
     }
 }
 
-/// `known` of this walk is a mask of planes, bit i for plane i: the planes that the node may cross. Only
-/// these planes are tested.
+/// The number that the walk passes down to a node (`active` in `test`) is a mask of the planes that the node
+/// may cross, bit i for plane i. Only these planes are tested.
 impl NodeTest for ConvexVolume {
     /// Indexed by plane: a mask of the lanes whose boxes are wholly on the inner side of the plane, bit i for
-    /// lane i. 0 for planes that were not tested, and in leaves.
+    /// lane i. 0 for planes that were not tested, and in leaves, below which nothing is left to test.
     type Found = [u64; MAX_PLANES];
 
     #[inline(always)]

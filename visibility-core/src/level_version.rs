@@ -6,10 +6,10 @@ use crate::scene::Triangles;
 use crate::{Object, ObjectId, OccluderMesh, Scene};
 use glam::{Affine3A, DVec3};
 
-/// Returns the version of a scene as a level: a hash of its origin, and of the index and the
-/// [hash](object_hash) of each object. An object counts as an occluder only if it is
-/// [always drawn](Scene::is_always_drawn): other draw ranges and HLOD parents are not part of the version.
-/// Time is linear in the number of triangles.
+/// Returns the version of the level that a scene holds: a hash of the scene's origin, and of the index and
+/// the [hash](object_hash) of each object. Of draw ranges and HLOD parents, the version contains only whether
+/// an occluder is [always drawn](Scene::is_always_drawn): otherwise it does not count as an occluder. Time is
+/// linear in the number of triangles.
 ///
 /// ```
 /// use visibility_core::{Aabb, Object, Scene, level_version};
@@ -29,8 +29,8 @@ pub fn level_version(scene: &Scene) -> u64 {
     version_of(scene.origin(), scene.ids().filter_map(object))
 }
 
-/// Returns an object in the form that counts for a level and its bake, with its occluder mesh and the mesh's
-/// transform. Unless it is [always drawn](Scene::is_always_drawn), it counts as no occluder and has no mesh.
+/// Returns an object as levels and bakes use it, with its occluder mesh and the mesh's transform. An object
+/// that is not [always drawn](Scene::is_always_drawn) is returned without its `occluder` flag and its mesh.
 /// `None` for an unknown object.
 pub fn level_object(scene: &Scene, id: ObjectId) -> Option<(Object, Option<(&OccluderMesh, Affine3A)>)> {
     let mut object = scene.object(id).ok()?;

@@ -11,9 +11,10 @@ static LAST_SERIAL: AtomicUsize = AtomicUsize::new(0);
 /// Number of bits of a counter within its range: each range holds 2^40 values.
 const RANGE_BITS: u32 = 40;
 
-/// Returns the first of 2^40 consecutive numbers that no other call returned, from which a scene counts its
-/// layouts or its revisions. Distinct for the first 16 million (2^24 - 1) calls of a process, then repeated.
-/// Never 0, which stands for no scene.
+/// Returns the first of 2^40 consecutive numbers that belong to this call alone. A scene counts its layouts
+/// up from one such number, its revisions from another. The first 16 million (2^24 - 1) calls of a process
+/// return different numbers, later calls repeat them. Never returns 0, the number of
+/// [`Stamp::NONE`](crate::stamp::Stamp::NONE).
 pub(crate) fn next_range() -> u64 {
     nth_range(next(&LAST_RANGE) as u64)
 }
@@ -29,8 +30,9 @@ pub(crate) fn is_same_range(a: u64, b: u64) -> bool {
     a >> RANGE_BITS == b >> RANGE_BITS
 }
 
-/// Returns the generation with which a scene starts. Successive multiples of 2^32 over the golden ratio
-/// spread evenly over the 32-bit numbers: any two of `n` are at least 2^32 / (2.7 n) apart.
+/// Returns the generation with which a scene starts. Generations are successive multiples of 2^32 over the
+/// golden ratio, which spread evenly over the 32-bit numbers: the generations of any two of `n` successive
+/// scenes are at least 2^32 / (2.7 n) apart.
 pub(crate) fn next_generation() -> u32 {
     (next(&LAST_SCENE) as u32).wrapping_mul(0x9e37_79b9)
 }
@@ -49,8 +51,8 @@ fn next(last: &AtomicUsize) -> usize {
 }
 
 /// Increments the counter `last` without an atomic read-modify-write and returns its new value, for
-/// processors that have none. These have one core, so two calls return the same number only if an interrupt
-/// handler calls this function between the load and the store.
+/// processors without such an instruction. Such a processor has one core, so two calls return the same number
+/// only if an interrupt handler calls this function between the load and the store.
 #[cfg(not(target_has_atomic = "ptr"))]
 fn next(last: &AtomicUsize) -> usize {
     let next = last.load(Relaxed).wrapping_add(1);

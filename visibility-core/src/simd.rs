@@ -77,9 +77,10 @@ impl Simd {
 }
 
 /// Declares a trait `Kernels` with methods that return a mask of 64 lanes, and implements it for [`Simd`].
-/// Each method runs the body that it names, compiled for the instruction set of the [`Simd`]. A body takes
-/// the method's arguments and a function like `signs_portable`, for as many lanes as the body works on at a
-/// time, and has `#[inline(always)]`. For the SIMD modules of this crate and its siblings.
+/// Each method calls the function given for it, the body, compiled for the instruction set of the [`Simd`].
+/// The body takes the method's arguments and, last, `signs_portable`, `signs_avx2` or `signs_avx512`, whose
+/// argument's length is the number of lanes to work on at a time. It must be `#[inline(always)]`. For the
+/// SIMD modules of this crate and of other crates of the workspace.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! mask_kernels {

@@ -35,7 +35,8 @@ impl Stamp {
     }
 
     /// Makes a stamp of a number counted up from [`next_range`](crate::serial::next_range). Such numbers are
-    /// at least 2^40 and differ from the serials that [`new`](Self::new) uses until 2^40 of these are taken.
+    /// at least 2^40, and [`new`](Self::new) counts up from 1, so the two give equal stamps only after 2^40
+    /// calls of `new`.
     pub(crate) const fn from_count(count: u64) -> Self {
         Self(count)
     }

@@ -54,9 +54,9 @@ pub enum CellGraphError {
         /// Number of cells in the graph, numbered from 0.
         cells: usize,
     },
-    /// A portal of a cell reaches to the outer side of another portal's plane, the side of that plane away
-    /// from the cell. Two such portals cannot both be on the boundary of a convex body: the cell is not
-    /// convex, a portal is not on its boundary, or a normal points the wrong way.
+    /// A portal of a cell has a vertex beyond the plane of another portal of the cell, on the side of that
+    /// plane away from the cell. Two such portals cannot both be on the boundary of a convex body: the cell
+    /// is not convex, a portal is not on its boundary, or a normal points the wrong way.
     NotOnBoundary {
         /// Cell to which both portals belong.
         cell: CellId,

@@ -151,8 +151,8 @@ impl CellGraph {
     }
 
     /// Returns the version of the graph: a hash of the number of cells, and of the cells and the vertices of
-    /// each portal, but not of objects. A [`Pvs`](crate::pvs::Pvs) of the cells has it as its
-    /// [source](crate::pvs::Pvs::source). Time is linear in the number of vertices.
+    /// each portal, but not of objects. A [`Pvs`](crate::pvs::Pvs) whose targets are the cells of this graph
+    /// stores the version as its [source](crate::pvs::Pvs::source). Time is linear in the number of vertices.
     pub fn version(&self) -> u64 {
         let mut hash = Fingerprint::new().with_u64(self.cell_count() as u64);
         for portal in &self.portals {

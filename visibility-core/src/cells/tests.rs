@@ -242,9 +242,9 @@ fn bodies_on_the_two_sides_of_a_portal_turn_it() {
     assert_eq!(few, Err(CellGraphError::Bodies { cells: 3, bodies: 1 }), "bodies are missing");
 }
 
-/// Portal and bodies are slanted, so the bodies' bounding boxes reach across the portal's plane, and only the
-/// bodies' own planes decide. Also tested far from the origin, where coordinates are rounded to a few
-/// millionths of the portal's size.
+/// Tests that the planes of the bodies decide how a portal is wound where their boxes cannot: portal and
+/// bodies are slanted, so the boxes reach across the portal's plane. Also tested far from the origin, where
+/// coordinates are rounded to a few millionths of the portal's size.
 #[test]
 fn planes_of_bodies_decide_where_their_boxes_do_not() {
     let normal = DVec3::new(1.0, 2.0, 0.5);

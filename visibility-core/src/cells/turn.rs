@@ -18,11 +18,11 @@ impl CellGraph {
     /// space. Bodies and portals may be misplaced by up to `tolerance` metres. Call this function before
     /// anything is baked from the graph.
     ///
-    /// A body decides if it lies on one side of the portal's plane. A body that reaches across the plane,
-    /// such as a courtyard around a house, or that is inverted, infinite or NaN, leaves the decision to the
-    /// body on the other side. The portal need not touch the bodies, so that walls may be thick:
-    /// [`validate_bodies`](Self::validate_bodies) checks that as well. Time is linear in the numbers of
-    /// portals and of their bodies' planes.
+    /// A body that lies on one side of the portal's plane decides how the portal is wound. A body that
+    /// reaches across the plane, such as a courtyard around a house, or that is inverted, infinite or NaN,
+    /// leaves the decision to the portal's other body. The portal need not touch the bodies, so walls may be
+    /// thick; [`validate_bodies`](Self::validate_bodies) checks that portals lie in faces of the bodies. Time
+    /// is linear in the numbers of portals and of their bodies' planes.
     ///
     /// # Errors
     /// [`CellGraphError::Bodies`] if there is not one body for each cell. [`CellGraphError::NotBetween`] for
@@ -137,7 +137,7 @@ fn greatest(body: &Viewcell, normal: DVec3, anchor: DVec3) -> f64 {
     least
 }
 
-/// Returns an upper bound on the distance of a point of a body from `anchor`, in metres.
+/// Returns an upper bound on the distance of any point of a body from `anchor`, in metres.
 fn reach_from(body: &Viewcell, anchor: DVec3) -> f64 {
     (body.min - anchor).abs().max((body.max - anchor).abs()).element_sum()
 }

@@ -8,7 +8,8 @@ impl CellGraph {
     /// Checks that the portals of each cell can lie on the boundary of one convex body: no vertex of one
     /// portal may be more than `tolerance` metres beyond the plane of another, on the side of that plane away
     /// from the cell. For coordinates read from text with d decimals, `tolerance` should be about 10^-d times
-    /// the extent of the map divided by that of its smallest portal.
+    /// the ratio of the extent of the map to that of its smallest portal, because rounding a small portal's
+    /// vertices tilts its plane.
     ///
     /// Visibility through portals is conservative only for a graph whose portals are where its cells have
     /// openings, with normals into their second cells. This check finds many faulty graphs, but not all: a

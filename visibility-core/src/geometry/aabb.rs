@@ -112,8 +112,8 @@ impl Aabb {
     /// Returns a box that certainly contains the image of this box under `transform`: every point of the box,
     /// mapped without rounding. On the axis with matrix row `(a, b, c)` and translation `t`, the result
     /// exceeds the smallest such box on each side by less than a millionth of the sum `|t| + |a min.x| + |a
-    /// max.x| + |b min.y| + |b max.y| + |c min.z| + |c max.z|`. A rotated box has the bounds of its image,
-    /// which are larger than the image.
+    /// max.x| + |b min.y| + |b max.y| + |c min.z| + |c max.z|`. For a rotation, the result is the box around
+    /// the rotated box, and thus larger than the rotated box.
     ///
     /// The identity returns the box unchanged. An improper box is returned unchanged. A NaN in `transform`,
     /// or an infinite side of the box that `transform` multiplies by 0, makes an improper box. Sides beyond

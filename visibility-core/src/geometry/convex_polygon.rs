@@ -72,8 +72,8 @@ impl fmt::Display for PolygonError {
 impl core::error::Error for PolygonError {}
 
 /// Least area of a polygon, as a fraction of its squared size (see [`ConvexPolygon::TOLERANCE`]): 90 times
-/// the round-off of `f64`. Rounding changes the area vector of a polygon of about ten vertices by less than
-/// 20 round-offs.
+/// the unit round-off of `f64`. Rounding changes the area of a polygon of about ten vertices by less than 20
+/// times the round-off, so a polygon without area does not reach this value.
 const AREA_ROUNDING: f64 = 1e-14;
 
 impl ConvexPolygon {

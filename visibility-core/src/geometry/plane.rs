@@ -55,12 +55,12 @@ impl Plane {
     /// Every point of the polygon has a [`signed_distance`](Self::signed_distance) of at most three times the
     /// [`error_bound`](Self::error_bound), however thin the polygon is. The normal is summed in
     /// [`DoubleDouble`] numbers: in `f64` the rounding of a cross product turns the normal of a triangle by
-    /// `u` times the ratio of length to height, with `u = 2^-53`. Here that ratio is multiplied by `2^-100`,
-    /// which is below `u / 4` for ratios up to `2^45`. Rounding the normal to `f64` and dividing by its
-    /// length changes each component by `2 u` of itself; a common factor does not turn the normal. The
-    /// difference of two points has components of at most twice their magnitude `m`, so the turned normal
-    /// moves the plane by at most `4 u |n| . m`: less than one error bound. The roundings of the offset and
-    /// of the distance are one error bound each.
+    /// `u` times the ratio of length to height, with `u = 2^-53`. In these numbers, rounding turns the normal
+    /// by `2^-100` times that ratio: less than `u / 4` for ratios up to `2^45`. Rounding the normal to `f64`
+    /// and dividing by its length changes each component by `2 u` of itself; a common factor does not turn
+    /// the normal. The difference of two points has components of at most twice their magnitude `m`, so the
+    /// turned normal moves the plane by at most `4 u |n| . m`: less than one error bound. The roundings of
+    /// the offset and of the distance are one error bound each.
     pub fn from_polygon(vertices: &[DVec3]) -> Option<Self> {
         let (&first, others) = vertices.split_first()?;
         // The products are scaled by a power of two, so that they neither overflow nor lose their low parts.

@@ -13,20 +13,20 @@
 
 use glam::DVec3;
 
-/// Work in triangles, beside the price of one object, that the search for occluders may spend in a frame
-/// before any object is found hidden. It must last until the first batch of occluders has been drawn and the
-/// boxes behind have been tested.
+/// Work in triangles that the search for occluders may spend in a frame before any object is found hidden, in
+/// addition to the price of one object. Enough to draw the first batch of occluders and to test the boxes
+/// behind them.
 const INITIAL_CREDIT: f32 = 2048.0;
 
-/// Work of testing one box against the map, in a block of 64 siblings, in triangles. Measured with the
-/// z-buffer: a test of 64 boxes takes as long as drawing six triangles. With three times this value, the
-/// search ends early in frames of real levels.
+/// Work, in triangles, of testing one box of a block of 64 against the map. Measured with the z-buffer:
+/// testing 64 boxes takes as long as drawing six triangles. A value three times as great ends the search too
+/// early in frames of real levels.
 const TEST_WORK: f32 = 0.1;
 
 /// An occluder can be paid from the credit, whatever is behind it, if its cost is at most this number of
 /// triangles plus the worth of all objects found hidden in the frame. A costlier occluder must cost at most
-/// half of what hiding all objects behind it is worth, or be drawn on a [loan](LOAN_SAFETY). So a frame of
-/// few objects draws no mesh that costs as much as hiding all of them is worth.
+/// half of what hiding all objects behind it is worth, or be drawn on a [loan](LOAN_SAFETY). This keeps a
+/// frame of few objects from drawing a costly mesh that cannot pay.
 const UNPROVEN_COST: f32 = 512.0;
 
 /// An occluder that costs more than the search may still spend can be drawn on a *loan*. The worth of the
@@ -202,8 +202,8 @@ pub(super) struct Experience {
     /// Number of frames in a row whose search for hidden objects did not pay.
     losses: u32,
     /// Loss of the last frame that searched, in triangles: its work, less the worth of the objects found
-    /// hidden, less the work saved by the frames that skipped the search since. Frames skip it only while the
-    /// loss is positive.
+    /// hidden, less the work saved by the frames that skipped the search since. Frames skip the search only
+    /// while the loss is positive.
     debt: f32,
     /// Number of frames in a row that skipped the search.
     left_out: u32,

@@ -17,17 +17,19 @@ use crate::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, scene::SceneCu
 
 /// Default [price](OcclusionCuller::with_price): the number of occluder triangles that may be drawn for each
 /// object that they are expected to hide. With larger prices, frames of some scenes took over 1.2 times as
-/// long as with the best choice of occluders (measured).
+/// long as with the occluders that were best for the frame (measured).
 const DEFAULT_PRICE: u32 = 24;
 
-/// Default bound on the work of a frame, in triangles: some milliseconds, more than an engine has to spare.
+/// Default bound on the work of a frame, in triangles: some milliseconds, more than an engine has to spare. A
+/// guard against extreme frames.
 const DEFAULT_WORK_LIMIT: u32 = 1 << 15;
 
 /// Removes the objects that an occlusion map finds hidden behind the scene's occluders.
 ///
-/// Occluders are the objects of the set that are flagged as such and have a mesh ([`Scene::set_mesh`],
-/// [`Scene::prepare_occluders`]), but for those that the map [draws by itself](OcclusionMap::draws). Put the
-/// culler after the frustum in a pipeline: only objects that are still in the set are drawn and tested.
+/// Occluders are the objects of the set that are flagged as occluders and have a mesh ([`Scene::set_mesh`],
+/// [`Scene::prepare_occluders`]). Objects that the map [draws by itself](OcclusionMap::draws) are not drawn
+/// again. Put the culler after the frustum in a pipeline: only objects that are still in the set are drawn
+/// and tested.
 ///
 /// # Cost
 /// Occluders are drawn nearest first, and only if they are expected to hide enough objects for their
@@ -35,7 +37,7 @@ const DEFAULT_WORK_LIMIT: u32 = 1 << 15;
 /// microseconds each with the z-buffer). Each object found hidden allows more work. The work of a frame is
 /// proportional to the nodes and occluders that are seen, plus at most a constant for occluders that turn out
 /// to hide nothing. A frame that has spent this constant and found nearly nothing hidden backs off: it tests
-/// the objects of fewer and fewer leaves of the hierarchy and reports the others.
+/// the objects of fewer and fewer leaves of the hierarchy and leaves all others visible.
 /// [`with_work_limit`](Self::with_work_limit) bounds the work of a frame altogether.
 ///
 /// After eight frames in a row whose work was worth more than the objects found hidden, whole frames are left
@@ -113,10 +115,11 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
 
     /// Bounds the work of a frame, in triangles: with the z-buffer, ten of them take about a microsecond.
     /// 32,768 by default; `u32::MAX` for no bound. A frame spends at most half of this work on occluders.
-    /// Once all of it is spent, the frame tests no more objects and reports the rest. The bound may be
-    /// exceeded by the node tested last, by the batch of occluders or the cluster of a level drawn last, and
-    /// by the search for a level's clusters in view. The bound does not cover the time to empty the map,
-    /// which is longer for larger maps.
+    /// Once all of it is spent, the frame tests no more objects and leaves the rest visible. The bound may be
+    /// exceeded by the node tested last and the batch of occluders drawn last. A map that [draws a level by
+    /// itself](OcclusionMap::draws) may exceed it by the search for the parts of the level in view, and by
+    /// the part drawn last. The bound does not cover the time to empty the map, which is longer for larger
+    /// maps.
     #[must_use]
     pub fn with_work_limit(self, triangles: u32) -> Self {
         Self { work_limit: triangles, ..self }
@@ -344,8 +347,8 @@ impl<M: OcclusionMap> Sweep<'_, M> {
 /// Value of `known` in [`HiddenTest`] for a node that occluders may hide: its children must be tested.
 const UNDECIDED: u32 = 1;
 
-/// The test of the walk after the search, for several threads. `known` of a node is [`UNDECIDED`], or 0 if no
-/// occluder hides any part of the node.
+/// The test of the walk after the search, for several threads. The number that the walk passes down to a node
+/// is [`UNDECIDED`], or 0 if no occluder hides any part of the node.
 struct HiddenTest<'a> {
     map: &'a (dyn OcclusionMap + Sync),
 }

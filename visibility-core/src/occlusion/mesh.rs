@@ -127,9 +127,9 @@ impl OccluderMesh {
         sizes as u32 ^ self.bounds.min.x.to_bits() ^ self.facing[0].to_bits() ^ self.facing[5].to_bits()
     }
 
-    /// Makes a mesh of triangles that index welded `positions` and have areas, without a search for parts.
-    /// Unused positions are dropped. A mesh that is an axis-aligned box gets the vertex and triangle order of
-    /// [`CUBOID`](Self::CUBOID). `None` without triangles.
+    /// Makes a mesh of triangles that index welded `positions` and have areas, and does not split the mesh
+    /// into its convex [`parts`](Self::parts). Unused positions are dropped. A mesh that is an axis-aligned
+    /// box gets the vertex and triangle order of [`CUBOID`](Self::CUBOID). `None` without triangles.
     pub(super) fn whole(positions: &[Vec3], triangles: Vec<[u32; 3]>) -> Option<Self> {
         if triangles.is_empty() {
             return None;
@@ -355,10 +355,10 @@ pub(super) fn join(triangles: &[[u32; 3]]) -> (Vec<Edge>, Vec<[u32; 3]>) {
 /// Tests whether a closed mesh is a convex solid that faces outwards. The test takes quadratic time, so
 /// meshes of more than 256 triangles count as not convex.
 ///
-/// Rounding may have moved some vertices in front of faces by a few steps of `f32`. Such dents are tolerated
-/// only if they are small beside the mesh: each face must have a vertex behind it at four times the tolerated
-/// distance. In a smaller mesh, no vertex may be in front of a face, as far as `f64` can tell, and at least
-/// one vertex must be behind each face.
+/// Rounding may have moved vertices in front of a face by a few steps of `f32`. Such a dent is tolerated only
+/// if it is small beside the mesh: some vertex must be behind the face by more than four times the tolerated
+/// distance. If none is, no vertex may be in front of the face, as far as `f64` can tell, and at least one
+/// must be behind it.
 fn is_convex(positions: &[Vec3], triangles: &[[u32; 3]], bounds: &Aabb) -> bool {
     if triangles.len() > 256 {
         return false;

@@ -148,8 +148,8 @@ pub trait OcclusionMap {
     }
 
     /// Returns whether a test takes into account the occluders flushed earlier in the same frame. If false,
-    /// as for a device that answers some frames later, the driver adds all occluders before it tests the
-    /// first box.
+    /// as for a device whose answers arrive some frames later, the culler adds all occluders of a frame
+    /// before it tests the first box.
     fn answers_at_once(&self) -> bool {
         true
     }
@@ -176,7 +176,7 @@ pub trait OcclusionMap {
     }
 
     /// Tests boxes like [`test_64`](Self::test_64), but may change the map, as [`test_mut`](Self::test_mut)
-    /// may: a map that implements one of the two implements both. The default calls
+    /// may. A map that implements `test_mut` or `test_64_mut` implements both. The default calls
     /// [`test_64`](Self::test_64).
     fn test_64_mut(&mut self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
         self.test_64(boxes, candidates)

@@ -77,14 +77,14 @@ impl Scene {
     /// Makes an occluder mesh for every object that is flagged as an occluder, has triangles and has no mesh
     /// yet. Returns the number of objects that got one.
     ///
-    /// Meant for loading time. A mesh stays where the triangles are: moving the object, or replacing its
-    /// [triangles](Scene::set_triangles), removes the mesh. The next call makes a mesh from triangles set
-    /// since.
+    /// Meant for loading time. A mesh lasts as long as the triangles that it was made from: moving the
+    /// object, or replacing its [triangles](Scene::set_triangles), removes the mesh. The next call makes a
+    /// mesh from the triangles that the object then has.
     ///
     /// Objects share one mesh, placed by the transform of their triangles, if the triangles are
     /// [placed](crate::scene::SharedTriangles::placed) instances and the objects have no [local
-    /// bounds](Scene::set_local_bounds). An object gets a mesh of its own if that transform is kept in `f64`,
-    /// or if the placed mesh would reach out of the object's bounds.
+    /// bounds](Scene::set_local_bounds). An object gets a mesh of its own if the transform of its triangles
+    /// is kept in `f64`, or if the placed mesh would reach out of the object's bounds.
     pub fn prepare_occluders(&mut self, preparation: &Preparation) -> usize {
         let ids: Vec<_> = self.ids().collect();
         let mut shared: HashMap<(usize, bool), Option<MeshId>> = HashMap::new();

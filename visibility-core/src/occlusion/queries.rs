@@ -51,9 +51,9 @@ pub trait QueryDevice {
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum LateAnswers {
-    /// Boxes with late answers count as visible, unless neither the view nor the occluders have changed since
-    /// the query. Nothing visible is ever hidden. A still camera culls every hidden box. A moving camera
-    /// culls nothing, since answers arrive at least one frame late.
+    /// An answer is used only if view and occluders are the same as when its query was issued; otherwise the
+    /// box counts as visible. Nothing visible is ever hidden. A still camera culls every hidden box. A moving
+    /// camera culls nothing, since answers arrive at least one frame late.
     Visible,
     /// Answers for a frame at most `frames` frames old are used. An object that comes into view may appear
     /// late by that number of frames.
@@ -76,9 +76,9 @@ impl LateAnswers {
 
 /// An occlusion map over hardware queries, in which boxes count as visible until the device has answered.
 ///
-/// Boxes are identified by their exact coordinates: a box that moves is a new query, and so is every box once
-/// the scene's origin has moved. A box that falls between the samples of the device counts as hidden. The
-/// accuracy is therefore relative to the resolution of the device.
+/// Boxes are identified by their exact coordinates: a box that has moved counts as a new box without an
+/// answer, and so does every box once the scene's origin has moved. A box that falls between the samples of
+/// the device counts as hidden, so the map is only as accurate as the resolution of the device.
 ///
 /// ```
 /// use visibility_core::{occlusion::{HardwareQueries, LateAnswers}, OcclusionCuller};
@@ -96,10 +96,12 @@ pub struct HardwareQueries<D> {
     late: LateAnswers,
     /// Number of frames begun so far, which is also the number of the present frame.
     frame: u64,
-    /// Number of the first frame since which view and occluders have been the same in all frames.
+    /// Number of the frame in which view or occluders last changed: they have been the same from that frame
+    /// on.
     since: u64,
     view: Option<View>,
-    /// Origin that the boxes of all questions are relative to; NaN before the first frame.
+    /// Origin of the scene, to which the boxes of `State::questions` are relative; NaN before the first
+    /// frame.
     origin: DVec3,
     near: Option<ViewPlane>,
     /// Clip planes of the view. `None` if `f64` cannot represent one of them.

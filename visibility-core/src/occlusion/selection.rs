@@ -30,8 +30,8 @@ use glam::{Affine3A, DVec3, DVec4, Vec3};
 /// hide; a smaller one flushes the map too often (measured with the z-buffer).
 const BATCH: u32 = 8;
 
-/// Number of occluders in a frame after which each further one costs [`LATER_WORK`] in addition. Levels draw
-/// some hundreds.
+/// Number of occluders in a frame after which each further one costs [`LATER_WORK`] in addition. Frames of
+/// typical levels draw some hundreds.
 const MANY_OCCLUDERS: u64 = 1024;
 
 /// Extra work in triangles of each occluder after the first [`MANY_OCCLUDERS`] of a frame: among thousands of
@@ -46,11 +46,11 @@ const OBJECTS_PER_LEAF: u32 = 64;
 /// culled as tightly as a large one (measured).
 pub(super) const MIN_BEHIND: f32 = 256.0;
 
-/// Distance, in radii of a mesh (half the diagonal of its bounds), within which an eye is near the middle of
-/// the mesh. If the estimate of the share of the view that a near mesh covers is too small, the share is
-/// estimated again triangle by triangle. At `2 r` from the middle of a wall of length `2 r`, along the wall,
-/// the near end is half as far as the middle. From farther away the two estimates differ by at most a factor
-/// of about 2.
+/// Greatest distance of the eye from the middle of a mesh at which the eye is near the mesh, in radii of the
+/// mesh (`r`: half the diagonal of its bounds). If a near mesh is not worth its cost by the share of the view
+/// estimated from its middle, the share is estimated again triangle by triangle. Seen along a wall of length
+/// `2 r`, at `2 r` from its middle, the near end is half as far away as the middle. At greater distances, the
+/// two estimates differ by at most a factor of about 2.
 const NEAR_RADII: f32 = 2.0;
 
 /// Number of triangles whose solid angles can be estimated in the time of drawing one triangle.
@@ -296,9 +296,10 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
 /// Returns the share of the view that one square metre covers in the middle of the view, facing the eye at a
 /// distance of one metre; for a parallel view at any distance.
 ///
-/// Normalized device coordinates `x / w` grow by `|X| / |W|` for each metre across, at a distance of one
-/// metre, where `X` and `W` are the linear parts of the rows of the clip matrix. The view is 2 units wide and
-/// 2 units high in these coordinates. In a parallel view `w` is constant.
+/// Normalized device coordinates `x / w` and `y / w` grow by `|X| / |W|` and `|Y| / |W|` for each metre
+/// across, at a distance of one metre, where `X`, `Y` and `W` are the linear parts of the rows of the clip
+/// matrix. In a parallel view, `w` is constant and takes the place of `|W|`. The view is 2 units wide and 2
+/// units high in these coordinates, so the share is `|X| |Y| / (4 |W|^2)`.
 fn share_per_area(view: &View, eye: &Eye, origin: DVec3) -> f32 {
     let clip = view.clip_from(origin);
     let [x, y, w] = [0, 1, 3].map(|row| clip.row(row));
@@ -309,8 +310,9 @@ fn share_per_area(view: &View, eye: &Eye, origin: DVec3) -> f32 {
     (x.truncate().length() * y.truncate().length() / (4.0 * w_squared)) as f32
 }
 
-/// Returns an estimate of the solid angle in steradians that a mesh covers, as seen from the eye; for a
-/// parallel view of the area in square metres that faces the eye. 0 if `transform` is degenerate.
+/// Returns an estimate of the solid angle in steradians that a mesh covers, as seen from the eye. For a
+/// parallel view, returns an estimate of the mesh's projected area in square metres instead. 0 if `transform`
+/// is degenerate.
 ///
 /// The estimate is made from the middle of the mesh. It is up to 1.7 times too large where parts of the mesh
 /// face away from the axes or cover each other, and useless for an eye [near](is_near) the mesh.

@@ -94,7 +94,8 @@ const DEPTH: u8 = 4;
 /// Checks the rows of a PVS: each must be strictly ascending, with targets below `target_count`.
 ///
 /// # Errors
-/// [`PvsError::Target`] for the first row that is not.
+/// [`PvsError::Target`] for the first row that is not strictly ascending or has a target that is not below
+/// `target_count`.
 pub fn check_rows<R: AsRef<[u32]>>(rows: &[R], target_count: usize) -> Result<(), PvsError> {
     for (viewcell, row) in rows.iter().enumerate() {
         let row = row.as_ref();
@@ -185,8 +186,8 @@ impl Pvs {
         Ok(Self { bytes: writer.finish(), stamp: Stamp::new() })
     }
 
-    /// Returns the PVS with `source`, a hash of the data that it was made from, in place of its former one.
-    /// The hash is stored with it. For a PVS whose targets are cells it is the
+    /// Returns the PVS with `source` as the hash of the data that the PVS was made from, replacing a former
+    /// hash. The hash is stored with the PVS. For a PVS whose targets are cells it is the
     /// [`CellGraph::version`](crate::cells::CellGraph::version).
     #[must_use]
     pub fn with_source(self, source: u64) -> Self {

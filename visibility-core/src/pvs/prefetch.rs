@@ -12,7 +12,8 @@ use glam::DVec3;
 /// Margin for rounding by which each bound of a viewcell is moved outwards, as a fraction of the greatest
 /// absolute coordinate of path and viewcell. The margin covers four roundings. The moved bound, its distance
 /// from the start of the path, and the caller's own point of the path err by at most `EPSILON` of that
-/// coordinate each. The quotient errs by `EPSILON` of a distance of at most twice that coordinate.
+/// coordinate each. The parameter that [`cut`] computes as a quotient errs by `EPSILON` of itself, which
+/// moves the point of the path by at most `EPSILON` of twice that coordinate.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
 /// An object that becomes visible along a path.
@@ -27,7 +28,7 @@ pub struct Arrival {
 }
 
 /// Finds the objects that become visible while the eye keeps its velocity, so that they are loaded in time.
-/// Holds scratch memory; a search allocates nothing once it is large enough.
+/// Holds scratch memory; once this memory is large enough, searches allocate nothing.
 ///
 /// ```
 /// use visibility_core::pvs::{Prefetch, Pvs, PvsTargets, ScenePvs, Viewcell, Viewcells};
@@ -76,10 +77,11 @@ impl Prefetch {
     ///
     /// A viewcell counts as reached when the eye is within `reach` metres of it along each axis. `reach` is
     /// the distance from the eye at which lines of sight begin, such as that of the corners of the near
-    /// plane, or 0. An object is listed no later than a [`PvsCuller`](super::PvsCuller) shows it. Objects
-    /// that the PVS never hides are not listed. Changes of objects since the [`ScenePvs`] was made are not
-    /// taken into account. While the eye is outside all viewcells every object counts as visible, though not
-    /// listed: see [`covered_seconds`](Self::covered_seconds).
+    /// plane, or 0. The listed time of an object is never later than the time at which a
+    /// [`PvsCuller`](super::PvsCuller) first shows it. Objects that the PVS never hides are not listed.
+    /// Changes of objects since the [`ScenePvs`] was made are not taken into account. While the eye is
+    /// outside all viewcells every object counts as visible, though not listed: see
+    /// [`covered_seconds`](Self::covered_seconds).
     ///
     /// Empty for numbers that are not finite, and for negative `reach` or `seconds`. Time is linear in the
     /// number of objects and, for each viewcell reached, in the bytes of its row and the number of targets.
@@ -208,7 +210,7 @@ impl Path {
 }
 
 /// Returns the part of a range of the parameter `t` in which `height + t * slope` is at least 0. `None` if
-/// this is empty. If a number is NaN, returns the whole range.
+/// this is empty. If `height` is NaN, returns the whole range.
 fn cut([from, to]: [f64; 2], height: f64, slope: f64) -> Option<(f64, f64)> {
     let root = -height / slope;
     let (from, to) = if slope > 0.0 {

@@ -11,24 +11,25 @@ use alloc::vec::Vec;
 use glam::DVec3;
 use smallvec::SmallVec;
 
-/// Greatest number of tests of a piece of a polygon with a viewcell before the coverage test gives up. They
-/// take some milliseconds.
+/// Greatest number of steps of [`is_covered`], each of which cuts one piece of a polygon by one viewcell.
+/// This number of steps takes some milliseconds.
 const MAX_TESTS: u32 = 1 << 14;
 
-/// Greatest number of pieces of a polygon, cut off by viewcells, that wait at once to be covered by other
-/// viewcells. The pieces take some 26 KB of the stack.
+/// Greatest number of pieces of a polygon that [`is_covered`] keeps at once: parts outside of the viewcells
+/// that they were cut by so far. The pieces take some 26 KB of the stack.
 const MAX_LEFT: usize = 64;
 
 /// Margin for rounding, in units of the sum of the greatest absolute coordinates of the anchor (`a`) and of
 /// the polygon (`r`).
 ///
 /// Let `u = EPSILON / 2`, `a` the anchor, `r` the greatest absolute coordinate of the polygon relative to the
-/// anchor, and `n` the unit normal of a viewcell's plane. A plane within reach has an offset of at most `|n .
-/// a| + 2 r`. Normalizing the plane and moving it to the anchor rounds the offset and `n . a` by `9u` of
-/// their magnitudes: `18u |a| + 18u r` together, where the length `|a|` is up to `3^1/2` times the greatest
-/// coordinate. The height of a corner is rounded by `4u` of reach and offset, `12u r`. Each cut puts its
-/// corners up to `4u r` off the edge. So `32u` of the anchor and `30u` of the reach are needed, and `4u` more
-/// for each cut. The margin is `64u` of both.
+/// anchor, and `n` the unit normal of a viewcell's plane. A plane that meets the polygon has an offset of at
+/// most `|n . a| + 2 r`. Normalizing the plane and moving it to the anchor rounds the offset and `n . a` by
+/// `9u` of their magnitudes: `18u |a| + 18u r` together, where the length `|a|` is up to `3^1/2` times the
+/// greatest coordinate. The signed distance of a corner from the plane is rounded by `4u` of the magnitudes
+/// of corner and offset, `12u r`. Each cut of the polygon by a plane puts the new corners up to `4u r` off
+/// the exact edges. So `32u` of the greatest coordinate of `a` and `30u r` are needed, and `4u r` more for
+/// each cut. The margin is `64u` of both.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 impl Viewcells {
@@ -75,10 +76,10 @@ impl Viewcells {
 }
 
 /// Tests whether the viewcells in `by` cover the convex polygon `whole`, relative to `anchor`, except for
-/// gaps up to twice `margin` (metres) wide. Each viewcell in turn takes its part of a piece of the polygon;
-/// the parts beyond the viewcell's faces are pieces that are left to the next viewcells. A viewcell with a
-/// face that is not known takes no part. Returns false after [`MAX_TESTS`] tests, and if more than
-/// [`MAX_LEFT`] pieces are left.
+/// gaps up to twice `margin` (metres) wide. Each viewcell in turn covers the part of a piece that is inside
+/// its faces. The parts beyond its faces are new pieces, to be covered by the next viewcells. A viewcell
+/// without [all faces](Viewcell::has_all_faces) covers nothing. Returns false after [`MAX_TESTS`] steps, and
+/// if more than [`MAX_LEFT`] pieces are left.
 fn is_covered(whole: &[DVec3], by: &[ViewcellId], all: &[Viewcell], anchor: DVec3, margin: f64) -> bool {
     // Pieces not yet covered, each with the place in `by` of the first viewcell not yet tested with it.
     let mut left: SmallVec<[(Corners, usize); MAX_LEFT]> = SmallVec::new();

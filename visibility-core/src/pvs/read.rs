@@ -45,8 +45,9 @@ impl Pvs {
         rows.saturating_add(self.word(HEADER_LENGTH + blocks * 4) as usize)
     }
 
-    /// Checks a row after all rows before it. Returns the number of other rows that must be read to decode
-    /// the row; `depths` holds this number for each row before it. `Err` describes the fault of the row.
+    /// Checks a row. All rows before it must have been checked already. Returns the number of other rows that
+    /// must be read to decode the row; `depths` holds this number for each row before it. `Err` describes the
+    /// fault of the row.
     fn check_row(&self, viewcell: ViewcellId, depths: &[u8]) -> Result<u8, &'static str> {
         let row = self.row(viewcell).ok_or("it lies outside the rows")?;
         let Row { base, runs } = Row::new(viewcell, row).ok_or("it has no known form")?;

@@ -3,8 +3,8 @@
 
 use crate::Aabb;
 
-/// Fan-out of the scene's hierarchy: number of children of a node, and of lanes of a [`Boxes64`]. A mask of
-/// children is a `u64`, so it is 64.
+/// Fan-out of the scene's hierarchy: number of children of a node, and of lanes of a [`Boxes64`]. The fan-out
+/// is 64 because a mask of children is a `u64`.
 pub const FAN_OUT: usize = u64::BITS as usize;
 
 /// Sixty-four axis-aligned boxes, one per lane, relative to the scene's origin: rows of min x, min y, min z,

@@ -65,8 +65,8 @@ impl ChangeLog {
 
     /// Records a change of one object. `objects` is the number of object indices of the scene. The log holds
     /// [`MIN_CAPACITY`](Self::MIN_CAPACITY) entries or, if that is more, a quarter of `objects`, and drops
-    /// its older half when full: beyond that, processing all objects costs little more than following the
-    /// log. Takes amortised constant time.
+    /// its older half when full: following a longer log would cost a reader about as much as processing all
+    /// objects. Takes amortised constant time.
     pub(crate) fn push(&mut self, id: ObjectId, objects: usize) {
         let limit = Self::limit(objects);
         if self.entries.len() >= limit {

@@ -38,9 +38,9 @@ impl Scene {
     /// `ContributionCuller` of `visibility-frame` hides by them: a pipeline without one draws every object,
     /// and says so in [`Pipeline::for_each_lack`](crate::Pipeline::for_each_lack).
     ///
-    /// Draw ranges and occlusion: bakes and other answers for [many frames](Self::is_always_drawn) take no
-    /// object with a draw range for an occluder. A culler of frames takes it for one as long as it is in the
-    /// set, so a `ContributionCuller` must run before.
+    /// Bakes and other answers for [many frames](Self::is_always_drawn) do not use an object with a draw
+    /// range as an occluder. A culler that works frame by frame does, as long as the object is in the set, so
+    /// a `ContributionCuller` must run before that culler.
     ///
     /// For two levels of detail of one thing set an [HLOD parent](Self::set_hlod_parent) too. With ranges
     /// alone, there are distances at which neither level is drawn if their bounds differ.
@@ -50,8 +50,8 @@ impl Scene {
     /// [`maintain`](Self::maintain) or [`rebuild`](Self::rebuild).
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`] if `id` is not in the scene, [`SceneError::DrawRange`] for a NaN,
-    /// a negative or infinite `begin`, an `end` less than `begin`, or a negative `margin`.
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene, [`SceneError::DrawRange`] for a NaN, a
+    /// negative or infinite `begin`, an `end` less than `begin`, or a negative `margin`.
     pub fn set_draw_range(&mut self, id: ObjectId, range: DrawRange) -> Result<(), SceneError> {
         self.slot(id)?;
         if !range.is_valid() {
@@ -136,9 +136,9 @@ impl Scene {
     ///
     /// The [draw range](Self::set_draw_range) of the parent says from which distance on the parent is drawn:
     /// at distances less than its `begin` its children are drawn, from its `begin` on the parent, never both.
-    /// Distances are those of the parent's bounds, also for the `end` of a child's own range. A child needs
-    /// no range of its own. If it has one whose `end` is less than the parent's `begin`, neither is drawn
-    /// between these two distances.
+    /// These distances, and the `end` of a child's own range, are measured from the parent's bounds. A child
+    /// needs no range of its own. If a child's range has an `end` less than the parent's `begin`, neither
+    /// child nor parent is drawn between these two distances.
     ///
     /// The parent's bounds must contain those of its children (for the levels of a single thing, give the
     /// parent a box around all of them), and the parent must be on all layers that its children are on. A
@@ -209,8 +209,8 @@ impl Scene {
         (detail.parent, detail.next, detail.previous) = (None, None, None);
     }
 
-    /// Raises the bounds of the hierarchy's nodes to the changed draw range and HLOD parent of an object, and
-    /// logs the change.
+    /// Raises the bounds of the nodes above an object and above its HLOD children, after the draw range or
+    /// the HLOD parent of the object has changed. Logs the change.
     fn details_changed(&mut self, id: ObjectId) {
         self.raise_bounds(self.tree.slots[id.index()]);
         self.raise_children(id);

@@ -31,7 +31,7 @@ impl DrawRange {
     pub const ALWAYS: Self = Self { begin: 0.0, end: f32::INFINITY, margin: 0.0 };
 
     /// Returns the opacity of an object at a distance in metres: 1 within the range, 0 outside of it and for
-    /// NaN. In a margin, it rises from 0 at the end of the range to 1.
+    /// NaN. Within `margin` of `end`, and of `begin` unless that is 0, the opacity falls to 0 there.
     pub fn opacity(&self, distance: f32) -> f32 {
         if !(distance >= self.begin && distance <= self.end) {
             return 0.0;

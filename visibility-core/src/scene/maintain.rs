@@ -31,10 +31,11 @@ pub struct Maintenance {
 }
 
 /// After an attempt to redistribute the contents of a node and its neighbours has failed, the next attempt
-/// waits until their overlap is at least this multiple of the overlap at that attempt.
+/// waits until the neighbours overlap the node by at least this multiple of the overlap at the failed
+/// attempt.
 const RETRY_FACTOR: f32 = 1.5;
-/// Decay of the overlap that the next attempt waits for (see [`RETRY_FACTOR`]). Each inspection of a node
-/// that makes no attempt multiplies that overlap by this factor, so that a node whose surroundings have
+/// Factor by which the overlap limit of a node, the overlap that the next attempt waits for (see
+/// [`RETRY_FACTOR`]), shrinks at each inspection without an attempt. So a node whose surroundings have
 /// changed is tried again after a while.
 const RETRY_DECAY: f32 = 0.97;
 /// Greatest number of occupied lanes, of 64, at which a node is merged with its nearest neighbours if they

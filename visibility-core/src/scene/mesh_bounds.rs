@@ -80,14 +80,15 @@ pub(super) fn is_any_outside(triangles: Triangles<'_>, bounds: &Aabb) -> bool {
 }
 
 /// Returns the minimum and maximum corners of `bounds`, moved outwards by more than the rounding of the
-/// bounds and of the points inside them. The coordinates of such a point are sums of terms; `size` bounds the
-/// sum of their magnitudes on each axis.
+/// bounds and of the points inside them. The coordinates of these points are sums of terms; on each axis,
+/// `size` bounds the sum of the terms' magnitudes.
 ///
 /// With u = 2^-24: the image of a vertex errs by less than 4.1 u of `size`, as `Aabb::transformed` derives.
-/// The bounds were computed elsewhere, to the nearest: two roundings of a side (middle plus half extent), or
-/// those of a transform, on numbers of at most `size`, and one when the side is stored: less than 9 u of
-/// `size` and the side. In all less than 14 u; 16 u are taken. An underflow loses at most the least normal
-/// number, up to eight times. An infinite side admits everything.
+/// The caller has computed `bounds`, rounded to nearest: each side as the middle plus the half extent (two
+/// roundings) or by a transform of a box, from numbers of at most `size`, and once more rounded when stored.
+/// The side therefore errs by less than 9 u of the sum of `size` and its own magnitude. In all less than 14 u
+/// of this sum are needed; 16 u are taken. An underflow loses at most the least normal number, up to eight
+/// times. An infinite side admits everything.
 fn widened(bounds: &Aabb, size: Vec3A) -> [Vec3A; 2] {
     let slack = |side: Vec3A| (size + side.abs()) * (8.0 * f32::EPSILON) + 8.0 * f32::MIN_POSITIVE;
     let (min, max) = (Vec3A::from(bounds.min), Vec3A::from(bounds.max));

@@ -187,7 +187,8 @@ impl Scene {
     /// Moves the whole scene so that its origin is at `origin`, a point of the world. Scene-relative bounds,
     /// triangles and transforms stay as they are. [`changes_since`](Self::changes_since) reports that
     /// everything changed, and the [layout](Self::layout) changes, so that a
-    /// [`VisibleSet`](crate::VisibleSet) that is not finished holds every object again.
+    /// [`VisibleSet`](crate::VisibleSet) that is not [finished](crate::VisibleSet::is_finished) counts as
+    /// holding every object.
     ///
     /// # Errors
     /// [`SceneError::Origin`] if `origin` is NaN or infinite.
@@ -590,8 +591,9 @@ impl Scene {
     }
 
     /// Sets whether an object's triangles are drawn from their front alone (`one_sided` true) or from both
-    /// sides (false): see [`Object::one_sided`]. A mesh that was set stays as it is. One that was
-    /// [prepared](Self::prepare_occluders) for an object drawn from both sides is removed.
+    /// sides (false): see [`Object::one_sided`]. When an object drawn from both sides becomes one-sided, its
+    /// mesh is removed if it was [prepared](Self::prepare_occluders) from the triangles. A mesh given by
+    /// [`set_mesh`](Self::set_mesh) stays.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.

@@ -18,7 +18,8 @@ pub type Triangle = [Vec3; 3];
 /// Generations of each scene start at another number, so an id of another scene is rejected too. The starts
 /// of the first 1,000 scenes of a process are more than a million apart: an id of another scene could be
 /// taken for one of this scene only after its index was reused a million times. A clone of a scene has the
-/// objects of the original under the same ids; after that, an index that both reuse gives equal ids.
+/// objects of the original under the same ids; after that, objects that reuse the same index in the original
+/// and in the clone get equal ids.
 ///
 /// ```
 /// use visibility_core::{Aabb, Scene};
@@ -77,9 +78,9 @@ impl fmt::Display for ObjectId {
 
 /// Identifies an occluder mesh stored in a [`Scene`](crate::Scene); any number of objects can use the mesh.
 ///
-/// An id consists of an index and a generation, as an [`ObjectId`] does: the id of a mesh that was
-/// [removed](crate::Scene::remove_mesh) is rejected, though another mesh may reuse its index, and so is an id
-/// of another scene, within the same limits.
+/// An id consists of an index and a generation, as an [`ObjectId`] does. The id of a mesh that was
+/// [removed](crate::Scene::remove_mesh) is rejected, even if another mesh has reused the index. An id of
+/// another scene is rejected within the limits that [`ObjectId`] states.
 ///
 /// ```
 /// use visibility_core::{glam::Affine3A, Aabb, OccluderMesh, Scene};
@@ -146,10 +147,10 @@ pub struct Object {
     /// as an occluder hides visible objects.
     pub occluder: bool,
     /// Whether objects behind the object are drawn through it: glass, blended and alpha-tested surfaces.
-    /// False by default. Such an object must not be an [`occluder`](Self::occluder): cullers read that flag
-    /// alone; only code that makes levels also leaves out see-through occluders. Reference renderers of the
-    /// [triangles](crate::Scene::set_triangles) read this flag too, since an opaque object that is no
-    /// occluder still covers pixels.
+    /// False by default. Such an object must not be an [`occluder`](Self::occluder): cullers do not read
+    /// `see_through` and would let it hide others. Only code that makes levels leaves out see-through
+    /// occluders. Reference renderers of the [triangles](crate::Scene::set_triangles) read `see_through`,
+    /// since an opaque object that is no occluder still covers pixels.
     pub see_through: bool,
     /// Whether the object's [triangles](crate::Scene::set_triangles) are drawn from their front alone, as
     /// with backface culling: from behind they are invisible and occlude nothing. False by default: triangles

@@ -20,9 +20,10 @@ impl Scene {
     /// [`set_mesh`](Self::set_mesh) or [`set_transform`](Self::set_transform) has set, or the identity if the
     /// object has none. From then on, `set_transform` and `set_mesh` move bounds and mesh together.
     ///
-    /// If the object has another local box already, it has changed its shape, and its mesh is removed. If its
-    /// bounds change, its triangles are removed. An improper or infinite box makes an object that is never
-    /// culled. A mesh that reaches out of the local box [hides nothing](Self::occluders_outside_bounds).
+    /// If the object had a different local box before, its shape has changed, so its mesh is removed. If the
+    /// object's bounds change, its triangles are removed. An improper or infinite box makes an object that is
+    /// never culled. A mesh that reaches out of the local box [hides
+    /// nothing](Self::occluders_outside_bounds).
     ///
     /// ```
     /// use visibility_core::{glam::{Affine3A, Vec3}, Aabb, Scene};
@@ -339,9 +340,9 @@ impl Scene {
         }
     }
 
-    /// Adds an object to the counts of unusable occluders (`is_added` true) or takes it out of them (false).
-    /// These count flagged objects without a mesh, flagged objects whose mesh reaches out of their bounds,
-    /// and objects with a mesh that are not flagged. Does nothing for any other object.
+    /// Counts an object in (`is_added` true) or out (false) of one of three counts: objects flagged as
+    /// occluders without a mesh, flagged objects whose mesh reaches out of their bounds, and objects with a
+    /// mesh that are not flagged. Does nothing for any other object.
     pub(super) fn count_occluder(&mut self, index: u32, is_added: bool) {
         let is_flagged = self.tree.payload(self.tree.slots[index as usize]).occluder;
         let count = match (self.placements.mesh(index), is_flagged) {
@@ -379,9 +380,8 @@ impl Scene {
     /// ```
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`] if `id` is not in the scene. [`SceneError::Triangles`] if a
-    /// corner lies outside of the bounds; NaN corners do not, and improper bounds contain everything, since
-    /// such an object is never culled.
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene. [`SceneError::Triangles`] if a corner lies
+    /// outside of the bounds by more than rounding. NaN corners and improper bounds give no error.
     pub fn set_triangles(
         &mut self,
         id: ObjectId,
@@ -582,8 +582,8 @@ impl Scene {
     }
 
     /// Returns the number of objects that are flagged as occluders but have no mesh, and so hide nothing from
-    /// cullers that use meshes. Counts objects whose mesh was removed because their bounds changed. Takes
-    /// constant time.
+    /// cullers that use meshes. Objects whose mesh was removed because their bounds changed are counted too.
+    /// Takes constant time.
     ///
     /// ```
     /// use visibility_core::{Aabb, Object, Scene};
@@ -603,8 +603,8 @@ impl Scene {
     }
 
     /// Returns the number of objects that are flagged as occluders and have a mesh that reaches out of their
-    /// bounds by more than rounding. Such a mesh is not where its object is and would hide visible objects,
-    /// even its own; it is not used. The usual cause is a wrong or missing transform in
+    /// bounds by more than rounding. Such a mesh is not where its object is. It would hide visible objects,
+    /// even the object itself, so it is not used. The usual cause is a wrong or missing transform in
     /// [`set_mesh`](Self::set_mesh). Takes constant time.
     ///
     /// ```

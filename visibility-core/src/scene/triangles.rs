@@ -10,9 +10,9 @@ use glam::{Affine3, Affine3A, DAffine3, DMat3, DVec3, Vec3};
 /// Triangles that objects share. A clone refers to the same triangles.
 ///
 /// Triangles with a [transform](Self::placed) are placed one by one as they are read: in `f64`, and then
-/// rounded to `f32`. The transform is kept in `f32`, as renderers have it, if that moves no vertex along an
-/// axis by more than 4 roundings of the greatest coordinate of the placed mesh's box on that axis; otherwise
-/// it is kept in `f64`.
+/// rounded to `f32`. The transform is kept in `f32`, as renderers have it, if that is precise enough: it must
+/// move no vertex along an axis by more than `2^-22` of the greatest coordinate of the placed mesh's box on
+/// that axis. Otherwise the transform is kept in `f64`.
 ///
 /// Memory: 36 bytes for each triangle of the mesh, once, and 48 bytes for each of the transforms that are
 /// [given together](Self::placed_each), or 192 for one kept in `f64`.
@@ -66,9 +66,9 @@ impl SharedTriangles {
         self.instances(&[transform]).placed(0, &transform)
     }
 
-    /// Returns triangles of the same mesh, [placed](Self::placed) by each of some transforms, in less memory
-    /// than by a call for each. This memory is freed with the last of the returned values. At most 2^32 - 1
-    /// transforms are taken.
+    /// Returns one value for each transform: triangles of the same mesh, [placed](Self::placed) by this
+    /// transform. Takes less memory than a call of `placed` for each. This memory is freed with the last of
+    /// the returned values. At most 2^32 - 1 transforms are taken.
     ///
     /// ```
     /// use visibility_core::glam::{DAffine3, DVec3, Vec3};

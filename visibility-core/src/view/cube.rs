@@ -35,9 +35,9 @@ impl View {
     /// Neither changes which objects are in view.
     ///
     /// `near` and `far` are distances along the axes in metres, with `0 < near < far`; `far` may be infinite.
-    /// Every point between the cubes with these half sides is in at least one of the views. There is no gap
-    /// between faces: neighbours share bit-identical planes, since the elements of these matrices are zeros
-    /// and ones, and each face includes the points on its planes. Depth is
+    /// Every point between the two cubes around `eye` with half sides `near` and `far` is in at least one of
+    /// the views. There is no gap between faces: neighbours share bit-identical planes, since the elements of
+    /// these matrices are zeros and ones, and each face includes the points on its planes. Depth is
     /// [reversed](crate::view::Depth::Reversed).
     ///
     /// Use one culler and one set per face, as for any other view. A single walk for all six faces was
@@ -45,8 +45,8 @@ impl View {
     /// edges.
     ///
     /// # Errors
-    /// [`ViewError::Parameter`] names the first parameter that is out of range;
-    /// [`ViewError::Origin`] if `eye` is NaN or infinite.
+    /// [`ViewError::Parameter`] names the first parameter that is out of range; [`ViewError::Origin`] if
+    /// `eye` is NaN or infinite.
     ///
     /// ```
     /// use visibility_core::{glam::DVec3, View};

@@ -11,9 +11,9 @@ impl fmt::Display for View {
     /// world; the field of view in width and height; the distances of the near and far planes; the depth
     /// convention; and layers and clip planes if any are set. Distances are measured from the eye or, for
     /// parallel views, along the view direction from the origin of the matrix. Numbers are rounded to four
-    /// digits or a thousandth. "left-handed" is written if the directions right, up and ahead of the picture
-    /// are left-handed axes. That is correct in a world of left-handed axes; in a right-handed world, the
-    /// picture is mirrored.
+    /// digits, at most three of them after the point. "left-handed" is written if the directions right, up
+    /// and ahead of the picture are left-handed axes. That is correct in a world of left-handed axes; in a
+    /// right-handed world, the picture is mirrored.
     ///
     /// ```
     /// use visibility_core::{glam::DVec3, Pose, View};

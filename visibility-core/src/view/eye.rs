@@ -24,9 +24,9 @@ pub enum Eye {
     Direction(DVec3),
 }
 
-/// Returns the eye of the clip matrix `m`: a point in metres relative to the origin that `m` takes points
-/// relative to, or the unit direction of a parallel view. `depth` tells which of the direction's two senses
-/// points away from the viewer.
+/// Returns the eye of the clip matrix `m`: for a perspective view a point, in the coordinates of the points
+/// that `m` maps to clip space; for a parallel view the unit direction of the view rays, away from the
+/// viewer. `depth` tells which of two opposite directions points away.
 pub(super) fn eye_of(m: &DMat4, depth: Depth) -> Eye {
     // The matrix maps the eye to x = y = w = 0. The eye is the vector orthogonal to these three rows, which
     // exists for every projection, whatever its depth row holds.
@@ -87,17 +87,17 @@ pub(super) fn eye_error(m: &DMat4, eye_from_view: Eye, view_origin: DVec3, origi
 }
 
 /// Returns a row of the clip matrix divided by the greatest power of two that does not exceed its largest
-/// magnitude. The division is exact. The rows' magnitudes may differ by many orders, and the eye does not
-/// depend on them.
+/// magnitude. The division is exact unless that magnitude is subnormal. It does not change the eye. It keeps
+/// products of rows within the range of `f64` where the magnitudes of the rows differ by many orders.
 fn scaled_by_power_of_two(row: DVec4) -> DVec4 {
     let most = row.abs().max_element();
     let power = f64::from_bits(most.to_bits() & (0x7ff << 52));
     row / if power.is_normal() { power } else { most }
 }
 
-/// Returns the 4D vector orthogonal to three vectors, by cofactors, if `subtract` returns the difference of
-/// its arguments. If `subtract` returns their sum and the vectors are non-negative, each returned component
-/// is the sum of the magnitudes of that component's terms.
+/// Returns the 4D vector orthogonal to three vectors, by cofactors; `subtract` must then be subtraction. With
+/// addition for `subtract` and the magnitudes of the vectors' components, returns the sum of the magnitudes
+/// of the terms of each component instead.
 fn orthogonal([a, b, c]: [DVec4; 3], subtract: impl Fn(f64, f64) -> f64) -> DVec4 {
     let minor = |i: usize, j: usize, k: usize| {
         let x = subtract(b[j] * c[k], b[k] * c[j]);

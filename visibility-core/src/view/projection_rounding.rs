@@ -59,8 +59,8 @@ pub struct ClipRow {
 
 impl ClipRow {
     /// Returns the value at a point, in metres relative to the anchor (the eye of a perspective view), and a
-    /// bound on the absolute error of that value. The bound allows for one rounding of each of the point's
-    /// coordinates, as of a difference of two points.
+    /// bound on the absolute error of that value. The bound also covers one rounding of each coordinate of
+    /// `point`, which may be the difference of two points.
     #[inline]
     pub fn at(&self, point: DVec3) -> (f64, f64) {
         let (l, p) = (self.linear, point);
@@ -166,8 +166,8 @@ impl ViewProjection {
 
     /// Returns the depth key times [`w`](Self::w) as a function of points relative to the
     /// [anchor](Self::anchor). Over a plane, the depth key is linear in screen coordinates. Along every view
-    /// ray it falls away from the eye. For perspective views the key is `1 / w`, so the function is the
-    /// constant 1. For parallel views the key is clip depth, negated unless depth is
+    /// ray, the key decreases with the distance from the eye. For perspective views the key is `1 / w`, so
+    /// the function is the constant 1. For parallel views the key is clip depth, negated unless depth is
     /// [reversed](Depth::is_reversed).
     pub fn depth_key(&self) -> ClipRow {
         self.row(match (self.eye, self.depth.is_reversed()) {

@@ -26,9 +26,10 @@ const U: f64 = f64::EPSILON / 2.0;
 /// Least determinant of three unit normals, in magnitude, at which rounding leaves its sign certain; twice
 /// the error bound.
 ///
-/// With `u` the unit round-off of `f64`: the normals are within `16u` of the exact ones, each of which counts
-/// once: `48u`. The products and sums of the determinant round by less than `16u`. So if the computed
-/// determinant is above this constant, the exact one is at least half of the computed one.
+/// With `u` the unit round-off of `f64`: each of the three normals is within `16u` of the exact one and
+/// changes the determinant by at most its own error: `48u`. The products and sums of the determinant round by
+/// less than `16u`. So if the computed determinant is above this constant, the exact one is at least half of
+/// the computed one.
 const MIN_DETERMINANT: f64 = 128.0 * U;
 
 impl View {
@@ -38,10 +39,10 @@ impl View {
     ///
     /// The first argument of `each` is a polygon's corners in order around it, in metres relative to
     /// `anchor`, a point of the world. The second argument is an error bound in metres: every point of the
-    /// exact polygon is within this distance of the polygon given. A polygon may be a single point: an eye
-    /// that no plane cuts away. A common view has one polygon, the rectangle on its near plane. Each clip
-    /// plane that cuts the eye away adds at most one polygon. If there is no polygon at all, planes cut
-    /// everything away. Errors are smallest if `anchor` is the eye or near it.
+    /// exact polygon is within this distance of the polygon given. If no plane cuts the eye away, the only
+    /// polygon is a single point, the eye. A common view has one polygon, the rectangle on its near plane.
+    /// Each clip plane that cuts the eye away adds at most one polygon. If there is no polygon at all, planes
+    /// cut everything away. Errors are smallest if `anchor` is the eye or near it.
     ///
     /// Returns false if the first points cannot be determined; the polygons passed so far are then to be
     /// discarded. This happens where some view rays never meet an oblique near plane, so that others start at
@@ -127,9 +128,9 @@ impl SightPlanes {
         Some(())
     }
 
-    /// Returns whether view rays that cross the front plane `start_planes[index]` cross it inwards, towards
-    /// the side that its normal points to. `Some(false)` if they cross it outwards; `None` if rounding leaves
-    /// the answer undecided.
+    /// Returns whether view rays that cross the plane `start_planes[index]` cross it inwards, towards the
+    /// side that its normal points to. `Some(false)` if they cross it outwards; `None` if rounding leaves the
+    /// answer undecided.
     fn is_entered(&self, index: usize) -> Option<bool> {
         // From an eye, rays cross the plane inwards if the eye is outside of it. In a parallel view, rays are
         // known to cross the near plane inwards. Parallel rays run along the edge in which two side planes
@@ -151,10 +152,10 @@ impl SightPlanes {
         }
     }
 
-    /// Returns a convex polygon that contains all points of the front plane `start_planes[index]` at which
-    /// view rays begin, and the error bound of its corners in metres. The corners are in metres relative to
-    /// the anchor; the polygon may be empty. `None` unless all four edges of the view certainly meet the
-    /// plane in front of the eye.
+    /// Returns a convex polygon that contains all points of the plane `start_planes[index]` at which view
+    /// rays begin, and the error bound of its corners in metres. The corners are in metres relative to the
+    /// anchor; the polygon may be empty. `None` unless all four edges of the frustum, the lines in which
+    /// neighbouring side planes meet, certainly meet the plane in front of the eye.
     fn polygon(&self, index: usize) -> Option<(Corners, f64)> {
         // A corner is in front of the eye if clip-space `w` is positive there. On the left plane `x = -w`, so
         // the right plane's `w - x` is `2w` there. The sign of `w` at a corner is therefore that of the

@@ -35,9 +35,10 @@ use leaf_walk::{LeafWalk, lanes_on_layers};
 /// scene other than the one it was culled for, a clone included, any set counts as holding every object on
 /// its layers.
 ///
-/// Objects that are never culled are always in the set if they are on the view's layers. Layers are 32 bits
-/// per object and view, because each bit more would be read for every block that a frame comes to. For finer
-/// groups, write a [`Culler`](crate::Culler) that [retains](Self::retain) the objects of the groups shown.
+/// Objects that are never culled are always in the set if they are on the view's layers. Layers are no more
+/// than 32 bits per object and view, because every frame reads them for all objects in each block of 64 that
+/// it reaches. For finer groups, write a [`Culler`](crate::Culler) that [retains](Self::retain) the objects
+/// of the groups shown.
 ///
 /// ```
 /// use visibility_core::{Aabb, Pipeline, Scene, VisibleSet};
@@ -97,9 +98,9 @@ enum Listing {
     /// that are no longer in the set.
     Order,
     /// The set is finished, and its list is not made. The masks, including those of the leaves outside the
-    /// tree, hold the set for the layout that it was finished at, when the tree had the root `root`. By
-    /// `token` the tree is read as it was then; `None` only while the set is being finished, on processors
-    /// without atomic counts.
+    /// tree, hold the set for the layout that it was finished at, when the tree had the root `root`. With
+    /// `token`, nodes are read as they were then. `token` is `None` only on processors without atomic counts,
+    /// where finishing a set lists it at once.
     Unlisted { token: Option<Token>, root: u32 },
     /// The set is finished, and its list is the set, each object once. Until the layout changes, the masks
     /// hold the same objects, including the masks of the leaves outside the tree.

@@ -115,9 +115,10 @@ impl VisibleSet {
         self.ids = ids;
     }
 
-    /// Returns whether the set is a frame's result, which survives changes of the scene. It is one after
+    /// Returns whether the set is finished: the result of a frame, which survives changes of the scene.
     /// [`Pipeline::cull`](crate::Pipeline::cull), [`finish`](Self::finish), [`ids`](Self::ids) and the
-    /// methods that sort. It is no result any more once it is filled, cleared, united or culled again.
+    /// methods that sort finish a set. Filling, clearing or culling it again, or adding another set to it,
+    /// ends this.
     pub fn is_finished(&self) -> bool {
         matches!(self.listing, Listing::Finished | Listing::Unlisted { .. })
     }
@@ -257,9 +258,9 @@ impl VisibleSet {
     /// ```
     ///
     /// # Errors
-    /// [`BitsError::Length`] if the slice has less than one word per 32 object indices, rounded up, that
-    /// the scene has [in use](Scene::index_limit), or, for a [finished](Self::is_finished) set, had at the
-    /// end of the frame. The slice is then unchanged.
+    /// [`BitsError::Length`] if the slice has fewer than `limit / 32` words, rounded up, where `limit` is the
+    /// scene's [`index_limit`](Scene::index_limit) or, for a [finished](Self::is_finished) set, what that was
+    /// when the set was finished. The slice is then unchanged.
     pub fn write_bits(&self, scene: &Scene, bits: &mut [u32]) -> Result<(), BitsError> {
         let limit = if self.is_result_of(scene) { self.index_limit } else { scene.index_limit() };
         let needed = limit.div_ceil(32);
@@ -310,8 +311,9 @@ impl VisibleSet {
     }
 }
 
-/// Iterates over the ids of the list `whole`, and then over those of `rest`. Faster than `Iterator::chain`,
-/// whose `fold` calls its closure for each object where `rest` is a long chain itself.
+/// Iterates over the ids of `whole`, and then over those of `rest`. Faster than `Iterator::chain` where
+/// `rest` is itself a chain of several iterators: the `fold` of `chain` then calls its closure for each
+/// object.
 struct Listed<'a, R> {
     whole: core::slice::Iter<'a, ObjectId>,
     rest: R,

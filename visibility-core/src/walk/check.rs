@@ -10,7 +10,7 @@ use alloc::{collections::BTreeSet, vec};
 /// a walk does not check its hierarchy.
 ///
 /// Unknown objects count as visible, as do nodes and objects with an inverted or NaN box; none of these
-/// breaks a rule. Allocates; time is linear in the numbers of objects and, but for a logarithm, of nodes.
+/// breaks a rule. Allocates; time is linear in the number of objects, and O(n log n) in the number of nodes.
 ///
 /// ```
 /// use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy, first_misplaced};

@@ -35,8 +35,8 @@ pub enum Child {
 ///
 /// The box of a node must contain everything below the node. An object that has moved since the hierarchy was
 /// built or updated must not be listed, unless its current bounds are still within the boxes of all nodes
-/// above it. An object that is not listed counts as visible. A walk relies on this: a hierarchy that breaks
-/// it hides visible objects. [`first_misplaced`] checks it.
+/// above it. An object that is not listed counts as visible. A walk relies on these rules: a hierarchy that
+/// breaks one hides visible objects. [`first_misplaced`] checks the rules.
 ///
 /// ```
 /// use visibility_core::walk::{BoxHierarchy, Child};

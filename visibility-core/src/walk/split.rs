@@ -169,9 +169,9 @@ impl<T: NodeTest> Top<'_, T> {
     }
 }
 
-/// In a node above the subtrees and all nodes below it down to the subtrees, clears the bits of children
-/// without objects. `next` is the number of the next subtree. Returns whether any object is left below the
-/// node.
+/// Clears the bits of children without objects in a node and in all nodes below it, down to the roots of the
+/// subtrees that were distributed among `parts`. `next` is the number of the next of these subtrees. Returns
+/// whether any object is left below the node.
 fn drop_empty(
     visible: &mut VisibleSet,
     scene: &Scene,

@@ -14,8 +14,8 @@ use glam::DVec3;
 /// Based on the cell-to-cell visibility of S. Teller and C. Sequin, "Visibility Preprocessing for Interactive
 /// Walkthroughs", 1991.
 ///
-/// A mover that is not wholly in viewcells sees and is seen by all others, unless the viewcells are those of
-/// [portals](Self::of_portals): then all space outside them is solid.
+/// A mover whose [reach](super::Reach) is not wholly in viewcells sees all others and is seen by all. Only in
+/// a matrix made [of portals](Self::of_portals) the space outside all viewcells is solid instead.
 #[derive(Clone, Debug)]
 pub struct ViewcellMatrix {
     stamp: Stamp,
@@ -55,8 +55,9 @@ impl ViewcellMatrix {
     /// Makes the matrix of the cells of a building, from the volumes of the cells in world space and the PVS
     /// that was computed of their graph. Outside the cells all is solid: no part of a mover is seen there,
     /// and no eye is there. Movers go from cell to cell through portals. Doors count as open. Portals and
-    /// volumes may be misplaced by `tolerance` metres; NaN and less than 0 count as 0. Lines of sight within
-    /// the bake's clearance of a portal's edge, which the bake left out, are left out here too.
+    /// volumes may be misplaced by `tolerance` metres; NaN and less than 0 count as 0. A bake with a
+    /// clearance leaves out lines of sight nearer than that to a portal's edge; then they are left out here
+    /// too.
     ///
     /// `None` unless the targets of the PVS are cells, it names the graph as its [source](Pvs::source), and
     /// there are as many viewcells as cells.

@@ -25,9 +25,9 @@ use alloc::vec::Vec;
 
 /// Cells that cover a level, and the cells that are seen from each. Cells are numbered from 0.
 ///
-/// Each answer must be conservative. If a line of sight runs from a point of reach A to a point of reach B,
-/// then [`seen_from`](Self::seen_from) of A must give one of the cells that [`cells_of`](Self::cells_of) of B
-/// gives, unless one of the two answers is unknown (false).
+/// Each answer must be conservative. If a line of sight runs from a point of a [reach](Reach) A to a point of
+/// a reach B, then [`seen_from`](Self::seen_from) of A must give at least one of the cells that
+/// [`cells_of`](Self::cells_of) of B gives, unless one of these two functions returns false.
 pub trait SightCells {
     /// Returns the number of cells.
     fn cell_count(&self) -> usize;
@@ -37,15 +37,15 @@ pub trait SightCells {
     fn stamp(&self) -> Stamp;
 
     /// Appends the cells that a mover may be in, all below [`cell_count`](Self::cell_count). Returns false if
-    /// the mover may be outside all cells: then every observer counts as seeing it, whatever cells were
-    /// appended. So does every observer if a cell is appended that does not exist. A reach that is not
-    /// [proper](Reach::is_proper) is never asked for.
+    /// the mover may be outside all cells: then every observer counts as seeing the mover, whatever cells
+    /// were appended. The same holds if a number is appended that is not below `cell_count`. A reach that is
+    /// not [proper](Reach::is_proper) is never asked for.
     fn cells_of(&mut self, reach: &Reach, cells: &mut Vec<u32>) -> bool;
 
-    /// Adds to the set `seen` every cell that may be seen, at least in part, from some point that the mover
-    /// may be at. The limit of `seen` is at least the number of cells. Returns false if the cells are not
-    /// known: then the observer counts as seeing every target. A reach that is not [proper](Reach::is_proper)
-    /// is never asked for.
+    /// Adds to the set `seen` every cell that may be seen, at least in part, from some point that the
+    /// observer, a mover, may be at. The limit of `seen` is at least the number of cells. Returns false if
+    /// the cells are not known: then the observer counts as seeing every target. A reach that is not
+    /// [proper](Reach::is_proper) is never asked for.
     fn seen_from(&mut self, reach: &Reach, seen: &mut Bits) -> bool;
 }
 
@@ -103,7 +103,7 @@ pub struct WhoSees {
     /// Targets of this call, and of the call before.
     placed: Placed,
     before: Placed,
-    /// Stamp of the level in which `placed` was found. `None` before the first call.
+    /// [Stamp](SightCells::stamp) of the cells that `placed` refers to. `None` before the first call.
     stamp: Option<Stamp>,
     /// Scratch: the cells that the present observer sees.
     seen: Bits,

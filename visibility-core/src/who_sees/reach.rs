@@ -26,9 +26,10 @@ impl Reach {
         Self { min, max, margin: 0.0 }
     }
 
-    /// Returns the reach of the mover within `seconds` at a greatest speed in metres per second. Use half a
-    /// round trip, plus the time until the next answer, plus the time that a client extrapolates. A negative
-    /// product counts as zero. For a mover that may be teleported, add its destination as another mover.
+    /// Returns the reach of the mover within `seconds` at a greatest speed in metres per second. `seconds`
+    /// should be half a network round trip, plus the time until the next answer, plus the time that a client
+    /// extrapolates. A negative product of `seconds` and `speed` counts as zero. For a mover that may be
+    /// teleported, add its destination as another mover.
     pub fn within(self, seconds: f64, speed: f64) -> Self {
         let margin = seconds * speed;
         Self { margin: if margin < 0.0 { 0.0 } else { margin }, ..self }

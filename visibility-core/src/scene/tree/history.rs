@@ -10,16 +10,18 @@ use crate::scene::FAN_OUT;
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 
-/// Token of a state of the tree. Results of that state hold clones of it; the count of clones tells whether
-/// such a result is left.
+/// Token of a state of the tree. Each result that was finished at that state (see [`History`]) holds a clone
+/// of the token, so the reference count tells whether such a result is left.
 #[cfg(target_has_atomic = "ptr")]
 pub(crate) type Token = alloc::sync::Arc<u64>;
 
-/// Processors without atomic counters have no tokens: the ids of results are then listed at once.
+/// Processors without atomic counters have no tokens. There, a set lists its objects as soon as it is
+/// finished.
 #[cfg(not(target_has_atomic = "ptr"))]
 pub(crate) type Token = core::convert::Infallible;
 
-/// The undo log of a tree's nodes.
+/// The undo log of a tree's nodes, for *results*: sets that were [finished](crate::VisibleSet::is_finished)
+/// and have no list of their objects yet. A result still reads the nodes as they were when it was finished.
 #[derive(Debug, Default)]
 pub(crate) struct History {
     /// Token of the tree's present state; the value in it is the number of the state.
@@ -54,7 +56,7 @@ struct Copied {
 }
 
 impl Clone for History {
-    /// Returns an empty log: no result belongs to a cloned scene.
+    /// Returns an empty log: results belong to the original scene, not to its clone.
     fn clone(&self) -> Self {
         Self::default()
     }
@@ -91,15 +93,15 @@ impl History {
         Some(self.present.clone())
     }
 
-    /// Returns whether some result may still read a node's content, so that a node must be
-    /// [copied](Self::copy) before it is changed.
+    /// Returns whether a result may be left that still reads the nodes as they are now or were at an earlier
+    /// state, so that a node must be [copied](Self::copy) before it is changed.
     #[inline]
     pub(super) fn is_needed(&self) -> bool {
         !self.earlier.is_empty() || Token::strong_count(&self.present) > 1
     }
 
-    /// Copies the content of a node before it is changed, unless a copy of that content is there or no result
-    /// is left. `nodes` is the number of nodes of the tree.
+    /// Copies the content of a node before it is changed. Copies nothing if the present content was copied
+    /// before, or if no result is left to read it. `nodes` is the number of nodes of the tree.
     #[cold]
     pub(super) fn copy(&mut self, node: usize, nodes: usize, level: u8, ids: &[ObjectId; FAN_OUT]) {
         if Token::strong_count(&self.present) > 1 {
@@ -137,7 +139,8 @@ impl History {
         content
     }
 
-    /// Begins the next state, since the present one has results. Drops the copies that no result can read.
+    /// Begins a new state of the tree, because results hold the token of the present one. Drops copies that
+    /// are older than all states with results; if many are left, also all others that no result reads.
     fn begin_state(&mut self) {
         let Self { earlier, spare, copies, .. } = self;
         earlier.retain_mut(|token| {
@@ -196,7 +199,7 @@ impl History {
         }
     }
 
-    /// Drops all copies and earlier states: no result is left that could read them.
+    /// Drops all copies and earlier states. To be called when no result is left that could read them.
     fn forget(&mut self) {
         self.dropped += self.copies.len() as u64;
         self.copies.clear();

@@ -317,8 +317,9 @@ impl Tree {
         self.levels[leaf] == UNCULLED
     }
 
-    /// Returns a token by which a result of the present state is read after the tree has changed, as long as
-    /// the token lives. `None` on processors without atomic counts.
+    /// Returns a token for a set that was finished at the present state of the tree. As long as the token
+    /// lives, [`contents_at`](Self::contents_at) returns the nodes as they were at this state. `None` on
+    /// processors without atomic counts.
     pub(crate) fn token(&self) -> Option<Token> {
         self.history.token()
     }
@@ -329,7 +330,8 @@ impl Tree {
         self.history.at(node, token).unwrap_or_else(|| (self.levels[node], &self.ids[node]))
     }
 
-    /// Keeps the ids of a node before they are changed, if a result may still read them.
+    /// Keeps the ids of a node for [`contents_at`](Self::contents_at), if a set that holds a
+    /// [token](Self::token) may still read them. To be called before the ids are changed.
     #[inline]
     pub(super) fn before_change(&mut self, node: usize) {
         if self.history.is_needed() {
@@ -415,8 +417,8 @@ impl Tree {
     }
 }
 
-/// Returns twice the distance between the centres of two boxes, summed over the axes, in metres. Used to
-/// choose a node for a box.
+/// Returns twice the distance between the centres of two boxes, summed over the axes, in metres; the factor
+/// saves halving. Used to compare nodes when one is chosen for a box.
 pub(super) fn separation(a: &Aabb, b: &Aabb) -> f32 {
     let d = ((a.min - b.min) + (a.max - b.max)).abs();
     d.x + d.y + d.z

@@ -45,9 +45,10 @@ impl Tree {
     }
 
     /// Moves many objects within their leaves, leaf by leaf, and makes the bounds above as tight as possible.
-    /// `moved` has at most [`Scratch::MAX_BATCH`] elements, and `scratch.slots` holds the slot of each.
-    /// Objects that must leave their leaf are not moved: their positions in `moved` are written to
-    /// `scratch.leavers`, those of one object in ascending order. Changed leaves are queued for maintenance.
+    /// `moved` has at most [`Scratch::MAX_BATCH`] elements, and `scratch.slots` holds the slot of each. An
+    /// element that would take its object out of its leaf is left out, and so are later elements for the same
+    /// object: their positions in `moved` are written to `scratch.leavers`, ascending for each object.
+    /// Changed leaves are queued for maintenance.
     pub(in crate::scene) fn move_batch_by_leaf(
         &mut self,
         moved: &[(ObjectId, Aabb)],

@@ -4,9 +4,9 @@
 
 use glam::Vec3A;
 
-/// Partitions the items of `order` into `pieces` compact pieces of equal size, up to one item, and calls
-/// `take` with each. The lower 32 bits of a word are an index into `centers`; the upper 32 bits are
-/// overwritten. Afterwards the pieces are consecutive in `order`.
+/// Partitions the items of `order` into `pieces` pieces of equal size, up to one item, each compact in space,
+/// and calls `take` with each piece. The lower 32 bits of an item are an index into `centers`; the upper 32
+/// bits are overwritten. Afterwards the items of a piece are consecutive in `order`.
 pub(crate) fn pack(order: &mut [u64], centers: &[Vec3A], pieces: usize, take: &mut impl FnMut(&[u64])) {
     if pieces <= 1 {
         take(order);

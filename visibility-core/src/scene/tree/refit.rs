@@ -8,11 +8,11 @@ use crate::scene::queue::Queue;
 use crate::{Aabb, ObjectId};
 
 impl Tree {
-    /// Moves the objects of a batch within their leaves, as
-    /// [`move_batch_by_leaf`](Self::move_batch_by_leaf) does, in one pass over all leaves of the tree: faster
-    /// if the batch has a good part of all objects. Sorts nothing. If an object is listed twice and can stay
-    /// in its leaf, its last bounds count; positions of an object that must leave are written to
-    /// `scratch.leavers` once, for its last bounds.
+    /// Moves the objects of a batch within their leaves, as [`move_batch_by_leaf`](Self::move_batch_by_leaf)
+    /// does, in one pass over all leaves of the tree: faster if the batch has a good part of all objects.
+    /// Sorts nothing. If an object is listed several times, only its last bounds count. If with these the
+    /// object must leave its leaf, it is not moved: the position of its last bounds in `moved` is written to
+    /// `scratch.leavers`.
     pub(in crate::scene) fn refit_batch(
         &mut self,
         moved: &[(ObjectId, Aabb)],
@@ -96,8 +96,8 @@ fn fetch(moved: &[(ObjectId, Aabb)], positions: &[u32; FAN_OUT]) {
 }
 
 /// Returns whether every box, except in the lanes of the mask `free`, is finite and has its centre near
-/// `home`: [`is_far`] is false. `None` stands for all of space. The result may be false even if no box has
-/// moved, since an unmoved box may be far.
+/// `home`: [`is_far`] is false. `home` of `None` stands for all of space. The result may be false even if no
+/// box has moved, since an unmoved box may be far.
 fn all_stay(boxes: &Boxes64, free: u64, home: Option<&Aabb>) -> bool {
     let mut bad = [0u32; FAN_OUT];
     for axis in 0..3 {

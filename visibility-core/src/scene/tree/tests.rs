@@ -253,8 +253,8 @@ fn step(rng: &mut Random, scene: &mut Scene, ids: &mut Vec<ObjectId>, grow: usiz
     }
 }
 
-/// Gives objects a draw range with an end, mostly near. A leaf has a finite bound only if all its objects
-/// have such a range.
+/// Gives each object a draw range that ends at 5 m, for one object in fifty at 1,000 km. A leaf has a finite
+/// bound on the draw distance only if the draw ranges of all its objects end.
 fn limit(rng: &mut Random, scene: &mut Scene, ids: &[ObjectId]) {
     for &id in ids {
         let end = if rng.below(50) == 0 { 1e6 } else { 5.0 };
