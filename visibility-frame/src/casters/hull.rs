@@ -29,8 +29,9 @@ use visibility_core::view::ViewPlane;
 /// planes each can take. Further planes are dropped, which keeps more casters.
 pub(super) const MAX_HULL_PLANES: usize = 64;
 
-/// Planes around the hull of volume and light, relative to the scene's origin, with normals pointing inwards.
-/// Stored inline: at most [`MAX_HULL_PLANES`], never on the heap.
+/// Planes that bound the region of possible casters, such as the hull of a view volume and a light: relative
+/// to the scene's origin, with normals pointing inwards. Stored inline: at most [`MAX_HULL_PLANES`], never on
+/// the heap.
 pub(super) type HullPlanes = SmallVec<[ViewPlane; MAX_HULL_PLANES]>;
 
 /// Position or direction of a light relative to the scene's origin.
@@ -51,8 +52,8 @@ struct RoundedPlane {
     offset_error: f64,
 }
 
-/// A plane of the volume or the plane at infinity, with the signed distance of the light from the plane:
-/// positive on the inner side, to which the plane's normal points.
+/// A plane of the volume whose hull with the light is to be found, or the plane at infinity, with the signed
+/// distance of the light from the plane: positive on the inner side, to which the plane's normal points.
 #[derive(Clone, Copy)]
 struct Facet {
     slot: u8,

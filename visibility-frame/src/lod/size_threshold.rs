@@ -16,8 +16,8 @@ pub(crate) struct SizeTest {
 
 impl SizeTest {
     /// Tests whether every box within `bounds` whose squared diagonal is at most `diagonal_squared` certainly
-    /// has less than the least number of pixels. Rounding cannot reverse the order of two distances or of two
-    /// diagonals, so this is true only if [`small`](Self::small) returns -1 for each such box.
+    /// has less than the least number of pixels. Agrees with the test of single boxes, whatever the rounding:
+    /// if true, [`small`](Self::small) returns -1 for each such box.
     pub(super) fn is_small(&self, bounds: &Aabb, diagonal_squared: f64) -> bool {
         let gap = if self.is_parallel { 1.0 } else { self.eye.gap_squared(bounds) };
         gap > diagonal_squared * self.limit

@@ -62,8 +62,9 @@ pub(crate) struct ScreenProjection {
     /// True if the view is perspective, so that `n` is always 1. False if it is parallel, so that `w` is the
     /// same for all points and `n` carries the depth.
     pub(crate) perspective: bool,
-    /// Projection of points in scene coordinates (identity transform), with error bounds that hold only for
-    /// a point at the scene's origin.
+    /// Projection of points in scene coordinates (identity transform), computed once per view. Its error
+    /// bounds hold only for a point at the scene's origin;
+    /// [`project_untransformed`](Self::project_untransformed) extends them to other points.
     untransformed: ObjectProjection,
 }
 
