@@ -137,8 +137,8 @@ struct Frame<'a> {
 
 impl Frame<'_> {
     /// Tests whether the object with index `owner` is at [`NOT_MET`], so that its next fragment gives it a
-    /// rank. False for an object that is ranked or gets no rank, and for an index that the scene no longer
-    /// uses, which the tree may still contain.
+    /// rank. False for an object that is ranked or gets no rank, and for an index beyond those of the scene,
+    /// which may still occur in the tree.
     #[inline]
     fn is_wanted(&self, owner: u32) -> bool {
         self.ranks.get(owner as usize) == Some(&NOT_MET)

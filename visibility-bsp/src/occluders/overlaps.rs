@@ -126,9 +126,9 @@ impl Sweep<'_> {
     }
 
     /// Unites rectangle `number` with all rectangles stored in the subtree `node` that overlap or touch the
-    /// rectangle, and stores `number` in this subtree. `range` is the rectangle's extent across the sweep and
-    /// `span` that of the node. Both are half-open ranges of indices into the sorted coordinates at which
-    /// rectangles begin or end across the sweep.
+    /// rectangle, and stores `number` in this subtree. `range` is the extent of the rectangle perpendicular
+    /// to the sweep, and `span` that of the node. Both are half-open ranges of indices into the sorted
+    /// coordinates at which rectangles begin or end in that direction.
     fn insert(&mut self, node: usize, span: [usize; 2], range: [usize; 2], number: u32) {
         if range[0].max(span[0]) >= range[1].min(span[1]) {
             return;

@@ -232,9 +232,9 @@ impl Occluders {
         &self.sources[polygon.first_source as usize..(polygon.first_source + polygon.sources) as usize]
     }
 
-    /// Returns the boxes that `polygon`, an index of a polygon, is a section through, as minimum and maximum
+    /// Returns the closed boxes that contain the section with polygon index `polygon`, as minimum and maximum
     /// corners in metres relative to `Scene::origin`. A section hides only for eyes outside all of these
-    /// boxes. Empty for a polygon on the surface of an occluder.
+    /// boxes. Empty for a polygon on the surface of an occluder, which is no section.
     pub(crate) fn solids_of(&self, polygon: u32) -> &[[DVec3; 2]] {
         let polygon = &self.polygons[polygon as usize];
         &self.solids[polygon.first_solid as usize..(polygon.first_solid + polygon.solids) as usize]

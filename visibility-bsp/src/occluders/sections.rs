@@ -38,8 +38,8 @@ pub(crate) struct SolidBox {
     pub(super) source: u32,
 }
 
-/// Minimum area of a section (a rectangle inside closed boxes), as a multiple of the largest rectangle that
-/// faces of these boxes form in one plane. Smaller sections are left out.
+/// Minimum area of a section (a rectangle inside closed boxes), as a multiple of the area of the largest
+/// rectangle to which faces of these boxes in one plane can be joined. Smaller sections are left out.
 const GAIN: f64 = 1.25;
 /// Maximum distance between a section (a rectangle inside closed boxes) and a face that it replaces, as a
 /// fraction of the face's shorter side.
@@ -162,8 +162,8 @@ impl Near {
     }
 }
 
-/// Returns all sections of the given boxes: two-sided rectangles inside sets of boxes that abut or overlap.
-/// Only sections sufficiently larger than the faces of their boxes are returned.
+/// Returns the sections of the given boxes: two-sided rectangles inside sets of boxes that abut or overlap.
+/// Only sections that are larger by [`GAIN`] than the faces of their boxes are returned.
 pub(super) fn sections(solids: &[SolidBox]) -> Vec<Outline> {
     let near = Near::new(solids.iter().map(|solid| (solid.min, solid.max)).collect());
     let mut outlines = Vec::new();

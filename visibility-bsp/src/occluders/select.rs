@@ -248,10 +248,10 @@ impl Block {
     }
 }
 
-/// Returns an upper bound on the solid angle of a polygon seen from `eye`, in steradians: its height over the
-/// eye times its area, divided by the cube of the least distance. For parallel views, the projected area in
-/// square metres. `hides_behind` tells whether the polygon hides for eyes behind it; if not, the bound is
-/// negative for such eyes.
+/// Returns an upper bound on the solid angle of a polygon seen from `eye`, in steradians: the height of the
+/// eye above the polygon's plane times the polygon's area, divided by the cube of the least distance of the
+/// eye from the polygon. For parallel views, the projected area in square metres. `hides_behind` tells
+/// whether the polygon hides for eyes behind it; if not, the bound is negative for such eyes.
 fn bound(polygon: &Polygon, hides_behind: bool, eye: &Eye) -> f32 {
     match eye {
         Eye::Point(eye) => {

@@ -254,8 +254,8 @@ impl Nodes {
         }
     }
 
-    /// Returns the part of the shadow fragment `task` that lies in front of all back planes of a leaf's
-    /// occluders, on the eye's side of each, `None` if that part is empty. The corners of a new part are
+    /// Returns the part of the shadow fragment `task` that lies in front of the back planes of all occluders
+    /// of a leaf, on the eye's side of each. `None` if that part is empty. The corners of a new part are
     /// appended to `corners`.
     fn before(&mut self, task: &Task, leaf: Child) -> Option<Task> {
         let (mut task, mut leaf) = (*task, leaf);
@@ -268,7 +268,7 @@ impl Nodes {
     }
 
     /// Returns the part of the shadow fragment `task` that lies in front of back plane `plane` (an index in
-    /// `Nodes::planes`), on the eye's side, `None` if that part is empty. The corners of a new part are
+    /// `Nodes::planes`), on the eye's side. `None` if that part is empty. The corners of a new part are
     /// appended to `corners`.
     fn before_plane(&mut self, task: &Task, plane: u32) -> Option<Task> {
         let plane = self.planes[plane as usize];

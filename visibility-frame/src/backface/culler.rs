@@ -233,7 +233,7 @@ impl BackfaceCuller {
         (block.layout, block.checked) = (scene.layout(), self.clock);
     }
 
-    /// Removes the objects that the eye certainly sees only from behind from the visible set, in the scene
+    /// Removes from the visible set the objects that the eye certainly sees only from behind, in the scene
     /// hierarchy below `node` (`None`: in the whole hierarchy). Returns true if any object of the set is left
     /// there, false if none is.
     fn visit(&mut self, walk: &mut Walk<SceneHierarchy>, node: Option<usize>, eye: &SplitEye) -> bool {

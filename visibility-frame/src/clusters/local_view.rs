@@ -84,8 +84,8 @@ impl Placement {
         ConvexVolume::new(simd, &local[..count])
     }
 
-    /// Returns a plane in mesh coordinates, `None` if it has no direction there. See the module's
-    /// documentation for the errors.
+    /// Returns a view plane in mesh coordinates. `None` if its normal is zero there, or if a number
+    /// overflows. See the module's documentation for the errors.
     pub(super) fn plane(&self, ViewPlane { plane, error }: &ViewPlane, reach: DVec3) -> Option<ViewPlane> {
         let n = plane.normal;
         let normal = DVec3::from_array(self.axes.map(|axis| n.dot(axis)));

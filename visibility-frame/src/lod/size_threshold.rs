@@ -9,7 +9,8 @@ use visibility_core::scene::{Boxes64, FAN_OUT};
 pub(crate) struct SizeTest {
     pub(super) eye: EyeBox,
     /// An object is too small if its squared distance is greater than `limit` times its squared diagonal,
-    /// both in square metres. In parallel views, 1 takes the place of the squared distance. Rounded up.
+    /// both in square metres. In parallel views, 1 takes the place of the squared distance. Rounded up, which
+    /// keeps more objects.
     pub(super) limit: f64,
     pub(super) is_parallel: bool,
 }

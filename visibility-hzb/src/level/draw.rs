@@ -400,9 +400,10 @@ fn may_be_seen(simd: Simd, frame: &LevelFrame, tiles: &Tiles, bounds: [f32; 4], 
     !frame.perspective || simd.rectangle_may_be_seen(tiles, &rectangle, 1.0 / (BARELY_NEARER * w))
 }
 
-/// Returns the coordinate, along a polygon's normal, of the far side of its slab: the side away from the eye
-/// of the layer that holds its vertices. `None` if the polygon does not occlude from the side on which the
-/// eye is, if the eye is in the slab, or if rays may meet the slab before the near plane.
+/// Returns the coordinate, along a polygon's normal, of the far side of the polygon's slab. The slab is the
+/// layer that holds the polygon's vertices; its far side is the one away from the eye. `None` if the polygon
+/// does not occlude from the side on which the eye is, if the eye is in the slab, or if rays may meet the
+/// slab before the near plane.
 #[inline(always)]
 fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<f64> {
     let [low, high] = polygon.extent;

@@ -85,8 +85,8 @@ impl Edges {
         self.right = None;
     }
 
-    /// Records that the outline reaches the column `right`, for edges there, or parts of edges, that are not
-    /// pushed. Without this the [bounds](Self::bounds) might exclude covered pixels.
+    /// Records that edges, or parts of edges, at or beyond the column `right` are not pushed, so that the
+    /// outline reaches that column. Without this the [bounds](Self::bounds) might exclude covered pixels.
     #[inline(always)]
     pub(super) fn reach(&mut self, right: f32) {
         self.right = Some(right);

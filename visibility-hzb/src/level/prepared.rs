@@ -182,10 +182,10 @@ impl PreparedLevel {
 /// the time if many polygons have one edge in common.
 const MAX_AROUND: usize = 16;
 
-/// Finds for each edge the same edge of another polygon. The two polygons occlude from the same sides and
-/// traverse the edge in opposite directions, so that they face the same way; two-sided polygons may also
-/// traverse it in the same direction. Where more than two polygons meet, those whose normals differ least are
-/// partners.
+/// Finds for each edge its partner: the same edge of another polygon. The two polygons occlude from the same
+/// sides and traverse the edge in opposite directions, so that they face the same way; two-sided polygons may
+/// also traverse it in the same direction. If more than two polygons have an edge in common, the two whose
+/// normals differ least are partners.
 fn find_partners(level: &LevelOccluders, edges: &mut [PreparedEdge]) {
     // For each edge of each polygon: the positions of both ends, the lesser first, then the edge and the
     // polygon.

@@ -201,8 +201,9 @@ impl<'a> FaceTest<'a> {
         (f64::from(most) >= least).then_some(most)
     }
 
-    /// Limits the upper and lower bound on the box's depth key that its faces give: the box has no greater
-    /// key than `nearest`, and in perspective views no point in view has a key below 0.
+    /// Tightens the upper and the lower bound on the box's depth key that its faces give, and returns both:
+    /// the box has no greater key than `nearest`, and in perspective views no point in view has a key
+    /// below 0.
     #[inline(always)]
     fn limited(&self, [most, least]: [f64; 2]) -> [f64; 2] {
         let nearest = f64::from(self.nearest);
