@@ -18,7 +18,8 @@ pub(crate) struct Region {
     pub(crate) members: [u32; 2],
     /// Unit normal of the two planes between which the faces lie.
     pub(crate) normal: DVec3,
-    /// Least and greatest coordinate along `normal` of the region's vertices, as computed, in metres.
+    /// Least and greatest coordinate along `normal` of the region's vertices, in metres, without a margin for
+    /// rounding.
     pub(crate) extent: [f64; 2],
     /// Sum of the areas of the faces in square metres.
     pub(crate) area: f64,

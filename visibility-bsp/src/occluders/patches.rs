@@ -90,7 +90,8 @@ pub(super) fn join(triangles: &[OccluderTriangle]) -> Vec<Outline> {
 }
 
 /// Returns the distinct corner positions in metres relative to `Scene::origin`, and each triangle's corners
-/// as indices of these positions. Positions are equal only if bit-identical; both zeros count as one.
+/// as indices of these positions. Positions are equal only if bit-identical, but for positive and negative
+/// zero, which count as equal.
 fn weld(triangles: &[OccluderTriangle]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let mut indices: BTreeMap<[u64; 3], u32> = BTreeMap::new();
     let mut positions = Vec::new();

@@ -27,8 +27,8 @@ pub(super) struct QueuedPolygon {
     two_sided: bool,
 }
 
-/// Greatest extent along their normal of two triangles that count as one flat quadrilateral, as a fraction of
-/// its longer diagonal.
+/// Greatest extent of two triangles along their common normal at which they count as one flat quadrilateral,
+/// as a fraction of the quadrilateral's longer diagonal.
 const FLAT: f64 = 1e-6;
 
 /// Gain at or below which a polygon is not inserted, in steradians or objects as [`Worth`] measures it.

@@ -230,8 +230,8 @@ impl Culler for CasterCuller {
     }
 }
 
-/// Returns the tangent of a spot light's half angle. `None` for other lights, and if the cone is not convex
-/// or (almost) a half-space.
+/// Returns the tangent of a spot light's half angle. `None` for other lights, and for a half angle of pi/2 or
+/// more, or so close to it that the cone is almost a half-space.
 fn cone_tangent(light: &Light) -> Option<f64> {
     let Light::Spot { half_angle, .. } = *light else { return None };
     // Just below pi/2 the tangent is finite but so large that it bounds nothing.

@@ -19,7 +19,8 @@ const BLOCK_LEVEL: usize = 3;
 /// % fewer objects are reported, for 1 to 4 % more time).
 const LARGE_SHARE: usize = 8;
 
-/// Number of tiles up to which a box is tested by its faces, however few tiles the buffer has.
+/// A box that may meet at most this number of tiles is tested by its faces, even if these are more than 1 /
+/// [`LARGE_SHARE`] of the buffer's tiles.
 const FEW_TILES: usize = 64;
 
 /// Width and height of a tile, in pixels.

@@ -54,7 +54,8 @@ pub(crate) struct ScreenProjection {
     /// Row (linear function of a point) that gives the distance beyond the near plane: positive beyond that
     /// plane, in the unit of clip space.
     pub(crate) near: ScreenRow,
-    /// Point in scene coordinates that points are taken relative to: the eye of a perspective view.
+    /// Origin, in scene coordinates, of the points that `rows` and `near` are applied to: the eye of a
+    /// perspective view.
     pub(crate) anchor: DVec3,
     /// Sign (1 or -1) of the determinant of the `x`, `y`, `w` of three corners that run counter-clockwise as
     /// seen from the eye. 0 if rounding leaves the sign open: then nothing is drawn.
