@@ -10,10 +10,11 @@ use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 /// Removes objects without a polygon in view and sorts the others front to back, by their nearest fragment in
 /// view.
 ///
-/// The walk skips subtrees outside the view volume and subtrees whose single owner has been ranked already.
-/// An object's rank is the position of its first fragment on the walk. Objects that are not in the tree as
-/// they are in the scene stay visible and come last. For the full order of all fragments, walk the
-/// [tree](SceneTree::tree) itself.
+/// The culler walks the tree front to back and ranks an object where the walk meets the object's first
+/// fragment in view. The walk skips subtrees outside the view volume, and subtrees of a single object that
+/// has its rank already. An object stays visible and comes last if it has no triangles, has a triangle that
+/// is not in the tree, or has changed since the tree was last synchronized. For the full order of all
+/// fragments, walk the [tree](SceneTree::tree) itself.
 ///
 /// Costs some tens of nanoseconds per node in view whose subtree belongs to several objects. The walk stops
 /// after 65,536 nodes, or the number given to [`with_nodes`](Self::with_nodes). Objects not reached by then
@@ -136,8 +137,8 @@ struct Frame<'a> {
 
 impl Frame<'_> {
     /// Tests whether the object with index `owner` is at [`NOT_MET`], so that its next fragment gives it a
-    /// rank. False for an object that is ranked or gets no rank, and for an index that the scene no longer
-    /// uses, which the tree may still contain.
+    /// rank. False for an object that is ranked or gets no rank, and for an index beyond those of the scene,
+    /// which may still occur in the tree.
     #[inline]
     fn is_wanted(&self, owner: u32) -> bool {
         self.ranks.get(owner as usize) == Some(&NOT_MET)
@@ -152,15 +153,13 @@ impl Frame<'_> {
 }
 
 impl TreeVisitor for Frame<'_> {
-    /// Returns a mask of the planes of the view volume that the whole subtree is on the inner side of. Bit i
-    /// stands for plane i. `inside` is the mask of the parent node; its bits stay set.
+    /// Returns a mask of the planes of the view volume that have the whole subtree on their inner side; bit i
+    /// stands for plane i. `inside` is the mask of the parent node; its bits stay set. `None` skips the
+    /// subtree.
     ///
-    /// If all polygons of the subtree belong to one object, which still needs a rank, and the subtree is
-    /// inside all planes, gives that object the next rank.
-    ///
-    /// `None` skips the subtree, for one of these reasons: it is outside the view; all its polygons belong to
-    /// one object, which needs no rank or has got it by this call; no object needs a rank any more; the limit
-    /// of nodes is reached.
+    /// A subtree is skipped if it is outside the view, if no object needs a rank any more, or if the limit of
+    /// nodes is reached. A subtree of a single object is also skipped if that object needs no rank, and if
+    /// the subtree is wholly in view; in the latter case this call gives the object the next rank.
     fn enter(&mut self, subtree: &Subtree, inside: u32) -> Option<u32> {
         if self.left == 0 || self.stats.nodes > self.most {
             return None;

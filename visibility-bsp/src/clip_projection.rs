@@ -144,8 +144,8 @@ pub(crate) struct ClipProjection {
     /// Linear function of a point relative to `anchor` that is positive beyond the near plane and 0 on it;
     /// its scale has no meaning.
     near: ClipRow,
-    /// Point in metres relative to `Scene::origin` that `rows` and `near` take points relative to: the eye
-    /// of a perspective view, the view's own origin for a parallel view.
+    /// Origin of the points that `rows` and `near` are applied to, in metres relative to `Scene::origin`: the
+    /// eye of a perspective view, the view's own origin for a parallel view.
     anchor: DVec3,
     /// The eye point in metres relative to `Scene::origin`, or the unit view direction of a parallel view.
     pub(crate) eye: Eye,
@@ -161,8 +161,9 @@ pub(crate) struct ClipProjection {
     /// Bound in metres on the absolute error of each component of `back * v`, for exact `v` with components
     /// up to 1.
     back_error: f64,
-    /// 1 or -1: sign of the determinant of the clip-space directions of three points whose triangle normal
-    /// points away from the eye; -1 is a mirrored camera. 0 if rounding leaves it unknown.
+    /// Sign of the determinant of the clip-space directions of a triangle's three corners, if the triangle's
+    /// normal points away from the eye: 1, or -1 for a mirrored camera. Tells on which side of a polygon's
+    /// projected edges its shadow lies. 0 if rounding leaves the sign unknown.
     pub(crate) turn: f64,
 }
 
@@ -209,8 +210,8 @@ impl ClipProjection {
         self.rows.map(|row| row.linear.dot(q) + row.constant)
     }
 
-    /// Returns the lengths of the linear parts of the x and y rows: clip-space units per metre across the
-    /// image.
+    /// Returns the greatest change of clip-space x, and that of clip-space y, when a point moves by one
+    /// metre.
     pub(crate) fn scale(&self) -> [f64; 2] {
         [self.rows[0].linear.length(), self.rows[1].linear.length()]
     }
@@ -272,9 +273,8 @@ impl ClipProjection {
         })
     }
 
-    /// Returns an upper bound in metres on the distance from the eye to any point inside the image that is
-    /// not beyond the near plane. Infinite for parallel views, and if the near plane is not surely in front
-    /// of the eye.
+    /// Returns a distance in metres from the eye beyond which every point inside the image is beyond the near
+    /// plane. Infinite for parallel views, and if the near plane is not surely in front of the eye.
     pub(crate) fn clearance(&self) -> f64 {
         let Eye::Point(eye) = self.eye else { return f64::INFINITY };
         // The distance is greatest at a corner of the image. The added tenth far exceeds the rounding errors.
@@ -311,9 +311,9 @@ impl ClipProjection {
         self.back * DVec3::from_array(v)
     }
 
-    /// Returns the height of the eye above a plane, and the linear function that gives each view ray's rate
-    /// of descent to the plane; see [`Approach`]. The plane is `normal . p + offset = 0` for `p` in metres
-    /// relative to `Scene::origin`, with a unit normal. `None` for parallel views.
+    /// Returns the plane `normal . p + offset = 0`, for `p` in metres relative to `Scene::origin` and a unit
+    /// normal, in the form that tells where view rays meet the plane; see [`Approach`]. `None` for parallel
+    /// views.
     pub(crate) fn approach(&self, normal: DVec3, offset: f64) -> Option<Approach> {
         let Eye::Point(eye) = self.eye else { return None };
         let [x, y, z] = [self.back.x_axis, self.back.y_axis, self.back.z_axis];

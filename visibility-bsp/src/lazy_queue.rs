@@ -7,12 +7,12 @@ use core::cmp::Ordering;
 /// is chosen next: greatest gain, then greatest `tie_break`, then lowest `number`.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Candidate {
-    /// Gain of choosing the candidate, in the caller's unit; an upper bound once further candidates have
-    /// been chosen.
+    /// Gain of choosing the candidate, in the caller's unit. Further choices can only lower it, so a gain
+    /// computed before the last choice is an upper bound.
     pub(crate) gain: f64,
     /// Rank among candidates of equal gain; the greater comes first.
     pub(crate) tie_break: f64,
-    /// Index of the candidate (occluder) in the caller's list of those to choose from.
+    /// Index of the candidate in the list from which the caller chooses.
     pub(crate) number: u32,
     /// Number of candidates that had been chosen when `gain` was computed; `u32::MAX` for an initial
     /// estimate.

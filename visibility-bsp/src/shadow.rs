@@ -26,8 +26,8 @@ pub(crate) const MAX_EDGES: usize = 16;
 pub(crate) struct ShadowEdge {
     /// Plane through the edge and the eye, positive inside the shadow.
     pub(crate) line: Line,
-    /// Ends of the edge in metres relative to `Scene::origin`; NaN for the edge cut by the near plane. Two
-    /// edges with the same ends, in either order, have the same plane up to its sign.
+    /// Ends of the edge in metres relative to `Scene::origin`; NaN for the edge at which the near plane cuts
+    /// the polygon off. Two edges with the same ends, in either order, have the same plane up to its sign.
     pub(crate) ends: [DVec3; 2],
     /// View rays through the two ends of the edge.
     pub(crate) directions: [Direction; 2],

@@ -30,8 +30,9 @@ impl ViewVolume {
         })
     }
 
-    /// Builds the volume of `view` in metres relative to `scene.origin()`, for choosing occluders: each plane
-    /// is moved outwards by the error of its offset only.
+    /// Builds the volume of `view` in metres relative to `scene.origin()`, for choosing occluders. Each plane
+    /// is moved outwards by the error of its offset only. The error of its normal, whose effect grows with
+    /// distance, is covered by [`new`](Self::new) alone.
     pub(crate) fn for_selection(view: &View, scene: &Scene) -> Self {
         Self::with_offsets(view, scene, |side| side.plane.offset + side.error)
     }
@@ -53,10 +54,11 @@ impl ViewVolume {
         self.planes[..self.count].iter().all(|plane| plane.signed_distance(center) > -radius)
     }
 
-    /// Returns a mask of the planes that a box in metres relative to `Scene::origin` is surely inside of; bit
-    /// i stands for plane i. Planes set in `known` (from an enclosing box) are not tested again and stay set.
-    /// A box that is inverted or NaN, or too close to a plane to tell, leaves that plane's bit clear. Returns
-    /// `None` if the box is surely outside one plane, so that no point of the box is in view.
+    /// Returns a mask of the planes that surely have all of a box, in metres relative to `Scene::origin`, on
+    /// their inner side; bit i stands for plane i. Planes set in `known` (found for an enclosing box) are not
+    /// tested again and stay set. A plane's bit stays clear if the box crosses the plane or rounding leaves
+    /// this open, and for a box that is inverted or NaN. Returns `None` if the box is surely outside one
+    /// plane, so that no point of the box is in view.
     #[inline]
     pub(crate) fn inside_of(&self, mut known: u32, bounds: &Aabb) -> Option<u32> {
         for (i, plane) in self.planes[..self.count].iter().enumerate() {

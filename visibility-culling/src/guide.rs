@@ -1,9 +1,9 @@
 //! The guide: from a first program to baked sets, with one chapter per module. Its pictures are in the folder
 //! `docs` of the repository, so they show only if this documentation was built in a checkout.
 
-/// Returns the Markdown definition of a link to the picture `$name` in the folder `docs` of the checkout. It
-/// stands before the text of a chapter, which defines the same link for readers of the file. Markdown takes
-/// the first of two definitions.
+/// Returns the Markdown definition of a link to the picture `$name` in the folder `docs` of the checkout. A
+/// chapter has a definition of its own, which works where its file is read directly. The definition returned
+/// here is put before the chapter's text, since Markdown takes the first of two.
 macro_rules! picture {
     ($name:literal) => {
         concat!("[", $name, "]: file://", env!("CARGO_MANIFEST_DIR"), "/../docs/", $name)

@@ -54,7 +54,8 @@ pub mod guide;
 pub use visibility_core::*;
 pub use visibility_frame::*;
 
-/// Bakes in rounds over threads and, with the feature `bake`, bakes from a level to a file.
+/// Bakes: long computations in rounds over many items and threads. With the feature `bake`, also bakes of a
+/// level from its scene to a file.
 pub mod bake {
     #[cfg(feature = "bake")]
     pub use visibility_bake::*;

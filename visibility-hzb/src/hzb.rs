@@ -46,9 +46,9 @@ const OUTLINE_COST_DIVISOR: usize = 6;
 /// updated even between flushes. From this number on, the update costs less than it saves.
 const MAX_PYRAMID_MISSES: usize = 32;
 
-/// Default of [`Hzb::with_min_polygon_area`], in pixels of the buffer. In all real levels measured but one,
-/// smaller polygons cost more than the objects that they hide are worth by the default price of the occlusion
-/// culler.
+/// Default of [`Hzb::with_min_polygon_area`], in pixels of the buffer. In all but one of the real levels
+/// measured, drawing smaller polygons costs more than the objects that they hide, counted by the default
+/// [price](visibility_core::OcclusionCuller::with_price) of an object.
 const MIN_POLYGON_AREA: f32 = 128.0;
 
 /// A hierarchical z-buffer: an [`OcclusionMap`] of tiles of 8 x 8 pixels with a pyramid of least depth keys
@@ -202,12 +202,13 @@ impl Hzb {
     }
 
     /// Sets the occluders of a level, which are drawn at the beginning of each frame. Their positions are
-    /// relative to `origin`, a point of the world, wherever the scene's origin is later. They hide as their
-    /// triangles would, so a level must not contain parts that move or open; those stay
-    /// [occluders](visibility_core::Object::occluder) of the scene. The occluders of objects that the level
-    /// [was made of](LevelOccluders::objects) are not drawn again. A view that shares no layer with one of
-    /// the level's [masks](LevelOccluders::layers) leaves the level out, and draws the occluders of its
-    /// objects like any others. Replaces all earlier levels; [`add_level`](Self::add_level) keeps them.
+    /// relative to `origin`, a point of the world, also after the scene's origin has changed. They hide
+    /// objects as if the level's triangles were drawn in every frame, so a level must not contain parts that
+    /// move or open; those stay [occluders](visibility_core::Object::occluder) of the scene. The occluders of
+    /// objects that the level [was made of](LevelOccluders::objects) are not drawn again. A view that shares
+    /// no layer with one of the level's [masks](LevelOccluders::layers) leaves the level out, and draws the
+    /// occluders of its objects like any others. Replaces all earlier levels; [`add_level`](Self::add_level)
+    /// keeps them.
     ///
     /// Preparing takes time in proportion to the level. A frame then takes time for the clusters that are in
     /// view, large enough and not hidden. [`OcclusionMap::begin`] draws them.
@@ -306,9 +307,9 @@ impl Hzb {
     /// outside the buffer.
     ///
     /// For perspective views the key is `1 / w`, where `w` is the distance along the viewing direction in the
-    /// unit of the clip matrix, usually metres. Powers of two are first taken out of the matrix's scale, so
-    /// that a clip matrix times any positive factor gives a key within a factor of 2 of this. For parallel
-    /// views the key is clip depth, negated unless depth is reversed.
+    /// unit of the clip matrix, usually metres. The matrix is first divided by a power of two that depends on
+    /// its scale, so that a clip matrix times any positive factor gives a key within a factor of 2 of this.
+    /// For parallel views the key is clip depth, negated unless depth is reversed.
     pub fn depth_key(&self, column: usize, row: usize) -> f32 {
         if column < self.size[0] && row < self.size[1] {
             self.tiles.pixel_closely(column, row)
@@ -608,8 +609,8 @@ impl OcclusionMap for Hzb {
     }
 
     /// Reports occluders without a usable mesh. If no [level](Hzb::with_level) has polygons, also reports a
-    /// scene without occluders, and occluders that leave a seam of uncovered pixels where a neighbour
-    /// continues them.
+    /// scene without occluders, and occluders whose surface a neighbouring occluder continues, since pixels
+    /// along their common border stay uncovered.
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
         Lack::of_occluders(scene, each);
         if self.levels.iter().all(|prepared| prepared.level.polygons().is_empty()) {

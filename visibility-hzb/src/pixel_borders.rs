@@ -25,8 +25,9 @@ use visibility_testing::{End, UNIT, ends, ends_f32};
 /// Width and height of the buffer in pixels: three tiles by two.
 const SIZE: [usize; 2] = [24, 16];
 
-/// Greatest distance from the border of a pixel, in ranks (`UNIT` ranks are a pixel), within which margins
-/// may decide either way. Less than a quarter of a pixel.
+/// Tolerance of the tests, in ranks (`UNIT` ranks are a pixel). The tested code has margins for rounding, so
+/// where an end of a range is this close to the border of a pixel, either result is accepted. Less than a
+/// quarter of a pixel.
 const HAIR: i64 = 2;
 
 /// Returns whether a closed range contains a whole pixel after both of its ends are moved inwards by
@@ -61,8 +62,8 @@ fn check_covered(tiles: &Tiles, axis: usize, across: usize, range: [i64; 2], wha
     }
 }
 
-/// Calls `each` with all pairs of ends from before the first border of an axis to beyond its last, including
-/// inverted and empty ranges.
+/// Calls `each` with all ranges along an axis, given by their low and high ends. The ends lie from before the
+/// first pixel of the axis to beyond its last; empty and inverted ranges are included.
 fn for_each_range(axis: usize, mut each: impl FnMut(&End<f64>, &End<f64>)) {
     let all = ends(-1, SIZE[axis] as i32 + 1);
     all.iter().for_each(|low| all.iter().for_each(|high| each(low, high)));
@@ -125,8 +126,8 @@ fn edges_that_are_not_numbers_leave_no_pixel() {
     }
 }
 
-/// Tests the contour of one rectangle, without slack: winding numbers and pixels near an edge together leave
-/// out every pixel that an edge enters.
+/// Tests the contour of one rectangle, without slack: the pixels wholly in the rectangle are covered, and no
+/// pixel that an edge of the contour enters.
 #[test]
 fn contours_cover_the_pixels_between_their_ends() {
     let size = SIZE.map(|side| side as f64);

@@ -9,7 +9,7 @@ use visibility_core::glam::{DVec3, Vec3};
 
 const FORMAT: Format = Format { magic: *b"VISI-OCC", version: 2 };
 
-/// Kind of a file whose fingerprint is the version of the level.
+/// Kind, in the header, of a file whose fingerprint is the version of the level.
 const WITH_VERSION: u32 = 1;
 const WITHOUT_VERSION: u32 = 0;
 

@@ -74,8 +74,8 @@ pub struct OccluderPolygon {
     pub extent: [f64; 2],
     /// Sum of the areas of the polygon's faces in square metres.
     pub area: f64,
-    /// Least cosine of the angle between `normal` and the normal of any of the polygon's faces, taken on the
-    /// polygon's front side. Above 0.
+    /// Least cosine of the angle between `normal` and the normal of any of the polygon's faces, each normal
+    /// taken to point to the polygon's front side. Above 0.
     pub min_cosine: f64,
     /// Range of the polygon's edges in [`LevelOccluders::edges`], half-open.
     pub edges: [u32; 2],
@@ -151,9 +151,10 @@ const MAX_TRIANGLES: usize = (u32::MAX / 4) as usize;
 
 /// The occluders of a level: polygons made of its opaque, static triangles, in clusters.
 ///
-/// If a polygon's outline winds round a line that meets no edge, the line passes through a triangle of the
-/// level, within the polygon's [extent] along the normal. So polygons hide nothing that the triangles do not
-/// hide. The winding number is positive for a line that comes from the front of all the polygon's faces.
+/// Take a line that meets no edge of a polygon's outline. If the outline winds round the line, the line
+/// passes through a triangle of the level, within the polygon's [extent] along the normal. So polygons hide
+/// nothing that the triangles do not hide. If, besides, the line comes from the front of all the polygon's
+/// faces, the winding number is positive.
 ///
 /// [extent]: OccluderPolygon::extent
 ///

@@ -45,9 +45,9 @@ struct Passage {
 }
 
 /// Removes vertices in the middle of straight lines. A vertex is removed from an outline if it lies exactly
-/// between its two neighbours, unless another outline shares the edge on only one side of the vertex. So
-/// outlines that share an edge before also share it afterwards. Returns the number of vertices removed,
-/// counted for each outline.
+/// between its two neighbours there, unless some other outline has one of the two edges at the vertex and not
+/// the other. So outlines that share an edge before also share it afterwards. Returns the number of vertices
+/// removed, counted for each outline.
 pub(crate) fn straighten(vertices: &[Vec3], outlines: &mut [Vec<OutlineEdge>]) -> usize {
     // All edges of all outlines. `alive` is false for an edge that was joined to the edge before it.
     let mut edges: Vec<OutlineEdge> = outlines.iter().flatten().copied().collect();

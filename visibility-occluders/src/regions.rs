@@ -18,11 +18,13 @@ pub(crate) struct Region {
     pub(crate) members: [u32; 2],
     /// Unit normal of the two planes between which the faces lie.
     pub(crate) normal: DVec3,
-    /// Least and greatest coordinate along `normal` of the region's vertices, as computed, in metres.
+    /// Least and greatest coordinate along `normal` of the region's vertices, in metres, without a margin for
+    /// rounding.
     pub(crate) extent: [f64; 2],
     /// Sum of the areas of the faces in square metres.
     pub(crate) area: f64,
-    /// Least cosine of the angle between `normal` and the normals of the faces, as oriented in the region.
+    /// Least cosine of the angle between `normal` and the normals of the faces. The normals of
+    /// [turned](Member::turned) faces are reversed.
     pub(crate) min_cosine: f64,
     /// True if all faces are two-sided, false if none is.
     pub(crate) two_sided: bool,
@@ -79,7 +81,7 @@ impl Region {
 }
 
 impl Member {
-    /// Returns the normal of the member's face, as oriented in the region.
+    /// Returns the normal of the member's face, reversed if the face is [turned](Self::turned).
     fn normal(&self, face: &Face) -> DVec3 {
         if self.turned { -face.normal } else { face.normal }
     }

@@ -97,8 +97,8 @@ fn is_apart([a, b]: [DVec3; 2], [low, high]: [DVec3; 2]) -> bool {
 /// Inserts into each edge the vertices that lie on it. `sides` are the sides of the faces, sorted by edge,
 /// before the call. Returns the number of corners inserted. Takes some microseconds for an edge.
 ///
-/// Edges that two faces share are included: closed pieces of a modular kit, side by side, have no other
-/// edges.
+/// Edges that two faces share are included, not only open edges: in a level of closed pieces side by side,
+/// such as those of a modular kit, all edges are shared.
 pub(crate) fn insert_t_junctions(faces: &mut Faces, sides: &[Side]) -> usize {
     let tree = PointTree::new((0..faces.vertices.len() as u32).collect(), &faces.vertices);
     let at = |vertex: u32| faces.vertices[vertex as usize];

@@ -51,8 +51,8 @@ struct Groups {
     edges: Vec<Edge>,
     /// Groups: all single polygons in the order of `faces`, then all pairs that share an edge.
     groups: Vec<Group>,
-    /// Number of the frame for whose eye `edges` and `groups` are computed; 0 for none. The computation is
-    /// postponed until an answer is not cached.
+    /// Number of the frame for whose eye `edges` and `groups` are computed; 0 for none. They are computed
+    /// only in frames in which some answer is not in the cache.
     computed_for_frame: u64,
 }
 
@@ -142,9 +142,10 @@ impl GroupMap {
         }
     }
 
-    /// Tests a box (`min` to `max` in metres relative to `Scene::origin`) against all groups of polygons,
-    /// after computing the groups for the present eye if that is due. Returns the answer, `Hidden` or
-    /// `Partial`, and the radius in metres within which the eye may move before the answer can change.
+    /// Tests a box (`min` to `max` in metres relative to `Scene::origin`) against all groups of polygons.
+    /// Computes the groups for the present eye first, if no earlier test of the frame has. Returns the
+    /// answer, `Hidden` or `Partial`, and the radius in metres within which the eye may move before the
+    /// answer can change.
     fn compute(&mut self, min: DVec3, max: DVec3) -> (Occlusion, f64) {
         let memory = &mut self.memory;
         memory.computed += 1;
@@ -157,8 +158,9 @@ impl GroupMap {
 }
 
 impl Groups {
-    /// Determines the side of each polygon that the eye is on. Returns true if the side, or its certainty,
-    /// has changed for any polygon since the last call; false if cached answers stay valid.
+    /// Determines the side of each polygon that the eye is on. Returns true if, since the last call, the eye
+    /// has changed sides of any polygon, or its side has become certain or uncertain: cached answers are then
+    /// invalid. False if they stay valid.
     fn turn(&mut self, projection: &ClipProjection) -> bool {
         let clear = projection.clearance();
         let mut turned = false;
@@ -170,7 +172,8 @@ impl Groups {
         turned
     }
 
-    /// Computes the planes through the eye and all edges, and sets `usable` of every group.
+    /// Computes the planes through the eye and all edges, and determines whether each group may hide boxes in
+    /// this frame (`Group::usable`).
     fn update_eye(&mut self, projection: &ClipProjection) {
         let (eye, error) = (projection.eye, projection.eye_error);
         for edge in &mut self.edges {
@@ -256,7 +259,7 @@ impl Groups {
 }
 
 /// Returns the ends of an edge as the bits of their coordinates, the lesser end first, so that both
-/// directions of an edge have the same key. Both zeros give the same bits.
+/// directions of an edge have the same key. Positive and negative zero give the same bits.
 fn key(ends: [DVec3; 2]) -> [u64; 6] {
     let [a, b] = ends.map(|p| (p + 0.0).to_array().map(f64::to_bits));
     let (a, b) = if a <= b { (a, b) } else { (b, a) };

@@ -18,10 +18,12 @@ pub(super) struct Edge {
     /// Normal of the plane, not normalized, pointing to the side of `inner`. The plane passes through
     /// [`base`](Self::base).
     normal: DVec3,
-    /// Linear term of the bound `slope s + least` on the absolute error of `normal . q`. The point `q` is
-    /// relative to the base, and its largest coordinate is `s` metres. Infinite if the plane is not usable.
+    /// Linear term of the bound `slope * s + least` on the absolute error of `normal . q`, for a point `q` in
+    /// metres relative to [`base`](Self::base), with no coordinate above `s` in magnitude. Infinite before
+    /// the first call of [`update_eye`](Self::update_eye).
     slope: f64,
-    /// Constant term of the error bound; see `slope`. Infinite for a polygon seen edge on.
+    /// Constant term of the error bound; see `slope`. Infinite before the first call of
+    /// [`update_eye`](Self::update_eye), and if the eye sees the edge's polygon edge on.
     least: f64,
 }
 
@@ -49,8 +51,8 @@ pub(super) struct Face {
     two_sided: bool,
     /// Back plane for the side of the polygon that the eye is on; a copy of one entry of `front`.
     pub(super) back: BackPlane,
-    /// Whether the eye is surely on the side of `back`, by more than the distance within which the near
-    /// plane may cut the polygon. If false, the polygon hides nothing.
+    /// Whether the polygon may hide boxes: the eye is surely on the side that `back` is for, and farther from
+    /// the polygon's plane than the near plane reaches in the image.
     pub(super) usable: bool,
     /// Whether `back` is the entry for an eye in front of the polygon (false: behind).
     pub(super) from_front: bool,
@@ -95,7 +97,8 @@ impl Face {
 
 impl Edge {
     /// Creates an edge between two points in metres relative to `Scene::origin`, with the polygon's inside on
-    /// the side of `inner`. No box is inside its plane until [`update_eye`](Self::update_eye) is called.
+    /// the side of `inner`. [`holds`](Self::holds) is false for every box until
+    /// [`update_eye`](Self::update_eye) is called.
     pub(super) fn new(ends: [DVec3; 2], inner: DVec3) -> Self {
         Self { ends, inner, normal: DVec3::ZERO, slope: f64::INFINITY, least: f64::INFINITY }
     }
@@ -133,8 +136,8 @@ impl Edge {
         }
     }
 
-    /// Returns the point that plane values are relative to: the eye, or for parallel views the first end of
-    /// the edge.
+    /// Returns the origin of the points that `normal` is applied to: the eye, or for parallel views the first
+    /// end of the edge.
     fn base(&self, eye: &Eye) -> DVec3 {
         match eye {
             Eye::Point(eye) => *eye,
@@ -161,10 +164,11 @@ impl Edge {
     }
 
     /// Returns the signed distance in metres of the eye from the supporting plane of a box behind the
-    /// polygon: the plane through the edge and the corner of the box that a plane turned about the edge
-    /// touches first. The box is from `min` to `max`; box and eye are in metres relative to `Scene::origin`.
-    /// Positive on the inner side, on which the polygon lies; rounding errors are subtracted from the
-    /// magnitude. `None` if the supporting corner is not found or the distance is not finite.
+    /// polygon. This is the plane through the edge that touches the box and has all of the box on its inner
+    /// side, the side on which the polygon lies. The distance is positive if the eye is on the inner side
+    /// too. Its magnitude is reduced by a bound on the rounding error, to no less than 0. The box is from
+    /// `min` to `max`; box and eye are in metres relative to `Scene::origin`. `None` if the supporting plane
+    /// is not found or the distance is not finite.
     pub(super) fn support(&self, eye: DVec3, min: DVec3, max: DVec3) -> Option<f64> {
         let [a, b] = self.ends;
         let side = b - a;

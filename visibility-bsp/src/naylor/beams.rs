@@ -37,8 +37,9 @@ pub(super) struct ImageCorner {
     pub(super) x: f64,
     /// Vertical NDC coordinate, -1 at the bottom and 1 at the top of the image.
     pub(super) y: f64,
-    /// Whether the edge from this corner to the next lies on the line of a tree node above, so that the edge
-    /// divides no leaf again. If false, the edge is a part of the inserted polygon's edge `edge`.
+    /// Whether the edge from this corner to the next lies on the line of a tree node that the polygon's part
+    /// has passed. Such an edge divides no leaf, since the tree has its line already. If false, the edge is a
+    /// part of the inserted polygon's edge `edge`.
     pub(super) on_line: bool,
     /// Index of the inserted polygon's edge that the edge from this corner is a part of. Unused if
     /// `on_line`.
@@ -46,7 +47,7 @@ pub(super) struct ImageCorner {
 }
 
 impl ImageCorner {
-    /// Creates a corner at NDC `(x, y)` that starts no edge on a tree line.
+    /// Creates a corner at NDC `(x, y)` from which an edge leaves that lies on no line of the tree.
     pub(super) fn new(x: f64, y: f64) -> Self {
         Self { x, y, on_line: false, edge: 0 }
     }
@@ -70,13 +71,13 @@ impl Line {
         Self { a, b, c, margin: 4.0 * error }
     }
 
-    /// Returns the line through the corners `p` and `q`, and whether the line's `margin` is wide enough for
-    /// rounding over the whole image. The front of the line is on the left as one goes from `p` to `q`.
-    /// `error` bounds the absolute error of the corners in NDC.
+    /// Returns the line through the corners `p` and `q`, and whether the line's `margin` covers the rounding
+    /// errors in all of the image. The front of the line is on the left as one goes from `p` to `q`. `error`
+    /// bounds the absolute error of the corners in NDC.
     ///
-    /// The second value is false if the margin that rounding requires is greater than a quarter of
-    /// [`MIN_VISIBLE_WIDTH`]; the margin is then that quarter. `None` if the distance between the corners is
-    /// less than `64 * error`, which leaves the line's direction undetermined, or if a corner is NaN.
+    /// The margin is at most a quarter of [`MIN_VISIBLE_WIDTH`]. The second value is false if the line needs
+    /// a greater margin far from its corners. `None` if the distance between the corners is less than `64 *
+    /// error`, which leaves the line's direction undetermined, or if a corner is NaN.
     fn through(p: ImageCorner, q: ImageCorner, error: f64) -> Option<(Self, bool)> {
         let (dx, dy) = (q.x - p.x, q.y - p.y);
         let length = visibility_core::glam::DVec2::new(dx, dy).length();
@@ -110,8 +111,9 @@ pub(super) const MIN_VISIBLE_WIDTH: f64 = 1e-7;
 pub(super) enum Visibility {
     /// The polygon reaches no open leaf, except in gaps that rounding may have made.
     Hidden,
-    /// The polygon is at most 4 [`MIN_VISIBLE_WIDTH`] wide, and reaches an open leaf only in a part as
-    /// narrow, possibly within the margin of a line. Whether it is seen is uncertain.
+    /// Whether the polygon is seen is uncertain. It is at most 4 [`MIN_VISIBLE_WIDTH`] wide, and each of its
+    /// parts in an open leaf is at most [`MIN_VISIBLE_WIDTH`] wide, or lies within the margin of a line, so
+    /// that rounding may have put it into the leaf.
     Glimpsed,
     /// A part of the polygon wider than [`MIN_VISIBLE_WIDTH`] reaches an open leaf.
     Seen,
@@ -134,9 +136,9 @@ struct Task {
     parent: u32,
     /// Child that the part enters: 0 behind the line, 1 in front.
     side: u8,
-    /// Whether the part was within the margin of some line above. If true, its side was chosen by its mean,
-    /// correct up to rounding, and the part has no area to cover. If false, the part has an area and covers
-    /// it.
+    /// Whether the part lay within the margin of a line of the tree, so that rounding may have put it on the
+    /// wrong side of the line. If true, the part covers nothing and does not count as seen. If false, it can
+    /// cover its area of an open leaf.
     thin: bool,
     /// Index of the part's first corner in `Beams::corners`; the part extends to the end of that stack.
     begin: usize,
@@ -168,8 +170,8 @@ pub(super) struct Beams {
     tasks: Vec<Task>,
     /// Corners of all parts on the `tasks` stack; the top of this stack belongs to the topmost task.
     corners: Vec<ImageCorner>,
-    /// By edge of the polygon being added: its line and whether the line's margin holds over the whole
-    /// image. `None` for an edge too short to have a line.
+    /// By edge of the polygon being added: the edge's line, and whether the line's margin covers the rounding
+    /// errors in all of the image. `None` for an edge too short to have a line.
     lines: Vec<Option<(Line, bool)>>,
     /// Scratch: copy of the corners of the part being cut.
     part: Vec<ImageCorner>,
@@ -275,9 +277,10 @@ impl Beams {
         visibility
     }
 
-    /// Gives edges too short to have a line a substitute line in `lines`. Without it, nearly parallel
-    /// neighbours would cover an endless strip. The substitute is perpendicular to the last preceding edge
-    /// that has a line, and passes through whichever end of the short edge comes first along that edge.
+    /// Gives each edge too short to have a line a substitute in `lines`. Without it, the polygon would cover
+    /// an endless strip between the two neighbours of the edge where these are nearly parallel. The
+    /// substitute is perpendicular to the last preceding edge that has a line. It passes through the end of
+    /// the short edge that comes first in the direction of that preceding edge.
     fn end_strips(&mut self, polygon: &[ImageCorner], error: f64) {
         let count = polygon.len();
         for i in 0..count {
@@ -343,10 +346,10 @@ impl Beams {
         visibility
     }
 
-    /// Moves the topmost part of the corner stack into the children of node `id`, cut in two if the part
-    /// extends beyond the line's margin on both sides. Parts that would enter a closed leaf are dropped. If
-    /// `generous` is true (for narrow polygons), the part is cut one margin beyond the line on either side
-    /// instead, so that the strip within the margin goes to both children.
+    /// Moves the topmost part of the corner stack into the children of node `id`. A part that extends beyond
+    /// the line's margin on both sides is cut in two. Parts that would enter a closed leaf are dropped. If
+    /// `generous` is true (for narrow polygons), each child gets the part on its own side and up to one
+    /// margin beyond the line, so that the strip within the margin goes to both children.
     fn pass(&mut self, id: u32, task: Task, generous: bool) {
         let Node { line, children, .. } = self.nodes[id as usize];
         let (mut least, mut greatest, mut sum) = (0.0f64, 0.0f64, 0.0);
@@ -425,9 +428,9 @@ impl Beams {
         }
     }
 
-    /// Closes the area of the open leaf reached by `task` that the topmost part of the corner stack covers,
-    /// by a chain of nodes with the lines of the part's edges. If all of these lie on lines of the tree, the
-    /// whole leaf becomes closed.
+    /// Closes the area of the open leaf reached by `task` that the topmost part of the corner stack covers.
+    /// The leaf is replaced by a chain of nodes, one for each edge of the part that has a line and is not on
+    /// a line of the tree already. Without such an edge, the whole leaf becomes closed.
     fn close(&mut self, task: Task) {
         let mut slot = (task.parent, task.side);
         let mut divided = false;

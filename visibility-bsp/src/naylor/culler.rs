@@ -13,8 +13,8 @@ use visibility_core::{Accuracy, CullStats, Culler, Object, ObjectId, Scene, View
 /// Removes every object of which no triangle part is visible, so that exactly the visible objects remain,
 /// within the tolerance below.
 ///
-/// Triangles are seen from both sides, those of [one-sided](visibility_core::Object::one_sided) objects from
-/// their front: from behind they are not seen, and hide nothing. The triangles of objects flagged as
+/// Triangles of [one-sided](visibility_core::Object::one_sided) objects are seen from their front only, and
+/// hide only from there; all other triangles are seen from both sides. The triangles of objects flagged as
 /// occluders hide what lies behind them; the triangles of other objects are visible but hide nothing.
 /// Triangles in one plane do not hide each other. An object counts as visible if it has no triangles, has a
 /// triangle that is not finite or has no area, or has changed since the last [`sync`](SceneTree::sync) of the
@@ -62,8 +62,8 @@ pub struct NaylorCuller<S> {
     scratch: Scratch,
 }
 
-/// Memory of the culler's walk, kept between frames: the witnesses found, which are results of the last
-/// frame, and scratch memory.
+/// Memory of the culler's walk, kept between frames: scratch memory, and `witnesses`, the visible points that
+/// the last frame found.
 #[derive(Clone, Debug, Default)]
 struct Scratch {
     /// Beam tree of the present frame: the image area that nearer polygons cover.
@@ -240,7 +240,8 @@ impl Frame<'_> {
     }
 }
 
-/// Tests whether the eye is before a plane, to which the plane's normal points.
+/// Tests whether the eye is on the front side of a plane, the side that the plane's normal points to. False
+/// on the plane.
 fn is_front(plane: &Plane, eye: Eye) -> bool {
     match eye {
         Eye::Point(eye) => plane.signed_distance(eye) > 0.0,

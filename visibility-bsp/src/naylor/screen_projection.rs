@@ -46,8 +46,9 @@ pub(super) struct ScreenProjection {
 /// Maximum absolute error of an NDC position. A view with a larger error is not culled.
 const MAX_NDC_ERROR: f64 = 1e-8;
 
-/// Width of the clipping volume in image widths. Polygons are clipped to it in space; the rest is cut in the
-/// image by the beam tree, where an edge keeps its line.
+/// Width in image widths of the volume to which polygons are clipped before they are projected. It is wider
+/// than the image, since such a cut gives an edge another line. Cuts at the sides of the image are left to
+/// the beam tree, which keeps the line of the whole edge.
 const CLIP_WIDTH: f64 = 4.0;
 
 impl ScreenProjection {

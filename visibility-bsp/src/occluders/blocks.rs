@@ -5,8 +5,8 @@ use visibility_core::glam::DVec3;
 /// Number of polygons or boxes in a full block.
 pub(super) const BLOCK: usize = 32;
 
-/// Returns the minimum and maximum corner of the box around some points, in the points' own space; infinite
-/// and inverted for none.
+/// Returns the minimum and maximum corner of the box around some points, in the points' own space. Without
+/// points, the minimum is positive infinity and the maximum negative infinity.
 pub(super) fn bounds_of(points: impl Iterator<Item = DVec3>) -> (DVec3, DVec3) {
     points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), p| (min.min(p), max.max(p)))
 }

@@ -10,9 +10,10 @@ use crate::lazy_queue::Candidate;
 use alloc::collections::BinaryHeap;
 use alloc::vec::Vec;
 
-/// Maximum number of grid cells of a group that is joined; larger groups are left as they are.
+/// Maximum number of cells in the grid of a group of connected rectangles. The rectangles of a group with
+/// more cells are not joined.
 const MAX_CELLS: usize = 1 << 14;
-/// Maximum number of rectangles made from one group.
+/// Maximum number of joined rectangles made from one group of connected rectangles.
 const MAX_PICKS: u32 = 64;
 
 /// A grid whose lines are the sides of a group's rectangles, with the cells that the group covers.

@@ -6,9 +6,9 @@ use visibility_core::OccluderMesh;
 use visibility_core::glam::{Affine3A, DVec3};
 
 /// Appends the triangles of a mesh, transformed to metres relative to `Scene::origin`, with `source` as their
-/// object. `closed` tells whether the mesh encloses a volume. The triangles of a two-sided mesh also hide for
-/// eyes behind them if the mesh is not closed; if closed, they are turned outwards. Appends nothing if a
-/// position is not finite.
+/// object. `closed` tells whether the mesh encloses a volume. The triangles of a two-sided mesh hide from
+/// both sides if the mesh is not closed; if it is closed, they hide from their fronts, which are made to face
+/// outwards. Appends nothing if a position is not finite.
 pub(crate) fn triangles_of(
     mesh: &OccluderMesh,
     transform: &Affine3A,

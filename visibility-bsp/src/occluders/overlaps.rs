@@ -25,12 +25,13 @@ pub(super) struct Rectangle {
 /// Value that stands for no rectangle in place of a rectangle's index.
 const NONE: u32 = u32::MAX;
 
-/// Node of the segment tree: an interval of the axis across the sweep, and the rectangles stored in it.
-/// Coordinates are in metres along the plane's axes.
+/// Node of the segment tree: an interval of the axis perpendicular to the sweep, and the rectangles stored in
+/// it. Coordinates are in metres along the plane's axes.
 #[derive(Clone, Copy)]
 struct Interval {
-    /// Index of the rectangle with the greatest end along the sweep, of the stored rectangles that span this
-    /// interval but not its parent's. [`NONE`] without such a rectangle.
+    /// Index of the rectangle that reaches farthest along the sweep, of those stored whose extent
+    /// perpendicular to the sweep contains this interval but not the parent node's. [`NONE`] without such a
+    /// rectangle.
     spanning: u32,
     /// Index of any one rectangle in the subtree, [`NONE`] if there is none.
     any: u32,
@@ -125,9 +126,9 @@ impl Sweep<'_> {
     }
 
     /// Unites rectangle `number` with all rectangles stored in the subtree `node` that overlap or touch the
-    /// rectangle, and stores `number` in this subtree. `range` is the rectangle's extent across the sweep and
-    /// `span` that of the node. Both are half-open ranges of indices into the sorted coordinates at which
-    /// rectangles begin or end across the sweep.
+    /// rectangle, and stores `number` in this subtree. `range` is the extent of the rectangle perpendicular
+    /// to the sweep, and `span` that of the node. Both are half-open ranges of indices into the sorted
+    /// coordinates at which rectangles begin or end in that direction.
     fn insert(&mut self, node: usize, span: [usize; 2], range: [usize; 2], number: u32) {
         if range[0].max(span[0]) >= range[1].min(span[1]) {
             return;
@@ -170,8 +171,8 @@ impl Sweep<'_> {
         self.sum_up(node, number);
     }
 
-    /// Recomputes a node from its own rectangle and its children. The sweep is at the beginning of rectangle
-    /// `at`; rectangles that end before it are ignored.
+    /// Recomputes a node from its `spanning` rectangle and its children. The sweep is at the beginning of
+    /// rectangle `at`; rectangles that end before that position are ignored.
     fn sum_up(&mut self, node: usize, at: u32) {
         let low = self.rectangles[at as usize].low[self.along];
         let spanning = self.tree[node].spanning;

@@ -12,8 +12,9 @@ use visibility_core::glam::DVec3;
 
 /// Maximum deviation of vertices from the plane, as a fraction of the joined polygon's size.
 const FLAT: f64 = 1e-6;
-/// Greatest distance of a vertex from the outer side of an edge's line at which the polygon counts as convex,
-/// as a fraction of the polygon's size, for an edge of that size: a thousandth of [`FLAT`].
+/// Tolerance of the test for convexity. In a polygon of size `s`, a vertex may lie outside the line of an
+/// edge of length `l` by this number times `s^2 / l`: for the longest edges about a thousandth of [`FLAT`]
+/// times `s`.
 const CORNER_ROUNDING: f64 = 1e-9;
 /// Maximum number of vertices of a joined polygon. Each edge costs a plane through the eye in every frame.
 const MAX_VERTICES: usize = if MAX_EDGES < 10 { MAX_EDGES } else { 10 };
@@ -89,7 +90,8 @@ pub(super) fn join(triangles: &[OccluderTriangle]) -> Vec<Outline> {
 }
 
 /// Returns the distinct corner positions in metres relative to `Scene::origin`, and each triangle's corners
-/// as indices of these positions. Positions are equal only if bit-identical; both zeros count as one.
+/// as indices of these positions. Positions are equal only if bit-identical, but for positive and negative
+/// zero, which count as equal.
 fn weld(triangles: &[OccluderTriangle]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let mut indices: BTreeMap<[u64; 3], u32> = BTreeMap::new();
     let mut positions = Vec::new();

@@ -41,16 +41,17 @@ pub(super) struct Polygon {
     pub(super) center: DVec3,
     /// Greatest distance of a vertex from `center`, in metres.
     pub(super) radius: f64,
-    /// Whether the polygon also hides for eyes behind its front; if false, only for eyes in front, and for
-    /// those in its shell.
+    /// Whether the polygon hides for all eyes behind its front. If false, it hides for eyes in front, and for
+    /// eyes in the box `shell`.
     pub(super) two_sided: bool,
-    /// Index in `Occluders::shells` of the box around the convex two-sided solid that is the polygon's only
-    /// object, or [`NO_SHELL`]. For an eye in the box the polygon hides on both sides. For other eyes the
-    /// fronts of a closed object hide all that its backs do.
+    /// Index in `Occluders::shells`, or [`NO_SHELL`]. A polygon whose only object is a convex two-sided solid
+    /// has the box around that solid. For an eye in the box, the polygon also hides from behind. For other
+    /// eyes this is not needed: the faces of the solid that look towards the eye hide all that the other
+    /// faces hide.
     pub(super) shell: u32,
 }
 
-/// Value of `Polygon::shell` for a polygon without a shell.
+/// Value of `Polygon::shell` for a polygon without such a box.
 pub(super) const NO_SHELL: u32 = u32::MAX;
 
 /// A run of polygons that are near each other in space and of similar area, with a bounding sphere.
@@ -76,9 +77,10 @@ pub(super) struct Block {
 ///
 /// # Cost
 /// About 200 bytes per polygon. Making polygons of `n` triangles takes `O(n log n)` steps, some microseconds
-/// per triangle, however the triangles lie. This bound requires limits beyond which polygons stay smaller
-/// than they could be. Connected rectangles of one plane are joined only if their sides make a grid of at
-/// most 16,384 cells, and into at most 64 rectangles. At most 256 boxes are cut together by a common plane.
+/// per triangle, however the triangles lie. To keep this bound, joining stops at limits, and polygons may be
+/// smaller than they could be. Connected rectangles of one plane are joined only if their sides make a grid
+/// of at most 16,384 cells, and into at most 64 rectangles. At most 256 boxes are cut together by a common
+/// plane.
 ///
 /// ```
 /// use visibility_bsp::Occluders;
@@ -230,9 +232,9 @@ impl Occluders {
         &self.sources[polygon.first_source as usize..(polygon.first_source + polygon.sources) as usize]
     }
 
-    /// Returns the boxes that `polygon`, an index of a polygon, is a section through, as minimum and maximum
+    /// Returns the closed boxes that contain the section with polygon index `polygon`, as minimum and maximum
     /// corners in metres relative to `Scene::origin`. A section hides only for eyes outside all of these
-    /// boxes. Empty for a polygon on the surface of an occluder.
+    /// boxes. Empty for a polygon on the surface of an occluder, which is no section.
     pub(crate) fn solids_of(&self, polygon: u32) -> &[[DVec3; 2]] {
         let polygon = &self.polygons[polygon as usize];
         &self.solids[polygon.first_solid as usize..(polygon.first_solid + polygon.solids) as usize]
@@ -245,8 +247,9 @@ impl Occluders {
         (p.center, p.radius)
     }
 
-    /// Returns the polygon with an index in the form from which shadows are cast. A dropped polygon has no
-    /// vertices.
+    /// Returns the polygon with index `polygon` in the form that shadows are cast from. It counts as
+    /// two-sided even if it hides from behind only for eyes in a box around its object. A dropped polygon has
+    /// no vertices.
     pub(crate) fn occluder_polygon(&self, polygon: u32) -> OccluderPolygon<'_> {
         let p = &self.polygons[polygon as usize];
         OccluderPolygon {
@@ -257,15 +260,16 @@ impl Occluders {
         }
     }
 
-    /// Returns the polygon as [`occluder_polygon`](Self::occluder_polygon) does, for eyes outside of its
-    /// shell: there its back hides only if the polygon is two-sided.
+    /// Returns the polygon as [`occluder_polygon`](Self::occluder_polygon) does, but two-sided only if it
+    /// hides from behind for all eyes.
     pub(crate) fn outside_polygon(&self, polygon: u32) -> OccluderPolygon<'_> {
         let two_sided = self.polygons[polygon as usize].two_sided;
         OccluderPolygon { two_sided, ..self.occluder_polygon(polygon) }
     }
 
-    /// Tests whether a polygon may hide for an eye behind its front. True for a two-sided polygon, and for
-    /// one of a convex two-sided solid whose shell holds `eye`, `None` for parallel views.
+    /// Tests whether a polygon may hide for an eye behind its front: whether it is two-sided, or has a
+    /// `shell`, a box, that contains `eye`. `eye` is in metres relative to `Scene::origin`, and `None` for
+    /// parallel views, which are in no box.
     pub(super) fn hides_behind(&self, polygon: &Polygon, eye: Option<DVec3>) -> bool {
         let holds =
             |&[min, max]: &[DVec3; 2]| eye.is_some_and(|eye| eye.cmpge(min).all() && eye.cmple(max).all());

@@ -42,7 +42,7 @@ pub(super) fn join(levels: &Levels) -> Vec<Outline> {
 }
 
 /// Returns the bits of a number that is not NaN, mapped so that their unsigned order is the order of the
-/// numbers. Both zeros map to the same bits.
+/// numbers. Positive and negative zero map to the same bits.
 pub(super) fn ordered(x: f64) -> u64 {
     let bits = (x + 0.0).to_bits();
     if bits >> 63 != 0 { !bits } else { bits | 1 << 63 }

@@ -38,13 +38,14 @@ pub(crate) struct SolidBox {
     pub(super) source: u32,
 }
 
-/// Minimum area of a section (a rectangle inside closed boxes), as a multiple of the largest rectangle that
-/// faces of these boxes form in one plane. Smaller sections are left out.
+/// Minimum area of a section (a rectangle inside closed boxes), as a multiple of the area of the largest
+/// rectangle to which faces of these boxes in one plane can be joined. Smaller sections are left out.
 const GAIN: f64 = 1.25;
 /// Maximum distance between a section (a rectangle inside closed boxes) and a face that it replaces, as a
 /// fraction of the face's shorter side.
 const CLOSE: f64 = 0.25;
-/// Maximum number of boxes that one plane cuts together. A box that touches more boxes begins no section.
+/// Maximum number of connected boxes in one plane from which sections are made; larger groups get none. If
+/// more boxes than that touch the near side of a box, no section begins at that box.
 const MAX_BOXES: usize = 256;
 /// Maximum number of faces near a section (a rectangle inside closed boxes) that are tested for being covered
 /// by it; the others stay.
@@ -161,8 +162,8 @@ impl Near {
     }
 }
 
-/// Returns all sections of the given boxes: two-sided rectangles inside sets of boxes that abut or overlap.
-/// Only sections sufficiently larger than the faces of their boxes are returned.
+/// Returns the sections of the given boxes: two-sided rectangles inside sets of boxes that abut or overlap.
+/// Only sections that are larger by [`GAIN`] than the faces of their boxes are returned.
 pub(super) fn sections(solids: &[SolidBox]) -> Vec<Outline> {
     let near = Near::new(solids.iter().map(|solid| (solid.min, solid.max)).collect());
     let mut outlines = Vec::new();
@@ -218,9 +219,10 @@ pub(super) fn sections(solids: &[SolidBox]) -> Vec<Outline> {
     outlines
 }
 
-/// Tests whether a section's area is more than [`GAIN`] times that of the largest rectangle that faces of its
-/// boxes in one plane form within the section. `low` and `high` are the section's corners along the two axes
-/// after `axis`, and `boxes` indices into `solids`. False if the section gains too little to be kept.
+/// Tests whether a section is large enough to be kept: whether its area is more than [`GAIN`] times that of
+/// the largest rectangle to which faces of its boxes in one plane, cut to the section, can be joined. `low`
+/// and `high` are the section's corners along the two axes after `axis`, and `boxes` are indices into
+/// `solids`.
 fn is_gain(solids: &[SolidBox], axis: usize, low: [f64; 2], high: [f64; 2], boxes: &[u32]) -> bool {
     let area = |low: [f64; 2], high: [f64; 2]| (high[0] - low[0]) * (high[1] - low[1]);
     let mut level: Vec<(u64, u32)> = Vec::new();
@@ -251,8 +253,8 @@ fn is_gain(solids: &[SolidBox], axis: usize, low: [f64; 2], high: [f64; 2], boxe
     area(low, high) > GAIN * largest
 }
 
-/// Removes the faces and sections (rectangles inside closed boxes) that are covered by a section close to
-/// them, unless they are made of other objects than the section.
+/// Removes each face or section (rectangle inside closed boxes) that another section close to it covers, if
+/// every object that it is made of is also an object of that section.
 pub(super) fn drop_covered(outlines: &mut Vec<Outline>) {
     let around = |outline: &Outline| bounds_of(outline.vertices.iter().copied());
     let boxes: Vec<(DVec3, DVec3)> = outlines.iter().map(around).collect();

@@ -44,7 +44,8 @@ pub(crate) struct Selector {
     /// Stamp of the polygons that the other fields refer to; `Stamp::NONE` before the first frame and after
     /// a reset.
     occluders: Stamp,
-    /// The scene whose changes `stale` records, and the revision of that scene up to which it does.
+    /// The scene whose changes `stale` records, and the last revision of that scene whose changes are
+    /// recorded.
     seen: SceneCursor,
     /// Bitset by object index: a bit is 1 if the object has changed since the polygons were made.
     stale: Bits,
@@ -120,9 +121,9 @@ impl Selector {
 
     /// Replaces `chosen` by the up to `count` polygons with the greatest upper bound on their solid angle
     /// from `eye`, greatest first. Polygons with a bound of 0 or less are left out. If `volume` is given,
-    /// only polygons that may be inside it are considered. `samples_region` tells that the eye stands for a
-    /// region: a polygon whose back hides only for eyes in the box around its object then counts as hiding
-    /// from its front alone. Chooses none if `lost`.
+    /// only polygons that may be inside it are considered. `samples_region` tells that `eye` is a sample of a
+    /// region of eyes: a polygon that hides from behind only for eyes in a box around its object then counts
+    /// as one-sided. Chooses none if the changes of the scene are not known (`lost` is true).
     pub(crate) fn choose(
         &mut self,
         occluders: &Occluders,
@@ -247,10 +248,10 @@ impl Block {
     }
 }
 
-/// Returns an upper bound on the solid angle of a polygon seen from `eye`, in steradians: its height over the
-/// eye times its area, divided by the cube of the least distance. For parallel views, the projected area in
-/// square metres. `hides_behind` tells whether the polygon hides for eyes behind it; if not, the bound is
-/// negative for such eyes.
+/// Returns an upper bound on the solid angle of a polygon seen from `eye`, in steradians: the height of the
+/// eye above the polygon's plane times the polygon's area, divided by the cube of the least distance of the
+/// eye from the polygon. For parallel views, the projected area in square metres. `hides_behind` tells
+/// whether the polygon hides for eyes behind it; if not, the bound is negative for such eyes.
 fn bound(polygon: &Polygon, hides_behind: bool, eye: &Eye) -> f32 {
     match eye {
         Eye::Point(eye) => {

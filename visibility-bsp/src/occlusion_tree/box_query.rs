@@ -15,7 +15,8 @@ use crate::clip_projection::{BoxProjection, ClipProjection, U, dot, slack_of};
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, occlusion::Occlusion, view::Eye};
 
-/// Maximum number of corners of a part. If a cut would make more, the box counts as partially visible.
+/// Maximum number of corners of a [`Part`] of a box's projection. If a cut would make more, the box counts as
+/// partially visible.
 const MAX_CORNERS: usize = 24;
 
 /// A convex part of a box's projection: the cone of view rays that the clip-space directions `(x, y, w)` of
@@ -200,9 +201,9 @@ impl BoxTest<'_> {
     }
 
     /// Tests whether a part of the box is surely behind back plane number `plane`, which crosses the box.
-    /// False if undecided. The part is behind if, along each view ray of the part, the back plane comes
-    /// before the plane of one of the box's front faces. That face's plane is no farther than the point where
-    /// the ray enters the box.
+    /// True if, along each view ray of the part, the back plane surely comes before the plane of one and the
+    /// same front face of the box. A ray enters a box only after it has met the planes of all front faces, so
+    /// the back plane then comes before the box. False if undecided.
     fn is_behind(&self, plane: usize, part: &Part) -> bool {
         let Some(first) = &self.nodes.approaches[plane] else { return false };
         (0..6).filter(|face| self.faces >> face & 1 != 0).any(|face| {

@@ -34,12 +34,14 @@ pub struct OcclusionTreeCuller {
     inner: OcclusionCuller<OcclusionTree>,
 }
 
-/// Number of polygons that pass the first ranking, for each polygon that may be inserted in the frame's
-/// occlusion tree. The first ranking orders all polygons by a bound on their solid angle from the eye.
+/// Number of polygons that pass the first ranking, as a multiple of the maximum number of polygons in the
+/// frame's occlusion tree. The first ranking orders all polygons by a bound on their solid angle from the
+/// eye.
 const CANDIDATES_PER_POLYGON: usize = 6;
-/// Number of polygons that pass the second ranking, for each polygon that may be inserted in the frame's
-/// occlusion tree. The second ranking orders the polygons that passed the first by estimated worth: the
-/// number of objects that a polygon's shadow may hide. Polygons that do not pass are not used in this frame.
+/// Number of polygons that pass the second ranking, as a multiple of the maximum number of polygons in the
+/// frame's occlusion tree. The second ranking orders the polygons that passed the first by estimated worth:
+/// the number of objects that a polygon's shadow may hide. Polygons that do not pass are not used in this
+/// frame.
 const RANKED_PER_POLYGON: usize = 2;
 /// Worth in objects per steradian given to a polygon so close or large that its worth cannot be estimated. It
 /// ranks such polygons before all others, in the order of their solid angles.

@@ -27,8 +27,8 @@ pub(super) struct QueuedPolygon {
     two_sided: bool,
 }
 
-/// Greatest extent along their normal of two triangles that count as one flat quadrilateral, as a fraction of
-/// its longer diagonal.
+/// Greatest extent of two triangles along their common normal at which they count as one flat quadrilateral,
+/// as a fraction of the quadrilateral's longer diagonal.
 const FLAT: f64 = 1e-6;
 
 /// Gain at or below which a polygon is not inserted, in steradians or objects as [`Worth`] measures it.
@@ -82,15 +82,15 @@ pub struct OcclusionTree {
     pub(super) vertices: Vec<DVec3>,
     /// Polygons that take effect at the next flush.
     pub(super) queue: Vec<QueuedPolygon>,
-    /// True if the queued polygons are for the frame that begins next, which keeps them; false if they are
-    /// for the present frame, so that the next one drops them.
+    /// True if polygons were queued before the beginning of their frame, so that the next `begin` keeps the
+    /// queue. False if the queued polygons are for the present frame, so that the next `begin` drops them.
     pub(super) is_queued_ahead: bool,
     /// Scratch: queue of shadows, greatest gain first.
     heap: BinaryHeap<Candidate>,
     /// Scratch: triangles of the mesh being added.
     triangles: Vec<OccluderTriangle>,
-    /// Number of objects in each part of the image; `None` if not known. With it, shadows are chosen by the
-    /// number of objects that they may hide, otherwise by solid angle.
+    /// Number of objects in each part of the image. If known, shadows are chosen by the number of objects
+    /// that they may hide; if `None`, by solid angle.
     pub(super) density: Option<ScreenDensity>,
 }
 
@@ -151,8 +151,8 @@ impl OcclusionTree {
         away.abs().cmple(reach).all()
     }
 
-    /// Adds a polygon that takes effect at the next flush of the frame. That frame may be yet to begin if
-    /// [`is_queued_ahead`](Self::is_queued_ahead) is set.
+    /// Queues a polygon, which takes effect at the next flush. Queued during a frame, it is for that frame;
+    /// if [`is_queued_ahead`](Self::is_queued_ahead) is set, it is for the frame that begins next.
     pub(super) fn enqueue(&mut self, occluder_polygon: &OccluderPolygon<'_>) {
         let first = self.vertices.len();
         self.vertices.extend_from_slice(occluder_polygon.vertices);

@@ -22,12 +22,13 @@ pub(crate) const OUTSIDE: Child = u32::MAX - 1;
 pub(crate) const HIDDEN: Child = 1 << 31;
 
 /// Distance from a back plane within which a corner counts as on the plane, as a fraction of the plane's
-/// offset: 9,000 times the round-off of `f64`. It only saves the cut of a sliver.
+/// offset: 9,000 times the round-off of `f64`. It saves the work of cutting off slivers.
 const ON_PLANE: f64 = 1e-12;
 
-/// Fraction of an edge by which its part inside a leaf is enlarged at each end where a plane cuts the edge.
-/// The ends of the part are fractions of the edge from 0 to 1. The division that computes them rounds by less
-/// than a millionth of this; errors of the plane's values have a slack of their own.
+/// Margin for rounding, as a fraction of an edge. The range of an edge that may lie in a leaf is computed as
+/// two fractions of the edge, and is widened by this margin at each end where a plane cuts the edge. The
+/// division that gives the fractions rounds by less than a millionth of the margin; errors of the planes'
+/// values are covered by a slack of their own.
 const SHARE_ROUNDING: f64 = 1e-9;
 
 /// Maximum number of nodes, which bounds time and memory for adversarial occluders. Polygons that would
@@ -37,7 +38,7 @@ const MAX_NODES: usize = 1 << 16;
 /// inserted.
 const DEEPEST: u16 = 480;
 
-/// Maximum number of a leaf's polygons that are tested, the one inserted last first.
+/// Maximum number of a leaf's occluders that one test visits, beginning with the one inserted last.
 pub(crate) const MAX_LEAF_TESTS: usize = 16;
 
 /// A node: the plane through the eye and an edge of an occluder, or a side of the image.
@@ -78,8 +79,9 @@ impl Task {
     }
 }
 
-/// Entry of a leaf's list of occluders. The leaf is inside the shadows of all of them, so a point behind any
-/// of their back planes is hidden. There is no order among occluders that cross each other.
+/// Entry of a leaf's list of occluders. The leaf is inside the shadows of all of them, so a point in the leaf
+/// is hidden if it is behind the back plane of any one. All are kept, since none is the nearest in the whole
+/// leaf where occluders cross each other.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Hider {
     /// Index in `Nodes::planes` of the occluder's back plane.
@@ -175,9 +177,9 @@ impl Nodes {
     }
 
     /// Takes the outline of shadow `number` (its index in `Shadows::list`) down to the leaves and returns the
-    /// gain of inserting the shadow, measured by `worth`. Fragments in visible leaves count in full.
-    /// Fragments in shadow leaves count one tenth of the parts in front of the polygons inserted there, since
-    /// the shadow then newly hides only objects between the two.
+    /// gain of inserting the shadow, measured by `worth`. Fragments in visible leaves count in full. Of a
+    /// fragment in a shadow leaf, only the part in front of the leaf's occluders counts, with a tenth of its
+    /// worth: there the shadow newly hides no more than the objects between its polygon and these occluders.
     pub(super) fn descend(
         &mut self,
         projection: &ClipProjection,
@@ -252,8 +254,8 @@ impl Nodes {
         }
     }
 
-    /// Returns the part of the shadow fragment `task` that lies in front of all back planes of a leaf's
-    /// occluders, on the eye's side of each, `None` if that part is empty. The corners of a new part are
+    /// Returns the part of the shadow fragment `task` that lies in front of the back planes of all occluders
+    /// of a leaf, on the eye's side of each. `None` if that part is empty. The corners of a new part are
     /// appended to `corners`.
     fn before(&mut self, task: &Task, leaf: Child) -> Option<Task> {
         let (mut task, mut leaf) = (*task, leaf);
@@ -266,7 +268,7 @@ impl Nodes {
     }
 
     /// Returns the part of the shadow fragment `task` that lies in front of back plane `plane` (an index in
-    /// `Nodes::planes`), on the eye's side, `None` if that part is empty. The corners of a new part are
+    /// `Nodes::planes`), on the eye's side. `None` if that part is empty. The corners of a new part are
     /// appended to `corners`.
     fn before_plane(&mut self, task: &Task, plane: u32) -> Option<Task> {
         let plane = self.planes[plane as usize];
@@ -406,10 +408,10 @@ impl Nodes {
         *self.child_mut(parent) = HIDDEN | hide;
     }
 
-    /// Returns a mask of the edges of a shadow (bit i for `edges[i]`) that may be left out, because without
-    /// them the leaf's directions still are in the shadow. `middle` is a clip-space direction in the shadow's
-    /// fragment that reached the leaf, `present` the mask of edges that bound this fragment, and `parent` the
-    /// leaf's slot in its parent.
+    /// Returns a mask of the edges of a shadow (bit i for `edges[i]`) for which no node is needed below a
+    /// leaf: a direction of the leaf that is inside the other edges is inside these edges too. `middle` is a
+    /// clip-space direction in the shadow's fragment that reached the leaf, `present` the mask of edges that
+    /// bound this fragment, and `parent` the leaf's slot in its parent.
     fn needless(
         &self,
         edges: &[crate::shadow::ShadowEdge],

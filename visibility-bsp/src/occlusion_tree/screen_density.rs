@@ -10,8 +10,8 @@ use visibility_core::glam::DVec3;
 const CELLS: usize = 32;
 /// Number of grid lines along each axis, the image's sides included.
 const LINES: usize = CELLS + 1;
-/// Number of objects spread evenly over the image, as a fraction of the objects counted, since objects extend
-/// beyond their centres.
+/// Weight of objects that are taken to be spread evenly over the image, as a fraction of all objects counted.
+/// They add to the worth of every area, since objects extend beyond their centres.
 const EVEN: f64 = 0.25;
 
 /// Number of object centres in each cell of a grid over the image. Used only to choose occluders, so rounding
@@ -68,8 +68,8 @@ impl ScreenDensity {
         low * (1.0 - t) + high * t
     }
 
-    /// Returns the worth of a rectangle of the image, which is the number of objects that a shadow there may
-    /// hide, and then its area in grid cells. `low` and `high` are the rectangle's corners, in grid cells
+    /// Returns the worth of a rectangle of the image (the number of objects that a shadow there may hide),
+    /// and the rectangle's area in grid cells. `low` and `high` are the rectangle's corners, in grid cells
     /// from the bottom left of the image.
     fn rectangle(&self, low: [f64; 2], high: [f64; 2]) -> (f64, f64) {
         let count = self.below(high) - self.below([low[0], high[1]]) - self.below([high[0], low[1]])

@@ -8,8 +8,8 @@ use visibility_core::{Scene, view::Eye};
 
 /// Number of sample eyes per region: its centre, and points near four of its corners.
 const SAMPLES: usize = 5;
-/// Twice the maximum number of polygons that are considered for each sample eye of a region, those with the
-/// greatest solid angle from that eye. Limits the cost of the bake.
+/// Limits the cost of the bake: for each sample eye of a region, at most half as many polygons are
+/// considered, those with the greatest solid angle from that eye.
 const CANDIDATES: usize = 96;
 /// Maximum number of objects whose centres are sampled to count hidden objects.
 const OBJECTS: usize = 512;

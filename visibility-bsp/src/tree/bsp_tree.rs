@@ -15,10 +15,10 @@ use visibility_core::{Aabb, glam::DVec3};
 /// [`remove`](Self::remove) change the polygons of single owners without a rebuild.
 ///
 /// # Robustness
-/// Sides are decided with the margin of [`SidePlane`](visibility_core::geometry::SidePlane). A polygon that
-/// is beyond the margin on one side of a plane, and nowhere on the other, goes to that side uncut. So
-/// rounding makes no slivers, and polygons in one plane share a node. A cut point depends only on the plane
-/// and the two ends of the cut edge, so two polygons that share an edge are cut in bit-identical points.
+/// Sides are decided with the margin of [`SidePlane`](visibility_core::geometry::SidePlane). A polygon is cut
+/// by a plane only if it extends beyond the margin on both sides of the plane. So rounding makes no slivers,
+/// and polygons in one plane share a node. A cut point depends only on the plane and the two ends of the cut
+/// edge, so two polygons that share an edge are cut in bit-identical points.
 ///
 /// # Cost
 /// Building takes some microseconds per polygon. The time is quadratic for polygons that no plane separates

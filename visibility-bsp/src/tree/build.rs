@@ -16,8 +16,8 @@ use visibility_core::{
 const GROWTH: usize = 256;
 
 impl BspTree {
-    /// Builds a tree of polygons in `f64` coordinates of any unit, each given with its owner number. Both
-    /// faces of a polygon count.
+    /// Builds a tree of polygons in `f64` coordinates of any unit, each given with its owner number. Polygons
+    /// are two-sided: walks of the tree find them whichever side the eye sees.
     ///
     /// Polygons must be convex and flat, up to rounding, with their vertices in boundary order. A polygon
     /// that is not [accepted](Self::accepts) is left out. Takes some microseconds per polygon.
@@ -174,9 +174,10 @@ impl BspTree {
         }
     }
 
-    /// Distributes the pieces of a task: `builder.sides` tells for each piece whether it lies in the plane of
-    /// node `node`, and so becomes a fragment there, or in front or behind, and so goes to a new task for
-    /// that child. Pieces across the plane are cut. Returns the number of cut pieces.
+    /// Distributes the pieces of a task by their sides of the plane of node `node`, as listed in
+    /// `builder.sides`. Pieces in the plane become fragments of the node. Pieces in front and pieces behind
+    /// make two new tasks, one for each child. Pieces across the plane are cut. Returns the number of cut
+    /// pieces.
     fn distribute(&mut self, builder: &mut Builder, Task { begin, level, .. }: Task, node: u32) -> usize {
         let Builder { sources, pieces, tasks, sides, front, back, cut, .. } = builder;
         let plane = self.nodes[node as usize].plane;

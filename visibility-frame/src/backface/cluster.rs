@@ -35,9 +35,9 @@ pub struct Cluster {
     pub triangles: Vec<u32>,
     /// Bounding box of the triangles' corners, in mesh coordinates. Improper if a corner is NaN.
     pub bounds: Aabb,
-    /// Normal cone of the cluster, in mesh coordinates: bounds the eyes that certainly see only back faces of
-    /// its triangles. [`NormalCone::OPEN`], which holds no eye, if there is no such eye or none can be
-    /// proved.
+    /// Normal cone of the cluster, in mesh coordinates: contains only eyes that certainly see nothing but
+    /// back faces of the cluster's triangles. [`NormalCone::OPEN`], which contains no eye, if no such eye is
+    /// known.
     pub cone: NormalCone,
 }
 

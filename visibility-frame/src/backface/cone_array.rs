@@ -8,8 +8,8 @@ use alloc::vec::Vec;
 use visibility_core::scene::FAN_OUT;
 use visibility_core::{simd::Simd, view::Eye};
 
-/// An array of normal cones that are tested 64 at a time, for callers with a hierarchy of their own. Stores
-/// only the numbers of each cone that find back faces.
+/// An array of normal cones that are tested 64 at a time, for callers with a hierarchy of their own. Of each
+/// cone it stores only what decides whether an eye sees nothing but back faces.
 ///
 /// Cost: a fraction of a nanosecond and 52 bytes per cone.
 ///

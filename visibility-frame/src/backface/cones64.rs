@@ -4,8 +4,8 @@ use super::NormalCone;
 use super::split_eye::{NUMBERS, SplitEye, inside};
 use visibility_core::scene::FAN_OUT;
 
-/// The numbers of 64 cones that find back faces, as structure of arrays: `numbers[n][i]` is number `n` of
-/// cone `i`, in the order of [`NormalCone::numbers`].
+/// The numbers of 64 cones that decide whether an eye sees only back faces, as structure of arrays:
+/// `numbers[n][i]` is number `n` of cone `i`, in the order of [`NormalCone::numbers`].
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Cones64 {

@@ -61,7 +61,7 @@ pub struct BackfaceCuller {
     entries: Vec<Entry>,
     /// Cones of the leaves of the scene's hierarchy, indexed by node. Entries of inner nodes are unused.
     blocks: Vec<Block>,
-    /// Number of changes of `entries` so far, plus one.
+    /// Counter that dates the changes of `entries`: 1 at first, and one more with each change.
     clock: u64,
 }
 
@@ -152,7 +152,7 @@ impl BackfaceCuller {
 
     /// Brings the cones up to date with the scene: builds the cone of each changed one-sided object that has
     /// triangles. Time is proportional to the number of changed objects. An object with a triangle outside
-    /// its bounds gets no cone: its triangles do not follow its motion.
+    /// its bounds gets no cone, since its bounds have then been moved without its triangles.
     pub fn sync(&mut self, scene: &Scene) {
         self.forget_changed(scene);
         match self.built.follow(scene) {
@@ -236,7 +236,7 @@ impl BackfaceCuller {
         (block.layout, block.checked) = (scene.layout(), self.clock);
     }
 
-    /// Removes the objects that the eye certainly sees only from behind from the visible set, in the scene
+    /// Removes from the visible set the objects that the eye certainly sees only from behind, in the scene
     /// hierarchy below `node` (`None`: in the whole hierarchy). Returns true if any object of the set is left
     /// there, false if none is.
     fn visit(&mut self, walk: &mut Walk<SceneHierarchy>, node: Option<usize>, eye: &SplitEye) -> bool {

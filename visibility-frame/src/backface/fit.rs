@@ -59,8 +59,7 @@ pub(super) struct Doubt {
 }
 
 impl Doubt {
-    /// Errors of facets made directly from triangles or cones, without a transform: the least that any facets
-    /// have.
+    /// Errors of facets made directly from triangles or cones. A transform of facets can only add to them.
     pub(super) const MIN: Self = Self { slack: SLACK, blur: 0.0 };
 }
 
@@ -115,8 +114,9 @@ fn is_exact_difference(x: f64, y: f64, d: f64) -> bool {
 /// `rows[2] . v + |(rows[0] . v, rows[1] . v)| <= 0`.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Fit {
-    /// Rows of the cone's matrix: the two half-axes of the ellipse, then its centre direction. No component
-    /// is greater than 16.
+    /// Rows of the cone's matrix. They describe an ellipse around the facets' normals, projected onto the
+    /// plane at distance 1 along the cone's axis: the first two rows are its half-axes, the third is the
+    /// direction to its centre. No component is greater than 16.
     pub(super) rows: [DVec3; 3],
     /// Apex, in the coordinates of the facets, that is behind the planes of all facets or on them: an eye
     /// there sees all facets from behind or edge-on.
@@ -208,11 +208,11 @@ impl Ellipse {
         (best.axes[0].max(best.axes[1]) + best.center.length() < 15.0).then_some(best)
     }
 
-    /// Returns an approximate ellipse of least area around `points`, the projections of unit normals onto the
-    /// gnomonic plane (at distance 1 along the cone's axis), except for its size: the half-axes are those of
-    /// the weighted covariance, and [`grown`](Self::grown) must scale them to contain the points. Weights of
-    /// points grow with their distance from the mean (Titterington, "Estimation of Correlation Coefficients
-    /// by Ellipsoidal Trimming", 1978).
+    /// Returns the shape of an approximate ellipse of least area around `points`, the projections of unit
+    /// normals onto the gnomonic plane (at distance 1 along the cone's axis). The half-axes are those of the
+    /// weighted covariance; [`grown`](Self::grown) must scale them until the ellipse contains the points.
+    /// Weights of points grow with their distance from the mean (Titterington, "Estimation of Correlation
+    /// Coefficients by Ellipsoidal Trimming", 1978).
     fn least(points: &[DVec2]) -> Self {
         let mut weights = alloc::vec![1.0 / points.len() as f64; points.len()];
         let mut moments = Moments::of(points, &weights);
@@ -307,8 +307,8 @@ impl Moments {
     }
 }
 
-/// The search for an apex close to the planes of all facets: behind all planes (side 0) or in front of all
-/// planes (side 1).
+/// The search for an apex: a point as close to the planes of all facets as can be found, behind all planes
+/// (side 0) or in front of all planes (side 1).
 struct Apex<'a> {
     facets: &'a [Facet],
     doubt: Doubt,

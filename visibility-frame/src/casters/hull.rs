@@ -25,12 +25,13 @@ use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 use visibility_core::view::ViewPlane;
 
-/// Greatest number of planes that casters are tested against: as many as four walks of the hierarchy with 16
-/// planes each can take. Further planes are dropped, which keeps more casters.
+/// Greatest number of planes that casters are tested against. One walk of the hierarchy takes at most 16
+/// planes, so these are four walks. Further planes are dropped, which keeps more casters.
 pub(super) const MAX_HULL_PLANES: usize = 64;
 
-/// Planes around the hull of volume and light, relative to the scene's origin, with normals pointing inwards.
-/// Stored inline: at most [`MAX_HULL_PLANES`], never on the heap.
+/// Planes that bound the region of possible casters, such as the hull of a view volume and a light: relative
+/// to the scene's origin, with normals pointing inwards. Stored inline: at most [`MAX_HULL_PLANES`], never on
+/// the heap.
 pub(super) type HullPlanes = SmallVec<[ViewPlane; MAX_HULL_PLANES]>;
 
 /// Position or direction of a light relative to the scene's origin.
@@ -51,15 +52,15 @@ struct RoundedPlane {
     offset_error: f64,
 }
 
-/// A plane of the volume or the plane at infinity, with the signed distance of the light from the plane:
-/// positive on the inner side, to which the plane's normal points.
+/// A plane of the volume whose hull with the light is to be found, or the plane at infinity, with the signed
+/// distance of the light from the plane: positive on the inner side, to which the plane's normal points.
 #[derive(Clone, Copy)]
 struct Facet {
     slot: u8,
     plane: RoundedPlane,
-    /// Signed distance of the light from the plane in metres as computed, positive on the inner side (`A .
-    /// L` at the head of this module). For a light at infinity, the dot product of its direction with
-    /// the plane's normal.
+    /// Signed distance of the light from the plane in metres, off by up to `error`: positive on the inner
+    /// side (`A . L` at the head of this module). For a light at infinity, the dot product of its direction
+    /// with the plane's normal.
     distance: f64,
     error: f64,
 }

@@ -3,8 +3,8 @@
 use core::fmt;
 use visibility_core::glam::DVec3;
 
-/// A shadow-casting light, in world coordinates: `f64`, metres. The origin of the
-/// [`Scene`](visibility_core::Scene) is subtracted in `f64`.
+/// A shadow-casting light, in world coordinates and metres. Its position is not relative to
+/// [`Scene::origin`](visibility_core::Scene::origin), which the culler subtracts in `f64`.
 ///
 /// ```
 /// use visibility_core::glam::DVec3;
@@ -94,7 +94,7 @@ pub enum LightError {
         /// The refused range, in metres.
         range: f64,
     },
-    /// The half angle of a spot light is NaN, or is not more than 0 and at most pi radians.
+    /// The half angle of a spot light is NaN, zero, negative or more than pi radians.
     HalfAngle {
         /// The refused half angle, in radians.
         half_angle: f64,

@@ -72,8 +72,8 @@ use visibility_core::{Aabb, Accuracy, CullStats, Culler, Scene, View, VisibleSet
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
-/// No shadow is lost, because occluders are chosen from the set: each is drawn into the map itself, or is
-/// hidden by others that are drawn into it. Required are
+/// No shadow is lost, because occluders are chosen from the visible set: each occluder is drawn into the
+/// shadow map itself, or is hidden by others that are drawn into it. Required are
 /// - one set for each shadow map: each cascade, each face of a cube;
 /// - a set of shadow casters only, hence a view of the light on the layers of casters;
 /// - a light's view that begins before all casters. Casters before its near plane are removed, even if the
@@ -109,7 +109,7 @@ pub struct CasterCuller {
     simd: Simd,
     light: Light,
     /// Tangent of a spot light's half angle. `None` for other lights, and for a half angle of pi/2 or more,
-    /// or so little less that the cone bounds nothing.
+    /// or so close to it that the cone is almost a half-space.
     tangent: Option<f64>,
     /// Box that contains all receivers of shadows, in metres, and the [`Scene::origin`] that it is relative
     /// to. `None` if all shadows in the view count.
@@ -230,8 +230,8 @@ impl Culler for CasterCuller {
     }
 }
 
-/// Returns the tangent of a spot light's half angle. `None` for other lights, and if the cone is not convex
-/// or (almost) a half-space.
+/// Returns the tangent of a spot light's half angle. `None` for other lights, and for a half angle of pi/2 or
+/// more, or so close to it that the cone is almost a half-space.
 fn cone_tangent(light: &Light) -> Option<f64> {
     let Light::Spot { half_angle, .. } = *light else { return None };
     // Just below pi/2 the tangent is finite but so large that it bounds nothing.

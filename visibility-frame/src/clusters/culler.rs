@@ -32,9 +32,9 @@ pub struct ClusterInstance<'m> {
     /// [`ClusterView::cull`] uses no cones either for an object that is not
     /// [one-sided](visibility_core::Object::one_sided).
     ///
-    /// Under a mirroring transform the front of each triangle stays its front, though its corners then run
-    /// clockwise. An engine that does not reverse its winding rule for mirrored instances sets `two_sided`
-    /// for these.
+    /// The mesh alone decides which side of a triangle is its front, also under a mirroring transform, which
+    /// makes the corners of fronts run clockwise. An engine that does not reverse its winding rule for
+    /// mirrored instances must set `two_sided` for these.
     pub two_sided: bool,
 }
 
@@ -142,10 +142,11 @@ impl<'a> ClusterView<'a> {
         }
     }
 
-    /// Returns the view with an occlusion map, which clusters are tested against last. The map must be that
-    /// of this view, scene and frame, with all occluders flushed: that of an
-    /// [`OcclusionCuller`](visibility_core::OcclusionCuller::map) that has culled this frame. An object's own
-    /// occluder hides clusters of the object too, so it must not reach out of the surface that is drawn.
+    /// Returns the view with an occlusion map, against which clusters are tested last. The map must have been
+    /// filled for this view, scene and frame, with all occluders flushed, such as the
+    /// [map](visibility_core::OcclusionCuller::map) of an `OcclusionCuller` that has culled this frame. The
+    /// occluder of an object can hide clusters of the same object, so no part of it may be in front of the
+    /// drawn surface.
     #[must_use]
     pub fn with_map(self, map: &'a dyn OcclusionMap) -> Self {
         Self { map: Some(map), ..self }
@@ -220,10 +221,11 @@ struct InstanceWalk<'m> {
 }
 
 impl InstanceWalk<'_> {
-    /// Tests the boxes and cones of a block. Lanes that pass are visited at the level below or, at level 0,
-    /// whose lanes are clusters, given to `each`. Boxes are tested against the planes in the mask `active`;
-    /// all other planes have the whole block on their inner side. `map` is `None` if there is no map, or if
-    /// it hides no part of the block's box.
+    /// Tests the boxes of a block, and at level 0 also the cones. At level 0 the lanes are clusters, and
+    /// `each` is called with those that pass. At other levels the lanes are blocks of the level below, and
+    /// those that pass are visited. Boxes are tested against the planes in the mask `active`; all other
+    /// planes have the whole block on their inner side. `map` is `None` if there is no map, or if it hides no
+    /// part of the block's box.
     fn visit(
         &self,
         level: usize,

@@ -84,8 +84,8 @@ impl Placement {
         ConvexVolume::new(simd, &local[..count])
     }
 
-    /// Returns a plane in mesh coordinates, `None` if it has no direction there. See the module's
-    /// documentation for the errors.
+    /// Returns a view plane in mesh coordinates. `None` if its normal is zero there, or if a number
+    /// overflows. See the module's documentation for the errors.
     pub(super) fn plane(&self, ViewPlane { plane, error }: &ViewPlane, reach: DVec3) -> Option<ViewPlane> {
         let n = plane.normal;
         let normal = DVec3::from_array(self.axes.map(|axis| n.dot(axis)));
@@ -122,8 +122,9 @@ impl Placement {
         }
     }
 
-    /// Returns `A^-1 v` and a bound on its distance from the exact vector. Each component of `v` may be off
-    /// by `u` of itself and by `error`.
+    /// Returns the vector that the transform's matrix (with the columns `axes`) maps to `v`, and a bound on
+    /// its distance from the exact vector. Each component of `v` may be off by `u = 2^-53` times its
+    /// magnitude, and by `error` besides.
     pub(super) fn inverse(&self, v: DVec3, error: f64) -> (DVec3, f64) {
         let p = DVec3::from_array(self.rows.map(|row| row.dot(v) / self.determinant));
         let radius = self.rows.iter().zip(p.to_array()).fold(0.0, |sum, (row, x)| {

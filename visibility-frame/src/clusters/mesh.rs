@@ -92,7 +92,8 @@ impl ClusterMesh {
         self.levels.len()
     }
 
-    /// Returns the boxes of a block, and a mask of its lanes in use. Level 0 is that of the leaves.
+    /// Returns the boxes of a block, and a mask of its lanes in use. At level 0 a box is that of a cluster,
+    /// at other levels that of a block of the level below.
     pub(super) fn block(&self, level: usize, block: usize) -> (&Boxes64, u64) {
         let below = match level {
             0 => self.clusters.len(),

@@ -24,12 +24,13 @@ const HYSTERESIS: f64 = 0.05;
 /// Approximate: objects that it removes may be visible. The greater the pixel limit, the more is removed. It
 /// never removes an object that is as large as the limit, in its range and not replaced by a parent.
 ///
-/// A parent is drawn from its range's `begin` on, and its children nearer than `begin`: exactly one of the
-/// two in every frame. Exceptions are objects that are too small, and children whose range ends nearer than
-/// the parent's begins. Both distances are those of the parent's box. The ends of a range have a hysteresis
-/// of 5 %: an object that was drawn stays until the distance exceeds `end` by that share, and a parent that
-/// was drawn stays until the distance falls below `begin` by that share. So nothing flickers while the camera
-/// trembles. The answer depends on earlier frames only for distances within 5 % of `begin` or `end`.
+/// A parent is drawn at distances from its range's `begin` on, and its children at smaller distances: in
+/// every frame either the parent or the children. The distance of a child is measured to the parent's box for
+/// this. Exceptions are objects that are too small, and children whose own range ends before the parent's
+/// begins. The ends of a range have a hysteresis of 5 %: an object that was drawn stays until the distance
+/// exceeds `end` by that share, and a parent that was drawn stays until the distance falls below `begin` by
+/// that share. So nothing flickers while the camera trembles. The answer depends on earlier frames only for
+/// distances within 5 % of `begin` or `end`.
 ///
 /// # Cost
 /// A node without an object that is large enough and in range is dropped in one test. Objects of other leaves

@@ -9,15 +9,16 @@ use visibility_core::scene::{Boxes64, FAN_OUT};
 pub(crate) struct SizeTest {
     pub(super) eye: EyeBox,
     /// An object is too small if its squared distance is greater than `limit` times its squared diagonal,
-    /// both in square metres. In parallel views, 1 takes the place of the squared distance. Rounded up.
+    /// both in square metres. In parallel views, 1 takes the place of the squared distance. Rounded up, which
+    /// keeps more objects.
     pub(super) limit: f64,
     pub(super) is_parallel: bool,
 }
 
 impl SizeTest {
     /// Tests whether every box within `bounds` whose squared diagonal is at most `diagonal_squared` certainly
-    /// has less than the least number of pixels. Rounding cannot reverse the order of two distances or of two
-    /// diagonals, so this is true only if [`small`](Self::small) returns -1 for each such box.
+    /// has less than the least number of pixels. Agrees with the test of single boxes, whatever the rounding:
+    /// if true, [`small`](Self::small) returns -1 for each such box.
     pub(super) fn is_small(&self, bounds: &Aabb, diagonal_squared: f64) -> bool {
         let gap = if self.is_parallel { 1.0 } else { self.eye.gap_squared(bounds) };
         gap > diagonal_squared * self.limit

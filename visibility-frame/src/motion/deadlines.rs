@@ -3,8 +3,9 @@
 use alloc::collections::BinaryHeap;
 use core::cmp::Ordering;
 
-/// A heap with the earliest deadline on top. The entry of a mover that has lost its volume stays until its
-/// deadline, or until a push finds two or more entries per mover in the heap.
+/// A heap of the deadlines of motion volumes, the earliest on top. The entry of a volume that no longer
+/// exists stays until its deadline, or until a push finds the heap at least twice as long as the list of
+/// movers.
 #[derive(Clone, Debug)]
 pub(super) struct Deadlines {
     heap: BinaryHeap<Entry>,
@@ -42,7 +43,8 @@ impl Deadlines {
         Self { heap: BinaryHeap::new() }
     }
 
-    /// Reserves memory for the most entries that `movers` movers can have: two for each mover, and one more.
+    /// Reserves memory for as many entries as [`push`](Self::push) keeps for `movers` movers, so that it need
+    /// not allocate.
     pub(super) fn reserve(&mut self, movers: usize) {
         self.heap.reserve((2 * movers + 1).saturating_sub(self.heap.len()));
     }

@@ -43,7 +43,7 @@ impl Motion {
 
     /// Returns the motion restricted to a box that the object's bounds never leave.
     ///
-    /// The result of a builder must be used, as everywhere in this crate:
+    /// The result must be used, as that of every builder method of this crate:
     /// ```
     /// # #![deny(unused_must_use)]
     /// # use visibility_core::Aabb;
@@ -351,7 +351,8 @@ impl MotionVolumes {
 
     /// Sets bounds as [`Scene::set_bounds_batch`] does. For the exact bounds of the due movers this is
     /// quicker than the scene's own function where more than a quarter of the scene's objects are due.
-    /// Objects that are not due, or no movers, may be among them: such movers are due in the next frame.
+    /// `bounds` may also contain objects that are no movers, and movers that are not due: these become due in
+    /// the next frame.
     ///
     /// # Errors
     /// Returns the errors of [`Scene::set_bounds_batch`], and then changes nothing.
@@ -428,8 +429,9 @@ impl MotionVolumes {
     /// Makes a mover due (the caller must set its exact bounds) if its bounds were set, or may have been,
     /// since the scene was last read. Removes movers that the scene no longer contains.
     ///
-    /// Volumes, exact bounds of this frame and regions are in scene coordinates. After the origin was set
-    /// they stand for other places in the world, even where the scene still holds equal numbers.
+    /// After the scene's origin was set, all movers are due: volumes, exact bounds and regions are in scene
+    /// coordinates, and then stand for other places in the world, even if the scene still holds equal
+    /// numbers.
     fn take_changes(&mut self, scene: &Scene) {
         let is_placed = self.cursor.is_at_origin_of(scene);
         match self.cursor.follow(scene) {

@@ -94,10 +94,9 @@ impl<'a> SceneQuery<'a> {
         self.collect(&BoxRegion::new(area), found)
     }
 
-    /// Replaces the content of `found` with the objects whose bounds are not outside any single plane of
-    /// `volume`, whose planes are relative to the scene's origin. Objects in `volume` are found in any case;
-    /// bounds near an edge of `volume` may be outside the volume and yet outside none of its planes. Returns
-    /// the work counters.
+    /// Replaces the content of `found` with the objects whose bounds are not wholly outside any single plane
+    /// of `volume`. These are all objects that touch the volume, and possibly some near its edges that do
+    /// not. The planes are relative to the scene's origin. Returns the work counters.
     pub fn in_convex(&self, volume: &ConvexVolume, found: &mut Vec<ObjectId>) -> CullStats {
         self.collect(volume, found)
     }

@@ -57,8 +57,8 @@ impl SceneQuery<'_> {
     /// at equal computed distances, those with the least ids are taken. On an axis with a NaN coordinate of
     /// `point`, all distances count as 0.
     ///
-    /// Takes time in proportion to the nodes nearer than the last object found, and `log count` per object
-    /// tested there.
+    /// Takes time in proportion to the number of nodes nearer than the last object found, and `log count`
+    /// time for each object tested in them.
     pub fn nearest(&self, point: Vec3, count: usize, nearest: &mut Vec<Neighbor>) {
         nearest.clear();
         if count == 0 {

@@ -117,8 +117,9 @@ impl Ray {
         mask_of(|i| enter[i] <= exit[i])
     }
 
-    /// Returns the distance in metres from the ray's origin to the point at a parameter `t`. The rounding of
-    /// `f64` is far below the margin of the parameter, which covers the conversion to `f32` too.
+    /// Returns the distance in metres from the ray's origin to the point at `parameter`, as computed by
+    /// [`hits`](Self::hits). The margin that `hits` has subtracted from the parameter also covers the
+    /// rounding here.
     fn distance(&self, parameter: f32) -> f32 {
         (f64::from(parameter) * self.length) as f32
     }

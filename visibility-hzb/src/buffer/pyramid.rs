@@ -188,7 +188,7 @@ fn halve(above: &[f32], below: &[f32], [first, end]: [usize; 2], out: &mut [f32]
 
 /// Returns whether all pixels of a rectangle hold a depth key strictly greater (nearer) than `depth_key`.
 /// `x0..=x1` and `y0..=y1` are the columns and rows of all tiles that the rectangle meets. Each tile is
-/// tested. The pixel mask of a tile depends only on whether the tile is in the first or last column or row.
+/// tested.
 #[inline(always)]
 fn hidden_tiles(tiles: &Tiles, rectangle: &Rectangle, [x0, x1, y0, y1]: [usize; 4], depth_key: f32) -> bool {
     let ([left, right], [top, bottom]) = (rectangle.columns, rectangle.lines);

@@ -41,11 +41,11 @@ impl RowSpans {
         }
     }
 
-    /// Writes the masks of the tiles `first` and `second` tile columns after tile column `column` into
-    /// `masks[first]` and `masks[second]`. `first` and `second` may be equal.
+    /// Writes the masks of two tiles of the row: that of tile column `column + first` to `masks[first]`, that
+    /// of tile column `column + second` to `masks[second]`. `first` and `second` may be equal.
     ///
-    /// Bounds are rounded to pixels exactly as `shape_fill.rs` rounds them where it looks for tiles that are
-    /// covered entirely: subtracting the tile's first column from a bound within the tile is exact.
+    /// Ends of spans are rounded to pixels exactly as `shape_fill.rs` rounds them to find the tiles that are
+    /// covered entirely: subtracting the tile's first column from an end within the tile is exact.
     #[inline(always)]
     pub(crate) fn make_masks(&mut self, column: usize, first: usize, second: usize) {
         let start = (column * SIDE) as f32;

@@ -10,8 +10,8 @@ impl Tiles {
         tiles
     }
 
-    /// Replaces the tiles in the columns `first..end` of tiles by those of `from`, a buffer of the same size
-    /// that is empty elsewhere.
+    /// Replaces the tiles in the half-open range `first..end` of tile columns by those of `from`, a buffer of
+    /// the same size in which nothing is drawn in other columns.
     pub(crate) fn take_columns(&mut self, from: &Self, [first, end]: [usize; 2]) {
         let offset = self.depth_planes.len() as u32 - 1;
         let index = |own: u32| if own == 0 { 0 } else { own + offset };

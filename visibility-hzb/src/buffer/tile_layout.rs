@@ -66,8 +66,9 @@ pub(crate) fn below(lines: i32) -> u64 {
     if lines >= 8 { u64::MAX } else { (1 << (8 * lines.max(0))) - 1 }
 }
 
-/// Returns the masks of eight tiles side by side, given the bits of each of their rows of pixels: bit
-/// `8 * y + x` for the pixel at column `x` and row `y` of the tile.
+/// Returns the masks of eight tiles side by side from their eight common rows of pixels: bit `i` of `rows[y]`
+/// stands for the pixel at column `i` of all tiles together. In each mask, bit `8 * y + x` stands for the
+/// pixel at column `x` and row `y` of the tile.
 #[inline(always)]
 pub(crate) fn tiles_of(rows: &[u64; SIDE]) -> [u64; SIDE] {
     let mut masks = [0; SIDE];

@@ -97,11 +97,10 @@ impl Thresholds {
         ((u64::from(area) * fractions).div_ceil(u64::from(ONE)) as u32).max(1)
     }
 
-    /// Returns whether, within a texel of level `level`, a region of `part` pixels certainly is not opaque on
-    /// any finer level. `covered` is the number of covered pixels of the texel. If the region were opaque
-    /// there, it would consist of pixels and texels of finer levels, each covered at least to the loosest
-    /// threshold of those levels, which together have at most `covered` covered pixels. False means
-    /// undecided.
+    /// Returns whether a part of a texel on level `level` has certainly too few covered pixels to be opaque
+    /// by finer levels. The part has `part` pixels, the whole texel `covered` covered ones. An opaque part
+    /// consists of covered pixels and of opaque texels of finer levels, so at least the least threshold of
+    /// those levels, as a fraction of its pixels, is covered. False means undecided.
     #[inline(always)]
     pub(crate) fn rules_out(&self, level: usize, covered: u32, part: u32) -> bool {
         u64::from(covered) * u64::from(ONE)

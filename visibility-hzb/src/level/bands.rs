@@ -29,8 +29,8 @@ pub(crate) struct LevelRaster {
     candidates: Vec<Candidate>,
     scratch: LevelScratch,
     bands: [Band; BANDS],
-    /// Buffers of all bands but the first, which is drawn into the buffer itself. Empty before the first
-    /// frame on several threads.
+    /// Buffers of all bands but the first, which is drawn into the `tiles` given to [`draw`](Self::draw).
+    /// Empty before the first frame on several threads.
     tiles: Vec<Tiles>,
 }
 
@@ -42,7 +42,8 @@ struct Band {
     /// View of each level, limited to the columns of the band. `None` for a level that is not drawn.
     frames: Vec<Option<LevelFrame>>,
     scratch: LevelScratch,
-    /// Upper bound on the depth keys of the clusters drawn, and the work spent, in triangles.
+    /// Results of drawing the band: an upper bound on the depth keys of the clusters drawn, and the work
+    /// spent, in triangles.
     drawn: (f32, f32),
 }
 

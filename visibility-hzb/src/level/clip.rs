@@ -41,9 +41,9 @@ pub(super) struct ClipScratch {
 
 impl ClipScratch {
     /// Cuts off the parts of a flat outline where value `of` of its points (an index into [`Point`]) is at
-    /// most `limit`. The points of the cut lie on one line. An edge along that line from each of these points
-    /// to the first keeps the outline closed. On the kept side of the line, the parity of the number of edges
-    /// to the left of a point does not change.
+    /// most `limit`. All points at which edges are cut lie on one line. To close the outline again, an edge
+    /// along that line is added from each of these points to the first one. On the kept side of the line, the
+    /// parity of the number of edges to the left of a point stays as it was.
     #[inline(always)]
     fn cut(&mut self, of: usize, limit: f64) {
         self.cut.clear();
@@ -97,8 +97,9 @@ impl ClipScratch {
 /// an edge to their left. Parts above and below the band are dropped, since they change no pixel. For a part
 /// beyond the right side, `out` only records that the outline reaches that side.
 ///
-/// Columns and rows beyond the guard band are off by a few roundings of themselves, which their error bound
-/// covers. The row at which an edge passes the left side is the same number for both parts.
+/// The bound on the error of the outline's points also covers the rounding of columns and rows beyond the
+/// guard band. Where an edge passes the left side, the part within the band and the edge along the side end
+/// at exactly the same row.
 fn push_within(a: [f64; 2], b: [f64; 2], guard: f64, out: &mut Edges) {
     let (a, b) = if a[1] <= b[1] { (a, b) } else { (b, a) };
     // Only edges above or below the band are dropped. A horizontal edge changes no parity, but pixels near it

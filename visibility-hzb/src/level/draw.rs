@@ -70,8 +70,9 @@ pub(crate) struct LevelScratch {
     seams: Seams,
     /// For each level the number of edges in levels before it.
     first_edges: Vec<u32>,
-    /// For each polygon of a cluster, the coordinate along its normal of the far side of its slab: the side
-    /// away from the eye of the thin layer that holds its vertices. NaN for a polygon that is not drawn.
+    /// For each polygon of a cluster, the coordinate along its normal of the far side of its slab. The slab
+    /// is the layer, across the normal, that holds the polygon's vertices; its far side is the one away from
+    /// the eye. NaN for a polygon that is not drawn.
     far_sides: Vec<f64>,
     /// Work spent in this frame, in triangles.
     work: f32,
@@ -287,8 +288,8 @@ fn worth_drawing(polygons: &Polygons, frame: &LevelFrame) -> u32 {
     bits(&chosen)
 }
 
-/// Draws polygon `at` of a cluster, and the seams between it and polygons drawn before. Returns whether it
-/// may have covered a pixel.
+/// Draws polygon `at` of a cluster, and covers the seams (pixels along shared edges) between it and polygons
+/// drawn before. Returns whether any pixel may have been covered.
 fn draw_polygon(
     simd: Simd,
     level: &PreparedLevel,
@@ -399,9 +400,10 @@ fn may_be_seen(simd: Simd, frame: &LevelFrame, tiles: &Tiles, bounds: [f32; 4], 
     !frame.perspective || simd.rectangle_may_be_seen(tiles, &rectangle, 1.0 / (BARELY_NEARER * w))
 }
 
-/// Returns the coordinate, along a polygon's normal, of the far side of its slab: the side away from the eye
-/// of the layer that holds its vertices. `None` if the polygon does not occlude from the side on which the
-/// eye is, if the eye is in the slab, or if rays may meet the slab before the near plane.
+/// Returns the coordinate, along a polygon's normal, of the far side of the polygon's slab. The slab is the
+/// layer that holds the polygon's vertices; its far side is the one away from the eye. `None` if the polygon
+/// does not occlude from the side on which the eye is, if the eye is in the slab, or if rays may meet the
+/// slab before the near plane.
 #[inline(always)]
 fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<f64> {
     let [low, high] = polygon.extent;
@@ -432,10 +434,10 @@ fn eye_side(frame: &LevelFrame, normal: DVec3, far: f64) -> f64 {
     if front { 1.0 } else { -1.0 }
 }
 
-/// Returns whether the eye's window (a rectangle across the picture, see [`LevelFrame::window`]) is certainly
-/// on the eye's side of a polygon's slab (the layer that holds its vertices). `far` is the coordinate of the
-/// slab's far side. If true, all points of the slab in the picture are beyond the distance at which outlines
-/// are cut.
+/// Returns whether all of a polygon's slab (the layer that holds its vertices) is certainly beyond the eye's
+/// window, a rectangle across the picture: see [`LevelFrame::window`]. If true, every point of the slab in
+/// the picture is so far from the eye that outlines are not cut there. `far` is the coordinate along the
+/// polygon's normal of the slab's far side.
 #[inline(always)]
 fn is_beyond_window(frame: &LevelFrame, polygon: &OccluderPolygon, far: f64) -> bool {
     let (normal, anchor) = (polygon.normal, frame.projection.anchor);
@@ -468,7 +470,8 @@ fn faces_eye(frame: &LevelFrame, polygon: &OccluderPolygon, middle: DVec3, radiu
 }
 
 /// Returns the plane of least depth keys of a polygon, as a function of tile column and tile row: the key of
-/// points whose coordinate along `normal` is `far`.
+/// points whose coordinate along `normal` is `far`. The plane is computed from three points near the ball
+/// around the polygon's vertices with the given middle and radius.
 fn depth_plane(frame: &LevelFrame, normal: DVec3, middle: DVec3, radius: f64, far: f64) -> [f32; 3] {
     let axis = normal.abs().min_position();
     let across = normal.cross(DVec3::AXES[axis]).normalize_or_zero() * radius;

@@ -4,8 +4,8 @@ use super::prepared::NO_EDGE;
 use crate::lanes::{WIDTH, greatest, least, of_all};
 use alloc::vec::Vec;
 
-/// Height in pixels below which an edge counts as horizontal: it may pass any of its columns in any of its
-/// rows.
+/// Height in pixels below which an edge counts as horizontal. Such an edge is taken to pass all of its
+/// columns in each of its rows.
 const LEVEL_EDGE_PX: f32 = 1.0 / 64.0;
 
 /// Edges of an outline as they are drawn, [`WIDTH`] at a time, in pixels of the buffer. Lanes without an edge
@@ -24,9 +24,11 @@ pub(super) struct Edges16 {
     pub(super) low: [f32; WIDTH],
     /// Greatest column of each edge, in pixels.
     pub(super) high: [f32; WIDTH],
-    /// Width in pixels of an edge that counts as horizontal ([`LEVEL_EDGE_PX`]), 0 for any other edge.
+    /// Length in columns of an edge that counts as horizontal, since its height is below [`LEVEL_EDGE_PX`]. 0
+    /// for any other edge.
     pub(super) level: [f32; WIDTH],
-    /// Index in the frame of an edge that two polygons share. [`NO_EDGE`] for any other edge.
+    /// Index of an edge that two polygons share, counted over the edges of all levels in the frame.
+    /// [`NO_EDGE`] for any other edge.
     pub(super) shared: [u32; WIDTH],
 }
 
@@ -63,8 +65,8 @@ pub(crate) struct Edges {
     shared: Vec<[u32; WIDTH]>,
     /// Number of edges.
     count: usize,
-    /// Column up to which the outline reaches at least at the right, if edges beyond the guard band there are
-    /// left out. `None` if no edge is left out.
+    /// Column to which the outline's bounds must extend at the right, if edges beyond that column are left
+    /// out. `None` if no edge is left out.
     right: Option<f32>,
     /// Edges as drawn. Valid after [`finish`](Self::finish).
     pub(super) drawn: Vec<Edges16>,
@@ -83,15 +85,15 @@ impl Edges {
         self.right = None;
     }
 
-    /// Records that the outline reaches the column `right`, for edges there, or parts of edges, that are not
-    /// pushed. Without this the [bounds](Self::bounds) might exclude covered pixels.
+    /// Records that edges, or parts of edges, at or beyond the column `right` are not pushed, so that the
+    /// outline reaches that column. Without this the [bounds](Self::bounds) might exclude covered pixels.
     #[inline(always)]
     pub(super) fn reach(&mut self, right: f32) {
         self.right = Some(right);
     }
 
-    /// Returns whether edges, or parts of edges, at the right were left out. The outline may then cover all
-    /// pixels up to the right.
+    /// Returns whether edges, or parts of edges, beyond the right side of the guard band were left out. In
+    /// any row, the outline may then cover all pixels to the right of the remaining edges.
     #[inline(always)]
     pub(super) fn is_cut_at_right(&self) -> bool {
         self.right.is_some()
@@ -157,7 +159,8 @@ impl Bounds {
         [f32::NEG_INFINITY; WIDTH],
     ]);
 
-    /// Adds the bounds of an edge to lane `i` if it is `used`.
+    /// Extends the bounds of lane `i` by those of an edge. Does nothing if `used` is false, for a lane
+    /// without an edge.
     #[inline(always)]
     fn add(&mut self, i: usize, used: bool, edge: [f32; 4]) {
         for side in 0..2 {

@@ -46,18 +46,20 @@ pub(crate) struct LevelFrame {
     pub(super) perspective: bool,
     /// Clip planes of the view.
     pub(super) clip_planes: ViewPlanes,
-    /// Distance beyond the near plane, in the unit of clip space, at which outlines are cut. If a point of a
-    /// polygon's plane is beyond this distance, all points of its slab (the layer that holds its vertices) on
-    /// the same ray are beyond the near plane.
+    /// Distance beyond the near plane, in the unit of clip space, at which outlines are cut. On a ray that
+    /// meets a polygon's plane beyond this distance, all of the polygon's slab (the layer that holds its
+    /// vertices) is beyond the near plane.
     pub(super) least_near: f64,
     /// Clip coordinate `w` at which outlines are cut: the remaining points have at least this `w`.
     pub(super) least_w: f64,
-    /// Greatest thickness in metres, in a parallel view, of a polygon's slab (the layer that holds its
-    /// vertices) at which the outline may be moved into one plane before it is cut.
+    /// Greatest thickness in metres, in a parallel view, of the slab (the layer that holds the vertices) of a
+    /// polygon whose outline may be cut. Before the cut, the outline's vertices are moved into one plane, by
+    /// up to this thickness.
     pub(super) most_flattened: f64,
-    /// The eye's *window*: four points, relative to the anchor, on rays beside the corners of the buffer, at
-    /// a distance at which outlines are not cut. All points in the picture that are nearer than the cut lie
-    /// in the convex hull of the eye and the window. `None` if not all the rays reach that distance.
+    /// The eye's *window*: four points, relative to the anchor, on rays just outside the corners of the
+    /// buffer, at about twice the distance at which outlines are cut. All points in the picture that are
+    /// nearer than that distance lie in the convex hull of the eye and the window. `None` if the four points
+    /// are not certainly beyond that distance.
     pub(super) window: Option<[DVec3; 4]>,
     /// Greatest magnitude in pixels of columns and rows of outlines: outlines are cut there.
     pub(super) guard: f64,
@@ -68,8 +70,8 @@ pub(crate) struct LevelFrame {
     pub(super) pixels_per_area: f32,
     /// Least area of a drawn polygon on the screen, in square pixels, as estimated from its middle.
     pub(super) min_polygon_area: f32,
-    /// Upper bound on the distance in pixels by which a point in the picture moves on the screen if it moves
-    /// by one metre, times its `w`.
+    /// Upper bound on the product of a point's clip coordinate `w` and the distance in pixels by which the
+    /// point, if it is in the picture, moves on the screen when it moves by one metre.
     pub(super) pixels_per_metre: f64,
     /// The five planes that bound the view, in the order and with the coefficients of [`sides`], for tests
     /// whether balls are outside of the view.
@@ -184,7 +186,8 @@ pub(crate) fn sides(projection: &ScreenProjection, columns: [usize; 2]) -> [[f64
 
 /// Returns the eye's window (see [`LevelFrame::window`]): points on the rays through the corners of the
 /// buffer, enlarged by a pixel on each side, at twice the distance `least_near` beyond the near plane. `None`
-/// if such a point is behind the eye or not beyond the `w` of `least_w`.
+/// if rounding may have moved a point off its ray, or if a point is not certainly beyond the distance
+/// `least_near` and the clip coordinate `least_w`.
 fn window(projection: &ScreenProjection, least_near: f64, least_w: f64) -> Option<[DVec3; 4]> {
     let [x, y, w, _] = projection.rows;
     let near = projection.near;

@@ -59,8 +59,8 @@ pub(crate) struct TileKeys {
     /// Coefficients `[a, b, c]` of the polygon's least depth key in a whole tile: `a * column + b * row + c`,
     /// in tile columns and tile rows.
     pub(super) plane: [f32; 3],
-    /// Constant of the same plane at single positions: the depth key at `x` and `y`, in tiles, is at least
-    /// `plane[0] * x + plane[1] * y + constant`.
+    /// Constant term of that plane for single positions instead of whole tiles: the depth key at `x` and `y`,
+    /// in tiles, is at least `plane[0] * x + plane[1] * y + constant`.
     constant: f32,
     /// Lower bound on the polygon's depth keys in all tiles.
     floor: f32,
@@ -100,8 +100,8 @@ impl TileKeys {
         })
     }
 
-    /// Returns the terms of the least depth key that are equal for all tiles of a row: that of the row, and
-    /// the constant.
+    /// Returns the terms of the least depth key that are equal for all tiles of row `row`: the term in the
+    /// row, and the constant.
     #[inline(always)]
     pub(super) fn of_row(&self, row: usize) -> f32 {
         let [_, above, _, below] = self.sides;

@@ -39,8 +39,8 @@ pub struct PreparedLevel {
     /// Middle of the box around all clusters, and distance of the box's corners from it, in metres. The
     /// middle is NaN without clusters.
     pub(crate) ball: (DVec3, f64),
-    /// Bounds on the magnitudes of x, y and z relative to `origin`, in metres. They hold for all vertices,
-    /// and for all points as far from a polygon's middle as its vertices.
+    /// Bounds on the magnitudes of x, y and z relative to `origin`, in metres. They hold for all points of
+    /// the balls around polygons: balls about the polygons' middles that contain their vertices.
     pub(crate) reach: DVec3,
     /// Greatest thickness in metres of a polygon's slab, the layer that holds its vertices.
     pub(crate) thickness: f64,
@@ -51,7 +51,8 @@ pub struct PreparedLevel {
     /// Boxes around groups of clusters: each lane has the box around the clusters of [`WIDTH`] elements of
     /// `clusters`.
     pub(crate) groups: Vec<BoxLanes>,
-    /// Polygons of all clusters, in lanes. Each cluster begins a new element.
+    /// Polygons of all clusters, up to [`WIDTH`] in the lanes of one element. An element has polygons of one
+    /// cluster only.
     pub(crate) polygons: Vec<Polygons>,
     /// Index of the first element of `polygons` of each cluster, and one more index at the end.
     pub(crate) first_polygons: Vec<u32>,
@@ -181,10 +182,10 @@ impl PreparedLevel {
 /// the time if many polygons have one edge in common.
 const MAX_AROUND: usize = 16;
 
-/// Finds for each edge the same edge of another polygon. The two polygons occlude from the same sides and
-/// traverse the edge in opposite directions, so that they face the same way; two-sided polygons may also
-/// traverse it in the same direction. Where more than two polygons meet, those whose normals differ least are
-/// partners.
+/// Finds for each edge its partner: the same edge of another polygon. The two polygons occlude from the same
+/// sides and traverse the edge in opposite directions, so that they face the same way; two-sided polygons may
+/// also traverse it in the same direction. If more than two polygons have an edge in common, the two whose
+/// normals differ least are partners.
 fn find_partners(level: &LevelOccluders, edges: &mut [PreparedEdge]) {
     // For each edge of each polygon: the positions of both ends, the lesser first, then the edge and the
     // polygon.

@@ -12,11 +12,12 @@ use crate::buffer::tiles::Tiles;
 use crate::lanes::least;
 use alloc::vec::Vec;
 
-/// Pixels along the shared edges of the polygons drawn in a frame, recorded for each polygon by itself.
+/// Pixels along the shared edges of the polygons drawn in a frame, recorded for each polygon separately. Once
+/// both polygons of an edge are drawn, these pixels tell which ones to cover along the edge.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Seams {
-    /// Pieces of all shared edges of the polygons drawn so far in the frame, in the order in which the
-    /// polygons left them.
+    /// Pieces of all shared edges of the polygons drawn so far in the frame, in the order in which they were
+    /// recorded.
     pieces: Vec<Piece>,
     /// For each edge of all levels, the index of its last piece; [`NO_PIECE`] for an edge without pieces.
     last: Vec<u32>,
@@ -25,17 +26,17 @@ pub(crate) struct Seams {
     /// Depth keys of the polygons drawn so far in the frame, in their order.
     polygons: Vec<TileKeys>,
     /// Pieces of the present window (64 columns of a row of tiles): for each, the index of its edge in the
-    /// frame, and the pixels that the edge comes near, one word for each row of pixels from the top. It is
-    /// not yet known whether any of these pixels count.
+    /// frame, and the pixels that the edge comes near, one word for each row of pixels from the top.
+    /// [`finish_window`](Self::finish_window) decides which of these pixels the piece keeps.
     window: Vec<(u32, [u64; SIDE])>,
 }
 
 /// Index that stands for no piece.
 const NO_PIECE: u32 = u32::MAX;
 
-/// The part of a seam that one of the two polygons of a shared edge contributes in one window of eight tiles
-/// side by side. Bit sets of pixels have one word for each row of pixels from the top; bit i is column i of
-/// the window.
+/// Pixels along a shared edge, recorded for one of its two polygons in one window of eight tiles side by
+/// side. Bit sets of pixels have one word for each row of pixels from the top; bit i is column i of the
+/// window.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
     /// Index in the buffer of the leftmost tile of the window.
@@ -53,7 +54,7 @@ struct Piece {
 }
 
 impl Seams {
-    /// Removes the pieces of all seams, and prepares for a frame of levels that have `edges` edges in all.
+    /// Removes the pieces of all seams, and makes room for a frame whose levels have `edges` edges in all.
     pub(super) fn begin_frame(&mut self, edges: usize) {
         for edge in self.met.drain(..) {
             self.last[edge as usize] = NO_PIECE;
@@ -77,9 +78,10 @@ impl Seams {
         self.window.push((edge, *near));
     }
 
-    /// Ends the window (64 columns of a row of tiles) whose leftmost tile has index `first` in the buffer.
-    /// Only its tiles in the mask `open` count. `near_two` are the pixels that two or more edges of the
-    /// polygon come near, `wound` the pixels whose centres the polygon winds round an odd number of times.
+    /// Ends the window (64 columns of a row of tiles) whose leftmost tile has index `first` in the buffer,
+    /// and makes a piece of each shared edge in it. A piece has only pixels of tiles in the mask `open`.
+    /// `near_two` are the pixels that two or more edges of the polygon come near, `wound` the pixels whose
+    /// centres the polygon winds round an odd number of times.
     #[inline(always)]
     pub(super) fn finish_window(
         &mut self,
@@ -126,7 +128,8 @@ impl Seams {
         covered
     }
 
-    /// Covers the seam of an edge, given the last pieces that its two polygons have of it.
+    /// Covers the seam of an edge that two polygons share. `p` and `q` are the indices of the last piece that
+    /// each of the two polygons has of the edge.
     #[inline(always)]
     fn cover_seam(&self, mut p: u32, mut q: u32, tiles: &mut Tiles) -> bool {
         let mut planes_index = 0;
@@ -158,9 +161,9 @@ impl Seams {
 }
 
 impl Piece {
-    /// Returns the pixels of a seam that two pieces, one of each polygon, cover together. They are pixels of
-    /// the window of the two that is farther to the right or below; the index of its leftmost tile comes
-    /// first.
+    /// Returns the pixels of a seam that two pieces, one of each polygon, cover together. The pixels are bits
+    /// of one window: that of the piece farther to the right or below. Returns the index of this window's
+    /// leftmost tile, then the pixels.
     #[inline(always)]
     fn together(&self, other: &Self) -> (usize, [u64; SIDE]) {
         let (left, right) = if self.first <= other.first { (self, other) } else { (other, self) };

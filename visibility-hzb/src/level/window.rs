@@ -88,9 +88,9 @@ pub(super) struct RowEdge {
 }
 
 impl RowEdge {
-    /// Returns the edge in lane `i` of `edges` in the row of tiles from row `top` of pixels on. The polygon's
-    /// tiles have the columns from `start` to `finish`, in pixels. Pixels within `slack` of the edge are near
-    /// it; in this row of tiles they lie in the columns of `span`.
+    /// Returns the edge in lane `i` of `edges`, as it is in the row of tiles whose first pixel row is `top`.
+    /// The polygon's tiles have the columns from `start` to `finish`, in pixels. Pixels within `slack` of the
+    /// edge are near it; in this row of tiles they lie in the columns of `span`.
     #[inline(always)]
     fn new(
         edges: &Edges16,
@@ -120,9 +120,9 @@ impl RowEdge {
     }
 }
 
-/// Replaces `row` by the edges that meet the row of tiles from row `top` of pixels on. The polygon's tiles
+/// Replaces `row` by the edges that meet the row of tiles whose first pixel row is `top`. The polygon's tiles
 /// have `columns` (first and end, in pixels), and pixels within `slack` of an edge are near it. Returns the
-/// least and the greatest column that the outline may cover or come near. The latter is infinity for an
+/// least and the greatest column that the outline may cover or come near; the greatest is infinity for an
 /// outline that is cut at the right.
 #[inline(always)]
 pub(super) fn edges_of_row(

@@ -30,7 +30,7 @@ use crate::setup::screen_projection::{ScreenProjection, U};
 /// together. Lanes 0 to 2 are the faces of greatest x, y and z, lanes 3 to 5 those of least x, y and z.
 pub(crate) const LANES: usize = 8;
 
-/// Indices of squares side by side, as `f64`.
+/// Lane numbers 0 to 7 as `f64`. In [`BoxFacePlanes::ranges`] the lanes are squares side by side.
 const STEPS: [f64; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
 /// Sign of the outward normal of each face along its axis; 0 in the two unused lanes.
@@ -177,7 +177,8 @@ impl BoxFacePlanes {
     /// Returns, for each face, whether the face's upper bound on the box's depth key is strictly below the
     /// plane `a x + b y + c` in a whole rectangle. The plane is a function of pixel coordinates `x` and `y`;
     /// the rectangle is given by its left, right, top and bottom in pixels. False for faces that are not
-    /// upper bounds. The difference of two planes is least at a corner of the rectangle.
+    /// upper bounds. Only a corner is tested, since the difference of two planes is least at a corner of the
+    /// rectangle.
     #[inline(always)]
     pub(crate) fn below(&self, [a, b, c]: [f64; 3], [left, right, top, bottom]: [f64; 4]) -> [bool; LANES] {
         let mut below = [false; LANES];

@@ -191,8 +191,8 @@ pub(crate) struct ProjectedBoxes<const N: usize> {
     pub(crate) nearest: [f32; N],
     /// Lower bound on the depth keys of each box. Meaningless unless `known`.
     pub(crate) farthest: [f32; N],
-    /// Whether each box is certainly out of view: beyond a side of the picture, or, for a box at or behind
-    /// the plane of the eye, beyond a side or nearer than the near plane. False means undecided.
+    /// Whether each box is certainly out of view: beyond a side of the picture or, if the box is not `known`,
+    /// nearer than the near plane. False means undecided.
     pub(crate) outside: [bool; N],
     /// True if the box lies certainly in front of the plane of the eye, so that its other bounds are valid.
     /// False if it reaches that plane or rounding leaves this open; its other bounds are then meaningless.

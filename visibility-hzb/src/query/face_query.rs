@@ -19,7 +19,8 @@ const BLOCK_LEVEL: usize = 3;
 /// % fewer objects are reported, for 1 to 4 % more time).
 const LARGE_SHARE: usize = 8;
 
-/// Number of tiles up to which a box is tested by its faces, however few tiles the buffer has.
+/// A box that may meet at most this number of tiles is tested by its faces, even if these are more than 1 /
+/// [`LARGE_SHARE`] of the buffer's tiles.
 const FEW_TILES: usize = 64;
 
 /// Width and height of a tile, in pixels.
@@ -201,8 +202,9 @@ impl<'a> FaceTest<'a> {
         (f64::from(most) >= least).then_some(most)
     }
 
-    /// Limits the upper and lower bound on the box's depth key that its faces give: the box has no greater
-    /// key than `nearest`, and in perspective views no point in view has a key below 0.
+    /// Tightens the upper and the lower bound on the box's depth key that its faces give, and returns both:
+    /// the box has no greater key than `nearest`, and in perspective views no point in view has a key
+    /// below 0.
     #[inline(always)]
     fn limited(&self, [most, least]: [f64; 2]) -> [f64; 2] {
         let nearest = f64::from(self.nearest);

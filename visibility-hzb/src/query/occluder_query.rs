@@ -9,7 +9,7 @@ use crate::lanes::{WIDTH, any_below};
 
 /// Returns whether box `i` of the projected boxes `seen` may be in view, wider and higher than a pixel, and
 /// not hidden by drawn occluders. True if undecided. If false, an occluder within the box need not be drawn:
-/// it would cover no pixel, or only pixels that hold nearer occluders.
+/// it would cover no pixel, or only pixels that hold occluders at least as near.
 #[inline(always)]
 pub(crate) fn may_be_seen<const N: usize>(tiles: &Tiles, seen: &ProjectedBoxes<N>, i: usize) -> bool {
     let i = i % N;
@@ -48,8 +48,8 @@ pub(crate) fn box_may_be_seen(projection: &ScreenProjection32, tiles: &Tiles, si
     may_be_seen(tiles, &project(projection, &boxes), 0)
 }
 
-/// Returns whether a point of depth key `depth_key` (greater is nearer) could be at least as near as the
-/// drawn occluders in any pixel of a rectangle. Equal depth keys and uncovered pixels count as true.
+/// Returns whether a point with the depth key `depth_key` (greater is nearer) may be nearer than the drawn
+/// occluders in some pixel of a rectangle. If false, all pixels of the rectangle hold at least this key.
 #[inline(always)]
 pub(crate) fn rectangle_may_be_seen(tiles: &Tiles, rectangle: &Rectangle, depth_key: f32) -> bool {
     let [x0, x1] = [rectangle.columns[0] as usize / SIDE, (rectangle.columns[1] as usize).div_ceil(SIDE)];

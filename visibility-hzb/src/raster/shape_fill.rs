@@ -55,8 +55,8 @@ struct Bands {
     met: [[i32; SIDE]; 2],
     /// Half-open range of the columns of tiles that the shape covers entirely, for each of the eight rows of
     /// tiles: `covered[0][i]` is the first column in row `i`, `covered[1][i]` the end. The end is not after
-    /// the first if the shape covers no whole tile in the row, and -1 where the shape's own rows begin or end
-    /// in it.
+    /// the first if the shape covers no whole tile in the row. It is -1 in a row of tiles in which the shape
+    /// begins or ends.
     covered: [[i32; SIDE]; 2],
 }
 

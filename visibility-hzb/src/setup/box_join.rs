@@ -65,11 +65,11 @@ impl BoxJoin {
         }
     }
 
-    /// Adds the box `bounds`, in its own coordinates, which `transform` maps to the scene, and joins it with
-    /// the boxes that it abuts, as long as the result abuts others. Two boxes abut if they share a whole
-    /// face. `two_sided`: true if the inner sides of its faces hide objects too, false if only the outer
-    /// sides do. Returns the number of the added box in `boxes`. Each joined box is appended to `boxes` as
-    /// well, after those that it replaces.
+    /// Adds the box `bounds`, in its own coordinates, which `transform` maps to the scene. Two boxes abut if
+    /// they share a whole face: the added box is joined with a box that it abuts, the joined box with one
+    /// that this abuts, and so on. `two_sided`: true if the inner sides of its faces hide objects too, false
+    /// if only the outer sides do. Returns the number of the added box in `boxes`. Each joined box is
+    /// appended to `boxes` as well, after those that it replaces.
     pub(crate) fn add(&mut self, bounds: &Aabb, transform: &Affine3A, two_sided: bool) -> usize {
         let number = self.boxes.len();
         let mut next = OccluderBox { bounds: *bounds, transform: *transform, two_sided, is_replaced: false };

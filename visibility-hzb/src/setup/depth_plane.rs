@@ -45,9 +45,10 @@ pub(crate) fn plane(
 /// by that determinant. `determinant_error` and `cross_error` bound the absolute errors of that determinant
 /// and of cross products of corners.
 ///
-/// A coefficient is a numerator over the determinant. Over the picture, the error of the numerator is that of
-/// a cross product times `n` (depth key times `w`), and for parallel views also that of `n` times a product
-/// of two coordinates. The relative error of the determinant is part of the relative error of the quotient.
+/// A coefficient is a numerator over the determinant. Over the picture, the numerator is off by the error of
+/// a cross product times the magnitude of `n` (depth key times `w`). For parallel views, the error of `n`
+/// times the product of two other coordinates is added. The error of the determinant counts as a relative
+/// error of the quotient.
 #[inline(always)]
 pub(crate) fn lower(
     [a, b, c]: [f64; 3],

@@ -5,10 +5,11 @@
 /// Index of the distance beyond the near plane among the five values of a corner.
 pub(crate) const NEAR: usize = 4;
 
-/// Returns the point of an edge whose value `of` is `limit`: [`NEAR`] for a cut at a distance beyond the near
-/// plane. The ends `a` and `b`, in homogeneous screen coordinates, lie on different sides of the cut: the
-/// value is less than `limit` at one, greater at the other. The point is interpolated from the end of lesser
-/// value in both orders of the arguments, so that all triangles that share the edge get the identical point.
+/// Returns the point of an edge at which value number `of` of its five values equals `limit`. For a cut at a
+/// distance beyond the near plane, `of` is [`NEAR`]. The ends `a` and `b`, in homogeneous screen coordinates,
+/// lie on different sides of the cut: the value is less than `limit` at one, greater at the other. The point
+/// is interpolated from the end of lesser value in both orders of the arguments, so that all triangles that
+/// share the edge get the identical point.
 #[inline(always)]
 pub(crate) fn cut_edge(a: &[f64; 5], b: &[f64; 5], of: usize, limit: f64) -> [f64; 5] {
     let (a, b) = if a[of] < b[of] { (a, b) } else { (b, a) };

@@ -54,7 +54,8 @@ pub(crate) struct ScreenProjection {
     /// Row (linear function of a point) that gives the distance beyond the near plane: positive beyond that
     /// plane, in the unit of clip space.
     pub(crate) near: ScreenRow,
-    /// Point in scene coordinates that points are taken relative to: the eye of a perspective view.
+    /// Origin, in scene coordinates, of the points that `rows` and `near` are applied to: the eye of a
+    /// perspective view.
     pub(crate) anchor: DVec3,
     /// Sign (1 or -1) of the determinant of the `x`, `y`, `w` of three corners that run counter-clockwise as
     /// seen from the eye. 0 if rounding leaves the sign open: then nothing is drawn.
@@ -62,8 +63,9 @@ pub(crate) struct ScreenProjection {
     /// True if the view is perspective, so that `n` is always 1. False if it is parallel, so that `w` is the
     /// same for all points and `n` carries the depth.
     pub(crate) perspective: bool,
-    /// Projection of points in scene coordinates (identity transform), with error bounds that hold only for
-    /// a point at the scene's origin.
+    /// Projection of points in scene coordinates (identity transform), computed once per view. Its error
+    /// bounds hold only for a point at the scene's origin;
+    /// [`project_untransformed`](Self::project_untransformed) extends them to other points.
     untransformed: ObjectProjection,
 }
 
