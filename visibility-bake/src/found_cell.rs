@@ -19,7 +19,8 @@ pub struct FoundCell {
     pub(crate) is_reused: bool,
     /// Whether the sweep of the viewcell was skipped or ended early.
     pub(crate) is_skipped: bool,
-    /// Whether a search of the viewcell ended early, or was replaced by sweeps from parts of the viewcell.
+    /// Whether the time was too short for a search of the viewcell: the search ended early, or sweeps from
+    /// parts of the viewcell were done instead.
     pub(crate) is_cut: bool,
     /// Next stage of the viewcell, or the number of stages if the viewcell is done.
     pub(crate) next: u32,

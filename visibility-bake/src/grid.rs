@@ -70,8 +70,8 @@ pub enum GridError {
     TooMany,
     /// The function of [`Grid::with_stop`] has returned true.
     Stopped,
-    /// The distance that a camera keeps from surfaces is not positive, or is too small for the size of the
-    /// viewcells.
+    /// The [radius](crate::CameraRange::radius) of a camera is not positive, or is less than about a
+    /// hundredth of a viewcell.
     Radius,
 }
 

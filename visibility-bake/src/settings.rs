@@ -30,8 +30,8 @@ impl SandwichSettings {
         Self { gap, ..self }
     }
 
-    /// Sets the clearance in metres. An object may be hidden if no line of sight to it keeps six times this
-    /// distance from all occluders. A clearance of 0 gives a conservative bake, see
+    /// Sets the clearance in metres. An object counts as hidden if each line of sight to it comes closer to
+    /// some occluder than six times this distance. A clearance of 0 gives a conservative bake, see
     /// [`Effort::Exact`](visibility_exact::Effort::Exact).
     pub fn with_clearance(self, clearance: f64) -> Self {
         Self { clearance, ..self }
