@@ -32,7 +32,8 @@ impl FoundCell {
         self.next as usize == STAGES
     }
 
-    /// Returns whether a stage of the viewcell is done or not needed.
+    /// Returns whether a stage of the viewcell is done or was not needed. False for a sweep that was skipped
+    /// or ended early because its time was over.
     pub(crate) fn has_passed(&self, stage: u32) -> bool {
         let is_left_out = match stage {
             GROUP => self.group.is_cut,

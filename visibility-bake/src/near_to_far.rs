@@ -25,8 +25,9 @@ use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Object, ObjectId, Scene, VisibleSet};
 use visibility_region::ExtendedProjectionCuller;
 
-/// Greatest ratio of a tile's extent to its distance in the first sweep. A tile with a greater ratio and with
-/// tiles below is opened. Each further sweep halves the limit.
+/// Greatest ratio of a tile's extent to its distance at which the first sweep tests the tile as a whole. A
+/// tile with a greater ratio is replaced by its objects and the tiles below it, if there are tiles below.
+/// Each further sweep halves this limit.
 const COARSEST: f64 = 0.1;
 
 /// The sweeps end once no tile is waiting and the waiting objects have at most this weight together

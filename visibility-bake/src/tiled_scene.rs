@@ -15,8 +15,8 @@ use visibility_core::scene::{MeshId, Triangles};
 use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, RegionCuller, Scene, VisibleSet};
 use visibility_region::ExtendedProjectionCuller;
 
-/// Weight (triangles plus 4 per object) of the occluders in the first sweep from near to far. Each further
-/// sweep doubles it.
+/// Weight (triangles plus 4 per object) of the occluders in the first sweep from near to far, see
+/// [`TiledScene::first_weight`]. Each further sweep adds twice as much as the one before.
 const FIRST_WEIGHT: u64 = 8192;
 
 /// Greatest weight (triangles plus 4 per object) of the occluders in the sweep of a group or of a part of it.

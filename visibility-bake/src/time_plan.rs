@@ -27,8 +27,8 @@ pub const SWEEP_TIME: f64 = 0.85;
 /// Fraction of the limited time at which each stage of sweeps ends.
 const ENDS: [(u32, f64); 2] = [(GROUP, 0.7), (SWEEP, SWEEP_TIME)];
 
-/// Least fraction of its stage's remaining time that a sweep may take. A sweep finds most objects at its end,
-/// so equal shares for all sweeps would often find less than complete sweeps for a few.
+/// Least fraction of its stage's remaining time that a sweep may take. A sweep finds most hidden objects near
+/// its end, so equal shares for all sweeps would often find less than complete sweeps for a few viewcells.
 const MIN_PART: f64 = 0.25;
 
 /// Number of groups that are swept before it is decided whether to skip the others.

@@ -88,7 +88,8 @@ pub(crate) enum Step {
 /// What becomes of the segments that pass outside an edge of a loop.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) enum LoopEdge {
-    /// No segment between the polygons passes outside: by the sides at all pairs of corners.
+    /// No segment between the polygons passes outside of the edge, as the sides on which the lines between
+    /// their corners pass it show.
     Inside,
     /// No segment of the node passes outside: by weights of the node's dividing edges, followed by the weight
     /// of this edge.

@@ -13,7 +13,7 @@ pub enum Effort {
     /// directions. Aggressive: objects that no ray finds are removed. An aimed ray goes from a point of the
     /// viewcell to a random point of a random triangle of the object; each triangle is equally likely,
     /// whatever its area. If `n` such rays were all blocked, less than `3 / n` of all such rays are
-    /// unblocked, with a confidence of 95 %. If the triangles have unequal areas, this share is not the
+    /// unblocked, with a confidence of 95 %. Only for triangles of equal areas is this also a bound on the
     /// visible share of the object's area.
     Rays(u32),
     /// Rays and proofs for boxes, then for each remaining object a certified bound on its visible share. The

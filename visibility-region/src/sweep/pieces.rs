@@ -22,9 +22,10 @@ use visibility_core::Aabb;
 use visibility_core::bits::Bits;
 use visibility_core::glam::DVec3;
 
-/// Greatest number of drawn triangles that run along one segment in the same direction for which pairs are
-/// sought. The search for the flattest partner takes the square of their number. With more triangles, the
-/// segment bounds all of them.
+/// Greatest number of drawn triangles, all of which run along a segment in the same direction, that are
+/// paired with triangles of the other direction. The search for the flattest partner takes time proportional
+/// to the square of this number. With more triangles, none is paired, and the segment is a part of the
+/// contours of all.
 const MAX_ON_SEGMENT: usize = 32;
 
 /// The pieces of surfaces that face one viewcell.
@@ -35,7 +36,7 @@ pub(crate) struct Pieces {
     /// occlude in this call.
     facing: Vec<i8>,
     parent: Vec<u32>,
-    /// Indexed by the triangle that represents a piece. While triangles are paired: the number of triangles
+    /// Entries for the triangles that represent pieces. While triangles are paired: the number of triangles
     /// of the piece. Afterwards: the index of the piece.
     count: Vec<u32>,
     /// Clusters whose pieces have been found.
