@@ -173,7 +173,8 @@ fn occluders(index_limit: usize, objects: impl Iterator<Item = (u32, Object)>) -
 
 impl BakedSet {
     /// Compresses the rows of viewcells. A row lists the indices of the objects that count as visible,
-    /// ascending. It may be stored as the difference from the row of a viewcell that touches its own.
+    /// ascending. It may be stored as the difference from the row of another viewcell that touches the row's
+    /// viewcell.
     ///
     /// # Errors
     /// [`BakedSetError::Rows`] if there is not one row for each viewcell. [`BakedSetError::Pvs`] if a row is

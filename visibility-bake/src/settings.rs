@@ -42,8 +42,8 @@ impl SandwichSettings {
         self.clearance
     }
 
-    /// Sets the number of rays aimed at each object before any proof is tried. 64 times as many rays are cast
-    /// in all directions.
+    /// Sets the number of rays aimed at each object before any proof is tried. From each viewcell, 64 times
+    /// this number of rays is also cast in all directions.
     pub fn with_rays(self, rays: u32) -> Self {
         Self { rays, ..self }
     }

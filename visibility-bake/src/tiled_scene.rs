@@ -45,7 +45,7 @@ const MAX_COPIED: u64 = 1 << 21;
 /// visible.
 ///
 /// The content of the objects is in a [`Scene`] or in a file. With a file, only as much of it is in memory as
-/// a limit allows ([`TiledScene::writer`]). The results of a bake are the same.
+/// a limit allows ([`TiledScene::writer`]). The results of a bake are the same as for a level in memory.
 pub struct TiledScene<'a> {
     pub(crate) origin: DVec3,
     /// Properties of each object, ascending by the object's index in the level. The position in this list is

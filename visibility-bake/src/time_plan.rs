@@ -134,7 +134,7 @@ impl TimePlan {
         is_new
     }
 
-    /// Returns whether the items of a stage must wait until all others are done, because the time of the
+    /// Returns whether the items of a stage must wait until no other work is left, because the time of the
     /// stage has ended. Must be called only while no item is worked on.
     pub(crate) fn is_put_off(&self, stage: usize) -> bool {
         let Some(phase) = self.phases.get(stage).filter(|phase| phase.load(Relaxed) != IN_TIME) else {

@@ -23,8 +23,8 @@ pub enum Effort {
     /// the [`ExactSettings`] change it. A share that is negative or NaN counts as 0.
     Share(f64),
     /// Rays, then proofs. An object that is neither seen nor proven hidden stays. The number is the clearance
-    /// in metres: an object is removed if no segment to it keeps a distance of six times the clearance from
-    /// all occluders. Exact up to this distance. With a clearance of 0, conservative: an object is removed if
+    /// in metres: an object is removed if every segment to it comes closer to some occluder than six times
+    /// the clearance. Exact up to this distance. With a clearance of 0, conservative: an object is removed if
     /// every segment to the inside of any of its triangles touches an occluder on the way.
     Exact(f64),
 }

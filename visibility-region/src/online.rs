@@ -154,8 +154,8 @@ struct Made {
     cell: Viewcell,
     /// Indices of the hidden objects, except those that have changed since the box was finished.
     hidden: Bits,
-    /// Objects that were not hidden when the box was finished. For a wide box these are objects of the whole
-    /// scene, for a viewcell objects that the wide box sees.
+    /// Objects that were not hidden when the box was finished. For a wide box, these are among all objects of
+    /// the scene; for a viewcell, only among those that the wide box around it sees.
     seen: Vec<ObjectId>,
     /// Value of [`OnlinePvs::clock`] when the box was last used, or when it was finished.
     used: u64,

@@ -177,9 +177,9 @@ impl<'a> SandwichBaker<'a> {
         self
     }
 
-    /// Sets the results of a bake of the scene before an edit. Without a limit of time, the outcome is the
-    /// same as without these results, to the last byte, except for times. See [`BakeCache`] for the cost of
-    /// an edit.
+    /// Lets the bake reuse results of an earlier bake, of the scene before an edit. Without a limit of time,
+    /// the outcome is the same as without the cache, to the last byte, except for times. See [`BakeCache`]
+    /// for the cost of an edit.
     #[must_use]
     pub fn with_cache(mut self, cache: impl Into<Arc<BakeCache>>) -> Self {
         self.cache = cache.into();
@@ -205,7 +205,8 @@ impl<'a> SandwichBaker<'a> {
         lock(&self.error).clone()
     }
 
-    /// Counts, for each group and stage, the viewcells that are done and those that are left.
+    /// Sets, for each group and stage, the number of viewcells that are not done with the stage, and the
+    /// costs of those whose next stage it is.
     fn count(&mut self) {
         self.slots.iter_mut().for_each(|slot| *slot = Mutex::default());
         self.costs = vec![[0; STAGES]; self.slots.len()];

@@ -45,9 +45,10 @@ impl Check<'_> {
         })
     }
 
-    /// Returns the bound in metres, for each coordinate, on how far a given position may be from the position
-    /// that sides are computed for. Without a clearance it is the error of positions; with one, the distance
-    /// by which points near the target polygon's plane may be moved into the plane.
+    /// Returns a bound in metres, for each coordinate: a given position may be this far from the exact
+    /// position for which the sides of edges must hold. Without a clearance, this is the error of positions.
+    /// With a clearance, it is the distance by which points near the target polygon's plane may be moved into
+    /// the plane.
     pub(super) fn moved(&self, sight: &Sight) -> f64 {
         sight.near.map_or(self.delta, |near| 2.0 * near)
     }
@@ -132,8 +133,8 @@ impl Check<'_> {
     /// polygon.
     ///
     /// If a plane separates two convex polytopes, one does that is parallel to a face of either or to a side
-    /// of each. All of these are tried: every three of the points count as a face, every two as a side. The
-    /// faces of a polygon are its own plane and the planes across it along its sides. The answer does not
+    /// of each. All such planes are tried: every three of the points count as a face, every two as a side.
+    /// The faces of a polygon are its own plane and the planes across it along its sides. The answer does not
     /// depend on the order of the points.
     pub(super) fn is_apart(&self, sight: &Sight, points: &[DVec3]) -> bool {
         let pairs = || (1..points.len()).flat_map(|j| (0..j).map(move |i| (i, j)));

@@ -506,8 +506,8 @@ impl Job<'_> {
         }
     }
 
-    /// Adds the children of a node to `list`. Rays to the children are also rays to the node, so the map
-    /// holds for them.
+    /// Adds the children of a node to `list`. Rays to the children are also rays to the node, so the bits of
+    /// the map are valid for the children too.
     fn open_node(&self, node: usize, list: &mut Vec<Item>, stats: &mut CullStats) {
         stats.nodes += 1;
         // Objects that are tested one by one have no nodes.

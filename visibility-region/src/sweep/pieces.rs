@@ -67,7 +67,8 @@ pub(crate) struct Piece {
 }
 
 impl Pieces {
-    /// Removes the pieces of the last viewcell, and sets the limits for those of the next from `effort`.
+    /// Removes the pieces of the last viewcell, and takes the limits for pieces of the next viewcell from
+    /// `effort`.
     pub(crate) fn begin(&mut self, surfaces: &Surfaces, effort: &Effort) {
         (self.max_triangles, self.joins) = (effort.max_triangles, effort.joins);
         self.triangles.clear();
@@ -142,8 +143,9 @@ impl Pieces {
         &self.contours[piece.contour[0] as usize..piece.contour[1] as usize]
     }
 
-    /// Pairs the drawn triangles of the same part on each segment of a cluster. With `joins`, triangles of
-    /// different parts are paired too.
+    /// Joins drawn triangles of a cluster into pieces: on each segment, pairs triangles of the same part
+    /// whose outlines run along the segment in opposite directions. With `joins`, triangles of different
+    /// parts are paired too.
     fn pair(&mut self, surfaces: &Surfaces, cluster: usize, joins: bool) {
         for &triangle in surfaces.triangles_of(cluster) {
             self.parent[triangle as usize] = triangle;

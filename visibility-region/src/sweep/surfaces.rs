@@ -13,7 +13,7 @@ use visibility_core::scene::Triangle;
 use visibility_core::{Aabb, ObjectId, Scene};
 
 /// Triangles of occluders whose mesh coordinates are scene coordinates, and the segments along which they
-/// meet. Segments join all occluders of a scene, or only triangles of the same object.
+/// meet. A segment connects triangles of any occluders of the scene, or only triangles of one object.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Surfaces {
     pub(crate) triangles: Vec<Surface>,
