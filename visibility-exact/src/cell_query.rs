@@ -594,8 +594,8 @@ impl<'a> CellQuery<'a> {
     }
 
     /// Tries to prove parts of an object hidden, by boxes around groups of its triangles. A part that is not
-    /// proven hidden is halved. Takes about `most` search nodes at most. Removes the triangles of hidden
-    /// parts from `order`, and appends the proofs to `proofs`.
+    /// proven hidden is halved. Tries no further part once more than `most` search nodes are used. Removes
+    /// the triangles of hidden parts from `order`, and appends the proofs to `proofs`.
     fn hide_parts(&mut self, order: &mut Vec<u32>, proofs: &mut Vec<Proof>, most: u32) {
         let triangles = self.search.triangles;
         let count = order.len();
