@@ -96,10 +96,10 @@ impl GroupRecord {
 ///
 /// A result depends on its viewcell, the viewcells in its group (up to 16 neighbours), the settings, and a
 /// part of the objects. The *tiles* that a group's sweep opens are the parts of the level that are near the
-/// group or seen from it. A group costs nothing if all these inputs are unchanged. If a tile has changed, the
-/// group is swept again; if the sweep leaves the same objects as before, the group's viewcells cost nothing.
-/// Otherwise each viewcell is swept again, and costs nothing more if its sweep leaves the same objects as
-/// before. Objects and viewcells may be inserted, removed or renumbered.
+/// group or seen from it. No work is done for a group whose inputs are all unchanged. If a tile has changed,
+/// the group is swept again. If the group's sweep then leaves the same objects as before, no work is done for
+/// its viewcells. Otherwise each viewcell is swept again, and its rays and proofs are repeated only if its
+/// own sweep leaves other objects than before. Objects and viewcells may be inserted, removed or renumbered.
 ///
 /// ```
 /// use visibility_bake::{BakeCache, SandwichBaker, SandwichSettings};
@@ -158,8 +158,8 @@ impl BakeCache {
     }
 
     /// Returns the results of the viewcell with a [key](CellRecord::key). `None` for an unknown key. The
-    /// record's objects are positions in the list of the group that the viewcell belonged to when it was
-    /// baked.
+    /// positions in the record's `left` refer to the group of the bake that made the record, which may have
+    /// left other objects than the present group.
     pub(crate) fn cell(&self, key: u64) -> Option<&CellRecord> {
         self.by_cell.get(&key).map(|&(group, place)| &self.groups[group].1[place])
     }

@@ -31,8 +31,8 @@ const TRIED: usize = 128;
 /// columns, each is compared with fewer than [`TRIED`] on either side, but with at least one.
 const WORK: usize = 1 << 31;
 
-/// Greatest number of 64-bit words that [`tour`] holds at once: 64 MiB. It has a bit for each pair of a row
-/// and a column.
+/// Greatest number of 64-bit words of the bit table of [`tour`]: 64 MiB. The table has one bit for each pair
+/// of a row and a column. A larger table is not made, and the columns keep their order.
 const MAX_WORDS: usize = 1 << 23;
 
 /// Exclusive upper limit of the object indices that the classes can store.
@@ -44,11 +44,12 @@ const BASES: usize = 12;
 
 /// Viewcells and their potentially visible sets, for scenes with the objects of the bake.
 ///
-/// A set is valid for one [version](Self::version) of its level, a hash of the bake's whole input: a wall
-/// with a new door in the same box is another version. [`for_scene`](Self::for_scene) compares the version of
-/// a whole scene. A game whose scene has only boxes stores the version in its level, as `bake` prints it, and
-/// passes it to [`for_level`](Self::for_level) or [`compared`](Self::compared). Cullers of a set that was not
-/// compared with a version are [approximate](visibility_core::Accuracy::Approximate).
+/// A set is valid for one [version](Self::version) of its level, a hash of all objects with their triangles:
+/// a wall that gets a door has another version, also if its bounding box stays the same.
+/// [`for_scene`](Self::for_scene) compares the version of a whole scene. A game whose scene has only boxes
+/// stores the version in its level, as `bake` prints it, and passes it to [`for_level`](Self::for_level) or
+/// [`compared`](Self::compared). Cullers of a set that was not compared with a version are
+/// [approximate](visibility_core::Accuracy::Approximate).
 ///
 /// ```
 /// use std::sync::Arc;
@@ -80,8 +81,8 @@ pub struct BakedSet {
     /// takes one or two bytes. Objects that no viewcell sees are in no class.
     classes: Vec<u8>,
     class_count: usize,
-    /// For each viewcell, the numbers of the classes seen from it. One more target stands for objects of no
-    /// class, and no viewcell sees it.
+    /// For each viewcell, the numbers of the classes seen from it. The number after the last class stands for
+    /// all objects of no class, and is seen from no viewcell.
     pvs: Pvs,
 }
 
@@ -158,7 +159,8 @@ fn boxes(scene: &Scene) -> impl Iterator<Item = (u32, Aabb)> {
     scene.ids().filter_map(|id| Some((id.index() as u32, scene.bounds(id).ok()?)))
 }
 
-/// Returns the indices of the objects that occluded in the bake.
+/// Returns the indices of the objects that are flagged as occluders and are on some layer, as a set for
+/// indices below `index_limit`. `objects` are all objects of the level with their indices.
 fn occluders(index_limit: usize, objects: impl Iterator<Item = (u32, Object)>) -> Bits {
     let mut bits = Bits::new(index_limit);
     for (index, object) in objects {
@@ -171,7 +173,8 @@ fn occluders(index_limit: usize, objects: impl Iterator<Item = (u32, Object)>) -
 
 impl BakedSet {
     /// Compresses the rows of viewcells. A row lists the indices of the objects that count as visible,
-    /// ascending. It may be stored as the difference from the row of a viewcell that touches its own.
+    /// ascending. It may be stored as the difference from the row of another viewcell that touches the row's
+    /// viewcell.
     ///
     /// # Errors
     /// [`BakedSetError::Rows`] if there is not one row for each viewcell. [`BakedSetError::Pvs`] if a row is
@@ -283,8 +286,8 @@ impl BakedSet {
     }
 
     /// Returns the sets for a [`PvsCuller`](visibility_core::pvs::PvsCuller). Objects that are inserted or
-    /// changed from now on count as visible. Once an occluder of the bake has changed, all objects do. Time
-    /// is linear in the number of triangles.
+    /// changed from now on count as visible. Once an occluder of the bake has changed, all objects count as
+    /// visible. Time is linear in the number of triangles.
     ///
     /// # Errors
     /// [`BakedSetError::OtherScene`] unless the scene has the [version](crate::level_version) from which the
@@ -324,8 +327,8 @@ impl BakedSet {
     /// that is elsewhere than in the bake may be hidden though it is visible. Cullers are
     /// [approximate](ScenePvs::unchecked), unless the set was [compared](Self::compared) with the version of
     /// the level; the caller then promises that the objects are those of the level. Cullers are also
-    /// approximate if no object has the index of an [occluder](Self::is_occluder) of the bake, since it is
-    /// unknown whether that occluder is drawn.
+    /// approximate if no object has the index of an [occluder](Self::is_occluder) of the bake, since objects
+    /// may then be visible where that occluder is missing.
     pub fn for_objects(&self, scene: &Scene, objects: impl IntoIterator<Item = (ObjectId, u32)>) -> ScenePvs {
         let objects: Vec<(ObjectId, u32)> =
             objects.into_iter().filter(|&(id, _)| scene.contains(id)).collect();
@@ -505,10 +508,11 @@ fn classes<R: AsRef<[u32]>>(rows: &[R], index_limit: usize) -> (Vec<Vec<u32>>, V
     (classes, by_class)
 }
 
-/// Orders columns so that similar ones are consecutive. A column consists of the rows of a class and the
-/// class's number. Each column is followed by the most similar of the nearest unordered ones. Time is linear
-/// in the numbers of columns and rows, times the number of columns tried, which is less if there are many.
-/// Columns whose bits would take more than [`MAX_WORDS`] keep their order.
+/// Orders columns so that similar ones are consecutive. A column is a class: the numbers of the rows that
+/// contain the class, and the class's number. The next column is the most similar one of at most [`TRIED`]
+/// columns before and after the last one in the list, without those that are ordered already. Time is linear
+/// in the numbers of columns and rows, times the number of columns tried, which is less if there are many. If
+/// the bits of all columns take more than [`MAX_WORDS`], the order stays.
 fn tour(columns: Vec<(Vec<u32>, u32)>, row_count: usize) -> Vec<(Vec<u32>, u32)> {
     let (count, words) = (columns.len(), row_count.div_ceil(64));
     if count.saturating_mul(words) > MAX_WORDS {

@@ -19,7 +19,8 @@ pub struct FoundCell {
     pub(crate) is_reused: bool,
     /// Whether the sweep of the viewcell was skipped or ended early.
     pub(crate) is_skipped: bool,
-    /// Whether a search of the viewcell ended early, or was replaced by sweeps from parts of the viewcell.
+    /// Whether the time was too short for a search of the viewcell: the search ended early, or sweeps from
+    /// parts of the viewcell were done instead.
     pub(crate) is_cut: bool,
     /// Next stage of the viewcell, or the number of stages if the viewcell is done.
     pub(crate) next: u32,
@@ -31,7 +32,8 @@ impl FoundCell {
         self.next as usize == STAGES
     }
 
-    /// Returns whether a stage of the viewcell is done or not needed.
+    /// Returns whether a stage of the viewcell is done or was not needed. False for a sweep that was skipped
+    /// or ended early because its time was over.
     pub(crate) fn has_passed(&self, stage: u32) -> bool {
         let is_left_out = match stage {
             GROUP => self.group.is_cut,

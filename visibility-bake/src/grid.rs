@@ -65,13 +65,13 @@ pub enum GridError {
         /// `u128::MAX` also stands for any larger number.
         count: u128,
     },
-    /// The region or the walk is not finite, or would give more viewcells than [`Grid::LIMIT`]; or a flood of
-    /// free space, or the triangles in columns of viewcells, would take more than four gigabytes.
+    /// The region or the walk is not finite, or would give more viewcells than [`Grid::LIMIT`]; or more than
+    /// four gigabytes would be needed for a flood of free space or for the triangles around it.
     TooMany,
     /// The function of [`Grid::with_stop`] has returned true.
     Stopped,
-    /// The distance that a camera keeps from surfaces is not positive, or is too small for the size of the
-    /// viewcells.
+    /// The [radius](crate::CameraRange::radius) of a camera is not positive, or is less than about a
+    /// hundredth of a viewcell.
     Radius,
 }
 

@@ -25,12 +25,13 @@ use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Object, ObjectId, Scene, VisibleSet};
 use visibility_region::ExtendedProjectionCuller;
 
-/// Greatest ratio of a tile's extent to its distance in the first sweep. A tile with a greater ratio and with
-/// tiles below is opened. Each further sweep halves the limit.
+/// Greatest ratio of a tile's extent to its distance at which the first sweep tests the tile as a whole. A
+/// tile with a greater ratio is replaced by its objects and the tiles below it, if there are tiles below.
+/// Each further sweep halves this limit.
 const COARSEST: f64 = 0.1;
 
-/// If the remaining objects that do not occlude yet have at most this weight together (triangles plus 4 per
-/// object), they count as visible without a further sweep.
+/// The sweeps end once no tile is waiting and the waiting objects have at most this weight together
+/// (triangles plus 4 per object). These objects count as visible.
 const FEW: u64 = 4096;
 
 /// A tile that a sweep has opened.
@@ -47,7 +48,8 @@ pub(crate) struct Opened {
 /// Record of a sweep: the tiles that it opened, and the objects that it did not hide.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub(crate) struct Trace {
-    /// Opened tiles in the order of opening, the root first. Only [`WHOLE`] if all tiles were swept at once.
+    /// Opened tiles in the order of opening, the root first. If all tiles were swept at once, a single entry
+    /// that stands for the whole tree, with the child index [`WHOLE`].
     opened: Vec<Opened>,
     /// Objects not found hidden, ascending. Each is `[tile, object]`: the position of the object's tile in
     /// `opened`, and the position of the object in the tile's own list. If all tiles were swept at once, the
@@ -56,7 +58,8 @@ pub(crate) struct Trace {
     left: Vec<[u32; 2]>,
 }
 
-/// Child index that stands for all tiles. The hash is then that of the tree.
+/// Value of [`Opened::child`] for an entry that stands for the whole tree. Its [`Opened::hash`] is the hash
+/// of the tree.
 const WHOLE: u32 = u32::MAX;
 
 /// A candidate in a sweep from near to far: a tile that is not opened yet, or an object that does not occlude
@@ -107,10 +110,13 @@ fn distance(bounds: &Aabb, cell: &Viewcell, origin: DVec3) -> f64 {
 
 /// Sweeps the level from the box around the viewcells with the numbers `members`: from near to far, tile by
 /// tile, with the culler `sweep`, or all tiles at once with the culler `whole`, which is created if it is
-/// `None`. Once `stop` returns true, no further objects are found hidden, and objects of unopened tiles are
-/// left. With `stop`, the group is not divided, since its result would be lost if the time ended before the
-/// last part. All tiles are then swept at once if the memory suffices: sweeps from near to far save time only
-/// where most tiles are hidden early.
+/// `None`. Once `stop` returns true, no further objects are found hidden, and all objects of unopened tiles
+/// count as not hidden.
+///
+/// Without `stop`, a group whose sweep has too many occluders is halved, and both halves are swept. With
+/// `stop`, it is not halved, since all results for the group would be lost if the time ended before the last
+/// part is swept. If the memory suffices, all tiles are then swept at once: sweeps from near to far save time
+/// only where most tiles are hidden early.
 pub(crate) fn sweep_near_to_far(
     level: &TiledScene<'_>,
     all: &[Viewcell],

@@ -17,7 +17,8 @@ pub struct SandwichOutcome {
     /// for a viewcell that was not worked on. Without a limit of time, all other fields are independent of
     /// the times.
     pub times: Vec<MethodTimes>,
-    /// Whether the work on all viewcells is complete. Never true if some are [too large](Self::too_large).
+    /// Whether the work on all viewcells is complete. False if some viewcells are [too
+    /// large](Self::too_large) to be searched.
     pub complete: bool,
     /// Number of viewcells that have completed each stage: sweep of their group, own sweep, rays, proofs of
     /// boxes, proofs of triangles. Viewcells that do not need a stage count too.

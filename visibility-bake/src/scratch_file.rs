@@ -153,8 +153,8 @@ pub(crate) struct LevelFile {
     /// Number of the tile of each object, by number of the object.
     tile_of: Vec<u32>,
     shared: Arc<Shared>,
-    /// Each thread that works on the level holds this lock: as a reader together with others, or as a writer
-    /// alone.
+    /// Lock that a thread holds while it works on the level: a read lock for work beside other threads, the
+    /// write lock for work that needs all the memory.
     turn: RwLock<()>,
 }
 
@@ -273,8 +273,9 @@ impl LevelFile {
         }
     }
 
-    /// Reserves memory. If there is not enough, waits as long as another working thread is not waiting, since
-    /// that thread may release some. [`LevelError::Memory`] if there is no such thread.
+    /// Reserves memory, and waits while there is not enough of it. The waiting ends with
+    /// [`LevelError::Memory`] once all other working threads are waiting too, since none of them can then
+    /// release memory.
     pub(crate) fn reserve(&self, bytes: u64) -> Result<Reserved, LevelError> {
         let mut memory = lock(&self.shared.memory);
         while !memory.make_room(bytes) {

@@ -30,8 +30,8 @@ impl SandwichSettings {
         Self { gap, ..self }
     }
 
-    /// Sets the clearance in metres. An object may be hidden if no line of sight to it keeps six times this
-    /// distance from all occluders. A clearance of 0 gives a conservative bake, see
+    /// Sets the clearance in metres. An object counts as hidden if each line of sight to it comes closer to
+    /// some occluder than six times this distance. A clearance of 0 gives a conservative bake, see
     /// [`Effort::Exact`](visibility_exact::Effort::Exact).
     pub fn with_clearance(self, clearance: f64) -> Self {
         Self { clearance, ..self }
@@ -42,8 +42,8 @@ impl SandwichSettings {
         self.clearance
     }
 
-    /// Sets the number of rays aimed at each object before any proof is tried. 64 times as many rays are cast
-    /// in all directions.
+    /// Sets the number of rays aimed at each object before any proof is tried. From each viewcell, 64 times
+    /// this number of rays is also cast in all directions.
     pub fn with_rays(self, rays: u32) -> Self {
         Self { rays, ..self }
     }

@@ -114,8 +114,9 @@ impl fmt::Display for AssembleError {
 
 impl std::error::Error for AssembleError {}
 
-/// Assembles the shards of a bake of `count` viewcells, given in any order. A viewcell may be in several
-/// shards, for example if a machine was believed to have failed, if these have the same result.
+/// Assembles the shards of a bake of `count` viewcells, given in any order. Several shards may contain a
+/// viewcell, for example after a part of a bake was repeated on another machine. They must then have the same
+/// result for it.
 ///
 /// # Errors
 /// [`AssembleError`] if shards are from different bakes, have viewcells from number `count` on, or contradict

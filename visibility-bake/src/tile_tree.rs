@@ -18,8 +18,9 @@ const LEAF: u64 = 128;
 /// Greatest weight (triangles plus 4 per object) of a level that is kept as a single tile.
 const WHOLE: u64 = 1 << 18;
 
-/// Greatest number of times that a cell is halved. The first edge is about the greatest distance of its
-/// objects from the origin along an axis.
+/// Limit on halving the cells of the tree (cubes with a power of two as edge): a cell is not halved again
+/// once its edge is about 2 to this power times smaller than the greatest distance, along an axis, of the
+/// centres of its objects from the origin.
 const DEPTH: i32 = 40;
 
 /// Bounds of tiles are rounded outwards to multiples of the cell's edge divided by 2 to this power.
@@ -43,7 +44,7 @@ pub(crate) struct Tile {
 }
 
 /// The tiles of a scene, the root first. The root's own objects are those that are never culled and those
-/// larger than all cells.
+/// larger than the cells directly below the root.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct TileTree {
     pub tiles: Vec<Tile>,

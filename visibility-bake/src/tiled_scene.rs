@@ -15,11 +15,12 @@ use visibility_core::scene::{MeshId, Triangles};
 use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, RegionCuller, Scene, VisibleSet};
 use visibility_region::ExtendedProjectionCuller;
 
-/// Weight (triangles plus 4 per object) of the occluders in the first sweep from near to far. Each further
-/// sweep doubles it.
+/// Weight (triangles plus 4 per object) of the occluders in the first sweep from near to far, see
+/// [`TiledScene::first_weight`]. Each further sweep adds twice as much as the one before.
 const FIRST_WEIGHT: u64 = 8192;
 
-/// Greatest weight (triangles plus 4 per object) of the occluders in a sweep of several viewcells.
+/// Greatest weight (triangles plus 4 per object) of the occluders in the sweep of a group or of a part of it.
+/// Where the sweep needs more, the viewcells are halved into two parts. A single viewcell has no limit.
 const MAX_WEIGHT: u64 = 1 << 19;
 
 /// Estimated memory in bytes of a scene for sweeps, per unit of weight (triangles plus 4 per object).
@@ -44,7 +45,7 @@ const MAX_COPIED: u64 = 1 << 21;
 /// visible.
 ///
 /// The content of the objects is in a [`Scene`] or in a file. With a file, only as much of it is in memory as
-/// a limit allows ([`TiledScene::writer`]). The results of a bake are the same.
+/// a limit allows ([`TiledScene::writer`]). The results of a bake are the same as for a level in memory.
 pub struct TiledScene<'a> {
     pub(crate) origin: DVec3,
     /// Properties of each object, ascending by the object's index in the level. The position in this list is
@@ -53,11 +54,12 @@ pub struct TiledScene<'a> {
     pub(crate) tree: TileTree,
     /// Greatest index of an object of the level plus 1.
     pub(crate) index_limit: usize,
-    /// Least weight (triangles plus 4 per object) of the tiles that are opened before the first sweep from
-    /// near to far, and of the occluders in it.
+    /// Weight (triangles plus 4 per object) with which sweeps from near to far begin. Before the first sweep,
+    /// the nearest tiles are opened until they have at least this weight together. Then the nearest objects
+    /// become occluders until they have at least this weight together.
     pub(crate) first_weight: u64,
-    /// Greatest weight (triangles plus 4 per object) of the occluders in a sweep of several viewcells,
-    /// without a limit of time.
+    /// Greatest weight (triangles plus 4 per object) of the occluders in the sweep of several viewcells.
+    /// Where the sweep needs more, the viewcells are halved. Not used with a limit of time.
     pub(crate) most_weight: u64,
     /// Greatest number of triangles that the search for one viewcell may copy. For a level in memory, this is
     /// the greater of [`MAX_COPIED`] and the number of triangles of the level, with each shared mesh counted
@@ -363,9 +365,9 @@ impl fmt::Debug for TiledSceneWriter {
 
 impl TiledSceneWriter {
     /// Appends an object, which gets the next index. `mesh` is its occluder mesh with the transform to level
-    /// coordinates; only objects flagged as occluders need one. For an object of a scene, take both from
-    /// [`level_object`](visibility_core::level_version::level_object), which clears the flag of objects that
-    /// are not always drawn.
+    /// coordinates; only objects flagged as occluders need one. For an object of a scene, take `object` and
+    /// `mesh` from [`level_object`](visibility_core::level_version::level_object), which clears the occluder
+    /// flag of objects that are not always drawn.
     ///
     /// # Errors
     /// [`LevelError::File`] if the file cannot be written, [`LevelError::TooMany`] if 32 bits cannot count

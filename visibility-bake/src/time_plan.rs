@@ -27,8 +27,8 @@ pub const SWEEP_TIME: f64 = 0.85;
 /// Fraction of the limited time at which each stage of sweeps ends.
 const ENDS: [(u32, f64); 2] = [(GROUP, 0.7), (SWEEP, SWEEP_TIME)];
 
-/// Least fraction of its stage's remaining time that a sweep may take. A sweep finds most objects at its end,
-/// so equal shares for all sweeps would often find less than complete sweeps for a few.
+/// Least fraction of its stage's remaining time that a sweep may take. A sweep finds most hidden objects near
+/// its end, so equal shares for all sweeps would often find less than complete sweeps for a few viewcells.
 const MIN_PART: f64 = 0.25;
 
 /// Number of groups that are swept before it is decided whether to skip the others.
@@ -42,15 +42,16 @@ const MIN_HIDDEN: f64 = 0.125;
 /// Least time of a search. In less, a search would not get beyond its rays.
 const MIN_SEARCH: Duration = Duration::from_millis(500);
 
-/// Longest limit of time. Far longer limits would overflow a [`Duration`] when rounded.
+/// Greatest limit of time that is used; longer limits are shortened to it. A fraction of a far longer limit
+/// could round to more than the greatest [`Duration`].
 const LONGEST: Duration = Duration::from_secs(1 << 32);
 
 /// Phase of a stage before its time has ended.
 const IN_TIME: u8 = 0;
-/// Phase of a stage in the round in which its time has ended: no further item is begun.
+/// Phase of a stage from the end of its time to the end of the present round (a batch of items that the
+/// threads work on): no further item of the stage is begun.
 const ENDED: u8 = 1;
-/// Phase of a stage in the rounds after its time has ended: its items wait until all other viewcells are
-/// done.
+/// Phase of a stage in later rounds: the stage's items wait until no other work is left.
 const PUT_OFF: u8 = 2;
 
 /// Time of a bake and its division among stages.
@@ -64,7 +65,7 @@ pub(crate) struct TimePlan {
     phases: [AtomicU8; STAGES],
     /// Number of items (pairs of a viewcell and a stage) that threads are working on.
     working: AtomicUsize,
-    /// Number of searches begun in this round.
+    /// Number of searches (rays or proofs for one viewcell) begun in the present round of items.
     begun: AtomicUsize,
     /// Number of groups swept, number of objects that these sweeps tested, and number of objects that they
     /// found hidden.
@@ -121,9 +122,9 @@ impl TimePlan {
         now >= self.ends[stage as usize]
     }
 
-    /// Ends a stage whose time is over, and returns true. Returns false if the stage was already [put
-    /// off](Self::is_put_off): no other work is left then, so its items are worked on although its time is
-    /// over.
+    /// Stops the work on a stage whose time is over. Returns whether the caller must leave its item undone.
+    /// False if the stage was already [put off](Self::is_put_off): its items are begun again only when no
+    /// other work is left, and are then worked on although the time of the stage is over.
     pub(crate) fn end(&self, stage: u32) -> bool {
         let phase = &self.phases[stage as usize];
         let is_new = phase.load(Relaxed) != PUT_OFF;
@@ -133,7 +134,7 @@ impl TimePlan {
         is_new
     }
 
-    /// Returns whether the items of a stage must wait until all others are done, because the time of the
+    /// Returns whether the items of a stage must wait until no other work is left, because the time of the
     /// stage has ended. Must be called only while no item is worked on.
     pub(crate) fn is_put_off(&self, stage: usize) -> bool {
         let Some(phase) = self.phases.get(stage).filter(|phase| phase.load(Relaxed) != IN_TIME) else {
@@ -170,8 +171,8 @@ impl TimePlan {
     }
 
     /// Returns how long a search that begins now may take: its equal share of the time left, and at least
-    /// [`MIN_SEARCH`]. `waiting` is the number of viewcells that were not searched before this round. `None`
-    /// without a limit.
+    /// [`MIN_SEARCH`]. `waiting` is the number of viewcells that wait for the search at the beginning of the
+    /// present round. `None` without a limit.
     pub(crate) fn share_of_search(&self, waiting: usize) -> Option<Duration> {
         self.is_limited().then(|| {
             let waiting = waiting.saturating_sub(self.begun.fetch_add(1, Relaxed));

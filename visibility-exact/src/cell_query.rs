@@ -275,8 +275,8 @@ impl<'a> CellQuery<'a> {
         (0..objects.len() as u32).filter(|&o| is_asked(o as usize) && !objects[o as usize].is_open).collect()
     }
 
-    /// Marks the objects of `open` that reach into the viewcell as seen, and casts rays at the others.
-    /// Returns the others, including those that a ray has seen.
+    /// Marks the objects of `open` that reach into the viewcell as seen, and casts rays at the remaining
+    /// objects of `open`. Returns these remaining objects, whether a ray has seen them or not.
     fn look_at(&mut self, mut open: Vec<u32>) -> Vec<u32> {
         open.retain(|&o| !self.find_inside(o as usize));
         if !open.is_empty() {
@@ -385,8 +385,8 @@ impl<'a> CellQuery<'a> {
     }
 
     /// Computes a bound on the visible share of each object, and marks the object as hardly visible if the
-    /// bound is at most the share in the settings. Skips an object if the part of its aimed rays that see it
-    /// is more than twice that share.
+    /// bound is at most the share in the settings. Skips an object without a bound if more than twice that
+    /// share of the rays aimed at it see it, since its bound would then hardly be small enough.
     fn hardly_visible(&mut self, objects: &[u32]) {
         for &object in objects {
             if self.search.must_stop() {
@@ -418,12 +418,13 @@ impl<'a> CellQuery<'a> {
         }
     }
 
-    /// Returns whether a box meets the viewcell or is too close to it to be a target.
+    /// Returns whether a box meets the viewcell, or is too close to it to be a target: within two clearances
+    /// on each axis.
     ///
-    /// Without clearance any distance above 0 is enough: the faces of both boxes are exact, polygons are cut
-    /// with a pad, and blocking surfaces are certainly apart from the target's face. With a clearance c, the
-    /// target's face is moved towards the viewcell by c, and must still be in front of the viewcell's face.
-    /// Another c covers rounding, since a usable clearance is at least 64 errors of positions.
+    /// Two clearances, since a search moves the faces of its target towards the viewcell by one clearance,
+    /// and must find them outside of the viewcell still. The second clearance is a margin for rounding: it is
+    /// at least 64 times the error of positions. Without a clearance, it is enough that the boxes do not
+    /// touch: their faces are exact, and the search and the check of proofs have margins of their own.
     fn meets_cell(&self, min: DVec3, max: DVec3) -> bool {
         let pad = DVec3::splat(2.0 * self.search.clearance);
         self.search.cell.meets(min - pad, max + pad)
@@ -593,8 +594,8 @@ impl<'a> CellQuery<'a> {
     }
 
     /// Tries to prove parts of an object hidden, by boxes around groups of its triangles. A part that is not
-    /// proven hidden is halved. Takes about `most` search nodes at most. Removes the triangles of hidden
-    /// parts from `order`, and appends the proofs to `proofs`.
+    /// proven hidden is halved. Tries no further part once more than `most` search nodes are used. Removes
+    /// the triangles of hidden parts from `order`, and appends the proofs to `proofs`.
     fn hide_parts(&mut self, order: &mut Vec<u32>, proofs: &mut Vec<Proof>, most: u32) {
         let triangles = self.search.triangles;
         let count = order.len();

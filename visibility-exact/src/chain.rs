@@ -307,7 +307,8 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// Returns whether the line certainly crosses the surface, with its strips, an odd number of times.
+    /// Returns whether the line certainly crosses the surface an odd number of times. The surface consists of
+    /// the triangles of the chain and of the [`strip`] between each boundary edge and its moved copy.
     fn crosses_oddly(&self, scratch: &ChainScratch, line: Segment) -> bool {
         let all = self.triangles;
         let mut odd = false;
@@ -381,16 +382,19 @@ fn strip(a: (u32, DVec3), b: (u32, DVec3), moved: &[(u32, DVec3)]) -> impl Itera
     [first, second].into_iter().filter(|t| t[0] != t[1] && t[1] != t[2] && t[2] != t[0])
 }
 
-/// Returns whether a triangle touches no point inside the target polygon because it has one or two corners of
-/// the target triangle and its other corners are certainly on one side of the polygon's `plane`.
+/// Returns whether a triangle that has one or two corners of the target triangle certainly touches no point
+/// inside the target polygon: its remaining corners are all more than `pad` metres in front of the polygon's
+/// `plane`, or all more than `pad` metres behind it. False for a triangle with no or with three corners of
+/// the target triangle.
 fn touches_from_one_side(corners: &[DVec3; 3], tags: [u8; 3], plane: &Half, pad: f64) -> bool {
     let others = || (0..3).filter(|&k| tags[k] == NO_CORNER).map(|k| plane.height(corners[k]));
     (1..3).contains(&others().count()) && (others().all(|h| h > pad) || others().all(|h| h < -pad))
 }
 
-/// Returns whether a plane certainly separates some points from a polygon. Planes tried: the polygon's own,
-/// the planes across it along its sides, the plane of the first three points, and the planes parallel to one
-/// side of the points and one of the polygon.
+/// Returns whether a plane certainly separates some points from a polygon, by more than `pad` metres. The
+/// planes tried are the polygon's own plane, the planes perpendicular to it along the polygon's sides, the
+/// plane of the first three points, and the planes that are parallel to a side of the polygon and to the line
+/// from one point to the next.
 pub(crate) fn apart(points: &[DVec3], polygon: &Polygon, plane: &Half, pad: f64) -> bool {
     let separates = |normal: DVec3| {
         let range = |points: &[DVec3]| {

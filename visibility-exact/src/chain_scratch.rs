@@ -6,7 +6,7 @@ use visibility_core::glam::DVec3;
 /// Bit of an edge's state: an odd number of the edge's triangles is in the chain, so the edge is on its
 /// boundary.
 pub(crate) const ODD: u8 = 1;
-/// Bit of an edge's state: no segment in question meets the edge. Valid if [`KNOWN`] is set.
+/// Bit of an edge's state: no segment of the node at work meets the edge. Valid if [`KNOWN`] is set.
 pub(crate) const MISSED: u8 = 2;
 /// Bit of an edge's state: the edge was tested against the segments, with the result in [`MISSED`].
 pub(crate) const KNOWN: u8 = 4;
@@ -14,8 +14,9 @@ pub(crate) const KNOWN: u8 = 4;
 /// Ends of an edge at which a chain could not be closed. The segments are best divided near it.
 pub(crate) type Obstacle = [DVec3; 2];
 
-/// Scratch memory for growing one chain after the other. An entry of `triangles` or `edges` is valid if its
-/// epoch equals `epoch`.
+/// Scratch memory for growing one chain after the other. Each entry of `triangles` and `edges` holds the
+/// epoch in which it was set. It is valid only if that equals `epoch`, which is increased to clear all
+/// entries at once.
 #[derive(Default)]
 pub(crate) struct ChainScratch {
     epoch: u32,

@@ -33,16 +33,17 @@ pub(crate) fn find(sight: &Sight, rows: &[Row], delta: f64) -> Option<[u32; 3]> 
 
 /// Returns whether three rows, edges with a side, exclude all lines of a node.
 ///
-/// With g_k the computed rows of the inverse of the matrix with columns s_k t_k, and l_k = g_k . d, the sum
-/// of l_k s_k t_k is R d with R close to the identity. R - I is recomputed, and each entry is wrong by at
-/// most 8 U K, with U the unit round-off of `f64` and K the sum of |s_k t_k| |g_k|. The term d . (d x (v -
-/// p)) then does not vanish, but is at most e |d|^2 |v - p|, where e = 3 max |R - I| + 24 U K. The form
-/// itself is a sum of products of at most 9 roundings each. All this is covered by (e + 64 U K) |d_i| |d_j|
-/// D, with D the greatest distance involved. Corners are known up to delta, and directions up to 4 delta in
-/// length, which changes the doubled polar form by at most 16 delta K D (|d_i| + |d_j|). Ends of edges are
-/// known up to delta too: unit vectors of edges of length L turn by 4 delta / L, which changes the g_k by 4
-/// delta K |g_k| / L and the products e_m x t_m by 4 delta (1 + D / L). With D no less than |d|, a factor of
-/// 1 + K D / L covers both.
+/// As at the head of this file, t_k is the unit direction of edge k, s_k its required sign, d = q - p the
+/// direction of a line from p to q, and v an end of the first edge. With g_k the computed rows of the inverse
+/// of the matrix with columns s_k t_k, and l_k = g_k . d, the sum of l_k s_k t_k is R d with R close to the
+/// identity. R - I is recomputed, and each entry is wrong by at most 8 U K, with U the unit round-off of
+/// `f64` and K the sum of |s_k t_k| |g_k|. The term d . (d x (v - p)) then does not vanish, but is at most e
+/// |d|^2 |v - p|, where e = 3 max |R - I| + 24 U K. The form itself is a sum of products of at most 9
+/// roundings each. All this is covered by (e + 64 U K) |d_i| |d_j| D, with D the greatest distance involved.
+/// Corners are known up to delta, and directions up to 4 delta in length, which changes the doubled polar
+/// form by at most 16 delta K D (|d_i| + |d_j|). Ends of edges are known up to delta too: unit vectors of
+/// edges of length L turn by 4 delta / L, which changes the g_k by 4 delta K |g_k| / L and the products e_m x
+/// t_m by 4 delta (1 + D / L). With D no less than |d|, a factor of 1 + K D / L covers both.
 fn excludes(sight: &Sight, rows: [&Row; 3], delta: f64) -> bool {
     let t = rows.map(|row| (row.edge.ends[1] - row.edge.ends[0]).normalize_or_zero() * row.side);
     let cross = [t[1].cross(t[2]), t[2].cross(t[0]), t[0].cross(t[1])];

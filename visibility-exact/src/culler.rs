@@ -123,9 +123,9 @@ impl CellVerdicts {
         }
     }
 
-    /// Returns whether an object stays in the set: if it is seen or open. With settings that need no proof,
-    /// an open object is removed, unless the viewcell could not be used, the query did not run to its end, or
-    /// the object has no triangles or unusable coordinates.
+    /// Returns whether an object stays in the set. Seen objects stay. With settings that need a proof, open
+    /// objects stay too. With other settings, an open object stays in three cases: the viewcell could not be
+    /// used, the query did not run to its end, or the object has no triangles or unusable coordinates.
     fn keeps(&self, place: usize, object: &TargetObject, settings: &ExactSettings) -> bool {
         match self.verdicts[place] {
             Verdict::Seen(_) => true,

@@ -10,7 +10,8 @@
 
 use alloc::vec::Vec;
 
-/// Sign of the value of a [`MatrixGame`].
+/// Sign of the value of a [`MatrixGame`]: the greatest number that all rows can reach together, each as the
+/// sum of its entries weighted by column weights with sum 1.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Value {
     /// Certainly no weights of the columns make all rows positive. `row_weights` prove this.
@@ -26,7 +27,7 @@ pub(crate) enum Value {
 const STEPS: usize = 120;
 
 /// A matrix whose rows are pushed and popped like a stack. Each row belongs to an edge, each column to a pair
-/// of corners.
+/// of a corner of the viewcell polygon and a corner of the target polygon.
 #[derive(Default)]
 pub(crate) struct Matrix {
     columns: usize,
@@ -115,8 +116,9 @@ impl MatrixGame {
         if 1.0 / total - SHIFT > 1e-10 { Value::Positive } else { Value::Open }
     }
 
-    /// Maximizes the sum of all y_k, where for each column j the sum over k of y_k (entry_kj + [`SHIFT`]) is
-    /// at most 1. Returns whether the optimum, or a certainly negative value, was reached.
+    /// Finds weights y_k >= 0 of the `m` rows whose sum is as great as possible, where for each of the `n`
+    /// columns j the sum over k of y_k (entry_kj + [`SHIFT`]) is at most 1. Returns whether the optimum, or a
+    /// certainly negative value, was reached.
     fn optimize(&mut self, entries: &[f64], m: usize, n: usize) -> bool {
         // The tableau is stored by columns, as the matrix has fewer rows than columns: a column for each
         // weight, then one of sums.

@@ -56,9 +56,9 @@ impl Polygon {
     }
 
     /// Returns two values. The first is the greatest width of a side: its extent in metres perpendicular to
-    /// the unit vector `direction`, or its length if `direction` is zero. The second is the argument for
-    /// [`halves`](Self::halves) that halves the wider pair of opposite sides of a quadrilateral; false for
-    /// other polygons.
+    /// the unit vector `direction`, or its length if `direction` is zero. The second is the argument with
+    /// which [`halves`](Self::halves) halves the pair of opposite sides of a quadrilateral that has the
+    /// greater sum of such widths; false for other polygons.
     pub(crate) fn extent_across(&self, direction: DVec3) -> (f64, bool) {
         let side = |k: usize| self.v[(k + 1) % self.n] - self.v[k % self.n];
         let width = |k: usize| {

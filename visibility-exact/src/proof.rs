@@ -4,8 +4,8 @@ use crate::sight::{CellBox, Target};
 use alloc::{boxed::Box, vec::Vec};
 use visibility_core::glam::DVec3;
 
-/// A proof that every segment from a viewcell to a target is blocked or, if made with a clearance, that none
-/// keeps the distance from all occluders that [`Effort::Exact`](crate::Effort::Exact) defines. Made by
+/// A proof that every segment from a viewcell to a target is blocked or, if made with a clearance, comes
+/// closer to an occluder than the distance that [`Effort::Exact`](crate::Effort::Exact) defines. Made by
 /// [`ExactCuller`](crate::ExactCuller). [`check`](Self::check) verifies it with code and arithmetic that the
 /// search does not use.
 ///
@@ -63,8 +63,8 @@ pub(crate) enum Step {
         /// odd number of times.
         line: [DVec3; 2],
     },
-    /// The node has no segment: with these weights of its dividing edges, the weighted sum of sides is
-    /// negative.
+    /// The node has no segment: with these weights of its dividing edges, the weighted sum of the sides on
+    /// which a line passes their edges is negative for all lines between the two polygons.
     Empty { weights: Box<[f64]> },
     /// The node has no segment: three of its dividing edges, around a corner and with these indices, exclude
     /// all lines.
@@ -88,7 +88,8 @@ pub(crate) enum Step {
 /// What becomes of the segments that pass outside an edge of a loop.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) enum LoopEdge {
-    /// No segment between the polygons passes outside: by the sides at all pairs of corners.
+    /// No segment between the polygons passes outside of the edge, as the sides on which the lines between
+    /// their corners pass it show.
     Inside,
     /// No segment of the node passes outside: by weights of the node's dividing edges, followed by the weight
     /// of this edge.

@@ -313,8 +313,9 @@ impl Search<'_> {
     }
 
     /// Returns the loop with the fewest dividing edges, among loops on the occluders that a line crosses.
-    /// `hits` are the indices of these occluders' triangles, `depth` is the number of the node's rows. `None`
-    /// if no loop can be used.
+    /// `hits` are the indices of these occluders' triangles, `depth` is the number of the node's rows: loops
+    /// are moved outwards by less the more rows there are, so that two loops on one edge are apart. `None` if
+    /// no loop can be used.
     fn best_loop(&mut self, sight: &Sight, depth: usize, line: Segment, hits: &[u32]) -> Option<Loop> {
         // The growth decreases with each row: two loops on one edge are then certainly apart, and a line
         // outside of the first is not inside of the second.
@@ -400,8 +401,8 @@ fn grown(ring: &[RingCorner], grow: f64) -> Vec<RingCorner> {
     (0..n).map(|k| (moved(k), NO_CORNER)).collect()
 }
 
-/// Returns the part of a ring where `height`, an affine function of the position, is not negative. `half` is
-/// the half-space whose boundary cuts the ring.
+/// Returns the part of a ring in front of the plane of `half` or on it. `height` returns the height of a
+/// corner over that plane, or 0 for a corner that counts as on the plane.
 fn cut(ring: Vec<RingCorner>, half: &Half, height: impl Fn(&Half, &RingCorner) -> f64) -> Vec<RingCorner> {
     let heights: Box<[f64]> = ring.iter().map(|corner| height(half, corner)).collect();
     if heights.iter().all(|h| *h >= 0.0) {

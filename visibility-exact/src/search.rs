@@ -52,7 +52,8 @@ pub(crate) struct Budget {
 
 /// Number of halvings after which a node is not halved further, and stays undecided.
 const DEPTH: u32 = 28;
-/// Number of halvings from which nodes are divided by occluder edges too, at every third level.
+/// Number of halvings after which a node is first divided by occluder edges too, and then again after every
+/// third further halving.
 const DIVIDE_FROM: u32 = 3;
 /// Greatest number of cuts of the viewcell polygon by planes of one-sided triangles on the way to a node.
 /// Each cut rounds a corner four more times, which [`SceneTriangles::position_error`] allows for.
@@ -350,9 +351,10 @@ pub(crate) struct Halving {
     pub(crate) across: bool,
 }
 
-/// Chooses the halving after which the node's lines pass an obstacle on fewer sides: it halves the polygon
-/// that looks wider from the obstacle, in the direction in which the polygon is wider across the obstacle's
-/// edge. Without an obstacle, it halves the polygon with the longest side.
+/// Chooses how to halve a node so that the lines of each half are more likely to pass an obstacle's edge on
+/// one side only: halves the polygon that looks wider from the obstacle, in the direction in which the
+/// polygon is wider across the obstacle's edge. Without an obstacle, halves the polygon with the longest
+/// side.
 pub(crate) fn best_halving(sight: &Sight, obstacle: Option<(Obstacle, Segment)>) -> Halving {
     let (mut at, mut edge) = (0.5, DVec3::ZERO);
     if let Some(([a, b], line)) = obstacle {

@@ -13,7 +13,7 @@ pub enum Effort {
     /// directions. Aggressive: objects that no ray finds are removed. An aimed ray goes from a point of the
     /// viewcell to a random point of a random triangle of the object; each triangle is equally likely,
     /// whatever its area. If `n` such rays were all blocked, less than `3 / n` of all such rays are
-    /// unblocked, with a confidence of 95 %. If the triangles have unequal areas, this share is not the
+    /// unblocked, with a confidence of 95 %. Only for triangles of equal areas is this also a bound on the
     /// visible share of the object's area.
     Rays(u32),
     /// Rays and proofs for boxes, then for each remaining object a certified bound on its visible share. The
@@ -23,8 +23,8 @@ pub enum Effort {
     /// the [`ExactSettings`] change it. A share that is negative or NaN counts as 0.
     Share(f64),
     /// Rays, then proofs. An object that is neither seen nor proven hidden stays. The number is the clearance
-    /// in metres: an object is removed if no segment to it keeps a distance of six times the clearance from
-    /// all occluders. Exact up to this distance. With a clearance of 0, conservative: an object is removed if
+    /// in metres: an object is removed if every segment to it comes closer to some occluder than six times
+    /// the clearance. Exact up to this distance. With a clearance of 0, conservative: an object is removed if
     /// every segment to the inside of any of its triangles touches an occluder on the way.
     Exact(f64),
 }

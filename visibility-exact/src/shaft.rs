@@ -10,11 +10,11 @@ const PLANES: usize = 2 * MAX_CORNERS + 2;
 
 /// Planes around two polygons. A point whose height over one of the planes is below `-pad` metres is outside.
 ///
-/// A plane may have any normal, since its offset is the greatest that a corner of either polygon needs.
-/// Heights are sums of three products and an offset, with unit normals and coordinates of magnitude M. With U
-/// the unit round-off of `f64` and delta the error of positions, heights are wrong by 12 U M at the corners,
-/// by 12 U M at the tested point, and by 2 delta from the corners' positions. As delta is at least 128 U M,
-/// the pad of 4 delta covers these errors.
+/// A rounded normal does no harm: the offset of each plane is chosen so that no corner of either polygon is
+/// behind the plane, whatever its normal is. Heights are sums of three products and an offset, with unit
+/// normals and coordinates of magnitude M. With U the unit round-off of `f64` and delta the error of
+/// positions, heights are wrong by 12 U M at the corners, by 12 U M at the tested point, and by 2 delta from
+/// the corners' positions. As delta is at least 128 U M, the pad of 4 delta covers these errors.
 pub(crate) struct Shaft {
     planes: [(DVec3, f64); PLANES],
     count: usize,

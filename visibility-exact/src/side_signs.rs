@@ -13,9 +13,9 @@ pub(crate) const NEGATIVE: u8 = 2;
 pub(crate) const UNSURE: u8 = 4;
 
 /// Cases in which the side of an edge is exactly 0. In the first, the line ends at a corner of the target
-/// polygon Q that is a mixture of the edge's ends. In the second, the line and the edge lie in one plane: the
-/// plane of the viewcell polygon P, by which Q or an occluder may have been cut, or Q's plane, by which P or
-/// an occluder may have been cut.
+/// polygon Q that is an end of the edge or a mean of its two ends, by their tags as corners of the target
+/// triangle. In the second, the line and the edge lie in one plane: the plane of the viewcell polygon P or
+/// that of Q. Both are frequent, since polygons and occluders are cut by these planes.
 pub(crate) struct Zeros {
     /// For each end of the edge, the number of the target triangle's corner that it is (0, 1 or 2), or 3 for
     /// none.

@@ -68,8 +68,8 @@ pub(crate) enum Target {
 
 /// Returns the bound in metres on the errors of positions in a search for a target. Polygons are cut from
 /// faces of the viewcell and of the target, so coordinates are at most those of triangles, viewcell and
-/// target box, plus the clearance. `None` if the clearance is within this error, so that it would not part
-/// touching surfaces.
+/// target box, plus the clearance. `None` if the clearance `c` is above 0 but less than 64 times this bound,
+/// too small to keep touching surfaces apart.
 pub(crate) fn position_error(
     triangles: &SceneTriangles,
     cell: &CellBox,
@@ -104,9 +104,9 @@ pub(crate) struct Sight {
     pub(crate) before_p: Half,
     /// Half-space in front of the target polygon's plane, from which the polygon is seen.
     pub(crate) before_q: Half,
-    /// Without a clearance `None`. With a clearance, the height in metres over the target polygon's plane
-    /// below which points count as in the plane. The height is 0 if the plane is perpendicular to an axis,
-    /// where heights are exact, or does not meet the viewcell polygon.
+    /// Height in metres over the target polygon's plane below which points count as in the plane. 0 if
+    /// heights are exact, since the plane is perpendicular to an axis, and if the plane does not meet the
+    /// viewcell polygon. `None` without a clearance.
     pub(crate) near: Option<f64>,
 }
 
@@ -116,8 +116,8 @@ impl Sight {
     ///
     /// Without clearance the result is `delta`, since an answer must hold for all segments. With a clearance,
     /// which is at least 64 errors, positions count as exact, but points near the target polygon's plane are
-    /// moved into the plane, by less than the result. An answer may then miss only segments that have a
-    /// neighbour within one error.
+    /// moved into the plane, by less than the result. An answer can then be wrong only for a segment that has
+    /// a segment for which it is right within one error of positions.
     #[inline]
     pub(crate) fn side_error(&self, delta: f64) -> f64 {
         // Heights are computed with an error of half of `near`.
@@ -160,8 +160,8 @@ impl Sight {
         Some([with(&before)?, with(&behind)?])
     }
 
-    /// Returns the half-space to which occluders in front of the target polygon are cut. Its boundary is the
-    /// polygon's plane if points near that plane count as in it (`near` above 0), or if heights over the
+    /// Returns the half-space in front of the target polygon to which occluders are clipped. Its boundary is
+    /// the polygon's plane if points near that plane count as in it (`near` above 0), or if heights over the
     /// plane are exact. Otherwise its boundary is `pad` metres in front of the plane.
     pub(crate) fn cut_before_q(&self, pad: f64) -> Half {
         if self.near.is_some_and(|near| near > 0.0) { self.before_q } else { self.before_q.padded(-pad) }

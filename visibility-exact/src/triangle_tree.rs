@@ -47,7 +47,8 @@ impl LeafBox {
 const LEAF: usize = 4;
 /// Depth from which nodes are split at the median, which bounds the depth of the tree.
 const DEEP: usize = 48;
-/// Greatest depth of the tree: [`DEEP`], plus the number of halvings of 2^32 triangles.
+/// Upper bound on the depth of the tree: [`DEEP`] levels, then at most 32 halvings of up to 2^32 triangles,
+/// and two levels of reserve.
 const STACK: usize = DEEP + 34;
 /// Greatest number of triangles that a segment may touch without certainly crossing them. A search ends after
 /// more.
@@ -123,7 +124,8 @@ impl TriangleTree {
 
     /// Collects up to `most` triangles that the segment from p to q certainly crosses. Leaves out triangle
     /// `skip`, and one-sided triangles that p is certainly behind. Returns whether the segment may touch
-    /// other triangles: also true if the search ended at `most`, or after too many uncertain triangles.
+    /// triangles that are not in `hits`. This is also true if the search ended early, after `most` triangles
+    /// or after [`TOUCHED`] uncertain ones.
     pub(crate) fn crossed(&self, p: DVec3, q: DVec3, skip: u32, most: usize, hits: &mut Vec<u32>) -> bool {
         hits.clear();
         let (mut unsure, mut touched) = (false, 0);

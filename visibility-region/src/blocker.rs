@@ -39,7 +39,8 @@ pub(crate) struct Blocker {
 
 impl Blocker {
     /// Makes the blocker of a whole convex mesh. `caps` are triangles of the mesh that were added to close
-    /// its hole, if it has one. Any other such triangle must lie in the plane of one of them.
+    /// its hole, if it has one. An added triangle may be missing in `caps` only if it lies in the plane of
+    /// one that is there.
     pub(crate) fn solid(mesh: &OccluderMesh, transform: &Affine3A, caps: &[Triangle]) -> Self {
         let mut blocker = Self::placed(mesh, transform, mesh.positions().iter().map(|p| p.as_dvec3()));
         let turned = turn(transform);

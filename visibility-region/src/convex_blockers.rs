@@ -18,7 +18,8 @@ use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Accuracy, CullStats, OccluderMesh, RegionCuller, Scene, VisibleSet};
 
-/// Greatest number of blockers of a viewcell. Twice as many hide hardly more objects (measured).
+/// Greatest number of blockers of a viewcell. By measurement, twice as many blockers hide hardly more
+/// objects.
 const BLOCKERS: usize = 128;
 
 /// Removes objects that a single convex blocker hides from every point of a viewcell. Conservative.

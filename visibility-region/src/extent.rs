@@ -11,8 +11,8 @@ use visibility_core::{Aabb, Scene};
 /// magnitude of a coordinate of its bounds, in metres from the scene's origin.
 const SAMPLE: usize = 1024;
 
-/// Greatest reach of an object that is not left out, as a multiple of the reach that nine in ten objects stay
-/// within: 2^14.
+/// Greatest reach of objects that can be found hidden, as a multiple of the reach within which nine in ten
+/// objects stay: 2^14. Objects with a greater reach count as visible.
 const FARTHEST: f64 = 16_384.0;
 
 /// Returns the quantile at `part`, from 0 (least number) to 1 (greatest), without interpolation. Reorders the
@@ -24,8 +24,9 @@ pub(crate) fn quantile(numbers: &mut [f64], part: f64) -> Option<f64> {
 
 /// Returns a box around a scene's objects, relative to the scene's origin. It is cut off at [`FARTHEST`]
 /// times the reach of nine in ten objects, or of the viewcell if that is greater. Objects that reach out of
-/// the box count as visible. Occluders whose coordinates are several times as large hide nothing. `None` if
-/// the scene has no objects that can be culled, or none with proper bounds.
+/// the box count as visible. Occluders hide nothing if their coordinates are several times as large as the
+/// greatest coordinate of the box. `None` if the scene has no objects that can be culled, or none with proper
+/// bounds.
 pub(crate) fn usable_bounds(scene: &Scene, cell: &Viewcell) -> Option<Aabb> {
     let bounds = scene.culled_bounds()?;
     let step = scene.index_limit() / SAMPLE + 1;

@@ -29,10 +29,11 @@ const KEPT: usize = 32;
 /// changes.
 ///
 /// [`step`](Self::step) works ahead: each call sweeps one of the six directions of a box, or a part of it.
-/// The caller says how much work a call may do, and names the places where the eye is and may be next.
-/// [`cull`](Culler::cull) answers at once, by the viewcell that holds the eye, otherwise by the wide box
-/// around it. Without either, all candidates stay. Lines of sight begin on the near plane, so the viewcell
-/// must hold the near plane too.
+/// Boxes have two sizes: a *wide box* finds the objects of the whole scene that are hidden from it, and a
+/// small *viewcell* in it finds more hidden ones among the rest. The caller says how much work a call may do,
+/// and names the places where the eye is and may be next. [`cull`](Culler::cull) answers at once, by a
+/// viewcell that holds the eye, otherwise by a wide box that does. If no box holds the eye, all candidates
+/// stay. Lines of sight begin on the near plane, so the box must hold the near plane too.
 ///
 /// An object that was inserted, moved or otherwise changed counts as visible until the next wide box is made,
 /// and it is not an occluder of the next boxes, so that a moving object does not invalidate boxes each frame.
@@ -44,12 +45,13 @@ const KEPT: usize = 32;
 ///
 /// # Cost
 /// A viewcell of 0.6 m takes 2 to 20 milliseconds in scenes of some thousand objects, and a wide box 15 to
-/// 80. A step does a sixth of that, or the part that its budget allows. Three things are not divided: the
-/// first step in a scene of walls (at most 32 triangles for each occluder on average) sorts all their edges;
-/// beginning and finishing a box take some nanoseconds for each object of the scene; and once the hierarchy
-/// of the scene has changed during more than two steps of a wide box, each remaining direction is one step.
-/// Steps allocate. A frame takes a few nanoseconds for each candidate, and reads one bit for each object of
-/// the scene. A kept box takes one bit for each object of the scene, and 8 bytes for each visible object.
+/// 80. A step does a sixth of that, or the part that its budget allows. Three kinds of work are not divided
+/// between steps: the first step in a scene of walls (at most 32 triangles for each occluder on average)
+/// sorts all their edges; beginning and finishing a box take some nanoseconds for each object of the scene;
+/// and once the hierarchy of the scene has changed during more than two steps of a wide box, each remaining
+/// direction is one step. Steps allocate. A frame takes a few nanoseconds for each candidate, and reads one
+/// bit for each object of the scene. A kept box takes one bit for each object of the scene, and 8 bytes for
+/// each visible object.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Culler, Object, OccluderMesh, Pose, Scene, View,
@@ -99,21 +101,22 @@ pub struct OnlinePvs {
     occluding: Bits,
     /// Layer masks of the objects in `occluding`, each mask once.
     layers: Vec<u32>,
-    /// Indices of the objects that have changed: since the last wide box was begun, and between the
-    /// beginnings of the last two wide boxes.
+    /// Indices of the objects that have changed. `changed[0]`: since the last wide box was begun.
+    /// `changed[1]`: between the beginnings of the last two wide boxes.
     changed: [Bits; 2],
     /// Objects that the last finished viewcell sees. The next viewcell assumes that it sees them too.
     known: Vec<ObjectId>,
-    /// Direction, 0 to 5, in which the next viewcell tests all objects that the wide box sees, including
-    /// those in `known`.
+    /// Direction, 0 to 5, in which the next viewcell tests all objects that the wide box sees. In the other
+    /// five it tests only those that are not in `known`. The direction changes with each viewcell, so that in
+    /// time all objects of `known` are tested in all directions.
     full_direction: usize,
     /// Counter of uses of boxes. [`Made::used`] holds its value at a box's last use.
     clock: u64,
     /// Size ([`WIDE`] or [`NEAR`]) and box that answered the last frame. `None` if no box did, so that all
     /// candidates stayed.
     answer: Option<(usize, Viewcell)>,
-    /// Indices of the objects hidden from the box that answered the last frame; empty if no box did. Compared
-    /// with those of the next frame to find `came` and `went`.
+    /// Indices of the objects hidden from the box that answered the last frame; empty if no box answered it.
+    /// The next frame finds `came` and `went` by the differences from its own hidden objects.
     last_hidden: Bits,
     came: Vec<ObjectId>,
     went: Vec<ObjectId>,
@@ -151,8 +154,8 @@ struct Made {
     cell: Viewcell,
     /// Indices of the hidden objects, except those that have changed since the box was finished.
     hidden: Bits,
-    /// Objects that were not hidden when the box was finished. For a wide box these are objects of the whole
-    /// scene, for a viewcell objects that the wide box sees.
+    /// Objects that were not hidden when the box was finished. For a wide box, these are among all objects of
+    /// the scene; for a viewcell, only among those that the wide box around it sees.
     seen: Vec<ObjectId>,
     /// Value of [`OnlinePvs::clock`] when the box was last used, or when it was finished.
     used: u64,
@@ -172,8 +175,8 @@ struct Job {
     hidden: Bits,
     /// Indices of the objects that have changed since work on the box began.
     stale: Bits,
-    /// Layout of the scene's hierarchy when the sweep of the present direction was begun, and, in `restarts`,
-    /// how often a sweep was started again because the layout had changed.
+    /// Layout of the scene's hierarchy when the sweep of the present direction was begun. `restarts` is how
+    /// often a sweep for this box was started again because the layout had changed.
     layout: Stamp,
     restarts: u32,
     /// For a viewcell: the objects that the wide box sees.
@@ -396,8 +399,8 @@ impl OnlinePvs {
         [place - self.margin, place + self.margin]
     }
 
-    /// Returns the index in `made[level]` of the last used box among those that hold the box from `low` to
-    /// `high`. `None` if none holds it.
+    /// Returns the index in `made[level]` of the most recently used box among those that hold the box from
+    /// `low` to `high`. `None` if none holds it.
     fn find(&self, level: usize, [low, high]: [DVec3; 2]) -> Option<usize> {
         let made = self.made[level].iter().enumerate();
         made.filter(|(_, made)| holds(&made.cell, low, high))
@@ -436,8 +439,8 @@ impl OnlinePvs {
         Viewcell::from_box((middle - size * 0.5).min(ends[0]), (middle + size * 0.5).max(ends[1]))
     }
 
-    /// Begins the box that `places[missing]` needs. If possible it also holds `places[0]`, the place before.
-    /// `heading` is the direction of the eye's path.
+    /// Begins the box that `places[missing]` needs. `missing` is 0 or 1; if it is 1, `places[0]` is the place
+    /// before, which the box also holds if it is large enough. `heading` is the direction of the eye's path.
     fn begin(&mut self, scene: &Scene, places: &[DVec3], missing: usize, heading: DVec3) {
         let around = self.around(places[missing]);
         let from = self.around(places[0]);
@@ -476,8 +479,8 @@ impl OnlinePvs {
         self.job = Some(self.without_movers(scene, job));
     }
 
-    /// Removes the objects that have changed lately from the occluders of a box, and notes the remaining
-    /// occluders.
+    /// Removes the objects of [`OnlinePvs::changed`] from the occluders of a box. Adds the remaining
+    /// occluders to [`OnlinePvs::occluding`], and their layers to [`OnlinePvs::layers`].
     fn without_movers(&mut self, scene: &Scene, mut job: Job) -> Job {
         for bits in &self.changed {
             bits.iter().for_each(|index| _ = job.occluding.remove(index));

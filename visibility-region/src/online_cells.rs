@@ -13,9 +13,10 @@ use visibility_core::{Aabb, Object, ObjectId, Scene};
 /// are hidden. With it, [`WhoSees`](visibility_core::who_sees::WhoSees) finds which movers see each other
 /// while walls appear, move and vanish.
 ///
-/// While a mover is not wholly in the viewcells, it sees all movers and all see it. While no box of the
-/// `OnlinePvs` holds the mover's whole reach, it sees all movers. So boxes should be larger than the reaches,
-/// and [`step`](OnlinePvs::step) should be called with the middles of the reaches. Sets hold for all view
+/// Each mover is given by its [`Reach`], the region in which it may be. While the reach is not wholly in the
+/// viewcells, the mover counts as seen by all movers. While no box of the `OnlinePvs` holds the whole reach,
+/// the mover counts as seeing all movers. So boxes should be larger than the reaches, and
+/// [`step`](OnlinePvs::step) should be called with the middles of the reaches. Sets hold for all view
 /// directions, so movers at one place share them.
 ///
 /// ```
@@ -73,8 +74,9 @@ impl OnlineCells {
         &self.objects
     }
 
-    /// Returns these viewcells as the level for movers, in a scene with the sets made for it. All see all if
-    /// an object of a viewcell is not in the scene, or has other bounds there.
+    /// Returns these viewcells as the level in which [`WhoSees`](visibility_core::who_sees::WhoSees) looks,
+    /// with the sets that `online` has made for `scene`. All movers see one another if an object that
+    /// represents a viewcell is not in the scene, or has other bounds there.
     pub fn with<'a>(&'a self, scene: &'a Scene, online: &'a mut OnlinePvs) -> impl SightCells + 'a {
         let mut objects = self.viewcells.cells().iter().zip(&self.objects);
         let origin = scene.origin();

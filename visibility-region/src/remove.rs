@@ -30,8 +30,8 @@ pub(crate) fn cell_box(cell: &Viewcell, origin: DVec3) -> Option<(DVec3, DVec3)>
 /// Test of a box in scene coordinates: true if the box is certainly hidden from every point of the viewcell.
 pub(crate) type IsHidden<'a> = &'a dyn Fn(&Aabb) -> bool;
 
-/// Removes the candidates whose bounds are within one of `umbrae`, or for whose bounds `or` returns true.
-/// Nodes of the hierarchy are tested too: if a node is hidden, all candidates below it are removed.
+/// Removes the candidates whose bounds are inside one of `umbrae`, or for whose bounds the test `or` returns
+/// true. Nodes of the hierarchy are tested too: if a node is hidden, all candidates below it are removed.
 pub(crate) fn remove_hidden(
     scene: &Scene,
     visible: &mut VisibleSet,

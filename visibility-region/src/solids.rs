@@ -152,10 +152,11 @@ pub(crate) fn close(mesh: &OccluderMesh) -> Option<(OccluderMesh, Vec<Triangle>)
 /// Returns the triangles of `fan` that are not slivers (triangles of nearly no area). `None` if a sliver is
 /// not in the plane of a returned triangle.
 ///
-/// A line of sight that starts strictly behind the plane of a cap does not enter the solid through the cap. A
-/// sliver in that plane is off it by at most the depth of the solid's dents. A line that enters through the
-/// sliver stays that close to the plane inside the solid, which does not reach beyond the plane. So the line
-/// misses the solid without its dents. Only that part counts as blocking, so nothing is hidden from the line.
+/// Slivers can be left out since the blocker is used only for viewpoints strictly behind the planes of all
+/// caps. A line of sight from there does not enter the solid through a cap. A sliver is off the plane of some
+/// cap by at most the depth of the solid's dents. A line that enters through the sliver stays as close to
+/// that plane inside the solid, since the solid does not reach beyond the plane. So the line misses the solid
+/// without its dents, and only the solid without its dents counts as blocking.
 fn caps(fan: &[Triangle], solid: &OccluderMesh) -> Option<Vec<Triangle>> {
     let normal = |t: &Triangle| {
         let [a, b, c] = t.map(|p| p.as_dvec3());

@@ -40,11 +40,11 @@ impl Side {
     /// # Rounding
     /// Let e be the unit round-off of `f64`, and U, V and W the greatest magnitudes of the coordinates of
     /// `u`, `v` and `x - anchor`, for all corners `x` of the box. The determinant is computed as in
-    /// `sampling/ray.rs`, with an error below 44 e U V W, where one side has `|d| <= 1` there and W here. The
-    /// corner is chosen by the signs of a normal that errs by 8.3 e U V on each axis, so another corner is
-    /// lower by less than 25 e U V W. The margin is 128 e U V W. Vertices with an error of `slack` change
-    /// each of `u`, `v` and `x - anchor` by 2 slack on an axis, and the determinant by 12 slack (V W + U W +
-    /// U V), to first order. The margin has 16 instead of 12.
+    /// `sampling/ray.rs`, with an error below 44 e U V W: there, `d` with `|d| <= 1` takes the place of `x -
+    /// anchor`. The corner is chosen by the signs of a normal that errs by 8.3 e U V on each axis, so another
+    /// corner is lower by less than 25 e U V W. The margin is 128 e U V W. Vertices with an error of `slack`
+    /// change each of `u`, `v` and `x - anchor` by 2 slack on an axis, and the determinant by 12 slack (V W +
+    /// U W + U V), to first order. The margin has 16 instead of 12.
     fn classify(&self, min: DVec3, max: DVec3, slack: f64) -> Containment {
         let [u, v] = self.sizes;
         let (min, max) = (min - self.anchor, max - self.anchor);
@@ -91,9 +91,9 @@ pub(crate) struct Umbra {
 }
 
 impl Umbra {
-    /// Computes the umbra of a blocker from the box from `min` to `max`. `None` if the box is not certainly
-    /// in front of some face, since it may then meet the blocker, and if it is not strictly behind the
-    /// blocker's hole.
+    /// Computes the umbra of a blocker from the box from `min` to `max`. `None` in two cases: there is no
+    /// face that the whole box is certainly in front of, so the box may meet the blocker; or the box is not
+    /// certainly strictly behind the triangles that close the blocker's hole.
     pub(crate) fn new(blocker: &Blocker, min: DVec3, max: DVec3) -> Option<Self> {
         let Blocker { vertices, faces, corners, slack, .. } = blocker;
         if !is_closed_from(blocker, min, max) {
@@ -146,8 +146,9 @@ impl Umbra {
         Self { sides: behind(blocker).collect(), slack: blocker.slack }
     }
 
-    /// Classifies a box: `Inside` if it is certainly hidden, strictly behind the blocker; `Outside` if no
-    /// point of it is in the umbra; otherwise, and for an improper box, `Crossing`.
+    /// Classifies a box: `Inside` if all of it is certainly in the umbra, hidden strictly behind the blocker;
+    /// `Outside` if certainly no point of it is in the umbra; `Crossing` if neither is certain, and for an
+    /// improper box.
     pub(crate) fn classify(&self, bounds: &Aabb) -> Containment {
         if !bounds.is_proper() {
             return Containment::Crossing;

@@ -24,8 +24,9 @@ use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet
 /// Greatest number of cells of the octree, which take 1 MiB.
 const NODES: usize = 1 << 17;
 
-/// Greatest total length of the cells' lists of nearby solids (8 MiB), besides 16 entries for each solid.
-/// Where the surfaces of many solids pass through the same cells, these cells are not divided further.
+/// Limit on the cells' lists of nearby solids: their total length is at most this number (8 MiB) plus 16 for
+/// each solid. Once a division would exceed it, a cell is not divided. This happens where the surfaces of
+/// many solids pass through the same cells.
 const LISTED: usize = 1 << 21;
 
 /// Greatest number of blockers of a viewcell.
@@ -107,9 +108,9 @@ impl RegionCuller for VolumetricCuller {
         Accuracy::Conservative
     }
 
-    /// Removes the candidates that one blocker hides, or that only touch cells of the octree that are opaque
-    /// or hidden. For a viewcell with planes, its whole box counts. A viewcell that is inverted or not finite
-    /// removes nothing.
+    /// Removes the candidates that one blocker hides, and those for which all cells of the octree that they
+    /// meet or touch are opaque or hidden. For a viewcell with planes, its whole box counts. A viewcell that
+    /// is inverted or not finite removes nothing.
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
         if self.solids.sync(scene) {
             self.octree = Octree::new(&self.solids.list);
@@ -286,8 +287,8 @@ impl<'a> Space<'a> {
     }
 
     /// Extends a box of opaque space on one side after another, by slabs that are opaque or hidden all
-    /// through. Each slab is as wide as the box has become: an extension of two sides at once would claim the
-    /// edge between them too.
+    /// through. Each slab is tested over the whole side that the box has by then. Two sides are not extended
+    /// at once, since the space at the edge between the two slabs would not be tested.
     fn extended(&self, min: DVec3, max: DVec3) -> [DVec3; 2] {
         let size = max - min;
         let mut bounds = [min, max];

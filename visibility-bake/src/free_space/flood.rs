@@ -84,7 +84,9 @@ impl<'a> Flood<'a> {
         Ok(self.reached.into_iter().filter_map(voxels).collect())
     }
 
-    /// Adds those of the voxels `entered` that are open to the box's list, and queues the box.
+    /// Marks voxels of a box as reached from outside: adds each voxel of `entered` that is
+    /// [open](BoxVoxels::open) to the box's [`entered`](BoxVoxels::entered) list, and puts the box into the
+    /// queue.
     fn enter(&mut self, place: [i64; 3], entered: impl IntoIterator<Item = u32>) -> Result<(), GridError> {
         let voxels = self.voxels(place)?;
         let is_queued = !voxels.entered.is_empty();

@@ -25,12 +25,13 @@ use visibility_core::pvs::Viewcell;
 use voxel_set::{voxel_number, voxel_place};
 
 impl Grid {
-    /// Returns the viewcells that a camera can reach from some points. They are boxes of the grid, cut off at
-    /// solid surfaces that the flood does not pass within the box. The viewcells of the points come first,
-    /// then the others in the order in which the flood reaches them. The triangles of objects flagged as
-    /// occluders are solid. The flood does not leave the box from `min` to `max`; points outside it are
-    /// ignored. A point where the camera cannot be is replaced by the nearest point in the same box of the
-    /// grid where it can be. Without such a point, it is ignored.
+    /// Returns the viewcells that a camera can reach from some points. They are boxes of the grid. Where
+    /// solid surfaces separate a part of a box from the positions of the camera, that part is cut off. The
+    /// viewcells of the points come first, then the others in the order in which a flood from the points
+    /// reaches them. The triangles of objects flagged as occluders are solid. The flood does not leave the
+    /// box from `min` to `max`; points outside it are ignored. A point where the camera cannot be is replaced
+    /// by the nearest point in the same box of the grid where it can be. A point in a box without any
+    /// position for the camera is ignored.
     ///
     /// The viewcells contain every position in the box that the camera can reach without coming closer to a
     /// solid surface than the [radius](CameraRange::radius) and without leaving the

@@ -14,8 +14,8 @@ use visibility_core::Scene;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::scene::Triangle;
 
-/// Greatest number of pairs of a triangle and a column of boxes that it touches. This many pairs take four
-/// gigabytes: 64 bytes each if each column has a single triangle.
+/// Greatest number of pairs of a triangle and a column of boxes that it touches. This many pairs take at most
+/// four gigabytes, which is 64 bytes for each pair, reached if each column has a single triangle.
 const MAX_ENTRIES: usize = 1 << 26;
 
 /// Greatest number of voxels of a box of the grid.

@@ -85,8 +85,8 @@ pub(super) fn extent([a, b, c]: &[DVec3; 3]) -> (DVec3, DVec3) {
     (a.min(*b).min(*c), a.max(*b).max(*c))
 }
 
-/// Greatest number of corners of a [`ClippedTriangle`]: three, and a generous allowance for cuts by the six
-/// sides of a box with rounding.
+/// Capacity of a [`ClippedTriangle`] in corners. Exact cuts by the six sides of a box give at most 9 corners.
+/// The rest allows for corners that rounding adds; corners beyond the capacity are dropped.
 const CORNERS: usize = 28;
 
 /// The part of a triangle inside some sides of a box: a convex polygon, without corners if it is empty.

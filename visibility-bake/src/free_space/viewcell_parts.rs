@@ -11,8 +11,8 @@ use crate::grid::{Grid, GridError};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 
-/// Appends the viewcells of the parts of a box to `all`. A viewcell that is inside another part's viewcell is
-/// left out.
+/// Appends the viewcells of the parts of a box to `all`. A part is a connected set of voxels of the box,
+/// given by its bounds. A viewcell that is inside another part's viewcell is left out.
 ///
 /// # Errors
 /// [`GridError::TooMany`] if `all` then has more than [`Grid::LIMIT`] viewcells.

@@ -14,7 +14,8 @@ pub struct BakeScratch {
     /// Culler for sweeps of groups from near to far, over the tiles around a group.
     pub(super) sweep: ExtendedProjectionCuller,
     /// Number of the group whose viewcells the thread swept last, and a culler prepared for the group's
-    /// scene. `None` before the first such sweep, and after the content of a group was made.
+    /// scene. `None` before the first such sweep. Also `None` after the thread has made the content of a
+    /// group, to free the memory of the culler before.
     pub(super) local: Option<(u32, ExtendedProjectionCuller)>,
 }
 
@@ -23,9 +24,9 @@ pub struct BakeScratch {
 pub(super) struct Slot {
     /// For each stage, the number of the group's viewcells that are not done with the stage.
     pub(super) left: [usize; STAGES],
-    /// Content of the group that was made last. `None` before it is made, and after it is released. The flag
-    /// is true if the content is for the sweeps of viewcells, false if it is for another stage. With a limit
-    /// of time, or in a resumed bake, viewcells of a group may be in different stages.
+    /// The content of the group that was made last. `None` before it is made, and after it is released. The
+    /// flag says for which stage it was made: true for the sweeps of viewcells, false for any other stage.
+    /// Viewcells of one group may need both kinds in turn, with a limit of time or in a resumed bake.
     pub(super) group: Option<(bool, Arc<Group>)>,
     /// Result of the group's sweep. `None` until the group is swept or an earlier result is reused. It is
     /// kept when the content is released.

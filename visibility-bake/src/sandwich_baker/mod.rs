@@ -40,10 +40,11 @@ use visibility_core::pvs::Viewcells;
 /// The sweep of extended projections removes objects that many occluders hide together, first for a group of
 /// neighbouring viewcells, then, among the objects left, for each single viewcell. After all viewcells are
 /// swept, rays find objects that are seen. Then proofs are tried for the boxes of the open objects, the most
-/// costly first, until the [gap](SandwichSettings::with_gap) is met; if it is not, for their triangles. So
-/// the bake has five items for each viewcell. The stages after the sweeps process the viewcells in portions,
-/// each about as large as all portions before it. In a portion, the groups with the most costly open objects
-/// come first.
+/// costly first, until the [gap](SandwichSettings::with_gap) is met. Where boxes do not suffice for that,
+/// proofs are tried for the triangles of the objects. Each viewcell therefore has five items of work: sweep
+/// of its group, own sweep, rays, proofs for boxes, proofs for triangles. The stages after the sweeps process
+/// the viewcells in portions, each about as large as all portions before it. In a portion, the groups with
+/// the most costly open objects come first.
 ///
 /// Occluders are the objects that are flagged as such and [always drawn](Scene::is_always_drawn), on
 /// whichever layers they are. The sweeps use their meshes, the proofs their triangles. Objects that are
@@ -88,8 +89,8 @@ pub struct SandwichBaker<'a> {
     /// For each group and stage, the sum of the costs of open objects in those of the group's viewcells that
     /// are at that stage.
     costs: Vec<[u64; STAGES]>,
-    /// Result of the sweep of each group, by the group's number. `None` for a group without a result for a
-    /// viewcell in `range`.
+    /// Result of the sweep of each group, by the group's number. `None` as long as no viewcell of the group
+    /// in `range` has a result.
     found_groups: Vec<Option<Arc<GroupRecord>>>,
     /// First reason why a viewcell could not be worked on. `None` if there was no error.
     error: Mutex<Option<LevelError>>,
@@ -158,12 +159,13 @@ impl<'a> SandwichBaker<'a> {
     /// objects first, for as many viewcells as possible:
     ///
     /// - Groups are swept undivided, for at most seven tenths of the time. Groups that are not swept by then
-    ///   wait until all others are done. If the first groups find less than an eighth of the objects hidden,
-    ///   the other groups are skipped, and all the time is for viewcells.
+    ///   wait until all other work is done. If the sweeps of the first groups find less than an eighth of the
+    ///   objects hidden, the sweeps of the other groups are skipped, and their time is used for sweeps of
+    ///   single viewcells.
     /// - Viewcells are swept until 85 hundredths of the time have passed ([`SWEEP_TIME`](crate::SWEEP_TIME)).
-    ///   Other viewcells continue with the objects that their group's sweep has left. A sweep that takes more
-    ///   than a quarter of the time left for its stage, and more than its equal share, ends early and keeps
-    ///   what it has found.
+    ///   Viewcells that are not swept by then continue with all objects that their group's sweep has left. A
+    ///   sweep that takes more than a quarter of the time left for its stage, and more than its equal share,
+    ///   ends early and keeps what it has found.
     /// - Each search, by rays and then by proofs, has an equal share of the time left, and at least half a
     ///   second. If it could not even begin in that time, since a sweep has left too many triangles, the
     ///   viewcell is swept in parts instead.
@@ -175,9 +177,9 @@ impl<'a> SandwichBaker<'a> {
         self
     }
 
-    /// Sets the results of a bake of the scene before an edit. Without a limit of time, the outcome is the
-    /// same as without these results, to the last byte, except for times. See [`BakeCache`] for the cost of
-    /// an edit.
+    /// Lets the bake reuse results of an earlier bake, of the scene before an edit. Without a limit of time,
+    /// the outcome is the same as without the cache, to the last byte, except for times. See [`BakeCache`]
+    /// for the cost of an edit.
     #[must_use]
     pub fn with_cache(mut self, cache: impl Into<Arc<BakeCache>>) -> Self {
         self.cache = cache.into();
@@ -197,13 +199,14 @@ impl<'a> SandwichBaker<'a> {
     }
 
     /// Returns the first reason why a viewcell of a level in a file could not be worked on, or `None` if
-    /// there was no error. Objects not proven hidden before the error count as visible. A resumed bake does
-    /// not work on these viewcells again.
+    /// there was no error. Objects that were not proven hidden from the viewcell before the error count as
+    /// visible. A resumed bake does not work on a viewcell again after an error.
     pub fn error(&self) -> Option<LevelError> {
         lock(&self.error).clone()
     }
 
-    /// Counts, for each group and stage, the viewcells that are done and those that are left.
+    /// Sets, for each group and stage, the number of viewcells that are not done with the stage, and the
+    /// costs of those whose next stage it is.
     fn count(&mut self) {
         self.slots.iter_mut().for_each(|slot| *slot = Mutex::default());
         self.costs = vec![[0; STAGES]; self.slots.len()];
@@ -231,7 +234,8 @@ impl<'a> SandwichBaker<'a> {
         self.time.end_of_sweep(stage, viewcells, self.waiting(stage))
     }
 
-    /// Returns the number of viewcells that had not completed a stage before this round.
+    /// Returns the number of viewcells in `range` that have not completed a stage, at the beginning of the
+    /// present round: the results of a round are stored at its end.
     fn waiting(&self, stage: u32) -> usize {
         self.done.iter().filter(|done| done.as_ref().is_none_or(|found| found.next <= stage)).count()
     }
@@ -246,7 +250,8 @@ fn add_cost(costs: &mut [u64; STAGES], found: &FoundCell) {
 
 impl Baker for SandwichBaker<'_> {
     type Scratch = BakeScratch;
-    /// `None` for a viewcell that needs no more work, or whose objects could not be loaded.
+    /// Result of an item: the viewcell's new state. `None` if the viewcell needs no more work, or if its
+    /// objects could not be loaded.
     type Found = Option<FoundCell>;
     type Outcome = SandwichOutcome;
 

@@ -164,9 +164,9 @@ impl SandwichBaker<'_> {
         left.map(|&at| u64::from(self.level.objects[at as usize].triangles)).sum()
     }
 
-    /// Tests the objects that the sweep of a viewcell has left again, by sweeps from parts of the viewcell,
-    /// since there is no time for a search. The parts are smaller in each stage. Returns the objects left and
-    /// the next stage. `None` once `stop` has returned true.
+    /// Sweeps again from smaller parts of a viewcell, where there is no time for a search. Tests the objects
+    /// that the viewcell's own sweep has left. Each stage divides the viewcell into more parts than the stage
+    /// before. Returns the objects left and the next stage. `None` once `stop` has returned true.
     fn sweep_in_parts(
         &self,
         viewcell: usize,

@@ -9,7 +9,7 @@ use visibility_core::glam::DVec3;
 /// any.
 pub(super) type Corner = (DVec3, Option<usize>);
 
-/// An edge, and the sign (1 or -1) of the side on which lines pass it.
+/// An edge, and the sign (1 or -1) of the side on which lines are required to pass it.
 pub(super) type Divider = ([Corner; 2], f64);
 
 /// A proof while it is checked. The *node at work*, a set of segments, is the one being checked.

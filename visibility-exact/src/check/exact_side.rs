@@ -33,8 +33,9 @@ pub(super) fn norm(a: [D; 3]) -> f64 {
 /// Rounding, with E the relative error of a double-double operation: differences are exact, a component of
 /// the cross product is wrong by 2 E of the sum of the magnitudes of its two products, and the product with
 /// the difference and two sums add 3 E. Together this is less than 8 E of the sum of the magnitudes of the
-/// six terms. A bound by the product of lengths would be too wide: lines may pass an edge as near as the
-/// search's own bound, 16 times the unit round-off of `f64` of the same sum.
+/// six terms. A bound from the lengths of the vectors would be too wide: in proofs by the search, lines may
+/// pass an edge so closely that the determinant is only 16 U times the sum of the magnitudes of the six
+/// terms, with U the unit round-off of `f64`.
 pub(super) fn side(p: DVec3, q: DVec3, a: DVec3, b: DVec3, delta: f64) -> (f64, f64) {
     let (r, u, w) = (difference(q, p), difference(a, p), difference(b, p));
     let normal = cross(u, w);
@@ -52,11 +53,12 @@ pub(super) fn side(p: DVec3, q: DVec3, a: DVec3, b: DVec3, delta: f64) -> (f64, 
 /// The sign always equals that of [`side`].
 ///
 /// Rounding, with U the unit round-off of `f64` and E the relative error of a double-double operation:
-/// differences round by U of their magnitude. A component of a cross product has two products and a
-/// difference, wrong by 5 U of the sum m of the products' magnitudes, errors of the differences included. The
-/// product with a difference and two sums add 4 U: 9 U of the sum of the magnitudes of the six terms, and 16
-/// U are taken. A derivative is thereby wrong by 5 U m, and 8 U m are added to it. The remaining error of the
-/// double-double value, 8 E of the terms, is far less than the difference between 16 U and 9 U.
+/// differences round by U of their magnitude. A component of a cross product is a difference of two products.
+/// It is wrong by 5 U m, with m the sum of the magnitudes of the two products, including the errors of their
+/// factors. The product with a difference and two sums add 4 U, so the value is wrong by 9 U of the sum of
+/// the magnitudes of the six terms. The bound takes 16 U. A derivative is wrong by 5 U m, and the bound adds
+/// 8 U m to it. The remaining error of the double-double value, 8 E of the terms, is far less than the
+/// difference between 16 U and 9 U.
 pub(super) fn quick_side(p: DVec3, q: DVec3, a: DVec3, b: DVec3, delta: f64) -> (f64, f64) {
     let (r, u, w) = (q - p, a - p, b - p);
     let products = |x: DVec3, y: DVec3| {

@@ -8,9 +8,11 @@ use crate::sight::Sight;
 use alloc::vec::Vec;
 
 impl Check<'_> {
-    /// Returns whether the weighted sum of the sides of all rows is certainly negative for all pairs of a
-    /// corner of the viewcell polygon and a corner of the target polygon. No line then passes every row's
-    /// edge on the given side. Rows beyond the weights do not count. False if a weight is negative.
+    /// Returns whether, for each pair of a corner of the viewcell polygon and a corner of the target polygon,
+    /// a weighted sum is certainly negative: the sum over all rows of the row's weight, times its sign, times
+    /// the side on which the line between the two corners passes the row's edge. No line then passes every
+    /// row's edge on the side that the row's sign gives. Rows without a weight are left out. False if a
+    /// weight is negative.
     ///
     /// Rounding, with U the unit round-off of `f64`: a term is a side, rounded to `f64`, times a weight, and
     /// wrong by 2 U of its magnitude. Each of the sums of n terms is wrong by U of the sum of their
@@ -33,15 +35,17 @@ impl Check<'_> {
     }
 
     /// Returns whether no line passes all three edges on the given sides, by the quadratic form of the file
-    /// `corner_proof.rs`. With directions t_k times signs, and without division: det d = sum of L_k t_k for
-    /// L_k = (t_i x t_j) . d. The sum of L_k (side on edge k) is the form at d, whatever p is, also where det
-    /// is 0. If all L_k have one sign for all d, and the form the other sign, no line has positive sides on
-    /// all edges.
+    /// `corner_proof.rs`. With t_k the direction of edge k times the row's sign, d the direction of a line
+    /// and p its start, let L_k = (t_i x t_j) . d for the two other edges i and j, and det the determinant of
+    /// t_0, t_1 and t_2. Then det d = sum of L_k t_k, without a division. The sum of L_k times the side on
+    /// edge k is a quadratic form of d, whatever p is, also where det is 0. If all L_k have one sign for all
+    /// d, and the form has the other sign, no line has positive sides on all edges.
     ///
     /// Rounding, with E the relative error of a double-double operation and |v| the sum of the magnitudes of
-    /// v: the components of a product c = t x u are together wrong by 2 E |t| |u|, and a scalar product c . d
-    /// by 3 E |c| |d|. A term of the form, the sum of two products of two scalar products, is wrong by 16 E
-    /// |c| |w| |x| |y|, and the sum of three terms by 4 E more. All products are taken to be wrong by 8 E |t|
+    /// v: the components of a product c = t x u of two edges' directions are together wrong by 2 E |t| |u|,
+    /// and a scalar product c . d by 3 E |c| |d|. A term of the form at two directions x and y, (c . x) (w .
+    /// y) + (c . y) (w . x) with w = e x s for a point e and the direction s of an edge, is wrong by 16 E |c|
+    /// |w| |x| |y|, and the sum of three terms by 4 E more. All products are taken to be wrong by 8 E |t|
     /// |u|. This covers the rest too, since |c| is at most |t| |u|: of the 8 E, a scalar product needs 2 + 3.
     /// In the form, where c is t x u and w is e x s, the 8 E count as 16 E (|t| |u| |w| + |c| |e| |s|) |x|
     /// |y|. Needed are 4 E of the same sum for the two products, and 20 E |c| |w| |x| |y|, which is at most

@@ -11,9 +11,10 @@ use visibility_core::glam::DVec3;
 impl Check<'_> {
     /// Returns whether the corners of a loop are between the planes of the viewcell polygon P and the target
     /// polygon Q, and within three clearances of a convex polygon of occluding triangles. The same then holds
-    /// for a flat surface inside the loop. At least one corner must certainly be in front of Q's plane.
-    /// Corners in Q's plane are allowed if they are corners of the target triangle, or if their heights over
-    /// the plane are exact or count as 0.
+    /// for a flat surface inside the loop. At least one corner must certainly be in front of Q's plane. A
+    /// corner of the loop may lie in Q's plane in three cases: it is a corner of the target triangle; the
+    /// plane is perpendicular to an axis, so that heights over it are exact; the corner
+    /// [counts](Self::is_near_plane_of_q) as in the plane.
     pub(super) fn is_on_piece(&self, sight: &Sight, number: u32, ring: &[Corner]) -> bool {
         let Some(triangles) = self.triangles.piece_triangles(number) else { return false };
         let corners: Vec<[DVec3; 3]> = triangles.iter().map(|&t| self.triangles.corners(t)).collect();

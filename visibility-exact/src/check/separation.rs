@@ -13,9 +13,10 @@ use visibility_core::glam::DVec3;
 impl Check<'_> {
     /// Returns, for each pair of a corner of the viewcell polygon P and a corner of the target polygon Q, the
     /// side on which the line between them passes an edge, with a bound on the side's error. The side is
-    /// exactly 0 in three cases: the corner of Q is a mixture of the edge's ends; all four points lie in P's
-    /// or Q's plane, and that plane is perpendicular to an axis; all four points count as in Q's plane. In
-    /// other cases `side` computes it.
+    /// exactly 0 in three cases: the corner of Q is an end of the edge or a mean of its two ends, by their
+    /// tags as corners of the target triangle; all four points (two corners and two ends) lie in P's or Q's
+    /// plane, and that plane is perpendicular to an axis; all four points count as in Q's plane. In other
+    /// cases `side` computes it.
     pub(super) fn sides<'b>(
         &'b self,
         sight: &'b Sight,
@@ -44,16 +45,17 @@ impl Check<'_> {
         })
     }
 
-    /// Returns the bound in metres, for each coordinate, on how far a given position may be from the position
-    /// that sides are computed for. Without a clearance it is the error of positions; with one, the distance
-    /// by which points near the target polygon's plane may be moved into the plane.
+    /// Returns a bound in metres, for each coordinate: a given position may be this far from the exact
+    /// position for which the sides of edges must hold. Without a clearance, this is the error of positions.
+    /// With a clearance, it is the distance by which points near the target polygon's plane may be moved into
+    /// the plane.
     pub(super) fn moved(&self, sight: &Sight) -> f64 {
         sight.near.map_or(self.delta, |near| 2.0 * near)
     }
 
     /// Returns whether a point counts as in the target polygon's plane: whether its distance from the plane
-    /// is below 1.5 `near`. The search uses the limit `near`, with errors of up to half of it. False without
-    /// clearance.
+    /// is below 1.5 `near`. The limit is 1.5 `near` because the search decides by `near` itself, with heights
+    /// that are wrong by up to half of `near`. False without clearance.
     pub(super) fn is_near_plane_of_q(&self, sight: &Sight, x: DVec3) -> bool {
         let Half { normal, offset } = sight.before_q;
         let height = dot(normal.to_array().map(D::from), x.to_array().map(D::from)).plus(D::from(offset));
@@ -72,9 +74,10 @@ impl Check<'_> {
     }
 
     /// Returns whether no segment meets an edge, by the sides on which segments pass it or by a plane that
-    /// separates it from both polygons. With `from_before`, segments that start behind the target polygon's
-    /// plane do not count: by the error of heights, the viewcell polygon has points behind the plane, from
-    /// which segments pass below corners of the target.
+    /// separates it from both polygons. With `from_before`, only segments that start in front of the target
+    /// polygon's plane count; they do not meet an edge behind the plane, even if its ends are corners of the
+    /// target. By the error of heights, the viewcell polygon may have points behind the plane, and segments
+    /// from there may meet such an edge.
     pub(super) fn is_missed(&self, sight: &Sight, edge: &[Corner; 2], from_before: bool) -> bool {
         let ends = [edge[0].0, edge[1].0];
         let behind = |(x, tag): Corner| tag.is_some() || sight.before_q.height(x) < -3.0 * self.delta;
@@ -130,8 +133,8 @@ impl Check<'_> {
     /// polygon.
     ///
     /// If a plane separates two convex polytopes, one does that is parallel to a face of either or to a side
-    /// of each. All of these are tried: every three of the points count as a face, every two as a side. The
-    /// faces of a polygon are its own plane and the planes across it along its sides. The answer does not
+    /// of each. All such planes are tried: every three of the points count as a face, every two as a side.
+    /// The faces of a polygon are its own plane and the planes across it along its sides. The answer does not
     /// depend on the order of the points.
     pub(super) fn is_apart(&self, sight: &Sight, points: &[DVec3]) -> bool {
         let pairs = || (1..points.len()).flat_map(|j| (0..j).map(move |i| (i, j)));

@@ -93,9 +93,9 @@ impl Check<'_> {
     /// polygon is before its front.
     ///
     /// The corners of a triangle run counter-clockwise as seen from its front. With a clearance, positions
-    /// count as exact. A corner of the polygon may then also lie on the triangle's plane if that plane is
-    /// perpendicular to an axis, where heights are differences of one coordinate: segments from there do not
-    /// cross the plane.
+    /// count as exact. If the triangle's plane is perpendicular to an axis, the height of a point over it is
+    /// then the exact difference of two coordinates. In this case a corner of the polygon may lie on the
+    /// plane, since segments from there do not cross the plane.
     pub(super) fn faces(&self, sight: &Sight, t: u32) -> bool {
         if self.triangles.front(t).is_none() {
             return true;
@@ -112,11 +112,12 @@ impl Check<'_> {
         sight.p.corners().iter().all(|&x| is_before(x, [a, b, c], slack) || is_on_plane(x))
     }
 
-    /// Returns whether a triangle touches the target polygon Q at most at Q's boundary: its corners that are
-    /// not the target's, at least one, are all on one side of Q's plane, and the triangle is apart from the
-    /// viewcell polygon. `end` is the end of the sample line, at most three errors of positions from Q. A
-    /// triangle in front of Q must have a plane farther from `end`, so that lines to the points of Q near
-    /// `end` cross the triangle as often as the sample line.
+    /// Returns whether a triangle touches the target polygon Q at most at Q's boundary, and does not touch
+    /// the viewcell polygon. True if the triangle's corners that are not the target's, of which there must be
+    /// one, are all in front of Q's plane or all behind it. If they are in front, the triangle's plane must
+    /// also be farther than 6 errors of positions from `end`, the end of the sample line, which is at most 3
+    /// such errors from Q: lines to the points of Q near `end` then cross the triangle as often as the sample
+    /// line.
     pub(super) fn touches_beside(
         &self,
         sight: &Sight,

@@ -111,9 +111,10 @@ fn proofs_with_a_changed_step_are_refused() {
     assert!(kinds[0] > 0 && kinds[1] > 0, "{kinds:?}");
 }
 
-/// Edges in the plane of the viewcell polygon, where the target polygon ends. Lines that start on both sides
-/// of the edge are not on one side of it. Where all lines start on one side, those to the end of the target
-/// polygon do not matter. Likewise for edges in the plane of the target polygon.
+/// An edge in the plane of the viewcell polygon P, which the target polygon Q touches with one side. If the
+/// edge passes between starting points of lines, lines pass it on both sides. If all lines start on one side
+/// of it, all pass it on that side: lines to the touching side of Q are in one plane with the edge and do not
+/// count. The same holds with P and Q exchanged.
 #[test]
 fn edges_in_the_plane_of_a_face_divide_the_lines_that_start_around_them() {
     let (triangles, _) = hidden();
@@ -146,9 +147,9 @@ fn edges_in_the_plane_of_a_face_divide_the_lines_that_start_around_them() {
     }
 }
 
-/// Edges near tilted planes, which hold points only up to rounding. An edge in the target polygon's plane
-/// that is beside the polygon, or an edge behind the plane, does not divide the lines that start in front of
-/// the plane; an edge across the polygon or over the plane does.
+/// Edges in or near the plane of the target polygon, which is tilted, so that points lie on it only up to
+/// rounding. An edge in the plane but beside the polygon, and an edge behind the plane, are passed on one
+/// side by all lines. An edge across the polygon, or in front of the plane, is passed on both sides.
 #[test]
 fn edges_near_the_plane_of_a_face_are_in_it() {
     let (triangles, _) = hidden();
@@ -232,9 +233,10 @@ fn sides_have_the_sign_of_exact_ones() {
     }
 }
 
-/// A segment passes an edge inside a triangle at 2e-27 m, by exact integers in units of 2^-51 m. The search
-/// calls this a certain crossing, because all terms of the side are small compared to the product of the
-/// distances.
+/// A segment that crosses a triangle 2e-27 m from one of its edges, which integers in units of 2^-51 m show
+/// exactly. The search is certain of the crossing: its error bound depends on the terms of the determinant,
+/// which are far smaller here than the product of the distances. The check must find the same crossing, here
+/// and for random segments near an edge.
 #[test]
 fn what_the_search_is_sure_to_cross_is_crossed() {
     let t = [[8.0, 3.0, 4.0], [8.0, 13.0, 18.0], [8.0, 3.0, 18.0]];

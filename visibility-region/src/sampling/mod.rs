@@ -36,7 +36,8 @@ const RAYS: usize = 100_000;
 /// Number of rows, and of columns, of the rays through each face of a cube around a viewpoint.
 const CUBE: usize = 16;
 
-/// Number of blockers past whose edges reverse sampling tries to look, for one target.
+/// Greatest number of further rays to a target after a blocked one. Each is aimed past an edge of the
+/// triangle that blocked the ray before.
 const DETOURS: usize = 4;
 
 /// A proof that an object can be seen: a segment from a viewpoint of the viewcell to a point of the object,
@@ -212,7 +213,7 @@ struct Search<'a> {
 }
 
 /// End of a ray: the triangle and the point, relative to the scene's origin, where the ray ends. `blocked`:
-/// whether this is nearer than the ray's target.
+/// whether the ray ends in front of the point at which it was aimed.
 struct End {
     triangle: TriangleIndex,
     point: DVec3,
@@ -339,7 +340,8 @@ impl Search<'_> {
     }
 
     /// Returns a point in the plane of a triangle, slightly outside its edge `side` (0 to 2). With
-    /// probability 3/4 it is next to the point `near`, otherwise at a random place along the edge.
+    /// probability 3/4 it is beside the place on the edge that is nearest to the point `near`, otherwise
+    /// beside a random place on the edge.
     fn past_edge(&mut self, triangle: TriangleIndex, side: usize, near: DVec3) -> DVec3 {
         let corners = self.tree.corners(triangle).map(|p| p.as_dvec3());
         let [a, b, c] = [0, 1, 2].map(|i| corners[(side + i) % 3]);

@@ -93,10 +93,11 @@ impl Ray {
     /// than 44u P Q in all. The margin is 128u P Q. The error of the corners adds `12 slack (P + Q + slack)`
     /// to the margin, twice what is needed.
     ///
-    /// The point where the ray meets the triangle is the mean of the corners, weighted by the three values.
-    /// Weights that err by the sum `m` of the margins move the point, within the triangle, by less than `4 m
-    /// / sum` of the difference of the corners' parameters. A corner's parameter is a dot product of three
-    /// terms over the squared length, and errs by less than 32u P, and by 2 slack.
+    /// The point where the ray meets the triangle is the mean of the corners, each weighted by the value `d .
+    /// (p x q)` of the opposite edge. Weights that err by the sum `m` of the margins move the point, within
+    /// the triangle, by less than `4 m / sum` of the difference of the corners' parameters. A corner's
+    /// parameter is a dot product of three terms over the squared length, and errs by less than 32u P, and by
+    /// 2 slack.
     pub(super) fn meet(&self, corners: &[Vec3; 3], slack: f64, is_one_sided: bool) -> Option<Meeting> {
         let p = corners.map(|corner| corner.as_dvec3() - self.origin);
         let size = p.map(|p| p.abs().max_element());

@@ -58,9 +58,9 @@ impl CellExtent {
     /// Returns a lower bound, in metres, of the positions of the viewcell's points along an axis of about
     /// unit length. It is correct up to the rounding of three products and two sums.
     ///
-    /// A half-space `m . x >= -d` and the rest `s = axis - (axis . m) m` give `axis . x >= (axis . m) (-d) +
-    /// s . x`. The last term is bounded by the viewcell's box. Planes perpendicular to the axis give the best
-    /// bound.
+    /// The result is the greatest of several bounds: that of the viewcell's box, and one for each half-space
+    /// `m . x >= -d` of the viewcell with `axis . m > 0`. With `s = axis - (axis . m) m`, each point `x` of
+    /// the half-space has `axis . x >= (axis . m) (-d) + s . x`, and the box bounds `s . x`.
     pub(crate) fn least(&self, axis: DVec3) -> f64 {
         let of_box = |axis: DVec3| (axis * self.min).min(axis * self.max).element_sum();
         let reach = self.min.abs().max(self.max.abs()).element_sum();

@@ -45,9 +45,9 @@ impl PieceMaps {
     }
 
     /// Adds to `map` the pixels that a piece of an occluder covers. `triangles` are the piece's triangles and
-    /// `contour` its boundary edges, both in local coordinates of the direction and not yet cut. Each has two
-    /// flags, for lateral axes x and y: whether all of it is on the outer side of the window's rim, see
-    /// [`Window::is_outside`].
+    /// `contour` its boundary edges, both in local coordinates of the direction and not yet cut. The two
+    /// flags of a triangle or an edge say, for lateral axes x and y, whether the whole triangle or edge is on
+    /// the outer side of the window's rim, see [`Window::is_outside`].
     pub(super) fn draw(
         &mut self,
         map: &mut RayMap,

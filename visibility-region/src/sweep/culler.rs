@@ -72,8 +72,8 @@ pub struct ExtendedProjectionCuller {
     sweep: Sweep,
     /// Items to be tested (objects and nodes of the hierarchy), assigned to each of the six directions.
     lists: [Vec<Item>; 6],
-    /// Whether `lists` is valid for the directions of the viewcell that are not swept yet. If not, items are
-    /// assigned again for each direction.
+    /// Whether `lists` holds the items of all directions of the viewcell that are not swept yet. If false,
+    /// all items are assigned to the directions again before each direction is swept.
     is_assigned: bool,
     /// Items of the present direction that are still to be tested. Nodes may have been replaced by their
     /// children.
@@ -132,9 +132,9 @@ impl ExtendedProjectionCuller {
         }
     }
 
-    /// Sweeps all directions with maps for a convex cone of rays: a set bit of a map holds for every ray from
-    /// the cell through the bit's pixel, not only for rays to the tested objects. Calls `each` for each
-    /// plane, with its direction, its window and its map.
+    /// Sweeps all directions with maps for a convex cone of rays: a set bit of a map says that every ray from
+    /// the cell through the bit's pixel is blocked in front of the plane, not only every ray to a tested
+    /// object. Calls `each` for each plane, with its direction, its window and its map.
     pub(crate) fn sweep_open(
         &mut self,
         scene: &Scene,
@@ -258,8 +258,8 @@ impl ExtendedProjectionCuller {
         stats
     }
 
-    /// Begins a viewcell, and drops the results of the last one. Occluders that are in `surfaces` occlude by
-    /// their pieces there, and must be as they were when the surfaces were collected.
+    /// Begins a viewcell, and drops the results of the last one. An occluder whose triangles are in
+    /// `surfaces` is drawn from them, and must not have changed since they were collected.
     pub(crate) fn begin(&mut self, scene: &Scene, cell: &Viewcell, surfaces: Arc<Surfaces>, effort: Effort) {
         self.hidden.reset(scene.index_limit());
         self.pieces.begin(&surfaces, &effort);
@@ -308,8 +308,8 @@ impl ExtendedProjectionCuller {
     ///
     /// The objects of `ask.occluding` and the origin of the scene must not have changed since
     /// [`begin`](Self::begin). Other objects may have changed, but those that did since the sweep of the
-    /// direction was begun may be wrongly among the hidden objects. If the objects to be tested are given as
-    /// a set, the layout of the scene must be the same since then.
+    /// direction was begun may be wrongly among the hidden objects. If `ask.asked` is a set, the layout of
+    /// the scene's hierarchy must not have changed either since the sweep of the direction was begun.
     pub(crate) fn sweep_direction(
         &mut self,
         scene: &Scene,
@@ -432,10 +432,11 @@ impl ExtendedProjectionCuller {
     }
 }
 
-/// Costs in nanoseconds of [`Work`]: of the reprojection of the map to a plane, of the test of an item on a
-/// plane, and of an occluder when planes are chosen.
+/// Cost of the reprojection of the map to a plane, in nanoseconds of [`Work`].
 const PLANE: u64 = 60_000;
+/// Cost of the test of an item on a plane, in nanoseconds of [`Work`].
 const ITEM: u64 = 60;
+/// Cost of each occluder when planes are chosen, in nanoseconds of [`Work`].
 const CHOICE: u64 = 400;
 
 /// Request to [`sweep_direction`](ExtendedProjectionCuller::sweep_direction) for the present viewcell.
@@ -462,9 +463,11 @@ struct Running {
     cone: Cone,
     rims: [Option<Rim>; 2],
     nearest: Nearest,
-    /// Numbers of planes that may still be chosen.
+    /// Effort of the sweep, with [`Effort::behind`] reduced by the number of planes behind occluders that
+    /// were chosen already.
     left: Effort,
-    /// Distances in metres of the present portion's planes that are still to be swept, farthest first.
+    /// Distances in metres of the planes that are still to be swept, farthest first. They were chosen for the
+    /// last portion of occluders that [`Nearest::advance`] has collected.
     planes: Vec<f64>,
     /// The present plane. `None` once its occluders are drawn and the items behind it are tested.
     window: Option<Window>,
@@ -484,8 +487,9 @@ impl Running {
 }
 
 impl Job<'_> {
-    /// Removes from `list` the objects that are not strictly behind the plane at distance `d`. They count as
-    /// visible: on such a plane, an object could hide itself, or objects in the plane of its front. Nodes are
+    /// Removes from `list` the objects that are not strictly behind the plane at distance `d`; they count as
+    /// visible. The map of the plane contains occluders up to that distance, so such an object could be found
+    /// hidden by its own triangles, or by those of an object that begins at the same depth. Nodes are
     /// replaced by their children, which may be farther away.
     fn drop_reached(&self, d: f64, list: &mut Vec<Item>, stats: &mut CullStats) {
         let reach = d + self.direction.guard();
@@ -502,8 +506,8 @@ impl Job<'_> {
         }
     }
 
-    /// Adds the children of a node to `list`. Rays to the children are also rays to the node, so the map
-    /// holds for them.
+    /// Adds the children of a node to `list`. Rays to the children are also rays to the node, so the bits of
+    /// the map are valid for the children too.
     fn open_node(&self, node: usize, list: &mut Vec<Item>, stats: &mut CullStats) {
         stats.nodes += 1;
         // Objects that are tested one by one have no nodes.

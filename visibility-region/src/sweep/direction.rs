@@ -136,9 +136,10 @@ impl Direction {
         (0..3).any(|axis| b.lo[axis] > ends[axis] + error || b.hi[axis] < begins[axis] - error)
     }
 
-    /// Returns the least distance in metres between an object and a plane at which the object is certainly
-    /// behind or in front of the plane. Local coordinates err by up to 4 [`error`](Self::error) for occluders
-    /// and up to 1 for occludees; a plane's own distance is exact.
+    /// Returns a distance in metres: an object that is at least this far from a plane by its local
+    /// coordinates is certainly behind or in front of the plane. Local coordinates are wrong by up to 4
+    /// [`error`](Self::error) for occluders and up to 1 `error` for occludees. A plane's own distance is
+    /// exact.
     pub(crate) fn guard(&self) -> f64 {
         8.0 * self.error
     }

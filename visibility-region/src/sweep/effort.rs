@@ -6,21 +6,22 @@
 pub(crate) struct Effort {
     /// Greatest number of planes that are placed right behind an occluder.
     pub(crate) behind: usize,
-    /// Least ratio between the distances of successive planes of the geometric series, which are placed at
-    /// growing distances, independent of occluders. The ratio is larger where `growing` planes would not
-    /// reach the last occludee.
+    /// Least ratio of the distances of successive planes in the *geometric series*: the planes that are
+    /// placed at growing distances, independent of occluders. If `growing` planes with this ratio do not
+    /// reach the last occludee, the ratio is increased until they do.
     pub(super) growth: f64,
     /// Greatest number of planes in the geometric series.
     pub(super) growing: usize,
-    /// Number of planes beyond its farthest point on which an occluder is drawn again, besides the planes
-    /// that cut it. Each reprojection loses up to a pixel around a covered area; drawing again restores it.
+    /// Number of planes behind an occluder's farthest point on which the occluder is drawn again, besides the
+    /// planes that cut it. Each reprojection of the map loses up to a pixel around a covered area; drawing
+    /// the occluder again restores it.
     pub(crate) again: usize,
     /// Greatest number of triangles in a piece of joined surfaces. A whole floor or street could be one
     /// piece: it would begin near the cell and end far away, so it would be drawn on every plane, and its own
     /// contours would cut much of what it covers. Several smaller pieces are drawn faster and cover as much.
     pub(crate) max_triangles: u32,
-    /// Whether pieces join the parts of one mesh. Parts of different objects in one cluster are always
-    /// joined.
+    /// Whether pieces join triangles of different parts of a mesh, also in clusters of a single object. In
+    /// clusters of several objects, they always do.
     pub(crate) joins: bool,
 }
 

@@ -35,8 +35,8 @@ use planes::{Candidate, Cone};
 use ray_map::RayMap;
 use window::Window;
 
-/// Depth at which the near end of a piece that joins several meshes is cut off, as a fraction of the depth of
-/// the plane on which the piece is drawn.
+/// Depth at which a piece that joins several meshes is cut off, as a fraction of the depth of the plane on
+/// which it is drawn. The part of such a long piece in front of this depth was drawn on planes before.
 const CUT: f64 = 0.3;
 
 /// The map of a sweep along one direction, and scratch memory. One value serves any number of sweeps.
@@ -48,11 +48,12 @@ pub(crate) struct Sweep {
     /// Window of the map. `None` before the first plane of a sweep.
     window: Option<Window>,
     /// Occluders that the sweep has reached and that are still to be drawn: the index of each, and the number
-    /// of planes behind the occluder on which it is still to be drawn.
+    /// of planes behind its farthest point on which it is still to be drawn.
     open: Vec<(usize, usize)>,
-    /// Number of elements of `open` that have been drawn on the present plane, and number of those among them
-    /// that are drawn again on the next plane. The latter are moved to the front of `open`.
+    /// Number of elements of `open`, from the first on, that have been drawn on the present plane.
     drawn: usize,
+    /// Number of drawn elements of `open` that are to be drawn again on the next plane. They are moved to the
+    /// front of `open`.
     kept: usize,
     /// Number of occluders that the sweep has reached: their nearest point is in front of the present plane.
     begun: usize,
@@ -82,7 +83,8 @@ impl Sweep {
 
     /// Moves the map to the plane of `window`. Covered pixels are reprojected, and occluders that begin in
     /// front of the plane are added to those to be drawn, until `again` planes behind them. `occluders` are
-    /// those of the whole sweep, nearest first. All reached ones must have been drawn on the plane before.
+    /// those of the whole sweep, nearest first. On the plane before, [`draw`](Self::draw) must have returned
+    /// true.
     pub(crate) fn move_to(
         &mut self,
         direction: &Direction,

@@ -21,12 +21,13 @@ use visibility_core::{ObjectId, Scene};
 /// occluders are chosen portion by portion: a smaller number here is faster, and chooses worse planes.
 const FIRST_PORTION: usize = 4096;
 
-/// Greatest number of occludees for which each occluder is tested before it is collected. With more
-/// occludees, no occluder is skipped.
+/// Greatest number of occludees with which occluders are skipped that no ray to any of them can meet. With
+/// more occludees, testing an occluder for that would take longer than drawing it.
 const FEW: usize = 128;
 
-/// Costs in nanoseconds of [`Work`]: of an entry of the queue, and of a triangle when pieces are made.
+/// Cost of an entry of the queue, in nanoseconds of [`Work`].
 const ENTRY: u64 = 150;
+/// Cost of each triangle when pieces are made, in nanoseconds of [`Work`].
 const TRIANGLE: u64 = 300;
 
 /// The occluders of a scene that one call may use.
@@ -75,20 +76,22 @@ pub(crate) struct Nearest {
     queue: BinaryHeap<Entry>,
     /// Indices of the clusters of surfaces whose pieces have been collected.
     listed: Bits,
-    /// The collected occluders. The first `settled` of them are complete and in their final order, by depth.
+    /// The collected occluders. The first `settled` of them are sorted by depth, and keep their indices: no
+    /// occluder that is collected later comes before them.
     occluders: Vec<Candidate>,
     settled: usize,
     portion: usize,
     /// Number of occluding objects collected for the present portion.
     count: usize,
-    /// Range of depths in metres of the planes that the last portion serves. All occluders that begin in
-    /// front of the range's end are collected.
+    /// Range of the depths of planes, in metres, that the last portion was collected for. All occluders that
+    /// begin in front of the range's end are collected.
     complete: Range<f64>,
 }
 
 impl Nearest {
-    /// Begins with the occluders within `cone`. With `by_node`, the hierarchy of the scene must not change
-    /// from now on. Without it, the hierarchy is not used, and this takes time for each occluder.
+    /// Begins with the occluders within `cone`. With `by_node`, they are found by the hierarchy of the scene,
+    /// which must not change as long as this value is used. Otherwise all occluders are tested here, one by
+    /// one.
     pub(crate) fn new(all: &Occluders<'_>, direction: &Direction, cone: &Cone, by_node: bool) -> Self {
         let mut new = Self {
             queue: BinaryHeap::new(),
@@ -113,10 +116,11 @@ impl Nearest {
         new
     }
 
-    /// Collects the next portion of occluders. `asked`: the occludees that are still to be tested, if
-    /// occluders that meet no ray to them may be left out. Returns the range of depths, in metres, of the
-    /// planes that the portion serves. `None` after the last portion, and if `work` is used up before the
-    /// portion is complete: the next call then continues it.
+    /// Collects the next portion of occluders. `asked`: the occludees that are still to be tested. Occluders
+    /// that no ray to them can meet may be left out. `None` if all occluders in the cone are needed. Returns
+    /// the range of depths, in metres, within which planes can now be placed, since all occluders in front of
+    /// them are collected. `None` after the last portion, and if `work` is used up before the portion is
+    /// complete: the next call then continues it.
     pub(crate) fn advance(
         &mut self,
         all: &Occluders<'_>,

@@ -13,9 +13,9 @@ use alloc::vec::Vec;
 use visibility_core::OccluderMesh;
 use visibility_core::glam::DVec3;
 
-/// Costs in nanoseconds of [`Work`]: of an occluder that cannot cover a pixel, and of a triangle or contour
-/// edge of another occluder, without its rows of pixels.
+/// Cost of an occluder that cannot cover a pixel, in nanoseconds of [`Work`].
 const OCCLUDER: u64 = 80;
+/// Cost of a triangle or contour edge of an occluder, without its rows of pixels, in nanoseconds of [`Work`].
 const SIDE_WORK: u64 = 80;
 
 /// Scratch memory for drawing occluders.

@@ -22,9 +22,10 @@ use visibility_core::Aabb;
 use visibility_core::bits::Bits;
 use visibility_core::glam::DVec3;
 
-/// Greatest number of drawn triangles that run along one segment in the same direction for which pairs are
-/// sought. The search for the flattest partner takes the square of their number. With more triangles, the
-/// segment bounds all of them.
+/// Greatest number of drawn triangles, all of which run along a segment in the same direction, that are
+/// paired with triangles of the other direction. The search for the flattest partner takes time proportional
+/// to the square of this number. With more triangles, none is paired, and the segment is a part of the
+/// contours of all.
 const MAX_ON_SEGMENT: usize = 32;
 
 /// The pieces of surfaces that face one viewcell.
@@ -35,7 +36,7 @@ pub(crate) struct Pieces {
     /// occlude in this call.
     facing: Vec<i8>,
     parent: Vec<u32>,
-    /// Indexed by the triangle that represents a piece. While triangles are paired: the number of triangles
+    /// Entries for the triangles that represent pieces. While triangles are paired: the number of triangles
     /// of the piece. Afterwards: the index of the piece.
     count: Vec<u32>,
     /// Clusters whose pieces have been found.
@@ -66,7 +67,8 @@ pub(crate) struct Piece {
 }
 
 impl Pieces {
-    /// Removes the pieces of the last viewcell, and sets the limits for those of the next from `effort`.
+    /// Removes the pieces of the last viewcell, and takes the limits for pieces of the next viewcell from
+    /// `effort`.
     pub(crate) fn begin(&mut self, surfaces: &Surfaces, effort: &Effort) {
         (self.max_triangles, self.joins) = (effort.max_triangles, effort.joins);
         self.triangles.clear();
@@ -141,8 +143,9 @@ impl Pieces {
         &self.contours[piece.contour[0] as usize..piece.contour[1] as usize]
     }
 
-    /// Pairs the drawn triangles of the same part on each segment of a cluster. With `joins`, triangles of
-    /// different parts are paired too.
+    /// Joins drawn triangles of a cluster into pieces: on each segment, pairs triangles of the same part
+    /// whose outlines run along the segment in opposite directions. With `joins`, triangles of different
+    /// parts are paired too.
     fn pair(&mut self, surfaces: &Surfaces, cluster: usize, joins: bool) {
         for &triangle in surfaces.triangles_of(cluster) {
             self.parent[triangle as usize] = triangle;

@@ -62,8 +62,9 @@ impl Cone {
         (first > 0.0).then_some(Self { slopes, first, deepest, near: 0.5 * first })
     }
 
-    /// Returns a wider cone, which contains the cell's own shape swept along the direction. It is convex and
-    /// contains the cell, so a ray from the cell to a point of this cone, at any depth, stays in it.
+    /// Returns a wider cone, which also contains the cell's own shape swept along the direction. The wider
+    /// cone is convex and contains the cell, so a ray from the cell to a point of the cone, at any depth,
+    /// stays in the cone.
     pub(crate) fn opened(&self) -> Self {
         Self { slopes: self.slopes.map(|[low, high]| [low.min(0.0), high.max(0.0)]), ..*self }
     }

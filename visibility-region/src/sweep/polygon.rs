@@ -75,9 +75,10 @@ impl Polygon {
         *self = kept;
     }
 
-    /// Sets the pixels of `rect` in `inside` whose row's middle line the polygon meets within the pixel, as
-    /// seen from the middle of the cell's front. Beside a rim, only the rim's inner side counts. Pixels that
-    /// are set in `map` may be left out. Returns whether any pixel was set. `sides` is scratch memory.
+    /// Sets pixels of `rect` in `inside`: those in which the polygon, as seen from the middle of the cell's
+    /// front, meets the middle line of the pixel's row. If the polygon comes from the outer side of a rim and
+    /// does not pass it, the first pixel on the rim's inner side is not set. Pixels that are set in `map` may
+    /// be left out. Returns whether any pixel was set. `sides` is scratch memory.
     pub(super) fn fill(
         &self,
         inside: &mut RayMap,

@@ -66,9 +66,9 @@ impl RayMap {
         })
     }
 
-    /// Returns false only if no rectangle within `rect` of at least `least[0]` columns and `least[1]` rows
-    /// has all pixels set. True does not mean that one has. If `least` is more than half of `rect`, all such
-    /// rectangles contain the middle of `rect`, which is tested.
+    /// Returns whether `rect` may contain a rectangle of set pixels that has at least `least[0]` columns and
+    /// `least[1]` rows. False is certain; true may also mean unknown. If `least` is more than half of `rect`,
+    /// all such rectangles contain the middle of `rect`, which is tested.
     pub(crate) fn may_hold(&self, rect: PixelRect, least: [usize; 2]) -> bool {
         let middle = |[first, last]: [usize; 2], least: usize| {
             let middle = [(last + 1).saturating_sub(least).max(first), (first + least - 1).min(last)];

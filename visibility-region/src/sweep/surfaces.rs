@@ -13,13 +13,14 @@ use visibility_core::scene::Triangle;
 use visibility_core::{Aabb, ObjectId, Scene};
 
 /// Triangles of occluders whose mesh coordinates are scene coordinates, and the segments along which they
-/// meet. Segments join all occluders of a scene, or only triangles of the same object.
+/// meet. A segment connects triangles of any occluders of the scene, or only triangles of one object.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Surfaces {
     pub(crate) triangles: Vec<Surface>,
     pub(crate) segments: Vec<[Vec3; 2]>,
-    /// For each segment, the sides of triangles on it: twice the index of the triangle, plus 1 if the
-    /// triangle runs from the segment's first end to the second.
+    /// For each segment, the triangles with a side on it. Each is given as twice the index of the triangle,
+    /// plus 1 if the side, in the order of the triangle's corners, runs from the segment's first end to the
+    /// second.
     sides: Groups,
     /// Indices of the objects whose triangles are in `triangles`.
     pub(crate) objects: Bits,
@@ -132,9 +133,9 @@ struct LineSide {
 /// Greatest mean number of triangles for each occluder with which a level counts as modelled wall by wall.
 const WALL: usize = 32;
 
-/// Greatest ratio of the number of segments on a line to the number of sides. A line with more is not
-/// divided: its sides join only where they have equal ends. This bounds memory where many long sides and many
-/// short ones are on one line.
+/// Greatest mean number of segments for each side of a triangle on one line. The sides on a line are cut into
+/// segments at one another's ends. A line that would have more segments is not cut: its sides join only where
+/// they have equal ends. This bounds memory where many long sides and many short ones are on one line.
 const MAX_SEGMENTS: usize = 16;
 
 /// Returns the representative of the set that contains `at`, and shortens the path to it. `parent` is a
@@ -286,8 +287,9 @@ impl Surfaces {
         &self.parts[surface.part as usize]
     }
 
-    /// Returns the sides of triangles on a segment: twice the index of the triangle, plus 1 if the triangle
-    /// runs from the segment's first end to the second.
+    /// Returns the triangles with a side on a segment. Each is given as twice the index of the triangle, plus
+    /// 1 if the side, in the order of the triangle's corners, runs from the segment's first end to the
+    /// second.
     pub(crate) fn sides(&self, segment: usize) -> &[u32] {
         self.sides.get(segment)
     }

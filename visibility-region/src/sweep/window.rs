@@ -18,13 +18,14 @@ pub(crate) const FARTHEST_PIXEL: f64 = 1_073_741_824.0;
 /// Least width of a window, in units of the rounding error of positions on it: 2^26.
 const WIDTH: f64 = 67_108_864.0;
 
-/// Distance in pixels from a [`Rim`] to the boundary between pixels next to it. Edges at the rim, widened by
-/// their margin, then mark pixels on one side of the boundary only.
+/// Distance in pixels from a [`Rim`] to the boundary between pixels that [`Window::fit`] places next to it,
+/// on its outer side. Edges at the rim, widened by their margin, then mark pixels on one side of the boundary
+/// only.
 const BESIDE: f64 = 4.0 * SLACK;
 
 /// A coordinate along a lateral axis at which most objects begin or end, such as the ground that houses stand
-/// on. Rays to these objects pass on its inner side. If a pixel had rays on both sides, the lower edge of a
-/// house in front would open the pixel for all objects behind it.
+/// on. The side of the rim where these objects are is its inner side. If a pixel had rays on both sides of
+/// the rim, the lower edge of a house in front would leave the pixel uncovered for all objects behind it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rim {
     at: f64,
@@ -73,9 +74,10 @@ impl ExactRim {
         }
     }
 
-    /// Removes the first inner pixel from a range of pixel coordinates that comes from the outer side and
-    /// ends at the rim, up to rounding. By its coordinates the range meets this pixel, but it meets none of
-    /// the points that the pixel represents. Other ranges are unchanged.
+    /// Removes the first inner pixel from a range of pixel coordinates that begins on the outer side and ends
+    /// at the rim, up to rounding. The boundary between pixels is a little beside the rim, so the end of the
+    /// range is in that pixel, but the range contains none of the points that the pixel represents. Other
+    /// ranges are unchanged.
     fn clip_at_rim(&self, [low, high]: [f64; 2]) -> [f64; 2] {
         let inner = self.inner as f64;
         if self.inwards > 0.0 {
@@ -241,8 +243,8 @@ impl Window {
     }
 
     /// Returns the part of a range of pixel coordinates that is on the outer side of the rim of lateral axis
-    /// `lat`, see [`is_outside`](Self::is_outside). The caller knows that all represented points are there.
-    /// Unchanged without a rim.
+    /// `lat`, see [`is_outside`](Self::is_outside). The caller knows that all points of the range are on the
+    /// outer side or at the rim. Unchanged without a rim.
     pub(crate) fn clip_outwards(&self, range: [f64; 2], lat: usize) -> [f64; 2] {
         self.rims[lat].map_or(range, |rim| rim.clip_outwards(range))
     }

@@ -31,7 +31,8 @@ fn loops_beyond_the_ends_of_segments_are_refused() {
     }
 }
 
-/// An occluder inside the viewcell by less than the error of positions: segments start in front of it.
+/// A loop on an occluder in the plane of the viewcell's face holds. A loop inside the viewcell, by two errors
+/// of positions, is refused: segments that start at the face do not cross it.
 #[test]
 fn loops_just_inside_the_viewcell_are_refused() {
     let wall = WALL.map(|[_, y, z]| [8.0, y, z]);
@@ -87,8 +88,8 @@ fn loops_in_the_plane_of_the_target_are_refused() {
     assert!(matches!(world.error(LINE, vec![step]), LOOP | MALFORMED), "a loop without corners");
 }
 
-/// Loops with corners that are falsely tagged as the target's and lie behind the target: far corners, and one
-/// of an occluder that has another corner of the target.
+/// Loops with a corner behind the target that is falsely tagged as a corner of the target, where such corners
+/// are allowed. In the last case, another corner of the loop is rightly tagged.
 #[test]
 fn corners_that_are_not_the_targets_are_refused() {
     let tilted = [[70.0, 52.0, -48.0], [90.0, 32.0, 92.0], [90.0, -200.0, -90.0]];
@@ -205,7 +206,8 @@ fn nodes_with_lines_are_not_empty() {
     }
 }
 
-/// Rows of the loop in one half are not used in the other half.
+/// The viewcell polygon is halved, and a loop adds a row in each half. A row of the first half must not count
+/// in the second half, where the loop is missing.
 #[test]
 fn rows_end_with_their_loop() {
     let world = World::new(TARGET, &[WALL]);

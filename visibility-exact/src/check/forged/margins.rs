@@ -25,8 +25,10 @@ fn edges_within_the_error_of_positions_are_not_passed() {
     }
 }
 
-/// An occluder at a corner of the target hides one half of the target, apart from a region at the middle of
-/// its side. The other half is hidden.
+/// The target is halved, and the step of one half is correct. The step of the other half is forged: its
+/// occluder has a corner of the target, but leaves a region at the middle of the target's side visible. The
+/// corner of the halved polygon there is a mean of two corners of the target, of which the occluder has only
+/// one, so it must not count as a point of the occluder's edge.
 #[test]
 fn mixtures_of_other_corners_are_not_on_an_edge() {
     let at_corner = [TARGET[2], [79.0, 4.0, -200.0], [79.0, -200.0, 6.5]];
@@ -149,10 +151,11 @@ fn corners_with_lines_are_refused() {
     assert!(tried > 60_000 && excluded > 100, "{tried} {excluded}");
 }
 
-/// Three edges that a line along z passes on the given sides. The proof of the corner must fail for positions
-/// that may be wrong by `DELTA`. What positions may change differs by case: the sign of c . d for one edge by
-/// the line's ends (case 1) or by the ends of another edge (case 2), the sign of the form by the line's ends
-/// (case 3). In cases 1 and 2 the line is far from the edges.
+/// Three edges that a line along z passes on the given sides. They must not exclude the line where positions
+/// may be wrong by `DELTA`: in each case such an error changes a sign that [`Check::corner_excludes`] relies
+/// on. In the first case, moving the ends of the line changes the sign of c . d for one edge. In the second,
+/// moving the ends of another edge does. In the third, moving the ends of the line changes the sign of the
+/// form. In the first two cases the line is far from the edges.
 #[test]
 fn corners_within_the_errors_of_positions_are_refused() {
     const DELTA: f64 = 1.0 / 256.0;
@@ -325,9 +328,10 @@ fn corners_next_to_the_plane_of_the_target_are_not_before_it() {
     }
 }
 
-/// Surfaces of two triangles that meet in a ridge from a corner of the target over the target. In one case
-/// the ridge dips below the plane by less than rounding; in the other it is the top of a tent behind the
-/// plane.
+/// Surfaces of two triangles that share an edge, the ridge. It runs from a corner of the target over the
+/// target. In one case the other end of the ridge is behind the target's plane by less than rounding, and the
+/// triangles rise from the ridge. In the other case it is in front of that plane by less than the margin for
+/// errors, and the triangles slope down behind the plane like a tent.
 #[test]
 fn ridges_next_to_the_plane_of_the_target_are_refused() {
     let mut random = Random(9);

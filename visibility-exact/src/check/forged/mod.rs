@@ -199,8 +199,9 @@ const LOOP: Option<ProofError> = Some(ProofError::Loop);
 const WEIGHTS: Option<ProofError> = Some(ProofError::Weights);
 const MALFORMED: Option<ProofError> = Some(ProofError::Form);
 
-/// Returns a triangle of integers whose plane holds the origin. The origin is outside, beyond the side from
-/// the second to the third corner, so that points next to it have any small height over the plane.
+/// Returns a triangle with integer coordinates whose plane contains the origin. The origin is beyond the side
+/// from the second to the third corner, outside of the triangle. Coordinates of points near the origin are
+/// finely spaced, so such points can have any small height over the plane.
 fn plane_through_the_origin(random: &mut Random) -> Triangle {
     loop {
         let mut int = || -> [f32; 3] { core::array::from_fn(|_| random.between(-900, 900) as f32) };

@@ -71,7 +71,8 @@ fn steps_too_many_are_refused() {
 }
 
 /// A viewcell that reaches less far in front of the target's plane than the clearance. No proof covers the
-/// target from there, so an empty proof must be refused, unless the height is 0.
+/// target from there, so an empty proof must be refused. A viewcell that only reaches up to the plane does
+/// not see the target, and an empty proof holds.
 #[test]
 fn targets_seen_from_less_than_the_clearance_are_refused() {
     let mut world = World::new(TARGET, &[]);

@@ -35,8 +35,8 @@ fn lines_of_other_nodes_are_refused() {
     }
 }
 
-/// A surface through the viewcell polygon or the target polygon that is larger than all segments'
-/// cross-section: it blocks the segments to one part only.
+/// A surface through the viewcell polygon or the target polygon that reaches beyond all segments on every
+/// side. It blocks only the segments that start, or end, on one side of it.
 #[test]
 fn surfaces_that_cut_an_end_of_segments_are_refused() {
     // These triangles lie in the planes y - x = -4 and y - x = -76.

@@ -32,8 +32,9 @@ fn lines_that_start_behind_the_plane_of_the_target_are_refused() {
     );
 }
 
-/// A sill in front of the target, over the target's plane by less than the error of heights. A line that
-/// starts and ends below the sill's height meets the sill; other lines do not.
+/// A sill in front of the target, over the target's plane by less than the error of heights. Lines that start
+/// and end below the sill's height meet the sill, as the sample line does; all other lines pass over it, so
+/// the sill must not count as blocking.
 #[test]
 fn edges_next_to_the_plane_of_the_target_are_met() {
     let target = [[8.0, 2.0, 0.25], [8.0, 6.0, 0.25], [72.0, 4.0, 2.25]];
@@ -71,8 +72,9 @@ fn lines_that_end_behind_the_plane_of_the_target_are_refused() {
     world.refuses_surface(1, line, LINE, "a line that ends behind the target's plane");
 }
 
-/// One edge of the viewcell is over the plane of the target's upper side by less than the error of heights,
-/// and sees this side. A plate hides the target's lower side.
+/// The top of the viewcell is over the plane of the target's upper side by less than the error of heights, so
+/// one edge of the viewcell sees that side. A plate hides the target's lower side only, so the target must
+/// not be found hidden.
 #[test]
 fn what_is_seen_from_next_to_its_plane_alone_is_not_hidden() {
     let [a, b, c] = [[76.0, 2.0, -0.125], [76.0, 6.0, -0.125], [84.0, 4.0, -0.375]];
