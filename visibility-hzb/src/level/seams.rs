@@ -92,10 +92,15 @@ impl Seams {
         }
         let open_columns = u64::from_le_bytes(open_columns);
         for (edge, near) in self.window.drain(..) {
-            let (mut alone, mut odd) = ([0; SIDE], [0; SIDE]);
+            let (mut alone, mut odd, mut any) = ([0; SIDE], [0; SIDE], 0);
             for row in 0..SIDE {
                 alone[row] = near[row] & !near_two[row] & open_columns;
                 odd[row] = alone[row] & wound[row];
+                any |= alone[row];
+            }
+            // No pixel of this piece counts.
+            if any == 0 {
+                continue;
             }
             let Some(last) = self.last.get_mut(edge as usize) else { continue };
             if *last == NO_PIECE {
@@ -130,7 +135,11 @@ impl Seams {
         // From the last windows to the first. The open tiles of a window end before the polygon's next one.
         while let (Some(a), Some(b)) = (self.pieces.get(p as usize), self.pieces.get(q as usize)) {
             let (first, pixels) = a.together(b);
-            if pixels != [0; SIDE] {
+            let mut any = 0;
+            for row in pixels {
+                any |= row;
+            }
+            if any != 0 {
                 let keys = [a, b].map(|piece| &self.polygons[piece.polygon as usize]);
                 if planes_index == 0 {
                     planes_index = tiles.add_depth_planes(DepthPlanes::two(keys.map(|keys| keys.plane)));
