@@ -1,7 +1,7 @@
 //! Seams: the pixels along edges that two polygons share, of whatever clusters of a level.
 //!
-//! A polygon leaves a *piece* for each of its shared edges and each window that the edge comes near, or
-//! nearly. Once the other polygon has left its own, pieces of the same tiles are put together.
+//! A polygon leaves a *piece* for each of its shared edges and each window where pixels are near that edge
+//! alone. Once the other polygon has left its own, pieces of the same tiles are put together.
 
 use super::open_tiles::TileKeys;
 use super::prepared::{NO_EDGE, PreparedEdge};
