@@ -87,15 +87,15 @@ fn answer(
 fn the_answer_does_not_depend_on_the_job_system() {
     let mut random = Random(41);
     let (mut left, mut hidden) = (0, 0);
-    // Tests a scene without a tree, one leaf, one subtree, and several subtrees; a million objects would have
-    // one level more.
-    for count in [0, 30, 3000, 40_000, 300_000] {
+    // Scenes without a tree, with one leaf, with leaves below the root, with few parents of leaves, with one
+    // level more, and with many parents of leaves.
+    for count in [0, 30, 3000, 40_000, 300_000, 90_000] {
         let scene = scene(&mut random, count);
         let make = || {
             let slab = |price| OcclusionCuller::new(Slab).with_price(price);
             Pipeline::new().with(FrustumCuller::new()).with(slab(0)).with(slab(24))
         };
-        for _ in 0..if count > 100_000 { 3 } else { 20 } {
+        for _ in 0..if count > 50_000 { 3 } else { 20 } {
             let view = view(&mut random);
             let (mut pipeline, mut visible) = (make(), VisibleSet::new());
             let sum = pipeline.cull(&scene, &view, &mut visible);

@@ -1,9 +1,9 @@
 //! A walk of the scene's hierarchy on several threads.
 //!
 //! The root and the nodes above the parents of leaves are few and are tested first, on one thread. The
-//! subtrees that are left, of at most 64 leaves each, are dealt out to a fixed number of parts. A part reads
-//! the masks of the set and keeps the masks that it finds in memory of its own. At the end they are written
-//! to the set.
+//! subtrees that are left, of at most 64 leaves each, are dealt out to a fixed number of parts. In a small
+//! tree the subtrees are the leaves. A part reads the masks of the set and keeps the masks that it finds in
+//! memory of its own. At the end they are written to the set.
 
 use super::{Block, Child, Children};
 use crate::jobs::{Jobs, for_each_part};
@@ -116,11 +116,13 @@ pub(crate) fn retain_on<T: NodeTest>(
 }
 
 /// Returns the greatest level, counted from 0 at the leaves, of the nodes whose subtrees are distributed
-/// among the parts: [`MAX_SUBTREE_LEVEL`], or the level below the root's if that is less, or 0 if the root is
-/// a leaf.
+/// among the parts: [`MAX_SUBTREE_LEVEL`], or 0 if there are fewer such nodes than parts.
 fn subtree_level(scene: &Scene) -> u8 {
     let tree = scene.tree();
-    tree.levels[tree.root as usize].saturating_sub(1).min(MAX_SUBTREE_LEVEL)
+    let (level, children) = (tree.levels[tree.root as usize], tree.occupied[tree.root as usize].count_ones());
+    let is_large =
+        level > MAX_SUBTREE_LEVEL + 1 || level == MAX_SUBTREE_LEVEL + 1 && children as usize >= PARTS;
+    if is_large { MAX_SUBTREE_LEVEL } else { 0 }
 }
 
 /// The walk of the nodes above the subtrees.

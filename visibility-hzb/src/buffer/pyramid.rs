@@ -5,7 +5,7 @@
 
 use super::tile_layout::{EMPTY_DEPTH, LINES, Rectangle, SIDE, mask};
 use super::tiles::{Tiles, UNCHANGED, join};
-use crate::lanes::least;
+use crate::lanes::{all_above, least};
 use alloc::vec::Vec;
 
 /// One level of the pyramid of least depth keys, half as wide and half as high as the next finer one, rounded
@@ -118,6 +118,16 @@ impl Pyramid {
         }
     }
 
+    /// Returns the least depth keys of the texels of a level, row by row, and the number of columns. Level 0,
+    /// and any level beyond the last, is the tiles.
+    #[inline(always)]
+    fn all_texels<'a>(&'a self, tiles: &'a Tiles, level: usize) -> (&'a [f32], usize) {
+        match self.levels.get(level.wrapping_sub(1)) {
+            Some(level) => (&level.least, level.columns),
+            None => (&tiles.tile_min, tiles.columns),
+        }
+    }
+
     /// Returns whether one level of the pyramid hides a rectangle of pixels: whether the texels that the
     /// rectangle meets, at most 2 x 2, have least depth keys strictly greater (nearer) than `depth_key`.
     /// False means undecided. The level is chosen by the size of the rectangle, so the cost is constant.
@@ -127,10 +137,7 @@ impl Pyramid {
         let [y0, y1] = [rectangle.lines[0] as usize / SIDE, (rectangle.lines[1] as usize - 1) / SIDE];
         let size = (x1 - x0).max(y1 - y0);
         let level = (usize::BITS - size.saturating_sub(1).leading_zeros()) as usize;
-        let (texels, columns) = match self.levels.get(level.wrapping_sub(1)) {
-            Some(level) => (&level.least[..], level.columns),
-            None => (&tiles.tile_min[..], tiles.columns),
-        };
+        let (texels, columns) = self.all_texels(tiles, level);
         let [x0, x1, y0, y1] = [x0 >> level, x1 >> level, y0 >> level, y1 >> level];
         let [above, below] = [y0 * columns, y1 * columns];
         let least = least(
@@ -143,8 +150,9 @@ impl Pyramid {
     /// Returns whether all pixels of a rectangle hold a depth key strictly greater (nearer) than `depth_key`.
     ///
     /// A rectangle that meets at most four tiles a side is tested tile by tile. For a larger one the test
-    /// starts on the level where the rectangle meets two or three texels along its longer side, and descends
-    /// only below texels that do not decide.
+    /// starts on the finest level where the rectangle meets at most 65 texels along its longer side, row by
+    /// row, and descends only below texels that do not decide. Coarser levels would seldom decide more than
+    /// [`hides_coarsely`](Self::hides_coarsely) has.
     #[inline(always)]
     pub(crate) fn hides(&self, tiles: &Tiles, rectangle: &Rectangle, depth_key: f32) -> bool {
         let [x0, x1] = [rectangle.columns[0] as usize / SIDE, (rectangle.columns[1] as usize - 1) / SIDE];
@@ -153,12 +161,17 @@ impl Pyramid {
         if size <= 3 {
             return hidden_tiles(tiles, rectangle, [x0, x1, y0, y1], depth_key);
         }
-        // The coarsest level on which the longer side still meets at least two texels.
-        let level = ((usize::BITS - size.leading_zeros()) as usize - 1).min(self.levels.len());
+        let level = ((usize::BITS - size.leading_zeros()) as usize).saturating_sub(6).min(self.levels.len());
+        let (texels, columns) = self.all_texels(tiles, level);
         let walk = Walk { pyramid: self, tiles, rectangle, limits: [x0, x1, y0, y1], depth_key };
-        for y in y0 >> level..=y1 >> level {
-            for x in x0 >> level..=x1 >> level {
-                if !walk.hides(level, x, y) {
+        let [x0, x1, y0, y1] = walk.limits.map(|limit| limit >> level);
+        for y in y0..=y1 {
+            if all_above(&texels[y * columns..][x0..=x1], depth_key) {
+                continue;
+            }
+            for x in x0..=x1 {
+                let hidden = if level == 0 { walk.hides_in_tile(x, y) } else { walk.hides(level, x, y) };
+                if !hidden {
                     return false;
                 }
             }
@@ -231,8 +244,7 @@ impl Walk<'_> {
     /// column and row. False beyond the last level.
     fn hides(&self, level: usize, x: usize, y: usize) -> bool {
         if level == 0 {
-            let tile = y * self.tiles.columns + x;
-            return self.tiles.hides(tile, mask(self.rectangle, x, y), self.depth_key);
+            return self.hides_in_tile(x, y);
         }
         let Some(own) = self.pyramid.levels.get(level - 1) else { return false };
         if own.least[y * own.columns + x] > self.depth_key {
@@ -247,6 +259,13 @@ impl Walk<'_> {
             }
         }
         true
+    }
+
+    /// Returns whether all pixels of the rectangle in the tile at column `x` and row `y` hold a greater
+    /// (nearer) depth key than the tested box.
+    #[inline(always)]
+    fn hides_in_tile(&self, x: usize, y: usize) -> bool {
+        self.tiles.hides(y * self.tiles.columns + x, mask(self.rectangle, x, y), self.depth_key)
     }
 }
 
@@ -267,13 +286,13 @@ mod tests {
     fn rectangles_are_hidden_where_all_their_pixels_are() {
         let mut random = Random(1);
         let (mut hidden, mut coarsely) = (0, 0);
-        for size in [[100, 60], [24, 200], [64, 64]] {
-            for _ in 0..60 {
+        for size in [[100, 60], [24, 200], [64, 64], [1100, 40]] {
+            for round in 0..60 {
                 let mut tiles = Tiles::new(size[0], size[1]);
                 // Most tiles are covered entirely, some with a nearer depth key, and parts of some tiles with
                 // a still nearer one.
                 for tile in 0..tiles.columns * tiles.rows {
-                    if random.below(40) > 0 {
+                    if random.below([40, 2000][round % 2]) > 0 {
                         tiles.cover(tile, u64::MAX, 1.0 + random.below(2) as f32, 0);
                     }
                     for _ in 0..random.below(4) {

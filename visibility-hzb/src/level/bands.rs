@@ -6,7 +6,7 @@
 //! room is in most rows. A cluster that is hidden in a band is not drawn there, so a pixel of a band may keep
 //! a slightly farther depth key than if the buffer were drawn as a whole.
 
-use super::draw::{CANDIDATE_WORK, Candidate, LevelScratch, draw_candidates};
+use super::draw::{CANDIDATE_WORK, Candidate, Candidates, LevelScratch, draw_candidates};
 use super::frame::LevelFrame;
 use super::prepared::PreparedLevel;
 use crate::buffer::tiles::Tiles;
@@ -25,8 +25,11 @@ const BANDS: usize = 2;
 /// The raster of levels, with its memory from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LevelRaster {
-    /// Clusters that may be seen, nearest first.
+    /// Clusters that may be seen, by level and number.
     candidates: Vec<Candidate>,
+    /// Order of drawing, nearest first: indices of `candidates` in the lower half of each element, below the
+    /// candidate's key. Sorting these takes a fraction of the time of sorting candidates.
+    order: Vec<u64>,
     scratch: LevelScratch,
     bands: [Band; BANDS],
     /// Buffers of all bands but the first, which is drawn into the `tiles` given to [`draw`](Self::draw).
@@ -62,7 +65,7 @@ impl LevelRaster {
         tiles: &mut Tiles,
     ) -> (f32, f32) {
         let spent = self.find_candidates(simd, levels, frames);
-        let (candidates, left) = (&self.candidates, work - spent);
+        let (candidates, left) = (Candidates { all: &self.candidates, order: &self.order }, work - spent);
         let (nearest, drawn) = match jobs {
             None => {
                 let scratch = &mut self.scratch;
@@ -100,8 +103,8 @@ impl LevelRaster {
         (nearest, spent + drawn)
     }
 
-    /// Replaces the candidates by the clusters of all levels that may be seen, nearest first. Returns the
-    /// work spent.
+    /// Replaces the candidates by the clusters of all levels that may be seen, and `order` by their order of
+    /// drawing. Returns the work spent.
     fn find_candidates(
         &mut self,
         simd: Simd,
@@ -115,7 +118,9 @@ impl LevelRaster {
                 looked_at += simd.find_candidates(index, level, frame, &mut self.candidates);
             }
         }
-        self.candidates.sort_unstable_by_key(Candidate::sort_key);
+        self.order.clear();
+        self.order.extend((0..).zip(&self.candidates).map(|(index, candidate)| candidate.sort_key(index)));
+        self.order.sort_unstable();
         CANDIDATE_WORK * looked_at as f32
     }
 }

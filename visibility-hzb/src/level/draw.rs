@@ -54,10 +54,19 @@ pub(crate) struct Candidate {
 }
 
 impl Candidate {
-    /// Returns the order of drawing: nearest first, in a total order.
-    pub(super) fn sort_key(&self) -> (u32, u32, u32) {
-        (self.order, self.level, self.cluster)
+    /// Returns the key of the order of drawing, nearest first, of the candidate at `index`, which is in the
+    /// lower half of the key: equally near candidates are drawn in their own order.
+    pub(super) fn sort_key(&self, index: u32) -> u64 {
+        u64::from(self.order) << 32 | u64::from(index)
     }
+}
+
+/// The clusters of a frame that may be seen.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Candidates<'a> {
+    pub(super) all: &'a [Candidate],
+    /// Their [keys](Candidate::sort_key), in the order of drawing.
+    pub(super) order: &'a [u64],
 }
 
 /// Scratch memory for drawing a level, kept from frame to frame.
@@ -85,7 +94,7 @@ pub(crate) fn draw_candidates(
     simd: Simd,
     levels: &[Arc<PreparedLevel>],
     frames: &[Option<LevelFrame>],
-    candidates: &[Candidate],
+    candidates: Candidates,
     work: f32,
     scratch: &mut LevelScratch,
     tiles: &mut Tiles,
@@ -99,10 +108,11 @@ pub(crate) fn draw_candidates(
     scratch.seams.begin_frame(edges);
     scratch.work = 0.0;
     let mut nearest = f32::NEG_INFINITY;
-    for candidate in candidates {
+    for &key in candidates.order {
         if scratch.work >= work {
             break;
         }
+        let Some(candidate) = candidates.all.get(key as u32 as usize) else { continue };
         let index = candidate.level as usize;
         let (Some(level), Some(Some(frame))) = (levels.get(index), frames.get(index)) else { continue };
         if let Some(rectangle) = &candidate.rectangle {

@@ -1,8 +1,8 @@
 //! Seams: the pixels along edges that two polygons share, within one cluster or between clusters of a level.
 //!
-//! In each window (64 columns of a row of tiles) that a shared edge comes near, or nearly, a polygon leaves a
-//! *piece*. Once the other polygon of the edge has left its pieces, pieces of the same tiles are put
-//! together.
+//! In each window (64 columns of a row of tiles) where pixels are near a shared edge and near no other edge, a
+//! polygon leaves a *piece*. Once the other polygon of the edge has left its pieces, pieces of the same tiles
+//! are put together.
 
 use super::open_tiles::TileKeys;
 use super::prepared::{NO_EDGE, PreparedEdge};
@@ -97,10 +97,15 @@ impl Seams {
         }
         let open_columns = u64::from_le_bytes(open_columns);
         for (edge, near) in self.window.drain(..) {
-            let (mut alone, mut odd) = ([0; SIDE], [0; SIDE]);
+            let (mut alone, mut odd, mut any) = ([0; SIDE], [0; SIDE], 0);
             for row in 0..SIDE {
                 alone[row] = near[row] & !near_two[row] & open_columns;
                 odd[row] = alone[row] & wound[row];
+                any |= alone[row];
+            }
+            // No pixel of this piece counts.
+            if any == 0 {
+                continue;
             }
             let Some(last) = self.last.get_mut(edge as usize) else { continue };
             if *last == NO_PIECE {
@@ -137,7 +142,11 @@ impl Seams {
         // window begins.
         while let (Some(a), Some(b)) = (self.pieces.get(p as usize), self.pieces.get(q as usize)) {
             let (first, pixels) = a.together(b);
-            if pixels != [0; SIDE] {
+            let mut any = 0;
+            for row in pixels {
+                any |= row;
+            }
+            if any != 0 {
                 let keys = [a, b].map(|piece| &self.polygons[piece.polygon as usize]);
                 if planes_index == 0 {
                     planes_index = tiles.add_depth_planes(DepthPlanes::two(keys.map(|keys| keys.plane)));

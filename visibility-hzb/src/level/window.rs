@@ -44,24 +44,16 @@ impl Window {
     pub(super) fn new(row: &[RowEdge], left: i32, seams: &mut Seams) -> Self {
         let mut window = Self::default();
         for edge in row {
-            // A margin of one pixel on each side, more than columns are rounded by.
-            let [first, end] = edge.span;
-            if first >= (left + WINDOW + 1) as f32 {
-                continue;
-            }
+            // Without a branch for edges beside the window: processors cannot foresee which these are.
+            let (mut near, mut any) = ([0; SIDE], 0);
             for row in 0..SIDE {
                 window.odd[row] ^= bits_from(edge.step[row] - left);
-            }
-            if end <= (left - 1) as f32 {
-                continue;
-            }
-            let mut near = [0; SIDE];
-            for row in 0..SIDE {
                 near[row] = bits_from(edge.first[row] - left) & !bits_from(edge.end[row] - left);
                 window.near_two[row] |= near[row] & window.near[row];
                 window.near[row] |= near[row];
+                any |= near[row];
             }
-            if edge.shared != NO_EDGE {
+            if (edge.shared != NO_EDGE) & (any != 0) {
                 seams.add(edge.shared, &near);
             }
         }
@@ -81,8 +73,6 @@ pub(super) struct RowEdge {
     /// First column whose pixel centre counts as to the right of the edge. [`NEVER`] in rows whose centres
     /// the edge does not cross.
     step: [i32; SIDE],
-    /// Least and greatest column that the edge comes near in any of the rows, up to rounding.
-    span: [f32; 2],
     /// Index in the frame of an edge that two polygons share, as in [`Edges16::shared`].
     shared: u32,
 }
@@ -90,16 +80,9 @@ pub(super) struct RowEdge {
 impl RowEdge {
     /// Returns the edge in lane `i` of `edges`, as it is in the row of tiles whose first pixel row is `top`.
     /// The polygon's tiles have the columns from `start` to `finish`, in pixels. Pixels within `slack` of the
-    /// edge are near it; in this row of tiles they lie in the columns of `span`.
+    /// edge are near it.
     #[inline(always)]
-    fn new(
-        edges: &Edges16,
-        i: usize,
-        top: f32,
-        slack: f32,
-        [start, finish]: [f32; 2],
-        span: [f32; 2],
-    ) -> Self {
+    fn new(edges: &Edges16, i: usize, top: f32, slack: f32, [start, finish]: [f32; 2]) -> Self {
         let (y, bottom, level) = (edges.top[i], edges.bottom[i], edges.level[i]);
         let (mut first, mut end, mut step) = ([0; SIDE], [0; SIDE], [0; SIDE]);
         for row in 0..SIDE {
@@ -116,7 +99,7 @@ impl RowEdge {
             let column = round_to_i32(least(greatest(edges.column(i, centre), start), finish));
             step[row] = if crosses { column } else { NEVER };
         }
-        Self { first, end, step, span, shared: edges.shared[i] }
+        Self { first, end, step, shared: edges.shared[i] }
     }
 }
 
@@ -151,7 +134,7 @@ pub(super) fn edges_of_row(
             let i = meeting.trailing_zeros() as usize % WIDTH;
             meeting &= meeting - 1;
             bounds = [least(left[i], bounds[0]), greatest(right[i], bounds[1])];
-            row.push(RowEdge::new(lanes, i, top, slack, columns, [left[i], right[i]]));
+            row.push(RowEdge::new(lanes, i, top, slack, columns));
         }
     }
     if edges.is_cut_at_right() {
