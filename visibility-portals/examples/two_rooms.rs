@@ -6,9 +6,7 @@
 use std::error::Error;
 use visibility_core::bake::Bake;
 use visibility_core::glam::{DVec2, DVec3};
-use visibility_core::{
-    Aabb, Culler, FrustumCuller, Pose, Scene, View, VisibleSet, cells::PortalId, pvs::Viewcells,
-};
+use visibility_core::{Aabb, Culler, FrustumCuller, Pose, Scene, View, VisibleSet, cells::PortalId};
 use visibility_portals::from_geometry::{WallSettings, floor_plan, from_walls};
 use visibility_portals::{BakerSettings, CellBaker, PortalCuller, SceneCells};
 
@@ -43,7 +41,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     ];
 
     let pvs = matrix.to_pvs(&rooms.graph)?;
-    let cells = SceneCells::new(rooms.graph, Viewcells::new(rooms.viewcells), 1e-6)?.with_pvs(pvs)?;
+    let cells = SceneCells::new(rooms.graph, rooms.viewcells, 1e-6)?.with_pvs(pvs)?;
     let mut frustum = FrustumCuller::new();
     let mut portals = PortalCuller::new(cells);
     let mut visible = VisibleSet::new();

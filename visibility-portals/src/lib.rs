@@ -17,7 +17,7 @@
 //! use visibility_core::bake::Bake;
 //! use visibility_core::glam::{DVec2, DVec3};
 //! use visibility_core::{
-//!     pvs::Viewcells, Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet,
+//!     Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet,
 //! };
 //! use visibility_portals::from_geometry::{WallSettings, floor_plan, from_walls};
 //! use visibility_portals::{CellBaker, PortalCuller, SceneCells, BakerSettings};
@@ -37,7 +37,7 @@
 //! let mut scene = Scene::new();
 //! let seen = scene.insert(Aabb::from_arrays([6.0, 1.2, 0.0], [6.5, 1.8, 1.0]));
 //! let hidden = scene.insert(Aabb::from_arrays([4.5, 3.0, 0.0], [5.0, 3.5, 1.0]));
-//! let cells = SceneCells::new(rooms.graph, Viewcells::new(rooms.viewcells), 1e-6)?.with_pvs(pvs)?;
+//! let cells = SceneCells::new(rooms.graph, rooms.viewcells, 1e-6)?.with_pvs(pvs)?;
 //! let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(PortalCuller::new(cells));
 //! let mut visible = VisibleSet::new();
 //!

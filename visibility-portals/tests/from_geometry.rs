@@ -2,7 +2,7 @@
 //! cell of its end, and most blocked segments do not.
 
 use visibility_core::glam::{DMat3, DQuat, DVec2, DVec3};
-use visibility_core::{cells::CellId, geometry::ConvexPolygon, pvs::Viewcells};
+use visibility_core::{cells::CellId, geometry::ConvexPolygon};
 use visibility_portals::from_geometry::{
     GeometryError, PolygonSettings, SolidRule, Subdivision, WallSettings, floor_plan, from_polygons,
     from_walls,
@@ -54,7 +54,7 @@ fn house(random: &mut Random) -> Vec<[DVec3; 2]> {
 
 /// Returns the faces of boxes as triangles, counter-clockwise as seen from outside, rotated by `turn` into
 /// the space of the cells.
-fn triangles(boxes: &[[DVec3; 2]], turn: DMat3) -> Vec<ConvexPolygon> {
+pub(crate) fn triangles(boxes: &[[DVec3; 2]], turn: DMat3) -> Vec<ConvexPolygon> {
     let mut out = Vec::new();
     for [min, max] in boxes {
         for axis in 0..3 {
@@ -84,7 +84,7 @@ fn triangles(boxes: &[[DVec3; 2]], turn: DMat3) -> Vec<ConvexPolygon> {
 /// Tests whether the segment from `a` to `b` meets one of `boxes` enlarged by `widen` on all sides; a
 /// negative `widen` shrinks the boxes. All lengths are in the boxes' space and unit. `false` if it meets
 /// none.
-fn blocked(boxes: &[[DVec3; 2]], a: DVec3, b: DVec3, widen: f64) -> bool {
+pub(crate) fn blocked(boxes: &[[DVec3; 2]], a: DVec3, b: DVec3, widen: f64) -> bool {
     boxes.iter().any(|[min, max]| {
         let (mut enter, mut leave) = (0.0f64, 1.0f64);
         for i in 0..3 {
@@ -145,7 +145,7 @@ fn check(
     random: &mut Random,
 ) -> (u32, f64) {
     cells.graph.validate(1e-6).unwrap();
-    let bodies = Viewcells::new(cells.viewcells.iter().cloned());
+    let bodies = &cells.viewcells;
     let (mut clear, mut stopped, mut all) = (0, 0, 0);
     for _ in 0..8000 {
         let mut point = || {
@@ -228,7 +228,7 @@ fn solid_leaves_are_no_cells() {
     let count = |solid| {
         let settings = PolygonSettings::default().with_solid(solid);
         let cells = from_polygons(&soup, &settings).unwrap();
-        let inside = Viewcells::new(cells.viewcells.iter().cloned()).locate(DVec3::splat(2.0));
+        let inside = cells.viewcells.locate(DVec3::splat(2.0));
         assert!(
             cells.outside.len() == cells.graph.cell_count() - usize::from(inside.is_some()),
             "{solid:?}: all cells but the block's lead outside"
@@ -262,7 +262,7 @@ fn regions_that_look_through_backs_are_no_cells() {
     let count = |soup: &[ConvexPolygon], one_sided: &[bool]| {
         let settings = PolygonSettings::default().with_one_sided(one_sided);
         let cells = from_polygons(soup, &settings).unwrap();
-        let inside = Viewcells::new(cells.viewcells.iter().cloned()).locate(DVec3::splat(2.0));
+        let inside = cells.viewcells.locate(DVec3::splat(2.0));
         (cells.graph.cell_count(), inside.is_some())
     };
     // From within a block lines pass its faces, and from around a block that is inside out.
@@ -301,7 +301,7 @@ fn regions_that_look_through_backs_are_no_cells() {
 
 /// Returns the rectangle of a plane at `x` with the given ranges of y and z, front to greater x, or to lesser
 /// x if `turned`.
-fn upright(x: f64, y: [f64; 2], z: [f64; 2], turned: bool) -> ConvexPolygon {
+pub(crate) fn upright(x: f64, y: [f64; 2], z: [f64; 2], turned: bool) -> ConvexPolygon {
     let mut corners =
         [[y[0], z[0]], [y[1], z[0]], [y[1], z[1]], [y[0], z[1]]].map(|[y, z]| DVec3::new(x, y, z));
     if turned {
@@ -326,7 +326,7 @@ fn a_small_leak_in_a_large_wall_is_a_leak() {
         for (one_sided, is_cell) in [(&one_sided[..], false), (&[], true)] {
             let settings = PolygonSettings::default().with_one_sided(one_sided);
             let cells = from_polygons(&polygons, &settings).unwrap();
-            let bodies = Viewcells::new(cells.viewcells.iter().cloned());
+            let bodies = &cells.viewcells;
             let behind = bodies.locate(DVec3::new(-0.5, length + 0.5, 1.45));
             assert_eq!(behind.is_some(), is_cell, "behind a wall of {length} m, one-sided {one_sided:?}");
         }
@@ -339,9 +339,9 @@ fn air_between_the_backs_of_two_signs_is_a_cell() {
     let signs = [upright(0.0, [0.0, 4.0], [0.0, 3.0], true), upright(10.0, [0.0, 4.0], [0.0, 3.0], false)];
     let settings = PolygonSettings::default().with_solid(SolidRule::Backs);
     let cells = from_polygons(&signs, &settings).unwrap();
-    let bodies = Viewcells::new(cells.viewcells.iter().cloned());
+    let bodies = &cells.viewcells;
     let between = bodies.locate(DVec3::new(5.0, 2.0, 1.5));
-    assert!(between.is_some(), "the air between the signs is a cell, of {}", cells.viewcells.len());
+    assert!(between.is_some(), "the air between the signs is a cell, of {}", cells.viewcells.cells().len());
 }
 
 #[test]
@@ -379,7 +379,7 @@ fn cells_behind_the_outermost_polygons_reach_out() {
         ];
         let settings = PolygonSettings::default().with_margin(0.0);
         let cells = from_polygons(&triangles(&boxes, DMat3::IDENTITY), &settings).unwrap();
-        let bodies = Viewcells::new(cells.viewcells.iter().cloned());
+        let bodies = &cells.viewcells;
         let cell = bodies
             .locate(DVec3::new(0.1, 0.2, (room[0] + room[1]) / 2.0))
             .map(|viewcell| CellId(viewcell.0))

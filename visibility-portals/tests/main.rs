@@ -3,6 +3,7 @@
 #![allow(missing_docs)]
 
 mod from_geometry;
+mod geometry_sight;
 mod hostile_maps;
 mod maze;
 mod no_allocation;

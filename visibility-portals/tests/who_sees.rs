@@ -5,8 +5,8 @@ use crate::maze::{Maze, Style};
 use visibility_core::bake::Bake;
 use visibility_core::cells::{CellGraph, CellId};
 use visibility_core::glam::DVec3;
-use visibility_core::pvs::{Pvs, PvsTargets};
-use visibility_core::who_sees::{Reach, ViewcellMatrix, WhoSees};
+use visibility_core::pvs::{Pvs, PvsTargets, Viewcells};
+use visibility_core::who_sees::{OfPortalsError, Reach, ViewcellMatrix, WhoSees};
 use visibility_portals::{BakerSettings, CellBaker};
 use visibility_testing::Random;
 
@@ -80,7 +80,7 @@ fn a_set_of_another_graph_is_refused() {
     let maze = Maze::new(&mut Random(4), [2, 2, 1], style);
     let (graph, volumes, pvs) = (maze.cells.graph(), maze.cells.viewcells(), bake(&maze));
     let is_made =
-        |graph: &CellGraph, pvs: &Pvs| ViewcellMatrix::of_portals(graph, volumes.clone(), pvs, 0.0).is_some();
+        |graph: &CellGraph, pvs: &Pvs| ViewcellMatrix::of_portals(graph, volumes.clone(), pvs, 1e-9).is_ok();
     assert!(is_made(graph, &pvs), "the set of the graph");
     assert!(!is_made(&CellGraph::new(4, []).unwrap(), &pvs), "a set of another graph");
     let rows = [[0u32]; 4];
@@ -89,4 +89,12 @@ fn a_set_of_another_graph_is_refused() {
     let source = graph.version();
     assert!(!is_made(graph, &made(PvsTargets::Objects, 4).with_source(source)), "a set of objects");
     assert!(!is_made(graph, &made(PvsTargets::Cells, 5).with_source(source)), "a set of five cells");
+    for swap in [[0, 1], [0, 3], [1, 2]] {
+        let mut cells = volumes.cells().to_vec();
+        cells.swap(swap[0], swap[1]);
+        let made = ViewcellMatrix::of_portals(graph, Viewcells::new(cells), &pvs, 1e-9);
+        assert!(matches!(made, Err(OfPortalsError::Viewcells(_))), "volumes {swap:?} swapped: {made:?}");
+    }
+    let made = ViewcellMatrix::of_portals(graph, Viewcells::default(), &pvs, 1e-9);
+    assert!(matches!(made, Err(OfPortalsError::Viewcells(_))), "no volumes: {made:?}");
 }

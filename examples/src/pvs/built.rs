@@ -4,7 +4,7 @@ use super::solids::boxes;
 use crate::source::SourceCells;
 use crate::{SceneSource, SourceObject};
 use glam::{DVec3, Vec3};
-use visibility_core::{geometry::ConvexPolygon, pvs::Viewcells};
+use visibility_core::geometry::ConvexPolygon;
 use visibility_portals::from_geometry::{
     PolygonSettings, SolidRule, Subdivision, WallSettings, from_polygons, from_walls,
 };
@@ -44,7 +44,7 @@ pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String
         }
     };
     let Subdivision { graph, viewcells, outside } = made.map_err(|error| error.to_string())?;
-    if viewcells.is_empty() && source.surfaces().one_sided > 0 {
+    if viewcells.cells().is_empty() && source.surfaces().one_sided > 0 {
         return Err("from all places where a camera can be, lines of sight pass walls through the backs of \
                     one-sided faces; with --two-sided, backs are drawn and cells can be made"
             .to_owned());
@@ -53,8 +53,8 @@ pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String
         let cell = visibility_core::cells::CellId(i as u32);
         format!("cell {i}{}", if outside.binary_search(&cell).is_ok() { ", outside" } else { "" })
     };
-    let names = (0..viewcells.len()).map(name).collect();
-    Ok(SourceCells { graph, viewcells: Viewcells::new(viewcells), names, depth: 0.0, with_doorways: None })
+    let names = (0..viewcells.cells().len()).map(name).collect();
+    Ok(SourceCells { graph, viewcells, names, depth: 0.0, with_doorways: None })
 }
 
 /// Returns the opaque triangles of a scene in f64, without door leaves and degenerate triangles, and for each

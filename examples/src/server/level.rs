@@ -184,8 +184,7 @@ fn portals_of(source: &SceneSource) -> Result<ViewcellMatrix, Box<dyn std::error
         BakerSettings::default().with_clearance(Some(clearance(&cells.viewcells))).with_steps_per_cell(STEPS);
     let pvs = bake(&cells.graph, settings, 0, |_| ())?.outcome.matrix.to_pvs(&cells.graph)?;
     let tolerance = tolerance(&cells.viewcells);
-    Ok(ViewcellMatrix::of_portals(&cells.graph, cells.viewcells, &pvs, tolerance)
-        .ok_or("the set is not of these cells")?)
+    Ok(ViewcellMatrix::of_portals(&cells.graph, cells.viewcells, &pvs, tolerance)?)
 }
 
 fn boxes_of(

@@ -11,7 +11,6 @@ use visibility_bevy::{CullingPipeline, Shared};
 use visibility_core::cells::PortalId;
 use visibility_core::geometry::ConvexPolygon;
 use visibility_core::glam::DVec2;
-use visibility_core::pvs::Viewcells;
 use visibility_portals::from_geometry::{WallSettings, floor_plan, from_walls};
 use visibility_portals::{PortalCuller, SceneCells};
 
@@ -29,7 +28,7 @@ fn two_rooms() -> SceneCells {
         wall([4.0, 2.0], [4.0, 4.0]),
     ];
     let rooms = from_walls(&floor_plan(&plan, 0.0, 3.0).unwrap(), &WallSettings::default()).unwrap();
-    SceneCells::new(rooms.graph, Viewcells::new(rooms.viewcells), 1e-6).unwrap()
+    SceneCells::new(rooms.graph, rooms.viewcells, 1e-6).unwrap()
 }
 
 #[test]

@@ -37,9 +37,10 @@ impl Viewcells {
     /// if these viewcells cover the polygon, except for gaps up to twice the margin wide.
     ///
     /// `corners` are in order around the polygon, in metres relative to `anchor`, a point in world space.
-    /// Each corner is within `error` metres of its true position. The margin is `error` plus the rounding of
-    /// the test itself. Returns false, with unspecified content of `reached`, for no corners, for a corner
-    /// that is not finite, and for a polygon that viewcells cut into thousands of pieces.
+    /// Each corner is within `error` metres of its true position. The margin is `error` plus the
+    /// [misplacement](Self::misplacement) of the viewcells plus the rounding of the test itself. Returns
+    /// false, with unspecified content of `reached`, for no corners, for a corner that is not finite, and for
+    /// a polygon that viewcells cut into thousands of pieces.
     ///
     /// Does not allocate once `reached` is large enough. Time is proportional to the number of viewcells
     /// reached, and logarithmic in the number of all.
@@ -56,7 +57,7 @@ impl Viewcells {
         }
         reached.clear();
         let reach = min.abs().max(max.abs()).max_element();
-        let margin = error + ROUNDING * (reach + anchor.abs().max_element());
+        let margin = error + self.misplacement() + ROUNDING * (reach + anchor.abs().max_element());
         // Refuses NaN corners too, which `min` and `max` above ignore.
         if !(margin < f64::INFINITY && corners.iter().all(|corner| corner.is_finite())) {
             return false;

@@ -3,7 +3,7 @@
 use crate::cells::CellId;
 use crate::geometry::{Plane, longest_axis};
 use alloc::vec::Vec;
-use glam::DVec3;
+use glam::{BVec3, DVec3};
 use smallvec::SmallVec;
 
 /// Number of a viewcell, from 0: the index of the region in [`Viewcells`], and the index of the row in a
@@ -95,6 +95,32 @@ pub struct Viewcells {
     /// Nodes in depth-first order: the first child follows its parent, the second child follows all
     /// descendants of the first.
     nodes: Vec<Node>,
+    /// `None` unless the viewcells are [of a divided box](Viewcells::of_divided_box).
+    divided: Option<DividedBox>,
+}
+
+/// The box that viewcells divide, in world space, and the distance that they may be misplaced by.
+#[derive(Clone, Copy, PartialEq, Debug)]
+struct DividedBox {
+    min: DVec3,
+    max: DVec3,
+    misplacement: f64,
+}
+
+impl DividedBox {
+    /// Returns by axis whether the box from `min` to `max` reaches beyond the side at lesser coordinates, and
+    /// beyond the side at greater ones. False for NaN.
+    fn passed_sides(&self, min: DVec3, max: DVec3) -> [BVec3; 2] {
+        [min.cmplt(self.min - self.misplacement), max.cmpgt(self.max + self.misplacement)]
+    }
+
+    /// Tests whether the box from `min` to `max` lies at one of `sides`, given as by
+    /// [`passed_sides`](Self::passed_sides).
+    fn is_at(&self, [low, high]: [BVec3; 2], min: DVec3, max: DVec3) -> bool {
+        let at_low = low & min.cmple(self.min + self.misplacement);
+        let at_high = high & max.cmpge(self.max - self.misplacement);
+        (at_low | at_high).any()
+    }
 }
 
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -120,11 +146,40 @@ impl Viewcells {
         let cells: Vec<Viewcell> = cells.into_iter().collect();
         let usable = |cell: &Viewcell| cell.min.cmple(cell.max).all();
         let order = (0..cells.len() as u32).filter(|&i| usable(&cells[i as usize])).collect();
-        let mut all = Self { cells, order, nodes: Vec::new() };
+        let mut all = Self { cells, order, nodes: Vec::new(), divided: None };
         if !all.order.is_empty() {
             all.build(0, all.order.len());
         }
         all
+    }
+
+    /// Like [`new`](Self::new), for the cells of the box from `min` to `max` (world space) that was divided
+    /// along walls. Lines of sight leave the box through the cells at its sides, so that what reaches out of
+    /// the box [touches](Self::for_each_touching) these cells. Cells, and the openings between them, may be
+    /// misplaced by `misplacement` metres: what is that near to a cell touches it and is
+    /// [reached](Self::reached). A `misplacement` of NaN or less than 0 counts as 0.
+    pub fn of_divided_box(
+        cells: impl IntoIterator<Item = Viewcell>,
+        min: DVec3,
+        max: DVec3,
+        misplacement: f64,
+    ) -> Self {
+        let divided = DividedBox { min, max, misplacement: misplacement.max(0.0) };
+        Self { divided: Some(divided), ..Self::new(cells) }
+    }
+
+    /// Returns the distance, in metres, that the viewcells and the openings between them may be misplaced by.
+    /// 0 unless they are [of a divided box](Self::of_divided_box).
+    pub fn misplacement(&self) -> f64 {
+        self.divided.map_or(0.0, |divided| divided.misplacement)
+    }
+
+    /// Returns whether the box from `min` to `max` (world space) reaches out of the divided box beyond a side
+    /// at which the viewcell lies. False for viewcells of no divided box, and for an unknown viewcell.
+    pub(crate) fn is_left_through(&self, viewcell: ViewcellId, min: DVec3, max: DVec3) -> bool {
+        self.divided
+            .zip(self.cells.get(viewcell.index()))
+            .is_some_and(|(divided, cell)| divided.is_at(divided.passed_sides(min, max), cell.min, cell.max))
     }
 
     fn build(&mut self, start: usize, end: usize) {
@@ -198,16 +253,26 @@ impl Viewcells {
     /// corner of the given box is inside or within rounding error. A box with a NaN touches no viewcell. The
     /// order of the calls is unspecified. Time is proportional to the number of calls, and logarithmic in the
     /// number of all viewcells.
+    ///
+    /// Of viewcells [of a divided box](Self::of_divided_box), `each` also gets those that are nearer than
+    /// their misplacement. If the given box reaches out of the divided box, `each` gets all viewcells at the
+    /// sides that it reaches beyond, since what is outside may be seen through any of these.
     pub fn for_each_touching(&self, min: DVec3, max: DVec3, mut each: impl FnMut(ViewcellId)) {
+        let passed = self.divided.map(|divided| (divided, divided.passed_sides(min, max)));
+        let is_at_passed =
+            |low: DVec3, high: DVec3| passed.is_some_and(|(divided, sides)| divided.is_at(sides, low, high));
+        let (min, max) = (min - self.misplacement(), max + self.misplacement());
         let meets = |low: DVec3, high: DVec3| low.cmple(max).all() && min.cmple(high).all();
         let magnitude = min.abs().max(max.abs());
-        self.for_each_accepted(meets, |cell, id| {
+        let accepts = |low: DVec3, high: DVec3| meets(low, high) || is_at_passed(low, high);
+        self.for_each_accepted(accepts, |cell, id| {
             // A NaN distance, from an infinite box, excludes nothing.
             let beyond = |plane: &Plane| {
                 let far = DVec3::select(plane.normal.cmpge(DVec3::ZERO), max, min);
                 plane.signed_distance(far) < -plane.error_bound(magnitude)
             };
-            if meets(cell.min, cell.max) && !cell.planes.iter().any(beyond) {
+            let touches = meets(cell.min, cell.max) && !cell.planes.iter().any(beyond);
+            if touches || is_at_passed(cell.min, cell.max) {
                 each(id);
             }
         });
@@ -286,5 +351,44 @@ mod tests {
             40,
             "the box of all space touches all"
         );
+    }
+
+    #[test]
+    fn what_leaves_a_divided_box_touches_the_viewcells_at_the_sides_that_it_passes() {
+        // Three by three columns, 1 m wide and 3 m high; only the one in the middle is at no upright side.
+        let cells = (0..9).map(|i| DVec3::new(f64::from(i % 3), f64::from(i / 3), 0.0));
+        let cells = cells.map(|min| Viewcell::from_box(min, min + DVec3::new(1.0, 1.0, 3.0)));
+        let viewcells = Viewcells::of_divided_box(cells, DVec3::ZERO, DVec3::splat(3.0), 0.01);
+        assert_eq!(viewcells.misplacement(), 0.01, "the misplacement as given");
+        let touching = |min: [f64; 3], max: [f64; 3]| {
+            let mut found = Vec::new();
+            viewcells.for_each_touching(min.into(), max.into(), |cell| found.push(cell.0));
+            found.sort_unstable();
+            found
+        };
+        assert_eq!(touching([1.2; 3], [1.8; 3]), [4], "a box in the middle column");
+        assert_eq!(touching([1.2, 1.2, 1.0], [1.8, 1.8, 3.0]), [4], "a box up to the top, not beyond");
+        assert_eq!(touching([1.2, 1.2, 1.0], [1.8, 1.8, 3.02]).len(), 9, "a box beyond the top");
+        assert_eq!(touching([1.2, 1.2, -9.0], [1.8, 1.8, -8.0]).len(), 9, "a box below");
+        assert_eq!(touching([1.2; 3], [3.02, 1.8, 1.8]), [2, 4, 5, 8], "a box beyond the east side");
+        assert_eq!(touching([-2.0, -2.0, 1.0], [-1.0, -1.0, 2.0]), [0, 1, 2, 3, 6], "a box beyond two sides");
+        assert_eq!(
+            touching([0.2, 0.2, 1.0], [0.8, 0.991, 2.0]),
+            [0, 3],
+            "a box nearer than the misplacement"
+        );
+        assert_eq!(touching([0.2, 0.2, 1.0], [0.8, 0.989, 2.0]), [0], "a box farther than the misplacement");
+        let mut reached = Vec::new();
+        for (y, count) in [(0.991, 2), (0.989, 1)] {
+            let covered = viewcells.reached(&[DVec3::new(0.5, y, 1.0)], DVec3::ZERO, 0.0, &mut reached);
+            assert!(covered && reached.len() == count, "a point at {y} is in {reached:?}");
+        }
+        let left = |cell: u32, max: f64| {
+            viewcells.is_left_through(ViewcellId(cell), DVec3::splat(1.2), DVec3::new(max, 1.8, 1.8))
+        };
+        assert!(left(5, 3.02) && !left(4, 3.02), "east of the box one comes through the eastern column");
+        assert!(!left(5, 3.0) && !left(9, 3.02), "not within the box, nor through an unknown cell");
+        let nan = Viewcells::of_divided_box([], DVec3::ZERO, DVec3::ONE, f64::NAN);
+        assert_eq!(nan.misplacement(), 0.0, "a misplacement of NaN");
     }
 }

@@ -3,11 +3,12 @@
 use super::{Reach, SightCells};
 use crate::bake::fill_rows;
 use crate::bits::Bits;
-use crate::cells::CellGraph;
+use crate::cells::{CellGraph, CellGraphError};
 use crate::pvs::{Pvs, PvsTargets, ViewcellId, Viewcells};
 use crate::stamp::Stamp;
 use crate::{Aabb, RegionCuller, Scene, VisibleSet};
 use alloc::vec::Vec;
+use core::fmt;
 use glam::DVec3;
 
 /// Which viewcells see which: one bit for each ordered pair, computed ahead for a level that does not change.
@@ -27,14 +28,43 @@ pub struct ViewcellMatrix {
     cells: Vec<u32>,
 }
 
-/// The openings between the viewcells, and the distance in metres by which viewcells and portals may be
-/// misplaced.
+/// The openings between the viewcells.
 #[derive(Clone, Debug)]
 struct Portals {
+    /// Distance in metres that viewcells may be misplaced by, beside their own misplacement.
     tolerance: f64,
-    /// Indexed by viewcell: its neighbours, each with the corners of the box around the portal, widened by
-    /// the tolerance.
+    /// By viewcell, its neighbours, each with the corners of the box around the portal, widened by all that
+    /// the portal may be misplaced by.
     neighbours: Vec<Vec<(u32, [DVec3; 2])>>,
+}
+
+/// Reason why [`ViewcellMatrix::of_portals`] fails.
+#[derive(Clone, Copy, PartialEq, Debug)]
+#[non_exhaustive]
+pub enum OfPortalsError {
+    /// The PVS is not one of the cells of the graph: its targets are not cells, it does not name the graph as
+    /// its source, or its counts are others.
+    Pvs,
+    /// Viewcell `i` is not the volume of cell `i`, as [`CellGraph::validate_bodies`] says.
+    Viewcells(CellGraphError),
+}
+
+impl fmt::Display for OfPortalsError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Pvs => write!(f, "the set is not of these cells and portals"),
+            Self::Viewcells(error) => write!(f, "the viewcells are not those of the cells: {error}"),
+        }
+    }
+}
+
+impl core::error::Error for OfPortalsError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Pvs => None,
+            Self::Viewcells(error) => Some(error),
+        }
+    }
 }
 
 impl ViewcellMatrix {
@@ -52,23 +82,34 @@ impl ViewcellMatrix {
         Self { viewcells, rows: bits, portals: None, cells: Vec::new(), stamp: Stamp::new() }
     }
 
-    /// Makes the matrix of the cells of a building, from the volumes of the cells in world space and the PVS
-    /// that was computed of their graph. Outside the cells all is solid: no part of a mover is seen there,
-    /// and no eye is there. Movers go from cell to cell through portals. Doors count as open. Portals and
-    /// volumes may be misplaced by `tolerance` metres; NaN and less than 0 count as 0. A bake with a
-    /// clearance leaves out lines of sight nearer than that to a portal's edge; then they are left out here
-    /// too.
+    /// Makes the matrix of the cells of a building, from the volumes of the cells in world space, viewcell
+    /// `i` for cell `i`, and the PVS that was computed of their graph. Outside the cells all is solid: no
+    /// part of a mover is seen there, and no eye is there. Only the space around a
+    /// [divided box](Viewcells::of_divided_box) is not: a mover that may get out of the box through a cell at
+    /// its side sees and is seen by all. Movers go from cell to cell through portals. Doors count as open.
+    /// Portals and volumes may be misplaced by `tolerance` metres, beside the
+    /// [misplacement](Viewcells::misplacement) of the viewcells; NaN and less than 0 count as 0. Lines that a
+    /// bake has left out as passing within its clearance of a portal's edge are left out here.
     ///
-    /// `None` unless the targets of the PVS are cells, it names the graph as its [source](Pvs::source), and
-    /// there are as many viewcells as cells.
-    pub fn of_portals(graph: &CellGraph, viewcells: Viewcells, pvs: &Pvs, tolerance: f64) -> Option<Self> {
+    /// # Errors
+    /// [`OfPortalsError::Pvs`] unless the targets of the PVS are the cells and it names the graph as its
+    /// [source](Pvs::source). [`OfPortalsError::Viewcells`] unless there is a viewcell for each cell, and
+    /// each portal lies in a face of the viewcells of both its cells, up to what they may be misplaced by.
+    pub fn of_portals(
+        graph: &CellGraph,
+        viewcells: Viewcells,
+        pvs: &Pvs,
+        tolerance: f64,
+    ) -> Result<Self, OfPortalsError> {
         let count = graph.cell_count();
-        let counts = [viewcells.cells().len(), pvs.viewcell_count(), pvs.target_count()];
         let is_of_graph = pvs.targets() == PvsTargets::Cells && pvs.source() == Some(graph.version());
-        if !is_of_graph || counts != [count; 3] {
-            return None;
+        if !is_of_graph || [pvs.viewcell_count(), pvs.target_count()] != [count; 2] {
+            return Err(OfPortalsError::Pvs);
         }
-        let (tolerance, mut words) = (tolerance.max(0.0), Vec::new());
+        let tolerance = tolerance.max(0.0);
+        let misplacement = tolerance + viewcells.misplacement();
+        graph.validate_bodies(viewcells.cells(), misplacement).map_err(OfPortalsError::Viewcells)?;
+        let mut words = Vec::new();
         let rows = (0..count as u32).map(|cell| {
             pvs.write_bits(ViewcellId(cell), &mut words);
             let mut row = Bits::from(words.clone());
@@ -79,13 +120,13 @@ impl ViewcellMatrix {
         let mut neighbours = alloc::vec![Vec::new(); count];
         for portal in graph.portals() {
             let vertices = || portal.polygon().vertices().iter().copied();
-            let low = vertices().fold(DVec3::INFINITY, DVec3::min) - tolerance;
-            let high = vertices().fold(DVec3::NEG_INFINITY, DVec3::max) + tolerance;
+            let low = vertices().fold(DVec3::INFINITY, DVec3::min) - misplacement;
+            let high = vertices().fold(DVec3::NEG_INFINITY, DVec3::max) + misplacement;
             let [a, b] = portal.cells();
             neighbours[a.index()].push((b.0, [low, high]));
             neighbours[b.index()].push((a.0, [low, high]));
         }
-        Some(Self {
+        Ok(Self {
             viewcells,
             rows,
             portals: Some(Portals { tolerance, neighbours }),
@@ -142,7 +183,8 @@ impl SightCells for ViewcellMatrix {
             }
             next += 1;
         }
-        next > start
+        let leaves = |&cell: &u32| self.viewcells.is_left_through(ViewcellId(cell), low, high);
+        next > start && !cells[start..].iter().any(leaves)
     }
 
     fn seen_from(&mut self, reach: &Reach, seen: &mut Bits) -> bool {

@@ -16,7 +16,7 @@
 mod matrix;
 mod reach;
 
-pub use matrix::ViewcellMatrix;
+pub use matrix::{OfPortalsError, ViewcellMatrix};
 pub use reach::Reach;
 
 use crate::bits::Bits;

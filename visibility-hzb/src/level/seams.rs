@@ -1,8 +1,8 @@
 //! Seams: the pixels along edges that two polygons share, within one cluster or between clusters of a level.
 //!
-//! In each window (64 columns of a row of tiles) where pixels are near a shared edge and near no other edge, a
-//! polygon leaves a *piece*. Once the other polygon of the edge has left its pieces, pieces of the same tiles
-//! are put together.
+//! In each window (64 columns of a row of tiles) where pixels are near a shared edge and near no other edge,
+//! a polygon leaves a *piece*. Once the other polygon of the edge has left its pieces, pieces of the same
+//! tiles are put together.
 
 use super::open_tiles::TileKeys;
 use super::prepared::{NO_EDGE, PreparedEdge};

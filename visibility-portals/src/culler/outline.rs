@@ -10,15 +10,19 @@ pub(super) struct Outline {
     pub(super) normal: DVec3,
     /// Absolute bound, in world units, on the distance between a stored vertex and the exact polygon: the
     /// tolerance of the cells plus twice the greatest distance of a vertex from the stored plane or beyond
-    /// an edge.
+    /// an edge, plus the misplacement of the cells.
     pub(super) error: f64,
+    /// The part of `error` that may tilt the polygon, without the misplacement, which moves it as a whole.
+    pub(super) flaw: f64,
     /// Lower bound on the smallest extent of the polygon within its plane, in world units. 0 if the polygon
     /// has no area.
     pub(super) width: f64,
 }
 
 impl Outline {
-    pub(super) fn new(vertices: &[DVec3], normal: DVec3, tolerance: f64) -> Self {
+    /// Measures the polygon of a portal or mirror. Each vertex may be off by `tolerance` world units, and the
+    /// polygon as a whole by `misplacement`.
+    pub(super) fn new(vertices: &[DVec3], normal: DVec3, tolerance: f64, misplacement: f64) -> Self {
         let mut defect = 0.0f64;
         let mut diameter = 0.0f64;
         let mut area = DVec3::ZERO;
@@ -33,6 +37,7 @@ impl Outline {
         }
         // The smallest width of a convex figure is at least its area divided by its diameter.
         let width = area.length() / diameter * 0.5;
-        Self { normal, error: tolerance + 2.0 * defect, width: if width > 0.0 { width } else { 0.0 } }
+        let flaw = tolerance + 2.0 * defect;
+        Self { normal, error: flaw + misplacement, flaw, width: if width > 0.0 { width } else { 0.0 } }
     }
 }

@@ -523,5 +523,6 @@ impl PortalWalk {
 
 fn crossing(eye_view: &PortalView, outline: &Outline, vertices: &[DVec3]) -> Crossing {
     let relative = vertices.iter().map(|&vertex| vertex - eye_view.anchor);
-    eye_view.crossing(relative, outline.normal, outline.width, outline.error + eye_view.error)
+    let [flaw, error] = [outline.flaw, outline.error].map(|error| error + eye_view.error);
+    eye_view.crossing(relative, outline.normal, outline.width, flaw, error)
 }

@@ -11,7 +11,7 @@ use smallvec::SmallVec;
 use visibility_core::glam::DVec3;
 use visibility_core::{
     Aabb, ObjectId, Scene,
-    cells::{CellGraph, CellId, PortalId},
+    cells::{CellGraph, CellId, Portal, PortalId},
     geometry::ConvexPolygon,
     pvs::{Pvs, PvsTargets, Viewcells},
     scene::{Changes, SceneCursor},
@@ -21,9 +21,9 @@ use visibility_core::{
 /// Cells, portals, doors, mirrors and PVS of a building, and the cells of each object. Shared by all
 /// [`PortalEye`](super::portal_eye::PortalEye)s.
 ///
-/// An object belongs to every cell that its bounds touch, and counts as visible if it is seen in any of these
-/// cells. An object in no cell is always visible, and so is an object that changed after the last
-/// [`sync`](Self::sync).
+/// An object belongs to every cell that its bounds [touch](Viewcells::for_each_touching), and counts as
+/// visible if it is seen in any of these cells. An object in no cell is always visible, and so is an object
+/// that changed after the last [`sync`](Self::sync).
 ///
 /// ```
 /// use visibility_core::glam::DVec3;
@@ -87,7 +87,8 @@ impl SceneCells {
     /// `tolerance` is the distance, in world units, by which portals and volumes may be misplaced: 1e-6 for
     /// coordinates in metres that were computed in `f64`, the last decimal for coordinates read from text. An
     /// object within the tolerance of a cell belongs to the cell. A line of sight within the tolerance of a
-    /// portal passes the portal. Gaps between cells of up to twice the tolerance are ignored.
+    /// portal passes the portal. Gaps between cells of up to twice the tolerance are ignored. The
+    /// [misplacement](Viewcells::misplacement) of the viewcells is added to the tolerance.
     ///
     /// A portal that is wound the wrong way is [turned](CellGraph::turn_portals), so that its normal points
     /// from its first cell into its second. It is not checked that portals lie in the faces of the volumes,
@@ -110,11 +111,11 @@ impl SceneCells {
         }
         let mut graph = graph;
         let turned = graph.turn_portals(viewcells.cells(), tolerance).map_err(SceneCellsError::Graph)?;
-        let outlines = graph
-            .portals()
-            .iter()
-            .map(|portal| Outline::new(portal.polygon().vertices(), portal.plane().normal, tolerance))
-            .collect();
+        let misplacement = viewcells.misplacement();
+        let outline = |portal: &Portal| {
+            Outline::new(portal.polygon().vertices(), portal.plane().normal, tolerance, misplacement)
+        };
+        let outlines = graph.portals().iter().map(outline).collect();
         Ok(Self {
             outlines,
             doors: Doors::new(graph.portals().len()),
@@ -237,7 +238,7 @@ impl SceneCells {
         let plane = polygon.plane().ok_or(SceneCellsError::NoPlane)?;
         let id = self.mirrors.len() as u32;
         self.mirrors.push(Mirror {
-            outline: Outline::new(polygon.vertices(), plane.normal, self.tolerance),
+            outline: Outline::new(polygon.vertices(), plane.normal, self.tolerance, 0.0),
             vertices: polygon.vertices().to_vec(),
             next: core::mem::replace(head, id),
             uncovered: true,

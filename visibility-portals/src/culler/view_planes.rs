@@ -69,20 +69,21 @@ impl PortalView {
 
     /// Returns in which direction lines of sight cross a polygon: along its unit normal `normal`, or against
     /// it. The vertices are anchor-relative, and each is known up to `error` (which includes the error of the
-    /// eye). The polygon's extent in every direction of its plane is at least `width`. Both lengths are in
-    /// world units.
+    /// eye), and up to `flaw` once the polygon as a whole is moved rightly. The polygon's extent in every
+    /// direction of its plane is at least `width`. All lengths are in world units.
     pub(super) fn crossing(
         &self,
         vertices: impl Iterator<Item = DVec3>,
         normal: DVec3,
         width: f64,
+        flaw: f64,
         error: f64,
     ) -> Crossing {
         // Lines from an eye cross along the normal if and only if the eye is behind the plane. Vertices that
-        // are off by `error` tilt the plane by twice `error / width`. With the unit round-off `u` = 2^-53,
+        // are off by `flaw` tilt the plane by twice `flaw / width`. With the unit round-off `u` = 2^-53,
         // evaluating the height of a vertex rounds by `8u` of its distance from the anchor, and each
         // component of the stored normal is off by up to `4u`.
-        let tilt = 2.0 * error / width + 32.0 * U;
+        let tilt = 2.0 * flaw / width + 32.0 * U;
         let (least, most) = match self.lines {
             Lines::FromAnchor => {
                 vertices.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), vertex| {
@@ -209,7 +210,7 @@ mod tests {
             let unit = a.to_f64().cross(b.to_f64()).normalize();
             let vertices = [corner, corner.plus(a), corner.plus(b)].map(|p| p.minus(eye).to_f64());
             let width = unit.cross(b.to_f64()).length() * 0.5;
-            let crossing = eye_view.crossing(vertices.into_iter(), unit, width, 0.0);
+            let crossing = eye_view.crossing(vertices.into_iter(), unit, width, 0.0, 0.0);
             // A line that starts behind the plane crosses along the normal.
             match crossing {
                 Crossing::Along => assert!(ahead > 0, "{corner:?} {a:?} {b:?} {eye:?}"),

@@ -5,7 +5,7 @@
 //! call the clipped plane the sub-hyperplane). The part that two leaves on opposite sides share, minus the
 //! opaque polygons, is a portal.
 
-use super::merge_pieces::merge_pieces;
+use super::merge_pieces::{hull, merge_pieces};
 use super::subtract_polygons::{Lengths, bounds, subtract, widened_sides, width};
 use crate::clip_polygon::clip_into;
 use alloc::vec::Vec;
@@ -62,13 +62,14 @@ struct Cover {
 }
 
 impl Cover {
-    fn new(cover: &NodeCover, node: &Node, lengths: &Lengths) -> Self {
+    /// Prepares a polygon in the plane of a node, widened by `widen` world units.
+    fn new(cover: &NodeCover, node: &Node, widen: f64, lengths: &Lengths) -> Self {
         let NodeCover { ref vertices, faces_front, one_sided } = *cover;
         let mut planes = Vec::new();
-        widened_sides(vertices, node.plane.normal, lengths.widen, &mut planes);
+        widened_sides(vertices, node.plane.normal, widen, &mut planes);
         let (min, max) = bounds(vertices);
         // Covers the widening and the distance off the plane.
-        let slack = 2.0 * (lengths.widen + lengths.plane);
+        let slack = 2.0 * (widen + lengths.plane);
         Self { planes, min: min - slack, max: max + slack, faces_front, one_sided }
     }
 
@@ -122,20 +123,28 @@ fn subtract_covers(
 }
 
 /// Returns whether lines from one side of the plane pass `piece` through the back of a one-sided cover,
-/// where no other cover stops them, in a part wider than the tolerance. The side is the front if `is_front`
-/// is true, else the back.
-fn leaks(piece: &[DVec3], covers: &[Cover], is_front: bool, normal: DVec3, lengths: &Lengths) -> bool {
+/// where no other cover stops them, in parts that together are wider than half of the tolerance. The side is
+/// the front if `is_front` is true, else the back. `exact` are the covers without their widening.
+fn leaks(
+    piece: &[DVec3],
+    covers: &[Cover],
+    exact: &[Cover],
+    is_front: bool,
+    normal: DVec3,
+    lengths: &Lengths,
+) -> bool {
     let blocking: Vec<&Cover> = covers.iter().filter(|cover| cover.blocks_from(is_front)).collect();
     let mut passed = Vec::new();
     subtract_covers(piece.to_vec(), &blocking, normal, lengths, 0, &mut passed, &mut [0.0; 2]);
     let passes = |cover: &Cover| {
-        passed.iter().any(|part| {
+        let parts = passed.iter().map(|part| {
             let mut common = part.clone();
             cover.planes.iter().for_each(|plane| clip_in_place(&mut common, plane, lengths));
-            !common.is_empty() && width(&common, normal) > 4.0 * lengths.sliver
-        })
+            common
+        });
+        width(&hull(parts.flatten(), normal), normal) > 2.0 * lengths.sliver
     };
-    covers.iter().any(|cover| !cover.blocks_from(is_front) && passes(cover))
+    exact.iter().any(|cover| !cover.blocks_from(is_front) && passes(cover))
 }
 
 /// A BSP tree that divides the box from `min` to `max`, in world space.
@@ -235,9 +244,12 @@ impl Bsp {
             if section.is_empty() {
                 continue;
             }
-            let covers: Vec<Cover> =
-                node.covers.iter().map(|cover| Cover::new(cover, node, lengths)).collect();
+            let widened = |by: f64| -> Vec<Cover> {
+                node.covers.iter().map(|cover| Cover::new(cover, node, by, lengths)).collect()
+            };
+            let covers = widened(lengths.widen);
             let has_backs = covers.iter().any(|cover| cover.one_sided);
+            let exact = if has_backs { widened(0.0) } else { Vec::new() };
             self.split_among_leaves(section, node.front, lengths, &mut ahead);
             for (front, piece) in ahead.drain(..) {
                 self.split_among_leaves(piece, node.back, lengths, &mut behind);
@@ -250,7 +262,8 @@ impl Bsp {
                     let normal = node.plane.normal;
                     subtract_covers(piece.clone(), &all, normal, lengths, 0, &mut open, &mut covered);
                     for (leaf, is_front) in [(front, true), (back, false)].into_iter().filter(|_| has_backs) {
-                        leaves[leaf as usize].leaks |= leaks(&piece, &covers, is_front, normal, lengths);
+                        leaves[leaf as usize].leaks |=
+                            leaks(&piece, &covers, &exact, is_front, normal, lengths);
                     }
                     for ([sees_front, sees_back], area) in
                         [[front, back], [back, front]].into_iter().zip(covered)
@@ -258,9 +271,7 @@ impl Bsp {
                         leaves[sees_front as usize].fronts += area;
                         leaves[sees_back as usize].backs += area;
                     }
-                    // Slivers are left out: no line that keeps the tolerance from polygons passes them.
-                    open.retain(|piece| width(piece, node.plane.normal) > lengths.sliver);
-                    merge_pieces(&mut open, node.plane.normal);
+                    merge_pieces(&mut open, normal);
                     let polygons = open.into_iter().filter_map(|piece| ConvexPolygon::new(piece).ok());
                     portals.extend(polygons.map(|polygon| (polygon, [back, front])));
                 }

@@ -219,7 +219,9 @@ pub fn from_polygons(
     let graph = CellGraph::new(count, portals)?;
     let kept = || leaves.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(leaf, _)| leaf);
     let outside = (0..).zip(kept()).filter(|(_, leaf)| leaf.outside).map(|(i, _)| CellId(i)).collect();
-    Ok(Subdivision { graph, viewcells: kept().map(|leaf| leaf.body.clone()).collect(), outside })
+    let bodies = kept().map(|leaf| leaf.body.clone());
+    let viewcells = Viewcells::of_divided_box(bodies, min, max, limits.lengths.misplacement);
+    Ok(Subdivision { graph, viewcells, outside })
 }
 
 /// The [`PolygonSettings`], with lengths in world units and areas in square world units, and the maximum

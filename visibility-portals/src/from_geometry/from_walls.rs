@@ -11,7 +11,7 @@ use visibility_core::glam::{DVec2, DVec3};
 use visibility_core::{
     cells::{CellGraph, CellId},
     geometry::ConvexPolygon,
-    pvs::Viewcell,
+    pvs::{Viewcell, Viewcells},
 };
 
 /// Settings of [`from_walls`]. Lengths are in world units.
@@ -137,7 +137,8 @@ struct Shared {
 /// # Ok::<(), visibility_portals::from_geometry::GeometryError>(())
 /// ```
 pub fn from_walls(walls: &[[DVec3; 2]], settings: &WallSettings) -> Result<Subdivision, GeometryError> {
-    let walls = prepared(walls, checked("the tolerance", settings.tolerance)?)?;
+    let tolerance = checked("the tolerance", settings.tolerance)?;
+    let walls = prepared(walls, tolerance)?;
     let margin = DVec3::splat(checked("the margin", settings.margin)?);
     let faces = walls.iter().flat_map(|wall| [0, 1, 2].map(|axis| wall.section(axis)));
     let min_area = match settings.min_area {
@@ -160,7 +161,8 @@ pub fn from_walls(walls: &[[DVec3; 2]], settings: &WallSettings) -> Result<Subdi
     let reaches_out = |cell: &Box3| cell.min.cmpeq(root.min).any() || cell.max.cmpeq(root.max).any();
     let outside = (0..).zip(&tree.cells).filter(|(_, cell)| reaches_out(cell)).map(|(i, _)| CellId(i));
     let outside = outside.collect();
-    let viewcells = tree.cells.iter().map(|cell| Viewcell::from_box(cell.min, cell.max)).collect();
+    let cells = tree.cells.iter().map(|cell| Viewcell::from_box(cell.min, cell.max));
+    let viewcells = Viewcells::of_divided_box(cells, root.min, root.max, tolerance);
     Ok(Subdivision { graph, viewcells, outside })
 }
 

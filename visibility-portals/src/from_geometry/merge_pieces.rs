@@ -85,7 +85,7 @@ fn merge_neighbours(pieces: &mut Vec<Vec<DVec3>>, normal: DVec3) {
 
 /// Returns the convex hull of coplanar points, counter-clockwise around the unit `normal` of their plane
 /// (Andrew, "Another Efficient Algorithm for Convex Hulls in Two Dimensions", 1979).
-fn hull(points: impl Iterator<Item = DVec3>, normal: DVec3) -> Vec<DVec3> {
+pub(super) fn hull(points: impl Iterator<Item = DVec3>, normal: DVec3) -> Vec<DVec3> {
     let u = normal.any_orthonormal_vector();
     let v = normal.cross(u);
     let mut flat: Vec<(f64, f64, DVec3)> = points.map(|p| (u.dot(p), v.dot(p), p)).collect();

@@ -5,14 +5,21 @@
 //! - [`from_polygons`] divides space by a BSP tree along the planes of polygons: for all other geometry.
 //!
 //! # Guarantees
-//! Both functions are conservative. Wherever the cell boundaries lie, a line that stays farther than the
-//! tolerance from all polygons is never blocked. Only the area that polygons certainly cover is opaque, and
-//! every gap between polygons becomes a portal. Polygons too small to divide space cover nothing, except in
-//! planes that were chosen for other polygons. More and smaller cells therefore make the result tighter, and
-//! fewer cells never make it wrong.
+//! Both functions are conservative. What a segment from an eye reaches counts as seen if the segment passes
+//! no polygon, and stays farther than the tolerance from all but those at which it begins and ends, such as
+//! the wall that a picture hangs on. Only the area that polygons certainly cover is opaque, and every gap
+//! between polygons becomes a portal; gaps narrower than the tolerance may be closed. Polygons too small to
+//! divide space cover nothing, except in planes that were chosen for other polygons. More and smaller cells
+//! therefore make the result tighter, and fewer cells never make it wrong.
 //!
-//! Portals narrower than the tolerance are left out, since any line through such a portal passes within the
-//! tolerance of its edges.
+//! Polygons in nearly the same plane become one plane, so that cells and portals are not quite where polygons
+//! and openings are. [`Subdivision::viewcells`] knows how far they may be misplaced, and all that is made
+//! from it reckons with that: objects and eyes that are so near to a cell are in it, and lines that pass a
+//! portal so nearly pass it.
+//!
+//! Lines of sight leave the divided box through the cells at its sides. An object that reaches out of the box
+//! is therefore in all cells at the sides that it reaches beyond, and is hidden only where none of these is
+//! seen. An eye outside of the box, or in what is no cell, sees everything.
 
 mod bsp_portals;
 mod from_polygons;

@@ -5,7 +5,7 @@ use core::fmt;
 use visibility_core::cells::Leak;
 use visibility_core::{
     cells::{CellGraph, CellGraphError, CellId},
-    pvs::{Viewcell, Viewcells},
+    pvs::Viewcells,
 };
 
 /// The result of dividing space: cells, the portals between them, and the volumes of the cells, all in world
@@ -14,8 +14,9 @@ use visibility_core::{
 pub struct Subdivision {
     /// The graph of cells and portals, with portal polygons in world space.
     pub graph: CellGraph,
-    /// Volumes of the cells, in world space; viewcell `i` is the volume of cell `i`.
-    pub viewcells: Vec<Viewcell>,
+    /// Volumes of the cells, in world space; viewcell `i` is the volume of cell `i`. They are
+    /// [of the divided box](Viewcells::of_divided_box) and misplaced by no more than the tolerance.
+    pub viewcells: Viewcells,
     /// Cells that touch the boundary of the divided region, in ascending order.
     pub outside: Vec<CellId>,
 }
@@ -26,9 +27,7 @@ impl Subdivision {
     /// leads outside, or if the point lies in no cell. Takes time proportional to the number of cells and
     /// portals.
     pub fn leak(&self, inside: visibility_core::glam::DVec3) -> Option<Leak> {
-        let from = Viewcells::new(self.viewcells.iter().cloned())
-            .locate(inside)
-            .map(|viewcell| CellId(viewcell.0))?;
+        let from = self.viewcells.locate(inside).map(|viewcell| CellId(viewcell.0))?;
         self.graph.leak(from, |cell| self.outside.binary_search(&cell).is_ok())
     }
 }

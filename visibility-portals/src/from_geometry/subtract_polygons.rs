@@ -16,21 +16,23 @@ pub(super) struct Lengths {
     /// corner of a widened polygon is cut off where it would extend more than 1.42 times this distance
     /// beyond the corner of the input polygon.
     pub(super) widen: f64,
-    /// Minimum width: an open piece no wider than this does not become a portal.
+    /// Minimum width: an input polygon no wider than this covers nothing.
     pub(super) sliver: f64,
     /// Points no farther apart than this become one, and points no farther from a plane are on it. About a
     /// thousand times the rounding of the coordinates.
     pub(super) merge: f64,
+    /// Distance that an opaque polygon may be from the plane in which it divides cells, rounding included.
+    pub(super) misplacement: f64,
 }
 
 impl Lengths {
     /// Returns the lengths for a tolerance and for coordinates of at most `extent` in absolute value, all in
-    /// world units. An opaque polygon extends by 1/2 of the tolerance off its plane and by 1.42/4 of the
-    /// tolerance within the plane: 0.86 of the tolerance in all, so no opaque point is farther than the
-    /// tolerance from its input polygon.
+    /// world units. An opaque point is off its input polygon by at most 1/2 of the tolerance across the plane
+    /// and by at most 1.42/2 along it: by less than the tolerance.
     pub(super) fn new(tolerance: f64, extent: f64) -> Self {
         let merge = extent / (1u64 << 40) as f64;
-        Self { plane: tolerance * 0.5, widen: tolerance * 0.25, sliver: tolerance * 0.25, merge }
+        let [plane, widen, sliver] = [0.5, 0.5, 0.25].map(|share| share * tolerance);
+        Self { plane, widen, sliver, merge, misplacement: plane + 4.0 * merge }
     }
 
     /// Returns the smallest tolerance, in world units, that exceeds the rounding of coordinates of at most
@@ -68,8 +70,11 @@ pub(super) fn widened_sides(cover: &[DVec3], normal: DVec3, by: f64, out: &mut V
 }
 
 /// Subtracts the region on the inner side of all `planes` from the convex polygons `pieces`, and replaces
-/// `pieces` by the remaining parts. Returns the subtracted area in square world units. Parts narrower than
-/// `lengths.sliver` are dropped. `normal` is the unit normal of the pieces.
+/// `pieces` by the remaining parts. Returns the subtracted area in square world units. `normal` is the unit
+/// normal of the pieces.
+///
+/// A narrow part beside the line of an edge remains: the line leaves its polygon behind, so that the part may
+/// be far from all polygons, and beside the lines of many polygons lie many parts.
 pub(super) fn subtract(
     pieces: &mut Vec<Vec<DVec3>>,
     planes: &[Plane],
@@ -88,7 +93,7 @@ pub(super) fn subtract(
         for plane in planes {
             clip_into(&rest, &plane.flipped(), lengths.merge, &mut outer);
             clip_into(&rest, plane, lengths.merge, &mut inner);
-            if width(&outer, normal) > lengths.sliver {
+            if !outer.is_empty() {
                 left.push(core::mem::take(&mut outer));
             }
             core::mem::swap(&mut rest, &mut inner);
@@ -192,12 +197,12 @@ mod tests {
         widened_sides(&needle, DVec3::Z, lengths.widen, &mut planes);
         let inside = |p: DVec3| planes.iter().all(|plane| plane.signed_distance(p) >= 0.0);
         assert!(
-            inside(DVec3::new(-0.002, 0.0, 0.0)) && !inside(DVec3::new(-0.004, 0.0, 0.0)),
-            "the needle's tip, 2 mm and 4 mm beyond"
+            inside(DVec3::new(-0.004, 0.0, 0.0)) && !inside(DVec3::new(-0.006, 0.0, 0.0)),
+            "the needle's tip, 4 mm and 6 mm beyond"
         );
         assert!(
-            inside(DVec3::new(5.0, -0.002, 0.0)) && !inside(DVec3::new(5.0, -0.003, 0.0)),
-            "the needle's side, 2 mm and 3 mm beyond"
+            inside(DVec3::new(5.0, -0.004, 0.0)) && !inside(DVec3::new(5.0, -0.006, 0.0)),
+            "the needle's side, 4 mm and 6 mm beyond"
         );
     }
 }
