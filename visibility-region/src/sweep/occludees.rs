@@ -21,6 +21,10 @@ pub(crate) struct Item {
 /// as visible.
 const STEEPEST: f64 = 4.0;
 
+/// Greatest slope of rays to objects that are asked [beside](Asked::Beside) their farthest direction: across
+/// a whole storey.
+const STEEPEST_BESIDE: f64 = 64.0;
+
 /// Objects to be assigned to directions.
 #[derive(Clone, Copy)]
 pub(crate) enum Asked<'a> {
@@ -28,9 +32,13 @@ pub(crate) enum Asked<'a> {
     Set(&'a VisibleSet),
     /// Objects of the scene, one by one.
     Objects(&'a [ObjectId]),
+    /// Objects of the scene, one by one, each in all directions but the one along which it is farthest. A
+    /// long wall of the next storey is farthest along the floor, where it begins before the plane at which
+    /// the ceiling hides its far end; upwards, the ceiling alone hides it.
+    Beside(&'a [ObjectId]),
 }
 
-/// Assigns the objects of `asked` to the six directions. Where all objects below a node are farthest along
+/// Assigns the objects of `asked` to the six directions, each to that along which it is farthest. Where all objects below a node are farthest along
 /// one direction, or nearly, the whole node is assigned. Objects that reach out of `usable_bounds`, into the
 /// box of the viewcell, or too far aside of it, are left out: they count as visible. Returns the number of
 /// nodes visited.
@@ -45,16 +53,21 @@ pub(crate) fn assign(
     lists.iter_mut().for_each(Vec::clear);
     let visible = match asked {
         Asked::Set(visible) => visible,
-        Asked::Objects(ids) => {
+        Asked::Objects(ids) | Asked::Beside(ids) => {
+            let is_beside = matches!(asked, Asked::Beside(_));
             for &id in ids {
                 let Some(object) = scene.object(id).ok().filter(|object| !object.is_unculled()) else {
                     continue;
                 };
                 let (child, boxes) = (Child::Object(id), directions.map(|d| d.local_box(&object.bounds)));
                 let farthest = farthest(&boxes);
-                if is_usable(usable_bounds, &directions[farthest], &boxes[farthest], &object.bounds) {
-                    let (bounds, scene_bounds) = (boxes[farthest], object.bounds);
-                    lists[farthest].push(Item { child, bounds, scene_bounds });
+                for (index, bounds) in boxes.into_iter().enumerate() {
+                    let steepest = if is_beside { STEEPEST_BESIDE } else { STEEPEST };
+                    if (index == farthest) != is_beside
+                        && is_usable(usable_bounds, &directions[index], &bounds, &object.bounds, steepest)
+                    {
+                        lists[index].push(Item { child, bounds, scene_bounds: object.bounds });
+                    }
                 }
             }
             return 0;
@@ -68,7 +81,7 @@ pub(crate) fn assign(
             let boxes = directions.each_ref().map(|direction| direction.local_box(&scene_bounds));
             let farthest = farthest(&boxes);
             let bounds = boxes[farthest];
-            let usable = is_usable(usable_bounds, &directions[farthest], &bounds, &scene_bounds);
+            let usable = is_usable(usable_bounds, &directions[farthest], &bounds, &scene_bounds, STEEPEST);
             match child {
                 Child::Object(id) => {
                     if usable && visible.contains(scene, id) {
@@ -97,14 +110,20 @@ fn farthest(boxes: &[LocalBox; 6]) -> usize {
 }
 
 /// Tests whether a box may be an occludee of a direction. `local` and `bounds` are its bounds in local and in
-/// scene coordinates.
-fn is_usable(usable_bounds: &Aabb, direction: &Direction, local: &LocalBox, bounds: &Aabb) -> bool {
-    contains(usable_bounds, bounds) && local.lo.z > direction.guard() && is_ahead(direction, local)
+/// scene coordinates. `steepest` is the greatest slope of rays to it.
+fn is_usable(
+    usable_bounds: &Aabb,
+    direction: &Direction,
+    local: &LocalBox,
+    bounds: &Aabb,
+    steepest: f64,
+) -> bool {
+    contains(usable_bounds, bounds) && local.lo.z > direction.guard() && is_ahead(direction, local, steepest)
 }
 
-/// Tests whether the rays to a box are no steeper than [`STEEPEST`].
-fn is_ahead(direction: &Direction, b: &LocalBox) -> bool {
-    (0..2).all(|lat| b.lo[lat].abs().max(b.hi[lat].abs()) - direction.half[lat] <= STEEPEST * b.lo.z)
+/// Tests whether the rays to a box are no steeper than `steepest`.
+fn is_ahead(direction: &Direction, b: &LocalBox, steepest: f64) -> bool {
+    (0..2).all(|lat| b.lo[lat].abs().max(b.hi[lat].abs()) - direction.half[lat] <= steepest * b.lo.z)
 }
 
 /// Calls `each` with the children of a node that are candidates, in local coordinates.
