@@ -3,10 +3,12 @@
 //!
 //! [`cells`] makes viewcells, [`methods`] names the methods, [`judge`] samples what can be seen, [`trial`]
 //! runs a method, [`output`] prints the results, [`picture`], [`planes`] and [`plot`] draw them.
+//! [`online_plot`] draws the walks of the program `online`.
 
 pub mod cells;
 pub mod judge;
 pub mod methods;
+pub mod online_plot;
 pub mod output;
 pub mod picture;
 pub mod planes;
