@@ -31,8 +31,8 @@ const KEPT: usize = 32;
 /// The objects that can be seen from around an eye on the move, made a little ahead of it, in a scene that
 /// changes: conservative.
 ///
-/// [`step`](Self::step) works ahead: each call makes one of the up to twelve sweeps of a box, or a part of it.
-/// The caller says how much work a call may do, and names the places where the eye is and may be next.
+/// [`step`](Self::step) works ahead: each call makes one of the up to twelve sweeps of a box, or a part of
+/// it. The caller says how much work a call may do, and names the places where the eye is and may be next.
 /// [`cull`](Culler::cull) answers at once: by the viewcell that holds the eye, otherwise by the wide box
 /// around it, otherwise by nothing, so that all candidates stay. Lines of sight begin on the near plane, so
 /// the viewcell must hold that as well.
@@ -47,13 +47,14 @@ const KEPT: usize = 32;
 /// a pipeline drop occlude all the same, as in a baked set.
 ///
 /// # Cost
-/// A viewcell of .6 m takes 2 to 20 milliseconds in scenes of some thousand objects, and a wide box 15 to 80.
+/// A viewcell of .6 m takes 2 to 30 milliseconds in scenes of some thousand objects, a wide box 15 to 100.
 /// A step takes as much of a sweep as its budget allows. Three things are not divided: the first step
 /// in a scene of walls, of at most 32 triangles an occluder, sorts all their edges; beginning and finishing a
-/// box take some nanoseconds for each object of the scene, as does the middle of a wide box; and once the hierarchy of the scene has changed at
-/// more than two steps of a wide box, each of the sweeps left is one step. Steps allocate. A frame takes
-/// a few nanoseconds for each candidate, and looks at a bit for each object of the scene. A kept box takes a
-/// bit for each object of the scene, and 8 bytes for each object that can be seen.
+/// box, and the step in the middle of a wide one, take some nanoseconds for each object of the scene; and once
+/// the hierarchy of the scene has changed at more than two steps of a wide box, each of the sweeps left is one
+/// step. Steps allocate. A frame takes a few nanoseconds for each candidate, and looks at a bit for each
+/// object of the scene. A kept box takes a bit for each object of the scene, and 8 bytes for each object that
+/// can be seen.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Culler, Object, OccluderMesh, Pose, Scene, View,
@@ -111,8 +112,8 @@ pub struct OnlinePvs {
     /// Number of boxes made, by size. `turns[NEAR]` modulo 6 is the direction in which the next viewcell asks
     /// about all objects that the wide box sees, `known` ones included.
     turns: [usize; 2],
-    /// For each size of boxes and each direction: whether asking objects [beside](Asked::Beside) there paid the
-    /// last time. If not, it is tried again in one of twelve boxes.
+    /// For each size of boxes and each direction: whether asking objects [beside](Asked::Beside) there paid
+    /// the last time. If not, it is tried again in one of twelve boxes.
     pays: [[bool; 6]; 2],
     /// Counter of uses of boxes, by which [`Made::used`] orders them: greater is later.
     clock: u64,
@@ -135,8 +136,8 @@ const RESTARTS: u32 = 2;
 /// Work for a triangle whose surfaces are listed.
 const LISTED_TRIANGLE: u64 = 500;
 
-/// Greatest work in nanoseconds for each object that a sweep [beside](Asked::Beside) hides, if it pays, by size
-/// of the box: what a wide box hides is asked by none of its viewcells.
+/// Greatest work in nanoseconds for each object that a sweep [beside](Asked::Beside) hides, if it is to pay,
+/// by size of the box: what a wide box hides is asked by none of its viewcells.
 const WORTH: [u64; 2] = [4_000_000, 1_000_000];
 
 /// Index of the larger of the two sizes of boxes, the wide boxes, in arrays by size.
@@ -242,10 +243,10 @@ impl OnlinePvs {
     }
 
     /// Works on the most urgent box that is missing: that of the first of `places` without a viewcell. Sweeps
-    /// one direction for it, or goes on with the sweep that the last step left. Returns the work done, or `None` if
-    /// all places have viewcells. `places` are in world space: the eye, then places where it may be next,
-    /// such as points of its path at equal times. A viewcell is put around as many places in a row as it
-    /// holds. Places that are not finite are left out.
+    /// one direction for it, or goes on with the sweep that the last step left. Returns the work done, or
+    /// `None` if all places have viewcells. `places` are in world space: the eye, then places where it may be
+    /// next, such as points of its path at equal times. A viewcell is put around as many places in a row as
+    /// it holds. Places that are not finite are left out.
     ///
     /// The step ends with the sweep, or once `budget` is used up: work of about so many microseconds of a
     /// core of 3 GHz, counted and not timed, so that the steps are the same on every machine. A step does a

@@ -39,8 +39,8 @@ impl Effort {
     }
 }
 
-/// Work that a call may still do and has done, in nanoseconds of a core of 3 GHz, roughly: what is counted are
-/// steps of loops, not time, so that a call does the same work on every machine.
+/// Work that a call may still do, and that it has done, in nanoseconds of a core of 3 GHz, roughly: what is
+/// counted are steps of loops, not time, so that a call does the same work on every machine.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Work {
     left: u64,

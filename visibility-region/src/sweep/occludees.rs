@@ -28,9 +28,10 @@ const STEEPEST_BESIDE: f64 = 64.0;
 /// Objects to be assigned to directions.
 #[derive(Clone, Copy)]
 pub(crate) enum Asked<'a> {
-    /// The objects of a set. Whole nodes of the hierarchy are assigned where that is possible.
+    /// The objects of a set, each in the direction along which it is farthest. Whole nodes of the hierarchy
+    /// are assigned where that is possible.
     Set(&'a VisibleSet),
-    /// Objects of the scene, one by one.
+    /// Objects of the scene, one by one, each in the direction along which it is farthest.
     Objects(&'a [ObjectId]),
     /// Objects of the scene, one by one, each in all directions but the one along which it is farthest. A
     /// long wall of the next storey is farthest along the floor, where it begins before the plane at which
@@ -38,10 +39,10 @@ pub(crate) enum Asked<'a> {
     Beside(&'a [ObjectId]),
 }
 
-/// Assigns the objects of `asked` to the six directions, each to that along which it is farthest. Where all objects below a node are farthest along
-/// one direction, or nearly, the whole node is assigned. Objects that reach out of `usable_bounds`, into the
-/// box of the viewcell, or too far aside of it, are left out: they count as visible. Returns the number of
-/// nodes visited.
+/// Assigns the objects of `asked` to the six directions, as [`Asked`] says. Where all objects of a set that
+/// are below a node are farthest along one direction, or nearly, the whole node is assigned. Objects that
+/// reach out of `usable_bounds`, into the box of the viewcell, or too far aside of it, are left out: they
+/// count as visible. Returns the number of nodes visited.
 pub(crate) fn assign(
     scene: &Scene,
     asked: Asked<'_>,
