@@ -50,11 +50,11 @@ const KEPT: usize = 32;
 /// A viewcell of .6 m takes 2 to 30 milliseconds in scenes of some thousand objects, a wide box 15 to 100.
 /// A step takes as much of a sweep as its budget allows. Three things are not divided: the first step
 /// in a scene of walls, of at most 32 triangles an occluder, sorts all their edges; beginning and finishing a
-/// box, and the step in the middle of a wide one, take some nanoseconds for each object of the scene; and once
-/// the hierarchy of the scene has changed at more than two steps of a wide box, each of the sweeps left is one
-/// step. Steps allocate. A frame takes a few nanoseconds for each candidate, and looks at a bit for each
-/// object of the scene. A kept box takes a bit for each object of the scene, and 8 bytes for each object that
-/// can be seen.
+/// box, and the step in the middle of a wide one, take some nanoseconds for each object of the scene; and
+/// once the hierarchy of the scene has changed at more than two steps of a wide box, each of the sweeps left
+/// is one step. Steps allocate. A frame takes a few nanoseconds for each candidate, and looks at a bit for
+/// each object of the scene. A kept box takes a bit for each object of the scene, and 8 bytes for each object
+/// that can be seen.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Culler, Object, OccluderMesh, Pose, Scene, View,
