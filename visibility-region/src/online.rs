@@ -1,12 +1,15 @@
 //! `OnlinePvs`: the objects visible from the surroundings of a moving eye, in a scene that changes.
 //!
-//! Boxes of two sizes make a viewcell cheap. An object that is hidden from a wide box, of some metres, is
-//! hidden from every viewcell inside it. It also hides nothing there that other objects do not hide as well,
-//! since a ray that reaches it has met another occluder before. So a viewcell tests only the objects that the
-//! wide box sees, with these as the only occluders. Further, the objects that the last viewcell saw are
-//! assumed to be seen, since nearly all of them are: a sweep ends early where no other object needs a test.
-//! To drop objects that are no longer visible, each viewcell tests all objects in one of the six directions,
-//! in turn.
+//! Two sizes of boxes make a viewcell cheap. What is hidden from a wide box, of some metres, is hidden from
+//! every viewcell inside it, and hides nothing there that other objects do not hide as well: a ray that
+//! reaches it has met another occluder before. So a viewcell asks about the objects that the wide box sees,
+//! with these as the only occluders. Further, the objects that the last viewcell saw are taken as seen, since
+//! nearly all of them are: a sweep ends early where no other object is asked. To forget what is out of sight
+//! by now, each viewcell asks about all objects in one of the six directions, in turn.
+//!
+//! A sweep asks an object along the direction in which it is farthest. An object that is long along it, such
+//! as a wall of the next storey, may be hidden along another: by the ceiling. So what the six directions
+//! leave is asked in the others too, where that has paid.
 
 use crate::sight_start::sight_start;
 use crate::solids::occluding;
@@ -28,12 +31,11 @@ const KEPT: usize = 32;
 /// Conservative sets of visible objects around a moving eye, computed a little ahead of it, in a scene that
 /// changes.
 ///
-/// [`step`](Self::step) works ahead: each call sweeps one of the six directions of a box, or a part of it.
-/// Boxes have two sizes: a *wide box* finds the objects of the whole scene that are hidden from it, and a
-/// small *viewcell* in it finds more hidden ones among the rest. The caller says how much work a call may do,
-/// and names the places where the eye is and may be next. [`cull`](Culler::cull) answers at once, by a
-/// viewcell that holds the eye, otherwise by a wide box that does. If no box holds the eye, all candidates
-/// stay. Lines of sight begin on the near plane, so the box must hold the near plane too.
+/// [`step`](Self::step) works ahead: each call makes one of the up to twelve sweeps of a box, or a part of
+/// it. The caller says how much work a call may do, and names the places where the eye is and may be next.
+/// [`cull`](Culler::cull) answers at once: by the viewcell that holds the eye, otherwise by the wide box
+/// around it, otherwise by nothing, so that all candidates stay. Lines of sight begin on the near plane, so
+/// the viewcell must hold that as well.
 ///
 /// An object that was inserted, moved or otherwise changed counts as visible until the next wide box is made,
 /// and it is not an occluder of the next boxes, so that a moving object does not invalidate boxes each frame.
@@ -44,14 +46,14 @@ const KEPT: usize = 32;
 /// all candidates stay. Objects that earlier stages of a pipeline remove still occlude, as in a baked set.
 ///
 /// # Cost
-/// A viewcell of 0.6 m takes 2 to 20 milliseconds in scenes of some thousand objects, and a wide box 15 to
-/// 80. A step does a sixth of that, or the part that its budget allows. Three kinds of work are not divided
-/// between steps: the first step in a scene of walls (at most 32 triangles for each occluder on average)
-/// sorts all their edges; beginning and finishing a box take some nanoseconds for each object of the scene;
-/// and once the hierarchy of the scene has changed during more than two steps of a wide box, each remaining
-/// direction is one step. Steps allocate. A frame takes a few nanoseconds for each candidate, and reads one
-/// bit for each object of the scene. A kept box takes one bit for each object of the scene, and 8 bytes for
-/// each visible object.
+/// A viewcell of .6 m takes 2 to 30 milliseconds in scenes of some thousand objects, a wide box 15 to 100.
+/// A step takes as much of a sweep as its budget allows. Three things are not divided: the first step
+/// in a scene of walls, of at most 32 triangles an occluder, sorts all their edges; beginning and finishing a
+/// box, and the step in the middle of a wide one, take some nanoseconds for each object of the scene; and
+/// once the hierarchy of the scene has changed at more than two steps of a wide box, each of the sweeps left
+/// is one step. Steps allocate. A frame takes a few nanoseconds for each candidate, and looks at a bit for
+/// each object of the scene. A kept box takes a bit for each object of the scene, and 8 bytes for each object
+/// that can be seen.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Culler, Object, OccluderMesh, Pose, Scene, View,
@@ -106,11 +108,13 @@ pub struct OnlinePvs {
     changed: [Bits; 2],
     /// Objects that the last finished viewcell sees. The next viewcell assumes that it sees them too.
     known: Vec<ObjectId>,
-    /// Direction, 0 to 5, in which the next viewcell tests all objects that the wide box sees. In the other
-    /// five it tests only those that are not in `known`. The direction changes with each viewcell, so that in
-    /// time all objects of `known` are tested in all directions.
-    full_direction: usize,
-    /// Counter of uses of boxes. [`Made::used`] holds its value at a box's last use.
+    /// Number of boxes made, by size. `turns[NEAR]` modulo 6 is the direction in which the next viewcell asks
+    /// about all objects that the wide box sees, `known` ones included.
+    turns: [usize; 2],
+    /// For each size of boxes and each direction: whether asking objects [beside](Asked::Beside) there paid
+    /// the last time. If not, it is tried again in one of twelve boxes.
+    pays: [[bool; 6]; 2],
+    /// Counter of uses of boxes, by which [`Made::used`] orders them: greater is later.
     clock: u64,
     /// Size ([`WIDE`] or [`NEAR`]) and box that answered the last frame. `None` if no box did, so that all
     /// candidates stayed.
@@ -124,14 +128,18 @@ pub struct OnlinePvs {
     ranked: Vec<(f64, ObjectId)>,
 }
 
-/// Number of times that the sweep of a direction of a wide box starts again because the hierarchy of the
-/// scene has changed. After that, each direction of the box is one step.
+/// Number of times that the sweep of a direction of a wide box begins anew because the hierarchy of the scene
+/// has changed. After that, each sweep of the box is one step.
 const RESTARTS: u32 = 2;
 
 /// Cost of listing the surfaces of one triangle, in nanoseconds of [`Work`].
 const LISTED_TRIANGLE: u64 = 500;
 
-/// Index of the wide boxes, the larger of two sizes of boxes, in arrays by size.
+/// Greatest work in nanoseconds for each object that a sweep [beside](Asked::Beside) hides, if it is to pay,
+/// by size of the box: what a wide box hides is asked by none of its viewcells.
+const WORTH: [u64; 2] = [4_000_000, 1_000_000];
+
+/// Index of the larger of the two sizes of boxes, the wide boxes, in arrays by size.
 const WIDE: usize = 0;
 /// Index of the viewcells, the smaller of two sizes of boxes, in arrays by size.
 const NEAR: usize = 1;
@@ -161,13 +169,15 @@ struct Made {
     used: u64,
 }
 
-/// A box that [`step`](OnlinePvs::step) works on, one direction at a time. It answers no frame until it is
+/// A box that [`step`](OnlinePvs::step) works on, one sweep at a time. It answers no frame before it is
 /// finished.
 #[derive(Clone, Debug)]
 struct Job {
     level: usize,
     cell: Viewcell,
-    /// Direction that the next step sweeps, 0 to 5.
+    /// Number of the next sweep. Sweeps 0 to 5 are of the six directions, and ask each object along which it
+    /// is farthest. Sweeps 6 to 11 are of the same directions, and ask the objects that are left
+    /// [beside](Asked::Beside). 12 once the box is finished.
     next: usize,
     occluding: Bits,
     /// For a viewcell: indices of the objects hidden from the wide box around it, except those that changed
@@ -179,7 +189,12 @@ struct Job {
     /// often a sweep for this box was started again because the layout had changed.
     layout: Stamp,
     restarts: u32,
-    /// For a viewcell: the objects that the wide box sees.
+    /// Number of objects found hidden before the present sweep.
+    before: u32,
+    /// Work of the present sweep so far, in nanoseconds.
+    spent: u64,
+    /// For a viewcell: the objects that the wide box sees; empty for a wide box. From sweep 6 on, the objects
+    /// of these, or of the scene, that no sweep from 0 to 5 has found hidden.
     seen: Vec<ObjectId>,
     /// The objects of `seen` that are not in [`OnlinePvs::known`]: the last viewcell did not see them.
     new: Vec<ObjectId>,
@@ -208,7 +223,8 @@ impl OnlinePvs {
             layers: Vec::new(),
             changed: [Bits::EMPTY, Bits::EMPTY],
             known: Vec::new(),
-            full_direction: 0,
+            turns: [0; 2],
+            pays: [[true; 6]; 2],
             clock: 0,
             answer: None,
             last_hidden: Bits::EMPTY,
@@ -226,17 +242,17 @@ impl OnlinePvs {
         Self { margin: margin.max(0.0).min(self.sizes[NEAR].min_element() / 2.0), ..self }
     }
 
-    /// Works on the most urgent missing box: the one for the first of `places` without a viewcell. Sweeps one
-    /// direction, or continues the direction that the last step left unfinished. Returns the work done, or
+    /// Works on the most urgent box that is missing: that of the first of `places` without a viewcell. Sweeps
+    /// one direction for it, or goes on with the sweep that the last step left. Returns the work done, or
     /// `None` if all places have viewcells. `places` are in world space: the eye, then places where it may be
-    /// next, such as points of its path at equal times. A viewcell is placed so that it holds as many
-    /// successive places as possible. Places that are not finite are ignored.
+    /// next, such as points of its path at equal times. A viewcell is put around as many places in a row as
+    /// it holds. Places that are not finite are left out.
     ///
-    /// The step ends with the direction, or once `budget` is used up: the work of about that many
-    /// microseconds of a 3 GHz core. Work is counted and not timed, so that the steps are the same on every
-    /// machine. A step does a little work even with a budget of 0, and exceeds its budget by at most one
-    /// indivisible unit: the surfaces of an object, the pieces of a cluster, the drawing of an occluder, the
-    /// beginning of a plane. The results do not depend on budgets.
+    /// The step ends with the sweep, or once `budget` is used up: work of about so many microseconds of a
+    /// core of 3 GHz, counted and not timed, so that the steps are the same on every machine. A step does a
+    /// little work even with a budget of 0, and exceeds its budget by at most one lump: an object of which
+    /// the surfaces are listed, a cluster of which pieces are found, an occluder drawn, a plane begun. The
+    /// answers do not depend on budgets.
     pub fn step(&mut self, scene: &Scene, places: &[DVec3], budget: u32) -> Option<OnlineStep> {
         self.sync(scene);
         let finite = || places.iter().copied().filter(|place| place.is_finite());
@@ -264,24 +280,32 @@ impl OnlinePvs {
         }
         let job = self.job.as_mut()?;
         let all = VisibleSet::new();
-        let asked = match job.level {
-            WIDE => Asked::Set(&all),
-            _ if job.next == self.full_direction => Asked::Objects(&job.seen),
-            _ => Asked::Objects(&job.new),
+        let is_full_direction = job.next % 6 == self.turns[NEAR] % 6;
+        // Whether asking beside still does not pay shows by few objects.
+        let pays = job.next.checked_sub(6).is_none_or(|direction| self.pays[job.level][direction]);
+        let list = if job.level == WIDE || is_full_direction && pays { &job.seen } else { &job.new };
+        let asked = match job.next {
+            0..6 if job.level == WIDE => Asked::Set(&all),
+            0..6 => Asked::Objects(list),
+            _ => Asked::Beside(list),
         };
         let ask = Ask { occluding: &job.occluding, asked, stop: &|| false };
-        // The hierarchy's nodes have changed since the sweep of this direction was begun.
-        if job.level == WIDE && job.layout != scene.layout() {
+        // Nodes of the hierarchy are not what they were when the sweep of the direction was begun.
+        if matches!(asked, Asked::Set(_)) && job.layout != scene.layout() {
             job.layout = scene.layout();
             job.restarts += u32::from(self.culler.restart());
         }
         if job.restarts > RESTARTS {
             work = Work::UNLIMITED;
         }
-        if self.culler.sweep_direction(scene, &ask, job.next, &mut work, &mut stats) {
-            job.next += 1;
+        let before = work.done();
+        let is_done = self.culler.sweep_direction(scene, &ask, job.next % 6, &mut work, &mut stats);
+        job.spent += work.done() - before;
+        if is_done {
+            self.go_to_next(scene);
         }
-        let step = OnlineStep { is_wide: job.level == WIDE, is_last: job.next == 6, stats };
+        let job = self.job.as_ref()?;
+        let step = OnlineStep { is_wide: job.level == WIDE, is_last: job.next == 12, stats };
         if step.is_last {
             self.finish(scene, places);
         }
@@ -333,6 +357,7 @@ impl OnlinePvs {
         let Changes::Objects(ids) = self.cursor.follow(scene) else {
             self.forget();
             self.changed = [Bits::EMPTY, Bits::EMPTY];
+            self.pays = [[true; 6]; 2];
             self.surfaces = None;
             if !is_same {
                 self.last_hidden = Bits::EMPTY;
@@ -457,13 +482,8 @@ impl OnlinePvs {
         let (layout, stale) = (scene.layout(), Bits::new(scene.index_limit()));
         let (level, cell, hidden, seen, new) =
             if let Some((wide, cell)) = wide.max_by_key(|(wide, _)| wide.used) {
-                let bits = |ids: &[ObjectId]| {
-                    let mut bits = Bits::new(scene.index_limit());
-                    ids.iter().for_each(|id| _ = bits.insert(id.index()));
-                    bits
-                };
-                occluding.intersect(&bits(&wide.seen));
-                let known = bits(&self.known);
+                occluding.intersect(&bits_of(&wide.seen, scene));
+                let known = bits_of(&self.known, scene);
                 let new = wide.seen.iter().copied().filter(|id| !known.contains(id.index())).collect();
                 let (hidden, seen) = (wide.hidden.clone(), wide.seen.clone());
                 (NEAR, cell, hidden, seen, new)
@@ -473,14 +493,40 @@ impl OnlinePvs {
                 self.changed[1] = last;
                 (WIDE, cell, Bits::EMPTY, Vec::new(), Vec::new())
             };
-        let job = Job { level, cell, next: 0, occluding, hidden, stale, layout, restarts: 0, seen, new };
+        let (next, restarts, before, spent) = (0, 0, 0, 0);
+        let job =
+            Job { level, cell, next, occluding, hidden, stale, layout, restarts, seen, before, spent, new };
         let surfaces = self.surfaces.clone().unwrap_or_default();
         self.culler.begin(scene, &job.cell, surfaces, Effort::QUICK);
         self.job = Some(self.without_movers(scene, job));
     }
 
-    /// Removes the objects of [`OnlinePvs::changed`] from the occluders of a box. Adds the remaining
-    /// occluders to [`OnlinePvs::occluding`], and their layers to [`OnlinePvs::layers`].
+    /// Goes on to the next sweep of the box at work. Those that ask beside are left out where that did not
+    /// pay the last time.
+    fn go_to_next(&mut self, scene: &Scene) {
+        let Some(job) = &mut self.job else { return };
+        let hidden = self.culler.hidden();
+        let found = hidden.count() - job.before;
+        if let Some(direction) = job.next.checked_sub(6) {
+            self.pays[job.level][direction] = u64::from(found) * WORTH[job.level] > job.spent;
+        }
+        (job.before, job.spent, job.next) = (hidden.count(), 0, job.next + 1);
+        if job.next == 6 {
+            let is_left = |id: &ObjectId| !hidden.contains(id.index());
+            match job.level {
+                WIDE => job.seen = scene.ids().filter(is_left).collect(),
+                _ => [&mut job.seen, &mut job.new].into_iter().for_each(|list| list.retain(is_left)),
+            }
+            job.occluding.intersect(&bits_of(&job.seen, scene));
+        }
+        let is_tried = |direction| self.turns[job.level] % 12 == 2 * direction;
+        let is_due = |direction| self.pays[job.level][direction] || is_tried(direction);
+        while (6..12).contains(&job.next) && !is_due(job.next - 6) {
+            job.next += 1;
+        }
+    }
+
+    /// Takes the objects that have changed from the occluders of a box, and notes the others.
     fn without_movers(&mut self, scene: &Scene, mut job: Job) -> Job {
         for bits in &self.changed {
             bits.iter().for_each(|index| _ = job.occluding.remove(index));
@@ -510,8 +556,8 @@ impl OnlinePvs {
         };
         if job.level == NEAR {
             self.known.clone_from(&seen);
-            self.full_direction = (self.full_direction + 1) % 6;
         }
+        self.turns[job.level] += 1;
         self.clock += 1;
         let made = &mut self.made[job.level];
         made.push(Made { cell: job.cell, hidden, seen, used: self.clock });
@@ -563,6 +609,13 @@ fn importance(scene: &Scene, id: ObjectId, (low, high): (DVec3, DVec3)) -> f64 {
     let [min, max] = [bounds.min, bounds.max].map(|corner| corner.as_dvec3() + scene.origin());
     let distance = (min - high).max(low - max).max(DVec3::ZERO).length();
     if distance > 0.0 { (max - min).length() / distance } else { f64::INFINITY }
+}
+
+/// Returns the indices of objects as bits.
+fn bits_of(ids: &[ObjectId], scene: &Scene) -> Bits {
+    let mut bits = Bits::new(scene.index_limit());
+    ids.iter().for_each(|id| _ = bits.insert(id.index()));
+    bits
 }
 
 /// Returns whether a viewcell's box holds the box from `low` to `high`.

@@ -4,12 +4,14 @@
 use clap::Parser;
 use comfy_table::{Table, presets};
 use glam::DVec3;
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 use visibility_core::{Culler, Pose, RegionCuller, View, VisibleSet};
 use visibility_examples::arguments::count;
 use visibility_examples::region::cells::on_axes;
 use visibility_examples::region::judge::{Effort, Judge};
+use visibility_examples::region::online_plot::{Frame, plot};
 use visibility_examples::{Walk, exit_code, open, println, region};
 use visibility_region::{ExtendedProjectionCuller, OnlinePvs};
 
@@ -45,6 +47,10 @@ struct Arguments {
     /// Number of frames from one judged by item buffers to the next.
     #[arg(long, default_value_t = 30, value_parser = count())]
     judged: usize,
+
+    /// Folder to plot the walks of each scene to, as `online-SCENE.svg`. By default none.
+    #[arg(long, value_name = "FOLDER")]
+    plots: Option<PathBuf>,
 }
 
 /// Frames per second.
@@ -69,6 +75,8 @@ struct Sums {
     missing: usize,
     /// Number of objects that a separate sweep of the box reports, and the time of that sweep.
     direct: (usize, f64),
+    /// The frames of all walks.
+    plotted: Vec<Frame>,
 }
 
 fn main() -> ExitCode {
@@ -98,11 +106,16 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     ]);
     for scene in &arguments.scenes {
         let sums = walk(arguments, scene)?;
+        let name = scene.rsplit('/').next().unwrap_or(scene);
+        if let Some(folder) = &arguments.plots {
+            let stem = name.split('.').next().unwrap_or(name).replace(':', "-");
+            plot(&folder.join(format!("online-{stem}.svg")), name, &sums.plotted, RATE)?;
+        }
         let mean = |sum: f64, count: usize| sum / count.max(1) as f64;
         let ms = |time: f64| format!("{time:.2}");
         let [wide, near] = sums.boxes;
         table.add_row([
-            scene.rsplit('/').next().unwrap_or(scene).to_owned(),
+            name.to_owned(),
             near.0.to_string(),
             ms(mean(near.1, near.0)),
             wide.0.to_string(),
@@ -152,7 +165,7 @@ fn walk(arguments: &Arguments, name: &str) -> Result<Sums, Box<dyn std::error::E
             let places: Vec<DVec3> = (0..=AHEAD.1)
                 .map(|i| eye + velocity * (AHEAD.0 * f64::from(i) / f64::from(AHEAD.1)))
                 .collect();
-            let frame = Instant::now();
+            let (frame, mut work) = (Instant::now(), 0.0);
             let ms = |since: Instant| since.elapsed().as_secs_f64() * 1e3;
             while ms(frame) < arguments.budget {
                 let begin = Instant::now();
@@ -160,8 +173,10 @@ fn walk(arguments: &Arguments, name: &str) -> Result<Sums, Box<dyn std::error::E
                 let Some(step) = online.step(&world.scene, &places, left as u32) else { break };
                 let (count, time) = &mut sums.boxes[usize::from(!step.is_wide)];
                 *count += usize::from(step.is_last);
-                *time += ms(begin);
-                sums.longest_step = sums.longest_step.max(ms(begin));
+                let taken = ms(begin);
+                *time += taken;
+                work += taken;
+                sums.longest_step = sums.longest_step.max(taken);
             }
             let pose = Pose::look_at(eye, eye + DVec3::new(0.6, 0.7, 0.1), world.source.up.as_dvec3());
             let view = View::perspective(pose, 1.2, 1.5, 0.02, f64::INFINITY)?;
@@ -170,7 +185,9 @@ fn walk(arguments: &Arguments, name: &str) -> Result<Sums, Box<dyn std::error::E
             online.cull(&world.scene, &view, &mut visible);
             sums.culling += ms(begin);
             sums.frames += 1;
-            sums.answers[if online.is_ready() { 0 } else { 1 + usize::from(online.answer().is_none()) }] += 1;
+            let answer = if online.is_ready() { 0 } else { 1 + usize::from(online.answer().is_none()) };
+            sums.answers[answer] += 1;
+            let (reported, mut sampled) = (visible.count(&world.scene), None);
             if number % arguments.judged == 0
                 && let Some(cell) = online.answer()
             {
@@ -181,8 +198,10 @@ fn walk(arguments: &Arguments, name: &str) -> Result<Sums, Box<dyn std::error::E
                 };
                 let left_out: Vec<u32> = (0..seen.len() as u32).filter(is_missing).collect();
                 sums.missing += judge.decide(cell, &left_out, 0.0, &[])?.false_hidden.len();
-                sums.sampled += seen.iter().filter(|&&seen| seen).count();
-                sums.reported += visible.count(&world.scene);
+                let count = seen.iter().filter(|&&seen| seen).count();
+                sampled = Some(count);
+                sums.sampled += count;
+                sums.reported += reported;
                 sums.judged += 1;
                 let mut direct = VisibleSet::new();
                 let begin = Instant::now();
@@ -190,6 +209,7 @@ fn walk(arguments: &Arguments, name: &str) -> Result<Sums, Box<dyn std::error::E
                 sums.direct.1 += ms(begin);
                 sums.direct.0 += direct.count(&world.scene);
             }
+            sums.plotted.push(Frame { answer, reported, sampled, work });
         }
     }
     Ok(sums)

@@ -1,12 +1,14 @@
 //! Visibility from viewcells: every method on the same cells of a scene, timed and judged. Used by the
 //! program `region`.
 //!
-//! [`cells`] makes viewcells, [`methods`] makes methods by name, [`judge`] samples visible objects, [`trial`]
-//! runs a method, [`output`] prints the results, and [`picture`], [`planes`] and [`plot`] draw them.
+//! [`cells`] makes viewcells, [`methods`] names the methods, [`judge`] samples what can be seen, [`trial`]
+//! runs a method, [`output`] prints the results, [`picture`], [`planes`] and [`plot`] draw them.
+//! [`online_plot`] draws the walks of the program `online`.
 
 pub mod cells;
 pub mod judge;
 pub mod methods;
+pub mod online_plot;
 pub mod output;
 pub mod picture;
 pub mod planes;

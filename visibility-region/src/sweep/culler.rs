@@ -481,6 +481,7 @@ impl Running {
         let cone = Cone::around(direction, items)?;
         let rims = [0, 1].map(|lat| Rim::of(items, lat, direction, scratch));
         let by_node = matches!(job.ask.asked, Asked::Set(_));
+        let left = if matches!(job.ask.asked, Asked::Beside(_)) { left.beside() } else { left };
         let nearest = Nearest::new(&job.all, direction, &cone, by_node);
         Some(Self { cone, rims, nearest, left, planes: Vec::new(), window: None })
     }

@@ -33,27 +33,44 @@ impl Effort {
     /// those of `FULL`.
     pub(crate) const QUICK: Self =
         Self { behind: 12, growth: 1.5, growing: 18, again: 2, max_triangles: 64, joins: false };
+
+    /// Returns the effort for objects that are asked [beside](super::Asked::Beside) their farthest direction,
+    /// where few large occluders hide most: fewer planes.
+    pub(crate) fn beside(self) -> Self {
+        Self { behind: 4, growth: 2.0, growing: 6, ..self }
+    }
 }
 
-/// Work that a call may still do, in nanoseconds of a 3 GHz core, roughly. Steps of loops are counted, not
-/// time, so that a call does the same work on every machine.
+/// Work that a call may still do, and that it has done, in nanoseconds of a core of 3 GHz, roughly: what is
+/// counted are steps of loops, not time, so that a call does the same work on every machine.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Work(u64);
+pub(crate) struct Work {
+    left: u64,
+    done: u64,
+}
 
 impl Work {
-    pub(crate) const UNLIMITED: Self = Self(u64::MAX);
+    pub(crate) const UNLIMITED: Self = Self { left: u64::MAX, done: 0 };
 
     /// Work of some microseconds, at least 1.
     pub(crate) fn microseconds(microseconds: u32) -> Self {
-        Self(u64::from(microseconds.max(1)) * 1000)
+        Self { left: u64::from(microseconds.max(1)) * 1000, done: 0 }
     }
 
     pub(crate) fn is_used_up(&self) -> bool {
-        self.0 == 0
+        self.left == 0
     }
 
-    /// Subtracts `count` times `nanoseconds` of work, or all that is left if that is less.
+    /// Returns the nanoseconds done: more than there were at first if the last lump was larger than what was
+    /// left.
+    pub(crate) fn done(&self) -> u64 {
+        self.done
+    }
+
+    /// Does `count` times `nanoseconds`.
     pub(crate) fn use_up(&mut self, count: usize, nanoseconds: u64) {
-        self.0 = self.0.saturating_sub(count as u64 * nanoseconds);
+        let nanoseconds = count as u64 * nanoseconds;
+        self.left = self.left.saturating_sub(nanoseconds);
+        self.done += nanoseconds;
     }
 }

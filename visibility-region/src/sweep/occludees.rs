@@ -21,19 +21,28 @@ pub(crate) struct Item {
 /// the side count as visible.
 const STEEPEST: f64 = 4.0;
 
-/// Objects to be tested, which are assigned to directions.
+/// Greatest slope of rays to objects that are asked [beside](Asked::Beside) their farthest direction: across
+/// a whole storey.
+const STEEPEST_BESIDE: f64 = 64.0;
+
+/// Objects to be assigned to directions.
 #[derive(Clone, Copy)]
 pub(crate) enum Asked<'a> {
-    /// The objects of a set. Where possible, whole nodes of the hierarchy are assigned.
+    /// The objects of a set, each in the direction along which it is farthest. Whole nodes of the hierarchy
+    /// are assigned where that is possible.
     Set(&'a VisibleSet),
-    /// Objects of the scene, assigned one by one.
+    /// Objects of the scene, one by one, each in the direction along which it is farthest.
     Objects(&'a [ObjectId]),
+    /// Objects of the scene, one by one, each in all directions but the one along which it is farthest. A
+    /// long wall of the next storey is farthest along the floor, where it begins before the plane at which
+    /// the ceiling hides its far end; upwards, the ceiling alone hides it.
+    Beside(&'a [ObjectId]),
 }
 
-/// Assigns the objects of `asked` to the six directions. A whole node is assigned if all objects below it are
-/// farthest along one direction, or nearly. Objects are left out, and so count as visible, if they reach out
-/// of `usable_bounds` or into the box of the viewcell, or are too far to its side. Returns the number of
-/// nodes visited.
+/// Assigns the objects of `asked` to the six directions, as [`Asked`] says. Where all objects of a set that
+/// are below a node are farthest along one direction, or nearly, the whole node is assigned. Objects that
+/// reach out of `usable_bounds`, into the box of the viewcell, or too far aside of it, are left out: they
+/// count as visible. Returns the number of nodes visited.
 pub(crate) fn assign(
     scene: &Scene,
     asked: Asked<'_>,
@@ -45,7 +54,8 @@ pub(crate) fn assign(
     lists.iter_mut().for_each(Vec::clear);
     let visible = match asked {
         Asked::Set(visible) => visible,
-        Asked::Objects(ids) => {
+        Asked::Objects(ids) | Asked::Beside(ids) => {
+            let is_beside = matches!(asked, Asked::Beside(_));
             for &id in ids {
                 let (Ok(object), Ok(scene_bounds)) = (scene.object(id), scene.bounds(id)) else { continue };
                 if object.is_unculled() {
@@ -53,9 +63,13 @@ pub(crate) fn assign(
                 }
                 let (child, boxes) = (Child::Object(id), directions.map(|d| d.local_box(&scene_bounds)));
                 let farthest = farthest(&boxes);
-                if is_usable(usable_bounds, &directions[farthest], &boxes[farthest], &scene_bounds) {
-                    let bounds = boxes[farthest];
-                    lists[farthest].push(Item { child, bounds, scene_bounds });
+                for (index, bounds) in boxes.into_iter().enumerate() {
+                    let steepest = if is_beside { STEEPEST_BESIDE } else { STEEPEST };
+                    if (index == farthest) != is_beside
+                        && is_usable(usable_bounds, &directions[index], &bounds, &scene_bounds, steepest)
+                    {
+                        lists[index].push(Item { child, bounds, scene_bounds });
+                    }
                 }
             }
             return 0;
@@ -69,7 +83,7 @@ pub(crate) fn assign(
             let boxes = directions.each_ref().map(|direction| direction.local_box(&scene_bounds));
             let farthest = farthest(&boxes);
             let bounds = boxes[farthest];
-            let usable = is_usable(usable_bounds, &directions[farthest], &bounds, &scene_bounds);
+            let usable = is_usable(usable_bounds, &directions[farthest], &bounds, &scene_bounds, STEEPEST);
             match child {
                 Child::Object(id) => {
                     if usable && visible.contains(scene, id) {
@@ -99,14 +113,20 @@ fn farthest(boxes: &[LocalBox; 6]) -> usize {
 }
 
 /// Tests whether a box may be an occludee of a direction. `local` is the box in local coordinates, `bounds`
-/// in scene coordinates.
-fn is_usable(usable_bounds: &Aabb, direction: &Direction, local: &LocalBox, bounds: &Aabb) -> bool {
-    contains(usable_bounds, bounds) && local.lo.z > direction.guard() && is_ahead(direction, local)
+/// in scene coordinates. `steepest` is the greatest slope of rays to the box.
+fn is_usable(
+    usable_bounds: &Aabb,
+    direction: &Direction,
+    local: &LocalBox,
+    bounds: &Aabb,
+    steepest: f64,
+) -> bool {
+    contains(usable_bounds, bounds) && local.lo.z > direction.guard() && is_ahead(direction, local, steepest)
 }
 
-/// Tests whether all rays from the viewcell's front to a box have a slope of at most [`STEEPEST`].
-fn is_ahead(direction: &Direction, b: &LocalBox) -> bool {
-    (0..2).all(|lat| b.lo[lat].abs().max(b.hi[lat].abs()) - direction.half[lat] <= STEEPEST * b.lo.z)
+/// Tests whether all rays from the viewcell's front to a box have a slope of at most `steepest`.
+fn is_ahead(direction: &Direction, b: &LocalBox, steepest: f64) -> bool {
+    (0..2).all(|lat| b.lo[lat].abs().max(b.hi[lat].abs()) - direction.half[lat] <= steepest * b.lo.z)
 }
 
 /// Calls `each` with the children of a node, in local coordinates. Objects that are no candidates are left
