@@ -156,7 +156,7 @@ impl From<PvsError> for BakedSetError {
 
 /// Returns the indices and bounds of the objects of a scene.
 fn boxes(scene: &Scene) -> impl Iterator<Item = (u32, Aabb)> {
-    scene.ids().filter_map(|id| Some((id.index() as u32, scene.bounds(id).ok()?)))
+    scene.ids().filter_map(|id| Some((id.index() as u32, scene.object(id).ok()?.bounds)))
 }
 
 /// Returns the indices of the objects that are flagged as occluders and are on some layer, as a set for
