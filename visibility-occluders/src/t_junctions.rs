@@ -99,7 +99,7 @@ fn is_apart([a, b]: [DVec3; 2], [low, high]: [DVec3; 2]) -> bool {
 
 /// Inserts into each edge the vertices that lie on it. `sides` are the sides of the faces, sorted by edge,
 /// before the call. Returns the number of corners inserted. Takes some microseconds for an edge. Edges beyond
-/// [`MAX_INSERTS_PER_SIDE`] stay as they are: their faces share no edges with those whose corners lie on them.
+/// [`MAX_INSERTS_PER_SIDE`] stay as they are: their faces share no edges with those that end on them.
 ///
 /// Edges that two faces share are taken too: closed pieces that stand side by side, as those of a kit do,
 /// have no others.

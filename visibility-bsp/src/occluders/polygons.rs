@@ -78,6 +78,9 @@ pub(super) struct Block {
 /// put on another layer or no longer flagged as an occluder stops hiding at once, even without a call of
 /// [`sync`](Self::sync). After `sync` it hides from its new position.
 ///
+/// Rounding by the transforms of meshes is allowed for, except between vertices that are placed at the same
+/// point to the last bit: they count as one, so that the surfaces of two objects meet there.
+///
 /// # Cost
 /// About 200 bytes per polygon. Making polygons of `n` triangles takes `O(n log n)` steps, some microseconds
 /// per triangle, however the triangles lie. This bound requires limits beyond which polygons stay smaller
