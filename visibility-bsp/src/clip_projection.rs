@@ -194,11 +194,12 @@ impl ClipProjection {
         Self { rows, near, anchor, eye, eye_error, back, back_size, back_error, turn }
     }
 
-    /// Returns the view ray through a point in metres relative to `Scene::origin`. `None` if the point is so
-    /// close to the eye that rounding leaves the direction undetermined, or is NaN.
-    pub(crate) fn direction(&self, p: DVec3) -> Option<Direction> {
+    /// Returns the view ray through a point in metres relative to `Scene::origin`, each coordinate of which
+    /// may be off by `placing_error` metres. `None` if the point is so close to the eye that rounding leaves
+    /// the direction undetermined, or is NaN.
+    pub(crate) fn direction(&self, p: DVec3, placing_error: f64) -> Option<Direction> {
         let q = p - self.anchor;
-        let [(x, ex), (y, ey), (w, ew)] = [self.rows[0].at(q), self.rows[1].at(q), self.rows[2].at(q)];
+        let [(x, ex), (y, ey), (w, ew)] = self.rows.map(|row| placed_at(&row, q, placing_error));
         let size = x.abs().max(y.abs()).max(w.abs());
         let error = ex.max(ey).max(ew) / size + 2.0 * U;
         (error < MAX_RELATIVE_ERROR).then(|| Direction { v: [x / size, y / size, w / size], error, size })
@@ -216,10 +217,31 @@ impl ClipProjection {
         [self.rows[0].linear.length(), self.rows[1].linear.length()]
     }
 
-    /// Returns the near-plane function at a point in metres relative to `Scene::origin` and a bound on its
-    /// absolute error. The function is positive beyond the near plane and 0 on it; its unit is arbitrary.
-    pub(crate) fn beyond_near(&self, p: DVec3) -> (f64, f64) {
-        self.near.at(p - self.anchor)
+    /// Returns the near-plane function at a point in metres relative to `Scene::origin`, each coordinate of
+    /// which may be off by `placing_error` metres, and a bound on the absolute error of the function. The
+    /// function is positive beyond the near plane and 0 on it; its unit is arbitrary.
+    pub(crate) fn beyond_near(&self, p: DVec3, placing_error: f64) -> (f64, f64) {
+        placed_at(&self.near, p - self.anchor, placing_error)
+    }
+
+    /// Returns a value of the near-plane function. A view ray that has a point with a greater value between
+    /// the front and the back plane of an uneven patch is beyond the near plane all the way between these
+    /// planes, and so where it meets the patch. The planes have the unit normal `normal`, to the eye's side,
+    /// and the offsets `front` and `back` in metres; the eye is surely in front of both. Rounding may halve
+    /// the value.
+    pub(crate) fn near_unevenness(&self, normal: DVec3, front: f64, back: f64) -> f64 {
+        match self.eye {
+            // The function falls from the ray's point to the eye at an even rate. Of that way, the patch is
+            // met after at least the eye's height over the front plane, as a share of its height over the
+            // back plane.
+            Eye::Point(eye) => {
+                let (at_eye, _) = self.near.at(eye - self.anchor);
+                at_eye.abs() * (back - front) / (normal.dot(eye) + front)
+            }
+            Eye::Direction(along) => {
+                self.near.linear.dot(along).abs() * (back - front) / normal.dot(along).abs()
+            }
+        }
     }
 
     /// Tests whether a whole box in metres relative to `Scene::origin` is surely beyond the near plane. False
@@ -232,7 +254,7 @@ impl ClipProjection {
     /// Tests whether a point in metres relative to `Scene::origin` is surely beyond the near plane. False if
     /// undecided or NaN.
     pub(crate) fn is_point_beyond_near(&self, p: DVec3) -> bool {
-        let (value, error) = self.beyond_near(p);
+        let (value, error) = self.beyond_near(p, 0.0);
         value > error
     }
 
@@ -366,6 +388,13 @@ impl ClipProjection {
             Eye::Direction(along) => normal.dot(along) < -(8.0 * U + 2.0 * self.eye_error),
         }
     }
+}
+
+/// Returns the value of a linear function at a point, and a bound on its absolute error, if each coordinate
+/// of the point may be off by `placing_error` metres.
+fn placed_at(row: &ClipRow, point: DVec3, placing_error: f64) -> (f64, f64) {
+    let (value, error) = row.at(point);
+    (value, error + row.linear.abs().element_sum() * placing_error)
 }
 
 /// A plane and the eye of a perspective view: the eye's signed distance `height` from the plane, and the

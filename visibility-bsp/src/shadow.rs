@@ -4,14 +4,16 @@
 //!
 //! # Why it is sound, also for polygons that are not quite flat
 //! An occluder is a patch of triangles whose boundary is one closed loop. A view ray that passes every edge
-//! of the loop on its left is encircled by the loop, and so meets the patch. All vertices lie on the eye's
-//! side of the *back plane*, which is moved away from the eye until they do. So a point strictly beyond the
-//! back plane on such a ray lies beyond the patch. Neither argument requires the patch to be flat or rounding
-//! to be favourable: the edges run between the exact vertices.
+//! of the loop on its left is encircled by the loop, and so meets the patch. All vertices, those inside the
+//! loop too, lie on the eye's side of the *back plane*, which is moved away from the eye until they do. So a
+//! point strictly beyond the back plane on such a ray lies beyond the patch. Neither argument requires the
+//! patch to be flat or rounding to be favourable: the edges run between the exact vertices.
 //!
 //! # The near plane
 //! Geometry in front of the near plane is not drawn, so it must not hide. A patch that crosses the near plane
 //! is cut a little beyond it. The other edges keep their exact ends, and the cut becomes an edge of its own.
+//! A view ray may meet an uneven patch nearer to the eye than its outline suggests; see
+//! `ClipProjection::near_unevenness`.
 
 use crate::clip_projection::{ClipProjection, Direction, Line, U, slack_of};
 use alloc::vec::Vec;
@@ -102,18 +104,25 @@ pub(crate) struct OccluderPolygon<'a> {
     pub(crate) vertices: &'a [DVec3],
     /// Unit normal of the front, the side from which the vertices run counter-clockwise.
     pub(crate) normal: DVec3,
-    /// Least and greatest coordinate of the vertices along `normal`, in metres from `Scene::origin`, rounded
+    /// Least and greatest coordinate of the surface along `normal`, in metres from `Scene::origin`, rounded
     /// outwards.
     pub(crate) extent_along_normal: [f64; 2],
+    /// Bound on the error of each coordinate of the vertices, in metres, from placing them in the scene.
+    pub(crate) placing_error: f64,
     /// Whether the polygon also hides for eyes behind its front; if false, only for eyes in front.
     pub(crate) two_sided: bool,
 }
 
 /// Returns three properties of a loop of vertices in metres relative to `Scene::origin`: the unit normal of
-/// the side from which the loop runs counter-clockwise; the least and greatest coordinate of the vertices
-/// along this normal in metres, rounded outwards; and the area in square metres. `None` if the loop has no
-/// area or a vertex is not finite.
-pub(crate) fn plane_of(vertices: &[DVec3]) -> Option<(DVec3, [f64; 2], f64)> {
+/// the side from which the loop runs counter-clockwise; the least and greatest coordinate along this normal,
+/// in metres and rounded outwards, of the vertices and of the points `inner` of the surface inside the loop;
+/// and the area in square metres. Each coordinate of a point may be off by `placing_error` metres. `None` if
+/// the loop has no area or a point is not finite.
+pub(crate) fn plane_of(
+    vertices: &[DVec3],
+    inner: &[DVec3],
+    placing_error: f64,
+) -> Option<(DVec3, [f64; 2], f64)> {
     let (&first, rest) = vertices.split_first()?;
     let mut sum = DVec3::ZERO;
     for pair in rest.windows(2) {
@@ -126,9 +135,9 @@ pub(crate) fn plane_of(vertices: &[DVec3]) -> Option<(DVec3, [f64; 2], f64)> {
     let area = 0.5 * scale * (sum / scale).length();
     let normal = (sum / scale).normalize();
     let mut extent_along_normal = [f64::INFINITY, f64::NEG_INFINITY];
-    for v in vertices {
+    for v in vertices.iter().chain(inner) {
         let along = normal.dot(*v);
-        let error = 8.0 * U * normal.abs().dot(v.abs()) + f64::MIN_POSITIVE;
+        let error = 8.0 * U * normal.abs().dot(v.abs()) + 2.0 * placing_error + f64::MIN_POSITIVE;
         extent_along_normal =
             [extent_along_normal[0].min(along - error), extent_along_normal[1].max(along + error)];
     }
@@ -223,13 +232,13 @@ impl Shadows {
         if !(3..=MAX_EDGES).contains(&count) {
             return None;
         }
-        let front = projection.is_before(occluder_polygon.normal, -occluder_polygon.extent_along_normal[1]);
-        let (normal, offset) = if front {
-            (occluder_polygon.normal, -occluder_polygon.extent_along_normal[0])
-        } else if occluder_polygon.two_sided
-            && projection.is_before(-occluder_polygon.normal, occluder_polygon.extent_along_normal[0])
-        {
-            (-occluder_polygon.normal, occluder_polygon.extent_along_normal[1])
+        let &OccluderPolygon { vertices, normal, extent_along_normal: [low, high], placing_error, .. } =
+            occluder_polygon;
+        let front = projection.is_before(normal, -high);
+        let (normal, front_offset, back_offset) = if front {
+            (normal, -high, -low)
+        } else if occluder_polygon.two_sided && projection.is_before(-normal, low) {
+            (-normal, low, high)
         } else {
             return None;
         };
@@ -237,27 +246,28 @@ impl Shadows {
         // The near plane comes first: a point in front of it may project anywhere.
         self.near.clear();
         let (mut farthest, mut nearest, mut doubt) = (f64::NEG_INFINITY, f64::INFINITY, 0.0f64);
-        for &p in occluder_polygon.vertices {
-            let (value, error) = projection.beyond_near(p);
+        for &p in vertices {
+            let (value, error) = projection.beyond_near(p, placing_error);
             self.near.push(value);
             farthest = farthest.max(value);
             nearest = nearest.min(value);
             doubt = doubt.max(error);
         }
-        // Value of the near-plane function at which the polygon is cut: beyond the near plane by far more
-        // than rounding, or the unevenness of a patch, can undo.
-        let limit = (farthest * 1e-4).max(1024.0 * doubt);
+        // Value of the near-plane function at which the polygon is cut: beyond the near plane by more than
+        // rounding, or the unevenness of a patch, can undo.
+        let uneven = projection.near_unevenness(normal, front_offset, back_offset);
+        let limit = (farthest * 1e-4).max(1024.0 * doubt).max(2.0 * uneven);
         if !(farthest > limit) {
             return None;
         }
         self.directions.clear();
-        self.directions.extend(occluder_polygon.vertices.iter().map(|&p| projection.direction(p)));
-        let whole = nearest > doubt;
+        self.directions.extend(vertices.iter().map(|&p| projection.direction(p, placing_error)));
+        let whole = nearest > doubt + 2.0 * uneven;
         let first_edge = self.edges.len();
         let first_corner = self.corners.len();
         for i in 0..count {
             let j = (i + 1) % count;
-            let (a, b) = (occluder_polygon.vertices[i], occluder_polygon.vertices[j]);
+            let (a, b) = (vertices[i], vertices[j]);
             let (na, nb) = (self.near[i], self.near[j]);
             let (keeps_a, keeps_b) = (whole || na > limit, whole || nb > limit);
             let number = (self.edges.len() - first_edge) as u8;
@@ -273,7 +283,7 @@ impl Shadows {
             if keeps_a != keeps_b {
                 let (inner, outer, ni, no) = if keeps_a { (a, b, na, nb) } else { (b, a, nb, na) };
                 let p = inner + (outer - inner) * ((ni - limit) / (ni - no));
-                let Direction { v, size, .. } = projection.direction(p)?;
+                let Direction { v, size, .. } = projection.direction(p, placing_error)?;
                 // The cut's edge begins where the outline leaves the polygon; it is added once all corners
                 // are known.
                 self.corners.push(ShadowCorner { p, v, size, edge: if keeps_a { u8::MAX } else { number } });
@@ -284,7 +294,8 @@ impl Shadows {
             let corners = &self.corners[first_corner..];
             if let Some(out) = corners.iter().position(|c| c.edge == u8::MAX) {
                 let (a, b) = (corners[out].p, corners[(out + 1) % corners.len()].p);
-                let (da, db) = (projection.direction(a)?, projection.direction(b)?);
+                let (da, db) =
+                    (projection.direction(a, placing_error)?, projection.direction(b, placing_error)?);
                 let line = Line::through(&da, &db)?;
                 let number = (self.edges.len() - first_edge) as u8;
                 self.edges.push(ShadowEdge { line, ends: [DVec3::NAN; 2], directions: [da, db] });
@@ -312,7 +323,7 @@ impl Shadows {
                 return None;
             }
         }
-        Some(BackPlane { normal, offset })
+        Some(BackPlane { normal, offset: back_offset })
     }
 }
 

@@ -6,6 +6,8 @@
 mod coherence;
 mod common;
 #[cfg(feature = "papers")]
+mod dents;
+#[cfg(feature = "papers")]
 mod enclosures;
 mod exact;
 #[cfg(feature = "papers")]

@@ -160,7 +160,7 @@ fn scene_of(triangles: &[Triangle], boxes: &[Aabb]) -> (Scene, Vec<visibility_co
 }
 
 /// Creates the cullers that use polygons made in advance.
-fn cullers(scene: &Scene) -> Vec<Box<dyn Culler>> {
+pub(crate) fn cullers(scene: &Scene) -> Vec<Box<dyn Culler>> {
     let occluders = Arc::new(Occluders::new(scene));
     let frusta = ShadowFrusta::new(scene, Occluders::clone(&occluders), 1, 4);
     vec![

@@ -39,9 +39,9 @@ pub struct Comparison {
     /// Number of unreported objects that are visible only in ties with reported objects. Not counted as
     /// errors. See [ties](crate#ties).
     pub tied_hidden_objects: u32,
-    /// Number of pixels that show a false hidden object. If only the reported objects were drawn, exactly
-    /// these pixels would differ. A pixel that shows several such objects, one through another, counts for
-    /// each.
+    /// Number of pixels that show a false hidden object. If the reported objects alone were drawn, exactly
+    /// these pixels would differ. A pixel that shows several, one through another, counts for each. At most
+    /// `u32::MAX`, also if there are more.
     ///
     /// No second drawing is needed: a pixel shows its nearest triangle, so omitting other triangles leaves
     /// the pixel unchanged, and omitting this one changes it.
@@ -120,7 +120,7 @@ impl SampledVisibility {
                 Answer::FalseHidden => {
                     out.false_hidden_objects += 1;
                     out.false_hidden_triangles += object.visible_triangles;
-                    out.wrong_pixels += object.pixels;
+                    out.wrong_pixels = out.wrong_pixels.saturating_add(object.pixels);
                     keys.push(object.key);
                 }
                 Answer::Hidden => out.tied_hidden_objects += u32::from(object.is_visible()),
@@ -133,7 +133,7 @@ impl SampledVisibility {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::raster::{Image, NONE};
+    use crate::raster::{Image, NONE, VeilPixels};
 
     #[test]
     fn errors_are_counted_both_ways() {
@@ -173,5 +173,18 @@ mod tests {
             comparison.false_hidden_objects == 0 && !comparison.is_exact(),
             "a report of everything hides nothing, and is not exact"
         );
+    }
+
+    #[test]
+    fn more_wrong_pixels_than_the_count_holds_are_the_greatest_count() {
+        let mut sampled = SampledVisibility::default();
+        for key in 0..2 {
+            sampled.push(key, 1);
+            let found = VeilPixels { pixels: u32::MAX - 1, tied: 0, newly_covered: 0 };
+            sampled.add_see_through(key as usize, found);
+        }
+        let mut comparison = Comparison::default();
+        sampled.compare(|_, _| false, &mut comparison);
+        assert_eq!(comparison.wrong_pixels, u32::MAX, "twice as many pixels as an image has");
     }
 }

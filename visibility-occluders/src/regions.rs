@@ -10,8 +10,11 @@ use visibility_core::glam::DVec3;
 /// Wider angles would join few more faces.
 const MIN_COSINE: f64 = 0.85;
 
-/// Faces that are connected through edges, face the same way, and lie in a slab: a thin layer between two
-/// parallel planes.
+/// Maximum number of sides at an edge across which regions grow. Faces at more crowded edges are not
+/// neighbours there: to look at each pair of them takes the square of their number.
+const MAX_SIDES_OF_EDGE: usize = 32;
+
+/// Faces that are connected through edges, face alike, and lie within a slab.
 #[derive(Clone, Debug)]
 pub(crate) struct Region {
     /// Range of the region's faces in [`Regions::members`], half-open.
@@ -88,22 +91,26 @@ impl Member {
 }
 
 impl Regions {
-    /// Grows regions, beginning with the largest faces. A face joins a region if it shares an edge with it,
-    /// is close to the plane of the region's first face, occludes from the same sides, and faces the same way
-    /// up to [`MIN_COSINE`]. Close means within `flatness` metres, or within `bulge` times the square root of
-    /// the region's area. `sides` are all sides of the faces, sorted by edge.
+    /// Grows regions from the largest faces on. A face joins a region if it shares an edge with it, is close
+    /// to the plane of the region's first face, hides from the same sides, and faces the same way up to
+    /// [`MIN_COSINE`]. Close is within `flatness` metres, or within `bulge` times the square root of the
+    /// region's area. `sides` are all sides of the faces, sorted by edge. Regions do not grow across an edge
+    /// of more than [`MAX_SIDES_OF_EDGE`] sides.
     pub(crate) fn find(faces: &Faces, sides: &[Side], flatness: f64, bulge: f64) -> Self {
-        // Indexed by corner: the first of the sides at the edge that begins at the corner.
-        let mut first_of_edge = alloc::vec![0u32; faces.corners.len()];
+        // For each corner, the range of the sides at the edge that begins at the corner; empty if there are
+        // too many.
+        let mut sides_of_edge = alloc::vec![[0u32; 2]; faces.corners.len()];
         let mut at = 0;
         for same in sides.chunk_by(|a, b| a.edge == b.edge) {
-            same.iter().for_each(|side| first_of_edge[side.corner as usize] = at);
-            at += same.len() as u32;
+            let range = [at, at + same.len() as u32];
+            if same.len() <= MAX_SIDES_OF_EDGE {
+                same.iter().for_each(|side| sides_of_edge[side.corner as usize] = range);
+            }
+            at = range[1];
         }
         let neighbours = |corner: u32| {
-            let first = first_of_edge[corner as usize] as usize;
-            let edge = sides[first].edge;
-            sides[first..].iter().take_while(move |side| side.edge == edge)
+            let [first, end] = sides_of_edge[corner as usize];
+            sides[first as usize..end as usize].iter()
         };
         // Regions begin with the largest faces, whose planes are the most certain.
         let mut order: Vec<u32> = (0..faces.faces.len() as u32).collect();

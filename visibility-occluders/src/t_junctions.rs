@@ -11,6 +11,9 @@ use visibility_core::glam::{DVec3, Vec3};
 
 /// Maximum number of points in a leaf of a [`PointTree`].
 const LEAF: usize = 8;
+/// Maximum number of corners inserted, as a multiple of the number of sides. It bounds memory and time for
+/// levels in which vertices lie on very many sides each.
+const MAX_INSERTS_PER_SIDE: usize = 16;
 
 /// Tests whether `p` lies on the open segment from `a` to `b`, in exact arithmetic. False for the ends.
 pub(crate) fn is_between(a: Vec3, b: Vec3, p: Vec3) -> bool {
@@ -95,7 +98,8 @@ fn is_apart([a, b]: [DVec3; 2], [low, high]: [DVec3; 2]) -> bool {
 }
 
 /// Inserts into each edge the vertices that lie on it. `sides` are the sides of the faces, sorted by edge,
-/// before the call. Returns the number of corners inserted. Takes some microseconds for an edge.
+/// before the call. Returns the number of corners inserted. Takes some microseconds for an edge. Edges beyond
+/// [`MAX_INSERTS_PER_SIDE`] stay as they are: their faces share no edges with those that end on them.
 ///
 /// Edges that two faces share are included, not only open edges: in a level of closed pieces side by side,
 /// such as those of a modular kit, all edges are shared.
@@ -113,7 +117,10 @@ pub(crate) fn insert_t_junctions(faces: &mut Faces, sides: &[Side]) -> usize {
                 between.push(vertex);
             }
         });
-        // Points of one line are sorted along the axis in which the line is longest.
+        if found.len() + between.len() * same.len() > MAX_INSERTS_PER_SIDE * sides.len() {
+            break;
+        }
+        // Points of one line are in order along the axis in which the line is longest.
         let axis = (b - a).abs().max_position();
         between.sort_unstable_by(|&p, &q| at(p)[axis].total_cmp(&at(q)[axis]));
         if b[axis] < a[axis] {

@@ -3,6 +3,7 @@
 
 use visibility_core::glam::Vec3;
 use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
+use visibility_testing::allocations::{LIVE, PEAK};
 
 /// Returns the two triangles of a rectangle across the x axis.
 fn panel(x: f32, y: [f32; 2], z: [f32; 2], two_sided: bool) -> [LevelTriangle; 2] {
@@ -91,4 +92,40 @@ fn triangles_without_area_or_number_are_left_out() {
         "the two triangles left are one rectangle"
     );
     assert!(made(&[]).clusters().is_empty(), "a level without triangles has no clusters");
+}
+
+#[test]
+fn vertices_on_very_many_sides_take_no_square_of_memory() {
+    // Each triangle has a side from the origin along x, on which the corners of all shorter ones lie.
+    let count = 3_000;
+    let triangles: Vec<LevelTriangle> = (1..=count)
+        .map(|i| {
+            let corners = [Vec3::ZERO, Vec3::new(i as f32, 0.0, 0.0), Vec3::new(0.0, 1.0, i as f32)];
+            LevelTriangle { corners, two_sided: true }
+        })
+        .collect();
+    PEAK.set(LIVE.get());
+    let before = LIVE.get();
+    let level = made(&triangles);
+    let report = level.report();
+    let bytes = (PEAK.get() - before) / count as isize;
+    assert!(bytes < 10_000, "{bytes} bytes for a triangle");
+    assert!(report.t_junctions > 0, "some corners are inserted");
+    assert_eq!(report.triangles, count, "triangles given");
+}
+
+#[test]
+fn faces_at_one_edge_are_neighbours_unless_there_are_too_many() {
+    // Pages of a book, all at the same edge, and two of them in one plane.
+    let book = |pages: usize| {
+        let page = |i: usize| {
+            let outer = Vec3::new(10.0 + i as f32, 1.0 + (i * i) as f32, 0.0);
+            LevelTriangle { corners: [Vec3::ZERO, Vec3::Z, outer], two_sided: false }
+        };
+        let [a, b, outer] = page(0).corners;
+        let opposite = LevelTriangle { corners: [b, a, -outer], two_sided: false };
+        made(&(0..pages - 1).map(page).chain([opposite]).collect::<Vec<_>>()).polygons().len()
+    };
+    assert_eq!(book(32), 31, "of 32 pages at one edge, the two in one plane are one polygon");
+    assert_eq!(book(33), 33, "of 33 pages at one edge, none are joined");
 }

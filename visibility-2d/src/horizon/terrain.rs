@@ -121,8 +121,10 @@ pub(crate) struct Terrain {
     pub(crate) sheets: Vec<Sheet>,
     /// Objects with triangles in any of the sheets, in no particular order.
     pub(crate) objects: Vec<GroundObject>,
-    /// For each object, by its index in `objects`, whether it has changed since the sheets were made, so that
-    /// its triangles hide nothing.
+    /// By index of an object: its position in `objects`.
+    places: BTreeMap<usize, u32>,
+    /// By position in `objects`: whether the object has changed since the sheets were made, so that its
+    /// triangles hide nothing any more.
     lost: Vec<bool>,
 }
 
@@ -147,13 +149,14 @@ impl Terrain {
             *object = *to;
         }
         let lost = vec![false; kept.len()];
-        Self { sheets, objects: kept, lost }
+        let places = kept.iter().zip(0..).map(|(object, place)| (object.id.index(), place)).collect();
+        Self { sheets, objects: kept, places, lost }
     }
 
     /// Records that an object has changed, so that its triangles no longer occlude.
     pub(crate) fn lose(&mut self, index: usize) {
-        for (object, lost) in self.objects.iter().zip(&mut self.lost) {
-            *lost |= object.id.index() == index;
+        if let Some(&place) = self.places.get(&index) {
+            self.lost[place as usize] = true;
         }
     }
 

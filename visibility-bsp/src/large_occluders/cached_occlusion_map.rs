@@ -116,7 +116,7 @@ impl GroupMap {
             for i in 0..v.len() {
                 let ends = [v[i], v[(i + 1) % v.len()]];
                 self.shared.push((key(ends), number, first + i));
-                edges.push(Edge::new(ends, middle));
+                edges.push(Edge::new(ends, middle, occluder_polygon.placing_error));
             }
             faces.push(Face::new(&occluder_polygon));
             groups.push(Group { edges: first..edges.len(), polygons: [number; 2], usable: true });
@@ -186,9 +186,15 @@ impl Groups {
             // that is not wholly beyond the near plane is therefore not used. Both ends of each edge are
             // tested: with two polygons of equal orientation, no remaining edge begins at one of the ends of
             // the shared edge.
-            let surely_beyond = |end: &DVec3| projection.is_point_beyond_near(*end);
+            let uneven = group.polygons.map(|polygon| self.faces[polygon].near_unevenness(projection));
+            let surely_beyond = |edge: &Edge| {
+                edge.ends.iter().all(|&end| {
+                    let (value, error) = projection.beyond_near(end, edge.placing_error);
+                    value > error + 2.0 * uneven[0].max(uneven[1])
+                })
+            };
             let cut = matches!(eye, Eye::Direction(_))
-                && !self.edges[group.edges.clone()].iter().flat_map(|edge| &edge.ends).all(surely_beyond);
+                && !self.edges[group.edges.clone()].iter().all(surely_beyond);
             self.groups[number].usable = joined && !cut;
         }
     }

@@ -1,6 +1,6 @@
 //! The unit that boxes are tested against: one polygon, or two that share an edge.
 
-use crate::clip_projection::U;
+use crate::clip_projection::{ClipProjection, U};
 use crate::shadow::{BackPlane, OccluderPolygon};
 use core::ops::Range;
 use visibility_core::glam::DVec3;
@@ -15,6 +15,8 @@ pub(super) struct Edge {
     /// A point inside the polygon, in metres relative to `Scene::origin`. The plane's normal points to the
     /// side of this point.
     pub(super) inner: DVec3,
+    /// Bound on the error of each coordinate of `ends`, in metres.
+    pub(super) placing_error: f64,
     /// Normal of the plane, not normalized, pointing to the side of `inner`. The plane passes through
     /// [`base`](Self::base).
     normal: DVec3,
@@ -93,14 +95,21 @@ impl Face {
             (self.back, self.usable, self.from_front) = (*rear, behind > 0.0, false);
         }
     }
+
+    /// Returns [`ClipProjection::near_unevenness`] of the polygon, seen from the side of `back`.
+    pub(super) fn near_unevenness(&self, projection: &ClipProjection) -> f64 {
+        let before = self.front[usize::from(self.from_front)];
+        projection.near_unevenness(self.back.normal, -before.offset, self.back.offset)
+    }
 }
 
 impl Edge {
-    /// Creates an edge between two points in metres relative to `Scene::origin`, with the polygon's inside on
-    /// the side of `inner`. [`holds`](Self::holds) is false for every box until
-    /// [`update_eye`](Self::update_eye) is called.
-    pub(super) fn new(ends: [DVec3; 2], inner: DVec3) -> Self {
-        Self { ends, inner, normal: DVec3::ZERO, slope: f64::INFINITY, least: f64::INFINITY }
+    /// Creates an edge between two points in metres relative to `Scene::origin`, each coordinate of which may
+    /// be off by `placing_error` metres, with the polygon's inside on the side of `inner`. No box is inside
+    /// its plane until [`update_eye`](Self::update_eye) is called.
+    pub(super) fn new(ends: [DVec3; 2], inner: DVec3, placing_error: f64) -> Self {
+        let (slope, least) = (f64::INFINITY, f64::INFINITY);
+        Self { ends, inner, placing_error, normal: DVec3::ZERO, slope, least }
     }
 
     /// Computes the plane through the eye and the edge, its normal to the side of `inner`. `eye_error` bounds
@@ -108,9 +117,10 @@ impl Edge {
     pub(super) fn update_eye(&mut self, eye: &Eye, eye_error: f64) {
         // The plane's value at a point is a determinant of three differences to the eye: six products of
         // three factors. Rounding adds at most `8u` of each product, and an eye that is off by `e` adds at
-        // most `e` in place of each factor. The factors of 64 cover both.
+        // most `e` in place of each factor, as ends do that are off by `e`. The factors of 64 cover both.
         match eye {
             Eye::Point(eye) => {
+                let eye_error = eye_error + self.placing_error;
                 let (a, b) = (self.ends[0] - *eye, self.ends[1] - *eye);
                 let (size_a, size_b) = (a.abs().max_element(), b.abs().max_element());
                 self.normal = a.cross(b);
@@ -121,8 +131,9 @@ impl Edge {
                 let side = self.ends[1] - self.ends[0];
                 let size = side.abs().max_element();
                 self.normal = along.cross(side);
-                self.slope = 64.0 * (U + eye_error) * size;
-                self.least = 64.0 * U * size * self.ends[0].abs().max_element() + f64::MIN_POSITIVE;
+                self.slope = 64.0 * ((U + eye_error) * size + self.placing_error);
+                self.least = 64.0 * (U * self.ends[0].abs().max_element() + self.placing_error) * size
+                    + f64::MIN_POSITIVE;
             }
         }
         let inner = self.inner - self.base(eye);
@@ -183,7 +194,9 @@ impl Edge {
                 // multiplies. A corner that rounding mistakes for another is within the same bound.
                 let length = normal.length();
                 let distance = normal.dot(eye - a) / length;
-                let error = 64.0 * U * side.length() * (at - a).length() / length * (eye - a).length();
+                let (along, across) = (side.length(), (at - a).length());
+                let error = U * along * across + self.placing_error * (along + across);
+                let error = 64.0 * error / length * (eye - a).length() + 2.0 * self.placing_error;
                 let sure = (distance.abs() - error).max(0.0);
                 return sure.is_finite().then_some(if distance < 0.0 { -sure } else { sure });
             }

@@ -1,25 +1,31 @@
 //! The triangles of an occluder's mesh in scene coordinates.
 
 use super::outline::OccluderTriangle;
+use crate::clip_projection::U;
 use alloc::vec::Vec;
 use visibility_core::OccluderMesh;
 use visibility_core::glam::{Affine3A, DVec3};
 
 /// Appends the triangles of a mesh, transformed to metres relative to `Scene::origin`, with `source` as their
-/// object. `closed` tells whether the mesh encloses a volume. The triangles of a two-sided mesh hide from
-/// both sides if the mesh is not closed; if it is closed, they hide from their fronts, which are made to face
-/// outwards. Appends nothing if a position is not finite.
+/// object. `closed` tells whether the mesh encloses a volume. The triangles of a two-sided mesh also hide for
+/// eyes behind them if the mesh is not closed; if closed, they are turned outwards. Appends nothing if a
+/// position is not finite. Returns a bound on the error of each coordinate of the corners, in metres.
 pub(crate) fn triangles_of(
     mesh: &OccluderMesh,
     transform: &Affine3A,
     source: u32,
     closed: bool,
     triangles: &mut Vec<OccluderTriangle>,
-) {
+) -> f64 {
     let transformed = point_transform(transform);
-    let at = |i: u32| transformed(mesh.positions()[i as usize].as_dvec3());
-    if (0..mesh.positions().len() as u32).any(|i| !at(i).is_finite()) {
-        return;
+    let at = |i: u32| transformed(mesh.positions()[i as usize].as_dvec3()).0;
+    let mut placing_error = 0.0f64;
+    for position in mesh.positions() {
+        let (placed, error) = transformed(position.as_dvec3());
+        if !placed.is_finite() {
+            return 0.0;
+        }
+        placing_error = placing_error.max(error);
     }
     let mirrored = transform.matrix3.determinant() < 0.0;
     let first = triangles.len();
@@ -46,16 +52,25 @@ pub(crate) fn triangles_of(
             }
         }
     }
+    placing_error
 }
 
 /// Returns a function that takes mesh-space points to metres relative to `Scene::origin` by an affine
-/// transform, computed in `f64`. The identity returns points unchanged, without rounding.
-fn point_transform(transform: &Affine3A) -> impl Fn(DVec3) -> DVec3 {
+/// transform, computed in `f64`, with a bound on the error of each coordinate in metres. The identity returns
+/// points unchanged, without an error.
+fn point_transform(transform: &Affine3A) -> impl Fn(DVec3) -> (DVec3, f64) {
     let identity = *transform == Affine3A::IDENTITY;
     let [x, y, z] = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis]
         .map(|axis| DVec3::from_array(axis.to_array().map(f64::from)));
     let shift = DVec3::from_array(transform.translation.to_array().map(f64::from));
-    move |p| if identity { p } else { x * p.x + y * p.y + z * p.z + shift }
+    move |p| {
+        if identity {
+            return (p, 0.0);
+        }
+        // `f64` holds products of two `f32` exactly, so three sums are rounded.
+        let terms = x.abs() * p.x.abs() + y.abs() * p.y.abs() + z.abs() * p.z.abs() + shift.abs();
+        (x * p.x + y * p.y + z * p.z + shift, 4.0 * U * terms.max_element())
+    }
 }
 
 /// Tests whether every edge of an indexed mesh is used equally often in both directions. Such a mesh encloses

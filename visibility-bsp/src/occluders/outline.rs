@@ -19,6 +19,9 @@ pub(crate) struct OccluderTriangle {
 pub(crate) struct Outline {
     /// Vertices in metres relative to `Scene::origin`, counter-clockwise as seen from the front.
     pub(crate) vertices: Vec<DVec3>,
+    /// Vertices of the polygon's triangles that are not in `vertices`, since other triangles surround them,
+    /// in metres relative to `Scene::origin`.
+    pub(crate) inner: Vec<DVec3>,
     /// Indices of the polygon's objects in the list given to `Occluders::add_from`, ascending.
     pub(crate) sources: Vec<u32>,
     /// For a section (a rectangle inside closed boxes): indices of these boxes in the list returned by

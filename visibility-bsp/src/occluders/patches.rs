@@ -24,6 +24,8 @@ struct Polygon {
     /// Indices of the vertices in the positions that [`weld`] returns, counter-clockwise as seen from the
     /// front.
     vertices: Vec<u32>,
+    /// Indices of the vertices that joins have surrounded, so that `vertices` lacks them.
+    inner: Vec<u32>,
     /// Indices of the polygon's objects in the list given to `Occluders::add_from`, ascending.
     sources: Vec<u32>,
     /// Whether the polygon also hides for eyes behind its front; if false, only for eyes in front.
@@ -41,6 +43,7 @@ pub(super) fn join(triangles: &[OccluderTriangle]) -> Vec<Outline> {
     for ((triangle, corners), number) in triangles.iter().zip(&corners).zip(0..) {
         polygons.push(Some(Polygon {
             vertices: corners.to_vec(),
+            inner: Vec::new(),
             sources: alloc::vec![triangle.source],
             two_sided: triangle.two_sided,
         }));
@@ -82,6 +85,7 @@ pub(super) fn join(triangles: &[OccluderTriangle]) -> Vec<Outline> {
         .flatten()
         .map(|polygon| Outline {
             vertices: polygon.vertices.into_iter().map(position).collect(),
+            inner: polygon.inner.into_iter().map(position).collect(),
             sources: polygon.sources,
             solids: Vec::new(),
             two_sided: polygon.two_sided,
@@ -121,11 +125,14 @@ fn joined(positions: &[DVec3], ours: &Polygon, i: usize, theirs: &Polygon) -> Op
     // From b around `ours` to a, then from the vertex after a around `theirs` to the vertex before b.
     let mut vertices: Vec<u32> = (0..n).map(|k| ours.vertices[(i + 1 + k) % n]).collect();
     vertices.extend((0..m - 2).map(|k| theirs.vertices[(j + 2 + k) % m]));
-    // If they share more than one edge, the loop runs there and back; these spikes are removed.
+    // If they share more than one edge, the loop runs there and back; these spikes are removed. The tip of a
+    // spike stays a vertex of the surface.
+    let mut inner = [&ours.inner[..], &theirs.inner].concat();
     while vertices.len() > 3 {
         let count = vertices.len();
         let Some(k) = (0..count).find(|&k| vertices[k] == vertices[(k + 2) % count]) else { break };
         let (one, two) = ((k + 1) % count, (k + 2) % count);
+        inner.push(vertices[one]);
         vertices.remove(one.max(two));
         vertices.remove(one.min(two));
     }
@@ -135,19 +142,21 @@ fn joined(positions: &[DVec3], ours: &Polygon, i: usize, theirs: &Polygon) -> Op
     if vertices.len() < 3 || vertices.len() > MAX_VERTICES || sorted.len() != vertices.len() {
         return None;
     }
-    let points: Vec<DVec3> = vertices.iter().map(|&v| positions[v as usize]).collect();
-    is_flat_and_convex(&points).then(|| {
+    let [points, inner_points]: [Vec<DVec3>; 2] =
+        [&vertices, &inner].map(|list| list.iter().map(|&v| positions[v as usize]).collect());
+    is_flat_and_convex(&points, &inner_points).then(|| {
         let mut sources: Vec<u32> = ours.sources.iter().chain(&theirs.sources).copied().collect();
         sources.sort_unstable();
         sources.dedup();
-        Polygon { vertices, sources, two_sided: ours.two_sided }
+        Polygon { vertices, inner, sources, two_sided: ours.two_sided }
     })
 }
 
-/// Tests whether a loop of points, in metres and in boundary order, has an area, deviates from its plane by
-/// at most [`FLAT`] of its size, and is convex up to rounding. False for NaN and for a loop without area.
-fn is_flat_and_convex(points: &[DVec3]) -> bool {
-    let Some((normal, extent_along_normal, _)) = plane_of(points) else { return false };
+/// Tests whether a loop of points, in metres and in boundary order, has an area, is convex up to rounding,
+/// and deviates, together with the points `inner` of the surface inside, from its plane by at most [`FLAT`]
+/// of its size. False for NaN and for a loop without area.
+fn is_flat_and_convex(points: &[DVec3], inner: &[DVec3]) -> bool {
+    let Some((normal, extent_along_normal, _)) = plane_of(points, inner, 0.0) else { return false };
     let size = points.iter().map(|p| p.distance(points[0])).fold(0.0, f64::max);
     if extent_along_normal[1] - extent_along_normal[0] > FLAT * size {
         return false;

@@ -19,8 +19,10 @@ use visibility_core::{
 pub(super) struct Polygon {
     /// Index of the first vertex in `Occluders::vertices`.
     pub(super) first: u32,
-    /// Number of vertices; 0 once the polygon is dropped.
+    /// Number of vertices of the outline; 0 once the polygon is dropped.
     pub(super) count: u32,
+    /// Number of the surface's vertices inside the outline, which follow those of the outline.
+    pub(super) inner: u32,
     /// Index of the first source object in `Occluders::sources`.
     pub(super) first_source: u32,
     /// Number of source objects in `Occluders::sources`.
@@ -32,9 +34,11 @@ pub(super) struct Polygon {
     pub(super) solids: u32,
     /// Unit normal of the front, the side from which the vertices run counter-clockwise.
     pub(super) normal: DVec3,
-    /// Least and greatest coordinate of the vertices along `normal`, in metres from `Scene::origin`, rounded
+    /// Least and greatest coordinate of the surface along `normal`, in metres from `Scene::origin`, rounded
     /// outwards.
     pub(super) extent_along_normal: [f64; 2],
+    /// Bound on the error of each coordinate of the vertices, in metres, from placing them in the scene.
+    pub(super) placing_error: f64,
     /// Area of the polygon in square metres.
     pub(super) area: f64,
     /// Mean of the polygon's vertices, in metres relative to `Scene::origin`.
@@ -75,6 +79,9 @@ pub(super) struct Block {
 /// put on another layer or no longer flagged as an occluder stops hiding at once, even without a call of
 /// [`sync`](Self::sync). After `sync` it hides from its new position.
 ///
+/// Rounding by the transforms of meshes is allowed for, except between vertices that are placed at the same
+/// point to the last bit: they count as one, so that the surfaces of two objects meet there.
+///
 /// # Cost
 /// About 200 bytes per polygon. Making polygons of `n` triangles takes `O(n log n)` steps, some microseconds
 /// per triangle, however the triangles lie. To keep this bound, joining stops at limits, and polygons may be
@@ -105,7 +112,8 @@ pub struct Occluders {
     pub(super) polygons: Vec<Polygon>,
     /// Runs of `polygons` that are near each other, with bounding spheres.
     pub(super) blocks: Vec<Block>,
-    /// Vertices of all polygons, in metres relative to `Scene::origin`.
+    /// Vertices of all polygons, each polygon's outline before the vertices inside it, in metres relative to
+    /// `Scene::origin`.
     pub(super) vertices: Vec<DVec3>,
     /// Objects that the polygons were made from; each polygon has a range.
     pub(super) sources: Vec<ObjectId>,
@@ -225,6 +233,15 @@ impl Occluders {
         &self.vertices[polygon.first as usize..(polygon.first + polygon.count) as usize]
     }
 
+    /// Returns the vertices of the surface of the polygon with index `polygon`, those inside its outline too,
+    /// as the minimum and maximum corners, in metres relative to `Scene::origin`, of the boxes that surely
+    /// hold the placed vertices.
+    pub(crate) fn surface_of(&self, polygon: u32) -> impl Iterator<Item = [DVec3; 2]> {
+        let p = &self.polygons[polygon as usize];
+        let vertices = &self.vertices[p.first as usize..(p.first + p.count + p.inner) as usize];
+        vertices.iter().map(|&v| [v - p.placing_error, v + p.placing_error])
+    }
+
     /// Returns the objects that the polygon with index `polygon` was made from. The polygon may hide only
     /// while all of them are drawn and unchanged.
     pub(crate) fn sources_of(&self, polygon: u32) -> &[ObjectId] {
@@ -256,6 +273,7 @@ impl Occluders {
             vertices: self.vertices_of(p),
             normal: p.normal,
             extent_along_normal: p.extent_along_normal,
+            placing_error: p.placing_error,
             two_sided: p.two_sided || p.shell != NO_SHELL,
         }
     }
@@ -282,11 +300,14 @@ impl Occluders {
         let mut triangles = Vec::new();
         // For each source, the index in `shells` of the box around its object; `NO_SHELL` without one.
         let mut shell_of = Vec::with_capacity(ids.len());
+        // By source: bound on the error of each coordinate of its placed vertices, in metres.
+        let mut placing_errors = alloc::vec![0.0; ids.len()];
         for (source, &id) in (0..).zip(ids) {
             let mut shell = NO_SHELL;
             if let Some((mesh, ref transform)) = scene.occluder(id) {
                 let (closed, first) = (is_closed(mesh.triangles()), triangles.len());
-                triangles_of(mesh, transform, source, closed, &mut triangles);
+                placing_errors[source as usize] =
+                    triangles_of(mesh, transform, source, closed, &mut triangles);
                 if mesh.is_convex() && mesh.is_two_sided() && first < triangles.len() {
                     let (min, max) = bounds_of(triangles[first..].iter().flat_map(|t| t.corners));
                     shell = self.shells.len() as u32;
@@ -306,9 +327,13 @@ impl Occluders {
         outlines.extend(patches::join(&triangles));
         let middle = |outline: &Outline| mean_of(outline.vertices.iter().copied());
         let centers: Vec<DVec3> = outlines.iter().map(middle).collect();
-        // Polygons of similar area share blocks, so that a distant block of small polygons can be skipped as
-        // a whole.
-        let planes: Vec<_> = outlines.iter().map(|outline| plane_of(&outline.vertices)).collect();
+        // Polygons of similar area share blocks, so that a block of small ones is skipped as soon as it is
+        // not near.
+        let error_of = |sources: &[u32]| -> f64 {
+            sources.iter().map(|&source| placing_errors[source as usize]).fold(0.0, f64::max)
+        };
+        let plane = |o: &Outline| plane_of(&o.vertices, &o.inner, error_of(&o.sources));
+        let planes: Vec<_> = outlines.iter().map(plane).collect();
         let class = |number: u32| planes[number as usize].map_or(0, |(.., area)| area.to_bits() >> 53);
         let mut order: Vec<u32> =
             (0..outlines.len() as u32).filter(|&i| planes[i as usize].is_some()).collect();
@@ -333,12 +358,14 @@ impl Occluders {
             self.polygons.push(Polygon {
                 first: self.vertices.len() as u32,
                 count: outline.vertices.len() as u32,
+                inner: outline.inner.len() as u32,
                 first_source: self.sources.len() as u32,
                 sources: outline.sources.len() as u32,
                 first_solid: self.solids.len() as u32,
                 solids: outline.solids.len() as u32,
                 normal,
                 extent_along_normal,
+                placing_error: error_of(&outline.sources),
                 area,
                 center,
                 radius,
@@ -346,8 +373,12 @@ impl Occluders {
                 shell,
             });
             self.vertices.extend_from_slice(&outline.vertices);
+            self.vertices.extend_from_slice(&outline.inner);
             let solids = outline.solids.iter().map(|&solid| &solids[solid as usize]);
-            self.solids.extend(solids.map(|solid| [solid.min, solid.max]));
+            self.solids.extend(solids.map(|solid| {
+                let error = placing_errors[solid.source as usize];
+                [solid.min - error, solid.max + error]
+            }));
             for &source in &outline.sources {
                 let id = ids[source as usize];
                 self.sources.push(id);

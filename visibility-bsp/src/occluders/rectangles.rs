@@ -31,6 +31,7 @@ pub(super) fn join(levels: &Levels) -> Vec<Outline> {
             join_group(&group, |low, high, sources| {
                 outlines.push(Outline {
                     vertices: corners(axis, at, low, high, facing == 0),
+                    inner: Vec::new(),
                     sources,
                     solids: Vec::new(),
                     two_sided: facing == 2,

@@ -211,7 +211,8 @@ pub(super) fn sections(solids: &[SolidBox]) -> Vec<Outline> {
                     sources.sort_unstable();
                     sources.dedup();
                     let vertices = corners(axis, at, low, high, false);
-                    outlines.push(Outline { vertices, sources, solids: boxes, two_sided: true });
+                    let inner = Vec::new();
+                    outlines.push(Outline { vertices, inner, sources, solids: boxes, two_sided: true });
                 });
             }
         }

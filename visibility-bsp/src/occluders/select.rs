@@ -214,11 +214,9 @@ impl Selector {
             // The drawn geometry of a section is the faces of its boxes.
             let within = view.clip_planes().is_empty()
                 || occluders
-                    .occluder_polygon(chosen.polygon)
-                    .vertices
-                    .iter()
-                    .all(|&v| clip_planes.contains(v))
-                    && solids.iter().all(|&solid| corners_of(solid).all(|v| clip_planes.contains(v)));
+                    .surface_of(chosen.polygon)
+                    .chain(solids.iter().copied())
+                    .all(|around| corners_of(around).all(|v| clip_planes.contains(v)));
             within
                 && solids.iter().all(|solid| projection.is_outside(solid, clear))
                 && self.is_usable(occluders, chosen.polygon, scene, view)

@@ -20,9 +20,11 @@ pub(super) struct QueuedPolygon {
     vertices: Range<usize>,
     /// Unit normal of the polygon's front, the side from which the vertices run counter-clockwise.
     normal: DVec3,
-    /// Least and greatest coordinate of the polygon's vertices along `normal`, in metres from
+    /// Least and greatest coordinate of the polygon's surface along `normal`, in metres from
     /// `Scene::origin`, rounded outwards.
     extent_along_normal: [f64; 2],
+    /// Bound on the error of each coordinate of the vertices, in metres, from placing them in the scene.
+    placing_error: f64,
     /// Whether the polygon also hides for eyes behind its front; if false, only for eyes in front.
     two_sided: bool,
 }
@@ -157,9 +159,8 @@ impl OcclusionTree {
         let first = self.vertices.len();
         self.vertices.extend_from_slice(occluder_polygon.vertices);
         let vertices = first..self.vertices.len();
-        let (normal, extent_along_normal, two_sided) =
-            (occluder_polygon.normal, occluder_polygon.extent_along_normal, occluder_polygon.two_sided);
-        self.queue.push(QueuedPolygon { vertices, normal, extent_along_normal, two_sided });
+        let &OccluderPolygon { normal, extent_along_normal, placing_error, two_sided, .. } = occluder_polygon;
+        self.queue.push(QueuedPolygon { vertices, normal, extent_along_normal, placing_error, two_sided });
     }
 }
 
@@ -192,7 +193,7 @@ impl OcclusionMap for OcclusionTree {
         triangles.clear();
         // The backs of a closed mesh hide nothing that its fronts do not, unless the eye is in the mesh.
         let closed = occluder.is_closed() && !self.may_surround_eye(occluder, transform);
-        triangles_of(occluder, transform, 0, closed, &mut triangles);
+        let placing_error = triangles_of(occluder, transform, 0, closed, &mut triangles);
         let mut i = 0;
         while i < triangles.len() {
             // Two consecutive triangles often form a quadrilateral face.
@@ -202,8 +203,14 @@ impl OcclusionMap for OcclusionTree {
             i += if face.is_some() { 2 } else { 1 };
             let (quad, triangle) = (face.unwrap_or_default(), [a, b, c]);
             let vertices: &[DVec3] = if face.is_some() { &quad } else { &triangle };
-            if let Some((normal, extent_along_normal, _)) = plane_of(vertices) {
-                self.enqueue(&OccluderPolygon { vertices, normal, extent_along_normal, two_sided });
+            if let Some((normal, extent_along_normal, _)) = plane_of(vertices, &[], placing_error) {
+                self.enqueue(&OccluderPolygon {
+                    vertices,
+                    normal,
+                    extent_along_normal,
+                    placing_error,
+                    two_sided,
+                });
             }
         }
         self.triangles = triangles;
@@ -217,6 +224,7 @@ impl OcclusionMap for OcclusionTree {
                 vertices: &self.vertices[queued.vertices.clone()],
                 normal: queued.normal,
                 extent_along_normal: queued.extent_along_normal,
+                placing_error: queued.placing_error,
                 two_sided: queued.two_sided,
             };
             if self.shadows.cast(&self.projection, &occluder_polygon) {
@@ -267,7 +275,7 @@ fn quad(one: &OccluderTriangle, two: &OccluderTriangle) -> Option<[DVec3; 4]> {
             let (a, b) = (p[i], p[(i + 1) % 3]);
             if q[j] == b && q[(j + 1) % 3] == a {
                 let quad = [b, p[(i + 2) % 3], a, q[(j + 2) % 3]];
-                let (normal, extent_along_normal, _) = plane_of(&quad)?;
+                let (normal, extent_along_normal, _) = plane_of(&quad, &[], 0.0)?;
                 let size = quad[0].distance(quad[2]).max(quad[1].distance(quad[3]));
                 let convex = (0..4).all(|k| {
                     let (a, b, c) = (quad[k], quad[(k + 1) % 4], quad[(k + 2) % 4]);

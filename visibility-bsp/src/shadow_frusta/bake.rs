@@ -1,7 +1,6 @@
 //! Choice of occluders for each region, made in advance.
 
 use crate::occluders::{Occluders, Selector};
-use crate::shadow::plane_of;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{Scene, view::Eye};
@@ -187,14 +186,14 @@ impl Bake<'_> {
 
     /// Returns the bitset of sampled objects whose centres a polygon hides: bit `sample * OBJECTS + object`
     /// is 1 if the polygon hides that sampled object from that sample eye. `polygon` is an index in
-    /// `Occluders`, and `eyes` are in metres relative to `Scene::origin`. All zero for a polygon without
-    /// area. Not bounded for rounding, since it only guides the choice.
+    /// `Occluders`, and `eyes` are in metres relative to `Scene::origin`. Not bounded for rounding, since it
+    /// only guides the choice.
     fn hidden_by(&self, polygon: u32, eyes: &[DVec3; SAMPLES]) -> [u64; WORDS] {
         let occluder_polygon = self.occluders.outside_polygon(polygon);
         let mut set = [0u64; WORDS];
         // Normals of the planes through the eye and each edge.
         let mut sides = Vec::new();
-        let Some((normal, extent_along_normal, _)) = plane_of(occluder_polygon.vertices) else { return set };
+        let (normal, extent_along_normal) = (occluder_polygon.normal, occluder_polygon.extent_along_normal);
         for (sample, eye) in eyes.iter().enumerate() {
             let height = normal.dot(*eye) - extent_along_normal[1];
             let side = if height > 0.0 {

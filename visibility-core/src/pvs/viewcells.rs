@@ -136,6 +136,10 @@ struct Node {
     end: u32,
 }
 
+/// Greatest number of parts of a box that [`Viewcells::cover`] looks at, as a multiple of the viewcells that
+/// touch the box. A grid of viewcells needs one part for each.
+const PARTS_PER_CELL: usize = 64;
+
 /// Greatest number of viewcells in a leaf.
 const LEAF: usize = 4;
 
@@ -280,9 +284,10 @@ impl Viewcells {
 
     /// Appends the numbers of the viewcells that may touch the box from `min` to `max` in world space, as
     /// [`for_each_touching`](Self::for_each_touching) finds them. Returns whether these cover the box: each
-    /// point of it is in one of the viewcells without planes. False for a box with a NaN. Exact, since it
-    /// only compares coordinates. Takes the time of the search, plus time quadratic in the number of
-    /// viewcells found.
+    /// point of it is in one of the viewcells without planes. False for a box with a NaN. Compares
+    /// coordinates, and computes none. Time is that of the search, and in proportion to the square of the
+    /// number of viewcells found: the box is divided into parts at the faces of viewcells, and false is
+    /// returned, too, if there are more than 64 parts for each viewcell. Those of a grid need one each.
     pub fn cover(&self, min: DVec3, max: DVec3, found: &mut Vec<u32>) -> bool {
         let start = found.len();
         self.for_each_touching(min, max, |cell| found.push(cell.0));
@@ -290,10 +295,19 @@ impl Viewcells {
         // Parts of the box not covered yet, each with the index in `found` of the first viewcell that may
         // still cover it.
         let mut parts: SmallVec<[(DVec3, DVec3, usize); 8]> = smallvec::smallvec![(min, max, 0)];
+        let mut parts_left = PARTS_PER_CELL * found.len();
         while let Some((mut low, mut high, first)) = parts.pop() {
+            if parts_left == 0 {
+                return false;
+            }
+            parts_left -= 1;
             let is_of_use = |&cell: &u32| {
                 let cell = &self.cells[cell as usize];
-                cell.planes.is_empty() && cell.min.cmple(high).all() && low.cmple(cell.max).all()
+                // A viewcell that only touches a side of the part is needed for none of its points: those
+                // next to the side are left to others, which are closed as well.
+                let overlaps = cell.min.cmplt(high) & low.cmplt(cell.max);
+                let is_across = low.cmpeq(high) & cell.min.cmple(high) & low.cmple(cell.max);
+                cell.planes.is_empty() && (overlaps | is_across).all()
             };
             let Some(at) = found[first..].iter().position(is_of_use) else { return false };
             let next = first + at + 1;
@@ -321,6 +335,33 @@ impl Viewcells {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn overlapping_viewcells_are_given_up_before_their_cube_of_parts() {
+        let cover = |cells: Vec<Viewcell>| {
+            Viewcells::new(cells).cover(DVec3::ZERO, DVec3::splat(16.0), &mut Vec::new())
+        };
+        let mut grid: Vec<Viewcell> = Vec::new();
+        for i in 0..16 * 16 * 16u32 {
+            let min = DVec3::new(f64::from(i % 16), f64::from(i / 16 % 16), f64::from(i / 256));
+            grid.push(Viewcell::from_box(min, min + 1.0));
+        }
+        assert!(cover(grid), "a grid covers its bounds");
+        // Slabs across each axis that leave gaps between them, and a viewcell over all.
+        let slabs = |count: usize| {
+            let mut cells = Vec::new();
+            for (axis, i) in (0..3).flat_map(|axis| (0..count).map(move |i| (axis, i))) {
+                let (mut min, mut max) = (DVec3::ZERO, DVec3::splat(16.0));
+                min[axis] = 16.0 * (i as f64 + 0.25) / count as f64;
+                max[axis] = 16.0 * (i as f64 + 0.75) / count as f64;
+                cells.push(Viewcell::from_box(min, max));
+            }
+            cells.push(Viewcell::from_box(DVec3::ZERO, DVec3::splat(16.0)));
+            cells
+        };
+        assert!(cover(slabs(2)), "two slabs across each axis, and a viewcell over all");
+        assert!(!cover(slabs(100)), "a hundred slabs across each axis make a million parts");
+    }
 
     #[test]
     fn boxes_touch_the_viewcells_that_they_reach() {

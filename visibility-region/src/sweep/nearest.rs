@@ -225,9 +225,9 @@ impl Nearest {
             }
             return all.surfaces.triangles_of(cluster).len();
         }
-        let parts = all.scene.occluder(id).map_or(0, |(mesh, _)| solids::pieces(mesh).len());
-        (0..parts).for_each(|part| push(pieces, Source::Part(id, part as u32)));
-        parts
+        let Some((mesh, _)) = all.scene.occluder(id) else { return 0 };
+        (0..solids::pieces(mesh).len()).for_each(|part| push(pieces, Source::Part(id, part as u32)));
+        mesh.triangles().len()
     }
 }
 
