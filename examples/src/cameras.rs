@@ -68,6 +68,7 @@ impl Cameras {
         cameras: &std::path::Path,
     ) -> Result<(), SourceError> {
         let unit = reading.metres();
+        source.drop_walks();
         source.walks = load_walks(cameras)?;
         source.walks.iter_mut().for_each(|walk| walk.map(|point| point * unit));
         let description = Description::load(cameras)?;

@@ -1,5 +1,5 @@
 //! JSON reader in which an object with two equal keys is an error. Other parsers would silently drop the
-//! first of the two values.
+//! first of the two values. A whole number may be written with a fraction or an exponent, as `3.0` or `1e2`.
 
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Number, Value};
@@ -43,7 +43,9 @@ enum Strict<'a> {
 
 impl Strict<'_> {
     fn parse(self, bytes: &[u8]) -> serde_json::Result<Value> {
-        let mut deserializer = serde_json::Deserializer::from_slice(bytes);
+        // Some tools begin UTF-8 text with a byte order mark.
+        let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+        let mut deserializer = serde_json::Deserializer::from_slice(text);
         let value = self.deserialize(&mut deserializer)?;
         deserializer.end()?;
         Ok(value)
@@ -82,6 +84,14 @@ impl<'de> Visitor<'de> for Strict<'_> {
     }
 
     fn visit_f64<E>(self, value: f64) -> Result<Value, E> {
+        // Above 2^53 an f64 may stand for several whole numbers. -0.0 stays, because integers have no sign of
+        // zero.
+        const EXACT: f64 = (1_u64 << 53) as f64;
+        let is_whole =
+            value.fract() == 0.0 && value.abs() < EXACT && !(value == 0.0 && value.is_sign_negative());
+        if is_whole {
+            return Ok((value as i64).into());
+        }
         Ok(Number::from_f64(value).map_or(Value::Null, Value::Number))
     }
 
@@ -141,6 +151,15 @@ mod tests {
             (rest.unwrap(), Value::Array(items)),
             (json!({"a": {"x": [1]}, "x": [], "b": [{"x": [4]}]}), json!([2, [3]])),
             "what is left, and the items of the outermost object's list"
+        );
+        assert_eq!(
+            parse(b"\xef\xbb\xbf[3.0, 1e2, -2.0, 9007199254740992.0, 0.0, 1.5]").unwrap(),
+            json!([3, 100, -2, 9_007_199_254_740_992.0, 0, 1.5]),
+            "whole numbers below 2^53 become integers, after a byte order mark"
+        );
+        assert!(
+            parse(b"-0.0").unwrap().as_f64().is_some_and(f64::is_sign_negative),
+            "the sign of zero stays"
         );
         for (wrong, why) in [
             (r#"{"a": 1, "b": 2, "a": 1}"#, "`a` is given twice"),

@@ -40,6 +40,11 @@ pub fn open_as(name: &str, reading: &Reading) -> Result<SceneSource, SourceError
     }
 }
 
+/// Returns whether a scene that a user names is no file, so that no [`Reading`] applies to it.
+pub fn is_made(name: &str) -> bool {
+    file_of(name).is_none()
+}
+
 /// Returns the path of the scene file that a user names. `None` for a recipe, and for `cars5:FILE`.
 fn file_of(name: &str) -> Option<&Path> {
     let before_sizes = |text: &str| text.split(':').next().unwrap_or_default().to_owned();

@@ -172,6 +172,9 @@ impl fmt::Display for Hint {
     }
 }
 
+/// Beginning of the note that a scene's walks are the cameras of its file.
+pub(crate) const CAMERAS_OF_FILE: &str = "walks are the cameras of the file";
+
 /// Axis-aligned box as its minimum and maximum corner, in metres.
 pub type Corners = (Vec3, Vec3);
 
@@ -320,6 +323,12 @@ impl SceneSource {
         }
     }
 
+    /// Removes the walks, and the note that they come from the file.
+    pub fn drop_walks(&mut self) {
+        self.walks.clear();
+        self.notes.retain(|note| !note.starts_with(CAMERAS_OF_FILE));
+    }
+
     /// Appends the objects of another scene. They keep their positions in world space.
     pub fn append(&mut self, other: SceneSource) {
         let shift = other.origin - self.origin;
@@ -349,6 +358,23 @@ impl SceneSource {
     /// Returns the number of triangles of all objects together.
     pub fn triangle_count(&self) -> usize {
         self.objects.iter().map(|o| o.triangles.len()).sum()
+    }
+
+    /// Checks the number of triangles for a method that copies the triangles of every instance.
+    ///
+    /// # Errors
+    ///
+    /// Returns a message with the number of triangles, if it is more than 2^25.
+    pub fn check_copies(&self) -> Result<(), String> {
+        const MOST: usize = 1 << 25;
+        let all = self.triangle_count();
+        let refused = || {
+            format!(
+                "it copies the triangles of each instance of a mesh, {all} in all, and takes at most {MOST}, \
+                 unlike frustum, contribution, hzb, view-cdt and the judge"
+            )
+        };
+        if all > MOST { Err(refused()) } else { Ok(()) }
     }
 
     /// Returns the number of objects that are instances of a mesh with a transform, and the number of

@@ -246,3 +246,16 @@ fn cameras_outside_all_viewcells_are_counted() {
         "the hint at free cells, with and without a word on places"
     );
 }
+
+#[test]
+fn a_name_that_would_be_two_cullers_is_told() {
+    let folder = folder("bake_two_cullers");
+    write_wall(&folder.join("wall.vscn"), WHOLE);
+    for (name, expected) in
+        [("a,b.pvs", "without , and +"), ("a+b.pvs", "without , and +"), ("a.pvs", "baked:a.pvs")]
+    {
+        let output = bake_wall(&folder, name, &[]);
+        assert!(text(&output.stdout).contains(expected), "{name}: {}", text(&output.stdout));
+    }
+    fs::remove_dir_all(folder).unwrap();
+}

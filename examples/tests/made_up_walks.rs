@@ -239,3 +239,13 @@ fn walks_that_are_saved_are_those_that_are_read() {
     Cameras::default().give_whole(&mut second, &reading).unwrap();
     assert!(second.walks == walks && second.notes.is_empty(), "cameras of the scene stay");
 }
+
+#[test]
+fn nothing_to_walk_around_is_said() {
+    let scene = SceneSource::new("none", Vec3::Z, 0.1).with_walks();
+    assert_eq!(
+        (scene.walks.len(), &scene.notes[..]),
+        (0, &["there is nothing to walk around: the scene has no triangle".to_owned()][..]),
+        "walks of an empty scene, and the note"
+    );
+}

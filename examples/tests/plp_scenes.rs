@@ -2,10 +2,12 @@
 //! buffer of 2560 x 1440 sees, and the approximate form reproduces the result of its paper on a small scale.
 
 use crate::shared_scenes::scene;
+use glam::DVec3;
 use std::sync::Arc;
 use visibility_examples::plp::{Method, TriangleWorld, coverage};
 use visibility_examples::walkthrough::{World, cullers, judge, run};
 use visibility_examples::{SceneSource, built_in};
+use visibility_measure::ItemBuffer;
 use visibility_plp::{OctreeTessellation, Solidity};
 
 /// Width and height in pixels of the item buffer that judges the cullers.
@@ -81,4 +83,20 @@ fn projection_misses_less_than_half_of_what_sorting_by_distance_misses() {
         coverage.ratio(1, 3),
         coverage.worst(1, 3)
     );
+}
+
+#[test]
+fn triangles_are_seen_where_the_origin_of_their_world_is() {
+    let near = built_in("plpcity:1,1").unwrap();
+    let mut far = near.clone();
+    let origin = DVec3::new(1e6, 0.0, 2e6);
+    far.origin = origin;
+    far.walks.iter_mut().for_each(|walk| walk.map(|point| point + origin));
+    let seen = [near, far].map(|source| {
+        let world = TriangleWorld::new(&World::new(source, (64, 64), Some(1)).unwrap());
+        let seen = world.see(&world.views[0], &mut ItemBuffer::new(64, 64).unwrap()).unwrap();
+        (world.by_distance(&world.views[0], &seen.candidates), seen.visible)
+    });
+    assert!(!seen[0].1.is_empty(), "triangles are visible");
+    assert!(seen[0] == seen[1], "{} candidates by distance, or visible triangles, differ", seen[0].0.len());
 }

@@ -25,6 +25,26 @@ fn programs_end_quietly_when_their_reader_leaves() {
 }
 
 #[test]
+fn programs_write_their_files_when_their_reader_leaves() {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("without_reader");
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).unwrap();
+    let plan = folder.join("plan.txt");
+    std::fs::write(&plan, "2 1\n0 0 1 0\n1 0 0 1\n0.2 0.2\n").unwrap();
+    for (program, arguments, file) in [
+        (env!("CARGO_BIN_EXE_region"), "plpcity:1,1 --cells 1 --eyes 1 --rays 10 --csv", "region.csv"),
+        (env!("CARGO_BIN_EXE_walkthrough"), "plpcity:1,1 --frames 1 --size 8x8 --json", "walkthrough.json"),
+        (env!("CARGO_BIN_EXE_occluders"), "plpcity:1,1 -o", "level.occ"),
+        (env!("CARGO_BIN_EXE_plan"), &format!("{} --json - --svg", plan.display()), "plan.svg"),
+    ] {
+        let path = folder.join(file);
+        let output = without_reader(program, &format!("{arguments} {}", path.display()));
+        let error = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success() && path.exists(), "{program} {arguments}: {error}");
+    }
+}
+
+#[test]
 fn numbers_beyond_what_can_be_kept_or_drawn_are_refused() {
     for (program, arguments, expected) in [
         (env!("CARGO_BIN_EXE_walkthrough"), "--frames 4000000000", "4000000000 is not in 1..=1000000"),
@@ -68,4 +88,15 @@ fn cameras_are_in_the_unit_of_the_scene() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let dump = std::fs::read_to_string(folder.join("dump.csv")).unwrap();
     assert!(dump.lines().any(|line| line.trim_end() == "0 frustum 0"), "{dump}");
+    // The programs that walk take the same cameras; this one stands still.
+    let scene = "scene.gltf --unit mm --cameras cameras.json";
+    for (program, more, expected) in [
+        (env!("CARGO_BIN_EXE_online"), "--frames 3", "no way to walk"),
+        (env!("CARGO_BIN_EXE_server"), "--boxes 2 --players 1 --things 1 --ticks 1", "cells in"),
+    ] {
+        let arguments = format!("{scene} {more}");
+        let output = Command::new(program).args(arguments.split(' ')).current_dir(&folder).output().unwrap();
+        let said = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
+        assert!(said.contains(expected), "{program} {arguments}: {said}");
+    }
 }

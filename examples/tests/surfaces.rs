@@ -5,15 +5,16 @@ use clap::Parser;
 use serde_json::{Value, json};
 use std::path::Path;
 use visibility_core::VisibleSet;
-use visibility_core::glam::DVec3;
+use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
+use visibility_core::scene::SharedTriangles;
 use visibility_examples::gltf_file::parse;
 use visibility_examples::reading::Reading;
 use visibility_examples::region::judge::{Effort, Judge};
 use visibility_examples::region::{methods, world};
 use visibility_examples::walk::{CameraKey, Walk};
 use visibility_examples::walkthrough::{World, cullers, judge, run};
-use visibility_examples::{Hint, SceneSource, load_as, pvs};
+use visibility_examples::{Hint, SceneSource, SourceObject, load_as, pvs};
 
 /// Returns a document with a wall of `material` in front of a box that starts at z = 2. Seen from the camera,
 /// the wall shows its front or, if `is_turned`, its back.
@@ -325,5 +326,24 @@ fn cells_are_not_walled_by_backs() {
             let hides = cells.as_ref().is_ok_and(|cells| cells.graph.cell_count() > 1);
             assert_eq!(hides, !is_inside_out, "{origin:?}, {:?}", cells.err());
         }
+    }
+}
+
+#[test]
+fn cells_are_made_only_near_the_origin_of_few_triangles() {
+    let error = |source: &SceneSource, origin| pvs::built::cells(source, origin).err().unwrap_or_default();
+    let mut far = read(json!({}), false);
+    far.origin = DVec3::X;
+    let object = &far.objects[0];
+    let mesh = SharedTriangles::from(vec![[Vec3::X, Vec3::Y, Vec3::Z]; 1 << 15]);
+    let copy = SourceObject { triangles: mesh, ..object.clone() };
+    let many = SceneSource { objects: vec![copy; 1025], ..SceneSource::new("many", Vec3::Y, 0.1) };
+    for origin in [pvs::built::Origin::Polygons, pvs::built::Origin::Walls] {
+        assert!(
+            error(&far, origin).contains("origin is zero"),
+            "{origin:?} far away: {}",
+            error(&far, origin)
+        );
+        assert!(error(&many, origin).contains("33587200 in all"), "{origin:?}: {}", error(&many, origin));
     }
 }

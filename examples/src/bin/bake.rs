@@ -285,6 +285,9 @@ fn put_together(arguments: &Assembly) -> Result<(), Failure> {
 
 /// Returns the command line that culls by the file of a bake, to print for the user.
 fn next_command(job: &Job, file: &Path) -> String {
+    if file.to_string_lossy().contains([',', '+']) {
+        return "to cull by it, give it a name without , and +: they separate cullers\n".to_owned();
+    }
     let scene = scene_arguments(&job.scene, &job.reading, job.cameras.cameras.as_deref(), &job.hints);
     let culler = quoted(&format!("baked:{}", file.display()));
     format!("to cull by it: cargo run --release -- {scene} --cullers frustum,{culler}\n")

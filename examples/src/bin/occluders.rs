@@ -9,6 +9,7 @@ use std::time::Instant;
 use visibility_examples::arguments::{count, parse_size};
 use visibility_examples::level_occluders::{make, picture};
 use visibility_examples::output_file::{plain_name, write};
+use visibility_examples::print::go_on_without_reader;
 use visibility_examples::source::{check_hints, parse_hint};
 use visibility_examples::walkthrough::World;
 use visibility_examples::{Cameras, Hint, Reading, exit_code, open_as, println};
@@ -74,6 +75,9 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
+    if arguments.out.is_some() || arguments.pictures.is_some() {
+        go_on_without_reader();
+    }
     let mut source = open_as(&arguments.scene, &arguments.reading)?;
     let mut is_named = vec![false; arguments.hints.len()];
     source.objects.iter_mut().for_each(|object| object.take_all(&arguments.hints, &mut is_named));

@@ -12,7 +12,7 @@ use visibility_examples::arguments::count;
 use visibility_examples::region::cells::on_axes;
 use visibility_examples::region::judge::{Effort, Judge};
 use visibility_examples::region::online_plot::{Frame, plot};
-use visibility_examples::{Walk, exit_code, open, println, region};
+use visibility_examples::{Cameras, Reading, Walk, exit_code, open_as, println, region};
 use visibility_region::{ExtendedProjectionCuller, OnlinePvs};
 
 /// Walk through scenes with visible sets that are computed ahead of the eye: time, number of objects, and how
@@ -23,6 +23,14 @@ struct Arguments {
     /// Scenes: built-in ones, with or without sizes, or files (.vscn, .glb, .gltf).
     #[arg(default_values_t = ["london".to_owned(), "office".to_owned()])]
     scenes: Vec<String>,
+
+    /// How to read scene files.
+    #[command(flatten)]
+    reading: Reading,
+
+    /// Source of the walks.
+    #[command(flatten)]
+    cameras: Cameras,
 
     /// Number of frames per scene, at 60 per second, divided among its first four walks.
     #[arg(long, default_value_t = 600, value_parser = count())]
@@ -146,17 +154,24 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
 }
 
 fn walk(arguments: &Arguments, name: &str) -> Result<Sums, Box<dyn std::error::Error>> {
-    let world = region::world(open(name)?);
+    let mut source = open_as(name, &arguments.reading)?;
+    arguments.cameras.give_whole(&mut source, &arguments.reading)?;
+    source.print_notes();
+    let world = region::world(source);
     let mut judge = Judge::new(&world, Effort { eyes: 20, side: 256, rays: 100_000 })?;
     let size = |width: f64, height: f64| on_axes([width, width, height], world.source.up);
-    let walks: Vec<&Walk> = world.source.walks.iter().take(4).collect();
+    let walks: Vec<&Walk> = world.source.walks.iter().filter(|walk| walk.keys.len() > 1).take(4).collect();
+    if walks.is_empty() {
+        return Err(format!("{name}: no way to walk: its walks stand still; --cameras gives others").into());
+    }
     let (mut sums, mut visible) = (Sums::default(), VisibleSet::new());
     let mut sweep = ExtendedProjectionCuller::new();
     sweep.sync(&world.scene);
     let mut online =
         OnlinePvs::new(size(arguments.size, arguments.size), size(arguments.wide, 2.0 * arguments.size));
-    for walk in &walks {
-        let path = path(walk, arguments.speed / RATE, arguments.frames / walks.len());
+    for (index, walk) in walks.iter().enumerate() {
+        let frames = arguments.frames / walks.len() + usize::from(index < arguments.frames % walks.len());
+        let path = path(walk, arguments.speed / RATE, frames);
         // The boxes around the first eye position are computed before the first frame, and are not counted.
         let start = path.first().copied().into_iter().collect::<Vec<_>>();
         while online.step(&world.scene, &start, u32::MAX).is_some() {}

@@ -121,11 +121,10 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     if let Some(median) = times.get(times.len() / 2) {
         eprintln!("{} eyes, {median:.2} us in the median", times.len());
     }
-    write_json(arguments, &json)?;
     if let Some(path) = &arguments.svg {
         write(path, draw(arguments, &file, &plan)?.as_bytes())?;
     }
-    Ok(())
+    Ok(write_json(arguments, &json)?)
 }
 
 /// Walks through a forest, and writes which trees are seen.
@@ -143,13 +142,13 @@ fn walk(arguments: &Arguments, trees: usize) -> Result<(), Box<dyn std::error::E
         let seen: usize = walk.steps.iter().map(|step| step.seen.len()).sum();
         eprintln!("{} seen in the mean, {median:.1} us in the median", seen / times.len());
     }
-    write_json(arguments, &json)?;
-    match &arguments.svg {
-        Some(path) => Ok(write(path, walk.draw().as_bytes())?),
-        None => Ok(()),
+    if let Some(path) = &arguments.svg {
+        write(path, walk.draw().as_bytes())?;
     }
+    Ok(write_json(arguments, &json)?)
 }
 
+/// Writes the answers, at last because a closed output ends the program.
 fn write_json(arguments: &Arguments, json: &str) -> Result<(), String> {
     match &arguments.json {
         Some(path) if path.as_os_str() == "-" => print!("{json}"),

@@ -74,6 +74,7 @@ fn show(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         return show_conservative(&world);
     }
     let world = World::new(source, arguments.size.into(), arguments.frames)?;
+    world.check_copies()?;
     let world = TriangleWorld::new(&world);
     let fineness = Fineness { vertices: arguments.vertices, halvings: arguments.halvings };
     let start = Instant::now();

@@ -16,7 +16,7 @@ use visibility_examples::region::judge::{Effort, Judge};
 use visibility_examples::region::output::{self, Judged};
 use visibility_examples::region::{cells, methods, picture, planes, plot, trial};
 use visibility_examples::{Cameras, Reading, exit_code, open_as, region};
-use visibility_examples::{eprintln, println};
+use visibility_examples::{eprintln, print::go_on_without_reader, println};
 
 /// Compute what can be seen from anywhere in a viewcell, and print how fast and how tight each method is.
 #[derive(Parser)]
@@ -127,6 +127,10 @@ fn main() -> ExitCode {
 }
 
 fn compare(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    let files = [&arguments.pvs, &arguments.csv, &arguments.plot, &arguments.json, &arguments.pictures];
+    if files.into_iter().any(Option::is_some) {
+        go_on_without_reader();
+    }
     let mut source = open_as(&arguments.scene, &arguments.reading)?;
     arguments.cameras.give_whole(&mut source, &arguments.reading)?;
     source.print_notes();

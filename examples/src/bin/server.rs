@@ -8,7 +8,7 @@ use visibility_core::who_sees::{Reach, WhoSees};
 use visibility_examples::arguments::count;
 use visibility_examples::server::level::Level;
 use visibility_examples::server::{Walker, nine_rays_reach};
-use visibility_examples::{exit_code, println};
+use visibility_examples::{Cameras, Reading, exit_code, open_as, println};
 use visibility_testing::Random;
 
 /// Simulate the server of a shooter that sends each player only what the player can see.
@@ -19,6 +19,14 @@ struct Arguments {
     /// at, or a scene: a built-in one, with or without sizes, or a file (.vscn, .glb, .gltf).
     #[arg(default_value = "office")]
     level: String,
+
+    /// How to read a scene file.
+    #[command(flatten)]
+    reading: Reading,
+
+    /// Source of a scene's walks, along which players walk.
+    #[command(flatten)]
+    cameras: Cameras,
 
     /// Number of players.
     #[arg(long, default_value_t = 64, value_parser = count())]
@@ -102,7 +110,12 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     let start = Instant::now();
     let mut level = match is_plan {
         true => Level::of_plan(Path::new(&arguments.level), arguments.boxes.unwrap_or(4.0))?,
-        false => Level::of_scene(&arguments.level, arguments.boxes)?,
+        false => {
+            let mut source = open_as(&arguments.level, &arguments.reading)?;
+            arguments.cameras.give_whole(&mut source, &arguments.reading)?;
+            source.print_notes();
+            Level::of_scene(source, arguments.boxes)?
+        }
     };
     println!(
         "{}: {} cells in {:.1} s",

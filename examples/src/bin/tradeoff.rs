@@ -92,7 +92,7 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         if let Some(bake) = advice.bake.as_ref().ok().filter(|bake| bake.is_worth_it()) {
             println!(
                 "  {}",
-                bake.command(scene, &Reading::default(), None, &[], &format!("{}.pvs", plain_name(&name)))
+                bake.command(scene, &arguments.reading, None, &[], &format!("{}.pvs", plain_name(&name)))
             );
         }
         if let Some(best) = output::best_sound(&swept.points, true) {

@@ -17,8 +17,8 @@ use visibility_examples::walkthrough::{
     Trial, World, aimed_rays, auto, cells_picture, cullers, explain, eye_picture, freeze, judge, map_picture,
     output, run,
 };
-use visibility_examples::{Cameras, Hint, Reading, exit_code, load_as, open_as};
-use visibility_examples::{print, println};
+use visibility_examples::{Cameras, Hint, Reading, exit_code, load::is_made, load_as, open_as};
+use visibility_examples::{print, print::go_on_without_reader, println};
 
 /// Walk a camera through a scene, cull every frame, and print times and errors of each culler.
 #[derive(Parser)]
@@ -105,11 +105,15 @@ fn main() -> ExitCode {
 }
 
 fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    if arguments.json.is_some() || arguments.dump.is_some() {
+        go_on_without_reader();
+    }
     let name = arguments.scene.as_deref().or(arguments.file.as_deref()).unwrap_or("plpcity");
     let start = Instant::now();
     let mut source = open_as(name, &arguments.reading)?;
     for file in &arguments.with {
-        let with = load_as(file, &arguments.reading)?;
+        let mut with = load_as(file, &arguments.reading)?;
+        with.drop_walks();
         with.print_notes();
         source.append(with);
     }
@@ -122,7 +126,11 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let start = Instant::now();
     let mut world = World::new(source, arguments.size.into(), arguments.frames)?;
     world.makes_cells = true;
-    println!("{}", output::header(&world, &arguments.reading));
+    if arguments.rays > 0 {
+        world.check_copies().map_err(|why| format!("--rays: {why}"))?;
+    }
+    let reading = if is_made(name) { Reading::default() } else { arguments.reading };
+    println!("{}", output::header(&world, &reading));
     println!(
         "{} walks, {} frames; made in {:.0} ms, hierarchy in {:.0} ms",
         world.source.walks.len(),
@@ -205,7 +213,8 @@ fn again(arguments: &Arguments, scene: &str, culler: &str) -> String {
     for with in &arguments.with {
         command += &format!(" --with {}", quoted(&with.display().to_string()));
     }
-    format!("{command} --cullers frustum,{culler}")
+    let others = if culler == "frustum" { String::new() } else { format!(",{culler}") };
+    format!("{command} --cullers frustum{others}")
 }
 
 /// Writer of pictures of a world into a folder. `marked` is the index of the object that is marked in the

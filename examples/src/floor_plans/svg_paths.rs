@@ -1,9 +1,10 @@
 //! Plans as SVG: the outlines of paths, lines, polylines, polygons, rectangles and ellipses are walls.
 //!
 //! Curves become chords. Coordinates are user units of the file, with y downwards, after the transforms of
-//! the elements. `use`, nested `svg` elements and transforms in style sheets would move walls, so a file with
-//! any of these is refused rather than read wrongly. Elements that are not drawn in place (definitions, clip
-//! paths, masks, markers, patterns, symbols) or not displayed (`display: none`) make no walls.
+//! the elements. Percentages are of the file's `viewBox`. `use`, nested `svg` elements and transforms in
+//! style sheets would move walls, so a file with any of these is refused rather than read wrongly. Elements
+//! that are not drawn in place (definitions, clip paths, masks, markers, patterns, symbols) or not displayed
+//! (`display: none`) make no walls.
 
 use super::plan_file::{PlanFile, Problem, check};
 use super::svg_numbers::Numbers;
@@ -38,6 +39,7 @@ struct Open<'a> {
 pub fn read(content: &str) -> Result<PlanFile, Problem> {
     let mut plan = PlanFile { y_down: true, ..PlanFile::default() };
     let (mut at, mut elements, mut has_root) = (0, 0, false);
+    let mut view_box = None;
     let mut open: Vec<Open<'_>> = Vec::new();
     while let Some(begin) = content[at..].find('<').map(|index| at + index) {
         let problem = |problem: String| {
@@ -69,13 +71,20 @@ pub fn read(content: &str) -> Result<PlanFile, Problem> {
         if name == "svg" && core::mem::replace(&mut has_root, true) {
             return Err(problem("an `svg` inside another is not supported".into()));
         }
+        if name == "svg"
+            && let Some(text) = attribute(text, "viewBox")
+        {
+            let mut numbers = Numbers(text);
+            let (_corner, size) = (numbers.pair().map_err(problem)?, numbers.pair().map_err(problem)?);
+            view_box = Some(size);
+        }
         elements += 1;
         let (outer, is_drawn) = open.last().map_or((Matrix::IDENTITY, true), |o| (o.matrix, o.is_drawn));
         let is_drawn = is_drawn && !UNDRAWN.contains(&name) && !is_hidden(text);
         let matrix = if is_drawn { outer.after(&transform(text).map_err(problem)?) } else { outer };
         if is_drawn {
             let first = plan.walls.len();
-            element(text, &mut plan).map_err(problem)?;
+            element(text, view_box, &mut plan).map_err(problem)?;
             for wall in &mut plan.walls[first..] {
                 *wall = wall.map(|end| matrix.apply(end));
                 wall.as_flattened().iter().try_for_each(|&x| check(x)).map_err(problem)?;
@@ -163,10 +172,22 @@ fn attribute<'a>(element: &'a str, name: &str) -> Option<&'a str> {
     }
 }
 
-fn element(element: &str, plan: &mut PlanFile) -> Result<(), String> {
-    let number = |name: &str| match attribute(element, name) {
-        None => Ok(0.0),
-        Some(value) => value.trim().parse::<f64>().map_err(|_| format!("`{name}` is no number: `{value}`")),
+/// Adds the walls of an element. `view_box` is the width and height of the file's `viewBox`.
+fn element(element: &str, view_box: Option<[f64; 2]>, plan: &mut PlanFile) -> Result<(), String> {
+    let number = |name: &str| {
+        let Some(value) = attribute(element, name) else { return Ok(0.0) };
+        let of = |percent: &str, size: f64| percent.parse::<f64>().ok().map(|percent| percent * size / 100.0);
+        let number = match (value.trim().strip_suffix('%'), view_box, name) {
+            (None, ..) => value.trim().parse().ok(),
+            (Some(percent), Some([width, _]), "x" | "x1" | "x2" | "cx" | "rx" | "width") => {
+                of(percent, width)
+            }
+            (Some(percent), Some([_, height]), "y" | "y1" | "y2" | "cy" | "ry" | "height") => {
+                of(percent, height)
+            }
+            (Some(_), ..) => None,
+        };
+        number.ok_or_else(|| format!("`{name}` is no number: `{value}`"))
     };
     let name = name_of(element);
     match name {
@@ -328,6 +349,7 @@ fn arc(from: [f64; 2], to: [f64; 2], radii: [f64; 2], turn: f64, large: bool, sw
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::floor_plans::drawing::Drawing;
 
     fn walls(svg: &str) -> Vec<[[f64; 2]; 2]> {
         read(svg).unwrap().walls
@@ -356,6 +378,13 @@ mod tests {
             [[[1.0, 2.0], [-5.0, 4.0]]],
             "a line with its own attributes"
         );
+        assert_eq!(
+            walls(r#"<svg viewBox="9 9 40 20"><line x1="50%" y1="1" x2="100%" y2="10%"/></svg>"#),
+            [[[20.0, 1.0], [40.0, 2.0]]],
+            "percentages of the box of the file"
+        );
+        let picture = Drawing::new([[0.0, 0.0], [4.0, 2.0]], true).finish();
+        assert_eq!(walls(&picture).len(), 4, "the frame of a picture that the program draws: {picture}");
     }
 
     #[test]
@@ -421,6 +450,8 @@ mod tests {
             r#"<path d="M0 0L1e61 1"/>"#,
             r#"<path d="M0 0A1e300 1e-300 0 0 1 5 5"/>"#,
             r#"<line x1="one"/>"#,
+            r#"<line x1="50%"/>"#,
+            r#"<svg viewBox="0 0 4 4"><circle r="50%"/></svg>"#,
             r#"<path d="5 5 6 6"/>"#,
             r#"<path d="L5 5 6 6"/>"#,
             r#"<g style="fill:none; Transform : scale(2)"><path d="M0 0L1 1"/></g>"#,

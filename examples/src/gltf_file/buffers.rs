@@ -33,8 +33,8 @@ pub(super) struct Buffers<'a> {
 /// vertices, or copy them a million times, so the file's size does not bound the work.
 const MOST_READ: usize = 1 << 27;
 
-/// Maximum number of elements of an accessor without a buffer view. All its elements are zero and take no
-/// bytes of the file.
+/// Maximum number of elements of an accessor without a buffer view, unless as many positions are in memory.
+/// Its elements are zero and take no bytes of the file.
 const MOST_ZEROS: usize = 1 << 20;
 
 impl<'a> Buffers<'a> {
@@ -86,6 +86,22 @@ impl<'a> Buffers<'a> {
         Err(SourceError::content(self.path, place(), problem))
     }
 
+    /// Returns the result of `read`, whose elements do not add to the number read. `read` alone may read as
+    /// many as all other reading.
+    pub(super) fn uncharged<T>(&self, read: impl FnOnce() -> T) -> T {
+        let before = self.read.replace(0);
+        let result = read();
+        self.read.set(before);
+        result
+    }
+
+    /// Reads the displacements of a morph target like [`positions`](Self::positions). Only call this with as
+    /// many positions in memory: an accessor without a buffer view may have any number of displacements.
+    pub(super) fn displacements(&self, accessor: &Accessor<'_>) -> Result<Vec<Vec3>, SourceError> {
+        let vectors = self.vectors_or_zeros::<3>(accessor, accessor.count())?;
+        Ok(vectors.into_iter().map(Vec3::from_array).collect())
+    }
+
     /// Reads the vertex positions of an accessor, in mesh space. Returns an error unless the elements are
     /// vectors of three numbers within the accessor's buffer view. NaN and infinities are kept.
     pub(super) fn positions(&self, accessor: &Accessor<'_>) -> Result<Vec<Vec3>, SourceError> {
@@ -99,13 +115,23 @@ impl<'a> Buffers<'a> {
         &self,
         accessor: &Accessor<'_>,
     ) -> Result<Vec<[f32; N]>, SourceError> {
+        self.vectors_or_zeros(accessor, MOST_ZEROS)
+    }
+
+    /// Reads vectors like [`vectors`](Self::vectors), at most `most_zeros` from an accessor without a buffer
+    /// view.
+    fn vectors_or_zeros<const N: usize>(
+        &self,
+        accessor: &Accessor<'_>,
+        most_zeros: usize,
+    ) -> Result<Vec<[f32; N]>, SourceError> {
         if accessor.dimensions().multiplicity() != N {
             return Err(self.wrong(accessor, format!("it must have vectors of {N} numbers")));
         }
         let component = component(accessor.data_type(), accessor.normalized());
         let size = accessor.data_type().size();
         let vector = |bytes: &[u8]| std::array::from_fn(|i| component(&bytes[i * size..]));
-        Ok(self.elements(accessor)?.iter().map(vector).collect())
+        Ok(self.elements(accessor, most_zeros)?.iter().map(vector).collect())
     }
 
     /// Reads the vertex indices of an accessor. Returns an error unless the elements are unsigned scalars of
@@ -117,7 +143,7 @@ impl<'a> Buffers<'a> {
             (DataType::U32, Dimensions::Scalar) => |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]),
             _ => return Err(self.wrong(accessor, "indices must be unsigned whole numbers")),
         };
-        Ok(self.elements(accessor)?.iter().map(index).collect())
+        Ok(self.elements(accessor, MOST_ZEROS)?.iter().map(index).collect())
     }
 
     /// Makes an error that names the accessor by its index, with a description of the problem.
@@ -127,12 +153,13 @@ impl<'a> Buffers<'a> {
     }
 
     /// Returns the elements of an accessor. Returns an error for accessors beyond their buffer view or
-    /// buffer, strides shorter than an element, and sparse elements beyond the accessor.
-    fn elements(&self, accessor: &Accessor<'_>) -> Result<Elements<'_>, SourceError> {
+    /// buffer, strides shorter than an element, sparse elements beyond the accessor, and more than
+    /// `most_zeros` elements without a buffer view.
+    fn elements(&self, accessor: &Accessor<'_>, most_zeros: usize) -> Result<Elements<'_>, SourceError> {
         let (size, count) = (accessor.size(), accessor.count());
         let base = match accessor.view() {
             Some(view) => self.within(accessor, &view, accessor.offset(), size, count)?,
-            None if count > MOST_ZEROS => {
+            None if count > most_zeros => {
                 let problem = format!("it has {count} elements without a buffer view");
                 return Err(self.wrong(accessor, problem));
             }
@@ -295,9 +322,16 @@ fn file_below(document: &Path, uri: &str, length: usize) -> Result<Vec<u8>, Stri
     if relative.as_os_str().to_string_lossy().contains(':') {
         return Err(refused("only relative paths and data URIs are read"));
     }
-    let inside = relative.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
-    if !inside {
-        return Err(refused("it is not below the document's folder"));
+    let outside = || refused("it is not below the document's folder");
+    let mut below = PathBuf::new();
+    for part in relative.components() {
+        match part {
+            Component::Normal(part) => below.push(part),
+            Component::CurDir => {}
+            // `a/..` leads back to where it was. A path that leads above the folder is refused.
+            Component::ParentDir if below.pop() => {}
+            _ => return Err(outside()),
+        }
     }
     let folder = match document.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
@@ -306,7 +340,7 @@ fn file_below(document: &Path, uri: &str, length: usize) -> Result<Vec<u8>, Stri
     let unreadable = |cause: std::io::Error| format!("cannot read the file `{uri}`: {cause}");
     let folder = folder.canonicalize().map_err(unreadable)?;
     // `canonicalize` follows symbolic links, so the target must be checked as well.
-    let file = folder.join(relative).canonicalize().map_err(unreadable)?;
+    let file = folder.join(below).canonicalize().map_err(unreadable)?;
     if !file.starts_with(&folder) {
         return Err(refused("it leads out of the document's folder"));
     }
@@ -363,6 +397,18 @@ mod tests {
     }
 
     #[test]
+    fn what_is_read_only_to_look_is_not_counted() {
+        let (bytes, decoded, path) = (Vec::new(), Vec::new(), Path::new("test.gltf"));
+        let buffers = Buffers { bytes, decoded, read: Cell::new(0), path };
+        let charge = |count| buffers.charge(count, String::new);
+        assert!(charge(MOST_READ - 1).is_ok(), "nearly all that may be read");
+        buffers.uncharged(|| {
+            assert!(charge(MOST_READ).is_ok() && charge(1).is_err(), "as much again, and no more");
+        });
+        assert!(charge(1).is_ok() && charge(1).is_err(), "one is left");
+    }
+
+    #[test]
     fn only_files_below_the_folder_are_opened() {
         let document = Path::new("src/scene.gltf");
         for uri in [
@@ -378,6 +424,9 @@ mod tests {
         ] {
             assert!(file_below(document, uri, 10).is_err(), "{uri}");
         }
+        let around =
+            file_below(document, "no%20folder/./../lib.rs", 3).expect("dots that stay in the folder");
+        assert_eq!(around, b"//!", "the first bytes of a file whose path has dots");
         let here = file_below(document, "li%62.rs", 3).expect("a file of this crate");
         assert_eq!(here, b"//!", "the first bytes of a file whose name is escaped");
     }

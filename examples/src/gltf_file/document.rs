@@ -28,6 +28,9 @@ pub(super) struct Document {
     /// Whether an animation by `KHR_animation_pointer` moves the node, by node index. The values of such
     /// animations are not read.
     pub is_pointed_at: Vec<bool>,
+    /// Whether an animation by `KHR_animation_pointer` may show the node though it is hidden at rest, by node
+    /// index.
+    pub is_shown: Vec<bool>,
     /// Whether an animation by `KHR_animation_pointer` changes morph weights of the mesh, by mesh index. The
     /// values of such animations are not read.
     pub is_mesh_pointed_at: Vec<bool>,
@@ -122,16 +125,23 @@ pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option
     check_indices(&root, "", false).and(nodes.beyond.map_or(Ok(()), Err)).map_err(|(key, index)| {
         wrong(&key, format!("{index} is beyond all indices, of which there are at most 2^32"))
     })?;
-    let (mut unread, cameras) = (Unread::new(&root), Camera::all(&root, &nodes.with_camera));
+    let cameras = Camera::all(&root, &nodes.with_camera);
+    let mut unread = Unread::new(&root, nodes.with_camera.len());
     let pointers = strip(&mut root);
     unread.pointers = pointers.len();
 
     let mut root: Root = serde_json::from_value(root).map_err(unreadable)?;
     root.nodes = nodes.read.map_err(unreadable)?;
     let mut is_pointed_at = vec![false; root.nodes.len()];
+    let mut is_shown = vec![false; root.nodes.len()];
     let mut is_mesh_pointed_at = vec![false; root.meshes.len()];
     for pointer in &pointers {
         point_at(pointer, &mut root, &mut is_pointed_at, &mut is_mesh_pointed_at);
+        let node = pointer.strip_prefix("/nodes/");
+        let node = node.and_then(|node| node.strip_suffix("/extensions/KHR_node_visibility/visible"));
+        if let Some(is_shown) = node.and_then(|node| is_shown.get_mut(node.parse::<usize>().ok()?)) {
+            *is_shown = true;
+        }
     }
     // Checked here, because the validation of the `gltf` crate looks up position accessors without a bounds
     // check.
@@ -156,7 +166,7 @@ pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option
     }
     let gltf = gltf::Document::from_json_without_validation(root);
     let transforms = nodes.transforms;
-    Ok((Document { gltf, transforms, is_pointed_at, is_mesh_pointed_at, cameras, unread }, chunk))
+    Ok((Document { gltf, transforms, is_pointed_at, is_shown, is_mesh_pointed_at, cameras, unread }, chunk))
 }
 
 /// Reader that takes the nodes of a document one by one.

@@ -18,14 +18,15 @@ pub(super) fn instance_count(node: &gltf::Node<'_>, document: &gltf::Document) -
 }
 
 /// Returns the accessor of an instance attribute, `None` if the extension has no such attribute. `Err` if the
-/// accessor's index does not exist.
+/// attribute is no index of an accessor.
 fn accessor_of<'a>(
     extension: &Value,
     name: &str,
     document: &'a gltf::Document,
 ) -> Option<Result<gltf::Accessor<'a>, ()>> {
-    let index = extension.get("attributes")?.get(name)?.as_u64()?;
-    Some(usize::try_from(index).ok().and_then(|index| document.accessors().nth(index)).ok_or(()))
+    let index =
+        extension.get("attributes")?.get(name)?.as_u64().and_then(|index| usize::try_from(index).ok());
+    Some(index.and_then(|index| document.accessors().nth(index)).ok_or(()))
 }
 
 /// Copies of a node's mesh, with their transforms.

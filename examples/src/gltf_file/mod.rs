@@ -21,7 +21,7 @@ mod unread;
 use crate::error::SourceError;
 use crate::object_name::ObjectName;
 use crate::reading::Reading;
-use crate::source::{Hint, SceneSource, SourceObject};
+use crate::source::{CAMERAS_OF_FILE, Hint, SceneSource, SourceObject};
 use crate::{unit_and_axis_hints, walk};
 use buffers::Buffers;
 use document::Document;
@@ -95,8 +95,9 @@ pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSou
         meshes: HashMap::new(),
         names: HashMap::new(),
         hints: vec![Vec::new(); nodes.parents.len()],
+        unknown_hints: Vec::new(),
     };
-    collector.origin = collector.origin_near_content()?;
+    collector.origin = buffers.uncharged(|| collector.origin_near_content())?;
     let shown = placed(&document, &nodes)
         .filter_map(|node| node.mesh().zip(Some(instance_count(&node, &document.gltf))));
     let objects = shown.map(|(mesh, copies)| mesh.primitives().len().saturating_mul(copies));
@@ -105,21 +106,32 @@ pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSou
         collector.add(&node)?;
     }
     collector.bound_movers();
-    let (origin, objects) = (collector.origin, collector.objects);
+    let (origin, objects, unknown_hints) = (collector.origin, collector.objects, collector.unknown_hints);
     document.unread.without_triangles = collector.without_triangles;
     let placed = document.cameras.iter().filter(|camera| nodes.placed.contains(&camera.node));
     let walks: Vec<_> = placed.filter_map(|camera| camera.walk(&nodes.worlds[camera.node])).collect();
-    document.unread.cameras = document.unread.cameras.saturating_sub(walks.len());
+    document.unread.cameras -= walks.len();
 
     let movers = objects.iter().filter(|object| object.motion.is_some()).count();
     let mut notes: Vec<String> = document.unread.line().into_iter().collect();
     if movers > 0 {
+        let is_anywhere = |object: &&SourceObject| object.motion.is_some() && object.never_cull;
+        let anywhere = objects.iter().filter(is_anywhere).count();
+        let anywhere = match anywhere {
+            0 => String::new(),
+            _ => format!("; {anywhere} of them count as visible from everywhere"),
+        };
         notes.push(format!(
             "{movers} of {} objects may move, by animations, skins or morph targets: they hide nothing, and \
-             their bounds are those over all clips",
+             their bounds are those over all clips{anywhere}",
             objects.len()
         ));
     }
+    // One of the unknown hints is enough to find the others.
+    notes.extend(unknown_hints.first().map(|first| match unknown_hints.len() {
+        1 => first.clone(),
+        count => format!("{first}; {} more like it", count - 1),
+    }));
     if origin != DVec3::ZERO {
         notes.push(format!("far from the origin of the file: coordinates are relative to {origin}"));
     }
@@ -130,7 +142,7 @@ pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSou
     let bounds = scene.bounds();
     scene.near = walk::made_up_near(bounds);
     if !walks.is_empty() {
-        scene.notes.push(format!("walks are the cameras of the file: {}", walks.len()));
+        scene.notes.push(format!("{CAMERAS_OF_FILE}: {}", walks.len()));
     }
     scene.walks = walks;
     if let Some(near) = document.cameras.iter().filter_map(|camera| camera.near).reduce(f64::min) {
@@ -172,6 +184,8 @@ struct Collector<'a> {
     names: HashMap<[String; 2], ObjectName>,
     /// For each node, by its index, the hints inherited from all nodes above it, each once.
     hints: Vec<Vec<Hint>>,
+    /// Notes on extras `visibility` that are no hints.
+    unknown_hints: Vec<String>,
 }
 
 /// Nodes of the scene that show a mesh.
@@ -243,7 +257,8 @@ impl Collector<'_> {
             }
         }
         boxes.retain(|(low, high)| low.is_finite() && high.is_finite());
-        let middle = |(low, high): &Box64| (*low + *high) * 0.5;
+        // Halved before they are added, because the sum of two coordinates may overflow.
+        let middle = |(low, high): &Box64| *low * 0.5 + *high * 0.5;
         let median = |mut values: Vec<f64>| {
             values.sort_unstable_by(f64::total_cmp);
             values.get(values.len() / 2).copied().unwrap_or(0.0)
@@ -347,6 +362,7 @@ impl Collector<'_> {
     /// Sets the bounds of all moving objects to contain them throughout all animations. An object with
     /// unknown bounds is never culled.
     fn bound_movers(&mut self) {
+        self.moved.sort_by_key(|moved| self.nodes.subtrees[moved.node].start);
         let known =
             self.motion.enclose(&self.document.transforms, self.nodes, &self.moved, &mut self.at_rest);
         for &(object, (low, high)) in &self.at_rest {
@@ -358,15 +374,22 @@ impl Collector<'_> {
     }
 
     /// Returns the hint in the extras of a node (`"visibility"`), and passes it on to the node's descendants.
-    /// [`Hint::Occluder`] is not passed on: glass below an occluder stays glass. Returns an error for an
-    /// unknown hint, and for an occluder without a mesh.
+    /// [`Hint::Occluder`] is not passed on: glass below an occluder stays glass. An unknown word, such as one
+    /// of another tool, is no hint, and is noted. Returns an error for an occluder without a mesh.
     fn hint(&mut self, node: &gltf::Node<'_>) -> Result<Option<Hint>, SourceError> {
-        let wrong = |problem: String| self.wrong(node, problem);
+        let path = self.path;
+        let wrong = |problem| SourceError::content(path, format!("node {}", node.index()), problem);
         let extras = node.extras().as_ref().map(|extras| serde_json::from_str::<Value>(extras.get()));
         let extras = extras.transpose().map_err(|error| wrong(format!("its extras: {error}")))?;
         let name = extras.as_ref().and_then(|extras| extras.get("visibility")?.as_str());
-        let hint = name.map(str::parse).transpose();
-        let hint = hint.map_err(|error| wrong(format!("its extra `visibility`: {error}")))?;
+        let hint = match name.map(str::parse).transpose() {
+            Ok(hint) => hint,
+            Err(error) => {
+                self.unknown_hints
+                    .push(format!("node {}: its extra `visibility` is ignored: {error}", node.index()));
+                None
+            }
+        };
         if hint == Some(Hint::Occluder) && node.mesh().is_none() {
             return Err(wrong("its extra `visibility`: `occluder` is for a mesh, and it has none".into()));
         }

@@ -13,6 +13,7 @@ use crate::error::SourceError;
 use glam::{DMat3, DMat4, DQuat, DVec3, DVec4};
 use gltf::animation::{Interpolation, Property};
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// Box in `f64`, as its minimum and maximum corner.
 pub(super) type Box64 = (DVec3, DVec3);
@@ -63,8 +64,9 @@ type Channels = BTreeMap<usize, [Option<Channel>; 3]>;
 struct Clip {
     /// Channels of translation, rotation and scale, by node index. Nodes without a channel are absent.
     channels: Channels,
-    /// Nodes that the clip moves, directly or through an ancestor, parents before children.
-    moved: Vec<usize>,
+    /// Nodes that the clip moves, directly or through an ancestor, as positions in [`Nodes::order`].
+    /// Ascending and disjoint.
+    moved: Vec<Range<usize>>,
     /// Times of all keys in seconds, ascending and distinct.
     times: Vec<f64>,
 }
@@ -95,6 +97,9 @@ pub(super) struct MovedBox {
     pub to_node: DMat4,
     pub bounds: Box64,
 }
+
+/// Nodes that a clip moves, parents before children, and the boxes that are fixed to them.
+type MovedPart<'a> = (&'a [usize], &'a [MovedBox]);
 
 impl Motion {
     /// Reads the clips of a document. Ignores channels whose values all equal the rest pose.
@@ -136,13 +141,17 @@ impl Motion {
         if channels.is_empty() {
             return;
         }
-        let mut is_moved = vec![false; nodes.parents.len()];
-        for &node in &nodes.order {
-            is_moved[node] =
-                channels.contains_key(&node) || nodes.parents[node].is_some_and(|parent| is_moved[parent]);
+        let mut moved: Vec<Range<usize>> =
+            channels.keys().map(|&node| nodes.subtrees[node].clone()).collect();
+        moved.sort_unstable_by_key(|range| range.start);
+        // Of two subtrees that meet, the later one is within the earlier one.
+        moved.dedup_by(|later, earlier| later.start < earlier.end);
+        for range in &moved {
+            // If an earlier clip moves the first node, it moves all nodes of the range.
+            if !self.is_moved[nodes.order[range.start]] {
+                nodes.order[range.clone()].iter().for_each(|&node| self.is_moved[node] = true);
+            }
         }
-        let moved: Vec<usize> = nodes.order.iter().copied().filter(|&node| is_moved[node]).collect();
-        moved.iter().for_each(|&node| self.is_moved[node] = true);
         let times = channels.values().flatten().flatten().flat_map(|channel| &channel.times);
         let mut times: Vec<f64> = times.copied().collect();
         times.sort_unstable_by(f64::total_cmp);
@@ -203,7 +212,8 @@ impl Motion {
     }
 
     /// Enlarges the world-space bounds of each moving object to contain its boxes at all times of all clips.
-    /// Returns false if this exceeds [`MOST_WORK`]; the bounds are then too small.
+    /// `boxes` are sorted by the positions of their nodes in [`Nodes::order`]. Returns false if this exceeds
+    /// [`MOST_WORK`]; the bounds are then too small.
     pub(super) fn enclose(
         &self,
         transforms: &[LocalTransform],
@@ -211,33 +221,49 @@ impl Motion {
         boxes: &[MovedBox],
         bounds: &mut [(usize, Box64)],
     ) -> bool {
-        let work = |clip: &Clip| {
-            let steps = clip.times.len().saturating_mul(clip.steps());
-            steps.saturating_mul(clip.moved.len() + boxes.len())
+        // The boxes at the nodes of a range of the order.
+        let boxes_at = |range: &Range<usize>| {
+            let before = |end: usize| boxes.partition_point(|moved| nodes.subtrees[moved.node].start < end);
+            &boxes[before(range.start)..before(range.end)]
         };
-        let work = self.clips.iter().map(work).fold(0, usize::saturating_add);
+        // Subtrees without boxes move nothing visible.
+        let moved: Vec<Vec<MovedPart<'_>>> = self
+            .clips
+            .iter()
+            .map(|clip| {
+                let parts = clip.moved.iter().map(|range| (&nodes.order[range.clone()], boxes_at(range)));
+                parts.filter(|(_, boxes)| !boxes.is_empty()).collect()
+            })
+            .collect();
+        let work = |(clip, moved): (&Clip, &Vec<MovedPart<'_>>)| {
+            let steps = clip.times.len().saturating_mul(clip.steps());
+            steps.saturating_mul(moved.iter().map(|(nodes, boxes)| nodes.len() + boxes.len()).sum())
+        };
+        let work = self.clips.iter().zip(&moved).map(work).fold(0, usize::saturating_add);
         if work > MOST_WORK {
             return false;
         }
-        let at_rest: Vec<ErrorMap> = nodes.worlds.iter().map(|&world| ErrorMap::exact(world)).collect();
-        for clip in &self.clips {
-            let mut worlds = at_rest.clone();
-            let mut is_moved = vec![false; worlds.len()];
-            clip.moved.iter().for_each(|&node| is_moved[node] = true);
+        let mut worlds: Vec<ErrorMap> = nodes.worlds.iter().map(|&world| ErrorMap::exact(world)).collect();
+        for (clip, moved) in self.clips.iter().zip(&moved) {
             for (from, to) in clip.spans() {
-                for &node in &clip.moved {
-                    let local = clip.local(node, &transforms[node], from, to);
-                    worlds[node] = match nodes.parents[node] {
-                        Some(parent) => worlds[parent].after(&local),
-                        None => ErrorMap::exact(nodes.root).after(&local),
-                    };
-                }
-                for moved in boxes.iter().filter(|moved| is_moved[moved.node]) {
-                    let map = worlds[moved.node].after(&ErrorMap::exact(moved.to_node));
-                    let bounds = &mut bounds[moved.mover].1;
-                    *bounds = union(*bounds, map.image(moved.bounds));
+                for &(below, boxes) in moved {
+                    for &node in below {
+                        let local = clip.local(node, &transforms[node], from, to);
+                        worlds[node] = match nodes.parents[node] {
+                            Some(parent) => worlds[parent].after(&local),
+                            None => ErrorMap::exact(nodes.root).after(&local),
+                        };
+                    }
+                    for moved in boxes {
+                        let map = worlds[moved.node].after(&ErrorMap::exact(moved.to_node));
+                        let bounds = &mut bounds[moved.mover].1;
+                        *bounds = union(*bounds, map.image(moved.bounds));
+                    }
                 }
             }
+            // Back to rest for the next clip.
+            let nodes_moved = moved.iter().flat_map(|(below, _)| below.iter());
+            nodes_moved.for_each(|&node| worlds[node] = ErrorMap::exact(nodes.worlds[node]));
         }
         true
     }

@@ -3,6 +3,7 @@
 use super::document::Document;
 use crate::error::SourceError;
 use glam::DMat4;
+use std::ops::Range;
 use std::path::Path;
 
 /// Nodes of a document.
@@ -11,8 +12,10 @@ pub(super) struct Nodes {
     pub root: DMat4,
     /// Parent of each node, by node index. `None` for a root.
     pub parents: Vec<Option<usize>>,
-    /// All nodes, parents before children.
+    /// All nodes, each followed by its descendants.
     pub order: Vec<usize>,
+    /// Positions in `order` of each node and its descendants, by node index.
+    pub subtrees: Vec<Range<usize>>,
     /// Matrices from each node's space to world space at rest, by node index.
     pub worlds: Vec<DMat4>,
     /// Whether an animation by `KHR_animation_pointer` moves the node or one of its ancestors, by node index.
@@ -54,6 +57,14 @@ impl Nodes {
             let lost = is_reached.iter().position(|is_reached| !is_reached).unwrap_or_default();
             return Err(wrong(lost, "it is reached twice, by itself"));
         }
+        let mut subtrees = vec![0..0; count];
+        for (place, &node) in order.iter().enumerate().rev() {
+            // Descendants come later in the order, so the end of the last child is known.
+            subtrees[node] = place..subtrees[node].end.max(place + 1);
+            if let Some(parent) = parents[node] {
+                subtrees[parent].end = subtrees[parent].end.max(subtrees[node].end);
+            }
+        }
         let (mut worlds, mut is_pointed_at) = (vec![root; count], document.is_pointed_at.clone());
         for &node in &order {
             let parent = parents[node].map_or(root, |parent| worlds[parent]);
@@ -69,16 +80,17 @@ impl Nodes {
             .map(|node| {
                 let extension = node.extension_value("KHR_node_visibility");
                 let visible = extension.and_then(|extension| extension.get("visible")?.as_bool());
-                visible == Some(false) && !document.is_pointed_at[node.index()]
+                visible == Some(false) && !document.is_shown[node.index()]
             })
             .collect();
         let placed = below(&tops, &children, |node| !is_hidden[node]).unwrap_or_default();
         document.unread.hidden_nodes = all.len() - placed.len();
-        Ok(Self { root, parents, order, worlds, is_pointed_at, placed })
+        Ok(Self { root, parents, order, subtrees, worlds, is_pointed_at, placed })
     }
 }
 
-/// Returns the nodes `tops` and all their descendants in the order of the file, parents before children.
+/// Returns the nodes `tops` and all their descendants in the order of the file, each node followed by its
+/// descendants.
 /// Nodes that are not `kept` are left out with their descendants. Returns the first node that is reached
 /// twice as the error. Uses an explicit stack, so any depth is possible.
 fn below(tops: &[usize], children: &[Vec<usize>], kept: impl Fn(usize) -> bool) -> Result<Vec<usize>, usize> {

@@ -49,13 +49,13 @@ impl Shape {
         let mut morphed = Vec::new();
         for (target, accessors) in primitive.morph_targets().enumerate() {
             let Some(accessor) = accessors.positions() else { continue };
-            let displacements = buffers.positions(&accessor)?;
-            if displacements.len() != positions.len() {
-                let (few, many) = (displacements.len(), positions.len());
+            if accessor.count() != positions.len() {
+                let (few, many) = (accessor.count(), positions.len());
                 return Err(wrong(format!(
                     "morph target {target} has {few} positions, the primitive {many}"
                 )));
             }
+            let displacements = buffers.displacements(&accessor)?;
             if morphed.is_empty() {
                 morphed = positions.iter().map(|p| (p.as_dvec3(), p.as_dvec3())).collect();
             }

@@ -33,7 +33,7 @@ pub(super) struct Unread {
     pub pointers: usize,
     /// Number of nodes hidden by `KHR_node_visibility`, descendants included.
     pub hidden_nodes: usize,
-    /// Number of cameras that do not become a walk.
+    /// Number of nodes whose camera does not become a walk.
     pub cameras: usize,
     lights: usize,
     /// Number of scenes besides the one that is read.
@@ -43,13 +43,14 @@ pub(super) struct Unread {
 }
 
 impl Unread {
-    /// Counts the cameras, scenes and unsupported extensions of a document.
-    pub(super) fn new(root: &Value) -> Self {
+    /// Counts the scenes and unsupported extensions of a document. `cameras` is its number of nodes with a
+    /// camera.
+    pub(super) fn new(root: &Value, cameras: usize) -> Self {
         let names = ["extensionsUsed", "extensionsRequired"].map(|key| list(root, key));
         let names = names.into_iter().flatten().filter_map(Value::as_str);
         let lights = root.pointer("/extensions/KHR_lights_punctual/lights").and_then(Value::as_array);
         Self {
-            cameras: list(root, "cameras").len(),
+            cameras,
             lights: lights.map_or(0, Vec::len),
             scenes: list(root, "scenes").len().saturating_sub(1),
             extensions: names

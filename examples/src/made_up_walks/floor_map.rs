@@ -16,6 +16,9 @@ const DOOR: [f32; 3] = [0.6, 1.5, 3.5];
 const REACH: f64 = 256.0;
 /// Number of spans above which a map is narrowed.
 const MANY_SPANS: usize = 1 << 21;
+/// Number of columns above which a map is narrowed: those to which triangles were clipped, summed over all
+/// triangles since the map was last narrowed.
+const MANY_CLIPS: usize = 1 << 23;
 
 /// Axes of a scene: two on the ground, and one up.
 #[derive(Clone, Copy, Debug)]
@@ -88,6 +91,9 @@ pub(super) struct FloorMap {
     spans: Vec<Vec<Span>>,
     /// Total number of spans.
     span_count: usize,
+    /// Number of columns to which triangles were clipped, summed over all triangles since the map was last
+    /// narrowed.
+    clip_count: usize,
 }
 
 impl FloorMap {
@@ -108,7 +114,7 @@ impl FloorMap {
         let counts = ((end - corner) / COLUMN).ceil().max(DVec2::ONE);
         let counts = [counts.x as usize, counts.y as usize];
         let spans = vec![Vec::new(); counts[0] * counts[1]];
-        Self { axes, scene, around, reach, corner, counts, spans, span_count: 0 }
+        Self { axes, scene, around, reach, corner, counts, spans, span_count: 0, clip_count: 0 }
     }
 
     /// Halves the map's reach and drops the columns outside.
@@ -129,8 +135,9 @@ impl FloorMap {
         &self.spans[column]
     }
 
-    /// Adds the triangles of an object, unless it is a door or moves. A map with too many spans is narrowed,
-    /// which bounds time and memory, for instance if a wrong unit makes a house a thousand times too large.
+    /// Adds the triangles of an object, unless it is a door or moves. A map with too many spans or clips is
+    /// narrowed, which bounds time and memory, for instance if a wrong unit makes a house a thousand times
+    /// too large.
     pub(super) fn add(&mut self, object: &SourceObject) {
         if object.motion.is_some() || is_door(&self.axes, object) {
             return;
@@ -138,7 +145,7 @@ impl FloorMap {
         let triangles = object.triangles.iter();
         for triangle in triangles.filter(|triangle| triangle.iter().all(|p| p.is_finite())) {
             self.add_triangle(triangle.map(|p| self.axes.flat(p.as_dvec3())), object.one_sided);
-            if self.span_count > MANY_SPANS {
+            if self.span_count > MANY_SPANS || self.clip_count > MANY_CLIPS {
                 self.narrow();
             }
         }
@@ -186,6 +193,7 @@ impl FloorMap {
         for row in first_row..=last_row {
             let strip = if is_in_row { corners.to_vec() } else { self.clipped(&corners, 1, row) };
             let Some(([first, last], is_in_column)) = columns(0, &strip) else { continue };
+            self.clip_count += last - first + 1;
             for column in first..=last {
                 let part = if is_in_column { strip.clone() } else { self.clipped(&strip, 0, column) };
                 let (low, high) = height(&part);
@@ -292,7 +300,13 @@ mod tests {
             );
             assert_eq!(map.span_count, small.span_count, "number of spans around {around}");
         }
-        let few = plates(1, DVec2::ZERO, REACH);
+        let mut few = plates(1, DVec2::ZERO, REACH);
         assert_eq!(few.counts, [1024; 2], "columns of a map of one plate");
+        // Triangles whose spans merge are counted as well.
+        let plate =
+            [Vec3::new(-150.0, -150.0, 0.0), Vec3::new(150.0, -150.0, 0.0), Vec3::new(0.0, 150.0, 0.0)];
+        (few.span_count, few.clip_count) = (0, MANY_CLIPS - 9);
+        few.add(&SourceObject::new("plate", vec![plate]));
+        assert_eq!((few.counts, few.clip_count), ([512; 2], 0), "a map narrowed after many clips");
     }
 }

@@ -141,7 +141,13 @@ impl SceneSource {
 
     /// Replaces the scene's walks by made-up ones, and adds a note to the user that describes them.
     pub fn take_walks(&mut self, made: MadeUpWalks) {
-        self.notes.push(format!("walks are made up: {}", made.counts()));
+        let counts = made.counts();
+        let none = "there is nothing to walk around: the scene has no triangle";
+        self.notes.push(if counts.is_empty() {
+            none.to_owned()
+        } else {
+            format!("walks are made up: {counts}")
+        });
         self.near = self.near.min(made.near);
         (self.walks, self.floors) = (made.walks, made.floors);
     }

@@ -2,7 +2,6 @@
 
 use super::TriangleWorld;
 use crate::walkthrough::canvas::{Canvas, Color};
-use glam::DVec3;
 use visibility_core::View;
 use visibility_measure::{ItemBuffer, MeasureError, NONE};
 
@@ -25,7 +24,7 @@ pub fn right_and_wrong(
 ) -> Result<Canvas, MeasureError> {
     let mut buffer = ItemBuffer::new(width, height)?;
     let seen = world.see(view, &mut buffer)?;
-    buffer.draw(view, DVec3::ZERO, seen.candidates.iter().map(|&i| world.item(i)))?;
+    buffer.draw(view, world.scene.origin(), seen.candidates.iter().map(|&i| world.item(i)))?;
     let mut canvas = Canvas::new(width, height, NOTHING);
     for row in 0..height {
         for column in 0..width {

@@ -1,7 +1,6 @@
 //! World whose objects are single triangles, and the exact answer for its views.
 
 use crate::walkthrough::World;
-use glam::DVec3;
 use visibility_core::{
     Aabb, Object, ObjectId, Scene, View, geometry::Containment, scene::Triangle, view::Eye,
 };
@@ -11,7 +10,7 @@ use visibility_measure::{DrawnObject, ItemBuffer, MeasureError};
 pub struct TriangleWorld {
     /// Name of the world that the triangles come from.
     pub name: String,
-    /// Triangles in world space, in the order of the original world's objects.
+    /// Triangles relative to the scene's origin, in the order of the original world's objects.
     pub triangles: Vec<Triangle>,
     /// For each triangle, whether things behind it are visible through it.
     pub see_through: Vec<bool>,
@@ -34,7 +33,7 @@ pub struct Seen {
 }
 
 impl TriangleWorld {
-    /// Makes every triangle of a world an object of its own, with its bounds in world space.
+    /// Makes every triangle of a world an object of its own. The scene has the origin of the world's.
     pub fn new(world: &World) -> Self {
         let triangles: Vec<Triangle> =
             world.source.objects.iter().flat_map(|object| object.triangles.view()).collect();
@@ -42,6 +41,7 @@ impl TriangleWorld {
         let see_through =
             objects.flat_map(|object| object.triangles.iter().map(|_| object.see_through)).collect();
         let mut scene = Scene::new();
+        scene.set_origin(world.origin()).expect("the world's origin is finite");
         let ids = scene.insert_batch(triangles.iter().map(|t| Object::new(Aabb::from_points(*t))));
         for (&id, triangle) in ids.iter().zip(&triangles) {
             scene.set_triangles(id, [*triangle]).expect("the object was just inserted");
@@ -57,8 +57,8 @@ impl TriangleWorld {
     ///
     /// Returns [`MeasureError`] when the world has too many triangles to number.
     pub fn see(&self, view: &View, buffer: &mut ItemBuffer) -> Result<Seen, MeasureError> {
-        let eye = view.eye(DVec3::ZERO);
-        let planes = view.planes(DVec3::ZERO);
+        let origin = self.scene.origin();
+        let (eye, planes) = (view.eye(origin), view.planes(origin));
         let in_view = |triangle: &Triangle| {
             let bounds = Aabb::from_points(*triangle);
             planes.as_slice().iter().all(|p| p.plane.classify_aabb(&bounds) != Containment::Outside)
@@ -68,7 +68,7 @@ impl TriangleWorld {
             faces(triangle, &eye) && in_view(triangle)
         };
         let candidates: Vec<u32> = (0..self.triangles.len() as u32).filter(is_candidate).collect();
-        let seen = buffer.draw(view, DVec3::ZERO, candidates.iter().map(|&i| self.item(i)))?;
+        let seen = buffer.draw(view, origin, candidates.iter().map(|&i| self.item(i)))?;
         // Each object is one triangle. If triangles tie in a pixel, the one shown in the picture counts.
         let pixels = seen.triangle_pixels().iter();
         let visible = pixels.map(|&(drawn, pixels)| (candidates[drawn as usize], pixels)).collect();
@@ -85,7 +85,7 @@ impl TriangleWorld {
     /// Returns the triangles `candidates` sorted by the distance of their centroids from the eye, nearest
     /// first, ties by index. In a parallel view the distance is along the view direction.
     pub fn by_distance(&self, view: &View, candidates: &[u32]) -> Vec<u32> {
-        let eye = view.eye(DVec3::ZERO);
+        let eye = view.eye(self.scene.origin());
         let distance = |i: u32| {
             let [a, b, c] = self.triangles[i as usize].map(|p| p.as_dvec3());
             match eye {

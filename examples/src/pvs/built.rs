@@ -26,8 +26,16 @@ pub enum Origin {
 /// # Errors
 ///
 /// Returns a message when the scene has no cells and `origin` is [`Origin::Given`], or when cells cannot be
-/// made from the geometry.
+/// made from the geometry: also if the scene's origin is not zero, or instances have too many triangles to
+/// copy.
 pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String> {
+    if origin != Origin::Given {
+        source.check_copies()?;
+        // Cells are in world space, and the gaps that they count as closed grow with the coordinates.
+        if source.origin != DVec3::ZERO {
+            return Err("cells are made of triangles only where the scene's origin is zero".to_owned());
+        }
+    }
     let made = match origin {
         Origin::Given => {
             return source.cells.clone().ok_or_else(|| "this scene has no cells and portals".to_owned());

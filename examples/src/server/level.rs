@@ -5,7 +5,7 @@ use super::ray_tree::RayTree;
 use crate::pvs::bake;
 use crate::pvs::built::{self, Origin};
 use crate::source::{clearance, tolerance};
-use crate::{SceneSource, floor_plans, open, region};
+use crate::{SceneSource, floor_plans, region};
 use glam::DVec3;
 use std::path::Path;
 use visibility_2d::cdt::{Opacity, Plan, PlanCells, Wall};
@@ -74,18 +74,22 @@ impl Level {
         Ok(level)
     }
 
-    /// Makes the level of a scene that a user names. The places lie on its camera walks. The cells are those
-    /// between its portals, or boxes with a side of `boxes` metres.
+    /// Makes the level of a scene. The places lie on its camera walks; a walk of one key is one place. The
+    /// cells are those between its portals, or boxes with a side of `boxes` metres.
     ///
     /// # Errors
     ///
-    /// Returns a message if the scene cannot be read or has no walks, or the cells cannot be made.
-    pub fn of_scene(name: &str, boxes: Option<f64>) -> Result<Self, Box<dyn std::error::Error>> {
-        let source = open(name)?;
+    /// Returns a message if the scene has no walks or too many triangles of instances, or the cells cannot be
+    /// made.
+    pub fn of_scene(source: SceneSource, boxes: Option<f64>) -> Result<Self, Box<dyn std::error::Error>> {
+        source.check_copies()?;
         let up = if source.up.y > source.up.z { 1 } else { 2 };
         let (mut places, mut ways) = (Vec::new(), Vec::new());
         for walk in &source.walks {
             let first = places.len();
+            if let [only] = &walk.keys[..] {
+                places.push(only.eye);
+            }
             for pair in walk.keys.windows(2) {
                 let steps = pair[0].eye.distance(pair[1].eye).ceil().max(1.0);
                 places.extend((0..steps as u32).map(|i| pair[0].eye.lerp(pair[1].eye, f64::from(i) / steps)));

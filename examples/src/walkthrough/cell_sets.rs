@@ -45,9 +45,6 @@ pub fn sets_of(world: &World, origin: Origin, detail: Detail) -> Result<Arc<Scen
             }
             return Ok(sets);
         }
-        if world.origin() != DVec3::ZERO {
-            return Err("cells are made of walls only where the world's origin is zero".to_owned());
-        }
         let mut cells = cells(&world.source, origin)?;
         let ids: Vec<ObjectId> = world.scene.ids().collect();
         let pairs = objects_in_cells(&world.scene, &ids, &cells.viewcells);

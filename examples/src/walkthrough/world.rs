@@ -6,6 +6,7 @@ use crate::pvs::built;
 use crate::source::{SourceCells, SourceObject};
 use crate::{SceneSource, SourceError, frames};
 use glam::{DVec3, Vec3};
+use std::borrow::Cow;
 use std::sync::OnceLock;
 use std::time::Instant;
 use visibility_core::{
@@ -112,15 +113,20 @@ impl World {
     ///
     /// Returns a message with the number of triangles, if it is more than 2^25.
     pub fn check_copies(&self) -> Result<(), String> {
-        const MOST: usize = 1 << 25;
-        let all = self.source.triangle_count();
-        let refused = || {
-            format!(
-                "it copies the triangles of each instance of a mesh, {all} in all, and takes at most {MOST}, \
-                 unlike frustum, contribution, hzb, view-cdt and the judge"
-            )
-        };
-        if all > MOST { Err(refused()) } else { Ok(()) }
+        self.source.check_copies()
+    }
+
+    /// Returns the scene for a judge that draws the triangles of the scene: objects that move have their
+    /// triangles at rest, as in [`items`](Self::items). For cullers they have none.
+    pub fn scene_at_rest(&self) -> Cow<'_, Scene> {
+        let mut scene = Cow::Borrowed(&self.scene);
+        for (id, object) in self.scene.ids().zip(&self.source.objects) {
+            if object.motion.is_some() {
+                let set = scene.to_mut().set_triangles(id, object.triangles.clone());
+                set.expect("the object is in the scene");
+            }
+        }
+        scene
     }
 
     /// Returns the object's index and the triangle for a triangle number of an item buffer that drew
@@ -153,10 +159,6 @@ impl World {
     /// before and a line after on standard error, and a warning if most cameras of the walks stand in the
     /// open.
     fn make_cells(&self) -> Result<SourceCells, String> {
-        self.check_copies()?;
-        if self.origin() != DVec3::ZERO {
-            return Err("cells are made of triangles only where the world's origin is zero".to_owned());
-        }
         let name = &self.source.name;
         if !self.is_quiet {
             eprintln!("{name} brings no cells: making cells and portals from its opaque triangles ...");
@@ -262,7 +264,10 @@ pub enum WorldError {
 impl std::fmt::Display for WorldError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::NoFrames => write!(f, "there is no frame to walk through: no walk, or none asked for"),
+            Self::NoFrames => write!(
+                f,
+                "there is no frame to walk through: no walk, nothing to walk around, or no frame asked for"
+            ),
             Self::View { frame, error } => write!(f, "the camera of frame {frame}: {error}"),
             Self::Source(error) => error.fmt(f),
         }

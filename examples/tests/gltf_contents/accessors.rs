@@ -54,6 +54,7 @@ fn what_is_not_read_is_counted() {
     primitives.extend([0, 3].map(|mode| json!({"attributes": primitive["attributes"], "mode": mode})));
     primitives.push(json!({"attributes": {}}));
     file.root["cameras"] = json!([{"type": "orthographic"}]);
+    file.node(json!({"camera": 0}));
     file.root["extensions"] = json!({"KHR_lights_punctual": {"lights": [{}, {}]}});
     file.push("scenes", json!({"nodes": []}));
     let hidden = json!({"KHR_node_visibility": {"visible": false}});
@@ -277,4 +278,80 @@ fn a_scene_without_nodes_is_empty() {
     assert_eq!(file.scene().triangle_count(), 2, "triangles of the first scene");
     file.root["scene"] = json!(1);
     assert_eq!(file.scene().triangle_count(), 0, "triangles of the empty scene");
+}
+
+#[test]
+fn whole_numbers_may_be_written_with_fractions() {
+    let mut file = triangle();
+    let places = file.floats(&[[0.0, 0.0, 0.0], [3.0, 0.0, 0.0]]);
+    let instances = |index| json!({"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": index}}});
+    file.root["nodes"][0] = json!({"mesh": 0.0, "extensions": instances(json!(places as f64))});
+    file.root["accessors"][0]["count"] = json!(3.0);
+    file.root["materials"] = json!([{}, {"alphaMode": "BLEND"}]);
+    let primitive = &mut file.root["meshes"][0]["primitives"][0];
+    primitive["material"] = json!(0);
+    primitive["extensions"] =
+        json!({"KHR_materials_variants": {"mappings": [{"material": 1.0, "variants": [0]}]}});
+    let scene = file.scene();
+    assert_eq!(scene.objects.len(), 2, "instances");
+    assert!(scene.objects[0].see_through, "the variant of the material is see-through");
+    for wrong in [json!(places as f64 + 0.5), json!("0"), json!(-1), json!(77)] {
+        file.root["nodes"][0]["extensions"] = instances(wrong.clone());
+        let error = file.read().expect_err("no index").to_string();
+        assert!(error.contains("TRANSLATION of its instances is no accessor"), "{wrong}: {error}");
+    }
+}
+
+#[test]
+fn a_sparse_morph_target_may_have_as_many_zeros_as_there_are_positions() {
+    const COUNT: usize = (1 << 20) + 1;
+    let mut file = File::new();
+    let mut bytes = vec![0; 3 * COUNT];
+    (bytes[3], bytes[7]) = (1, 1);
+    let positions = file.accessor(&bytes, 5120, "VEC3", COUNT);
+    let indices = file.accessor(&[0, 1, 2], 5121, "SCALAR", 3);
+    let [place, value] = [file.view(&[1]), file.view(&[2, 0, 0])];
+    let sparse = json!({
+        "count": 1, "indices": {"bufferView": place, "componentType": 5121}, "values": {"bufferView": value}
+    });
+    let zeros = json!({"componentType": 5120, "type": "VEC3", "count": COUNT, "sparse": sparse});
+    let target = file.push("accessors", zeros);
+    let attributes = json!({"POSITION": positions});
+    let primitive = json!({"attributes": attributes, "indices": indices, "targets": [{"POSITION": target}]});
+    let mesh = file.push("meshes", json!({"primitives": [primitive], "weights": [1]}));
+    file.node(json!({"mesh": mesh}));
+    assert_eq!(
+        points(&file.scene()),
+        [[0.0; 3], [3.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        "the second corner is displaced"
+    );
+    file.root["accessors"][target]["count"] = json!(COUNT + 1);
+    let error = file.read().expect_err("one displacement too many").to_string();
+    assert!(error.contains("morph target 0 has 1048578 positions, the primitive 1048577"), "{error}");
+}
+
+#[test]
+fn words_of_other_tools_are_no_hints() {
+    let mut file = triangle();
+    file.root["nodes"][0]["extras"] = json!({"visibility": "visible"});
+    let scene = file.scene();
+    let word = "its extra `visibility` is ignored: `visible` is none of occluder, detail, door, mover and never-cull";
+    assert_eq!(scene.notes, [format!("node 0: {word}")], "the note on a word");
+    assert!(scene.objects[0].opaque, "the object is read without a hint");
+    file.node(json!({"mesh": 0, "extras": {"visibility": "hidden"}}));
+    assert_eq!(file.scene().notes, [format!("node 0: {word}; 1 more like it")], "the note on two words");
+}
+
+#[test]
+fn only_a_pointer_at_its_visibility_shows_a_hidden_node() {
+    for (end, is_read) in [("translation", false), ("extensions/KHR_node_visibility/visible", true)] {
+        let mut file = triangle();
+        file.node(json!({"mesh": 0, "extensions": {"KHR_node_visibility": {"visible": false}}}));
+        let values = file.floats(&[[0.0; 3]; 2]);
+        file.clip(1, "translation", &[0.0, 1.0], values, "STEP");
+        let pointer = json!({"KHR_animation_pointer": {"pointer": format!("/nodes/1/{end}")}});
+        file.root["animations"][0]["channels"][0]["target"] =
+            json!({"path": "pointer", "extensions": pointer});
+        assert_eq!(file.scene().objects.len(), 1 + usize::from(is_read), "objects with a pointer at {end}");
+    }
 }

@@ -5,6 +5,7 @@ use glam::{DVec3, Vec3};
 use serde_json::json;
 use std::path::Path;
 use visibility_examples::gltf_file::parse_as;
+use visibility_examples::walkthrough::World;
 use visibility_examples::{Reading, SceneSource};
 
 /// Returns a file with a board and a box behind the board's edge. Both are below a root node at `x`.
@@ -157,4 +158,17 @@ fn a_wide_scene_of_giants_gets_a_hint() {
     };
     assert!(notes(10, 1500.0).ends_with("if it is in mm, say --unit mm"), "trees in millimetres");
     assert_eq!(notes(10, 900.0) + &notes(9, 1500.0), "", "towers, and a few mountains");
+}
+
+#[test]
+fn the_origin_of_coordinates_near_the_greatest_number_is_finite() {
+    let mut file = edge(0.0);
+    file.root["nodes"][0]["translation"] = json!([1.7e308, 0, 0]);
+    let scene = file.scene();
+    assert!(scene.origin.is_finite(), "the origin {}", scene.origin);
+    let there = DVec3::new(1.7e308, 0.0, 0.0);
+    assert!(
+        World::new(scene.with_walks(), (8, 8), Some(1)).is_ok_and(|world| world.origin() == there),
+        "a world"
+    );
 }

@@ -4,8 +4,9 @@ use super::{CORNERS, File, door, points, reported, triangle};
 use glam::{DQuat, DVec3, Quat, Vec3};
 use proptest::prelude::*;
 use serde_json::json;
-use visibility_examples::Hint;
 use visibility_examples::pvs::built::polygons;
+use visibility_examples::walkthrough::{World, auto::advise};
+use visibility_examples::{CameraKey, Hint, Walk};
 
 /// Returns a file with a triangle skinned to two joints. The first two corners follow the first joint only,
 /// and the third corner follows both joints equally. The node of the mesh itself is elsewhere.
@@ -319,4 +320,59 @@ proptest! {
         let is_wild = channels.iter().any(|(_, part, _, kind)| (*part, *kind) == (1, "CUBICSPLINE"));
         prop_assert!(is_wild || size <= 4.0 * tight + 0.1, "{size} for {tight}");
     }
+}
+
+#[test]
+fn each_clip_begins_at_rest() {
+    // The first clip moves the parent by 10 m, the second one the child by 5 m along the same axis.
+    let mut file = triangle();
+    file.node(json!({"children": [0]}));
+    file.root["scenes"][0]["nodes"] = json!([1]);
+    for (node, by) in [(1, 10.0), (0, 5.0)] {
+        let values = file.floats(&[[0.0, 0.0, 0.0], [by, 0.0, 0.0]]);
+        file.clip(node, "translation", &[0.0, 1.0], values, "LINEAR");
+    }
+    assert_bounds(&file, [[0.0, 0.0, 0.0], [11.0, 2.0, 0.0]]);
+}
+
+#[test]
+fn of_too_much_motion_it_is_said_what_is_seen_from_everywhere() {
+    // Each of `clips` clips moves one of `nodes` nodes, or all nodes by their parent.
+    let notes = |nodes: usize, clips: usize, moves_all: bool| {
+        let mut file = triangle();
+        for _ in 1..nodes {
+            file.node(json!({"mesh": 0}));
+        }
+        file.push("nodes", json!({"children": (0..nodes).collect::<Vec<_>>()}));
+        file.root["scenes"][0]["nodes"] = json!([nodes]);
+        let values = file.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]);
+        for clip in 0..clips {
+            file.clip(if moves_all { nodes } else { clip }, "translation", &[0.0, 1.0], values, "LINEAR");
+        }
+        let scene = file.scene();
+        (scene.objects.iter().filter(|object| object.never_cull).count(), scene.notes[0].clone())
+    };
+    let (unbounded, note) = notes(800, 800, false);
+    assert_eq!(unbounded, 0, "objects that one clip each moves have bounds");
+    assert!(note.starts_with("800 of 800 objects may move") && note.ends_with("over all clips"), "{note}");
+    // 520 clips of 520 nodes and as many boxes, in 32 steps each, are above 2^24.
+    let (unbounded, note) = notes(520, 520, true);
+    assert_eq!(unbounded, 520, "objects without bounds are never culled");
+    assert!(note.ends_with("; 520 of them count as visible from everywhere"), "{note}");
+}
+
+#[test]
+fn the_advisor_sees_what_moves() {
+    let mut file = door();
+    file.root["scenes"][0]["nodes"] = json!([0]);
+    let mut scene = file.scene();
+    let keys = vec![CameraKey { eye: DVec3::new(0.0, 0.0, 2.0), target: DVec3::ZERO }];
+    scene.walks = vec![Walk { name: "look".into(), fov_y_degrees: 60.0, up: Vec3::Y, keys }];
+    let world = World::new(scene, (64, 36), None).expect("a world");
+    let advice = advise(&world, &["frustum".to_owned()], true).expect("few triangles");
+    assert_eq!(
+        (advice.facts.visible_objects, advice.facts.triangles),
+        (1.0, 2),
+        "visible objects and triangles: the door at rest"
+    );
 }
