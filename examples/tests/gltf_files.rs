@@ -99,7 +99,7 @@ fn extras_of_nodes_are_hints() {
     ] {
         assert_eq!(of(hint), flags, "opaque, door and never culled by the hint `{hint}`");
     }
-    assert_eq!(of("moover"), (true, false, false), "an unknown word is no hint");
+    assert_eq!(of("moover"), (false, false, false), "an unknown word makes the object hide nothing");
     // Extras of other programs are ignored.
     for other in [json!(5), json!(null), json!(["visibility"]), json!({"visibility": 3})] {
         assert!(read(&with("/nodes/1/extras", other)).is_ok(), "extras of other tools are ignored");

@@ -374,8 +374,9 @@ impl Collector<'_> {
     }
 
     /// Returns the hint in the extras of a node (`"visibility"`), and passes it on to the node's descendants.
-    /// [`Hint::Occluder`] is not passed on: glass below an occluder stays glass. An unknown word, such as one
-    /// of another tool, is no hint, and is noted. Returns an error for an occluder without a mesh.
+    /// [`Hint::Occluder`] is not passed on: glass below an occluder stays glass. An unknown word, mistyped or
+    /// of another tool, counts as [`Hint::Detail`], since what is meant may not hide anything, and is noted.
+    /// Returns an error for an occluder without a mesh.
     fn hint(&mut self, node: &gltf::Node<'_>) -> Result<Option<Hint>, SourceError> {
         let path = self.path;
         let wrong = |problem| SourceError::content(path, format!("node {}", node.index()), problem);
@@ -385,9 +386,11 @@ impl Collector<'_> {
         let hint = match name.map(str::parse).transpose() {
             Ok(hint) => hint,
             Err(error) => {
-                self.unknown_hints
-                    .push(format!("node {}: its extra `visibility` is ignored: {error}", node.index()));
-                None
+                self.unknown_hints.push(format!(
+                    "node {}: its extra `visibility` makes it hide nothing: {error}",
+                    node.index()
+                ));
+                Some(Hint::Detail)
             }
         };
         if hint == Some(Hint::Occluder) && node.mesh().is_none() {

@@ -331,13 +331,14 @@ fn a_sparse_morph_target_may_have_as_many_zeros_as_there_are_positions() {
 }
 
 #[test]
-fn words_of_other_tools_are_no_hints() {
+fn words_of_other_tools_hide_nothing() {
     let mut file = triangle();
     file.root["nodes"][0]["extras"] = json!({"visibility": "visible"});
     let scene = file.scene();
-    let word = "its extra `visibility` is ignored: `visible` is none of occluder, detail, door, mover and never-cull";
+    let word = "its extra `visibility` makes it hide nothing: `visible` is none of occluder, detail, door, mover \
+                and never-cull";
     assert_eq!(scene.notes, [format!("node 0: {word}")], "the note on a word");
-    assert!(scene.objects[0].opaque, "the object is read without a hint");
+    assert!(!scene.objects[0].opaque, "what an unknown word means may not hide anything");
     file.node(json!({"mesh": 0, "extras": {"visibility": "hidden"}}));
     assert_eq!(file.scene().notes, [format!("node 0: {word}; 1 more like it")], "the note on two words");
 }
