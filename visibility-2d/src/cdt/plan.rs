@@ -47,9 +47,9 @@ impl HalfEdge {
 ///
 /// Building takes expected time `n log n` in the number of walls, crossings and overlaps (pairs of a wall and
 /// a piece of another along which the wall lies). A query takes time proportional to the number of triangles
-/// that it sees, plus a binary search to locate its eye. If one wall is farther away than about 65,536 times
-/// the extent of the `n` others, the search becomes a walk through up to `sqrt(n)` triangles, or more if
-/// these walls are collinear.
+/// that it sees, plus a binary search to locate its eye. The search tells vertices apart by their cell in a
+/// grid of 65,536 by 65,536 over the plan. If all walls but one faraway one share a cell, locating the eye
+/// takes a walk through up to `sqrt(n)` triangles for `n` walls, or more if they are collinear.
 ///
 /// ```
 /// use visibility_2d::cdt::{Plan, PlanView, Visibility, Wall};

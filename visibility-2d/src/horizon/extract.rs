@@ -161,10 +161,10 @@ impl Solids {
         }
     }
 
-    /// Adds a prism that may be open at the bottom. The triangles must be connected by shared vertices. Their
-    /// vertices must have two heights in total. The triangles between the two heights must be upright, on the
-    /// hull of the triangles on the plan. Every edge must join two triangles, except edges at the lower
-    /// height. `None`, and nothing is added, if a condition fails.
+    /// Adds an upright prism that may be open at the bottom. The triangles must be connected by shared
+    /// vertices, and all vertices must lie at two heights. Triangles that touch both heights must be upright
+    /// and lie on the sides of the convex hull that all vertices have on the plan. Every edge must join two
+    /// triangles, except edges at the lower height. `None`, and nothing is added, if a condition fails.
     fn add_open_prism(
         &mut self,
         mesh: &OccluderMesh,
@@ -270,9 +270,10 @@ pub(crate) fn placed(p: DVec3, transform: &Affine3A) -> (DVec3, f64) {
     (sum, size.max_element())
 }
 
-/// Returns a bound on the error of a point from [`placed`], given its sum of magnitudes. Each coordinate is a
-/// sum of three products and a term, rounded at most four times each: 8u of the magnitudes. Points that are
-/// not moved are exact.
+/// Returns a bound in metres on the error of a point from [`placed`], given the sum of magnitudes that it
+/// returned. A coordinate is a sum of four terms, each rounded at most four times, so it is wrong by about
+/// `4u` of that sum, and the point by less than `8u`, with `u = 2^-53`. The bound is `16u`; 0 for the
+/// identity, which does not round.
 fn rounding(transform: &Affine3A, size: f64) -> f64 {
     if *transform == Affine3A::IDENTITY { 0.0 } else { 8.0 * f64::EPSILON * size }
 }
@@ -300,7 +301,7 @@ fn components(mesh: &OccluderMesh) -> Vec<Vec<u32>> {
 }
 
 /// Returns the convex hull, counter-clockwise, of points on the plan that are sorted by x, then y, without
-/// repetition. Points that `f64` places on a side of the hull are left out.
+/// repetition. A point is left out if it lies on a side of the hull, up to rounding.
 pub(crate) fn convex_hull(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let cross =
         |o: [f64; 2], a: [f64; 2], b: [f64; 2]| (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]);

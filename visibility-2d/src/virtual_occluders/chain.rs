@@ -13,7 +13,8 @@ use alloc::vec::Vec;
 /// Maximum number of solids of a chain.
 const MAX_LINKS: usize = 64;
 
-/// Number of solids of the previous chain that are tried for the next link.
+/// Number of solids of the previous chain that are tried as the next link before all solids along the line of
+/// sight are.
 const AHEAD: usize = 3;
 
 /// Greatest extent of a virtual occluder to each side, as a multiple of the line's distance from the
@@ -48,8 +49,9 @@ impl BackLine {
         Point::exact(ox + nx * d + ny * position, oy + ny * d - nx * position)
     }
 
-    /// Returns the distance in metres of a point beyond the line; negative on the near side. Rounded by less
-    /// than `error` for points that are no farther away than those of [`at`](Self::at).
+    /// Returns the distance in metres of a point beyond the line; negative on the near side. The rounding
+    /// error is less than `error` for points of the line up to [`WIDEST`] times `distance` to each side, and
+    /// for points no farther from `origin`.
     pub(crate) fn beyond(&self, x: f64, y: f64) -> f64 {
         (x - self.origin[0]) * self.normal[0] + (y - self.origin[1]) * self.normal[1] - self.distance
     }
@@ -71,8 +73,8 @@ struct Link {
     to: Point,
     /// Height in metres above which the chord occludes: at least the lower end of each of its posts.
     low: f64,
-    /// Point of both solids where the chord of the link before must end, instead of at its own end. `None` if
-    /// that chord keeps its own end.
+    /// Point that lies in this solid and in the solid of the previous link. The chord of the previous link
+    /// then ends at this point. `None` if that chord ends at a post of its own solid.
     joint: Option<Point>,
 }
 

@@ -264,10 +264,11 @@ fn edge_row(edge: &Edge, origin: DVec3, unit: f64) -> Row<6> {
     Row { normal: [d[0], d[1], d[2], m[0], m[1], m[2]], error, least: 0.0 }
 }
 
-/// Returns the half-space `N . d >= 6 c^2` of an opening, where `d` is the direction of a line, `c` the
-/// clearance and `N` twice the opening's area along its normal: a line that passes the opening with this
-/// clearance is not parallel to the opening's plane. `origin` is the world-space point that edges are taken
-/// relative to.
+/// Returns the half-space `N . d >= 6 c^2` of the lines that are not parallel to an opening's plane. `d` is
+/// the direction of a line, `c` the clearance, and `N` the opening's normal times twice its area. Along a
+/// line that passes the opening with this clearance, the opening looks at least as large as a disc of radius
+/// `c`, so `N . d` is at least `2 pi c^2`. `origin` is the world-space point that edges are taken relative
+/// to.
 fn area_row(opening: &Opening, origin: DVec3, clearance: f64) -> Row<6> {
     let (mut sum, mut error) = ([DoubleDouble::ZERO; 3], f64::MIN_POSITIVE);
     for i in 0..opening.edges.len() {
