@@ -43,7 +43,8 @@ struct Step {
     /// (`fill_side`).
     inner: u32,
     /// Half-edge of the edge outside the hole; [`NONE`] on the outer rectangle. If the triangles on both
-    /// sides of the edge are removed: [`STEP`] plus the index of the step along the edge's other side.
+    /// sides of the edge are removed, the edge appears as two steps: then [`STEP`] plus the index of the
+    /// other step.
     outer: u32,
     walls: u32,
 }
@@ -60,8 +61,8 @@ enum Way {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Constrainer {
     tasks: Vec<Task>,
-    /// Steps around the hole that the removed triangles leave, clockwise: first those on the left side of the
-    /// wall from its first end, then those on the right side back to it.
+    /// Steps around the hole that the removed triangles leave, clockwise: first those on the left of the
+    /// wall, from its first end to its second, then those on the right, from its second end to its first.
     steps: Vec<Step>,
     right: Vec<Step>,
     /// Indices of the triangles that the wall crosses. `fill_side` reuses these indices for the triangles

@@ -229,8 +229,8 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Appends a piece along half-edge `h`. `item` is the first item of the piece's list of walls, which is
-    /// sorted and freed of repetitions.
+    /// Appends a piece along half-edge `h`. `item` is the first item of the piece's list of walls in `lists`.
+    /// The piece gets the walls of this list in ascending order, each once.
     fn push_piece(&mut self, h: u32, lists: &[(u32, u32)], mut item: u32) -> Result<(), PlanError> {
         let first = self.walls_of_pieces.len();
         while item != NONE {

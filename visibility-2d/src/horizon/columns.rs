@@ -126,7 +126,8 @@ pub(crate) struct Columns {
     /// Half-open range of the columns in view of each face. Empty for a face that is not in view.
     seen: [Range<usize>; FACES],
     outline: Outline,
-    /// Scratch of [`draw`](Self::draw), one entry per side of a column: top, negated bottom, inverse depth.
+    /// Scratch of [`draw`](Self::draw): three lists with an entry for each boundary between two columns. They
+    /// hold the height of the occluder's top, the negated height of its bottom, and its inverse depth.
     sides: [Vec<f64>; 3],
 }
 

@@ -44,7 +44,8 @@ pub(crate) struct Solid {
     /// Height in metres below which the eye must not be, because the solid has no face there. Negative
     /// infinity for a closed solid.
     pub(crate) open_below: f64,
-    /// Area in square metres of the upright face of the solid's bounds: greater width times height.
+    /// Area in square metres of the largest upright face of the solid's bounding box: its longer side on the
+    /// plan times its height.
     pub(crate) face: f64,
 }
 
@@ -244,7 +245,8 @@ impl Solids {
     }
 }
 
-/// Returns the area of the upright face of the bounds of posts, greater width times height, in square metres.
+/// Returns the area in square metres of the largest upright face of the bounding box of posts: its longer
+/// side on the plan times its height.
 fn face(posts: &[Post]) -> f64 {
     let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for p in posts {

@@ -21,7 +21,8 @@ const AHEAD: usize = 3;
 /// viewcell's middle. Farther out, lines of sight are almost parallel to the line.
 pub(crate) const WIDEST: f64 = 4.0;
 
-/// Line on the plan behind which virtual occluders hide. The viewcell is on its near side.
+/// Line on the plan along which a virtual occluder is grown. The viewcell is on its near side; the virtual
+/// occluder hides objects on its far side.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BackLine {
     /// Point on the plan, in metres, from which `distance` is measured: the middle of the viewcell.
@@ -220,8 +221,9 @@ impl Task<'_> {
         first(first(a, b), first(c, d))
     }
 
-    /// Returns a link of a solid whose chord begins within the chord of `last` (or clockwise of the viewcell,
-    /// if there is no link yet) and reaches farther counter-clockwise. `None` if this is not certain.
+    /// Returns a link of a solid that continues the chain after `last`: its chord begins within the chord of
+    /// `last` and reaches farther counter-clockwise, seen from the point `at`. Without `last`, the chord
+    /// begins at the clockwise end of the viewcell or beyond. `None` if this is not certain.
     fn link(&self, at: Point, last: Option<&Link>, solid: u32) -> Option<Link> {
         if last.is_some_and(|last| last.solid == solid) {
             return None;
