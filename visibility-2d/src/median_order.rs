@@ -4,8 +4,9 @@
 pub(crate) const LEAF: usize = 16;
 
 /// Sorts centres, with their indices, into the order of the leaves. A range is halved at the median of the
-/// longer axis of its bounds until it is a leaf. A centre far away from the others widens only one leaf. The
-/// number of leaves in the left half is a power of two, so that inner nodes are ranges too.
+/// longer axis of its bounds until it is a leaf. So a centre far away from the others widens only one leaf.
+/// The number of leaves in the left half is a power of two. Therefore the leaves below an inner node of the
+/// tree, 2^k successive ones from a multiple of 2^k on, are also one of the ranges.
 pub(crate) fn put_in_order(centers: &mut [([f64; 2], u32)]) {
     if centers.len() <= LEAF {
         // Sorted by index, so that the order within a leaf does not depend on the selection algorithm.

@@ -176,7 +176,8 @@ impl<'a> FreePixels<'a> {
     }
 
     /// Tests whether the ray through the pixel centre (`x`, `y`), in columns and rows, meets a box at a depth
-    /// key of at least `least`, more than [`EDGE_TIE`] inside the box's outline.
+    /// key of at least `least`. False if the outline of the box in the image is within [`EDGE_TIE`] of the
+    /// centre.
     fn is_free(&self, bounds: &Aabb, x: f64, y: f64, least: f64) -> bool {
         let meets = |dx: f64, dy: f64| self.nearest_key(bounds, x + dx, y + dy).is_some();
         // The box's outline is convex, so if all four points around the centre are inside, the outline does

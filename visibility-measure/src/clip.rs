@@ -17,8 +17,9 @@ use visibility_core::view::{Depth, Eye};
 use visibility_core::{View, geometry::Plane};
 
 /// Guard band: greatest |x / w| and |y / w| (NDC, where the image spans -1 to 1) up to which triangles are
-/// not clipped by the sides of the image. The raster loses 1e-16 of the coordinates, so 16 costs no
-/// precision, and few triangles reach beyond it.
+/// not clipped by the sides of the image. With 16, few triangles need to be clipped. The coordinates become
+/// at most 16 times as large, and so does their rounding error of 1e-16 times the coordinate, which is still
+/// negligible.
 const GUARD: f64 = 16.0;
 
 /// Polygon in homogeneous coordinates, with inline capacity for nine vertices. Clipping a triangle by near,
@@ -110,9 +111,10 @@ impl ImageProjection {
     /// the box around the triangles is known, and is outside of a plane of the view or clear of all pixel
     /// centres.
     ///
-    /// Each clip coordinate of a point is a sum of four products, with an error below 2^-50 of the sum of
-    /// their magnitudes. Divided by the length of the matrix row, that sum is at most three times the point's
-    /// greatest coordinate plus [`reach`](Self::reach). The box is enlarged by 2^-40 of the latter.
+    /// To cover rounding, the box is enlarged by 2^-40 of the sum of its greatest absolute coordinate and
+    /// [`reach`](Self::reach). Each clip coordinate of a point is a sum of four products, with an error below
+    /// 2^-50 of the sum of their magnitudes. Divided by the length of the matrix row, that sum is at most
+    /// three times the first sum.
     pub(crate) fn may_show(&self, triangles: Triangles<'_>, image: &Image) -> bool {
         let Some(bounds) = triangles.known_bounds().filter(|bounds| bounds.is_finite()) else { return true };
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());

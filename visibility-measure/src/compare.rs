@@ -43,8 +43,8 @@ pub struct Comparison {
     /// these pixels would differ. A pixel that shows several, one through another, counts for each. At most
     /// `u32::MAX`, also if there are more.
     ///
-    /// No second drawing is needed: a pixel shows its nearest triangle, so omitting other triangles leaves
-    /// the pixel unchanged, and omitting this one changes it.
+    /// The count needs no second drawing: a pixel changes only if the triangle that it shows, the nearest
+    /// one, is not drawn.
     pub wrong_pixels: u32,
     /// Number of pixels in which the shown object was not reported, but an object that ties with it was. Not
     /// counted as errors.
@@ -74,8 +74,8 @@ enum Answer {
     Reported,
     /// The culler did not report the object, though a pixel shows it: an error.
     FalseHidden,
-    /// The culler did not report the object, and this is no error: the object shows in no pixel, or only in
-    /// ties in which a reported object or the shown object counts.
+    /// The culler did not report the object, and this is no error. The object shows in no pixel, or only in
+    /// ties: in each of them another object was reported or is the one that counts as false hidden.
     Hidden,
 }
 

@@ -69,9 +69,9 @@ pub(crate) struct CellFrustum {
     /// view ray to anything in view passes through a box outside of one of these planes. View rays cross
     /// each remaining plane (the near plane, portals, mirrors) before reaching anything in view.
     side_count: usize,
-    /// Least signed distance, along a face's outward normal, of the face's plane from the eye at which view
-    /// rays may leave a cell through the face. Slightly negative, to cover rounding. In metres; for a
-    /// parallel view, the cosine between normal and viewing direction.
+    /// View rays may leave a cell through a face if the face's plane is at least this far from the eye, in
+    /// metres along the face's outward normal. For a parallel view: if the cosine between that normal and the
+    /// viewing direction is at least this value. Slightly negative, to cover rounding.
     exit_margin: f64,
 }
 

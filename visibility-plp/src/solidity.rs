@@ -22,9 +22,10 @@ pub enum Solidity {
     /// receives transmittance in proportion to the share of its own silhouette that the common face covers.
     /// This is the transfer `v . n` of Klosowski and Silva, 2000, figure 5, normalised so that the shares of
     /// a cell add up to 1, and summed over faces. A cell away from the direct view rays receives little
-    /// transmittance, so the penalty of that figure is not needed. Groups of similar objects in a cell are
-    /// projected separately: small objects, objects seen at a slant and objects with another surface close in
-    /// front have lower priority. In parallel views, size and slant make no difference.
+    /// transmittance, so the penalty that the figure adds for cells that are not star-shaped with respect to
+    /// the eye is not needed. Groups of similar objects in a cell are projected separately: small objects,
+    /// objects seen at a slant and objects with another surface close in front have lower priority. In
+    /// parallel views, size and slant make no difference.
     ///
     /// Instead of the objects' normals, which that paper names as future work, the covered share along each
     /// axis makes the estimate depend on direction.

@@ -37,10 +37,10 @@ impl Default for BakerSettings {
 }
 
 impl BakerSettings {
-    /// Sets the distance, in world units, that a line of sight must keep from all portal edges to count. A
-    /// cell counts as hidden only if no such line leads to it. Must be positive, finite and at least 2^-33 of
-    /// the greatest absolute coordinate of a portal vertex, so that rounding cannot decide. `None`, the
-    /// default, stands for the greater of that least value and 1e-6.
+    /// Sets the clearance, a distance in world units. Lines of sight that pass a portal edge at a smaller
+    /// distance are ignored: a cell that is seen only along such lines may be found hidden. Must be positive,
+    /// finite and at least 2^-33 of the greatest absolute coordinate of a portal vertex, so that rounding
+    /// cannot decide. `None`, the default, stands for the greater of that least value and 1e-6.
     pub fn with_clearance(self, clearance: impl Into<Option<f64>>) -> Self {
         Self { clearance: clearance.into(), ..self }
     }

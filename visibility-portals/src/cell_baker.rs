@@ -75,8 +75,8 @@ pub struct Outcome {
 pub struct CellBaker {
     portals: DirectedPortals,
     settings: BakerSettings,
-    /// Candidates by directed portal: the directed portals that a line through it may later pass, as far as
-    /// no such line is excluded. See [`FlowInput::rows`].
+    /// By directed portal: its candidates, the directed portals that a line through it may later pass.
+    /// Searches remove those that they prove impossible to reach. See [`FlowInput::rows`].
     rows: Vec<Bits>,
     /// Cells known to be seen: the bit of the ordered pair of cells (a, b) is 1 once b counts as seen from
     /// a, with or without proof, and 0 before. See [`FlowInput::seen`].

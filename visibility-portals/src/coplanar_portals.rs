@@ -22,8 +22,8 @@ use alloc::vec::Vec;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::{DVec2, DVec3};
 
-/// Relative bound on the rounding in [`lie_side_by_side`], as a fraction of the lengths compared. The
-/// clearance is at least 65,536 times the rounding of a coordinate.
+/// Bound on the rounding error in [`lie_side_by_side`], as a fraction of the clearance. Coordinates are
+/// rounded by at most 1/65,536 of the clearance, so this is ample.
 const SLACK: f64 = 0.05;
 
 /// Tests whether two convex polygons lie side by side near one plane, so that no line passes through both and

@@ -107,8 +107,9 @@ impl Camera {
     }
 
     /// Returns how far a box lies outside of a plane (the one that it is farthest outside of), in units of
-    /// the frustum culler's documented error bound (at `TestPlane`): `8u` of all magnitudes, `2^-125` of the
-    /// coordinates, `2^-122`, and the error of the plane's offset. Above 1, the box is certainly outside. 0
+    /// the error bound that the frustum culler documents at `TestPlane`. The bound is the sum of `2^-21`
+    /// times the magnitudes of the terms of the distance, `2^-125` times the sum of the coordinates,
+    /// `2^-122`, and the error of the plane's offset. Above 1, the box is outside by more than that error. 0
     /// if the box is outside of no plane. `bounds` is relative to the scene's origin.
     pub fn error_bounds_outside(&self, bounds: &Aabb) -> f64 {
         let mut worst: f64 = 0.0;

@@ -1,17 +1,18 @@
 //! Numbers on and next to the borders of pixels, with exact integer ranks, with which an oracle compares
 //! them.
 
-/// Difference between the [ranks](End::rank) of two borders that are one unit apart.
+/// Difference between the [ranks](End::rank) of two successive integers.
 pub const UNIT: i64 = 12;
 
-/// Number with its exact position relative to the borders of units. The border at the integer k has rank
-/// [`UNIT`] k. A quarter of a unit has three ranks: for the number just before it, on it, and just after it.
-/// Numbers of one list compare like their ranks.
+/// Multiple of 1/4, or one of the two floating-point numbers next to it, for tests at borders, such as those
+/// of pixels at integers. `rank` tells exactly, in integers, on which side of a border the number lies: the
+/// integer k has rank [`UNIT`] k, a multiple q of 1/4 has rank [`UNIT`] q, and its neighbours have one rank
+/// less and one more.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct End<T> {
-    /// The number, in units whose borders are tested: in pixels, for example.
+    /// The number itself, in pixels for example.
     pub value: T,
-    /// Exact position of the number among the borders: numbers of one list compare like their ranks.
+    /// Exact position of the number: two numbers of one list compare like their ranks.
     pub rank: i64,
 }
 

@@ -43,7 +43,8 @@ struct Step {
     /// (`fill_side`).
     inner: u32,
     /// Half-edge of the edge outside the hole; [`NONE`] on the outer rectangle. If the triangles on both
-    /// sides of the edge are removed: [`STEP`] plus the index of the step along the edge's other side.
+    /// sides of the edge are removed, the edge appears as two steps: then [`STEP`] plus the index of the
+    /// other step.
     outer: u32,
     walls: u32,
 }
@@ -60,14 +61,16 @@ enum Way {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Constrainer {
     tasks: Vec<Task>,
-    /// Steps around the hole that the removed triangles leave, clockwise: first those on the left side of the
-    /// wall from its first end, then those on the right side back to it.
+    /// Steps around the hole that the removed triangles leave, clockwise: first those on the left of the
+    /// wall, from its first end to its second, then those on the right, from its second end to its first.
     steps: Vec<Step>,
     right: Vec<Step>,
-    /// Indices of the triangles that the wall crosses. `fill_side` gives them to the new triangles.
+    /// Indices of the triangles that the wall crosses. `fill_side` reuses these indices for the triangles
+    /// that fill the hole.
     removed: Vec<u32>,
-    /// Scratch of `fill_side`: vertices of the side that are not cut off yet. The second number is the
-    /// half-edge (or [`STEP`] plus a step) from the vertex before; [`NONE`] for the first.
+    /// Scratch of `fill_side`: vertices around the part of the hole that is not triangulated yet. Each entry
+    /// is a vertex, and the half-edge (or [`STEP`] plus a step) that leads to the vertex from the vertex of
+    /// the entry before; [`NONE`] in the first entry.
     chain: Vec<(u32, u32)>,
     /// Number of times that the wall being inserted was split at a crossing.
     splits: usize,
@@ -80,8 +83,8 @@ impl Constrainer {
     ///
     /// # Errors
     /// [`PlanError::TooMany`] when crossings make more than [`MAX_VERTICES`] vertices, or overlaps more than
-    /// [`MAX_VERTICES`] items in `Triangulation::lists`. The limits are checked before each step. A step can
-    /// at most double the items, so their numbers fit into `u32`.
+    /// [`MAX_VERTICES`] items in `Triangulation::lists`. The limits are checked before each piece is
+    /// inserted. A piece at most doubles the number of items, so indices of items fit into `u32`.
     pub(crate) fn insert(
         &mut self,
         of: &mut Triangulation,
@@ -120,7 +123,8 @@ impl Constrainer {
     }
 
     /// Inserts the first part of a task's piece as an edge, up to the next vertex on the way, and pushes the
-    /// rest as a task. If another wall is in the way, it only splits both walls at their crossing.
+    /// rest as a task. If another wall is in the way, no edge is inserted: both walls are split at their
+    /// crossing, and the pieces become tasks.
     fn advance(&mut self, of: &mut Triangulation, task: Task) {
         let Task { from, to, walls, is_part } = task;
         if from == to {
@@ -140,9 +144,10 @@ impl Constrainer {
         self.tasks.push(Task { from: rest, to, walls, is_part });
     }
 
-    /// Walks from the vertex of `h` through the triangle of `h` to the next vertex on the way to `to`, and
-    /// collects the edges crossed. Returns that vertex. If a wall is in the way, both walls are split at
-    /// their crossing, their pieces become tasks, and the result is `None`.
+    /// Walks from the origin of half-edge `h` through its triangle along the task's segment, to the first
+    /// vertex on the segment or at its end, and collects the boundary of the triangles crossed. Returns that
+    /// vertex. If a wall is in the way, both walls are split at their crossing, their pieces become tasks,
+    /// and the result is `None`.
     fn cross(&mut self, of: &mut Triangulation, h: u32, task: &Task) -> Option<u32> {
         let (from, to) = (task.from, task.to);
         let [a, b] = [from, to].map(|v| of.points[v as usize]);
@@ -175,8 +180,8 @@ impl Constrainer {
         }
     }
 
-    /// Splits the walls along half-edge `crossed` and the wall of a task where they cross. The pieces become
-    /// tasks.
+    /// Splits two crossing segments at a vertex at or near their crossing: the one of the task, and the one
+    /// along half-edge `crossed`, whose walls are removed from the edge. The four pieces become tasks.
     fn split(&mut self, of: &mut Triangulation, task: &Task, crossed: u32) {
         let &Task { from, to, walls, is_part } = task;
         let edge = of.edges[crossed as usize];
@@ -363,9 +368,10 @@ fn way(of: &Triangulation, from: u32, to: u32) -> Option<Way> {
 
 /// Returns a vertex through which two segments that cross may both pass: one within [`rounding`] of their
 /// crossing. `middle` is that crossing, rounded. `ends` are the vertices at the ends of the first segment,
-/// then of the second. `is_part` tells that the first segment is a part of a segment that was split before.
-/// Then an end of either segment within rounding of the other segment is also accepted, however far from the
-/// crossing, because at a small angle the crossing is hardly known. `None` if there is no such vertex.
+/// then of the second. If `is_part`, the first segment is a piece of a wall that was split at a crossing. An
+/// end of either segment within [`rounding`] of the other segment is then preferred, however far it is from
+/// the crossing, because the crossing of segments at a small angle is hardly known. `None` if there is no
+/// such vertex.
 fn near_vertex(of: &Triangulation, middle: Point, ends: [u32; 4], is_part: bool) -> Option<u32> {
     let [a, b, c, d] = ends.map(|v| of.points[v as usize]);
     let is_on = |&(v, segment): &(u32, [Point; 2])| may_bend(segment, of.points[v as usize]);
@@ -420,8 +426,8 @@ fn rounding(points: &[Point]) -> f64 {
 /// lies in the bounding boxes of both segments. If 106 bits cannot tell the lines from parallel ones, the
 /// middle of `ab` is returned.
 ///
-/// A coordinate of a magnitude below [`MIN_MAGNITUDE`] becomes 0, which is in both boxes: their corners are 0
-/// or beyond `MIN_MAGNITUDE`.
+/// A coordinate of a magnitude below [`MIN_MAGNITUDE`] becomes 0. The point stays in both boxes, because the
+/// coordinates of the ends are 0 or at least `MIN_MAGNITUDE` in magnitude.
 fn crossing(a: Point, b: Point, c: Point, d: Point) -> Point {
     let (of_a, of_b) = (area(c, d, a), area(c, d, b));
     let share = of_a / (of_a - of_b);

@@ -87,9 +87,10 @@ impl Expansion<'_> {
         orient_slow(self.point(first.point), self.point(second.point), self.eye) > 0.0
     }
 
-    /// Replaces `cones` by the cones of sight around the eye, counter-clockwise, each where it leaves a
-    /// triangle at the eye's place. For an eye outside the rectangle, by the cones that enter the rectangle.
-    /// Each cone may pass `through` opaque walls.
+    /// Replaces `cones` by the first cones of sight, counter-clockwise around the eye. There is one cone for
+    /// each edge across which lines of sight leave the triangles that contain the eye. If the eye is outside
+    /// the rectangle, there is one for each side across which they enter the rectangle. Each cone may pass
+    /// `through` opaque walls.
     pub(crate) fn start(&self, place: Place, through: u32, cones: &mut Vec<Cone>) {
         cones.clear();
         let plan = self.plan;
@@ -130,7 +131,8 @@ impl Expansion<'_> {
         }
     }
 
-    /// Clips cones to the sector, from right to left.
+    /// Clips the cones to the sector. Afterwards they are in counter-clockwise order, beginning at the right
+    /// side of the sector.
     pub(crate) fn limit(&self, cones: &mut Vec<Cone>) {
         let count = cones.len();
         let vertices = self.plan.points.len() as u32;
@@ -169,10 +171,10 @@ impl Expansion<'_> {
     }
 
     /// Follows the cones on the stack, the last one first. Calls `meet(edge, right, left, met)` for each part
-    /// of an edge between two rays where a cone passes a wall or ends, from right to left. A cone ends at an
-    /// edge for which `is_near` is false, at the outer rectangle, and at a blocking wall for which `stops` is
-    /// true, unless it may still pass through such walls. Calls `enter(triangle, right, left)` for each
-    /// triangle that a cone enters.
+    /// of an edge, between the rays `right` and `left`, where a cone passes a wall or ends. The parts of one
+    /// cone come from right to left. A cone ends at an edge for which `is_near` is false, and at the outer
+    /// rectangle. It also ends at a blocking wall for which `stops` is true, unless it still has opaque walls
+    /// to see through. Calls `enter(triangle, right, left)` for each triangle that a cone enters.
     #[inline(always)]
     pub(crate) fn run(
         &self,

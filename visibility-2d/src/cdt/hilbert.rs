@@ -14,8 +14,8 @@ pub(crate) struct Curve {
 }
 
 impl Curve {
-    /// Makes the curve through the rectangle between two corners. An axis on which both corners have the same
-    /// coordinate has two steps: up to the coordinate, and beyond.
+    /// Makes the curve through the rectangle between two corners. If both corners have the same coordinate on
+    /// an axis, only two positions on this axis are told apart: up to that coordinate, and beyond it.
     pub(crate) fn new(low: Point, high: Point) -> Self {
         let scale = core::array::from_fn(|axis| 4_294_967_040.0 / (high[axis] - low[axis]));
         Self { low, scale }

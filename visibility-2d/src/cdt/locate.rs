@@ -63,7 +63,7 @@ impl Plan {
     }
 
     /// Returns the half-edges that begin at the vertex of `h`, counter-clockwise. At a corner of the outer
-    /// rectangle, from the first to the last; elsewhere all around, starting with `h`.
+    /// rectangle, they begin with the most clockwise one. Elsewhere they go all around and begin with `h`.
     pub(crate) fn fan(&self, h: u32) -> impl Iterator<Item = u32> + '_ {
         let mut first = h;
         // Goes clockwise until there is no triangle.

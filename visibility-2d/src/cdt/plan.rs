@@ -47,9 +47,9 @@ impl HalfEdge {
 ///
 /// Building takes expected time `n log n` in the number of walls, crossings and overlaps (pairs of a wall and
 /// a piece of another along which the wall lies). A query takes time proportional to the number of triangles
-/// that it sees, plus a binary search to locate its eye. If one wall is farther away than about 65,536 times
-/// the extent of the `n` others, the search becomes a walk through up to `sqrt(n)` triangles, or more if
-/// these walls are collinear.
+/// that it sees, plus a binary search to locate its eye. The search tells vertices apart by their cell in a
+/// grid of 65,536 by 65,536 over the plan. If all walls but one faraway one share a cell, locating the eye
+/// takes a walk through up to `sqrt(n)` triangles for `n` walls, or more if they are collinear.
 ///
 /// ```
 /// use visibility_2d::cdt::{Plan, PlanView, Visibility, Wall};
@@ -229,8 +229,8 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Appends a piece along half-edge `h`. `item` is the first item of the piece's list of walls, which is
-    /// sorted and freed of repetitions.
+    /// Appends a piece along half-edge `h`. `item` is the first item of the piece's list of walls in `lists`.
+    /// The piece gets the walls of this list in ascending order, each once.
     fn push_piece(&mut self, h: u32, lists: &[(u32, u32)], mut item: u32) -> Result<(), PlanError> {
         let first = self.walls_of_pieces.len();
         while item != NONE {

@@ -47,8 +47,8 @@ pub struct PlanCells {
     axes: [usize; 2],
     /// Stamp that changes with the opacity of walls.
     stamp: Stamp,
-    /// For each triangle, the triangles seen from it, or an empty list if they are too many. `None` until a
-    /// mover has entered the triangle.
+    /// For each triangle, the triangles seen from it. `None` until a mover has entered the triangle. An empty
+    /// list if computing them would take too many steps: then everything counts as seen from the triangle.
     rows: Vec<Option<Box<[u32]>>>,
     /// Scratch: triangles of the present mover.
     reached: RegionVisibility,

@@ -35,10 +35,11 @@ impl Disc {
     /// Returns whether a point of a segment is within the range. Possibly true if the segment is out of range
     /// by less than rounding.
     ///
-    /// Let u be 2^-53, and a and b the ends relative to the eye, each coordinate rounded once, so each is
-    /// wrong by at most u of itself. The cross product of a and b then differs from the true one by at most
-    /// (2 u + 2 u) (1 + 3 u) of the sum of the magnitudes of its products: below 5 u of them. Squares and
-    /// lengths are wrong by less than 8 u of themselves. 16 u on either side is more than both.
+    /// Let u be 2^-53, and a and b the ends relative to the eye. Each coordinate is rounded once, so its
+    /// relative error is at most u. The cross product of a and b then differs from the true one by at most (2
+    /// u + 2 u) (1 + 3 u) of the sum of the magnitudes of its products: below 5 u of that sum. Squares and
+    /// squared lengths have relative errors below 8 u. `ERROR` is 16 u, more than either, and is added on
+    /// both sides of each comparison.
     pub(crate) fn is_near(&self, [a, b]: [Point; 2]) -> bool {
         const ERROR: f64 = 8.0 * f64::EPSILON;
         let [a, b] = [a, b].map(|p| [p[0] - self.eye[0], p[1] - self.eye[1]]);

@@ -21,13 +21,14 @@ use alloc::vec::Vec;
 /// 40 ns.
 const MAX_STEPS: usize = 1 << 24;
 
-/// Side of a beam's polygon in the dual plane (where a point is a line of sight), with the corner that
-/// follows it.
+/// Side of a beam. The lines of a beam form a convex polygon in the dual plane, where each point stands for a
+/// line of sight. On a side of the polygon, all lines touch one vertex of the plan. The struct also holds the
+/// polygon's corner after the side.
 #[derive(Clone, Copy, Debug)]
 struct Side {
     /// Index of the vertex that the lines on this side touch.
     vertex: u32,
-    /// The two vertices on the line of the corner, in the line's direction.
+    /// Indices of the two vertices on the line that the corner stands for, in the line's direction.
     corner: [u32; 2],
 }
 
@@ -38,8 +39,8 @@ struct Beam {
     edge: u32,
     /// Half-open range of the beam's sides in `RegionVisibility::sides`.
     sides: (u32, u32),
-    /// Length that `RegionVisibility::sides` is cut to when this beam is taken from the stack: the entries of
-    /// this beam and of the beams below it.
+    /// Length to which `RegionVisibility::sides` is truncated when this beam is taken from the stack. The
+    /// sides of this beam and of those below it on the stack lie before this length.
     kept: u32,
 }
 
@@ -159,7 +160,8 @@ impl Plan {
         self.follow_all(answer)
     }
 
-    /// Adds the walls and triangles visible from the part of the hull inside the triangles listed so far.
+    /// Adds to `answer` the walls and triangles visible from the region `answer.hull`. The triangles that the
+    /// region overlaps must already be listed in `answer`.
     pub(super) fn follow_all(&self, answer: &mut RegionVisibility) -> Result<(), PlanError> {
         for index in 0..answer.triangles.len() {
             let first = 3 * answer.triangles[index];
@@ -237,10 +239,10 @@ impl Plan {
         self.follow_all(answer)
     }
 
-    /// Lists the triangles that a convex body overlaps, and those that some point of the body can reach
-    /// inside `outer` through edges that some line of sight passes. Body and `outer` are given as corners of
-    /// convex polygons with an area, counter-clockwise; `outer` contains the body. Afterwards the result's
-    /// hull is `outer`.
+    /// Lists the triangles into which a mover can get. These are the triangles that the convex polygon `body`
+    /// overlaps, and all that can be reached from there within the convex polygon `outer`, across edges that
+    /// do not block lines of sight both ways. Both polygons are given by their corners, counter-clockwise,
+    /// and have an area; `outer` contains `body`. Afterwards the hull of `answer` is `outer`.
     pub(super) fn reached(
         &self,
         body: &[Point],

@@ -22,10 +22,10 @@ pub struct WallHit {
     pub wall: Option<u32>,
 }
 
-/// Bit for the left side, as seen along the segment. Set in a mask if the segment may pass a vertex on this
-/// side, or has passed walls on this side.
+/// Bit for the left side of a vertex, as seen along the segment. In a mask of sides, it is set if the segment
+/// may pass the vertex on its left side.
 const LEFT: u8 = 1;
-/// Bit for the right side: see [`LEFT`].
+/// Bit for the right side of a vertex: see [`LEFT`].
 const RIGHT: u8 = 2;
 
 /// Position of a walk from triangle to triangle along a segment.
@@ -33,8 +33,9 @@ const RIGHT: u8 = 2;
 enum At {
     /// The walk is in the triangle of this half-edge, about to cross the half-edge.
     Edge(u32),
-    /// The walk is at the origin of this half-edge. The second number has the sides ([`LEFT`], [`RIGHT`]) on
-    /// which the segment may have come to the vertex: both, unless it came along a blocking wall.
+    /// The walk is at the origin of this half-edge. The second number is a mask of [`LEFT`] and [`RIGHT`]:
+    /// the sides on which the segment may pass as far as this vertex. Both, unless it came along a blocking
+    /// wall and must stay on one side of the wall.
     Vertex(u32, u8),
 }
 
@@ -45,8 +46,8 @@ enum Stop {
     Reached,
     /// A wall or the outer rectangle stops the segment at this half-edge, between its ends.
     Edge(u32),
-    /// A wall or the outer rectangle stops the segment at the origin of this half-edge. The second number has
-    /// the sides ([`LEFT`], [`RIGHT`]) on which the segment came: none at the rectangle.
+    /// A wall or the outer rectangle stops the segment at the origin of this half-edge. The second number is
+    /// the mask of sides of [`At::Vertex`] with which the segment came to the vertex; 0 at the rectangle.
     Vertex(u32, u8),
 }
 
@@ -201,8 +202,8 @@ impl Walk<'_> {
         }
     }
 
-    /// Returns whether a wall along half-edge `h` stops the walk out of the triangle of `h`: where the walk
-    /// crosses `h`, or at `end`, if given, an end of `h` that the walk passes.
+    /// Returns whether a wall along half-edge `h` stops the walk on its way out of the triangle of `h`.
+    /// Without `end`, the walk crosses `h` between its ends. With `end`, the walk passes that end of `h`.
     fn is_stopped(&self, h: u32, end: Option<Point>) -> bool {
         if self.plan.edges[h as usize].twin & BLOCKS == 0 {
             return false;
@@ -239,8 +240,8 @@ impl Walk<'_> {
         is_same_way(self.a, self.b, point)
     }
 
-    /// Returns the walk's first position. `None` if the walk does not cross the rectangle, or ends before a
-    /// vertex on its line.
+    /// Returns the walk's first position. `None` if the walk does not cross the rectangle, or if the position
+    /// would be a vertex beyond the end of the segment.
     fn begin(&self) -> Option<At> {
         let plan = self.plan;
         match plan.locate(self.a, plan.near(self.a)) {
@@ -276,7 +277,7 @@ impl Walk<'_> {
     }
 
     /// Returns the position where the walk's line leaves the triangle of `h`, in which or on whose boundary
-    /// the walk is. `None` if this is a vertex and the walk ends before it.
+    /// the walk is. `None` if this is a vertex beyond the end of the segment.
     fn leave_triangle(&self, h: u32) -> Option<At> {
         [h, next(h), previous(h)].into_iter().find_map(|h| {
             let [p, q] = self.plan.ends(h);
@@ -289,7 +290,7 @@ impl Walk<'_> {
     }
 
     /// Returns the next position of a walk that has entered the triangle of `h` across `h`, whose first end
-    /// is to the left. `None` if the next position is a vertex and the walk ends before it.
+    /// is to the left. `None` if the next position would be a vertex beyond the end of the segment.
     fn cross(&self, h: u32) -> Option<At> {
         let apex = previous(h);
         let side = self.side(self.plan.start(apex));
@@ -300,7 +301,7 @@ impl Walk<'_> {
     }
 
     /// Returns the first position of a walk that begins outside the rectangle. `None` if the walk does not
-    /// enter the rectangle, or ends before a vertex on its line.
+    /// enter the rectangle, or if the position would be a vertex beyond the end of the segment.
     fn enter(&self) -> Option<At> {
         let plan = self.plan;
         for h in plan.outer() {
@@ -335,9 +336,9 @@ impl Walk<'_> {
         [LEFT, RIGHT].into_iter().filter(|&side| !is_closed(side)).sum()
     }
 
-    /// Returns the half-edge, `h` or its twin, at which a wall along the edge of `h` stops a walk that passes
-    /// the origin of `h` on `sides`. If both bits are set, it must stop the walk on either side. `None` if
-    /// the edge does not stop the walk.
+    /// Returns the half-edge, `h` or its twin, at which a wall along this edge stops a walk that passes the
+    /// origin of `h`. `sides` are the sides on which the walk passes that vertex. `None` if no wall along the
+    /// edge stops the walk, or if the edge lies on none of these sides.
     fn stop_at(&self, h: u32, sides: u8) -> Option<u32> {
         let plan = self.plan;
         let twin = plan.edges[h as usize].twin()?;

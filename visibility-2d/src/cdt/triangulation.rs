@@ -68,8 +68,9 @@ pub(crate) struct Triangulation {
     pub(crate) out: Vec<u32>,
     /// Items of the lists of walls: the number of a wall, and the next item or [`NONE`]. Items never change.
     pub(crate) lists: Vec<(u32, u32)>,
-    /// Label of each triangle, [`NONE`] without one. A label stands for a fact that holds at all points of
-    /// its triangle.
+    /// Label of each triangle, [`NONE`] without one. The user of the triangulation sets labels, for instance
+    /// the index of an occluder that covers the triangle. What a label says must hold at all points of its
+    /// triangle.
     pub(crate) labels: Vec<u32>,
     /// Labels that triangles have lost. A label may be listed several times.
     pub(crate) erased: Vec<u32>,

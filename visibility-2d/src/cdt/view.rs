@@ -13,9 +13,9 @@ pub struct PlanView {
     /// Greatest distance that the eye sees, in world units. Infinite by default; NaN counts as infinite, a
     /// negative number as 0.
     pub range: f64,
-    /// Two points in world units. The eye sees the directions from the first point counter-clockwise to the
-    /// second: nothing if both have the same direction. `None` by default: all directions. A point equal to
-    /// the eye has no direction, and the limit is ignored.
+    /// Two points in world units. The eye sees the directions from that of the first point counter-clockwise
+    /// to that of the second, and nothing if both points lie in the same direction. `None` by default: the
+    /// eye sees all directions. So it does if a point is equal to the eye.
     pub sector: Option<[[f64; 2]; 2]>,
     /// Heights of the eye and of its targets, in world units. `None` by default: all walls block. With
     /// heights, a wall only blocks if it extends at least from the lower to the upper of the two heights, and

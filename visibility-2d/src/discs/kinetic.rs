@@ -33,9 +33,9 @@ use visibility_core::geometry::sqrt;
 /// Index that no disc has.
 const NONE: u32 = u32::MAX;
 
-/// Distance from a bitangent (a line that touches two discs) below which the eye counts as beyond it, as a
-/// fraction of the lengths from which the distance is computed. Bitangents of two discs that pass the test of
-/// [`MIN_SINE`] have a rounding error of about `1e-12` of these lengths.
+/// Margin for the rounding error of a distance from a bitangent (a line that touches two discs), as a
+/// fraction of the sum of the lengths from which the distance is computed. The rounding error itself is about
+/// `1e-12` of that sum for bitangents that pass the test of [`MIN_SINE`].
 const MARGIN: f64 = 1e-9;
 
 /// Least sine of the angle between a bitangent and the perpendicular to the line through both centres. Below
@@ -71,8 +71,8 @@ struct HalfPlane {
 #[derive(Clone, Copy, Debug, Default)]
 struct Class {
     anchor: [f64; 2],
-    /// Squared distance in square metres from the anchor up to which the class is known. Negative if it is
-    /// unknown.
+    /// Square of the distance in metres of an eye from `anchor`, up to which the segment's class is known.
+    /// Negative if it is unknown.
     reach_squared: f64,
     bounds: [HalfPlane; 2],
 }
@@ -98,7 +98,8 @@ struct Arc {
     disc: u32,
     pivot: u32,
     front: u32,
-    /// Whether the segment is the first of the pivot's two tangents counter-clockwise. False for the last.
+    /// Which of the two tangents from the eye to the pivot (the disc that the segment touches) the segment
+    /// lies on: true for the first one counter-clockwise, false for the second.
     is_first: bool,
     class: Class,
 }
@@ -292,9 +293,10 @@ impl<'a> KineticZone<'a> {
         }
     }
 
-    /// Assigns directions to the discs of the last look. `None` if one of them touches the eye up to
-    /// rounding, or if no direction is left for one that is not in `beside`, a list of indices into
-    /// `Discs::discs`. `between` has the first and the last direction number; the last may exceed 4.
+    /// Assigns directions to the discs that the last look found (`looked`), nearest first. `None` if rounding
+    /// cannot tell that the eye is outside a disc. Also `None` if no direction is left for a disc, except for
+    /// those in `beside`, a list of indices into `Discs::discs`. `between` has the first and the last
+    /// direction number; the last may exceed 4.
     fn paint(&mut self, eye: [f64; 2], between: (f64, f64), beside: &[u32]) -> Option<()> {
         self.painter.begin(between.0, between.1);
         for &index in &self.looked {
@@ -407,8 +409,8 @@ fn span(disc: &Disc, eye: [f64; 2]) -> Option<(f64, f64)> {
     (error <= WIDEST_ERROR).then_some((first, last))
 }
 
-/// Bound of a tangent segment that rolls along the disc that it touches: its direction there, and the sine of
-/// the angle to its present direction.
+/// Last position to which a tangent segment can roll along the disc that it touches: the segment's unit
+/// direction in that position, and the sine of the angle to it from the present direction.
 #[derive(Clone, Copy, Debug)]
 struct Bound {
     along: [f64; 2],
@@ -470,7 +472,8 @@ impl<'a> Search<'a> {
         is_good.then_some(Self { discs, eye, pivot, front, aside, along, length, reach, farthest, bounds })
     }
 
-    /// Returns whether a rectangle, relative to the eye, may meet a segment between the bounds.
+    /// Returns whether the segment may meet a rectangle while it rolls from one bound to the other. The
+    /// rectangle is given by its least x and y and its greatest x and y, relative to the eye.
     fn may_touch(&self, [x0, y0, x1, y1]: [f64; 4]) -> bool {
         let [u, v] = self.along;
         let (x, y) = (0.5 * (x0 + x1), 0.5 * (y0 + y1));

@@ -16,8 +16,8 @@ const INDEX_BITS: u32 = 27;
 const DISC: u32 = 31;
 /// Level of a queue entry for a disc that overlaps others. It only closes gaps with its solid radius.
 const SOLID: u32 = 30;
-/// Bound on the error of the direction numbers (at most 4) of a rectangle's sides: more than `4u` of 4, with
-/// `u = 2^-53`.
+/// Bound on the error of the direction numbers of a rectangle's corners. They are at most 4 and have a
+/// relative error below `4u`, with `u = 2^-53`, so an absolute error below `16u`. The bound is twice that.
 const RECTANGLE_ERROR: f64 = 16.0 * f64::EPSILON;
 
 /// Greatest accepted error of the direction numbers of a disc's tangents. With a larger error, the eye counts
@@ -77,12 +77,12 @@ impl DiscView {
 /// Finds the discs that an eye sees. Only keeps scratch memory between calls. Use one per thread.
 ///
 /// # Exactness
-/// Nothing visible is left out. A hidden disc is reported only if a gap of the width of rounding seems to
-/// show it: about `1e-15` of a turn, and more for an eye very close to a disc. Discs that touch or contain
-/// the eye are reported. A disc that contains the eye hides nothing. From a ball the answer is conservative:
-/// it has all discs that some eye of the ball sees, and some that none sees. (Occluders are shrunk by the
-/// radius of the ball: Wonka, Wimmer and Schmalstieg, "Visibility Preprocessing with Occluder Fusion for
-/// Urban Walkthroughs", 2000.)
+/// Nothing visible is left out. A hidden disc is reported only if rounding seems to leave a gap through which
+/// it shows. Such a gap is about `1e-15` of a turn wide, and wider for an eye very close to a disc. Discs
+/// that touch or contain the eye are reported. A disc that contains the eye hides nothing. From a ball the
+/// answer is conservative: it has all discs that some eye of the ball sees, and some that none sees.
+/// (Occluders are shrunk by the radius of the ball: Wonka, Wimmer and Schmalstieg, "Visibility Preprocessing
+/// with Occluder Fusion for Urban Walkthroughs", 2000.)
 ///
 /// Of discs that overlap, only the parts that no other disc overlaps occlude.
 ///
@@ -98,8 +98,9 @@ impl DiscView {
 #[derive(Clone, Debug)]
 pub struct DiscZone {
     gaps: Gaps,
-    /// Queue of nodes and discs. The first number is the power, as the bits of a non-negative number; the
-    /// second number is level and index.
+    /// Queue of nodes and discs, least power first. The power of an eye is its squared distance from a disc's
+    /// centre minus the disc's squared radius; a node has a lower bound for its discs. The first number has
+    /// the bits of the power, at least 0, as `f64`. The second number is level and index.
     queue: BinaryHeap<Reverse<(u64, u32)>>,
 }
 
@@ -174,7 +175,8 @@ impl DiscZone {
         }
     }
 
-    /// Returns whether a disc at `(x, y)` relative to the eye shows in a gap, or may contain the eye.
+    /// Returns whether a disc shows in a gap or may contain the eye. Its centre is at `(x, y)` relative to
+    /// the eye; `power` is `x^2 + y^2 - radius^2`.
     #[inline]
     fn shows(&self, x: f64, y: f64, radius: f64, power: f64) -> bool {
         if power <= 0.0 {

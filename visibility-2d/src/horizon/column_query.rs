@@ -56,7 +56,8 @@ struct Relative<const N: usize> {
     z: [[f32; N]; 2],
 }
 
-/// Bounds of the parts of boxes in a face's wedge, one per lane.
+/// Bounds of the parts of boxes that lie in the wedge of a face (the quarter of the plan that the face
+/// shows), one box per lane.
 struct Parts<const N: usize> {
     /// Whether each box meets the wedge. If not, the lane's other entries are meaningless.
     meets: [bool; N],

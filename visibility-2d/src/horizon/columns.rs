@@ -126,7 +126,8 @@ pub(crate) struct Columns {
     /// Half-open range of the columns in view of each face. Empty for a face that is not in view.
     seen: [Range<usize>; FACES],
     outline: Outline,
-    /// Scratch of [`draw`](Self::draw), one entry per side of a column: top, negated bottom, inverse depth.
+    /// Scratch of [`draw`](Self::draw): three lists with an entry for each boundary between two columns. They
+    /// hold the height of the occluder's top, the negated height of its bottom, and its inverse depth.
     sides: [Vec<f64>; 3],
 }
 
@@ -175,8 +176,8 @@ impl Columns {
         }
     }
 
-    /// Adds the convex solid that contains `posts`. `error` bounds the distance in metres of each post from
-    /// some post inside of the exact solid.
+    /// Adds a convex solid, given by posts of which it is the hull. Each post may be wrong by at most `error`
+    /// metres: an upright segment at most this far away certainly lies inside the solid.
     pub(crate) fn draw_solid(&mut self, frame: &Frame, posts: &[Post], error: f64) {
         for face in 0..FACES {
             if self.seen[face].is_empty() {
@@ -215,8 +216,8 @@ impl Columns {
         block.summarize();
     }
 
-    /// Adds the area between two outlines to the columns of a face that both outlines span. `bends` is true
-    /// if the outlines may bend inwards, as those of walls do.
+    /// Adds the area between the upper and the lower part of an outline to the columns of a face that both
+    /// parts span. `bends` is true if the parts may bend inwards, as those of walls do.
     fn draw(&mut self, face: usize, outline: &Outline, bends: bool) {
         let Outline { upper, lower, error, .. } = outline;
         let ([first, .., last], [low_first, .., low_last]) = (&upper[..], &lower[..]) else { return };
@@ -276,9 +277,10 @@ fn ceil(x: f64) -> f64 {
     if whole < x { whole + 1.0 } else { whole }
 }
 
-/// Lowers `heights` and `inverse_depths` to at most the height (times `sense`, 1 or -1) and the inverse depth
-/// of an outline, minus the error bounds. Each entry is for a boundary between two columns, starting at the
-/// right side of column `begin`.
+/// Lowers each entry of `heights` and `inverse_depths` to the height and the inverse depth of an outline
+/// minus their error bounds, if that is less. `sense` is 1 for an upper outline and -1 for a lower one, whose
+/// heights are negated. Entries are for the boundaries between columns, from the right side of column `begin`
+/// on.
 fn sample(
     heights: &mut [f64],
     inverse_depths: &mut [f64],
@@ -307,9 +309,8 @@ fn sample(
     }
 }
 
-/// Lowers `heights` and `inverse_depths` to at most the height (times `sense`, 1 or -1) and the inverse depth
-/// of a corner, minus the error bounds, at the right side of each column that the exact corner may be in.
-/// Entries are those of [`sample`]. This also lowers the column to the right, which shares this side.
+/// Like [`sample`], for a single corner of an outline: lowers the entries for the right side of each column
+/// that the exact corner may be in. This also lowers the column to the right of it, which shares this side.
 fn lower_at(
     heights: &mut [f64],
     inverse_depths: &mut [f64],

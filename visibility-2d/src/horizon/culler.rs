@@ -58,7 +58,7 @@ pub struct HorizonCuller {
     queue: Queue,
     /// Indices of the objects that changed since the occluders were made, ascending.
     changed: Vec<u32>,
-    /// Scratch: for each list of ground objects, whether all its objects are drawn in the frame.
+    /// Scratch: which ground may occlude in this frame, because all objects that it belongs to are drawn.
     presence: Presence,
     /// Crowns of trees that each column has met in this frame. `None` if no crowns are named.
     crowns: Option<CrownColumns>,

@@ -44,7 +44,8 @@ pub(crate) struct Solid {
     /// Height in metres below which the eye must not be, because the solid has no face there. Negative
     /// infinity for a closed solid.
     pub(crate) open_below: f64,
-    /// Area in square metres of the upright face of the solid's bounds: greater width times height.
+    /// Area in square metres of the largest upright face of the solid's bounding box: its longer side on the
+    /// plan times its height.
     pub(crate) face: f64,
 }
 
@@ -161,10 +162,10 @@ impl Solids {
         }
     }
 
-    /// Adds a prism that may be open at the bottom. The triangles must be connected by shared vertices. Their
-    /// vertices must have two heights in total. The triangles between the two heights must be upright, on the
-    /// hull of the triangles on the plan. Every edge must join two triangles, except edges at the lower
-    /// height. `None`, and nothing is added, if a condition fails.
+    /// Adds an upright prism that may be open at the bottom. The triangles must be connected by shared
+    /// vertices, and all vertices must lie at two heights. Triangles that touch both heights must be upright
+    /// and lie on the sides of the convex hull that all vertices have on the plan. Every edge must join two
+    /// triangles, except edges at the lower height. `None`, and nothing is added, if a condition fails.
     fn add_open_prism(
         &mut self,
         mesh: &OccluderMesh,
@@ -244,7 +245,8 @@ impl Solids {
     }
 }
 
-/// Returns the area of the upright face of the bounds of posts, greater width times height, in square metres.
+/// Returns the area in square metres of the largest upright face of the bounding box of posts: its longer
+/// side on the plan times its height.
 fn face(posts: &[Post]) -> f64 {
     let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for p in posts {
@@ -270,9 +272,10 @@ pub(crate) fn placed(p: DVec3, transform: &Affine3A) -> (DVec3, f64) {
     (sum, size.max_element())
 }
 
-/// Returns a bound on the error of a point from [`placed`], given its sum of magnitudes. Each coordinate is a
-/// sum of three products and a term, rounded at most four times each: 8u of the magnitudes. Points that are
-/// not moved are exact.
+/// Returns a bound in metres on the error of a point from [`placed`], given the sum of magnitudes that it
+/// returned. A coordinate is a sum of four terms, each rounded at most four times, so it is wrong by about
+/// `4u` of that sum, and the point by less than `8u`, with `u = 2^-53`. The bound is `16u`; 0 for the
+/// identity, which does not round.
 fn rounding(transform: &Affine3A, size: f64) -> f64 {
     if *transform == Affine3A::IDENTITY { 0.0 } else { 8.0 * f64::EPSILON * size }
 }
@@ -300,7 +303,7 @@ fn components(mesh: &OccluderMesh) -> Vec<Vec<u32>> {
 }
 
 /// Returns the convex hull, counter-clockwise, of points on the plan that are sorted by x, then y, without
-/// repetition. Points that `f64` places on a side of the hull are left out.
+/// repetition. A point is left out if it lies on a side of the hull, up to rounding.
 pub(crate) fn convex_hull(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let cross =
         |o: [f64; 2], a: [f64; 2], b: [f64; 2]| (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]);

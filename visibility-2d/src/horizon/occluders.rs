@@ -47,7 +47,7 @@ pub struct HorizonOccluders {
     /// Range of the solids of each object in `solids`, by object index: start, and exclusive end. Empty for
     /// an object without solids.
     ranges: Vec<[u32; 2]>,
-    /// Number of solids in use. The others belong to earlier states of objects.
+    /// Number of solids in use. All others in `solids` are from the time before their object changed.
     used: usize,
     terrain: Terrain,
 }

@@ -30,8 +30,9 @@ use alloc::vec::Vec;
 /// Unit round-off of `f64`: 2^-53.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// Bound on the rounding of a sum along an edge, in units of round-off: one for each of the at most 2^14
-/// columns of a face, and as many for its first term.
+/// Bound on the rounding error of a height or an inverse depth that is summed up column by column along an
+/// edge, in units of round-off. Each of the at most 2^14 columns of a face adds one unit, and the value at
+/// the edge's first column is allowed as many again.
 const STEPS: f64 = 32768.0;
 
 /// Upright segment inside of an occluder, in metres relative to the scene's origin.
@@ -75,8 +76,8 @@ pub(crate) struct Outline {
     pub(crate) error: CornerError,
     cut: Vec<Relative>,
     projected: Vec<Projected>,
-    /// Panel of a wall at which the next run begins: panels that follow each other in one direction of the
-    /// picture.
+    /// Index of the wall's panel at which the next run begins. A run is a sequence of panels that follow each
+    /// other in one direction of the picture.
     next_panel: usize,
     /// Number of the wall's panels that are in no run so far.
     panels_left: usize,
@@ -120,10 +121,10 @@ impl Projected {
 }
 
 impl Outline {
-    /// Computes the outlines of the convex solid that contains `posts`, in one face of `columns` columns.
-    /// `error` bounds the distance in metres of each post from some post inside of the exact solid. Returns
-    /// whether there is an outline. False if the solid is behind the face, or if rounding leaves this
-    /// undecided.
+    /// Computes the outlines of a convex solid, given by posts of which it is the hull, in one face of
+    /// `columns` columns. Each post may be wrong by at most `error` metres: an upright segment at most this
+    /// far away certainly lies inside the solid. Returns whether there is an outline. False if the solid is
+    /// behind the face, or if rounding leaves this undecided.
     pub(crate) fn project(
         &mut self,
         frame: &Frame,
@@ -327,8 +328,9 @@ pub(crate) struct Edge {
 }
 
 impl Edge {
-    /// Makes the edge between two successive corners of an outline, with heights times `sense`, 1 or -1. A
-    /// steep edge has the lesser values of its two ends everywhere.
+    /// Makes the edge between two successive corners of an outline. `sense` is 1 for an upper outline and -1
+    /// for a lower one, whose heights are negated. An edge so steep that its slope is lost in the errors is
+    /// level, at the lesser height and the lesser inverse depth of its two ends.
     pub(crate) fn new(from: Corner, to: Corner, error: &CornerError, sense: f64) -> Self {
         let width = to.column - from.column;
         let is_steep = width.is_nan() || width <= 4.0 * error.column;

@@ -35,8 +35,9 @@ const MIN_AREA: f64 = 1.0 / 64.0;
 /// its bounds on the plan. A floor hides next to nothing.
 const MIN_HEIGHT: f64 = 1.0 / 128.0;
 
-/// Wanted number of squares in a grid per triangle of its sheet, since borders break whole squares. The side
-/// of a square is rounded to a power of two, so there may be only a quarter as many.
+/// Wanted number of squares in a grid per triangle of its sheet. A square that a border of the sheet crosses
+/// does not occlude, so small squares lose less ground. The side of a square is rounded to a power of two, so
+/// there may be only a quarter as many.
 const SQUARES_PER_TRIANGLE: usize = 64;
 
 /// Least and greatest wanted number of squares in a grid. There may be only a quarter as many.

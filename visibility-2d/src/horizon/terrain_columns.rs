@@ -21,20 +21,24 @@ use visibility_core::{Aabb, Scene, VisibleSet};
 /// Unit round-off of `f64`: 2^-53.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// Length of a ring as a fraction of its depth.
+/// Length of a ring along the depth, as a fraction of the depth at which it begins. A ring is one step of the
+/// walk outwards from the eye; it is at least one square long.
 const RING: f64 = 0.1;
 
-/// Maximum number of squares along each axis that a ring reads. If there are more, a coarser level is used.
+/// Maximum number of squares along each axis that are read for one ring (step of the walk). If there are
+/// more, squares of a coarser level are used.
 const MAX_SQUARES: i64 = 3;
 
-/// Number of rings behind a crest after which the crest's step is added.
+/// Number of rings that are walked beyond a crest (ring that is higher in the picture than all before) before
+/// its step is added to the columns. A higher crest in one of them replaces it.
 const BEHIND_CREST: u32 = 2;
 
-/// For each list of ground objects, whether all of them are drawn in a frame. Computed when first needed.
+/// Which ground may occlude in a frame. A square of ground belongs to several objects, given by a list of
+/// owners (see [`Sheet::owners`]); it may occlude if all of them are drawn. Computed when first needed.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Presence {
-    /// For each list, whether all its objects are drawn or certainly outside the view. `None` if not computed
-    /// in this frame.
+    /// For each list of owners, whether all of them are drawn or certainly outside the view. `None` if not
+    /// computed in this frame.
     lists: Vec<Option<bool>>,
 }
 
@@ -138,7 +142,8 @@ struct Run {
     /// Minimum, over the rings of the run, of each ring's greatest height in the picture (height above the
     /// eye over depth).
     low: f64,
-    /// Step at the crest: its lower and upper height in the picture, and its depth in metres.
+    /// Step of the last crest, the ring that was higher in the picture than all before: the step's lower and
+    /// upper height in the picture, and its depth in metres.
     crest: [f64; 3],
     /// Number of rings since the crest. `None` before the first crest, and once the crest's step is added.
     since: Option<u32>,

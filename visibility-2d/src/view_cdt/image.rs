@@ -14,7 +14,8 @@ use alloc::vec::Vec;
 /// Maximum number of triangles that may be filled. Further triangles stay open.
 pub(crate) const MAX_TRIANGLES: usize = 1 << 13;
 
-/// Value of `BuildEdge::walls` that marks every edge of an outline. It is not the number of a list.
+/// Value of `BuildEdge::walls` for every edge of an outline. It only marks the edge; there are no lists of
+/// walls.
 const OUTLINE: u32 = 0;
 
 /// Region that covers the whole image plane, as least and greatest coordinates.
@@ -81,9 +82,10 @@ impl Region<'_> {
     /// Returns whether a triangle may meet the hull. False only if the hull is entirely beyond one of the
     /// triangle's sides.
     ///
-    /// Points of the hull have errors of up to half a unit on each axis. They are below 2^48 and sides are
-    /// shorter than 2^21, so rounding changes the cross product by less than a quarter of the side's extents.
-    /// In total this is less than the extents times one unit.
+    /// The test computes the cross product of a side and the vector to a point of the hull. A point has an
+    /// error of up to half a unit on each axis, which changes the product by half the sum of the side's
+    /// extents along x and y. Coordinates are below 2^48 and sides shorter than 2^21, so rounding changes it
+    /// by less than a quarter of that sum. The test allows the whole sum.
     fn meets_hull(&self, corners: &[[f64; 2]; 3]) -> bool {
         (0..3).all(|k| {
             let (a, b) = (corners[k], corners[(k + 1) % 3]);
@@ -97,7 +99,8 @@ impl Region<'_> {
 /// Returns whether a box is certainly behind all planes of a shape. The points behind a plane are a
 /// half-space, so it suffices to test the corners.
 ///
-/// Corners have an error of a quarter of a unit. The bound on a plane is valid in the triangulated rectangle.
+/// A corner has an error of up to a quarter of a unit on each axis, which `slack` covers. The planes are
+/// bounds on the depth key only in the triangulated rectangle, so all corners must lie in it.
 fn is_behind(shapes: &Shapes, shape: &Shape, bounds: &ProjectedBox) -> bool {
     let is_inside = |p: &[f64; 2]| p.iter().all(|x| -RIM < *x && *x < REACH);
     let planes = &shapes.planes[shape.planes.clone()];

@@ -14,13 +14,15 @@ pub(crate) const U: f64 = f64::EPSILON / 2.0;
 /// Width and height of the image in units of the grid.
 pub(crate) const GRID: f64 = 1_048_576.0;
 
-/// Width in grid units of the rim around the image that is triangulated too.
+/// Width in grid units of the rim around the image that is triangulated too. Outlines are clipped in the
+/// middle of the rim, so that no vertex lies on the border of the triangulation.
 pub(crate) const RIM: f64 = 8.0;
 
 /// Greatest magnitude of a grid coordinate in the triangulated rectangle.
 pub(crate) const REACH: f64 = GRID + RIM;
 
-/// Homogeneous corner: `x`, `y`, `w`, `n` and the distance beyond the near plane.
+/// Homogeneous corner: `x`, `y`, `w`, `n` and the distance beyond the near plane. `x / w` and `y / w` are
+/// grid coordinates, and `n / w` is the depth key (greater is nearer).
 pub(crate) type Corner = [f64; 5];
 
 /// Projection of a view to the grid.

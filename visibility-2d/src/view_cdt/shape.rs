@@ -16,7 +16,8 @@ use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::OccluderMesh;
 
-/// Grid units by which outlines are moved inwards before they are rounded to the grid.
+/// Grid units by which the sides of an outline are moved inwards before its vertices are rounded to the grid,
+/// so that rounded vertices stay inside the occluder.
 const INSET: f64 = 1.0;
 
 /// Maximum number of triangles of a shape that is not a convex solid.
@@ -81,7 +82,8 @@ struct Meshed<'a> {
     corners: &'a [Corner],
     size: &'a Corner,
     error: &'a Corner,
-    /// Sign of a triangle's determinant if the triangle may belong to the shape.
+    /// Sign of the determinant of a triangle's corners `(x, y, w)` that triangles of the shape must have: the
+    /// sign of those that face the eye.
     facing: f64,
     /// Least distance beyond the near plane (the fifth value of a corner), at which geometry is cut.
     limit: f64,
@@ -134,7 +136,8 @@ impl<'a> Meshed<'a> {
     /// Returns a linear function of grid coordinates that is a lower bound on the depth key of a triangle's
     /// plane, at all points of the grid. `None` if rounding leaves the plane undecided.
     ///
-    /// By Cramer's rule the key is `n_a (b x c) + n_b (c x a) + n_c (a x b)` over the determinant.
+    /// Let a, b and c be the corners `(x, y, w)`, and `n_a`, `n_b` and `n_c` their values `n`. By Cramer's
+    /// rule, the coefficients of the key are `n_a (b x c) + n_b (c x a) + n_c (a x b)` over the determinant.
     fn depth_plane(&self, t: [u32; 3]) -> Option<Line> {
         let [a, b, c] = t.map(|v| self.corner(v));
         let (bc, ca, ab) = (cross(b, c), cross(c, a), cross(a, b));
@@ -355,7 +358,8 @@ impl Shapes {
     }
 }
 
-/// Rounds to the nearest integer, for magnitudes up to 2^51. The addition leaves no bits for fractions.
+/// Rounds to the nearest integer, for magnitudes up to 2^51. Numbers from 2^52 to 2^53 have no bits for
+/// fractions, so adding a number of this size rounds.
 fn round(x: f64) -> f64 {
     const WHOLE: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
     (x + WHOLE) - WHOLE

@@ -13,14 +13,16 @@ use alloc::vec::Vec;
 /// Maximum number of solids of a chain.
 const MAX_LINKS: usize = 64;
 
-/// Number of solids of the previous chain that are tried for the next link.
+/// Number of solids of the previous chain that are tried as the next link before all solids along the line of
+/// sight are.
 const AHEAD: usize = 3;
 
 /// Greatest extent of a virtual occluder to each side, as a multiple of the line's distance from the
 /// viewcell's middle. Farther out, lines of sight are almost parallel to the line.
 pub(crate) const WIDEST: f64 = 4.0;
 
-/// Line on the plan behind which virtual occluders hide. The viewcell is on its near side.
+/// Line on the plan along which a virtual occluder is grown. The viewcell is on its near side; the virtual
+/// occluder hides objects on its far side.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BackLine {
     /// Point on the plan, in metres, from which `distance` is measured: the middle of the viewcell.
@@ -48,8 +50,9 @@ impl BackLine {
         Point::exact(ox + nx * d + ny * position, oy + ny * d - nx * position)
     }
 
-    /// Returns the distance in metres of a point beyond the line; negative on the near side. Rounded by less
-    /// than `error` for points that are no farther away than those of [`at`](Self::at).
+    /// Returns the distance in metres of a point beyond the line; negative on the near side. The rounding
+    /// error is less than `error` for points of the line up to [`WIDEST`] times `distance` to each side, and
+    /// for points no farther from `origin`.
     pub(crate) fn beyond(&self, x: f64, y: f64) -> f64 {
         (x - self.origin[0]) * self.normal[0] + (y - self.origin[1]) * self.normal[1] - self.distance
     }
@@ -71,8 +74,8 @@ struct Link {
     to: Point,
     /// Height in metres above which the chord occludes: at least the lower end of each of its posts.
     low: f64,
-    /// Point of both solids where the chord of the link before must end, instead of at its own end. `None` if
-    /// that chord keeps its own end.
+    /// Point that lies in this solid and in the solid of the previous link. The chord of the previous link
+    /// then ends at this point. `None` if that chord ends at a post of its own solid.
     joint: Option<Point>,
 }
 
@@ -218,8 +221,9 @@ impl Task<'_> {
         first(first(a, b), first(c, d))
     }
 
-    /// Returns a link of a solid whose chord begins within the chord of `last` (or clockwise of the viewcell,
-    /// if there is no link yet) and reaches farther counter-clockwise. `None` if this is not certain.
+    /// Returns a link of a solid that continues the chain after `last`: its chord begins within the chord of
+    /// `last` and reaches farther counter-clockwise, seen from the point `at`. Without `last`, the chord
+    /// begins at the clockwise end of the viewcell or beyond. `None` if this is not certain.
     fn link(&self, at: Point, last: Option<&Link>, solid: u32) -> Option<Link> {
         if last.is_some_and(|last| last.solid == solid) {
             return None;

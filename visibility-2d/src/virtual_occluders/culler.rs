@@ -16,21 +16,22 @@ use visibility_core::walk::{Child, SceneHierarchy, Walk};
 use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
 
 /// Number of sectors of directions around the viewcell. In each sector, the solid that looks largest is a
-/// seed.
+/// seed: virtual occluders are grown on lines behind it.
 const SEEDS: usize = 16;
 
-/// Ratio of the distances of two successive lines behind a seed.
+/// Ratio of the distances from the viewcell of two successive lines behind a seed. A virtual occluder is
+/// grown on each line.
 const FARTHER: f64 = 2.0;
 
-/// Factor by which an occluder on a farther line must look wider than the widest on nearer lines. Otherwise
-/// no farther line behind the seed is tried.
+/// Factor by which a virtual occluder must look wider from the viewcell than the widest one on nearer lines
+/// behind the same seed. Otherwise no farther line is tried.
 const WIDER: f64 = 1.1;
 
 /// Approximate number of sampled objects, evenly spaced by index, by which virtual occluders are compared.
 const SAMPLE: usize = 1024;
 
-/// For each slice of heights, the share of the sampled objects, in order of their tops, that the slice is
-/// high enough to hide.
+/// Quantiles of the slopes from the viewcell to the tops of the sampled objects. Virtual occluders are grown
+/// for each of these slopes in turn: lower ones hide fewer objects, but are wider.
 const SLICES: [f64; 5] = [0.5, 0.8, 0.93, 0.98, 0.995];
 
 /// Culler that finds virtual occluders of viewcells on the plan, and removes the objects that they hide.
@@ -194,8 +195,9 @@ fn sample(scene: &Scene, up: UpAxis) -> Vec<PlanBox> {
     scene.ids().step_by(step).filter_map(|id| Some(plan_box(&scene.bounds(id).ok()?, up))).collect()
 }
 
-/// Returns the slopes of lines of sight for which slices are made, ascending: the quantiles [`SLICES`] of the
-/// slopes to the tops of `boxes`. Slopes above `highest`, the greatest slope of a seed, are left out.
+/// Returns the slopes of lines of sight for which virtual occluders are grown, ascending: the quantiles
+/// [`SLICES`] of the slopes from the viewcell to the tops of `boxes`. Slopes above `highest`, the greatest
+/// slope of a seed, are left out.
 fn slopes(boxes: &[PlanBox], cell: &CellBox, highest: f64) -> Vec<f64> {
     let mut all: Vec<f64> = boxes
         .iter()

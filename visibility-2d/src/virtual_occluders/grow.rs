@@ -18,7 +18,8 @@ const CHAINS: usize = 256;
 pub(crate) struct Grown {
     /// Ends of the segment. As seen from the viewcell, the first is counter-clockwise of the second.
     pub(crate) ends: [Point; 2],
-    /// Least height in metres that a hidden line of sight may have where it meets the solids.
+    /// Height in metres at which the solids of the chains begin to occlude. Lines of sight that pass lower
+    /// are not known to be hidden.
     pub(crate) bottom: f64,
     pub(crate) slope: f64,
     /// Bound in metres on the distance between the hidden segment and the straight one between `ends`.

@@ -6,7 +6,8 @@ use alloc::vec::Vec;
 use visibility_core::Scene;
 use visibility_core::scene::SceneCursor;
 
-/// Rings of all occluders of a scene that are [always drawn](Scene::is_always_drawn).
+/// Convex solids of all occluders of a scene that are [always drawn](Scene::is_always_drawn). Each is a ring
+/// of posts, the corners of its hull on the plan.
 #[derive(Clone, Debug)]
 pub(crate) struct PlanSolids {
     up: UpAxis,

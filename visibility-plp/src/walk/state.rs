@@ -33,8 +33,8 @@ pub(crate) struct PlpSettings {
     /// Estimate of how likely a cell is hidden, which orders the queue of cells.
     pub(crate) solidity: Solidity,
     /// Whether objects whose triangles all certainly face away from the eye are dropped. If false, all
-    /// objects count as facing the eye. Never true for `ConservativePlpCuller`: the objects' own flags are
-    /// not read.
+    /// objects count as facing the eye. Never true for `ConservativePlpCuller`, since this setting would
+    /// treat two-sided objects as one-sided too.
     pub(crate) one_sided: bool,
 }
 
@@ -91,9 +91,9 @@ pub(crate) enum Projected {
 #[derive(Clone, Copy, Debug)]
 #[repr(align(32))]
 pub(super) struct CellState {
-    /// Bit i stands for plane i of [`CellFrustum`] and is set unless the cell is certainly on the inner side
-    /// of that plane, the side that its normal points to. All bits for the eye's cell if that cell is
-    /// outside of the view.
+    /// View planes that the cell may cross. Bit i stands for plane i of [`CellFrustum`]. It is 0 only if the
+    /// cell is certainly on the inner side of that plane, the side that its normal points to. All bits for
+    /// the eye's cell if that cell is outside of the view.
     pub(super) crossed: u16,
     /// With [`Solidity::Coverage`], the transmittance: estimated share of view rays to the cell that no
     /// earlier cell stops, 0 to 1. With [`Solidity::Count`], the cell's solidity. NaN until the cell is

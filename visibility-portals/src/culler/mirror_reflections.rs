@@ -65,9 +65,9 @@ pub(super) struct Reflections {
     /// Number of reflections of the last frame: the first entries of `all`.
     count: usize,
     walk: PortalWalk,
-    /// Mirrors that were seen, each once for each window through which it was seen: the index in `all` of
-    /// the reflection in which the mirror was seen (`None` for the eye's own view), and the mirror with
-    /// its window.
+    /// Mirrors that were seen, each once for each chain of portals through which it was seen. An entry has
+    /// the index in `all` of the reflection in which the mirror was seen (`None` for the eye's own view), and
+    /// the mirror with its window (the part of the view that shows it).
     seen: Vec<(Option<usize>, SeenMirror)>,
     /// Planes that bound the windows in `seen`, anchor-relative (relative to the anchor of the view in which
     /// the mirror was seen).

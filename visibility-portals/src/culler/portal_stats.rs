@@ -27,7 +27,8 @@ pub enum NotCulled {
 #[non_exhaustive]
 pub struct PortalStats {
     /// Number of cells in which lines of sight begin: usually one, the cell of the eye, and more where the
-    /// near plane crosses a portal. Each window through which a mirror is reflected adds one.
+    /// near plane crosses a portal. A reflection in a mirror adds one for each window (part of the view seen
+    /// along one path of portals) through which the mirror is seen.
     pub starts: u32,
     /// Number of portals inspected. A portal counts once for each path of portals that reached it.
     pub portals: u64,

@@ -247,8 +247,8 @@ impl SceneCells {
         Ok(MirrorId(id))
     }
 
-    /// Sets whether a mirror reflects. If `uncovered` is false, the mirror is covered and yields no
-    /// reflections. A new mirror is not covered. Constant time, no allocation.
+    /// Sets whether a mirror reflects: if `uncovered` is true, it does; if false, it yields no reflections. A
+    /// new mirror reflects. Constant time, no allocation.
     ///
     /// # Errors
     /// [`SceneCellsError::UnknownMirror`] if no such mirror was added.

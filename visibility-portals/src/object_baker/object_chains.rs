@@ -121,10 +121,12 @@ pub struct Chains {
     seen: Vec<bool>,
     /// Whether each target is a candidate of the present first portal and not known to be seen, by target.
     open: Vec<bool>,
-    /// Candidates of the present first portal: targets that may be seen through it, as the search of pairs
-    /// found. Each is listed once, and stays when a chain reaches it and it is no longer `open`.
+    /// Candidates of the present first portal: targets that may be seen through it, by tests of this portal
+    /// with one further portal at a time. Each is listed once. A candidate that a chain has reached stays in
+    /// the list, but is no longer `open`.
     candidates: Vec<u32>,
-    /// Bit i: directed portal i leads to a cell with an open candidate, as a pair with the first portal.
+    /// Bit i is set if directed portal i leads to a cell with an open candidate that a line through the first
+    /// portal and portal i may reach.
     goals: Bits,
     /// The current chain of portals. Bit i of its bitsets stands for directed portal i.
     chain: PortalChain,
@@ -183,9 +185,9 @@ impl Chains {
         SeenObjects { row: seen.collect(), steps, gave_up }
     }
 
-    /// Finds the candidates of the directed portal `search.first`: the targets not known to be seen that are
-    /// inside the planes of the first portal and a portal into one of their cells. Sets `open`, `candidates`
-    /// and `goals`.
+    /// Finds the candidates of the directed portal `search.first`, the first portal: targets not known to be
+    /// seen that may be seen through it. Tests each target against the planes that bound lines through the
+    /// first portal and through a portal into a cell of the target. Sets `open`, `candidates` and `goals`.
     fn find_candidates(&mut self, search: &Search) {
         let Search { input: Input { portals, matrix, pairs, targets }, from, first, .. } = *search;
         self.goals.reset(portals.all.len());

@@ -128,9 +128,10 @@ pub(crate) struct Pluecker {
     pub(crate) needed: Vec<u32>,
 }
 
-/// Least cosine between the approximate line and the normal of the portal that it meets most squarely. Below
-/// it, [`Pluecker::excludes`] decides nothing: rounding could move the crossing by a billion times the error
-/// of the line.
+/// Least cosine between the approximate line and the normal of a portal, for the portal with the greatest
+/// cosine. If it is not above this value, the line is nearly parallel to all portals and
+/// [`Pluecker::excludes`] decides nothing: rounding could move the points where the line crosses them by a
+/// billion times the error of the line.
 const MIN_COSINE: f64 = 1e-9;
 
 impl Pluecker {
@@ -191,11 +192,11 @@ impl Pluecker {
             && self.is_certified(&opening, square, origin, clearance)
     }
 
-    /// Tests whether a certificate is found that no line passes the edges whose half-spaces the last run of
-    /// the linear program found to contradict each other (its conflict), and fills `needed` then. `at` is the
-    /// index of the opening that scales lines: with its unit normal `n`, a line's
-    /// direction `d` has `n . d = 1`. `origin` is the world-space origin of moments, `clearance` in world
-    /// units.
+    /// Searches a certificate for the conflict of the last run of the linear program, that is, for the edges
+    /// whose half-spaces seem to contradict each other. Returns true, and fills `needed`, if one is found: no
+    /// line passes all these edges and stays `clearance` away from them. `at` is the index of the opening
+    /// that scales lines: with its unit normal `n`, a line's direction `d` has `n . d = 1`. `origin` is the
+    /// world-space point about which moments are taken, `clearance` is in world units.
     fn is_certified<'a>(
         &mut self,
         opening: &impl Fn(usize) -> Opening<'a>,
@@ -264,10 +265,11 @@ fn edge_row(edge: &Edge, origin: DVec3, unit: f64) -> Row<6> {
     Row { normal: [d[0], d[1], d[2], m[0], m[1], m[2]], error, least: 0.0 }
 }
 
-/// Returns the half-space `N . d >= 6 c^2` of an opening, where `d` is the direction of a line, `c` the
-/// clearance and `N` twice the opening's area along its normal: a line that passes the opening with this
-/// clearance is not parallel to the opening's plane. `origin` is the world-space point that edges are taken
-/// relative to.
+/// Returns the half-space `N . d >= 6 c^2` of the lines that are not parallel to an opening's plane. `d` is
+/// the direction of a line, `c` the clearance, and `N` the opening's normal times twice its area. Along a
+/// line that passes the opening with this clearance, the opening looks at least as large as a disc of radius
+/// `c`, so `N . d` is at least `2 pi c^2`. `origin` is the world-space point that edges are taken relative
+/// to.
 fn area_row(opening: &Opening, origin: DVec3, clearance: f64) -> Row<6> {
     let (mut sum, mut error) = ([DoubleDouble::ZERO; 3], f64::MIN_POSITIVE);
     for i in 0..opening.edges.len() {

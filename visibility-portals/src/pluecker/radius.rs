@@ -2,8 +2,9 @@
 
 /// Returns two lengths for `distances`, which were computed in `f64` from differences of coordinates. The
 /// first is an upper bound on all exact distances. The second is a unit of length: the least power of two,
-/// from 1 up, that is not below the first. In this unit both halves of a row of a linear program have similar
-/// size. NaN is ignored; an infinite distance makes both results infinite.
+/// from 1 up, that is not below the first. If moments are measured in this unit, the coefficients of a line's
+/// direction and of its moment in a linear program have similar sizes. NaN is ignored; an infinite distance
+/// makes both results infinite.
 pub(super) fn radius_of(distances: impl Iterator<Item = f64>) -> (f64, f64) {
     // With the unit round-off `u` = 2^-53, a difference is rounded by `u` of itself, three squares and two
     // sums by `3u`, a root by `u`; half of the error of the squares counts. That is less than `4u` of the

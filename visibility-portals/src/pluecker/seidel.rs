@@ -23,7 +23,9 @@ pub(super) const DIMENSIONS: usize = 5;
 /// Tag of the bounds of all variables. A smaller tag is the index of a constraint.
 const BOX: u32 = u32::MAX;
 
-/// Bound on the absolute value of each variable. A contradiction does not depend on it.
+/// Bound on the absolute value of each variable, so that every program has a bounded solution. If all
+/// solutions exceed the bound, the constraints seem to contradict each other; but then no certificate is
+/// found, since certificates do not use the bound.
 const BOUND: f64 = 1e6;
 
 /// Tolerance of constraints: a point counts as satisfying a constraint if the constraint is violated by less
@@ -47,8 +49,9 @@ pub(super) enum Stop {
     GaveUp,
 }
 
-/// Rows (constraints) of the program of one dimension: the coefficients, then the constant, and the tag of
-/// the constraint (an index, or [`BOX`]). The greatest coefficient is 1 in absolute value, or all are zero.
+/// Rows (constraints) of a linear program in `N - 1` variables: the coefficients, then the constant, and the
+/// tag of the constraint (an index, or [`BOX`]). The greatest coefficient is 1 in absolute value, or all are
+/// zero.
 type Rows<const N: usize> = Vec<([f64; N], u32)>;
 
 /// Scratch memory of Seidel's algorithm: the rows (constraints) of the programs of all dimensions, and the

@@ -66,12 +66,14 @@ impl FlowScratch {
     }
 }
 
-/// Least distance along a portal's normal between two points whose line's crossing of the portal counts as
-/// known, in units of [`keep`](crate::directed_portals::Margins::keep).
+/// Least distance between two points, measured along a portal's normal, for which the point where their line
+/// crosses the portal's plane is accurate enough to decide. In units of
+/// [`keep`](crate::directed_portals::Margins::keep).
 ///
-/// The signed distances of both points from the portal are each wrong by up to one `noise`, and `keep` is at
-/// least 12 times that. So the fraction of the way at which the line crosses the portal is wrong by less than
-/// 2 / 12,000. A wrong crossing may count a hidden cell as seen. It never hides one.
+/// The signed distances of both points from the plane are each wrong by up to
+/// [`noise`](crate::directed_portals::Margins::noise), and `keep` is at least 12 times that. The two points
+/// are at least 12,000 times `noise` apart, so the fraction of the way at which the line crosses the plane is
+/// wrong by less than 2 / 12,000. A wrong crossing may count a hidden cell as seen. It never hides one.
 const KNOWN_RISE: f64 = 1e3;
 
 /// Tests whether the infinite line through the world-space points `a` and `b` meets a portal, with the way

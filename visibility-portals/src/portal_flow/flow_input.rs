@@ -9,8 +9,8 @@ use visibility_core::bits::Bits;
 /// cells, as the last round of the bake left them.
 pub(crate) struct FlowInput<'a> {
     pub(crate) portals: &'a DirectedPortals,
-    /// By directed portal: the directed portals that a line through it may later pass, as far as no such
-    /// line is excluded.
+    /// By directed portal: the directed portals that a line through it may later pass. Those that earlier
+    /// rounds of the bake proved impossible to reach are left out.
     pub(crate) rows: &'a [Bits],
     /// Cells known to be seen: the bit of the ordered pair of cells (a, b) is 1 once b counts as seen from
     /// a. Flows search only for other cells.

@@ -24,8 +24,9 @@ use visibility_core::{
 /// Maximum number of vertices of a portal in a file, as in the compilers that write these files.
 pub const MAX_VERTICES: usize = 64;
 
-/// Greatest number of cells, and of leaves, that a file may announce beyond one for each of its bytes. Such
-/// cells have no portals, and such leaves no cell. Memory is reserved for each.
+/// The number of cells that a file announces may exceed the length of the file in bytes by at most this
+/// number, and so may the number of leaves. This bounds the memory that a small file can claim. Cells and
+/// leaves that no later line names are possible: cells without portals, and leaves in no cell.
 const UNNAMED: usize = 1 << 16;
 
 /// Content of a portal file: cells, portals and leaves.

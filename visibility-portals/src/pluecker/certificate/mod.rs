@@ -15,8 +15,9 @@
 
 use visibility_core::geometry::DoubleDouble;
 
-/// Maximum number of constraints of a certificate: six for the five variables of the linear program by
-/// Helly's theorem, and one more for the area that a line crosses.
+/// Maximum number of constraints of a certificate. By Helly's theorem, six constraints suffice for a
+/// contradiction in the five variables of the linear program. The seventh states that a line is not parallel
+/// to the plane of an opening.
 pub(crate) const MAX_ROWS: usize = 7;
 
 /// The constraint `normal . x >= least` on the unknowns `x` of a linear program with `K` variables. Each
@@ -36,12 +37,13 @@ const UNDERFLOW: f64 = 1e-300;
 /// relative errors.
 const UP: f64 = 1.0 + 1e-12;
 
-/// Thresholds below which an entry of an elimination counts as 0, each tried in turn. The right one depends
-/// on the rows; every result is checked by [`proves`].
+/// Thresholds below which an entry of an elimination counts as 0, tried in turn until a proof is found. Which
+/// of them succeeds depends on the rows. A wrong one does no harm, since every result is checked by
+/// [`proves`].
 const ZEROS: [f64; 3] = [1e-12, 1e-9, 1e-6];
 
-/// Least entry that an elimination divides by, of rows whose greatest entry is about 1. Below it the entry
-/// may be all rounding; a wrong choice finds no proof.
+/// Least entry that an elimination divides by; the greatest entry of each row is about 1. A smaller entry may
+/// consist of rounding errors alone. A badly chosen limit only makes the search miss proofs.
 const MIN_PIVOT: f64 = 1e-11;
 
 /// Returns a lower bound of `sum l_i s_i` and an upper bound of `sum |r_k| B_k`. If the first is greater than
