@@ -2,7 +2,7 @@
 
 use super::Triangles;
 use crate::{Aabb, OccluderMesh};
-use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3, Vec3A};
+use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec3A};
 
 /// Tests whether the image of `mesh` under `transform` lies within `bounds`, up to rounding. False if
 /// `bounds` are improper, or if the image is NaN.
@@ -22,43 +22,28 @@ pub(super) fn is_within(mesh: &OccluderMesh, transform: &Affine3A, bounds: &Aabb
             || mesh.positions().iter().map(vertex).all(|p| holds(p, p)))
 }
 
-/// Returns a box that holds the image of `mesh` under `transform` without any rounding error.
-///
-/// The box of the mesh, transformed, is taken if `bounds` hold it; otherwise the box is made of all vertices.
-/// With u = 2^-53, the image of a vertex errs in `f64` by less than 4 u of the sum of the magnitudes of its
-/// terms, for which 8 u of the greatest such sum are taken. The sides are then rounded outwards to `f32`.
+/// Returns a box that holds the image of `mesh` under `transform`, computed in `f64` and rounded outwards to
+/// `f32`. The box of the mesh, transformed, is taken if `bounds` hold it; otherwise the box is made of all
+/// vertices.
 pub(super) fn image(mesh: &OccluderMesh, transform: &Affine3A, bounds: &Aabb) -> Aabb {
-    let whole = mesh.bounds().transformed(transform);
     if *transform == Affine3A::IDENTITY {
         return *mesh.bounds();
     }
-    if bounds.min.cmple(whole.min).all() && whole.max.cmple(bounds.max).all() {
+    let whole = mesh.bounds().transformed(transform);
+    if bounds.union(&whole) == *bounds {
         return whole;
     }
-    let exact = DAffine3::from_mat3_translation(
-        DMat3::from_cols(
-            transform.matrix3.x_axis.as_dvec3(),
-            transform.matrix3.y_axis.as_dvec3(),
-            transform.matrix3.z_axis.as_dvec3(),
-        ),
-        transform.translation.as_dvec3(),
-    );
-    let (mut min, mut max, mut size) = (DVec3::INFINITY, DVec3::NEG_INFINITY, DVec3::ZERO);
-    let reach = mesh.bounds().min.abs().max(mesh.bounds().max.abs()).as_dvec3();
-    size += exact.translation.abs();
-    for (axis, reach) in
-        [exact.matrix3.x_axis, exact.matrix3.y_axis, exact.matrix3.z_axis].into_iter().zip(reach.to_array())
-    {
-        size += axis.abs() * reach;
-    }
-    for p in mesh.positions() {
-        let p = exact.transform_point3(p.as_dvec3());
-        (min, max) = (min.min(p), max.max(p));
-    }
-    let slack = size * (4.0 * f64::EPSILON);
-    let low = (min - slack).as_vec3().map(f32::next_down);
-    let high = (max + slack).as_vec3().map(f32::next_up);
-    Aabb::new(low, high)
+    let placed = DAffine3::from_cols_array(&transform.to_cols_array().map(f64::from));
+    let vertices = mesh.positions().iter().map(|p| placed.transform_point3(p.as_dvec3()));
+    let (min, max) =
+        vertices.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), p| (min.min(p), max.max(p)));
+    let round = |exact: DVec3, is_beyond: fn(f64, f64) -> bool, outwards: fn(f32) -> f32| {
+        Vec3::from_array(exact.to_array().map(|x| {
+            let nearest = x as f32;
+            if is_beyond(f64::from(nearest), x) { nearest } else { outwards(nearest) }
+        }))
+    };
+    Aabb::new(round(min, |low, x| low <= x, f32::next_down), round(max, |high, x| high >= x, f32::next_up))
 }
 
 /// Tests whether a corner of `triangles` lies outside of `bounds` by more than rounding. False if `bounds`

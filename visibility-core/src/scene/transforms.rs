@@ -49,8 +49,10 @@ impl Scene {
         let local = placement.local.filter(|_| given == Some(local)).unwrap_or(local);
         let bounds = local.transformed(&placement.transform);
         let former = placement.local.replace(local);
-        if former != Some(local) {
-            self.given.remove(&id.index);
+        if former != Some(local)
+            && let Some(given) = self.given.get_mut(&id.index)
+        {
+            given.local = None;
         }
         if former.is_some_and(|former| former != local) {
             self.replace_mesh(id.index, None);
@@ -246,6 +248,9 @@ impl Scene {
         if self.tree.bounds[slot.node()].get(slot.lane()) != bounds {
             self.drop_triangles(id.index);
             self.move_object(slot, id, &bounds);
+            if let Some(given) = self.given.get_mut(&id.index) {
+                given.bounds = None;
+            }
         }
         self.log.push(id, self.generations.len());
     }
