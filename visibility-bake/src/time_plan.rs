@@ -31,12 +31,12 @@ const ENDS: [(u32, f64); 2] = [(GROUP, 0.7), (SWEEP, SWEEP_TIME)];
 /// its end, so equal shares for all sweeps would often find less than complete sweeps for a few viewcells.
 const MIN_PART: f64 = 0.25;
 
-/// Number of groups that are swept before it is decided whether to skip the others.
+/// Number of groups of viewcells that are swept before [`MIN_HIDDEN`] decides whether to skip the others.
 const TRIED: u64 = 4;
 
-/// Least fraction of the objects that the first sweeps of groups must find hidden. If they find less, the
-/// other groups are skipped: in open country almost nothing is hidden from a group, but more from each of its
-/// viewcells.
+/// Least fraction of the tested objects that the sweeps of groups of viewcells must find hidden, once
+/// [`TRIED`] groups are swept. If they find less, the other groups are not swept: in open country, hardly any
+/// object is hidden from all viewcells of a group. Sweeps of the single viewcells find more.
 const MIN_HIDDEN: f64 = 0.125;
 
 /// Least time of a search. In less, a search would not get beyond its rays.
@@ -46,12 +46,13 @@ const MIN_SEARCH: Duration = Duration::from_millis(500);
 /// could round to more than the greatest [`Duration`].
 const LONGEST: Duration = Duration::from_secs(1 << 32);
 
-/// Phase of a stage before its time has ended.
+/// Value of [`TimePlan::phases`] for a stage whose time has not ended. Its items are worked on.
 const IN_TIME: u8 = 0;
-/// Phase of a stage from the end of its time to the end of the present round (a batch of items that the
-/// threads work on): no further item of the stage is begun.
+/// Value of [`TimePlan::phases`] for a stage whose time ended during the present round (a batch of items that
+/// the threads work on). No further item of the stage is begun in this round.
 const ENDED: u8 = 1;
-/// Phase of a stage in later rounds: the stage's items wait until no other work is left.
+/// Value of [`TimePlan::phases`] for a stage whose time ended in an earlier round. Its items are worked on
+/// after all items of other stages.
 const PUT_OFF: u8 = 2;
 
 /// Time of a bake and its division among stages.
@@ -61,7 +62,7 @@ pub(crate) struct TimePlan {
     /// Time on the clock at which each stage ends. For the stages after the sweeps this is the end of the
     /// bake. [`Duration::MAX`] without a limit.
     ends: [Duration; STAGES],
-    /// Phase of each stage: [`IN_TIME`], [`ENDED`] or [`PUT_OFF`].
+    /// For each stage, whether its time has ended: [`IN_TIME`], [`ENDED`] or [`PUT_OFF`].
     phases: [AtomicU8; STAGES],
     /// Number of items (pairs of a viewcell and a stage) that threads are working on.
     working: AtomicUsize,

@@ -164,8 +164,10 @@ impl Search<'_> {
         matches!(signs(sight, edge, sight.side_error(self.delta)), POSITIVE | NEGATIVE)
     }
 
-    /// Returns whether a triangle certainly touches neither the viewcell polygon P nor the target polygon Q.
-    /// At corners of the target triangle it may touch the boundary of Q.
+    /// Returns whether an occluding triangle with the corners `corners` certainly touches neither the
+    /// viewcell polygon P nor the target polygon Q. `tags` tell which of its corners are corners of the
+    /// target triangle, which contains Q (0, 1 or 2; [`NO_CORNER`] for none). At such a corner the occluding
+    /// triangle may touch the boundary of Q.
     pub(crate) fn apart(&self, corners: &[DVec3; 3], tags: [u8; 3], sight: &Sight) -> bool {
         let pad = self.pad();
         apart(corners, &sight.p, &sight.before_p, pad)

@@ -85,15 +85,20 @@ pub(crate) enum Step {
     },
 }
 
-/// What becomes of the segments that pass outside an edge of a loop.
+/// Reason why no segment that passes outside an edge of a loop is left unblocked. Outside is the side
+/// opposite to `side` of [`Step::Loop`].
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) enum LoopEdge {
-    /// No segment between the polygons passes outside of the edge, as the sides on which the lines between
-    /// their corners pass it show.
+    /// No segment between the viewcell and target polygons passes outside the edge: on the side opposite to
+    /// `side` of the loop. The sides on which the lines between the polygons' corners pass the edge show
+    /// this.
     Inside,
-    /// No segment of the node passes outside: by weights of the node's dividing edges, followed by the weight
-    /// of this edge.
+    /// No segment of the node passes outside the edge: on the side opposite to `side` of the loop. `weights`
+    /// prove this as in [`Step::Empty`]: one for each dividing edge of the node, then one for this edge. For
+    /// all lines between the two polygons, the weighted sum of the sides on which a line passes these edges
+    /// is negative.
     Never { weights: Box<[f64]> },
-    /// The segments that pass outside are a node of their own, which follows.
+    /// The segments of the node that pass outside the edge, and inside all dividing edges of the loop before
+    /// it, are a node of their own, which follows in the proof.
     Divides,
 }

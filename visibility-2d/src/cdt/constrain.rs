@@ -37,7 +37,8 @@ struct Task {
 /// Boundary edge of the hole left by the triangles that a wall crosses.
 #[derive(Clone, Debug)]
 struct Step {
-    /// Vertex at the end of the edge, on the way clockwise around the hole: the origin of `inner`.
+    /// Index of the vertex to which the edge leads if the hole's boundary is followed clockwise. Half-edges
+    /// run counter-clockwise in their triangle, so this is the vertex at which `inner` begins.
     vertex: u32,
     /// Half-edge of the edge inside the hole: first of the removed triangle, later of the new one
     /// (`fill_side`).
@@ -97,8 +98,8 @@ impl Constrainer {
         self.insert_list(of, from, to, walls)
     }
 
-    /// Inserts the segment between two vertices as a chain of edges, like [`insert`](Self::insert), for a
-    /// whole list of walls along the segment.
+    /// Inserts the segment between two vertices as a chain of edges, like [`insert`](Self::insert), but for
+    /// all walls of a linked list. `walls` is the index of the list's first item in `Triangulation::lists`.
     pub(crate) fn insert_list(
         &mut self,
         of: &mut Triangulation,

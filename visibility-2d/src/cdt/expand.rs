@@ -46,8 +46,8 @@ impl Cone {
 /// Event of a cone of sight at an edge of a triangle.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Met {
-    /// The cone passes the wall, because the wall does not block, or is one of the opaque walls that the view
-    /// may see through.
+    /// The cone goes on beyond the wall. The wall does not block lines of sight, or it is opaque and one of
+    /// the [`PlanView::through`](super::PlanView::through) opaque walls that the cone may cross.
     Passed,
     /// The cone ends at a wall or at the outer rectangle.
     Ended,

@@ -35,12 +35,14 @@ const MIN_AREA: f64 = 1.0 / 64.0;
 /// its bounds on the plan. A floor hides next to nothing.
 const MIN_HEIGHT: f64 = 1.0 / 128.0;
 
-/// Wanted number of squares in a grid per triangle of its sheet. A square that a border of the sheet crosses
-/// does not occlude, so small squares lose less ground. The side of a square is rounded to a power of two, so
-/// there may be only a quarter as many.
+/// Wanted number of grid squares in a sheet's bounds on the plan, per triangle of the sheet. A square that a
+/// border of the sheet crosses does not occlude, so small squares lose less ground. The side of a square is a
+/// power of two, and doubling it leaves a quarter of the squares, so there may be as few as a quarter of the
+/// wanted number.
 const SQUARES_PER_TRIANGLE: usize = 64;
 
-/// Least and greatest wanted number of squares in a grid. There may be only a quarter as many.
+/// Least and greatest wanted number of grid squares in a sheet's bounds: the number that
+/// [`SQUARES_PER_TRIANGLE`] gives is clamped to this range. There may be as few as a quarter of it.
 const SQUARES: [usize; 2] = [1 << 10, 1 << 22];
 
 /// Maximum number of levels of squares. Each level joins the squares of the level below four by four.
@@ -105,14 +107,17 @@ pub(crate) struct Sheet {
     pub(crate) side: f64,
     /// Levels of squares: first those of side `side`, then those of twice that side, and so on.
     pub(crate) levels: Vec<Level>,
-    /// Least height of the sheet over its unbroken squares, in metres from the scene's origin.
+    /// Least height of the ground over all unbroken squares of the finest level, in metres from the scene's
+    /// origin. A square is unbroken if the ground covers it without a border.
     pub(crate) bottom: f32,
-    /// Greatest height of the sheet over its unbroken squares, in metres from the scene's origin.
+    /// Greatest height of the ground over all unbroken squares of the finest level, in metres from the
+    /// scene's origin.
     pub(crate) top: f32,
-    /// For each list of owners (the objects whose triangles meet a square), the exclusive end of the list in
-    /// [`objects`](Self::objects). A list begins where the list before it ends.
+    /// For each list of owners (the objects whose triangles meet a square), the exclusive end of its range in
+    /// [`objects`](Self::objects). The range begins where that of the list before ends, the first at 0.
     owner_ends: Vec<u32>,
-    /// Owners of all lists, one list after another, as indices into [`Terrain::objects`].
+    /// Owners (objects whose triangles meet a square), as indices into [`Terrain::objects`]: all lists that
+    /// `owner_ends` delimits, one after another.
     objects: Vec<u32>,
 }
 

@@ -33,12 +33,15 @@ pub(crate) fn at([a, b, c]: Line, [x, y]: [f64; 2]) -> f64 {
 /// Area that an occluder covers, and its depth, as ranges in the lists of [`Shapes`].
 #[derive(Clone, Debug)]
 pub(crate) struct Shape {
-    /// Half-planes of the shape: a point of the grid at which all are positive is covered.
+    /// Range, in [`Shapes::lines`], of linear functions of grid coordinates. A point at which all of them are
+    /// positive is covered by the occluder.
     pub(crate) lines: Range<usize>,
-    /// Linear functions of grid coordinates, one for each triangle of the shape. The least of their values at
-    /// a point is a lower bound on the occluder's depth key there (greater is nearer).
+    /// Range, in [`Shapes::planes`], of linear functions of grid coordinates, one for each triangle of the
+    /// shape. The least of their values at a point is a lower bound on the occluder's depth key there
+    /// (greater is nearer).
     pub(crate) planes: Range<usize>,
-    /// Vertices of the outline on the grid, counter-clockwise.
+    /// Range, in [`Shapes::outlines`], of the vertices of the shape's outline, counter-clockwise, in grid
+    /// units.
     pub(crate) outline: Range<usize>,
     /// Lower bound on the occluder's depth keys (greater is nearer) at all points of the shape.
     pub(crate) floor: f64,

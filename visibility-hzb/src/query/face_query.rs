@@ -43,10 +43,11 @@ pub(crate) struct FaceTest<'a> {
 }
 
 impl<'a> FaceTest<'a> {
-    /// Prepares the test of a box in front of the plane of the eye, given by `sides`: its least x, y, z and
-    /// greatest x, y, z in scene coordinates. It meets no pixel outside `rectangle`, and has no depth key
-    /// above `nearest`. `None` if the faces bound nothing, as in parallel views, or if the rectangle is
-    /// [large](LARGE_SHARE).
+    /// Prepares the test of a box, given by `sides`: its least x, y, z and greatest x, y, z in scene
+    /// coordinates. The caller guarantees that the box is in front of the plane of the eye, meets no pixel
+    /// outside `rectangle`, and has no depth key above `nearest` (greater is nearer). `None` if the planes of
+    /// the faces bound no depth key (in parallel views, or if the eye may be in the box), or if the rectangle
+    /// meets more tiles than [`LARGE_SHARE`] and [`FEW_TILES`] allow.
     #[inline(always)]
     pub(crate) fn new(
         query: &'a BoxQuery,
