@@ -60,7 +60,9 @@ pub(crate) enum Met {
 pub(crate) struct Expansion<'a> {
     pub(crate) plan: &'a Plan,
     pub(crate) eye: Point,
-    /// Points that divide the sector; see [`PlanView::sector_points`](super::PlanView::sector_points).
+    /// Points whose directions from the eye divide the view's sector into parts of less than half a turn,
+    /// from right to left; see [`PlanView::sector_points`](super::PlanView::sector_points). Empty without a
+    /// sector.
     pub(crate) sector: &'a [Point],
 }
 

@@ -154,7 +154,9 @@ impl Plan {
 /// A walk along the segment from `a` to `b`, which differ, or along the ray from `a` through `b`.
 struct Walk<'a> {
     plan: &'a Plan,
+    /// Start of the segment or ray.
     a: Point,
+    /// End of the segment, or a point that the ray passes.
     b: Point,
     /// True for a ray, which does not end at `b`; false for the segment.
     is_ray: bool,
