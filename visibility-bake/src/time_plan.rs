@@ -9,22 +9,23 @@ use std::sync::atomic::{AtomicU8, AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::time::Duration;
 
 /// Number of stages of a bake: all groups of viewcells are swept, then all viewcells, then rays are cast from
-/// all. Where the gap is not met, boxes are then proven hidden, and last triangles.
+/// all viewcells. For viewcells that do not meet the gap of the settings, boxes are then proven hidden, and
+/// last triangles.
 pub(crate) const STAGES: usize = 5;
-/// The stage that sweeps groups. All viewcells of a group use the result.
+/// Number of the stage that sweeps groups of viewcells. All viewcells of a group use the result.
 pub(crate) const GROUP: u32 = 0;
-/// The stage that sweeps viewcells.
+/// Number of the stage that sweeps the single viewcells.
 pub(crate) const SWEEP: u32 = 1;
-/// The stage that casts rays at the objects that sweeps have left.
+/// Number of the stage that casts rays from viewcells at the objects that sweeps have not found hidden.
 pub(crate) const LOOK: u32 = 2;
-/// The stage that proves boxes hidden.
+/// Number of the stage that proves boxes of objects hidden from viewcells.
 pub(crate) const BOXES: u32 = 3;
 
 /// Fraction of a [limited time](crate::SandwichBaker::with_time) after which no viewcell is swept any more.
 /// The rest is for rays and proofs.
 pub const SWEEP_TIME: f64 = 0.85;
 
-/// Fraction of the limited time at which each stage of sweeps ends.
+/// For each stage of sweeps, the fraction of the limited time at which it ends.
 const ENDS: [(u32, f64); 2] = [(GROUP, 0.7), (SWEEP, SWEEP_TIME)];
 
 /// Least fraction of its stage's remaining time that a sweep may take. A sweep finds most hidden objects near
@@ -59,14 +60,15 @@ const PUT_OFF: u8 = 2;
 pub(crate) struct TimePlan {
     /// Returns the time since a fixed moment.
     clock: fn() -> Duration,
-    /// Time on the clock at which each stage ends. For the stages after the sweeps this is the end of the
-    /// bake. [`Duration::MAX`] without a limit.
+    /// For each stage, the time on the clock at which it ends. For the stages after the sweeps this is the
+    /// end of the bake. [`Duration::MAX`] without a limit.
     ends: [Duration; STAGES],
     /// For each stage, whether its time has ended: [`IN_TIME`], [`ENDED`] or [`PUT_OFF`].
     phases: [AtomicU8; STAGES],
-    /// Number of items (pairs of a viewcell and a stage) that threads are working on.
+    /// Number of items (each a stage of one viewcell) that threads are working on.
     working: AtomicUsize,
-    /// Number of searches (rays or proofs for one viewcell) begun in the present round of items.
+    /// Number of searches (rays or proofs for one viewcell) begun in the present round: a batch of items that
+    /// the threads work on.
     begun: AtomicUsize,
     /// Number of groups swept, number of objects that these sweeps tested, and number of objects that they
     /// found hidden.
@@ -183,7 +185,8 @@ impl TimePlan {
         })
     }
 
-    /// Begins the next round, after the results of the last round were stored.
+    /// Begins the next round (batch of items that the threads work on), after the results of the last one
+    /// were stored.
     pub(crate) fn end_round(&mut self) {
         *self.begun.get_mut() = 0;
     }

@@ -23,9 +23,9 @@ use crate::sight::Sight;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// Greatest number of triangles of a chain.
+/// Greatest number of triangles of a chain, the surface that is to block all segments of a node.
 const MAX_CHAIN: usize = 3000;
-/// Greatest number of triangles at one edge that are tried as the next triangle of a chain.
+/// Greatest number of occluding triangles at one edge that are tried as the next triangle of a chain.
 const AT_EDGE: usize = 64;
 
 impl Search<'_> {
@@ -121,6 +121,7 @@ impl Search<'_> {
         self.triangles.vertices(t).map(|vertex| self.tag(vertex))
     }
 
+    /// Returns which corner of the target triangle a vertex is (0, 1 or 2), or [`NO_CORNER`].
     pub(crate) fn tag(&self, vertex: u32) -> u8 {
         self.target_vertices.iter().position(|&v| v == vertex).map_or(NO_CORNER, |k| k as u8)
     }

@@ -24,14 +24,17 @@ pub(crate) struct Ray {
 /// Cone of sight where it leaves a triangle through an edge.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cone {
-    /// Half-edge across which the cone leaves a triangle. If `enters`, the half-edge on the outer rectangle
-    /// across which the cone enters its triangle.
+    /// Index of the half-edge across which the cone leaves a triangle. If `enters`: of the half-edge on the
+    /// outer rectangle across which the cone enters its triangle.
     pub(crate) edge: u32,
+    /// Ray from the eye that bounds the cone on its right.
     pub(crate) right: Ray,
+    /// Ray from the eye that bounds the cone on its left.
     pub(crate) left: Ray,
-    /// Number of opaque walls that the cone may still pass through.
+    /// Number of opaque walls that the cone may still cross.
     through: u32,
-    /// Whether the cone comes from outside the rectangle and enters the triangle of `edge`.
+    /// True if the cone comes from outside the outer rectangle and enters the triangle of `edge`, false if it
+    /// leaves that triangle.
     enters: bool,
 }
 

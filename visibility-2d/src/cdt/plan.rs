@@ -80,8 +80,8 @@ pub struct Plan {
     /// Vertices are sorted by this position, ascending.
     places: Vec<u32>,
     /// For each half-edge, the index of the piece of a wall along it, [`NONE`] without a wall. Both
-    /// half-edges of an edge have the same piece. Pieces are the parts into which crossings and ends of walls
-    /// divide the walls.
+    /// half-edges of an edge have the same piece. Pieces are the parts into which crossings and contacts
+    /// split the walls.
     pub(crate) piece: Vec<u32>,
     /// For each piece of a wall, the start of the range of its walls in `walls_of_pieces`: several if walls
     /// overlap. One more entry is the end of the last range.
@@ -96,6 +96,7 @@ pub struct Plan {
     /// Indices of the pieces of each wall, wall after wall.
     pieces_of_walls: Vec<u32>,
     walls: Vec<Wall>,
+    /// Least and greatest corner of the outer rectangle, in world units.
     bounds: [Point; 2],
     /// Indices in `edges` of the half-edges on the outer rectangle, counter-clockwise from its least corner.
     outer: [u32; 4],

@@ -58,7 +58,7 @@ pub struct RegionVisibility {
     triangle_marks: Vec<u32>,
     /// For each wall of the plan, the number of the last query that added it to `walls`.
     wall_marks: Vec<u32>,
-    /// Number of the present query, at least 1, with which triangles and walls are marked.
+    /// Number of the present query, with which triangles and walls are marked. 0 before the first query.
     query: u32,
     /// Sides of the polygons of all beams in `beams`. Each beam holds the range of its own.
     sides: Vec<Side>,

@@ -29,7 +29,7 @@ pub struct Visibility {
     marks: Vec<u32>,
     /// For each object, the number of the last query that saw it.
     object_marks: Vec<u32>,
-    /// Number of the present query, at least 1, with which walls and objects are marked.
+    /// Number of the present query, with which walls and objects are marked. 0 before the first query.
     query: u32,
     /// Half-edge of the triangle that held the last eye, where the walk to the next eye begins: its index in
     /// `Plan::edges`, and the stamp of the triangulation.

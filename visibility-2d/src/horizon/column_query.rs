@@ -24,7 +24,9 @@ const U: f32 = f32::EPSILON / 2.0;
 /// Eye in `f32`, with a bound on its error.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct QueryEye {
+    /// Eye, rounded to `f32`: two coordinates on the plan and the height, in metres from the scene's origin.
     high: [f32; 3],
+    /// Difference between the eye and `high`, rounded to `f32`, in metres.
     low: [f32; 3],
     /// Bound on the error of each coordinate in metres. Infinite if nothing can be hidden.
     error: f32,

@@ -15,8 +15,11 @@ pub(crate) const STEPS: usize = 3;
 /// `high` has met an occluder at an inverse depth of at least `inverse_depth`.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Step {
+    /// Inverse of the occluder's depth in 1/m. The step hides surfaces at this inverse depth or less.
     pub(crate) inverse_depth: f32,
+    /// Height in the picture above which the step hides: height above the eye over depth.
     pub(crate) low: f32,
+    /// Height in the picture below which the step hides: height above the eye over depth.
     pub(crate) high: f32,
 }
 
@@ -44,6 +47,8 @@ pub(crate) struct Block {
     /// Step that hides only what every column of the block hides, made from each column's step with the
     /// highest top.
     common: Step,
+    /// For each step and column, the step's [inverse depth](Step::inverse_depth). The next two fields hold
+    /// its lower and its upper height.
     inverse_depth: [[f32; BLOCK]; STEPS],
     low: [[f32; BLOCK]; STEPS],
     high: [[f32; BLOCK]; STEPS],
@@ -119,15 +124,18 @@ impl Block {
 /// Columns of the four faces of the picture.
 #[derive(Clone, Debug)]
 pub(crate) struct Columns {
+    /// Number of columns of each face, without those that fill up its last block.
     per_face: usize,
     /// Blocks of columns of all faces, face by face. The number of columns of each face is rounded up to
     /// whole blocks.
     blocks: Vec<Block>,
-    /// Half-open range of the columns in view of each face. Empty for a face that is not in view.
+    /// For each face, the half-open range of the columns in view, counted from the right edge of the face.
+    /// Empty for a face that is not in view.
     seen: [Range<usize>; FACES],
     outline: Outline,
-    /// Scratch of [`draw`](Self::draw): three lists with an entry for each boundary between two columns. They
-    /// hold the height of the occluder's top, the negated height of its bottom, and its inverse depth.
+    /// Scratch of [`draw`](Self::draw): three lists with one entry for each boundary between two columns of a
+    /// face, from its right edge on. They hold the height of the occluder's top in the picture, the negated
+    /// height of its bottom, and its inverse depth in 1/m.
     sides: [Vec<f64>; 3],
 }
 

@@ -55,8 +55,10 @@ pub(crate) const PAD: f64 = 1e-4;
 /// Triangle of a sheet: corners on the plan and in height in metres, counter-clockwise from above.
 #[derive(Clone, Copy, Debug)]
 struct Triangle {
+    /// For each corner, its two coordinates on the plan and its height, in metres from the scene's origin.
     corners: [[f64; 3]; 3],
-    /// Numbers of the vertices. Corners at one point have the same number.
+    /// For each corner, the number of its vertex. Corners of different triangles that join have the same
+    /// number.
     vertices: [u32; 3],
     /// Bound on the distance of a corner from the exact one, in metres.
     error: f64,
@@ -79,12 +81,13 @@ pub(crate) struct Square {
     pub(crate) low: f32,
     /// Greatest height of the sheet over the square in metres, rounded upwards.
     pub(crate) high: f32,
-    /// Number of the list of objects whose triangles are over the square: see [`Sheet::owners`]. [`BROKEN`]
-    /// if the sheet has a border there, or does not cover the square.
+    /// Number of the square's list of owners, the objects whose triangles are over the square: the argument
+    /// of [`Sheet::owners`]. [`BROKEN`] if the sheet has a border there, or does not cover the square.
     pub(crate) owners: u32,
 }
 
-/// Value of `owners` of a square that hides nothing: the sheet has a border there, or does not cover it.
+/// Value of [`Square::owners`] for a square that hides nothing: the sheet has a border there, or does not
+/// cover the square.
 pub(crate) const BROKEN: u32 = u32::MAX;
 
 impl Square {
@@ -94,18 +97,20 @@ impl Square {
 /// Squares of one size: `columns` along the plan's x, row by row.
 #[derive(Clone, Debug)]
 pub(crate) struct Level {
+    /// Number of squares along the plan's x.
     pub(crate) columns: usize,
+    /// Squares, row by row: the square in column `x` and row `y` is at `y * columns + x`.
     pub(crate) squares: Vec<Square>,
 }
 
-/// Sheet of ground in the squares of its grid.
+/// Heights of a sheet (connected ground that faces up) over the squares of a grid on the plan.
 #[derive(Clone, Debug)]
 pub(crate) struct Sheet {
-    /// Least corner of the first square on the plan, a multiple of `side`.
+    /// Least corner of the first square on the plan, in metres from the scene's origin. A multiple of `side`.
     pub(crate) corner: [f64; 2],
-    /// Side of a square in metres, a power of two.
+    /// Side of a square of the finest level in metres, a power of two.
     pub(crate) side: f64,
-    /// Levels of squares: first those of side `side`, then those of twice that side, and so on.
+    /// Levels of squares, the finest first: squares of `levels[i]` have a side of `side * 2^i` metres.
     pub(crate) levels: Vec<Level>,
     /// Least height of the ground over all unbroken squares of the finest level, in metres from the scene's
     /// origin. A square is unbroken if the ground covers it without a border.
@@ -127,10 +132,10 @@ pub(crate) struct Terrain {
     pub(crate) sheets: Vec<Sheet>,
     /// Objects with triangles in any of the sheets, in no particular order.
     pub(crate) objects: Vec<GroundObject>,
-    /// By index of an object: its position in `objects`.
+    /// For each object with triangles in a sheet, by its index in the scene, its position in `objects`.
     places: BTreeMap<usize, u32>,
-    /// By position in `objects`: whether the object has changed since the sheets were made, so that its
-    /// triangles hide nothing any more.
+    /// For each object in `objects`, whether it has changed since the sheets were made. Its triangles then
+    /// hide nothing any more.
     lost: Vec<bool>,
 }
 
@@ -159,14 +164,15 @@ impl Terrain {
         Self { sheets, objects: kept, places, lost }
     }
 
-    /// Records that an object has changed, so that its triangles no longer occlude.
+    /// Records that the object with index `index` in the scene has changed, so that its triangles no longer
+    /// occlude.
     pub(crate) fn lose(&mut self, index: usize) {
         if let Some(&place) = self.places.get(&index) {
             self.lost[place as usize] = true;
         }
     }
 
-    /// Returns whether an object has changed since the sheets were made.
+    /// Returns whether an object, given by its index in `objects`, has changed since the sheets were made.
     pub(crate) fn is_lost(&self, object: usize) -> bool {
         self.lost[object]
     }
@@ -309,11 +315,16 @@ impl Level {
     }
 }
 
-/// Lists of owners under construction. Equal lists are stored once.
+/// Lists of owners (the objects whose triangles are over a square) of a sheet under construction. Equal lists
+/// are stored once.
 #[derive(Default)]
 struct Lists {
+    /// For each list, the exclusive end of its range in `objects`. The range begins where that of the list
+    /// before ends, the first at 0.
     ends: Vec<u32>,
+    /// Indices of the objects of all lists, one list after another, ascending within a list.
     objects: Vec<u32>,
+    /// Number of each list, its index in `ends`, by the list's objects.
     numbers: BTreeMap<Vec<u32>, u32>,
 }
 
@@ -343,12 +354,15 @@ impl Lists {
     }
 }
 
-/// Layout of the finest squares of a sheet. Positions are relative to its least corner on the plan, in
-/// metres.
+/// Layout of the squares of a sheet's finest level, row by row.
 struct Grid {
+    /// Least corner of the first square on the plan, in metres from the scene's origin.
     corner: [f64; 2],
+    /// Side of a square in metres.
     side: f64,
+    /// Number of squares along the plan's x.
     columns: usize,
+    /// Number of squares along the plan's y.
     rows: usize,
 }
 

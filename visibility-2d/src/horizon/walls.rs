@@ -41,7 +41,9 @@ struct Panel {
 struct Side {
     /// Position of the side on the plan, in mesh coordinates.
     at: [f32; 2],
+    /// Height of the lower end of the side, in mesh coordinates.
     low: f32,
+    /// Height of the upper end of the side, in mesh coordinates.
     high: f32,
 }
 
@@ -151,8 +153,8 @@ fn panels(mesh: &OccluderMesh, triangles: &[u32], up: UpAxis) -> Vec<Panel> {
     panels
 }
 
-/// Returns chains of panels that share a common range of heights. Each panel of a chain begins where the one
-/// before ends. Each panel is in one chain.
+/// Returns chains of panels, as indices into `panels`. The panels of a chain share a common range of heights,
+/// and each begins where the one before ends. Each panel is in one chain.
 fn chains(panels: &[Panel]) -> Vec<Vec<usize>> {
     let sorted = |side: usize| {
         let mut order: Vec<usize> = (0..panels.len()).collect();
