@@ -70,8 +70,8 @@ pub(crate) struct TimePlan {
     /// Number of searches (rays or proofs for one viewcell) begun in the present round: a batch of items that
     /// the threads work on.
     begun: AtomicUsize,
-    /// Number of groups swept, number of objects that these sweeps tested, and number of objects that they
-    /// found hidden.
+    /// Sums over all groups of viewcells swept so far: the number of groups, of objects that their sweeps
+    /// tested, and of objects that they found hidden.
     groups: [AtomicU64; 3],
 }
 
@@ -137,8 +137,8 @@ impl TimePlan {
         is_new
     }
 
-    /// Returns whether the items of a stage must wait until no other work is left, because the time of the
-    /// stage has ended. Must be called only while no item is worked on.
+    /// Returns whether the items of a stage must wait until no item of another stage is left, because the
+    /// time of the stage has ended. Must be called only while no item is worked on.
     pub(crate) fn is_put_off(&self, stage: usize) -> bool {
         let Some(phase) = self.phases.get(stage).filter(|phase| phase.load(Relaxed) != IN_TIME) else {
             return false;

@@ -17,8 +17,8 @@ use super::triangulation::{NONE, Place, next, previous};
 use super::wall::add_walls;
 use alloc::vec::Vec;
 
-/// Maximum number of triangles that all beams of a region may enter in total. Entering a triangle takes about
-/// 40 ns.
+/// Maximum number of times that beams from one region may enter a triangle, all beams together. Each takes
+/// about 40 ns.
 const MAX_STEPS: usize = 1 << 24;
 
 /// Side of the convex polygon that stands for a beam of lines of sight in the dual plane. A point of the dual
@@ -43,7 +43,7 @@ struct Beam {
     /// exclusive end.
     sides: (u32, u32),
     /// Length to which `RegionVisibility::sides` is truncated when this beam is taken from the stack. The
-    /// sides of this beam and of those below it on the stack lie before this length.
+    /// sides of this beam, and of the beams below it on the stack, have indices below this length.
     kept: u32,
 }
 

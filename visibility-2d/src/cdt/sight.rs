@@ -142,8 +142,8 @@ impl Plan {
         })
     }
 
-    /// Returns the least number of a wall along half-edge `h` that stops lines of sight out of its triangle.
-    /// `None` if all let them pass.
+    /// Returns the number of the wall along half-edge `h` that stops lines of sight out of its triangle, the
+    /// least if there are several. `None` if there is none.
     fn wall_that_stops(&self, h: u32) -> Option<u32> {
         let piece = self.piece[h as usize];
         let walls = if piece == NONE { &[] } else { self.walls_of(piece) };

@@ -151,9 +151,9 @@ impl<const N: usize> Relative<N> {
 }
 
 impl Columns {
-    /// Tests the lanes of `state.0` in the face `FACE`. `state.0` has the candidates that were hidden in all
-    /// faces so far; lanes not hidden in this face are removed. Lanes that meet the face are added to
-    /// `state.1`.
+    /// Tests boxes, one per lane, in the face `FACE`. `state.0` is the mask of the lanes whose boxes were
+    /// hidden in all faces so far; lanes not hidden in this face are removed from it. Lanes whose boxes meet
+    /// the columns in view of this face are added to the mask `state.1`.
     #[inline(always)]
     fn hidden_in_face<const FACE: usize, const N: usize>(
         &self,
@@ -182,7 +182,8 @@ impl Columns {
         }
     }
 
-    /// Returns the lanes of `candidates` whose box is certainly hidden wherever the view may see it.
+    /// Returns the mask of the lanes among `candidates` whose box is certainly hidden wherever the view may
+    /// see it. Bit i stands for lane i, which holds box i of `boxes`.
     #[inline(always)]
     fn hidden_lanes<const N: usize>(
         &self,

@@ -41,7 +41,8 @@ impl Step {
 /// Number of columns of a [`Block`].
 pub(crate) const BLOCK: usize = 8;
 
-/// Steps of eight neighbouring columns, which are tested together, indexed by step and column.
+/// Steps of eight neighbouring columns, which are tested together. Arrays are indexed by the number of a step
+/// (0 to [`STEPS`] - 1), then by the column in the block.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Block {
     /// Step that hides only what every column of the block hides, made from each column's step with the
@@ -126,8 +127,8 @@ impl Block {
 pub(crate) struct Columns {
     /// Number of columns of each face, without those that fill up its last block.
     per_face: usize,
-    /// Blocks of columns of all faces, face by face. The number of columns of each face is rounded up to
-    /// whole blocks.
+    /// Blocks of columns of all faces, face by face, in a face from its right edge on. The number of columns
+    /// of each face is rounded up to whole blocks.
     blocks: Vec<Block>,
     /// For each face, the half-open range of the columns in view, counted from the right edge of the face.
     /// Empty for a face that is not in view.
@@ -276,7 +277,8 @@ impl Columns {
     }
 }
 
-/// Relative amount by which a number is moved inwards after rounding to `f32`: twice the unit round-off.
+/// Amount by which a height or an inverse depth is moved inwards (hiding less) after rounding to `f32`,
+/// relative to its magnitude: twice the unit round-off.
 const INWARDS: f32 = f32::EPSILON;
 
 /// Returns the smallest integer not less than `x`.
@@ -287,8 +289,8 @@ fn ceil(x: f64) -> f64 {
 
 /// Lowers each entry of `heights` and `inverse_depths` to the height and the inverse depth of an outline
 /// minus their error bounds, if that is less. `sense` is 1 for an upper outline and -1 for a lower one, whose
-/// heights are negated. Entries are for the boundaries between columns, from the right side of column `begin`
-/// on.
+/// heights are negated. Entry `i` of either list is for the right side of column `begin + i`: the boundary
+/// between two columns.
 fn sample(
     heights: &mut [f64],
     inverse_depths: &mut [f64],

@@ -11,7 +11,8 @@ use alloc::vec::Vec;
 use visibility_core::OccluderMesh;
 use visibility_core::glam::{Affine3A, DVec3};
 
-/// Maximum number of posts of a solid. Solids with more are rare, and cost more than they hide.
+/// Maximum number of posts (upright segments) of a solid. Solids with more are rare, and cost more than they
+/// hide.
 const MAX_POSTS: usize = 32;
 
 /// Least size of a solid's upright face, width times height, as a fraction of the largest face in the same

@@ -157,7 +157,7 @@ impl HorizonOccluders {
         self.used
     }
 
-    /// Returns the ground as sheets of triangles.
+    /// Returns the ground (connected triangles that face up) that may occlude.
     pub(crate) fn terrain(&self) -> &Terrain {
         &self.terrain
     }

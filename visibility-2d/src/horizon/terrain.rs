@@ -48,8 +48,8 @@ const SQUARES: [usize; 2] = [1 << 10, 1 << 22];
 /// Maximum number of levels of squares. Each level joins the squares of the level below four by four.
 const LEVELS: usize = 8;
 
-/// Distance, in sides of a square, at which a triangle still counts as meeting a square: a hundred times the
-/// errors of positions, which [`Sheet::new`] checks.
+/// Greatest distance on the plan, as a fraction of a square's side, at which a triangle still counts as
+/// meeting the square. A hundred times the errors of positions, which [`Sheet::new`] checks.
 pub(crate) const PAD: f64 = 1e-4;
 
 /// Triangle of a sheet: corners on the plan and in height in metres, counter-clockwise from above.
@@ -187,13 +187,14 @@ impl Sheet {
         &self.objects[begin..self.owner_ends[list] as usize]
     }
 
-    /// Returns the number of lists of owners.
+    /// Returns the number of different lists of owners (objects whose triangles are over a square).
     pub(crate) fn list_count(&self) -> usize {
         self.owner_ends.len()
     }
 
-    /// Sorts the triangles `members` into squares. `None` if the sheet is flat, or if coordinates are too
-    /// large compared with its extent.
+    /// Makes the sheet of the triangles whose indices in `triangles` are `members`, by sorting them into the
+    /// squares of a grid. `borders` tells of each triangle which of its sides are borders of the sheet.
+    /// `None` if the sheet is flat, or if coordinates are too large compared with its extent.
     fn new(triangles: &[Triangle], borders: &[[bool; 3]], members: &[u32]) -> Option<Self> {
         let (mut min, mut max) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         let (mut size, mut error) = (0.0f64, 0.0f64);
@@ -329,7 +330,8 @@ struct Lists {
 }
 
 impl Lists {
-    /// Returns the number of an ascending list. Stores the list if it is new.
+    /// Returns the number of a list of owners, given by ascending indices of objects. Stores the list if it
+    /// is new.
     fn number(&mut self, list: Vec<u32>) -> u32 {
         if let Some(&number) = self.numbers.get(&list) {
             return number;
@@ -341,7 +343,8 @@ impl Lists {
         number
     }
 
-    /// Returns the number of the union of four lists, given by their numbers. Stores the union if it is new.
+    /// Returns the number of the union of four lists of owners, given by their numbers. Stores the union if
+    /// it is new.
     fn union(&mut self, four: [u32; 4]) -> u32 {
         let mut all = Vec::new();
         for list in four {
@@ -367,9 +370,10 @@ struct Grid {
 }
 
 impl Grid {
-    /// Calls `each` with the squares that a triangle meets on the plan, when each square is enlarged by `pad`
-    /// sides in all directions: the index, and the enlarged square's least and greatest coordinates. Possibly
-    /// also with squares slightly farther away.
+    /// Calls `each` with each square that a triangle meets on the plan, when the square is enlarged by `pad`
+    /// times its side in all directions. The arguments are the square's index, row by row, and the least and
+    /// greatest coordinates of the enlarged square in metres from the scene's origin. Possibly also called
+    /// with squares slightly farther away.
     fn for_each_met(
         &self,
         corners: &[[f64; 3]; 3],
@@ -499,8 +503,9 @@ fn placed_exactly(p: Vec3, transform: &Affine3A) -> Option<DVec3> {
     Some(out)
 }
 
-/// Key of a triangle corner: the bits of an exact position, or else the number of an object and of its
-/// vertex. Corners with equal keys are one vertex.
+/// Key of a triangle corner. Corners with equal keys are one vertex. If the corner's position is exact: the
+/// bits of its three coordinates, then 0. Otherwise: the number of the vertex in its mesh, two zeros, and the
+/// number of the object plus 1.
 type VertexKey = [u64; 4];
 
 /// Returns the upward triangles of all occluders that are not convex, and the objects that they belong to.
@@ -576,12 +581,12 @@ fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, Vec<
     (objects, triangles)
 }
 
-/// Result of joining triangles at their sides.
+/// Sides of triangles at which a sheet ends, and those at which two triangles join.
 struct Borders {
-    /// For each triangle, which of its sides (from corner to next corner) are borders: shared with no other
-    /// triangle, or with several.
+    /// For each triangle, whether each of its sides (from corner `k` to corner `k + 1`) is a border: shared
+    /// with no other triangle, or with several.
     sides: Vec<[bool; 3]>,
-    /// Pairs of indices of triangles that join at a side.
+    /// Indices of each two triangles that join at a side.
     pairs: Vec<[u32; 2]>,
 }
 
@@ -610,8 +615,8 @@ fn join(triangles: &[Triangle]) -> Borders {
     borders
 }
 
-/// Returns the sheets with the largest areas on the plan, at most [`MAX_SHEETS`], each as indices of its
-/// triangles. Sheets smaller than [`MIN_AREA`] are left out.
+/// Returns the sheets (sets of joined triangles) with the largest areas on the plan, at most [`MAX_SHEETS`].
+/// Each is given by the indices of its triangles. Sheets smaller than [`MIN_AREA`] are left out.
 fn largest(triangles: &[Triangle], borders: &Borders) -> Vec<Vec<u32>> {
     let mut parent: Vec<u32> = (0..triangles.len() as u32).collect();
     fn root(parent: &mut [u32], mut i: u32) -> u32 {

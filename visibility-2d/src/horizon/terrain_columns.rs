@@ -119,8 +119,9 @@ pub(crate) fn draw_terrain(
 struct Wedge<'a> {
     frame: &'a Frame,
     sheet: &'a Sheet,
+    /// Index of the face of the picture in which the wedge lies, 0 to 3.
     face: usize,
-    /// Right and left side of the wedge: lateral coordinates at depth 1.
+    /// Lateral coordinates, at depth 1, of the right and the left side of the wedge.
     sides: [f64; 2],
     /// Inverse of the side of a square in 1/m, exact.
     per_side: f64,
@@ -203,7 +204,8 @@ impl<'a> Wedge<'a> {
     }
 
     /// Returns the next step outwards, or `None` if the rest of the sheet hides nothing more. `is_present`
-    /// tells whether all objects of a list (see [`Sheet::owners`]) are drawn.
+    /// gets the number of a list of owners ([`Sheet::owners`]) and tells whether all of them are drawn or out
+    /// of view.
     fn next_step(&mut self, is_present: &mut impl FnMut(u32) -> bool) -> Option<Step> {
         while self.depth < self.end {
             let from = self.depth;

@@ -25,8 +25,8 @@ const MAX_PANELS: usize = 64;
 /// table, hide next to nothing and take as much time.
 const MIN_HEIGHT: f32 = 1.0 / 4.0;
 
-/// Maximum number of panels that are tried as the next panel of a wall, so that many panels at one point of
-/// the plan take linear time.
+/// Maximum number of panels, of those that begin where a wall's last panel ends, that are tried as its next
+/// panel. With this limit, many panels at one point of the plan take linear time.
 const MAX_BESIDE: usize = 16;
 
 /// Upright trapezoid in mesh coordinates. Its front is to the right when walking from its first side to its
