@@ -108,6 +108,8 @@ impl Constrainer {
 
     /// Inserts the segment between two vertices as a chain of edges, like [`insert`](Self::insert), but for
     /// all walls of a linked list. `walls` is the index of the list's first item in `Triangulation::lists`.
+    /// It need not be an index if all segments of the triangulation are inserted with the same number: then
+    /// it only marks their edges.
     pub(crate) fn insert_list(
         &mut self,
         of: &mut Triangulation,
