@@ -15,9 +15,10 @@ pub(crate) fn diamond(x: f64, y: f64) -> f64 {
     if x >= 0.0 { if y >= 0.0 { part } else { 4.0 + part } } else { 2.0 - part }
 }
 
-/// Returns the direction numbers of the first and the last direction, counter-clockwise, in which a disc is
-/// seen, and a bound on the error of both. The disc's centre is at `(x, y)` relative to the eye. `power` is
-/// `x^2 + y^2 - r^2` and must be positive.
+/// Returns the first and the last direction, counter-clockwise, in which a disc is seen, and a bound on the
+/// error of both, as direction numbers of [`diamond`]: from 0 to 4. The first is greater than the last if +x,
+/// where the numbers begin again, is between them. The disc's centre is at `(x, y)` relative to the eye.
+/// `power` is `x^2 + y^2 - r^2` and must be positive.
 #[inline]
 pub(crate) fn disc_span(x: f64, y: f64, radius: f64, power: f64) -> (f64, f64, f64) {
     // A tangent from the eye has length `t`, the root of the power, and is perpendicular to the radius at the
@@ -33,9 +34,10 @@ pub(crate) fn disc_span(x: f64, y: f64, radius: f64, power: f64) -> (f64, f64, f
     (first, last, 8.0 * f64::EPSILON + 4.0 * f64::EPSILON * (squared / power))
 }
 
-/// Returns the direction numbers of the first and the last direction, counter-clockwise, in which a rectangle
-/// is seen. The rectangle is given by its least and greatest coordinates relative to the eye. `None` if the
-/// eye is inside.
+/// Returns the first and the last direction, counter-clockwise, in which a rectangle is seen, as direction
+/// numbers of [`diamond`]: from 0 to 4. The first is greater than the last if +x, where the numbers begin
+/// again, is between them. The rectangle is given by its least and greatest coordinates relative to the eye.
+/// `None` if the eye is inside.
 #[inline]
 pub(crate) fn rectangle_span(x0: f64, y0: f64, x1: f64, y1: f64) -> Option<(f64, f64)> {
     // The two corners where the tangents from the eye touch the rectangle, counter-clockwise, chosen by the

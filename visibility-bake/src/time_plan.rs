@@ -9,34 +9,35 @@ use std::sync::atomic::{AtomicU8, AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::time::Duration;
 
 /// Number of stages of a bake: all groups of viewcells are swept, then all viewcells, then rays are cast from
-/// all. Where the gap is not met, boxes are then proven hidden, and last triangles.
+/// all viewcells. For viewcells that do not meet the gap of the settings, boxes are then proven hidden, and
+/// last triangles.
 pub(crate) const STAGES: usize = 5;
-/// The stage that sweeps groups. All viewcells of a group use the result.
+/// Number of the stage that sweeps groups of viewcells. All viewcells of a group use the result.
 pub(crate) const GROUP: u32 = 0;
-/// The stage that sweeps viewcells.
+/// Number of the stage that sweeps the single viewcells.
 pub(crate) const SWEEP: u32 = 1;
-/// The stage that casts rays at the objects that sweeps have left.
+/// Number of the stage that casts rays from viewcells at the objects that sweeps have not found hidden.
 pub(crate) const LOOK: u32 = 2;
-/// The stage that proves boxes hidden.
+/// Number of the stage that proves boxes of objects hidden from viewcells.
 pub(crate) const BOXES: u32 = 3;
 
 /// Fraction of a [limited time](crate::SandwichBaker::with_time) after which no viewcell is swept any more.
 /// The rest is for rays and proofs.
 pub const SWEEP_TIME: f64 = 0.85;
 
-/// Fraction of the limited time at which each stage of sweeps ends.
+/// For each stage of sweeps, the fraction of the limited time at which it ends.
 const ENDS: [(u32, f64); 2] = [(GROUP, 0.7), (SWEEP, SWEEP_TIME)];
 
 /// Least fraction of its stage's remaining time that a sweep may take. A sweep finds most hidden objects near
 /// its end, so equal shares for all sweeps would often find less than complete sweeps for a few viewcells.
 const MIN_PART: f64 = 0.25;
 
-/// Number of groups that are swept before it is decided whether to skip the others.
+/// Number of groups of viewcells that are swept before [`MIN_HIDDEN`] decides whether to skip the others.
 const TRIED: u64 = 4;
 
-/// Least fraction of the objects that the first sweeps of groups must find hidden. If they find less, the
-/// other groups are skipped: in open country almost nothing is hidden from a group, but more from each of its
-/// viewcells.
+/// Least fraction of the tested objects that the sweeps of groups of viewcells must find hidden, once
+/// [`TRIED`] groups are swept. If they find less, the other groups are not swept: in open country, hardly any
+/// object is hidden from all viewcells of a group. Sweeps of the single viewcells find more.
 const MIN_HIDDEN: f64 = 0.125;
 
 /// Least time of a search. In less, a search would not get beyond its rays.
@@ -46,29 +47,31 @@ const MIN_SEARCH: Duration = Duration::from_millis(500);
 /// could round to more than the greatest [`Duration`].
 const LONGEST: Duration = Duration::from_secs(1 << 32);
 
-/// Phase of a stage before its time has ended.
+/// Value of [`TimePlan::phases`] for a stage whose time has not ended. Its items are worked on.
 const IN_TIME: u8 = 0;
-/// Phase of a stage from the end of its time to the end of the present round (a batch of items that the
-/// threads work on): no further item of the stage is begun.
+/// Value of [`TimePlan::phases`] for a stage whose time ended during the present round (a batch of items that
+/// the threads work on). No further item of the stage is begun in this round.
 const ENDED: u8 = 1;
-/// Phase of a stage in later rounds: the stage's items wait until no other work is left.
+/// Value of [`TimePlan::phases`] for a stage whose time ended in an earlier round. Its items are worked on
+/// after all items of other stages.
 const PUT_OFF: u8 = 2;
 
 /// Time of a bake and its division among stages.
 pub(crate) struct TimePlan {
     /// Returns the time since a fixed moment.
     clock: fn() -> Duration,
-    /// Time on the clock at which each stage ends. For the stages after the sweeps this is the end of the
-    /// bake. [`Duration::MAX`] without a limit.
+    /// For each stage, the time on the clock at which it ends. For the stages after the sweeps this is the
+    /// end of the bake. [`Duration::MAX`] without a limit.
     ends: [Duration; STAGES],
-    /// Phase of each stage: [`IN_TIME`], [`ENDED`] or [`PUT_OFF`].
+    /// For each stage, whether its time has ended: [`IN_TIME`], [`ENDED`] or [`PUT_OFF`].
     phases: [AtomicU8; STAGES],
-    /// Number of items (pairs of a viewcell and a stage) that threads are working on.
+    /// Number of items (each a stage of one viewcell) that threads are working on.
     working: AtomicUsize,
-    /// Number of searches (rays or proofs for one viewcell) begun in the present round of items.
+    /// Number of searches (rays or proofs for one viewcell) begun in the present round: a batch of items that
+    /// the threads work on.
     begun: AtomicUsize,
-    /// Number of groups swept, number of objects that these sweeps tested, and number of objects that they
-    /// found hidden.
+    /// Sums over all groups of viewcells swept so far: the number of groups, of objects that their sweeps
+    /// tested, and of objects that they found hidden.
     groups: [AtomicU64; 3],
 }
 
@@ -134,8 +137,8 @@ impl TimePlan {
         is_new
     }
 
-    /// Returns whether the items of a stage must wait until no other work is left, because the time of the
-    /// stage has ended. Must be called only while no item is worked on.
+    /// Returns whether the items of a stage must wait until no item of another stage is left, because the
+    /// time of the stage has ended. Must be called only while no item is worked on.
     pub(crate) fn is_put_off(&self, stage: usize) -> bool {
         let Some(phase) = self.phases.get(stage).filter(|phase| phase.load(Relaxed) != IN_TIME) else {
             return false;
@@ -182,7 +185,8 @@ impl TimePlan {
         })
     }
 
-    /// Begins the next round, after the results of the last round were stored.
+    /// Begins the next round (batch of items that the threads work on), after the results of the last one
+    /// were stored.
     pub(crate) fn end_round(&mut self) {
         *self.begun.get_mut() = 0;
     }

@@ -21,7 +21,7 @@ use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_core::random::Random;
 
-/// Budget of the proof that a group of objects is hidden, unless [`Prices`] allow more.
+/// Budget of the proof that the box around a group of objects is hidden, unless [`Prices`] allow more.
 ///
 /// Groups get few search nodes and are not divided by occluder edges: a group that is not proven at once is
 /// halved, and proofs for its halves take less time. With 300 nodes and divisions, a city took twice as long
@@ -29,7 +29,7 @@ use visibility_core::random::Random;
 const GROUP: Budget = Budget { nodes: 50, divided: 0, halvings: 0 };
 /// Budget of the proof that the box of a single object is hidden.
 const OBJECT: Budget = Budget { nodes: 1000, divided: 200, halvings: 12 };
-/// Budget of the search for one triangle of an object.
+/// Budget of the search for a line of sight or a proof for one triangle of an object.
 const TRIANGLE: Budget = Budget { nodes: 1500, divided: 200, halvings: 12 };
 /// Number of search nodes after which no further triangle of an object gets a first look.
 const ALL_TRIANGLES: u32 = 8000;
@@ -55,9 +55,11 @@ const PART_TRIANGLES: usize = 16;
 const PATIENT: Budget = Budget { nodes: 600, divided: 1500, halvings: 30 };
 /// Number of search nodes after which no further triangle of an object gets a second look.
 const ALL_PATIENT: u32 = 4000;
-/// Number of rays cast past the box of an object that a ray has just found.
+/// Number of rays that are cast past the box of an object when a ray has just found it, since the next
+/// visible object is often beside it.
 const PAST: u32 = 32;
-/// Greatest number of nodes for the bound on the visible share of one object.
+/// Greatest number of search nodes for the bound on the visible share of one object (the share of the
+/// segments to its box that are unblocked).
 const SHARE: u32 = 2000;
 
 /// Costs of past searches in nodes. They decide whether a group is searched as thoroughly as a single object.

@@ -23,9 +23,9 @@ use crate::sight::Sight;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// Greatest number of triangles of a chain.
+/// Greatest number of triangles of a chain, the surface that is to block all segments of a node.
 const MAX_CHAIN: usize = 3000;
-/// Greatest number of triangles at one edge that are tried as the next triangle of a chain.
+/// Greatest number of occluding triangles at one edge that are tried as the next triangle of a chain.
 const AT_EDGE: usize = 64;
 
 impl Search<'_> {
@@ -121,6 +121,7 @@ impl Search<'_> {
         self.triangles.vertices(t).map(|vertex| self.tag(vertex))
     }
 
+    /// Returns which corner of the target triangle a vertex is (0, 1 or 2), or [`NO_CORNER`].
     pub(crate) fn tag(&self, vertex: u32) -> u8 {
         self.target_vertices.iter().position(|&v| v == vertex).map_or(NO_CORNER, |k| k as u8)
     }
@@ -164,8 +165,10 @@ impl Search<'_> {
         matches!(signs(sight, edge, sight.side_error(self.delta)), POSITIVE | NEGATIVE)
     }
 
-    /// Returns whether a triangle certainly touches neither the viewcell polygon P nor the target polygon Q.
-    /// At corners of the target triangle it may touch the boundary of Q.
+    /// Returns whether an occluding triangle with the corners `corners` certainly touches neither the
+    /// viewcell polygon P nor the target polygon Q. `tags` tell which of its corners are corners of the
+    /// target triangle, which contains Q (0, 1 or 2; [`NO_CORNER`] for none). At such a corner the occluding
+    /// triangle may touch the boundary of Q.
     pub(crate) fn apart(&self, corners: &[DVec3; 3], tags: [u8; 3], sight: &Sight) -> bool {
         let pad = self.pad();
         apart(corners, &sight.p, &sight.before_p, pad)

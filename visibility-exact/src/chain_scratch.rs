@@ -3,15 +3,16 @@
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// Bit of an edge's state: an odd number of the edge's triangles is in the chain, so the edge is on its
-/// boundary.
+/// Bit of an edge's state: an odd number of the edge's triangles is in the chain (the surface that is being
+/// grown), so the edge is on the chain's boundary.
 pub(crate) const ODD: u8 = 1;
 /// Bit of an edge's state: no segment of the node at work meets the edge. Valid if [`KNOWN`] is set.
 pub(crate) const MISSED: u8 = 2;
 /// Bit of an edge's state: the edge was tested against the segments, with the result in [`MISSED`].
 pub(crate) const KNOWN: u8 = 4;
 
-/// Ends of an edge at which a chain could not be closed. The segments are best divided near it.
+/// Ends, in scene coordinates, of an edge that kept a chain of triangles from becoming a surface that blocks
+/// all segments. The segments are best divided near this edge.
 pub(crate) type Obstacle = [DVec3; 2];
 
 /// Scratch memory for growing one chain after the other. Each entry of `triangles` and `edges` holds the
@@ -19,12 +20,20 @@ pub(crate) type Obstacle = [DVec3; 2];
 /// entries at once.
 #[derive(Default)]
 pub(crate) struct ChainScratch {
+    /// Number of the present chain. 0 before the first chain.
     epoch: u32,
+    /// For each triangle of the scene, the epoch in which it was last added to a chain.
     triangles: Vec<u32>,
+    /// For each edge of the scene, the epoch in which its state was last set, and the state: the bits
+    /// [`ODD`], [`MISSED`] and [`KNOWN`].
     edges: Vec<(u32, u8)>,
+    /// Indices of the chain's triangles, in the order in which they were added.
     pub(crate) chain: Vec<u32>,
-    /// Boundary edges that segments may meet: the triangle, and the number (0, 1 or 2) of the edge in it.
+    /// Edges of the chain's boundary that segments may meet: the index of a triangle of the chain, and the
+    /// number (0, 1 or 2) of the edge in it.
     pub(crate) open: Vec<(u32, usize)>,
+    /// Vertices of the chain's boundary that were moved outwards: the index of a vertex, and its new position
+    /// in scene coordinates.
     pub(crate) moved: Vec<(u32, DVec3)>,
 }
 

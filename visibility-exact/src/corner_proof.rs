@@ -10,7 +10,8 @@ use crate::line_side::{Row, U};
 use crate::sight::Sight;
 use visibility_core::glam::DVec3;
 
-/// Greatest number of rows (edges with a side) of which triples are tried. With more rows, none is tried.
+/// Greatest number of rows (dividing edges, each with a required side) of a node whose triples are tried.
+/// With more rows, no triple is tried.
 const MAX_ROWS: usize = 14;
 
 /// Searches three rows, edges with a side, that no line of a node satisfies together, and returns their

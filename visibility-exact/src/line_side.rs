@@ -10,14 +10,16 @@ use visibility_core::glam::DVec3;
 /// Unit round-off of `f64`, 2^-53.
 pub(crate) const U: f64 = f64::EPSILON / 2.0;
 
-/// Tag of an edge's end that is no corner of the target triangle.
+/// Tag of a vertex, or of an end of an edge, that is no corner of the target triangle. The tag of a corner is
+/// its number, 0 to 2.
 pub(crate) const NO_CORNER: u8 = 3;
 
-/// An edge in scene coordinates. `tags` tell for each end which corner of the target triangle it is: 0, 1 or
-/// 2, or [`NO_CORNER`].
+/// An edge in scene coordinates.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Edge {
+    /// Positions of the ends.
     pub(crate) ends: [DVec3; 2],
+    /// For each end, the number of the target triangle's corner that it is (0, 1 or 2), or [`NO_CORNER`].
     pub(crate) tags: [u8; 2],
 }
 

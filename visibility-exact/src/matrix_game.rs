@@ -22,14 +22,15 @@ pub(crate) enum Value {
     Open,
 }
 
-/// Greatest number of steps of the simplex method. After half of these steps, the first improving column is
-/// taken instead of the steepest, which prevents cycles.
+/// Greatest number of steps of the simplex method for one matrix. After half of these steps, the first
+/// improving column is taken instead of the steepest, which prevents cycles.
 const STEPS: usize = 120;
 
 /// A matrix whose rows are pushed and popped like a stack. Each row belongs to an edge, each column to a pair
 /// of a corner of the viewcell polygon and a corner of the target polygon.
 #[derive(Default)]
 pub(crate) struct Matrix {
+    /// Number of entries of each row.
     columns: usize,
     /// Entries, row after row, each divided by the scale of its row.
     entries: Vec<f64>,
@@ -69,6 +70,8 @@ pub(crate) struct MatrixGame {
     /// If the value is [`Value::Negative`]: weights of the rows before scaling, whose weighted sum is
     /// negative in all columns.
     pub(crate) row_weights: Vec<f64>,
+    /// If the value is [`Value::Positive`]: weights of the columns for which the weighted sum of each row is
+    /// positive, up to rounding.
     pub(crate) column_weights: Vec<f64>,
 }
 

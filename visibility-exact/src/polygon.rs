@@ -11,10 +11,12 @@ pub(crate) const MAX_CORNERS: usize = 8;
 /// a target, or a part of one.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Polygon {
+    /// Positions of the corners, in order around the polygon. The first `n` are in use.
     v: [DVec3; MAX_CORNERS],
     /// For each corner, bits 0 to 2 tell which barycentric coordinates in the target triangle are exactly 0.
     /// No bits for polygons that are not a part of the target triangle, and after the triangle was moved.
     pub(crate) zero: [u8; MAX_CORNERS],
+    /// Number of corners.
     n: usize,
 }
 

@@ -50,10 +50,12 @@ pub(crate) enum Step {
     /// halved, false if the target polygon is. `across`: true if the shorter pair of opposite sides of a
     /// quadrilateral is halved, false if the longer pair is. Other polygons are halved in one way only.
     Halves { of_p: bool, across: bool },
-    /// The viewcell polygon is cut by the plane of a one-sided triangle. Two nodes follow: that of the part
-    /// in front of the triangle, then that of the other part.
+    /// The viewcell polygon is cut by the plane of a one-sided triangle, given by its index in
+    /// [`SceneTriangles`](crate::SceneTriangles). Two nodes follow: that of the part in front of the
+    /// triangle, then that of the other part.
     Split { triangle: u32 },
-    /// All segments cross this surface.
+    /// All segments cross this surface, given by the indices of its triangles in
+    /// [`SceneTriangles`](crate::SceneTriangles).
     Surface {
         triangles: Box<[u32]>,
         /// Vertices of the surface's boundary that were moved outwards, by ascending vertex index, with their
@@ -63,37 +65,44 @@ pub(crate) enum Step {
         /// odd number of times.
         line: [DVec3; 2],
     },
-    /// The node has no segment: with these weights of its dividing edges, the weighted sum of the sides on
-    /// which a line passes their edges is negative for all lines between the two polygons.
+    /// The node has no segment. `weights` has one weight for each of its dividing edges, in the order in
+    /// which they were added: for all lines between the two polygons, the weighted sum of the sides on which
+    /// the line passes these edges is negative.
     Empty { weights: Box<[f64]> },
-    /// The node has no segment: three of its dividing edges, around a corner and with these indices, exclude
-    /// all lines.
+    /// The node has no segment: three of its dividing edges, around a corner, exclude all lines. `edges` are
+    /// their indices among the node's dividing edges, in the order in which these were added.
     Corner { edges: [u32; 3] },
     /// The edges of a loop on an occluder divide the node. For each [`LoopEdge::Divides`] a node follows,
     /// with the segments that pass outside of this edge and inside of all dividing edges before it. The
     /// remaining segments are blocked.
     Loop {
-        /// Index of the occluder: a convex polygon of triangles.
+        /// Index of the occluder in `SceneTriangles::pieces`: a convex polygon of coplanar triangles.
         piece: u32,
         /// Corners of the loop: the position in scene coordinates, and the number of the target triangle's
         /// corner that it is (0, 1 or 2), or 3 for none.
         ring: Box<[(DVec3, u8)]>,
         /// Sign (1 or -1) of the side on which blocked segments pass all edges.
         side: f64,
-        /// Outcome for each edge of the ring, that is from each corner to the next.
+        /// For each edge of the ring, from each corner to the next, why no segment that passes outside it is
+        /// left unblocked.
         edges: Box<[LoopEdge]>,
     },
 }
 
-/// What becomes of the segments that pass outside an edge of a loop.
+/// Reason why no segment that passes outside an edge of a loop is left unblocked. Outside is the side
+/// opposite to `side` of [`Step::Loop`].
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) enum LoopEdge {
-    /// No segment between the polygons passes outside of the edge, as the sides on which the lines between
-    /// their corners pass it show.
+    /// No segment between the viewcell and target polygons passes outside the edge: on the side opposite to
+    /// `side` of the loop. The sides on which the lines between the polygons' corners pass the edge show
+    /// this.
     Inside,
-    /// No segment of the node passes outside: by weights of the node's dividing edges, followed by the weight
-    /// of this edge.
+    /// No segment of the node passes outside the edge: on the side opposite to `side` of the loop. `weights`
+    /// prove this as in [`Step::Empty`]: one for each dividing edge of the node, then one for this edge. For
+    /// all lines between the two polygons, the weighted sum of the sides on which a line passes these edges
+    /// is negative.
     Never { weights: Box<[f64]> },
-    /// The segments that pass outside are a node of their own, which follows.
+    /// The segments of the node that pass outside the edge, and inside all dividing edges of the loop before
+    /// it, are a node of their own, which follows in the proof.
     Divides,
 }

@@ -24,8 +24,11 @@ type RingCorner = (DVec3, u8);
 
 /// A loop of edges on an occluder, inside of which a line of the node certainly passes.
 struct Loop {
+    /// Index of the occluder in `SceneTriangles::pieces`: a convex polygon of coplanar triangles.
     piece: u32,
+    /// Corners of the loop in order.
     ring: Vec<RingCorner>,
+    /// Sign (1 or -1) of the side on which lines inside the loop pass all its edges.
     side: f64,
     /// For each edge of the ring, from each corner to the next: true if lines of the node may pass outside of
     /// the edge, so that it divides the node.
@@ -50,14 +53,16 @@ impl Loop {
 /// A node of the search: the segments between the polygons of `sight` that pass the edges of `rows` on the
 /// given sides.
 struct RowNode {
+    /// The viewcell polygon and the target polygon between which the segments run.
     sight: Sight,
     /// Bound in metres on the error of each coordinate of a position, to be used for the sides of edges.
     delta: f64,
+    /// Dividing edges of the node, each with the side on which all segments of the node pass it.
     rows: Vec<Row>,
-    /// For each of `rows`, the sides on which the lines between all pairs of corners of the viewcell and
-    /// target polygons pass the row's edge.
+    /// For each of `rows`, the sides on which the lines from each corner of the viewcell polygon to each
+    /// corner of the target polygon pass the row's edge.
     matrix: Matrix,
-    /// Solution of the linear program of all rows. `None` until it is computed.
+    /// Solution of the linear program whose constraints are all of `rows`. `None` until it is computed.
     solution: Option<Solution>,
 }
 

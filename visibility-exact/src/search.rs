@@ -32,9 +32,12 @@ pub(crate) enum Answer {
 /// Counters of the work done by a [`Search`].
 #[derive(Clone, Copy, Default, Debug)]
 pub(crate) struct SearchStats {
+    /// Number of nodes of searches by halving polygons.
     pub(crate) nodes: u64,
+    /// Number of nodes of attempts to divide by edges of occluders.
     pub(crate) divided_nodes: u64,
     pub(crate) surfaces: u64,
+    /// Number of linear programs that were solved.
     pub(crate) programs: u64,
 }
 
@@ -50,7 +53,8 @@ pub(crate) struct Budget {
     pub(crate) halvings: u32,
 }
 
-/// Number of halvings after which a node is not halved further, and stays undecided.
+/// Number of halvings, of the viewcell or target polygon, after which a node is not halved further and stays
+/// undecided.
 const DEPTH: u32 = 28;
 /// Number of halvings after which a node is first divided by occluder edges too, and then again after every
 /// third further halving.
@@ -58,8 +62,8 @@ const DIVIDE_FROM: u32 = 3;
 /// Greatest number of cuts of the viewcell polygon by planes of one-sided triangles on the way to a node.
 /// Each cut rounds a corner four more times, which [`SceneTriangles::position_error`] allows for.
 pub(crate) const SPLITS: u32 = 8;
-/// Greatest number of triangles at each node from which surfaces are grown. The node's sample line crosses
-/// them.
+/// Greatest number of triangles from which surfaces are grown at each node, among those that the node's
+/// sample line crosses.
 const STARTS: usize = 4;
 /// Greatest number of triangles that are collected along a line that crosses them. With 8, viewcells in a
 /// building took up to a third more nodes.
@@ -73,26 +77,34 @@ pub(crate) const NONE: u32 = u32::MAX;
 pub(crate) struct Search<'a> {
     pub(crate) triangles: &'a SceneTriangles,
     pub(crate) cell: CellBox,
+    /// Clearance of the settings in metres. 0 for none.
     pub(crate) clearance: f64,
     /// Bound in metres on the error of each coordinate of a position, for the target at work.
     pub(crate) delta: f64,
     /// Index of the target triangle in searches without clearance, which must not block lines to itself.
     /// [`NONE`] in other searches.
     pub(crate) skip: u32,
+    /// Indices of the vertices at the corners of triangle `skip`. [`NONE`] in other searches.
     pub(crate) target_vertices: [u32; 3],
+    /// Limits of the work for the target at work.
     pub(crate) budget: Budget,
+    /// Number of nodes of `budget` used so far.
     used: u32,
     pub(crate) chain: ChainScratch,
     pub(crate) game: MatrixGame,
     /// Scratch memory for the matrix of a linear program.
     pub(crate) matrix: Matrix,
+    /// Scratch memory for the indices of the triangles that a line crosses.
     pub(crate) hits: Vec<u32>,
+    /// Nodes of the proof for the target at work, as far as it is found: see
+    /// [`Proof::steps`](crate::proof::Proof).
     pub(crate) steps: Vec<Step>,
     pub(crate) stats: SearchStats,
-    /// Triangle from which the last surface that blocked a node was grown. The next node tries it first.
+    /// Index of the triangle from which the last surface that blocked a node was grown. The next node tries
+    /// it first. [`NONE`] before the first such surface.
     pub(crate) hint: u32,
-    /// A one-sided triangle that blocks for only a part of the node's viewcell polygon, since the polygon is
-    /// on both sides of its plane. [`NONE`] if there is none.
+    /// Index of a one-sided triangle that blocks for only a part of the node's viewcell polygon, since the
+    /// polygon is on both sides of its plane. [`NONE`] if there is none.
     pub(crate) across: u32,
     /// Function that is called at each node. The search ends once it returns true.
     pub(crate) stop: &'a dyn Fn() -> bool,

@@ -16,8 +16,12 @@ const PLANES: usize = 2 * MAX_CORNERS + 2;
 /// positions, heights are wrong by 12 U M at the corners, by 12 U M at the tested point, and by 2 delta from
 /// the corners' positions. As delta is at least 128 U M, the pad of 4 delta covers these errors.
 pub(crate) struct Shaft {
+    /// Unit normal and offset of each plane: a point x has the height `normal . x + offset` over it, in
+    /// metres.
     planes: [(DVec3, f64); PLANES],
+    /// Number of `planes` in use, the first ones.
     count: usize,
+    /// Height in metres by which a point must be behind a plane to be certainly outside.
     pub(crate) pad: f64,
 }
 

@@ -14,9 +14,12 @@ use core::cmp::Ordering;
 /// A part of a viewcell face with a part of a target face, between which segments are not proven blocked.
 /// Nodes are ordered by their share of all segments to the target.
 struct Node {
+    /// Share of all segments from the viewcell to the target that are in the node, from 0 to 1, measured by
+    /// area at both ends.
     share: f64,
-    /// Number of the node in order of creation. It breaks ties between nodes with equal shares.
+    /// Number that no other node has. It breaks ties between nodes with equal shares.
     number: u32,
+    /// The two parts: viewcell polygon and target polygon.
     sight: Sight,
     /// Edge that kept a surface from blocking this node's parent, or its nearest ancestor for which a surface
     /// was grown, and the line from which the surface was grown. `None` if no surface was grown.

@@ -5,11 +5,14 @@ use crate::line_side::{Edge, SideFrom, sign};
 use crate::sight::Sight;
 use visibility_core::glam::DVec3;
 
-/// Bit in a set of signs: some pair of corners has a certainly positive side.
+/// Bit in the set of signs of an edge: some line from a corner of the viewcell polygon to a corner of the
+/// target polygon certainly passes the edge on its positive side.
 pub(crate) const POSITIVE: u8 = 1;
-/// Bit in a set of signs: some pair of corners has a certainly negative side.
+/// Bit in the set of signs of an edge: some line between corners of the two polygons certainly passes the
+/// edge on its negative side.
 pub(crate) const NEGATIVE: u8 = 2;
-/// Bit in a set of signs: rounding leaves the sign of the side at some pair of corners undecided.
+/// Bit in the set of signs of an edge: rounding leaves undecided on which side some line between corners of
+/// the two polygons passes the edge.
 pub(crate) const UNSURE: u8 = 4;
 
 /// Cases in which the side of an edge is exactly 0. In the first, the line ends at a corner of the target

@@ -9,11 +9,12 @@ use visibility_core::glam::{DVec3, Vec3};
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TriangleTree {
     nodes: Vec<Node>,
-    /// Indices of the triangles in the order of the leaves.
+    /// Indices of the tree's triangles among all triangles of the scene, leaf after leaf. Each leaf has a
+    /// range of this list.
     order: Vec<u32>,
-    /// Corners of the triangles, in scene coordinates, in the order of the leaves.
+    /// For each entry of `order`, the corners of the triangle in scene coordinates.
     corners: Vec<[Vec3; 3]>,
-    /// Whether a triangle is one-sided, so that segments from behind pass it. In the order of the leaves.
+    /// For each entry of `order`, whether the triangle is one-sided, so that segments from behind pass it.
     one_sided: Vec<bool>,
 }
 
@@ -22,9 +23,10 @@ pub(crate) struct TriangleTree {
 struct Node {
     min: Vec3,
     max: Vec3,
-    /// Index of an inner node's second child, or of a leaf's first triangle.
+    /// For an inner node, the index in `nodes` of its second child. For a leaf, the index in `order` of its
+    /// first triangle.
     link: u32,
-    /// Number of triangles of a leaf. 0 for an inner node.
+    /// Number of triangles of a leaf, which follow each other in `order`. 0 for an inner node.
     count: u32,
 }
 
@@ -45,7 +47,8 @@ impl LeafBox {
 
 /// Greatest number of triangles in a leaf.
 const LEAF: usize = 4;
-/// Depth from which nodes are split at the median, which bounds the depth of the tree.
+/// Depth in the tree (0 for the root) from which nodes are split at the median. This bounds the depth of the
+/// tree.
 const DEEP: usize = 48;
 /// Upper bound on the depth of the tree: [`DEEP`] levels, then at most 32 halvings of up to 2^32 triangles,
 /// and two levels of reserve.
@@ -53,7 +56,7 @@ const STACK: usize = DEEP + 34;
 /// Greatest number of triangles that a segment may touch without certainly crossing them. A search ends after
 /// more.
 const TOUCHED: u32 = 4096;
-/// Number of bins of the surface-area heuristic.
+/// Number of bins along an axis into which the surface-area heuristic sorts boxes to choose a split.
 const BINS: usize = 16;
 
 impl TriangleTree {

@@ -16,7 +16,7 @@ pub struct Witness {
     /// End of the line of sight: on the seen triangle up to rounding, or, with a clearance, at most the
     /// clearance in front of it. Equal to `from` if the object reaches into the viewcell there.
     pub to: DVec3,
-    /// Index of the seen triangle, among all triangles of the scene.
+    /// Index of the seen triangle among all triangles of the [`SceneTriangles`].
     pub triangle: u32,
 }
 
@@ -50,6 +50,7 @@ pub struct ProvenHidden {
 #[derive(Clone, PartialEq, Debug)]
 #[non_exhaustive]
 pub struct CellVerdicts {
+    /// Verdict on each object, in the order of the objects of the [`SceneTriangles`].
     pub(crate) verdicts: Vec<Verdict>,
     /// Proofs of the hidden objects. Empty unless the settings [keep](crate::ExactSettings::with_kept_proofs)
     /// proofs.

@@ -37,7 +37,7 @@ pub(crate) fn divide_regions(regions: &mut Regions, faces: &Faces, max_edges: us
     }
 }
 
-/// Returns the number of edges of a region's outline without vertices in the middle of straight lines.
+/// Returns the number of edges of a region's outline. Successive edges on one straight line count as one.
 fn edge_count(faces: &Faces, regions: &Regions, region: &Region) -> usize {
     let mut outline = [outline(faces, regions, region)];
     straighten(&faces.vertices, &mut outline);

@@ -104,7 +104,8 @@ fn layer_length(objects: &[u32], rank: impl Fn(u32) -> u32) -> usize {
 /// Iterator over the object indices of one layer (group of similar objects of a cell), in ascending order.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Layer<'a> {
-    /// Mean class of the layer's objects.
+    /// Means over the layer's objects: class of their mean area in square metres, mean class of their
+    /// openness (mean free distance in front of a surface), and the axis side that they face.
     pub(crate) class: SurfaceClass,
     /// Object index returned last. Before the first object, the least object index in the cell.
     last: u32,

@@ -82,8 +82,8 @@ const KEPT: usize = 32;
 /// ```
 #[derive(Clone, Debug)]
 pub struct OnlinePvs {
-    /// Sizes of the boxes along x, y and z in metres: `sizes[WIDE]` for wide boxes, `sizes[NEAR]` for
-    /// viewcells.
+    /// Extents along x, y and z in metres of the two sizes of boxes: `sizes[WIDE]` of the wide boxes,
+    /// `sizes[NEAR]` of the viewcells, which lie in wide boxes.
     sizes: [DVec3; 2],
     margin: f64,
     culler: ExtendedProjectionCuller,

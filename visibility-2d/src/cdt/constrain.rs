@@ -20,15 +20,18 @@ use alloc::vec::Vec;
 /// `Triangulation::lists`.
 pub(crate) const MAX_VERTICES: usize = 1 << 24;
 
-/// Flag that tells steps from half-edges. If set, the other bits are an index into `Constrainer::steps`;
-/// otherwise the number is the index of a half-edge.
+/// Flag that tells indices of steps from indices of half-edges. If set, the other bits are an index into
+/// `Constrainer::steps`; otherwise the number is an index into `Triangulation::edges`.
 const STEP: u32 = 1 << 31;
 
 /// Piece of a wall that is still to be inserted as an edge or a chain of edges.
 #[derive(Clone, Debug)]
 struct Task {
+    /// Vertex at which the piece begins, an index into `Triangulation::points`.
     from: u32,
+    /// Vertex at which the piece ends, an index into `Triangulation::points`.
     to: u32,
+    /// Index, in `Triangulation::lists`, of the first item of the linked list of walls along the piece.
     walls: u32,
     /// True if the piece comes from a split at a crossing, false if it is on the line of a wall as given.
     is_part: bool,
@@ -37,15 +40,18 @@ struct Task {
 /// Boundary edge of the hole left by the triangles that a wall crosses.
 #[derive(Clone, Debug)]
 struct Step {
-    /// Vertex at the end of the edge, on the way clockwise around the hole: the origin of `inner`.
+    /// Index of the vertex to which the edge leads if the hole's boundary is followed clockwise. Half-edges
+    /// run counter-clockwise in their triangle, so this is the vertex at which `inner` begins.
     vertex: u32,
-    /// Half-edge of the edge inside the hole: first of the removed triangle, later of the new one
-    /// (`fill_side`).
+    /// Index of the edge's half-edge inside the hole: first of the removed triangle, later of the triangle
+    /// that [`fill_side`](Constrainer::fill_side) puts there.
     inner: u32,
-    /// Half-edge of the edge outside the hole; [`NONE`] on the outer rectangle. If the triangles on both
-    /// sides of the edge are removed, the edge appears as two steps: then [`STEP`] plus the index of the
+    /// Index of the edge's half-edge outside the hole; [`NONE`] on the outer rectangle. If the triangles on
+    /// both sides of the edge are removed, the edge appears as two steps: then [`STEP`] plus the index of the
     /// other step.
     outer: u32,
+    /// Index, in `Triangulation::lists`, of the first item of the linked list of walls along the edge.
+    /// [`NONE`] without a wall.
     walls: u32,
 }
 
@@ -60,10 +66,13 @@ enum Way {
 /// Inserts walls as edges of a triangulation. One value inserts all walls and reuses its memory.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Constrainer {
+    /// Stack of the pieces of walls that are still to be inserted.
     tasks: Vec<Task>,
     /// Steps around the hole that the removed triangles leave, clockwise: first those on the left of the
     /// wall, from its first end to its second, then those on the right, from its second end to its first.
     steps: Vec<Step>,
+    /// Scratch of [`cross`](Self::cross): steps on the right of the wall, from its first end to its second.
+    /// [`fill`](Self::fill) moves them to the end of `steps`, in reverse order.
     right: Vec<Step>,
     /// Indices of the triangles that the wall crosses. `fill_side` reuses these indices for the triangles
     /// that fill the hole.
@@ -97,8 +106,10 @@ impl Constrainer {
         self.insert_list(of, from, to, walls)
     }
 
-    /// Inserts the segment between two vertices as a chain of edges, like [`insert`](Self::insert), for a
-    /// whole list of walls along the segment.
+    /// Inserts the segment between two vertices as a chain of edges, like [`insert`](Self::insert), but for
+    /// all walls of a linked list. `walls` is the index of the list's first item in `Triangulation::lists`.
+    /// It need not be an index if all segments of the triangulation are inserted with the same number: then
+    /// it only marks their edges.
     pub(crate) fn insert_list(
         &mut self,
         of: &mut Triangulation,
@@ -240,8 +251,8 @@ impl Constrainer {
         upper
     }
 
-    /// Triangulates one side of the hole, between the wall and the steps `first..end`, which begin at the
-    /// vertex `from`. Returns the new half-edge along the wall.
+    /// Triangulates one side of the hole, between the wall and the steps with the indices `first..end` in
+    /// `steps`, which begin at the vertex `from`. Returns the index of the new half-edge along the wall.
     fn fill_side(&mut self, of: &mut Triangulation, from: u32, first: usize, end: usize) -> u32 {
         self.chain.clear();
         self.chain.push((from, NONE));
@@ -293,7 +304,8 @@ fn link(of: &mut Triangulation, h: u32, g: u32) {
     of.edges[g as usize].twin = h;
 }
 
-/// Sets the list of walls of half-edge `h` and of its twin.
+/// Sets the walls along half-edge `h` and its twin. `walls` is the index, in `Triangulation::lists`, of the
+/// first item of their list, or [`NONE`].
 fn mark_as(of: &mut Triangulation, h: u32, walls: u32) {
     let twin = of.edges[h as usize].twin;
     of.edges[h as usize].walls = walls;
@@ -302,8 +314,8 @@ fn mark_as(of: &mut Triangulation, h: u32, walls: u32) {
     }
 }
 
-/// Adds the walls of a list to the edge of `h`. `walls` is the first item of the list. A wall may then be
-/// listed more than once.
+/// Adds the walls of a list to the edge of half-edge `h`. `walls` is the index, in `Triangulation::lists`, of
+/// the first item of the list. A wall may then be listed more than once.
 fn mark(of: &mut Triangulation, h: u32, walls: u32) {
     let mut head = of.edges[h as usize].walls;
     if head == walls {

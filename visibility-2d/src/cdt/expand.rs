@@ -24,14 +24,17 @@ pub(crate) struct Ray {
 /// Cone of sight where it leaves a triangle through an edge.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cone {
-    /// Half-edge across which the cone leaves a triangle. If `enters`, the half-edge on the outer rectangle
-    /// across which the cone enters its triangle.
+    /// Index of the half-edge across which the cone leaves a triangle. If `enters`: of the half-edge on the
+    /// outer rectangle across which the cone enters its triangle.
     pub(crate) edge: u32,
+    /// Ray from the eye that bounds the cone on its right.
     pub(crate) right: Ray,
+    /// Ray from the eye that bounds the cone on its left.
     pub(crate) left: Ray,
-    /// Number of opaque walls that the cone may still pass through.
+    /// Number of opaque walls that the cone may still cross.
     through: u32,
-    /// Whether the cone comes from outside the rectangle and enters the triangle of `edge`.
+    /// True if the cone comes from outside the outer rectangle and enters the triangle of `edge`, false if it
+    /// leaves that triangle.
     enters: bool,
 }
 
@@ -46,8 +49,8 @@ impl Cone {
 /// Event of a cone of sight at an edge of a triangle.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Met {
-    /// The cone passes the wall, because the wall does not block, or is one of the opaque walls that the view
-    /// may see through.
+    /// The cone goes on beyond the wall. The wall does not block lines of sight, or it is opaque and one of
+    /// the [`PlanView::through`](super::PlanView::through) opaque walls that the cone may cross.
     Passed,
     /// The cone ends at a wall or at the outer rectangle.
     Ended,
@@ -60,7 +63,9 @@ pub(crate) enum Met {
 pub(crate) struct Expansion<'a> {
     pub(crate) plan: &'a Plan,
     pub(crate) eye: Point,
-    /// Points that divide the sector; see [`PlanView::sector_points`](super::PlanView::sector_points).
+    /// Points whose directions from the eye divide the view's sector into parts of less than half a turn,
+    /// from right to left; see [`PlanView::sector_points`](super::PlanView::sector_points). Empty without a
+    /// sector.
     pub(crate) sector: &'a [Point],
 }
 

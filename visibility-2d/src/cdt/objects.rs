@@ -14,11 +14,14 @@ use visibility_core::stamp::Stamp;
 /// the object.
 #[derive(Clone, Copy, Debug)]
 struct Item {
+    /// Number of the object.
     object: u32,
+    /// Index of the triangle in the plan.
     triangle: u32,
-    /// Next item of the same triangle, [`NONE`] at the end.
+    /// Index in `PlanObjects::items` of the next item of the same triangle, [`NONE`] for the last.
     next: u32,
-    /// Next item of the same object, [`NONE`] at the end. For a free item, the next free item.
+    /// Index in `PlanObjects::items` of the next item of the same object, [`NONE`] for the last. For an
+    /// unused item: of the next unused item.
     next_of_object: u32,
 }
 
@@ -47,14 +50,17 @@ struct Item {
 pub struct PlanObjects {
     /// Stamp of the triangulation on which the objects are listed.
     pub(super) of: Stamp,
-    /// First item of each triangle in `items`, [`NONE`] without objects.
+    /// For each triangle of the plan, the index in `items` of the first item in the list of its objects.
+    /// [`NONE`] without objects.
     of_triangle: Vec<u32>,
-    /// First item of each object in `items`, [`NONE`] for a removed object.
+    /// For each object, the index in `items` of the first item in the list of its triangles. [`NONE`] for a
+    /// removed object.
     of_object: Vec<u32>,
     /// Corners of the hull of each object, counter-clockwise.
     hulls: Vec<Vec<Point>>,
+    /// Items of all linked lists, and unused ones.
     items: Vec<Item>,
-    /// Index of the first free item of `items`, or [`NONE`].
+    /// Index in `items` of the first unused item, which leads to the next. [`NONE`] if all are used.
     free: u32,
     scratch: RegionVisibility,
 }

@@ -16,7 +16,7 @@ const MAX_WALLS: usize = 4 * MAX_VERTICES;
 /// Half-edge of a plan. It takes only 8 bytes, since queries read half-edges in random order.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HalfEdge {
-    /// Vertex at which the half-edge begins.
+    /// Vertex at which the half-edge begins, an index into `Plan::points`.
     pub(crate) origin: u32,
     /// Index of the twin half-edge in the bits of [`TWIN`], with the flags [`WALL`] and [`BLOCKS`].
     pub(crate) twin: u32,
@@ -69,29 +69,36 @@ pub struct Plan {
     stamp: Stamp,
     /// Stamp of the triangulation, which opening and closing doors does not change.
     pub(super) triangulated: Stamp,
+    /// Position of each vertex in world units.
     pub(crate) points: Vec<Point>,
+    /// Half-edges. Those of triangle `t` have the indices `3 t` to `3 t + 2`, counter-clockwise.
     pub(crate) edges: Vec<HalfEdge>,
-    /// For each vertex, a half-edge that begins there.
+    /// For each vertex, the index in `edges` of a half-edge that begins there.
     pub(crate) out: Vec<u32>,
     curve: Curve,
-    /// For each vertex, the first 32 bits of its position along the Hilbert curve ([`Curve::place`]).
+    /// For each vertex, the highest 32 bits of its position along the Hilbert curve ([`Curve::place`]).
     /// Vertices are sorted by this position, ascending.
     places: Vec<u32>,
-    /// Piece of a wall along each half-edge, [`NONE`] without a wall. Both halves have the same piece.
+    /// For each half-edge, the index of the piece of a wall along it, [`NONE`] without a wall. Both
+    /// half-edges of an edge have the same piece. Pieces are the parts into which crossings and contacts
+    /// split the walls.
     pub(crate) piece: Vec<u32>,
-    /// For each piece, the start of its walls in `walls_of_pieces`. The last entry is the end of the last
-    /// piece.
+    /// For each piece of a wall, the start of the range of its walls in `walls_of_pieces`: several if walls
+    /// overlap. One more entry is the end of the last range.
     first_wall: Vec<u32>,
+    /// Numbers of the walls along each piece, ascending within a piece, piece after piece.
     walls_of_pieces: Vec<u32>,
-    /// For each piece, one of its two half-edges.
+    /// For each piece of a wall, the index in `edges` of one of its two half-edges.
     piece_edge: Vec<u32>,
-    /// For each wall, the start of its pieces in `pieces_of_walls`. The last entry is the end of the last
-    /// wall.
+    /// For each wall, the start of the range of its pieces in `pieces_of_walls`. One more entry is the end of
+    /// the last range.
     first_piece: Vec<u32>,
+    /// Indices of the pieces of each wall, wall after wall.
     pieces_of_walls: Vec<u32>,
     walls: Vec<Wall>,
+    /// Least and greatest corner of the outer rectangle, in world units.
     bounds: [Point; 2],
-    /// Half-edges on the outer rectangle, counter-clockwise.
+    /// Indices in `edges` of the half-edges on the outer rectangle, counter-clockwise from its least corner.
     outer: [u32; 4],
 }
 
@@ -362,7 +369,7 @@ impl Plan {
         self.outer
     }
 
-    /// Returns the walls along a piece.
+    /// Returns the numbers of the walls along the piece with index `piece`, ascending.
     pub(crate) fn walls_of(&self, piece: u32) -> &[u32] {
         let piece = piece as usize;
         &self.walls_of_pieces[self.first_wall[piece] as usize..self.first_wall[piece + 1] as usize]

@@ -44,13 +44,15 @@ use visibility_core::who_sees::{Reach, SightCells};
 #[derive(Clone, Debug)]
 pub struct PlanCells {
     plan: Plan,
+    /// Indices (0 to 2) of the world axes that are the plan's x and y.
     axes: [usize; 2],
     /// Stamp that changes with the opacity of walls.
     stamp: Stamp,
-    /// For each triangle, the triangles seen from it. `None` until a mover has entered the triangle. An empty
-    /// list if computing them would take too many steps: then everything counts as seen from the triangle.
+    /// For each triangle, the indices of the triangles seen from it. `None` until a mover has entered the
+    /// triangle. An empty list if computing them would take too many steps: then everything counts as seen
+    /// from the triangle.
     rows: Vec<Option<Box<[u32]>>>,
-    /// Scratch: triangles of the present mover.
+    /// Scratch: the triangles that the mover of the present call may be in.
     reached: RegionVisibility,
     /// Scratch: triangles seen from the present triangle.
     seen: RegionVisibility,

@@ -8,7 +8,9 @@ const COSINE: f64 = 0.995_184_726_672_196_9;
 /// Disc of the points within the range of an eye.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Disc {
+    /// Centre of the disc, in world units.
     eye: Point,
+    /// Radius of the disc in world units, not negative.
     range: f64,
 }
 

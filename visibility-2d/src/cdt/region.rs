@@ -17,42 +17,52 @@ use super::triangulation::{NONE, Place, next, previous};
 use super::wall::add_walls;
 use alloc::vec::Vec;
 
-/// Maximum number of triangles that all beams of a region may enter in total. Entering a triangle takes about
-/// 40 ns.
+/// Maximum number of times that beams from one region may enter a triangle, all beams together. Each takes
+/// about 40 ns.
 const MAX_STEPS: usize = 1 << 24;
 
-/// Side of a beam. The lines of a beam form a convex polygon in the dual plane, where each point stands for a
-/// line of sight. On a side of the polygon, all lines touch one vertex of the plan. The struct also holds the
-/// polygon's corner after the side.
+/// Side of the convex polygon that stands for a beam of lines of sight in the dual plane. A point of the dual
+/// plane is a line of the plan, and a line of the dual plane is a vertex of the plan, so all lines of sight
+/// on a side touch one vertex. The struct also holds the polygon's corner after the side, which is a line
+/// through two vertices.
 #[derive(Clone, Copy, Debug)]
 struct Side {
-    /// Index of the vertex that the lines on this side touch.
+    /// Vertex that all lines of sight on this side touch, an index into `Plan::points`.
     vertex: u32,
-    /// Indices of the two vertices on the line that the corner stands for, in the line's direction.
+    /// Two vertices through which the line at the corner runs, in the line's direction, as indices into
+    /// `Plan::points`.
     corner: [u32; 2],
 }
 
 /// Beam of lines of sight where it leaves a triangle across an edge.
 #[derive(Clone, Copy, Debug)]
 struct Beam {
-    /// Half-edge of the triangle that the beam leaves.
+    /// Half-edge across which the beam leaves a triangle, an index into `Plan::edges`.
     edge: u32,
-    /// Half-open range of the beam's sides in `RegionVisibility::sides`.
+    /// Range, in `RegionVisibility::sides`, of the sides of the beam's polygon in the dual plane: start, and
+    /// exclusive end.
     sides: (u32, u32),
     /// Length to which `RegionVisibility::sides` is truncated when this beam is taken from the stack. The
-    /// sides of this beam and of those below it on the stack lie before this length.
+    /// sides of this beam, and of the beams below it on the stack, have indices below this length.
     kept: u32,
 }
 
 /// Result of [`Plan::look_from_region`]: walls and triangles seen. Reuses its memory.
 #[derive(Clone, Debug, Default)]
 pub struct RegionVisibility {
+    /// Indices of the triangles seen, each once. Those that the region overlaps come first.
     triangles: Vec<u32>,
+    /// Numbers of the walls seen, each once.
     walls: Vec<u32>,
+    /// For each triangle of the plan, the number of the last query that added it to `triangles`.
     triangle_marks: Vec<u32>,
+    /// For each wall of the plan, the number of the last query that added it to `walls`.
     wall_marks: Vec<u32>,
+    /// Number of the present query, with which triangles and walls are marked. 0 before the first query.
     query: u32,
+    /// Sides of the polygons of all beams in `beams`. Each beam holds the range of its own.
     sides: Vec<Side>,
+    /// Stack of the beams that are still to be followed.
     beams: Vec<Beam>,
     /// Points given by the caller, whose convex hull is the region, in world units. Without repetitions,
     /// ascending by x, then y. Points inside the hull are kept.
@@ -60,7 +70,10 @@ pub struct RegionVisibility {
     /// Corners of the region, the convex hull of `points`, counter-clockwise from the first point of
     /// `points`. One corner if the region is a point, two if it is a segment.
     pub(super) hull: Vec<Point>,
+    /// Scratch: for each corner of the present beam's polygon, the side of the corner's line on which the
+    /// next vertex lies: 1 for left, -1 for right, 0 for on the line.
     signs: Vec<i8>,
+    /// Number of triangles that beams have entered in the present query.
     steps: usize,
 }
 

@@ -142,8 +142,8 @@ impl Plan {
         })
     }
 
-    /// Returns the least number of a wall along half-edge `h` that stops lines of sight out of its triangle.
-    /// `None` if all let them pass.
+    /// Returns the number of the wall along half-edge `h` that stops lines of sight out of its triangle, the
+    /// least if there are several. `None` if there is none.
     fn wall_that_stops(&self, h: u32) -> Option<u32> {
         let piece = self.piece[h as usize];
         let walls = if piece == NONE { &[] } else { self.walls_of(piece) };
@@ -154,7 +154,9 @@ impl Plan {
 /// A walk along the segment from `a` to `b`, which differ, or along the ray from `a` through `b`.
 struct Walk<'a> {
     plan: &'a Plan,
+    /// Start of the segment or ray.
     a: Point,
+    /// End of the segment, or a point that the ray passes.
     b: Point,
     /// True for a ray, which does not end at `b`; false for the segment.
     is_ray: bool,

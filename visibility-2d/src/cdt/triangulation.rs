@@ -20,7 +20,7 @@ use super::hilbert::Curve;
 use super::predicates::{Point, in_circle, orient};
 use alloc::vec::Vec;
 
-/// Index that no half-edge, vertex or list has.
+/// Value that stands for no half-edge, vertex, label or item of a list, where an index of one is stored.
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// Returns the half-edge that follows `h` in its triangle.
@@ -40,9 +40,9 @@ pub(crate) fn previous(h: u32) -> u32 {
 pub(crate) enum Place {
     /// The point is strictly inside the triangle with this index.
     Triangle(u32),
-    /// The point is on a half-edge, between its ends.
+    /// The point is on the half-edge with this index, between its ends.
     Edge(u32),
-    /// The point is at the origin of a half-edge.
+    /// The point is at the vertex at which the half-edge with this index begins.
     Vertex(u32),
     /// The point is outside all triangles.
     Outside,
@@ -51,33 +51,42 @@ pub(crate) enum Place {
 /// Half-edge during construction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BuildEdge {
-    /// Vertex at which the half-edge begins.
+    /// Vertex at which the half-edge begins, an index into `Triangulation::points`.
     pub(crate) origin: u32,
-    /// Half-edge of the neighbouring triangle between the same vertices. [`NONE`] on the outer rectangle.
+    /// Index of the half-edge of the neighbouring triangle between the same two vertices. [`NONE`] on the
+    /// outer rectangle.
     pub(crate) twin: u32,
-    /// First item of the list of walls along the edge, in `Triangulation::lists`. [`NONE`] without a wall.
+    /// Index, in `Triangulation::lists`, of the first item of the linked list of walls along the edge.
+    /// [`NONE`] without a wall.
     pub(crate) walls: u32,
 }
 
 /// A triangulation of points, with walls along some edges.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Triangulation {
+    /// Position of each vertex. The first four are the corners of the outer rectangle.
     pub(crate) points: Vec<Point>,
+    /// Half-edges. Those of triangle `t` have the indices `3 t` to `3 t + 2`, counter-clockwise.
     pub(crate) edges: Vec<BuildEdge>,
-    /// For each vertex, a half-edge that begins there.
+    /// For each vertex, the index in `edges` of a half-edge that begins there.
     pub(crate) out: Vec<u32>,
-    /// Items of the lists of walls: the number of a wall, and the next item or [`NONE`]. Items never change.
+    /// Items of linked lists of walls: the number of a wall, and the index of the next item, [`NONE`] in the
+    /// last. Items never change, so several lists may end in the same items.
     pub(crate) lists: Vec<(u32, u32)>,
     /// Label of each triangle, [`NONE`] without one. The user of the triangulation sets labels, for instance
     /// the index of an occluder that covers the triangle. What a label says must hold at all points of its
     /// triangle.
     pub(crate) labels: Vec<u32>,
-    /// Labels that triangles have lost. A label may be listed several times.
+    /// Labels that triangles have lost since the user of the triangulation last took labels from here. A
+    /// label may occur several times.
     pub(crate) erased: Vec<u32>,
-    /// Bounds of the triangles that have lost their labels.
+    /// Bounds (least and greatest corner) of the triangles that have lost their labels. The user of the
+    /// triangulation resets them to [`NOWHERE`].
     pub(crate) erased_bounds: [Point; 2],
-    /// Half-edge at which the next walk to a point begins: see `locate`.
+    /// Index of the half-edge in whose triangle the next walk to a point begins: see
+    /// [`locate`](Self::locate).
     last: u32,
+    /// Indices of half-edges that may have to be flipped: see [`restore_delaunay`](Self::restore_delaunay).
     stack: Vec<u32>,
 }
 
@@ -305,7 +314,8 @@ impl Triangulation {
         self.last = h;
     }
 
-    /// Pushes an edge on the stack of [`restore_delaunay`](Self::restore_delaunay).
+    /// Pushes the half-edge `h` on the stack of edges that [`restore_delaunay`](Self::restore_delaunay) tests
+    /// and flips.
     pub(crate) fn suspect(&mut self, h: u32) {
         self.stack.push(h);
     }

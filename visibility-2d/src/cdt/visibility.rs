@@ -19,15 +19,20 @@ pub struct Visibility {
     polygon: Vec<Point>,
     walls: Vec<u32>,
     objects: Vec<u32>,
+    /// Twice the area of `polygon`, in square world units.
     twice_area: f64,
+    /// Stack of the cones of sight that are still to be followed.
     cones: Vec<Cone>,
+    /// Scratch: points that divide the view's sector, see [`PlanView::sector_points`].
     sector: Vec<Point>,
     /// For each wall, the number of the last query that saw it.
     marks: Vec<u32>,
     /// For each object, the number of the last query that saw it.
     object_marks: Vec<u32>,
+    /// Number of the present query, with which walls and objects are marked. 0 before the first query.
     query: u32,
-    /// Half-edge at the eye of the last query, with the stamp of its triangulation.
+    /// Half-edge of the triangle that held the last eye, where the walk to the next eye begins: its index in
+    /// `Plan::edges`, and the stamp of the triangulation.
     last: (u32, Stamp),
 }
 

@@ -24,7 +24,9 @@ const U: f32 = f32::EPSILON / 2.0;
 /// Eye in `f32`, with a bound on its error.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct QueryEye {
+    /// Eye, rounded to `f32`: two coordinates on the plan and the height, in metres from the scene's origin.
     high: [f32; 3],
+    /// Difference between the eye and `high`, rounded to `f32`, in metres.
     low: [f32; 3],
     /// Bound on the error of each coordinate in metres. Infinite if nothing can be hidden.
     error: f32,
@@ -149,9 +151,9 @@ impl<const N: usize> Relative<N> {
 }
 
 impl Columns {
-    /// Tests the lanes of `state.0` in the face `FACE`. `state.0` has the candidates that were hidden in all
-    /// faces so far; lanes not hidden in this face are removed. Lanes that meet the face are added to
-    /// `state.1`.
+    /// Tests boxes, one per lane, in the face `FACE`. `state.0` is the mask of the lanes whose boxes were
+    /// hidden in all faces so far; lanes not hidden in this face are removed from it. Lanes whose boxes meet
+    /// the columns in view of this face are added to the mask `state.1`.
     #[inline(always)]
     fn hidden_in_face<const FACE: usize, const N: usize>(
         &self,
@@ -180,7 +182,8 @@ impl Columns {
         }
     }
 
-    /// Returns the lanes of `candidates` whose box is certainly hidden wherever the view may see it.
+    /// Returns the mask of the lanes among `candidates` whose box is certainly hidden wherever the view may
+    /// see it. Bit i stands for lane i, which holds box i of `boxes`.
     #[inline(always)]
     fn hidden_lanes<const N: usize>(
         &self,

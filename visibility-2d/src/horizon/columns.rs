@@ -15,8 +15,11 @@ pub(crate) const STEPS: usize = 3;
 /// `high` has met an occluder at an inverse depth of at least `inverse_depth`.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Step {
+    /// Inverse of the occluder's depth in 1/m. The step hides surfaces at this inverse depth or less.
     pub(crate) inverse_depth: f32,
+    /// Height in the picture above which the step hides: height above the eye over depth.
     pub(crate) low: f32,
+    /// Height in the picture below which the step hides: height above the eye over depth.
     pub(crate) high: f32,
 }
 
@@ -38,12 +41,15 @@ impl Step {
 /// Number of columns of a [`Block`].
 pub(crate) const BLOCK: usize = 8;
 
-/// Steps of eight neighbouring columns, which are tested together, indexed by step and column.
+/// Steps of eight neighbouring columns, which are tested together. Arrays are indexed by the number of a step
+/// (0 to [`STEPS`] - 1), then by the column in the block.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Block {
     /// Step that hides only what every column of the block hides, made from each column's step with the
     /// highest top.
     common: Step,
+    /// For each step and column, the step's [inverse depth](Step::inverse_depth). The next two fields hold
+    /// its lower and its upper height.
     inverse_depth: [[f32; BLOCK]; STEPS],
     low: [[f32; BLOCK]; STEPS],
     high: [[f32; BLOCK]; STEPS],
@@ -119,15 +125,18 @@ impl Block {
 /// Columns of the four faces of the picture.
 #[derive(Clone, Debug)]
 pub(crate) struct Columns {
+    /// Number of columns of each face, without those that fill up its last block.
     per_face: usize,
-    /// Blocks of columns of all faces, face by face. The number of columns of each face is rounded up to
-    /// whole blocks.
+    /// Blocks of columns of all faces, face by face, in a face from its right edge on. The number of columns
+    /// of each face is rounded up to whole blocks.
     blocks: Vec<Block>,
-    /// Half-open range of the columns in view of each face. Empty for a face that is not in view.
+    /// For each face, the half-open range of the columns in view, counted from the right edge of the face.
+    /// Empty for a face that is not in view.
     seen: [Range<usize>; FACES],
     outline: Outline,
-    /// Scratch of [`draw`](Self::draw): three lists with an entry for each boundary between two columns. They
-    /// hold the height of the occluder's top, the negated height of its bottom, and its inverse depth.
+    /// Scratch of [`draw`](Self::draw): three lists with one entry for each boundary between two columns of a
+    /// face, from its right edge on. They hold the height of the occluder's top in the picture, the negated
+    /// height of its bottom, and its inverse depth in 1/m.
     sides: [Vec<f64>; 3],
 }
 
@@ -268,7 +277,8 @@ impl Columns {
     }
 }
 
-/// Relative amount by which a number is moved inwards after rounding to `f32`: twice the unit round-off.
+/// Amount by which a height or an inverse depth is moved inwards (hiding less) after rounding to `f32`,
+/// relative to its magnitude: twice the unit round-off.
 const INWARDS: f32 = f32::EPSILON;
 
 /// Returns the smallest integer not less than `x`.
@@ -279,8 +289,8 @@ fn ceil(x: f64) -> f64 {
 
 /// Lowers each entry of `heights` and `inverse_depths` to the height and the inverse depth of an outline
 /// minus their error bounds, if that is less. `sense` is 1 for an upper outline and -1 for a lower one, whose
-/// heights are negated. Entries are for the boundaries between columns, from the right side of column `begin`
-/// on.
+/// heights are negated. Entry `i` of either list is for the right side of column `begin + i`: the boundary
+/// between two columns.
 fn sample(
     heights: &mut [f64],
     inverse_depths: &mut [f64],

@@ -19,7 +19,7 @@ use visibility_core::{Aabb, ObjectId};
 /// Share of a crown's width that counts: its middle half, because its rim is thin.
 const CORE: f32 = 0.5;
 
-/// For each column, the number of crowns met so far.
+/// Tree crowns, and for each column of the picture the number of crowns that it has met in this frame.
 #[derive(Clone, Debug)]
 pub(crate) struct CrownColumns {
     /// Ids of the objects that are crowns, ascending.

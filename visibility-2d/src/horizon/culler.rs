@@ -54,11 +54,13 @@ use visibility_core::{Aabb, Accuracy, CullStats, Culler, ObjectId, OcclusionMap,
 pub struct HorizonCuller {
     occluders: Arc<HorizonOccluders>,
     horizon: Horizon,
-    /// Queue of nodes and objects. Empty between frames; kept to reuse its memory.
+    /// Nodes and objects of the present frame that are not hidden so far. Kept between frames to reuse its
+    /// memory.
     queue: Queue,
-    /// Indices of the objects that changed since the occluders were made, ascending.
+    /// Indices, in the scene, of the objects that changed since the occluders were made, ascending.
     changed: Vec<u32>,
-    /// Scratch: which ground may occlude in this frame, because all objects that it belongs to are drawn.
+    /// Scratch: which squares of ground may occlude in this frame. All objects whose triangles are over such
+    /// a square are drawn or out of view.
     presence: Presence,
     /// Crowns of trees that each column has met in this frame. `None` if no crowns are named.
     crowns: Option<CrownColumns>,
@@ -67,8 +69,11 @@ pub struct HorizonCuller {
 /// Queue of nodes and objects, nearest first.
 #[derive(Clone, Debug, Default)]
 struct Queue {
-    /// Squared distance on the plan, as the bits of an `f32`, above the index into `entries`.
+    /// Heap of the entries still to be taken, nearest first. The upper 32 bits of a key are the squared
+    /// distance on the plan in square metres, as the bits of an `f32`. The lower 32 bits are an index into
+    /// `entries`.
     order: BinaryHeap<Reverse<u64>>,
+    /// All nodes and objects queued in this frame, those already taken included.
     entries: Vec<Waiting>,
 }
 
@@ -79,8 +84,9 @@ struct Waiting {
     /// tested again.
     drawn: u32,
     child: Child,
-    /// Node whose children include this one, in lane `lane`. `None` for a child of the top of the hierarchy.
+    /// Node of which the entry is a child. `None` for a child of the top of the hierarchy.
     parent: Option<usize>,
+    /// Lane of the entry: its slot, 0 to 63, in the block of the children of `parent`.
     lane: u8,
     bounds: Aabb,
 }

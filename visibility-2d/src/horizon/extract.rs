@@ -11,7 +11,8 @@ use alloc::vec::Vec;
 use visibility_core::OccluderMesh;
 use visibility_core::glam::{Affine3A, DVec3};
 
-/// Maximum number of posts of a solid. Solids with more are rare, and cost more than they hide.
+/// Maximum number of posts (upright segments) of a solid. Solids with more are rare, and cost more than they
+/// hide.
 const MAX_POSTS: usize = 32;
 
 /// Least size of a solid's upright face, width times height, as a fraction of the largest face in the same
@@ -33,8 +34,9 @@ pub(crate) enum Shape {
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Solid {
     pub(crate) shape: Shape,
-    /// Index of the solid's first post in its list of posts.
+    /// Index of the solid's first post in the list `posts` of [`Solids`].
     pub(crate) first: u32,
+    /// Number of the solid's posts, which follow each other.
     pub(crate) count: u32,
     /// Bound on the distance in metres of each post from a point of the exact solid.
     pub(crate) error: f64,
@@ -104,8 +106,8 @@ impl Solids {
         }
     }
 
-    /// Adds a post to the solid that began at index `first`. A post at the same point of the plan as an
-    /// earlier post of the solid is merged with it.
+    /// Adds a post to the solid whose first post has the index `first` in `posts`. A post at the same point
+    /// of the plan as an earlier post of the solid is merged with it.
     fn add_post(&mut self, first: usize, post: Post) {
         for other in &mut self.posts[first..] {
             if other.x == post.x && other.y == post.y {
@@ -280,7 +282,7 @@ fn rounding(transform: &Affine3A, size: f64) -> f64 {
     if *transform == Affine3A::IDENTITY { 0.0 } else { 8.0 * f64::EPSILON * size }
 }
 
-/// Groups the triangles of a mesh that share vertices.
+/// Returns the indices of a mesh's triangles in groups: triangles that share a vertex are in one group.
 fn components(mesh: &OccluderMesh) -> Vec<Vec<u32>> {
     let mut parent: Vec<u32> = (0..mesh.positions().len() as u32).collect();
     fn root(parent: &mut [u32], mut i: u32) -> u32 {

@@ -44,8 +44,8 @@ pub struct HorizonOccluders {
     up: UpAxis,
     cursor: SceneCursor,
     solids: Solids,
-    /// Range of the solids of each object in `solids`, by object index: start, and exclusive end. Empty for
-    /// an object without solids.
+    /// For each object of the scene, by its index, the range of its solids in the list of `solids`: start,
+    /// and exclusive end. Empty for an object without solids.
     ranges: Vec<[u32; 2]>,
     /// Number of solids in use. All others in `solids` are from the time before their object changed.
     used: usize,
@@ -157,7 +157,7 @@ impl HorizonOccluders {
         self.used
     }
 
-    /// Returns the ground as sheets of triangles.
+    /// Returns the ground (connected triangles that face up) that may occlude.
     pub(crate) fn terrain(&self) -> &Terrain {
         &self.terrain
     }

@@ -40,10 +40,11 @@ const STEPS: f64 = 32768.0;
 pub(crate) struct Post {
     /// First coordinate on the plan, in metres from the scene's origin.
     pub(crate) x: f64,
+    /// Second coordinate on the plan, in metres from the scene's origin.
     pub(crate) y: f64,
-    /// Height of the lower end, from the scene's origin.
+    /// Height of the lower end, in metres from the scene's origin.
     pub(crate) low: f64,
-    /// Height of the upper end, at least `low`.
+    /// Height of the upper end, in metres from the scene's origin. At least `low`.
     pub(crate) high: f64,
 }
 
@@ -61,8 +62,11 @@ pub(crate) struct Corner {
 /// Bounds on the errors of the corners of an outline.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(crate) struct CornerError {
+    /// Bound on the error of [`Corner::column`], in columns.
     pub(crate) column: f64,
+    /// Bound on the error of [`Corner::height`].
     pub(crate) height: f64,
+    /// Bound on the error of [`Corner::inverse_depth`], in 1/m.
     pub(crate) inverse_depth: f64,
 }
 
@@ -74,12 +78,14 @@ pub(crate) struct Outline {
     /// Corners of the lower outline, from the least to the greatest column.
     pub(crate) lower: Vec<Corner>,
     pub(crate) error: CornerError,
+    /// Scratch: posts of the occluder relative to the eye, cut at the least depth that is drawn.
     cut: Vec<Relative>,
+    /// Scratch: the posts in `cut`, projected to the face.
     projected: Vec<Projected>,
-    /// Index of the wall's panel at which the next run begins. A run is a sequence of panels that follow each
-    /// other in one direction of the picture.
+    /// Index of the panel of the present wall at which the next run begins. A run is a sequence of panels
+    /// that follow each other in one direction of the picture.
     next_panel: usize,
-    /// Number of the wall's panels that are in no run so far.
+    /// Number of panels of the present wall that are in no run so far.
     panels_left: usize,
 }
 
@@ -103,7 +109,8 @@ impl Relative {
     }
 }
 
-/// Post in a face of the picture: its column, the heights of its ends, its inverse depth in 1/m.
+/// Post in a face of the picture: its position in columns from the right edge of the face, the heights of its
+/// ends (height above the eye over depth), and its inverse depth in 1/m.
 #[derive(Clone, Copy, Debug)]
 struct Projected {
     column: f64,
@@ -315,15 +322,15 @@ fn push_to_hull(chain: &mut Vec<Corner>, corner: Corner, sense: f64) {
 /// bounds.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Edge {
-    /// First column of the edge.
+    /// Position of the edge's first corner, in columns from the right edge of the face.
     column: f64,
     /// Inverse depth at `column` in 1/m, minus its error bound.
     inverse_depth: f64,
     /// Height in the picture at `column`, minus its error bound.
     height: f64,
-    /// Change of the inverse depth per column.
+    /// Change of the inverse depth from column to column, in 1/m.
     pub(crate) inverse_depth_slope: f64,
-    /// Change of the height per column.
+    /// Change of the height in the picture from column to column.
     pub(crate) slope: f64,
 }
 

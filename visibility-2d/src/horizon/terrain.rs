@@ -35,26 +35,30 @@ const MIN_AREA: f64 = 1.0 / 64.0;
 /// its bounds on the plan. A floor hides next to nothing.
 const MIN_HEIGHT: f64 = 1.0 / 128.0;
 
-/// Wanted number of squares in a grid per triangle of its sheet. A square that a border of the sheet crosses
-/// does not occlude, so small squares lose less ground. The side of a square is rounded to a power of two, so
-/// there may be only a quarter as many.
+/// Wanted number of grid squares in a sheet's bounds on the plan, per triangle of the sheet. A square that a
+/// border of the sheet crosses does not occlude, so small squares lose less ground. The side of a square is a
+/// power of two, and doubling it leaves a quarter of the squares, so there may be as few as a quarter of the
+/// wanted number.
 const SQUARES_PER_TRIANGLE: usize = 64;
 
-/// Least and greatest wanted number of squares in a grid. There may be only a quarter as many.
+/// Least and greatest wanted number of grid squares in a sheet's bounds: the number that
+/// [`SQUARES_PER_TRIANGLE`] gives is clamped to this range. There may be as few as a quarter of it.
 const SQUARES: [usize; 2] = [1 << 10, 1 << 22];
 
 /// Maximum number of levels of squares. Each level joins the squares of the level below four by four.
 const LEVELS: usize = 8;
 
-/// Distance, in sides of a square, at which a triangle still counts as meeting a square: a hundred times the
-/// errors of positions, which [`Sheet::new`] checks.
+/// Greatest distance on the plan, as a fraction of a square's side, at which a triangle still counts as
+/// meeting the square. A hundred times the errors of positions, which [`Sheet::new`] checks.
 pub(crate) const PAD: f64 = 1e-4;
 
 /// Triangle of a sheet: corners on the plan and in height in metres, counter-clockwise from above.
 #[derive(Clone, Copy, Debug)]
 struct Triangle {
+    /// For each corner, its two coordinates on the plan and its height, in metres from the scene's origin.
     corners: [[f64; 3]; 3],
-    /// Numbers of the vertices. Corners at one point have the same number.
+    /// For each corner, the number of its vertex. Corners of different triangles that join have the same
+    /// number.
     vertices: [u32; 3],
     /// Bound on the distance of a corner from the exact one, in metres.
     error: f64,
@@ -77,12 +81,13 @@ pub(crate) struct Square {
     pub(crate) low: f32,
     /// Greatest height of the sheet over the square in metres, rounded upwards.
     pub(crate) high: f32,
-    /// Number of the list of objects whose triangles are over the square: see [`Sheet::owners`]. [`BROKEN`]
-    /// if the sheet has a border there, or does not cover the square.
+    /// Number of the square's list of owners, the objects whose triangles are over the square: the argument
+    /// of [`Sheet::owners`]. [`BROKEN`] if the sheet has a border there, or does not cover the square.
     pub(crate) owners: u32,
 }
 
-/// Value of `owners` of a square that hides nothing: the sheet has a border there, or does not cover it.
+/// Value of [`Square::owners`] for a square that hides nothing: the sheet has a border there, or does not
+/// cover the square.
 pub(crate) const BROKEN: u32 = u32::MAX;
 
 impl Square {
@@ -92,27 +97,32 @@ impl Square {
 /// Squares of one size: `columns` along the plan's x, row by row.
 #[derive(Clone, Debug)]
 pub(crate) struct Level {
+    /// Number of squares along the plan's x.
     pub(crate) columns: usize,
+    /// Squares, row by row: the square in column `x` and row `y` is at `y * columns + x`.
     pub(crate) squares: Vec<Square>,
 }
 
-/// Sheet of ground in the squares of its grid.
+/// Heights of a sheet (connected ground that faces up) over the squares of a grid on the plan.
 #[derive(Clone, Debug)]
 pub(crate) struct Sheet {
-    /// Least corner of the first square on the plan, a multiple of `side`.
+    /// Least corner of the first square on the plan, in metres from the scene's origin. A multiple of `side`.
     pub(crate) corner: [f64; 2],
-    /// Side of a square in metres, a power of two.
+    /// Side of a square of the finest level in metres, a power of two.
     pub(crate) side: f64,
-    /// Levels of squares: first those of side `side`, then those of twice that side, and so on.
+    /// Levels of squares, the finest first: squares of `levels[i]` have a side of `side * 2^i` metres.
     pub(crate) levels: Vec<Level>,
-    /// Least height of the sheet over its unbroken squares, in metres from the scene's origin.
+    /// Least height of the ground over all unbroken squares of the finest level, in metres from the scene's
+    /// origin. A square is unbroken if the ground covers it without a border.
     pub(crate) bottom: f32,
-    /// Greatest height of the sheet over its unbroken squares, in metres from the scene's origin.
+    /// Greatest height of the ground over all unbroken squares of the finest level, in metres from the
+    /// scene's origin.
     pub(crate) top: f32,
-    /// For each list of owners (the objects whose triangles meet a square), the exclusive end of the list in
-    /// [`objects`](Self::objects). A list begins where the list before it ends.
+    /// For each list of owners (the objects whose triangles meet a square), the exclusive end of its range in
+    /// [`objects`](Self::objects). The range begins where that of the list before ends, the first at 0.
     owner_ends: Vec<u32>,
-    /// Owners of all lists, one list after another, as indices into [`Terrain::objects`].
+    /// Owners (objects whose triangles meet a square), as indices into [`Terrain::objects`]: all lists that
+    /// `owner_ends` delimits, one after another.
     objects: Vec<u32>,
 }
 
@@ -122,10 +132,10 @@ pub(crate) struct Terrain {
     pub(crate) sheets: Vec<Sheet>,
     /// Objects with triangles in any of the sheets, in no particular order.
     pub(crate) objects: Vec<GroundObject>,
-    /// By index of an object: its position in `objects`.
+    /// For each object with triangles in a sheet, by its index in the scene, its position in `objects`.
     places: BTreeMap<usize, u32>,
-    /// By position in `objects`: whether the object has changed since the sheets were made, so that its
-    /// triangles hide nothing any more.
+    /// For each object in `objects`, whether it has changed since the sheets were made. Its triangles then
+    /// hide nothing any more.
     lost: Vec<bool>,
 }
 
@@ -154,14 +164,15 @@ impl Terrain {
         Self { sheets, objects: kept, places, lost }
     }
 
-    /// Records that an object has changed, so that its triangles no longer occlude.
+    /// Records that the object with index `index` in the scene has changed, so that its triangles no longer
+    /// occlude.
     pub(crate) fn lose(&mut self, index: usize) {
         if let Some(&place) = self.places.get(&index) {
             self.lost[place as usize] = true;
         }
     }
 
-    /// Returns whether an object has changed since the sheets were made.
+    /// Returns whether an object, given by its index in `objects`, has changed since the sheets were made.
     pub(crate) fn is_lost(&self, object: usize) -> bool {
         self.lost[object]
     }
@@ -176,13 +187,14 @@ impl Sheet {
         &self.objects[begin..self.owner_ends[list] as usize]
     }
 
-    /// Returns the number of lists of owners.
+    /// Returns the number of different lists of owners (objects whose triangles are over a square).
     pub(crate) fn list_count(&self) -> usize {
         self.owner_ends.len()
     }
 
-    /// Sorts the triangles `members` into squares. `None` if the sheet is flat, or if coordinates are too
-    /// large compared with its extent.
+    /// Makes the sheet of the triangles whose indices in `triangles` are `members`, by sorting them into the
+    /// squares of a grid. `borders` tells of each triangle which of its sides are borders of the sheet.
+    /// `None` if the sheet is flat, or if coordinates are too large compared with its extent.
     fn new(triangles: &[Triangle], borders: &[[bool; 3]], members: &[u32]) -> Option<Self> {
         let (mut min, mut max) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         let (mut size, mut error) = (0.0f64, 0.0f64);
@@ -304,16 +316,22 @@ impl Level {
     }
 }
 
-/// Lists of owners under construction. Equal lists are stored once.
+/// Lists of owners (the objects whose triangles are over a square) of a sheet under construction. Equal lists
+/// are stored once.
 #[derive(Default)]
 struct Lists {
+    /// For each list, the exclusive end of its range in `objects`. The range begins where that of the list
+    /// before ends, the first at 0.
     ends: Vec<u32>,
+    /// Indices of the objects of all lists, one list after another, ascending within a list.
     objects: Vec<u32>,
+    /// Number of each list, its index in `ends`, by the list's objects.
     numbers: BTreeMap<Vec<u32>, u32>,
 }
 
 impl Lists {
-    /// Returns the number of an ascending list. Stores the list if it is new.
+    /// Returns the number of a list of owners, given by ascending indices of objects. Stores the list if it
+    /// is new.
     fn number(&mut self, list: Vec<u32>) -> u32 {
         if let Some(&number) = self.numbers.get(&list) {
             return number;
@@ -325,7 +343,8 @@ impl Lists {
         number
     }
 
-    /// Returns the number of the union of four lists, given by their numbers. Stores the union if it is new.
+    /// Returns the number of the union of four lists of owners, given by their numbers. Stores the union if
+    /// it is new.
     fn union(&mut self, four: [u32; 4]) -> u32 {
         let mut all = Vec::new();
         for list in four {
@@ -338,19 +357,23 @@ impl Lists {
     }
 }
 
-/// Layout of the finest squares of a sheet. Positions are relative to its least corner on the plan, in
-/// metres.
+/// Layout of the squares of a sheet's finest level, row by row.
 struct Grid {
+    /// Least corner of the first square on the plan, in metres from the scene's origin.
     corner: [f64; 2],
+    /// Side of a square in metres.
     side: f64,
+    /// Number of squares along the plan's x.
     columns: usize,
+    /// Number of squares along the plan's y.
     rows: usize,
 }
 
 impl Grid {
-    /// Calls `each` with the squares that a triangle meets on the plan, when each square is enlarged by `pad`
-    /// sides in all directions: the index, and the enlarged square's least and greatest coordinates. Possibly
-    /// also with squares slightly farther away.
+    /// Calls `each` with each square that a triangle meets on the plan, when the square is enlarged by `pad`
+    /// times its side in all directions. The arguments are the square's index, row by row, and the least and
+    /// greatest coordinates of the enlarged square in metres from the scene's origin. Possibly also called
+    /// with squares slightly farther away.
     fn for_each_met(
         &self,
         corners: &[[f64; 3]; 3],
@@ -480,8 +503,9 @@ fn placed_exactly(p: Vec3, transform: &Affine3A) -> Option<DVec3> {
     Some(out)
 }
 
-/// Key of a triangle corner: the bits of an exact position, or else the number of an object and of its
-/// vertex. Corners with equal keys are one vertex.
+/// Key of a triangle corner. Corners with equal keys are one vertex. If the corner's position is exact: the
+/// bits of its three coordinates, then 0. Otherwise: the number of the vertex in its mesh, two zeros, and the
+/// number of the object plus 1.
 type VertexKey = [u64; 4];
 
 /// Returns the upward triangles of all occluders that are not convex, and the objects that they belong to.
@@ -557,12 +581,12 @@ fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, Vec<
     (objects, triangles)
 }
 
-/// Result of joining triangles at their sides.
+/// Sides of triangles at which a sheet ends, and those at which two triangles join.
 struct Borders {
-    /// For each triangle, which of its sides (from corner to next corner) are borders: shared with no other
-    /// triangle, or with several.
+    /// For each triangle, whether each of its sides (from corner `k` to corner `k + 1`) is a border: shared
+    /// with no other triangle, or with several.
     sides: Vec<[bool; 3]>,
-    /// Pairs of indices of triangles that join at a side.
+    /// Indices of each two triangles that join at a side.
     pairs: Vec<[u32; 2]>,
 }
 
@@ -591,8 +615,8 @@ fn join(triangles: &[Triangle]) -> Borders {
     borders
 }
 
-/// Returns the sheets with the largest areas on the plan, at most [`MAX_SHEETS`], each as indices of its
-/// triangles. Sheets smaller than [`MIN_AREA`] are left out.
+/// Returns the sheets (sets of joined triangles) with the largest areas on the plan, at most [`MAX_SHEETS`].
+/// Each is given by the indices of its triangles. Sheets smaller than [`MIN_AREA`] are left out.
 fn largest(triangles: &[Triangle], borders: &Borders) -> Vec<Vec<u32>> {
     let mut parent: Vec<u32> = (0..triangles.len() as u32).collect();
     fn root(parent: &mut [u32], mut i: u32) -> u32 {

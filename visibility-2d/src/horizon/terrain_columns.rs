@@ -37,8 +37,8 @@ const BEHIND_CREST: u32 = 2;
 /// owners (see [`Sheet::owners`]); it may occlude if all of them are drawn. Computed when first needed.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Presence {
-    /// For each list of owners, whether all of them are drawn or certainly outside the view. `None` if not
-    /// computed in this frame.
+    /// For each list of owners of the present sheet, by its number, whether all these objects are drawn or
+    /// certainly outside the view. `None` if not computed in this frame.
     lists: Vec<Option<bool>>,
 }
 
@@ -47,14 +47,15 @@ struct Drawn<'a> {
     scene: &'a Scene,
     visible: &'a VisibleSet,
     planes: ViewPlanes,
-    /// Indices of the objects that have changed since the sheets were made, ascending.
+    /// Indices, in the scene, of the objects that have changed since the sheets were made, ascending.
     changed: &'a [u32],
     terrain: &'a Terrain,
 }
 
 impl Drawn<'_> {
-    /// Returns whether the triangles of a ground object may occlude: it is unchanged since the sheets were
-    /// made, and it is a candidate of the frame or outside the view.
+    /// Returns whether the triangles of a ground object, given by its index in [`Terrain::objects`], may
+    /// occlude: the object is unchanged since the sheets were made, and it is a candidate of the frame or
+    /// outside the view.
     fn is_drawn(&self, object: usize) -> bool {
         let ground = &self.terrain.objects[object];
         if self.terrain.is_lost(object) || self.changed.binary_search(&(ground.id.index() as u32)).is_ok() {
@@ -118,8 +119,9 @@ pub(crate) fn draw_terrain(
 struct Wedge<'a> {
     frame: &'a Frame,
     sheet: &'a Sheet,
+    /// Index of the face of the picture in which the wedge lies, 0 to 3.
     face: usize,
-    /// Right and left side of the wedge: lateral coordinates at depth 1.
+    /// Lateral coordinates, at depth 1, of the right and the left side of the wedge.
     sides: [f64; 2],
     /// Inverse of the side of a square in 1/m, exact.
     per_side: f64,
@@ -129,6 +131,7 @@ struct Wedge<'a> {
     end: f64,
     /// Bound on the error of coordinates and heights, in metres.
     error: f64,
+    /// The rings walked since the last ring over which the ground does not occlude.
     run: Run,
     /// Height of the sheet's lowest point above the eye, in metres.
     bottom: f64,
@@ -201,7 +204,8 @@ impl<'a> Wedge<'a> {
     }
 
     /// Returns the next step outwards, or `None` if the rest of the sheet hides nothing more. `is_present`
-    /// tells whether all objects of a list (see [`Sheet::owners`]) are drawn.
+    /// gets the number of a list of owners ([`Sheet::owners`]) and tells whether all of them are drawn or out
+    /// of view.
     fn next_step(&mut self, is_present: &mut impl FnMut(u32) -> bool) -> Option<Step> {
         while self.depth < self.end {
             let from = self.depth;

@@ -25,8 +25,8 @@ const MAX_PANELS: usize = 64;
 /// table, hide next to nothing and take as much time.
 const MIN_HEIGHT: f32 = 1.0 / 4.0;
 
-/// Maximum number of panels that are tried as the next panel of a wall, so that many panels at one point of
-/// the plan take linear time.
+/// Maximum number of panels, of those that begin where a wall's last panel ends, that are tried as its next
+/// panel. With this limit, many panels at one point of the plan take linear time.
 const MAX_BESIDE: usize = 16;
 
 /// Upright trapezoid in mesh coordinates. Its front is to the right when walking from its first side to its
@@ -41,7 +41,9 @@ struct Panel {
 struct Side {
     /// Position of the side on the plan, in mesh coordinates.
     at: [f32; 2],
+    /// Height of the lower end of the side, in mesh coordinates.
     low: f32,
+    /// Height of the upper end of the side, in mesh coordinates.
     high: f32,
 }
 
@@ -151,8 +153,8 @@ fn panels(mesh: &OccluderMesh, triangles: &[u32], up: UpAxis) -> Vec<Panel> {
     panels
 }
 
-/// Returns chains of panels that share a common range of heights. Each panel of a chain begins where the one
-/// before ends. Each panel is in one chain.
+/// Returns chains of panels, as indices into `panels`. The panels of a chain share a common range of heights,
+/// and each begins where the one before ends. Each panel is in one chain.
 fn chains(panels: &[Panel]) -> Vec<Vec<usize>> {
     let sorted = |side: usize| {
         let mut order: Vec<usize> = (0..panels.len()).collect();

@@ -14,19 +14,21 @@ use alloc::vec::Vec;
 /// Maximum number of triangles that may be filled. Further triangles stay open.
 pub(crate) const MAX_TRIANGLES: usize = 1 << 13;
 
-/// Value of `BuildEdge::walls` for every edge of an outline. It only marks the edge; there are no lists of
-/// walls.
+/// Value of `BuildEdge::walls` for every edge of an outline. It only marks the edge: the image has no lists
+/// of walls for it to index.
 const OUTLINE: u32 = 0;
 
 /// Region that covers the whole image plane, as least and greatest coordinates.
 const EVERYWHERE: [[f64; 2]; 2] = [[f64::NEG_INFINITY; 2], [f64::INFINITY; 2]];
 
-/// Triangles that a search has found and must still visit. The memory has a fixed size, so that a test, which
-/// only borrows the image, allocates nothing.
+/// Search through neighbouring triangles: those found so far, and those of them that must still be visited.
+/// The memory has a fixed size, so that a test, which only borrows the image, allocates nothing.
 struct Search {
+    /// One bit for each triangle, set once the search has found it: bit t % 64 of word t / 64 for triangle t.
     seen: [u64; MAX_TRIANGLES / 64],
+    /// One bit for each triangle in the order of `seen`, set while the triangle must still be visited.
     waiting: [u64; MAX_TRIANGLES / 64],
-    /// Words of `waiting` before this one are 0.
+    /// Index of a word of `waiting`. All words before it are 0.
     first: usize,
 }
 
@@ -65,8 +67,11 @@ impl Search {
 /// hull of points that have an error of at most one unit.
 #[derive(Clone, Copy)]
 struct Region<'a> {
+    /// Least column and row of the rectangle, in grid units.
     low: [f64; 2],
+    /// Greatest column and row of the rectangle, in grid units.
     high: [f64; 2],
+    /// Points whose convex hull bounds the region, in grid units.
     hull: &'a [[f64; 2]],
 }
 
@@ -128,9 +133,13 @@ fn least_key(shapes: &Shapes, shape: &Shape, triangle: &[[f64; 2]; 3], rectangle
 /// Triangulated image of a frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Image {
+    /// Triangles of the image. The label of a triangle is the index, in [`Shapes::list`], of the shape that
+    /// covers it.
     triangulation: Triangulation,
     constrainer: Constrainer,
+    /// Scratch: vertices of the outline that is being added, as indices into the triangulation's points.
     outline: Vec<u32>,
+    /// Scratch: indices of the triangles that a polygon may meet.
     found: Vec<u32>,
     /// Whether a triangle was filled in this frame.
     is_filled: bool,

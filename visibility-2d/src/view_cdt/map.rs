@@ -41,13 +41,15 @@ const MAX_VERTICES: usize = 3072;
 /// ```
 #[derive(Clone, Debug)]
 pub struct ViewCdt {
+    /// Number of vertices of the image at which no further occluder is added.
     most: usize,
     screen: Screen,
     clip_planes: ViewPlanes,
     shapes: Shapes,
-    /// Number of shapes entered into the image.
+    /// Number of shapes, from the start of `shapes.list`, whose outlines are already in `image`.
     entered: usize,
     image: Image,
+    /// Scratch: projected corners of the occluder that is being added.
     projected: Projected,
 }
 

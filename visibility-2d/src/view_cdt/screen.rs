@@ -28,7 +28,9 @@ pub(crate) type Corner = [f64; 5];
 /// Projection of a view to the grid.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Screen {
+    /// Linear functions of a point relative to `anchor` that give the five values of a [`Corner`].
     rows: [ClipRow; 5],
+    /// Origin of the points that `rows` take, in metres relative to the scene's origin.
     anchor: DVec3,
     /// Sign of the determinant of a triangle's corners `(x, y, w)` if the triangle faces the eye and its
     /// transform does not mirror. 0 if this sign is unknown.
@@ -38,6 +40,7 @@ pub(crate) struct Screen {
 /// Projected corners of an object, with one error bound for all.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Projected {
+    /// Projected points, in the order in which they were given to [`Screen::project`].
     pub(crate) corners: alloc::vec::Vec<Corner>,
     /// Bound on the absolute error of each of the five values of a corner. It also holds for points
     /// interpolated between two corners with up to four roundings.
@@ -70,6 +73,7 @@ pub(crate) enum BoxPlace {
     Outside,
     /// The box may reach the near plane, or rounding leaves its position on the image undecided.
     Unknown,
+    /// The box is certainly beyond the near plane and may meet the image.
     Inside(ProjectedBox),
 }
 

@@ -16,8 +16,8 @@ use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::OccluderMesh;
 
-/// Grid units by which the sides of an outline are moved inwards before its vertices are rounded to the grid,
-/// so that rounded vertices stay inside the occluder.
+/// Distance, in grid units, by which the sides of an outline are moved inwards before its vertices are
+/// rounded to the grid, so that rounded vertices stay inside the occluder.
 const INSET: f64 = 1.0;
 
 /// Maximum number of triangles of a shape that is not a convex solid.
@@ -30,15 +30,18 @@ pub(crate) fn at([a, b, c]: Line, [x, y]: [f64; 2]) -> f64 {
     a * x + b * y + c
 }
 
-/// Area that an occluder covers, and its depth, as ranges in the lists of [`Shapes`].
+/// Area of the image that an occluder covers, and its depth, as ranges of the lists in [`Shapes`].
 #[derive(Clone, Debug)]
 pub(crate) struct Shape {
-    /// Half-planes of the shape: a point of the grid at which all are positive is covered.
+    /// Range, in [`Shapes::lines`], of linear functions of grid coordinates. A point at which all of them are
+    /// positive is covered by the occluder.
     pub(crate) lines: Range<usize>,
-    /// Linear functions of grid coordinates, one for each triangle of the shape. The least of their values at
-    /// a point is a lower bound on the occluder's depth key there (greater is nearer).
+    /// Range, in [`Shapes::planes`], of linear functions of grid coordinates, one for each triangle of the
+    /// shape. The least of their values at a point is a lower bound on the occluder's depth key there
+    /// (greater is nearer).
     pub(crate) planes: Range<usize>,
-    /// Vertices of the outline on the grid, counter-clockwise.
+    /// Range, in [`Shapes::outlines`], of the vertices of the shape's outline, counter-clockwise, in grid
+    /// units.
     pub(crate) outline: Range<usize>,
     /// Lower bound on the occluder's depth keys (greater is nearer) at all points of the shape.
     pub(crate) floor: f64,
@@ -47,14 +50,18 @@ pub(crate) struct Shape {
 /// Shapes of the occluders in a frame, and the lists that hold their lines, planes and outlines.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Shapes {
+    /// Shapes of the frame, in the order in which they were added.
     pub(crate) list: Vec<Shape>,
+    /// Half-planes of all shapes, one shape after another: see [`Shape::lines`].
     pub(crate) lines: Vec<Line>,
+    /// Bounds on the depth keys of all shapes, one shape after another: see [`Shape::planes`].
     pub(crate) planes: Vec<Line>,
+    /// Vertices of the outlines of all shapes in grid units, one shape after another: see [`Shape::outline`].
     pub(crate) outlines: Vec<[f64; 2]>,
     clipped: Vec<[f64; 2]>,
-    /// State of each triangle of the mesh.
+    /// For each triangle of the mesh that is being added, whether it is in a shape.
     states: Vec<State>,
-    /// Triangles of the shape that is being made.
+    /// Indices, in the mesh, of the triangles of the shape that is being made.
     joined: Vec<u32>,
 }
 
@@ -80,15 +87,18 @@ fn dot(line: Line, a: &Corner) -> f64 {
 struct Meshed<'a> {
     mesh: &'a OccluderMesh,
     corners: &'a [Corner],
+    /// Upper bound on the magnitude of each of the five values of a corner.
     size: &'a Corner,
+    /// Upper bound on the error of each of the five values of a corner.
     error: &'a Corner,
     /// Sign of the determinant of a triangle's corners `(x, y, w)` that triangles of the shape must have: the
     /// sign of those that face the eye.
     facing: f64,
     /// Least distance beyond the near plane (the fifth value of a corner), at which geometry is cut.
     limit: f64,
-    /// Bounds on the errors of components of cross products.
+    /// Bounds on the errors of the components of the cross product of two corners `(x, y, w)`.
     of_cross: Line,
+    /// Bound on the error of the determinant of three corners `(x, y, w)`.
     of_determinant: f64,
 }
 

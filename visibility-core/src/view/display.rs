@@ -78,9 +78,11 @@ impl fmt::Display for View {
     }
 }
 
-/// Points of the picture's edges in the scene, in metres relative to the origin of a view.
+/// Five points that describe a view's frustum: the middles of the picture's four edges on the near plane, and
+/// the middle of the far plane. In metres in scene axes, relative to the view's origin.
 struct Edges {
-    /// Middles of the four edges of the picture, as points of the near plane.
+    /// Middle of the picture's left edge, as a point of the near plane. The next three fields are those of
+    /// its other edges.
     left: DVec3,
     right: DVec3,
     bottom: DVec3,

@@ -359,9 +359,11 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
         any
     }
 
-    /// Removes `child`, which an earlier [`visit`](Self::visit) of `node` has kept in lane `lane`, and
-    /// everything below it: for cullers that decide on a child after they have seen its siblings. `child`
-    /// itself must not have been visited or accepted in this walk.
+    /// Removes `child` and everything below it from the visible set, for cullers that decide on a child after
+    /// they have seen its siblings. `child` must be in lane `lane` of `node` (`None`: the top of the
+    /// hierarchy): in slot `lane`, from 0 to 63, of the block that [`visit`](Self::visit) passes to its test.
+    /// An earlier `visit` of the node in this walk must have kept the child. The child itself must not have
+    /// been visited or accepted in this walk.
     pub fn drop_child(&mut self, node: Option<usize>, lane: usize, child: Child) {
         self.stats.visible -= u64::from(matches!(child, Child::Object(_)));
         if !H::IS_OF_SCENE {

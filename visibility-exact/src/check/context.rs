@@ -18,9 +18,9 @@ pub(super) struct Check<'a> {
     pub(super) clearance: f64,
     /// Bound on the error of each coordinate of a position, in metres.
     pub(super) delta: f64,
-    /// Vertices of the target triangle in proofs without clearance. Empty otherwise.
+    /// Indices of the three vertices of the target triangle in proofs without clearance. Empty otherwise.
     pub(super) target_vertices: Vec<u32>,
-    /// Steps of the proof that are not checked yet.
+    /// Nodes of the proof, in depth-first order, that are not checked yet.
     pub(super) steps: core::slice::Iter<'a, Step>,
     /// Number of cuts by planes of one-sided triangles that made the viewcell polygon of the node at work.
     pub(super) splits: u32,

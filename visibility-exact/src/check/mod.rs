@@ -84,7 +84,8 @@ impl Proof {
     }
 }
 
-/// Greatest depth of nested nodes. A deeper proof is refused.
+/// Greatest depth of a node in the tree of nodes that belongs to a pair of polygons, whose root has depth 0.
+/// A proof with a deeper node is refused.
 const DEPTH: usize = 400;
 
 impl Check<'_> {

@@ -45,11 +45,13 @@ pub struct SceneTriangles {
     cursor: SceneCursor,
     pub(crate) origin: DVec3,
     pub(crate) objects: Vec<TargetObject>,
+    /// Positions of each triangle's corners in scene coordinates.
     corners: Vec<[Vec3; 3]>,
     /// Indices of the vertices at each triangle's corners.
     vertices: Vec<[u32; 3]>,
     /// Index of each triangle's object in `objects`.
     object_of: Vec<u32>,
+    /// For each triangle, whether it occludes.
     occludes: Vec<bool>,
     /// Layer masks of the objects whose triangles occlude, each mask once.
     pub(crate) layers: Vec<u32>,
@@ -61,13 +63,15 @@ pub struct SceneTriangles {
     areas: Vec<f32>,
     /// Indices of each triangle's edges: edge k joins corners k and (k + 1) % 3.
     edges: Vec<[u32; 3]>,
-    /// For each edge, the start of its occluding triangles in `edge_triangles`. One more entry is the end of
-    /// the last edge's.
+    /// For each edge, the start of the range of its occluding triangles in `edge_triangles`. One more entry
+    /// is the end of the last range.
     edge_starts: Vec<u32>,
+    /// Indices of the occluding triangles at each edge, edge after edge.
     edge_triangles: Vec<u32>,
     /// Convex polygons, each joined from coplanar occluding triangles.
     pieces: Vec<Piece>,
-    /// For each triangle, the index of its polygon in `pieces`. `u32::MAX` if the triangle does not occlude.
+    /// For each triangle, the index in `pieces` of the convex polygon that it is a part of. `u32::MAX` if the
+    /// triangle does not occlude.
     piece_of: Vec<u32>,
     pub(crate) tree: TriangleTree,
     /// Greatest absolute coordinate of the scene, in metres.
@@ -83,8 +87,9 @@ pub(crate) struct TargetObject {
     pub(crate) min: DVec3,
     /// Greatest corner of the box that `min` begins.
     pub(crate) max: DVec3,
-    /// Index of the object's first triangle. The end of its triangles, exclusive, is `end`.
+    /// Index of the object's first triangle. Triangles of an object follow each other.
     pub(crate) first: u32,
+    /// Exclusive end of the range of the object's triangles that begins at `first`.
     pub(crate) end: u32,
     /// Whether the object has a coordinate that is not finite or beyond [`LIMIT`]. Such an object counts as
     /// visible.
@@ -94,14 +99,15 @@ pub(crate) struct TargetObject {
 /// A convex polygon joined from coplanar triangles.
 #[derive(Clone, Debug)]
 pub(crate) struct Piece {
-    /// Indices of the vertices around the polygon, in order.
+    /// Indices of the vertices at the polygon's corners, in order around it.
     pub(crate) ring: Box<[u32]>,
-    /// Position of each vertex of `ring`.
+    /// Position of each vertex of `ring` in scene coordinates.
     pub(crate) positions: Box<[DVec3]>,
+    /// Indices of the triangles that make up the polygon.
     pub(crate) triangles: Box<[u32]>,
 }
 
-/// Greatest number of corners of a [`Piece`].
+/// Greatest number of corners of a [`Piece`], a convex polygon joined from triangles.
 const PIECE: usize = 8;
 
 /// Greatest absolute coordinate, in metres, of objects that are decided. It keeps products of three

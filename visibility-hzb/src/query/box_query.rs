@@ -49,8 +49,7 @@ pub(crate) fn test_box(query: &BoxQuery, sides: [f32; 6]) -> Occlusion64 {
     Occlusion64 { hidden, visible }
 }
 
-/// Packs booleans into a mask: bit i is set if `lanes[i]` is true. `N` must be at most [`WIDTH`]; later
-/// elements are ignored.
+/// Packs `N` booleans, at most [`WIDTH`], into a mask: bit i is set if `lanes[i]` is true.
 #[inline(always)]
 fn gather<const N: usize>(lanes: &[bool; N]) -> u64 {
     let mut bytes = [0; WIDTH];

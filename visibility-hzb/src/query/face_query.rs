@@ -11,12 +11,12 @@ use crate::rounding::up;
 /// Width and height of a block, in tiles: one texel of a level of the pyramid.
 const BLOCK: u32 = 1 << BLOCK_LEVEL;
 
-/// Level of the pyramid whose texels are blocks of 8 x 8 tiles. Level 0 is the tiles.
+/// Index of the pyramid's level whose texels are blocks of 8 x 8 tiles. Level 0 is the tiles.
 const BLOCK_LEVEL: usize = 3;
 
-/// A box that may meet more than 1 / `LARGE_SHARE` of the buffer's tiles is not tested by its faces. Most
-/// such boxes are nodes of a hierarchy, whose children are tested anyway (measured: without this limit 1 to 3
-/// % fewer objects are reported, for 1 to 4 % more time).
+/// A box that may meet more than 1 / `LARGE_SHARE` of the buffer's tiles, and more than [`FEW_TILES`], is not
+/// tested by its faces. Most such boxes are nodes of a hierarchy, whose children are tested anyway (measured:
+/// without this limit 1 to 3 % fewer objects are reported, for 1 to 4 % more time).
 const LARGE_SHARE: usize = 8;
 
 /// A box that may meet at most this number of tiles is tested by its faces, even if these are more than 1 /
@@ -31,11 +31,12 @@ const STEP: u32 = SIDE as u32;
 pub(crate) struct FaceTest<'a> {
     /// Bounds on the box's depth key by its faces.
     planes: BoxFacePlanes,
+    /// Covered pixels and depth keys of all tiles of the buffer.
     tiles: &'a Tiles,
     /// Pyramid above `tiles`. It may be older than the tiles: its least depth keys are then farther and hide
     /// less.
     pyramid: &'a Pyramid,
-    /// Pixels that the box may meet.
+    /// Columns and rows of the pixels that the box may meet.
     rectangle: Rectangle,
     /// Upper bound on the box's depth keys (greater is nearer). Infinity for a box that may reach the eye's
     /// plane.
@@ -43,10 +44,11 @@ pub(crate) struct FaceTest<'a> {
 }
 
 impl<'a> FaceTest<'a> {
-    /// Prepares the test of a box in front of the plane of the eye, given by `sides`: its least x, y, z and
-    /// greatest x, y, z in scene coordinates. It meets no pixel outside `rectangle`, and has no depth key
-    /// above `nearest`. `None` if the faces bound nothing, as in parallel views, or if the rectangle is
-    /// [large](LARGE_SHARE).
+    /// Prepares the test of a box, given by `sides`: its least x, y, z and greatest x, y, z in scene
+    /// coordinates. The caller guarantees that the box is in front of the plane of the eye, meets no pixel
+    /// outside `rectangle`, and has no depth key above `nearest` (greater is nearer). `None` if the planes of
+    /// the faces bound no depth key (in parallel views, or if the eye may be in the box), or if the rectangle
+    /// meets more tiles than [`LARGE_SHARE`] and [`FEW_TILES`] allow.
     #[inline(always)]
     pub(crate) fn new(
         query: &'a BoxQuery,
@@ -120,9 +122,9 @@ impl<'a> FaceTest<'a> {
         true
     }
 
-    /// Returns a mask of the squares, of [`LANES`] side by side, in which the box may be visible. The first
-    /// square has its upper left corner at `left` and `top` and sides of `size`, in pixels. `least` are the
-    /// least depth keys in the squares.
+    /// Returns a mask of [`LANES`] squares side by side: bit i is set if the box may be visible in square i,
+    /// counted from the left. Square 0 has its upper left corner at `left` and `top` and sides of `size`, in
+    /// pixels. `least` are the least depth keys in the squares (greater is nearer).
     #[inline(always)]
     fn open(&self, [left, top]: [u32; 2], size: u32, least: &[f32; LANES]) -> u32 {
         let [left, top, size] = [left, top, size].map(f64::from);

@@ -25,7 +25,7 @@ const FACES: [[u8; 4]; 6] =
 struct Outline {
     /// Corner indices of the start and end of each edge. The first `count` edges are in use.
     edges: [[u8; 2]; 6],
-    /// Number of edges, 0 to 6.
+    /// Number of edges of the outline: 4 or 6. 0 for a set of faces that cannot be seen together, or no face.
     count: u8,
 }
 

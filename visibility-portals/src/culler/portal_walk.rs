@@ -182,8 +182,9 @@ impl PortalWalk {
         }
     }
 
-    /// Adds a cell in which lines of sight begin, seen through the window with the anchor-relative planes
-    /// `sides` and the screen bounds `rectangle`.
+    /// Adds a starting cell of the walk: a cell in which lines of sight begin. The cell is seen through a
+    /// window that is bounded by the planes `sides`, relative to the anchor of `eye_view`, and by `rectangle`
+    /// on the screen, in NDC.
     pub(super) fn start_in_window(
         &mut self,
         cells: &SceneCells,

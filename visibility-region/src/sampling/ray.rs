@@ -13,12 +13,15 @@ const U: f64 = f64::EPSILON / 2.0;
 /// A ray that starts at a viewpoint, in metres relative to the scene's origin.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ray {
+    /// Start of the ray, at parameter 0.
     pub(super) origin: DVec3,
-    /// Direction of the ray in scene axes. Its greatest component has a magnitude of about 1. The point at
-    /// *parameter* t of the ray is the start plus t times this vector.
+    /// Direction of the ray in scene axes, scaled so that its component of the greatest magnitude is about 1
+    /// or -1. The point at *parameter* t of the ray is the start plus t times this vector.
     pub(super) along: DVec3,
+    /// Inverse of each component of `along`. Infinite for a component of 0.
     inverse: DVec3,
-    /// Squared length of `along`, from 1 to 3.
+    /// Squared length of `along`: about 1 if one component has the magnitude 1 and the others are 0, up to
+    /// about 3 if all three have it.
     length_squared: f64,
 }
 
@@ -94,10 +97,11 @@ impl Ray {
     /// to the margin, twice what is needed.
     ///
     /// The point where the ray meets the triangle is the mean of the corners, each weighted by the value `d .
-    /// (p x q)` of the opposite edge. Weights that err by the sum `m` of the margins move the point, within
-    /// the triangle, by less than `4 m / sum` of the difference of the corners' parameters. A corner's
-    /// parameter is a dot product of three terms over the squared length, and errs by less than 32u P, and by
-    /// 2 slack.
+    /// (p x q)` of the opposite edge. Let `sum` be the sum of the three weights and `m` the sum of their
+    /// three margins. Weights within their margins of the exact ones move the point, within the triangle, by
+    /// less than `4 m / sum` of the difference of the corners' parameters. A corner's parameter is a dot
+    /// product of three terms over the squared length of `d`, which is at least about 1, since one component
+    /// of `d` has a magnitude of about 1. So the parameter errs by less than 32u P, and by 2 slack.
     pub(super) fn meet(&self, corners: &[Vec3; 3], slack: f64, is_one_sided: bool) -> Option<Meeting> {
         let p = corners.map(|corner| corner.as_dvec3() - self.origin);
         let size = p.map(|p| p.abs().max_element());
