@@ -122,7 +122,6 @@ fn one_bake_at_a_time_writes_a_file() {
     assert_eq!(names(&folder), ["other.set", "two.set", "wall.vscn"], "files left");
 }
 
-#[cfg(unix)]
 /// A folder in place of the state file stands for any state that is there and cannot be read: the finished
 /// work in it is not replaced by a new bake.
 #[test]
@@ -137,6 +136,7 @@ fn a_state_that_cannot_be_read_is_not_replaced() {
     assert_eq!(names(&folder), ["wall.set.state", "wall.vscn"], "no set is written");
 }
 
+#[cfg(unix)]
 #[test]
 fn links_are_followed_and_devices_stay() {
     use std::os::unix::fs::{FileTypeExt, symlink};

@@ -276,7 +276,7 @@ impl Around<'_> {
         let numbers: Vec<u32> = self.occluding.iter().map(|&(_, number)| number).collect();
         let boxes = self.waiting.iter().map(|waiting| match waiting.what {
             What::Object { number, .. } => {
-                Object { occluder: false, ..self.level.objects[number as usize].object() }
+                Object { occluder: false, ..self.level.objects[number as usize].enlarged_object() }
             }
             What::Tile { .. } => Object::new(waiting.bounds),
         });

@@ -1,15 +1,19 @@
 //! Properties of a level's objects without their triangles, and hashes of the data that a bake depends on.
 
 use visibility_core::binary_format::Fingerprint;
-use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::glam::{Affine3A, DAffine3, DVec3};
 use visibility_core::level_version::{level_object, object_hash};
-use visibility_core::scene::Triangles;
+use visibility_core::scene::{Triangles, holds_nearly};
 use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, Scene};
 
 /// Properties of an object, without its triangles and its occluder mesh.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct ObjectFacts {
+    /// Bounds, enlarged to hold the object's triangles and occluder mesh, which may reach out of the given
+    /// bounds by rounding.
     pub bounds: Aabb,
+    /// Bounds as they were given.
+    pub given: Aabb,
     /// Hash of the object with its triangles and occluder mesh, but without its index.
     pub hash: u64,
     /// Index of the object in its scene.
@@ -31,10 +35,33 @@ impl ObjectFacts {
         triangles: Triangles<'_>,
         mesh: Option<(&OccluderMesh, Affine3A)>,
     ) -> Self {
-        let Object { bounds, layers, cost, never_cull, occluder, one_sided, see_through } = *object;
+        let Object { bounds: given, layers, cost, never_cull, occluder, one_sided, see_through } = *object;
         let hash = object_hash(object, triangles, mesh);
+        let placed = mesh.into_iter().flat_map(|(mesh, transform)| {
+            let transform = DAffine3::from_cols_array(&transform.to_cols_array().map(f64::from));
+            mesh.positions().iter().map(move |p| transform.transform_point3(p.as_dvec3()))
+        });
+        let corners = triangles.iter().flatten().map(|p| p.as_dvec3()).chain(placed);
+        let [min, max] = [given.min, given.max].map(|corner| corner.as_dvec3());
+        let (low, high) =
+            corners.filter(|p| p.is_finite()).fold((min, max), |(low, high), p| (low.min(p), high.max(p)));
+        let whole = Aabb::from_world(low, high, DVec3::ZERO);
+        let is_enlarged = (low, high) != (min, max) && given.is_finite() && holds_nearly(&given, &whole);
+        let bounds = if is_enlarged { given.union(&whole) } else { given };
         let triangles = triangles.len() as u32;
-        Self { bounds, hash, index, cost, layers, triangles, never_cull, occluder, one_sided, see_through }
+        Self {
+            bounds,
+            given,
+            hash,
+            index,
+            cost,
+            layers,
+            triangles,
+            never_cull,
+            occluder,
+            one_sided,
+            see_through,
+        }
     }
 
     /// Returns the properties of an object of a scene, [as a level counts it](level_object). `None` if the
@@ -45,9 +72,15 @@ impl ObjectFacts {
         Some(Self::new(id.index() as u32, &object, triangles, mesh))
     }
 
+    /// Returns the object with the bounds that were given.
     pub(crate) fn object(&self) -> Object {
-        let Self { bounds, layers, cost, never_cull, occluder, one_sided, see_through, .. } = *self;
-        Object { bounds, layers, cost, never_cull, occluder, one_sided, see_through }
+        let Self { given, layers, cost, never_cull, occluder, one_sided, see_through, .. } = *self;
+        Object { bounds: given, layers, cost, never_cull, occluder, one_sided, see_through }
+    }
+
+    /// Returns the object with the enlarged bounds, for scenes without its triangles.
+    pub(crate) fn enlarged_object(&self) -> Object {
+        Object { bounds: self.bounds, ..self.object() }
     }
 
     /// Returns whether the object counts as visible from everywhere.

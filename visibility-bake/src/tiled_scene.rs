@@ -179,7 +179,7 @@ impl<'a> TiledScene<'a> {
 
     /// Returns a hash of the origin, and of the indices and bounds of the objects.
     pub(crate) fn bounds_fingerprint(&self) -> u64 {
-        bounds_fingerprint(self.origin, self.objects.iter().map(|object| (object.index, object.bounds)))
+        bounds_fingerprint(self.origin, self.objects.iter().map(|object| (object.index, object.given)))
     }
 
     /// Makes a scene of the objects with the given numbers, with their triangles. The object of `numbers[0]`
@@ -236,7 +236,7 @@ impl<'a> TiledScene<'a> {
         let mut part = Scene::new();
         // Cannot fail: the origin of a level is finite, and the scene is still empty.
         let _ = part.set_origin(self.origin);
-        let objects = numbers.iter().map(|&at| self.objects[at as usize].object());
+        let objects = numbers.iter().map(|&at| self.objects[at as usize].enlarged_object());
         let ids = part.insert_batch(objects.chain(boxes));
         (part, ids)
     }

@@ -330,3 +330,26 @@ fn bounds_hold_triangles_and_the_mesh_prepared_from_them() {
     }
     assert!(enlarged > 200, "{enlarged} boxes enlarged: too few");
 }
+
+/// A child that was exactly as large as its HLOD parent, and is enlarged by roundings to hold its mesh, is still
+/// replaced by the parent: else both would be drawn at some distances, and neither at others.
+#[test]
+fn a_child_that_is_enlarged_keeps_its_hlod_parent() {
+    let mut random = Random(42);
+    let mut enlarged = 0;
+    for _ in 0..400 {
+        let points: Vec<Vec3> = (0..6).map(|_| random.fine_vector(99.0).as_vec3()).collect();
+        let Ok(mesh) = OccluderMesh::from_indexed(&points, &[[0, 1, 2], [3, 4, 5]]) else { continue };
+        let held = *mesh.bounds();
+        let (middle, half) = ((held.min + held.max) * 0.5, (held.max - held.min) * 0.5);
+        let given = Aabb::new(middle - half, middle + half);
+        let mut scene = Scene::new();
+        let [parent, child] = [0; 2].map(|_| scene.insert(Object { occluder: true, ..Object::new(given) }));
+        scene.set_hlod_parent(child, Some(parent)).unwrap();
+        let mesh = scene.add_mesh(mesh);
+        scene.set_mesh(child, mesh, Affine3A::IDENTITY).unwrap();
+        enlarged += usize::from(scene.bounds(child) != Ok(given));
+        assert_eq!(scene.stand_in(child), Some((parent, given)), "the child in {:?}", scene.bounds(child));
+    }
+    assert!(enlarged > 50, "{enlarged} children enlarged: too few");
+}

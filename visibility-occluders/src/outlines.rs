@@ -44,6 +44,9 @@ struct Passage {
     edges: [u32; 2],
 }
 
+/// Maximum number of outlines that pass a vertex, for the vertex to be removed from outlines.
+const MAX_PASSAGES: usize = 64;
+
 /// Removes vertices in the middle of straight lines. A vertex is removed from an outline if it lies exactly
 /// between its two neighbours there, unless some other outline has one of the two edges at the vertex and not
 /// the other. So outlines that share an edge before also share it afterwards. Returns the number of vertices
@@ -82,6 +85,10 @@ pub(crate) fn straighten(vertices: &[Vec3], outlines: &mut [Vec<OutlineEdge>]) -
     let mut count = 0;
     let mut joined: Vec<usize> = Vec::new();
     for [first_end, end_end, first, end] in candidates {
+        // Where many outlines pass a vertex, the vertex stays: time is quadratic in their number.
+        if end - first > MAX_PASSAGES {
+            continue;
+        }
         let vertex = passages[first].vertex;
         for seed in first..end {
             let neighbours = |passage: &Passage| {

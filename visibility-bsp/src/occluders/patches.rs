@@ -18,6 +18,9 @@ const FLAT: f64 = 1e-6;
 const CORNER_ROUNDING: f64 = 1e-9;
 /// Maximum number of vertices of a joined polygon. Each edge costs a plane through the eye in every frame.
 const MAX_VERTICES: usize = if MAX_EDGES < 10 { MAX_EDGES } else { 10 };
+/// Maximum number of vertices that a joined polygon surrounds. Each costs time with every further triangle
+/// that is joined, and in frames with clip planes.
+const MAX_INNER: usize = 64;
 
 /// A polygon under construction, with vertices as indices of the distinct positions that [`weld`] returns.
 struct Polygon {
@@ -113,8 +116,8 @@ fn weld(triangles: &[OccluderTriangle]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
 
 /// Returns the union of two polygons that share the edge from vertex `i` of `ours`, as one polygon.
 /// `positions` are the distinct positions that the polygons' vertices index. `None` if `theirs` does not have
-/// that edge in reverse, if only one of the two is two-sided, or if the union is not flat and convex or has
-/// more than [`MAX_VERTICES`] vertices.
+/// that edge in reverse, if only one of the two is two-sided, or if the union is not flat and convex, has
+/// more than [`MAX_VERTICES`] vertices, or is of polygons that surround more than [`MAX_INNER`].
 fn joined(positions: &[DVec3], ours: &Polygon, i: usize, theirs: &Polygon) -> Option<Polygon> {
     let (n, m) = (ours.vertices.len(), theirs.vertices.len());
     if ours.two_sided != theirs.two_sided {
@@ -128,6 +131,9 @@ fn joined(positions: &[DVec3], ours: &Polygon, i: usize, theirs: &Polygon) -> Op
     // If they share more than one edge, the loop runs there and back; these spikes are removed. The tip of a
     // spike stays a vertex of the surface.
     let mut inner = [&ours.inner[..], &theirs.inner].concat();
+    if inner.len() > MAX_INNER {
+        return None;
+    }
     while vertices.len() > 3 {
         let count = vertices.len();
         let Some(k) = (0..count).find(|&k| vertices[k] == vertices[(k + 2) % count]) else { break };

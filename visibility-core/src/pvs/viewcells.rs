@@ -254,9 +254,9 @@ impl Viewcells {
 
     /// Calls `each` with the viewcells that may touch the box from `min` to `max` in world space, boundaries
     /// included. `each` gets a viewcell if its own box meets the given box and, for each of its planes, a
-    /// corner of the given box is inside or within rounding error. A box with a NaN touches no viewcell. The
-    /// order of the calls is unspecified. Time is proportional to the number of calls, and logarithmic in the
-    /// number of all viewcells.
+    /// corner of the given box is inside or within rounding error. A box with a NaN touches no viewcell, but
+    /// for those at the sides of a divided box. The order of the calls is unspecified. Time is proportional
+    /// to the number of calls, and logarithmic in the number of all viewcells.
     ///
     /// Of viewcells [of a divided box](Self::of_divided_box), `each` also gets those that are nearer than
     /// their misplacement. If the given box reaches out of the divided box, `each` gets all viewcells at the

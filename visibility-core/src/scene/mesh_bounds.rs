@@ -1,8 +1,9 @@
 //! Whether an occluder mesh, or triangles, lie within the bounds of their object.
 
 use super::Triangles;
+use super::triangles::bounds_in_f64;
 use crate::{Aabb, OccluderMesh};
-use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec3A};
+use glam::{Affine3A, DAffine3, Vec3, Vec3A};
 
 /// Tests whether the image of `mesh` under `transform` lies within `bounds`, up to rounding. False if
 /// `bounds` are improper, or if the image is NaN.
@@ -18,13 +19,13 @@ pub(super) fn is_within(mesh: &OccluderMesh, transform: &Affine3A, bounds: &Aabb
     let image = mesh.bounds().transformed(transform);
     let vertex = |p: &Vec3| transform.translation + x * p.x + y * p.y + z * p.z;
     bounds.is_proper()
+        && size.is_finite()
         && (holds(image.min.into(), image.max.into())
             || mesh.positions().iter().map(vertex).all(|p| holds(p, p)))
 }
 
-/// Returns a box that holds the image of `mesh` under `transform`, computed in `f64` and rounded outwards to
-/// `f32`. The box of the mesh, transformed, is taken if `bounds` hold it; otherwise the box is made of all
-/// vertices.
+/// Returns a box that holds the image of `mesh` under `transform`, up to the rounding of `f64`. The box of
+/// the mesh, transformed, is taken if `bounds` hold it; otherwise the box is made of all vertices.
 pub(super) fn image(mesh: &OccluderMesh, transform: &Affine3A, bounds: &Aabb) -> Aabb {
     if *transform == Affine3A::IDENTITY {
         return *mesh.bounds();
@@ -34,16 +35,19 @@ pub(super) fn image(mesh: &OccluderMesh, transform: &Affine3A, bounds: &Aabb) ->
         return whole;
     }
     let placed = DAffine3::from_cols_array(&transform.to_cols_array().map(f64::from));
-    let vertices = mesh.positions().iter().map(|p| placed.transform_point3(p.as_dvec3()));
-    let (min, max) =
-        vertices.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), p| (min.min(p), max.max(p)));
-    let round = |exact: DVec3, is_beyond: fn(f64, f64) -> bool, outwards: fn(f32) -> f32| {
-        Vec3::from_array(exact.to_array().map(|x| {
-            let nearest = x as f32;
-            if is_beyond(f64::from(nearest), x) { nearest } else { outwards(nearest) }
-        }))
-    };
-    Aabb::new(round(min, |low, x| low <= x, f32::next_down), round(max, |high, x| high >= x, f32::next_up))
+    bounds_in_f64(mesh.positions(), &placed)
+}
+
+/// Returns the distance on each axis by which an object's content may reach out of its box `bounds` and count
+/// as within it: 64 u (u = 2^-24) of the greatest coordinate of the box.
+pub(super) fn slack(bounds: &Aabb) -> Vec3 {
+    bounds.min.abs().max(bounds.max.abs()) * (32.0 * f32::EPSILON)
+}
+
+/// Tests whether `content` lies within `bounds`, up to the [slack] of `bounds`.
+pub fn holds_nearly(bounds: &Aabb, content: &Aabb) -> bool {
+    let slack = slack(bounds);
+    (bounds.min - slack).cmple(content.min).all() && content.max.cmple(bounds.max + slack).all()
 }
 
 /// Tests whether a corner of `triangles` lies outside of `bounds` by more than rounding. False if `bounds`

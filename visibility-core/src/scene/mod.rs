@@ -27,6 +27,8 @@ pub use curve::morton_order;
 pub use detail::DetailedObject;
 pub use draw_range::DrawRange;
 pub use maintain::Maintenance;
+#[doc(hidden)]
+pub use mesh_bounds::holds_nearly;
 use object::is_unculled;
 pub use object::{MeshId, Object, ObjectId, SceneError, Triangle};
 pub use skinned_bounds::{SkinError, SkinnedBounds};

@@ -89,12 +89,12 @@ impl Placements {
         self.dense.get(*self.rows.get(index as usize)? as usize)
     }
 
-    /// Returns the placement of an object. If the object has none, it is given one without a box, whose
-    /// transform is the identity.
     pub(super) fn get_mut(&mut self, index: u32) -> Option<&mut Placement> {
         self.dense.get_mut(*self.rows.get(index as usize)? as usize)
     }
 
+    /// Returns the placement of an object. If the object has none, it is given one without a box, whose
+    /// transform is the identity.
     pub(super) fn get_or_insert(&mut self, index: u32) -> &mut Placement {
         let i = index as usize;
         if self.rows.len() <= i {

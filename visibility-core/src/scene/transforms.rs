@@ -8,7 +8,7 @@
 //! each change.
 
 use super::boxes64::{FAN_OUT, lanes};
-use super::mesh_bounds::{image, is_any_outside, is_within};
+use super::mesh_bounds::{holds_nearly, image, is_any_outside, is_within};
 use super::placement::{MeshOrigin, PlacedMesh, Placement};
 use super::{MeshId, ObjectId, Scene, SceneError, Scratch, SharedTriangles, Slot, ToAffine, Triangles};
 use crate::{Aabb, OccluderMesh};
@@ -198,6 +198,9 @@ impl Scene {
     /// Returns the bounds to set for an object that is given the bounds `bounds` in scene coordinates: its
     /// present bounds, if these were made of the given ones. Otherwise forgets the box that was given before.
     pub(super) fn resolved(&mut self, index: u32, bounds: Aabb) -> Aabb {
+        if !self.given.contains_key(&index) {
+            return bounds;
+        }
         let bounds = self.as_enlarged(index, bounds);
         let slot = self.tree.slots[index as usize];
         if self.tree.bounds[slot.node()].get(slot.lane()) != bounds {
@@ -313,8 +316,9 @@ impl Scene {
 
     /// Returns whether a stored mesh, placed in scene coordinates, lies within the bounds of an object.
     pub(crate) fn is_mesh_inside(&self, id: ObjectId, mesh: MeshId, transform: &Affine3A) -> bool {
-        let (Some(mesh), Ok(bounds)) = (self.meshes.at(mesh.index), self.bounds(id)) else { return false };
-        is_within(mesh, transform, &bounds)
+        let (Some(mesh), Ok(slot)) = (self.meshes.at(mesh.index), self.slot(id)) else { return false };
+        let given = self.given_bounds(id.index, slot);
+        is_within(mesh, transform, &given) && holds_nearly(&given, &image(mesh, transform, &given))
     }
 
     /// Checks again whether the mesh of an object lies within the object's bounds: in local coordinates if
@@ -336,6 +340,7 @@ impl Scene {
         let given = given.unwrap_or(bounds);
         let content = self.meshes.at(mesh.index).filter(|mesh| is_within(mesh, &transform, &given));
         let content = content.map(|mesh| image(mesh, &transform, &bounds));
+        let content = content.filter(|content| holds_nearly(&given, content) || !given.is_finite());
         let is_inside = content.is_some();
         if is_inside != mesh.is_inside {
             self.replace_mesh(index, Some(PlacedMesh { is_inside, ..mesh }));
@@ -393,7 +398,7 @@ impl Scene {
         triangles: impl Into<SharedTriangles>,
     ) -> Result<(), SceneError> {
         let (slot, triangles) = (self.slot(id)?, triangles.into());
-        if is_any_outside(triangles.view(), &self.tree.bounds[slot.node()].get(slot.lane())) {
+        if is_any_outside(triangles.view(), &self.given_bounds(id.index, slot)) {
             return Err(SceneError::Triangles(id));
         }
         self.drop_triangles(id.index);

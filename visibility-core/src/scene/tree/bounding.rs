@@ -7,6 +7,7 @@ use super::detail_bounds::{DetailBounds, diagonals_squared};
 use super::{Slot, Tree};
 use crate::scene::boxes64::{fold, lanes};
 use crate::scene::draw_range::Detail;
+use crate::scene::mesh_bounds::{holds_nearly, slack};
 
 impl Tree {
     /// Returns the draw range, the HLOD parent and the children of an object, by its index; [`Detail::NONE`]
@@ -18,7 +19,8 @@ impl Tree {
 
     /// Returns the slot of the HLOD parent that stands in for the object in a slot from the begin of the
     /// parent's draw range on. `None` if there is none, or if the parent cannot stand in: it is never culled,
-    /// is not on all of the object's layers, or its bounds do not contain those of the object.
+    /// is not on all of the object's layers, or its bounds do not contain those of the object, up to
+    /// rounding: a box may be enlarged to hold a mesh.
     #[inline]
     pub(crate) fn substitute(&self, slot: Slot) -> Option<Slot> {
         let parent = self.detail(self.ids[slot.node()][slot.lane()].index()).parent?;
@@ -28,8 +30,7 @@ impl Tree {
         }
         let [layers, layers_above] = [slot, above].map(|slot| self.layers[slot.node()][slot.lane()]);
         let [bounds, around] = [slot, above].map(|slot| self.bounds[slot.node()].get(slot.lane()));
-        let contains = around.min.cmple(bounds.min).all() && bounds.max.cmple(around.max).all();
-        (contains && layers & !layers_above == 0).then_some(above)
+        (holds_nearly(&around, &bounds) && layers & !layers_above == 0).then_some(above)
     }
 
     /// Returns an upper bound on the distance of the eye, in metres, at which the object in a slot is still
@@ -38,12 +39,13 @@ impl Tree {
         let end = self.detail(self.ids[slot.node()][slot.lane()].index()).range.end;
         let Some(above) = self.substitute(slot) else { return end };
         // While the object is drawn, the distance of its parent is at most the object's `end` and less than
-        // the parent's `begin`. The parent contains the object, so the object is at most the parent's
-        // diagonal farther away. The factor exceeds the rounding of the sum, of the root and of the
-        // conversion to `f32`.
+        // the parent's `begin`. The parent contains the object, up to the slack, so the object is at most the
+        // parent's diagonal and the slack farther away. The factor exceeds the rounding of the sum, of the
+        // root and of the conversion to `f32`.
         let begin = self.detail(self.ids[above.node()][above.lane()].index()).range.begin;
         let bounds = self.bounds[above.node()].get(above.lane());
         let diagonal = (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length();
+        let diagonal = diagonal + slack(&bounds).as_dvec3().length();
         (((f64::from(end.min(begin)) + diagonal) * (1.0 + 1e-6)) as f32).next_up()
     }
 

@@ -183,7 +183,8 @@ impl History {
                 let Copied { state, older, .. } = self.copies[place];
                 // A token reads the oldest copy of its state or a later one.
                 let before = self.place(older).map(|place| self.copies[place].state);
-                if self.earlier.iter().any(|token| before < Some(**token) && **token <= state) {
+                let until = self.earlier.partition_point(|token| **token <= state);
+                if until > 0 && before < Some(*self.earlier[until - 1]) {
                     read.push((place, node));
                 }
                 number = older;
