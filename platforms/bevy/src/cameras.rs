@@ -6,7 +6,7 @@ use crate::mirror::{ASK, Record, VisibilityScene};
 use bevy_camera::visibility::{
     NoCpuCulling, RenderLayers, SetViewVisibility, ViewVisibility, VisibleEntities, VisibleEntityRanges,
 };
-use bevy_camera::{Camera, Projection};
+use bevy_camera::{Camera, Camera3d, Projection};
 use bevy_ecs::prelude::*;
 use bevy_transform::components::GlobalTransform;
 use visibility_core::culler::Lack;
@@ -27,8 +27,9 @@ use visibility_hzb::{Hzb, HzbCuller};
 ///
 /// Any [`Culler`] of the `visibility` crates will do: see [`with`](Self::with).
 ///
-/// It does not run while the camera draws the backs of meshes, being mirrored or having `invert_culling` but
-/// not both, nor while the eye is beyond the near plane. Then the frustum alone culls.
+/// It does not run while the camera has no `Camera3d`, since such a camera draws no `Mesh3d`, nor while it
+/// draws the backs of meshes, being mirrored or having `invert_culling` but not both, nor while the eye is
+/// beyond the near plane. Then the frustum alone culls.
 #[derive(Component, Debug)]
 pub struct CullingPipeline {
     pipeline: Pipeline,
@@ -192,6 +193,7 @@ pub(crate) fn cull_cameras(
         Option<&Projection>,
         Option<&RenderLayers>,
         Has<NoCpuCulling>,
+        Has<Camera3d>,
         Option<&mut CullingPipeline>,
         &mut VisibleEntities,
     )>,
@@ -201,7 +203,7 @@ pub(crate) fn cull_cameras(
 ) {
     let Scratch { classes, unclassed, list, marks, everything, frustum } = &mut *scratch;
     let exceptions = Exceptions { ranges: ranges.as_deref(), layers: &layers };
-    for (entity, camera, transform, projection, own_layers, culls_nothing, mut own, mut visible) in
+    for (entity, camera, transform, projection, own_layers, culls_nothing, is_3d, mut own, mut visible) in
         &mut cameras
     {
         if !camera.is_active {
@@ -209,7 +211,7 @@ pub(crate) fn cull_cameras(
         }
         let view = projection.and_then(|projection| camera_view(camera, projection, transform).ok());
         let (culling, view) = match (view, own.as_mut()) {
-            (Some(view), Some(own)) if !culls_nothing && draws_nearest_fronts(camera, &view) => {
+            (Some(view), Some(own)) if !culls_nothing && is_3d && draws_nearest_fronts(camera, &view) => {
                 (&mut **own, view)
             }
             (Some(view), _) if !culls_nothing => (&mut *frustum, view),

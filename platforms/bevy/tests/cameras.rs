@@ -41,12 +41,20 @@ fn is_box_seen(app: &mut App) -> bool {
 #[test]
 fn a_wall_hides_nothing_from_a_2d_camera_which_does_not_draw_it() {
     let mut app = square_before_box();
+    let seen = |app: &App, camera| {
+        app.world().get::<VisibleEntities>(camera).unwrap().get(TypeId::of::<Mesh2d>()).to_vec()
+    };
     let camera = app.world_mut().spawn((Camera2d, Camera { order: 1, ..Default::default() })).id();
     let bounds = Aabb { center: Vec3A::ZERO, half_extents: Vec3A::new(0.5, 0.5, 0.0) };
     let flat = app.world_mut().spawn((Mesh2d::default(), bounds, Transform::from_xyz(0.0, 0.0, -20.0))).id();
     assert!(!is_box_seen(&mut app), "the wall hides the box from the 3D camera");
-    let seen = app.world().get::<VisibleEntities>(camera).unwrap().get(TypeId::of::<Mesh2d>());
-    assert_eq!(seen, [flat], "what the 2D camera sees");
+    assert_eq!(seen(&app, camera), [flat], "what the 2D camera sees");
+
+    let other = entity(&mut app, CAMERA).unwrap();
+    assert_eq!(seen(&app, other), [], "what the 3D camera sees of 2D");
+    app.world_mut().entity_mut(other).remove::<Camera3d>().insert(Camera2d);
+    app.update();
+    assert_eq!(seen(&app, other), [flat], "what the 3D camera sees of 2D once it is a 2D camera");
 }
 
 /// A camera draws the backs of meshes if it is mirrored or inverts culling, and their fronts if both or

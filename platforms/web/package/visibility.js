@@ -166,7 +166,8 @@ class Wasm {
 
   /** Copies numbers into memory for the present call, and returns the pointer. */
   put(Type, numbers) {
-    if (Type === Uint32Array && Array.isArray(numbers)) for (const number of numbers) whole(number, "number");
+    if (Type === Uint32Array && !(numbers instanceof Uint32Array))
+      for (let i = 0; i < numbers.length; i++) whole(numbers[i], "number");
     const pointer = this.borrow(numbers.length * Type.BYTES_PER_ELEMENT);
     new Type(this.exports.memory.buffer, pointer, numbers.length).set(numbers);
     return pointer;
@@ -405,7 +406,8 @@ class Visibility {
       });
       const [pointer, place] = [wasm.put(Uint32Array, numbers), wasm.borrow(8)];
       const count = (numbers.length * 4) / PORTAL_BYTES;
-      wasm.check("vis_graph_create", cellCount, pointer, count, points, vertices.length, place);
+      const cells = whole(cellCount, "cellCount");
+      wasm.check("vis_graph_create", cells, pointer, count, points, vertices.length, place);
       return new Graph(wasm, "graph", wasm.u32(place));
     });
   }
@@ -451,7 +453,8 @@ class Visibility {
         ),
       ];
       const place = wasm.borrow(8);
-      wasm.check("vis_pvs_create", targetCount, endPointer, rows.length, targets, end, place);
+      const count = whole(targetCount, "targetCount");
+      wasm.check("vis_pvs_create", count, endPointer, rows.length, targets, end, place);
       return new Pvs(wasm, "pvs", wasm.u32(place));
     });
   }
@@ -646,7 +649,8 @@ class View extends Handle {
       sameLength(matrix, 16, "matrix");
       const [Type, suffix] = matrix instanceof Float32Array ? [Float32Array, ""] : [Float64Array, "_f64"];
       const from = origin ? wasm.put(Float64Array, triple(origin, "origin")) : 0;
-      wasm.check(`vis_view_set_matrix${suffix}`, this.pointer, wasm.put(Type, matrix), depth, from);
+      const parameters = [wasm.put(Type, matrix), whole(depth, "depth"), from];
+      wasm.check(`vis_view_set_matrix${suffix}`, this.pointer, ...parameters);
     });
   }
 
@@ -713,7 +717,7 @@ class Pipeline extends Handle {
   stageStats(stage) {
     return this.wasm.call((wasm) => {
       const place = wasm.borrow(STATS_BYTES);
-      wasm.check("vis_pipeline_stage_stats", this.pointer, stage, place);
+      wasm.check("vis_pipeline_stage_stats", this.pointer, whole(stage, "stage"), place);
       return stats(wasm, place);
     });
   }
@@ -859,7 +863,7 @@ class Cells extends Handle {
   }
 
   canSee(from, to) {
-    return this.wasm.truth("vis_cells_can_see", this.pointer, from, to);
+    return this.wasm.truth("vis_cells_can_see", this.pointer, whole(from, "from"), whole(to, "to"));
   }
 }
 
@@ -877,11 +881,12 @@ class Pvs extends Handle {
   }
 
   sees(viewcell, target) {
-    return this.wasm.truth("vis_pvs_sees", this.pointer, viewcell, target);
+    const parameters = [whole(viewcell, "viewcell"), whole(target, "target")];
+    return this.wasm.truth("vis_pvs_sees", this.pointer, ...parameters);
   }
 
   row(viewcell) {
-    return this.wasm.list(Uint32Array, "vis_pvs_write_row", this.pointer, viewcell);
+    return this.wasm.list(Uint32Array, "vis_pvs_write_row", this.pointer, whole(viewcell, "viewcell"));
   }
 }
 

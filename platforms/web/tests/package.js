@@ -258,14 +258,16 @@ for (const simd128 of [false, true]) {
       visibility.createGraph(2, [{ vertices: door, cells: [0, 1] }]),
       rooms,
     );
+    const pvs = visibility.createPvs(1, [[0]]);
+    const pipeline = visibility.createPipeline().addFrustum();
     for (const wrong of [undefined, null, NaN, 0.5, 1, 2, "true", 1n]) {
       const isRefused = refused("ARGUMENT", /is not true or false/);
       assert.throws(() => cells.setOpen(0, wrong), isRefused);
       assert.throws(() => cells.setPassage(0, { forward: true, backward: wrong }), isRefused);
       assert.throws(() => visibility.createVisible({ changes: wrong ?? null }), isRefused);
     }
+    const whole = /is not a whole number of 32 bits/;
     for (const wrong of [undefined, null, NaN, Infinity, 0.5, 2 ** 32, -(2 ** 31) - 1, true, "1", 1n]) {
-      const whole = /is not a whole number of 32 bits/;
       assert.throws(() => cells.setOpen(wrong, true), refused("ARGUMENT", whole));
       assert.throws(() => scene.setLayers(wall, wrong), refused("ARGUMENT", whole));
       assert.throws(() => scene.setFlags(wall, wrong), refused("ARGUMENT", whole));
@@ -274,9 +276,26 @@ for (const simd128 of [false, true]) {
       assert.throws(() => scene.insertAll({ bounds, layers: [wrong] }), refused("ARGUMENT", whole));
       const indices = [0, 1, wrong];
       assert.throws(() => scene.addMesh({ positions: bounds, indices }), refused("ARGUMENT", whole));
+      assert.throws(() => view.setMatrix(MATRIX, wrong), refused("ARGUMENT", whole));
+      assert.throws(() => pipeline.stageStats(wrong), refused("ARGUMENT", whole));
+      assert.throws(() => visibility.createGraph(wrong, []), refused("ARGUMENT", whole));
+      assert.throws(() => cells.canSee(wrong, 1), refused("ARGUMENT", whole));
+      assert.throws(() => cells.canSee(0, wrong), refused("ARGUMENT", whole));
+      assert.throws(() => visibility.createPvs(wrong, []), refused("ARGUMENT", whole));
+      assert.throws(() => pvs.sees(wrong, 0), refused("ARGUMENT", whole));
+      assert.throws(() => pvs.sees(0, wrong), refused("ARGUMENT", whole));
+      assert.throws(() => pvs.row(wrong), refused("ARGUMENT", whole));
     }
-    assert.throws(() => view.setMatrix(MATRIX), refused("ARGUMENT", /an argument is missing/));
-    assert.throws(() => cells.canSee(0), refused("ARGUMENT", /an argument is missing/));
+    for (const wrong of [NaN, Infinity, 0.5, 2 ** 32]) {
+      for (const Type of [Float32Array, Float64Array]) {
+        const mesh = { positions: new Float32Array(9), indices: Type.of(0, 1, wrong) };
+        assert.throws(() => scene.addMesh(mesh), refused("ARGUMENT", whole));
+        assert.throws(() => visibility.createPvs(1, [Type.of(wrong)]), refused("ARGUMENT", whole));
+        const prepare = () => visibility.createScenePvs(scene, pvs, [WALL], [wall], Type.of(wrong));
+        assert.throws(prepare, refused("ARGUMENT", whole));
+      }
+    }
+    assert.throws(() => view.setPerspective({ ...CAMERA, near: NaN }), refused("ARGUMENT", /is missing, or/));
     view.setLayers(~4);
     assert.equal(scene.count, 2);
     assert.ok(cells.canSee(0, 1) && cells.canSee(1, 0));
