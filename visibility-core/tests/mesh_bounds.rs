@@ -331,8 +331,8 @@ fn bounds_hold_triangles_and_the_mesh_prepared_from_them() {
     assert!(enlarged > 200, "{enlarged} boxes enlarged: too few");
 }
 
-/// A child that was exactly as large as its HLOD parent, and is enlarged by roundings to hold its mesh, is still
-/// replaced by the parent: else both would be drawn at some distances, and neither at others.
+/// A child that was exactly as large as its HLOD parent, and is enlarged by roundings to hold its mesh, is
+/// still replaced by the parent: else both would be drawn at some distances, and neither at others.
 #[test]
 fn a_child_that_is_enlarged_keeps_its_hlod_parent() {
     let mut random = Random(42);

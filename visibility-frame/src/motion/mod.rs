@@ -7,9 +7,11 @@
 //! volume is hidden was too short; a span whose volume is seen before its end was too long.)
 
 mod deadlines;
+mod places;
 
 use alloc::vec::Vec;
 use deadlines::Deadlines;
+use places::Places;
 use visibility_core::glam::Vec3;
 use visibility_core::scene::{Changes, SceneCursor, SceneError};
 use visibility_core::{Aabb, ObjectId, Scene, VisibleSet};
@@ -194,9 +196,8 @@ pub struct MotionVolumes {
     movers: Vec<Mover>,
     /// Status of each mover, indexed like `movers`.
     status: Vec<Status>,
-    /// Indexed by object index: the position of the object in `movers`, or `NONE` for an object that is no
-    /// mover.
-    places: Vec<u32>,
+    /// Position in `movers` of each mover, by the index of its object.
+    places: Places,
     free: Vec<u32>,
     /// Positions in `movers` of all movers without a volume, each once. Some may be of movers that were
     /// removed.
@@ -210,9 +211,6 @@ pub struct MotionVolumes {
     /// Time from the frame before to the present one, in the caller's unit.
     frame_time: f64,
 }
-
-/// Value of `places` for an object that is no mover.
-const NONE: u32 = u32::MAX;
 
 /// Least, first and greatest span: numbers of frames for which a motion volume is to hold.
 const SPANS: [f32; 3] = [2.0, 8.0, 4096.0];
@@ -229,7 +227,7 @@ impl MotionVolumes {
         Self {
             movers: Vec::new(),
             status: Vec::new(),
-            places: Vec::new(),
+            places: Places::new(),
             free: Vec::new(),
             active: Vec::new(),
             deadlines: Deadlines::new(),
@@ -241,18 +239,10 @@ impl MotionVolumes {
     }
 
     /// Adds an object as a mover, or replaces its motion. The mover's exact bounds are due in the next frame.
-    /// [`ObjectId::PLACEHOLDER`] is ignored. The collection keeps 4 bytes for each index of an object up to
-    /// the greatest index that was added.
+    /// A mover that is not in the scene is dropped when the next frame begins.
     pub fn insert(&mut self, id: ObjectId, motion: Motion) {
-        if id == ObjectId::PLACEHOLDER {
-            return;
-        }
-        if self.places.len() <= id.index() {
-            self.places.resize(id.index() + 1, NONE);
-        }
         // The mover is this object, or an earlier object with the same index that was removed from the scene.
-        let old = self.places[id.index()];
-        if old != NONE {
+        if let Some(old) = self.places.get(id.index()) {
             self.release(old);
         }
         let place = self.free.pop().unwrap_or(self.movers.len() as u32);
@@ -264,7 +254,7 @@ impl MotionVolumes {
             self.movers[place as usize] = mover;
             self.status[place as usize].state = State::Inserted;
         }
-        self.places[id.index()] = place;
+        self.places.set(id.index(), Some(place));
         self.list(place);
         self.deadlines.reserve(self.movers.len());
     }
@@ -288,7 +278,7 @@ impl MotionVolumes {
 
     fn release(&mut self, place: u32) {
         self.status[place as usize].state = State::Free;
-        self.places[self.movers[place as usize].id.index()] = NONE;
+        self.places.set(self.movers[place as usize].id.index(), None);
         self.free.push(place);
     }
 
@@ -302,9 +292,7 @@ impl MotionVolumes {
     }
 
     fn place(&self, id: ObjectId) -> Option<u32> {
-        let place = *self.places.get(id.index())?;
-        let is_mover = place != NONE && self.movers[place as usize].id == id;
-        is_mover.then_some(place)
+        self.places.get(id.index()).filter(|&place| self.movers[place as usize].id == id)
     }
 
     /// Begins the frame at `time`: gives motion volumes to the movers that were hidden in the last frame, and
@@ -402,7 +390,7 @@ impl MotionVolumes {
     pub fn end_frame(&mut self, scene: &Scene, visible: &VisibleSet, seen: &mut Vec<ObjectId>) {
         seen.clear();
         for id in visible.iter(scene) {
-            let Some(&place) = self.places.get(id.index()).filter(|&&place| place != NONE) else { continue };
+            let Some(place) = self.places.get(id.index()) else { continue };
             match self.status[place as usize].state {
                 State::Active => self.status[place as usize].state = State::Visible,
                 State::Volume if self.movers[place as usize].id == id => {
@@ -478,7 +466,7 @@ impl MotionVolumes {
 
     /// Makes an object due if it is a mover: the caller must set its exact bounds in the next frame.
     fn activate_object(&mut self, id: ObjectId) {
-        if let Some(&place) = self.places.get(id.index()).filter(|&&place| place != NONE) {
+        if let Some(place) = self.places.get(id.index()) {
             self.activate(place);
         }
     }
