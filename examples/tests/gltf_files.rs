@@ -100,8 +100,14 @@ fn extras_of_nodes_are_hints() {
         assert_eq!(of(hint), flags, "opaque, door and never culled by the hint `{hint}`");
     }
     assert_eq!(of("moover"), (false, false, false), "an unknown word makes the object hide nothing");
+    for value in [json!(3), json!(false), json!(["glass"])] {
+        let scene = hinted(value.clone()).expect("a good file");
+        assert!(!scene.objects[0].opaque, "{value}, which is no text, makes the object hide nothing");
+        let note = format!("`{value}` is none of occluder");
+        assert!(scene.notes.iter().any(|line| line.contains(&note)), "a note on {value}: {:?}", scene.notes);
+    }
     // Extras of other programs are ignored.
-    for other in [json!(5), json!(null), json!(["visibility"]), json!({"visibility": 3})] {
+    for other in [json!(5), json!(null), json!(["visibility"]), json!({"visible": false})] {
         assert!(read(&with("/nodes/1/extras", other)).is_ok(), "extras of other tools are ignored");
     }
 }

@@ -168,31 +168,47 @@ impl<'a> Advisor<'a> {
     /// [`MeasureError::TooMany`] if the scene has too many triangles to number; [`MeasureError::Size`] if
     /// memory for the images cannot be allocated.
     pub fn new(scene: &'a Scene, views: &'a [View], draw: DrawCost) -> Result<Self, MeasureError> {
-        let triangles = |id| scene.triangles(id).unwrap_or_default();
+        Self::with_judge(scene, scene, views, draw)
+    }
+
+    /// Same as [`new`](Self::new), except that the images and the facts are those of `judge`, a copy of
+    /// `scene` with the same objects. For a scene whose moving objects have triangles only in the copy, since
+    /// cullers must not use them. The candidates cull `scene` itself: what was prepared for a scene is not
+    /// valid for a clone.
+    ///
+    /// # Errors
+    /// Those of [`new`](Self::new).
+    pub fn with_judge(
+        scene: &'a Scene,
+        judge: &Scene,
+        views: &'a [View],
+        draw: DrawCost,
+    ) -> Result<Self, MeasureError> {
+        let triangles = |id| judge.triangles(id).unwrap_or_default();
         let mut facts = SceneFacts {
-            objects: scene.len(),
-            triangles: scene.ids().map(|id| triangles(id).len()).sum(),
+            objects: judge.len(),
+            triangles: judge.ids().map(|id| triangles(id).len()).sum(),
             ..SceneFacts::default()
         };
         let mut references = Vec::with_capacity(views.len());
         let mut surfaces = ItemBuffer::new(IMAGE_SIZE.0, IMAGE_SIZE.1)?;
-        let mut is_seen = alloc::vec![false; scene.index_limit()];
+        let mut is_seen = alloc::vec![false; judge.index_limit()];
         for view in views {
             let mut buffer = ItemBuffer::new(IMAGE_SIZE.0, IMAGE_SIZE.1)?;
             let seen = buffer.draw(
                 view,
-                scene.origin(),
-                scene.ids().filter_map(|id| DrawnObject::of_scene(scene, id, view)),
+                judge.origin(),
+                judge.ids().filter_map(|id| DrawnObject::of_scene(judge, id, view)),
             )?;
             let share = 1.0 / views.len() as f64;
             facts.visible_objects += share * f64::from(seen.visible_objects());
             facts.visible_triangles += share * f64::from(seen.visible_triangles());
             facts.depth_complexity += share * seen.depth_complexity();
             seen.objects().iter().for_each(|object| is_seen[object.key as usize] = object.is_visible());
-            let occluders = scene.ids().filter(|&id| scene.object(id).is_ok_and(|object| object.occluder));
-            let occluders = occluders.filter_map(|id| DrawnObject::of_scene(scene, id, view));
-            surfaces.draw(view, scene.origin(), occluders)?;
-            let limit = surfaces.box_limit(scene, |id| is_seen[id.index()]);
+            let occluders = judge.ids().filter(|&id| judge.object(id).is_ok_and(|object| object.occluder));
+            let occluders = occluders.filter_map(|id| DrawnObject::of_scene(judge, id, view));
+            surfaces.draw(view, judge.origin(), occluders)?;
+            let limit = surfaces.box_limit(judge, |id| is_seen[id.index()]);
             facts.box_limit += share * limit.count() as f64;
             references.push(buffer);
         }
@@ -366,6 +382,30 @@ mod tests {
             "the frustum is the best of two"
         );
         assert!(advisor.best(&mut candidates[2..4], || 0.0).is_none(), "none of the two is right");
+    }
+
+    #[test]
+    fn a_judge_has_the_triangles_and_the_scene_itself_is_culled() {
+        let (judge, views) = (scene(), views());
+        let mut bare = judge.clone();
+        bare.ids().collect::<Vec<_>>().into_iter().for_each(|id| bare.set_triangles(id, []).unwrap());
+        let advisor = Advisor::with_judge(&bare, &judge, &views, DrawCost::default()).unwrap();
+        assert_eq!(advisor.facts().visible_objects, 1.0, "objects visible by the triangles of the judge");
+        /// Culler that hides all objects of a scene that has no triangles, and none of another.
+        struct HideBare;
+        impl Culler for HideBare {
+            fn name(&self) -> &str {
+                "hide bare"
+            }
+            fn accuracy(&self) -> Accuracy {
+                Accuracy::Approximate
+            }
+            fn cull(&mut self, scene: &Scene, _: &View, visible: &mut VisibleSet) -> CullStats {
+                visible.retain(scene, |id, _| !scene.triangles(id).unwrap().is_empty())
+            }
+        }
+        let trial = advisor.trial(&mut Pipeline::new().with(HideBare), f64::INFINITY, || 0.0).unwrap();
+        assert_eq!((trial.objects, trial.false_hidden), (0.0, 2), "objects of the bare scene, all hidden");
     }
 
     #[test]

@@ -47,13 +47,14 @@ const KEPT: usize = 32;
 ///
 /// # Cost
 /// A viewcell of .6 m takes 2 to 30 milliseconds in scenes of some thousand objects, a wide box 15 to 100.
-/// A step takes as much of a sweep as its budget allows. Three things are not divided: the first step
-/// in a scene of walls, of at most 32 triangles an occluder, sorts all their edges; beginning and finishing a
-/// box, and the step in the middle of a wide one, take some nanoseconds for each object of the scene; and
-/// once the hierarchy of the scene has changed at more than two steps of a wide box, each of the sweeps left
-/// is one step. Steps allocate. A frame takes a few nanoseconds for each candidate, and looks at a bit for
-/// each object of the scene. A kept box takes a bit for each object of the scene, and 8 bytes for each object
-/// that can be seen.
+/// A step takes as much of a sweep as its budget allows. Four things are not divided: the first step in a
+/// scene of walls, of at most 32 triangles an occluder, sorts all their edges; beginning a sweep takes up to
+/// 60 nanoseconds for each object asked and, where objects are asked one by one, for each occluder; beginning
+/// and finishing a box, and the step in the middle of a wide one, take some nanoseconds for each object of
+/// the scene; and once the hierarchy of the scene has changed at more than two steps of a wide box, each of
+/// the sweeps left is one step. Steps allocate. A frame takes a few nanoseconds for each candidate, and looks
+/// at a bit for each object of the scene. A kept box takes a bit for each object of the scene, and 8 bytes
+/// for each object that can be seen.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Culler, Object, OccluderMesh, Pose, Scene, View,
@@ -112,7 +113,8 @@ pub struct OnlinePvs {
     /// about all objects that the wide box sees, `known` ones included.
     turns: [usize; 2],
     /// For each size of boxes and each direction: whether asking objects [beside](Asked::Beside) there paid
-    /// the last time. If not, it is tried again in one of twelve boxes.
+    /// the last time that it asked any. If not, it is tried again in one of twelve boxes: in one that asks
+    /// about all objects there.
     pays: [[bool; 6]; 2],
     /// Counter of uses of boxes, by which [`Made::used`] orders them: greater is later.
     clock: u64,
@@ -251,8 +253,8 @@ impl OnlinePvs {
     /// The step ends with the sweep, or once `budget` is used up: work of about so many microseconds of a
     /// core of 3 GHz, counted and not timed, so that the steps are the same on every machine. A step does a
     /// little work even with a budget of 0, and exceeds its budget by at most one lump: an object of which
-    /// the surfaces are listed, a cluster of which pieces are found, an occluder drawn, a plane begun. The
-    /// answers do not depend on budgets.
+    /// the surfaces are listed, a sweep begun, a cluster of which pieces are found, an occluder drawn, a
+    /// plane begun, with the tests of the objects asked on it. The answers do not depend on budgets.
     pub fn step(&mut self, scene: &Scene, places: &[DVec3], budget: u32) -> Option<OnlineStep> {
         self.sync(scene);
         let finite = || places.iter().copied().filter(|place| place.is_finite());
@@ -281,13 +283,11 @@ impl OnlinePvs {
         let job = self.job.as_mut()?;
         let all = VisibleSet::new();
         let is_full_direction = job.next % 6 == self.turns[NEAR] % 6;
-        // Whether asking beside still does not pay shows by few objects.
-        let pays = job.next.checked_sub(6).is_none_or(|direction| self.pays[job.level][direction]);
-        let list = if job.level == WIDE || is_full_direction && pays { &job.seen } else { &job.new };
+        let list = if job.level == WIDE || is_full_direction { &job.seen } else { &job.new };
         let asked = match job.next {
             0..6 if job.level == WIDE => Asked::Set(&all),
             0..6 => Asked::Objects(list),
-            _ => Asked::Beside(list),
+            next => Asked::Beside(list, next - 6),
         };
         let ask = Ask { occluding: &job.occluding, asked, stop: &|| false };
         // Nodes of the hierarchy are not what they were when the sweep of the direction was begun.
@@ -507,7 +507,10 @@ impl OnlinePvs {
         let Some(job) = &mut self.job else { return };
         let hidden = self.culler.hidden();
         let found = hidden.count() - job.before;
-        if let Some(direction) = job.next.checked_sub(6) {
+        // A sweep that asked nothing says nothing.
+        if let Some(direction) = job.next.checked_sub(6)
+            && job.spent > 0
+        {
             self.pays[job.level][direction] = u64::from(found) * WORTH[job.level] > job.spent;
         }
         (job.before, job.spent, job.next) = (hidden.count(), 0, job.next + 1);
@@ -519,7 +522,7 @@ impl OnlinePvs {
             }
             job.occluding.intersect(&bits_of(&job.seen, scene));
         }
-        let is_tried = |direction| self.turns[job.level] % 12 == 2 * direction;
+        let is_tried = |direction| self.turns[job.level] % 12 == direction;
         let is_due = |direction| self.pays[job.level][direction] || is_tried(direction);
         while (6..12).contains(&job.next) && !is_due(job.next - 6) {
             job.next += 1;

@@ -108,8 +108,10 @@ pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSou
     collector.bound_movers();
     let (origin, objects, unknown_hints) = (collector.origin, collector.objects, collector.unknown_hints);
     document.unread.without_triangles = collector.without_triangles;
-    let placed = document.cameras.iter().filter(|camera| nodes.placed.contains(&camera.node));
-    let walks: Vec<_> = placed.filter_map(|camera| camera.walk(&nodes.worlds[camera.node])).collect();
+    let mut is_placed = vec![false; nodes.parents.len()];
+    nodes.placed.iter().for_each(|&node| is_placed[node] = true);
+    let cameras = document.cameras.iter().filter(|camera| is_placed[camera.node]);
+    let walks: Vec<_> = cameras.filter_map(|camera| camera.walk(&nodes.worlds[camera.node])).collect();
     document.unread.cameras -= walks.len();
 
     let movers = objects.iter().filter(|object| object.motion.is_some()).count();
@@ -374,16 +376,17 @@ impl Collector<'_> {
     }
 
     /// Returns the hint in the extras of a node (`"visibility"`), and passes it on to the node's descendants.
-    /// [`Hint::Occluder`] is not passed on: glass below an occluder stays glass. An unknown word, mistyped or
-    /// of another tool, counts as [`Hint::Detail`], since what is meant may not hide anything, and is noted.
-    /// Returns an error for an occluder without a mesh.
+    /// [`Hint::Occluder`] is not passed on: glass below an occluder stays glass. An unknown word or other
+    /// value, mistyped or of another tool, counts as [`Hint::Detail`], since what is meant may not hide
+    /// anything, and is noted. Returns an error for an occluder without a mesh.
     fn hint(&mut self, node: &gltf::Node<'_>) -> Result<Option<Hint>, SourceError> {
         let path = self.path;
         let wrong = |problem| SourceError::content(path, format!("node {}", node.index()), problem);
         let extras = node.extras().as_ref().map(|extras| serde_json::from_str::<Value>(extras.get()));
         let extras = extras.transpose().map_err(|error| wrong(format!("its extras: {error}")))?;
-        let name = extras.as_ref().and_then(|extras| extras.get("visibility")?.as_str());
-        let hint = match name.map(str::parse).transpose() {
+        let word = extras.as_ref().and_then(|extras| extras.get("visibility"));
+        let word = word.map(|word| word.as_str().map_or_else(|| word.to_string(), str::to_owned));
+        let hint = match word.map(|word| word.parse()).transpose() {
             Ok(hint) => hint,
             Err(error) => {
                 self.unknown_hints.push(format!(

@@ -71,14 +71,14 @@ fn advise_in_time(
     let spread = |count: usize| -> Vec<View> {
         world.views.iter().step_by(world.views.len().div_ceil(count).max(1)).cloned().collect()
     };
-    let scene = world.scene_at_rest();
+    let judge = world.scene_at_rest();
     let mut count = VIEWS;
     if !thorough {
-        Advisor::new(&scene, &spread(1), DrawCost::default())?;
+        Advisor::with_judge(&world.scene, &judge, &spread(1), DrawCost::default())?;
         count = ((DRAWING / now().max(1e-6)) as usize).clamp(1, VIEWS);
     }
     let views = spread(count);
-    let advisor = Advisor::new(&scene, &views, DrawCost::default())?;
+    let advisor = Advisor::with_judge(&world.scene, &judge, &views, DrawCost::default())?;
     let sample = (!thorough).then(|| Sample::new(world));
     let mut best: Option<(String, CullerTrial)> = None;
     let (mut frustum, mut tried, mut untried) = (CullerTrial::default(), 0, Vec::new());
@@ -269,6 +269,26 @@ mod tests {
             "{} tried with time, {} without",
             all.tried,
             quick.tried
+        );
+    }
+
+    #[test]
+    fn what_is_prepared_hides_beside_an_object_that_moves() {
+        let mut source = built_in("office:1,3").unwrap();
+        source.objects[0].motion = source.objects[0].bounds().map(Box::new);
+        let world = World::new(source, (64, 36), Some(6)).unwrap();
+        let entries = ["frustum", "occlusion-tree:8"].map(str::to_owned);
+        let advice = advise_in_time(&world, &entries, false, &|| 0.0).unwrap();
+        assert!(
+            advice.chosen.objects < advice.frustum.objects && advice.entry == entries[1],
+            "the occlusion tree leaves fewer objects than the frustum: {advice}"
+        );
+        let bake = advice.bake.as_ref().expect("a baked set");
+        assert!(
+            bake.trial.objects < advice.frustum.objects,
+            "a baked set leaves {} objects, the frustum {}",
+            bake.trial.objects,
+            advice.frustum.objects
         );
     }
 

@@ -155,8 +155,8 @@ pub fn estimate(
         return Err("no camera is in a viewcell".to_owned());
     }
 
-    let judged = world.scene_at_rest();
-    let advisor = Advisor::new(&judged, &views, DrawCost::default()).map_err(|error| error.to_string())?;
+    let advisor = Advisor::with_judge(&world.scene, &world.scene_at_rest(), &views, DrawCost::default())
+        .map_err(|error| error.to_string())?;
     let version = level_version(&scene);
     let clock = Instant::now();
     let trial = |pipeline: &mut Pipeline| {

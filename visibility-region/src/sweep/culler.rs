@@ -270,7 +270,8 @@ impl ExtendedProjectionCuller {
         self.is_assigned = false;
     }
 
-    /// Assigns the objects to be tested to the six directions.
+    /// Assigns the objects to be tested to the six directions. Returns the number of objects that were looked
+    /// at one by one, or of nodes of the hierarchy.
     fn assign(
         &mut self,
         scene: &Scene,
@@ -278,10 +279,15 @@ impl ExtendedProjectionCuller {
         cell_box: &CellBox,
         bounds: &Aabb,
         stats: &mut CullStats,
-    ) {
+    ) -> usize {
         let boxes = core::array::from_fn(|index| cell_box.direction(index));
         let (lists, stack) = (&mut self.lists, &mut self.stack);
-        stats.nodes += occludees::assign(scene, asked, bounds, &boxes, lists, stack);
+        let nodes = occludees::assign(scene, asked, bounds, &boxes, lists, stack);
+        stats.nodes += nodes;
+        match asked {
+            Asked::Set(_) => nodes as usize,
+            Asked::Objects(ids) | Asked::Beside(ids, _) => ids.len(),
+        }
     }
 
     /// Ends the viewcell that was begun last, and releases its surfaces.
@@ -328,7 +334,7 @@ impl ExtendedProjectionCuller {
             Some(running) => running,
             None => {
                 if !self.is_assigned {
-                    self.assign(scene, ask.asked, &cell_box, &bounds, stats);
+                    work.use_up(self.assign(scene, ask.asked, &cell_box, &bounds, stats), ITEM);
                 }
                 core::mem::swap(&mut list, &mut self.lists[index]);
                 let new = Running::new(&job, &list, self.effort, &mut self.coordinates);
@@ -336,6 +342,10 @@ impl ExtendedProjectionCuller {
                     self.asked = list;
                     return true;
                 };
+                // The occluders of objects that are tested one by one are listed one by one too.
+                if !matches!(ask.asked, Asked::Set(_)) {
+                    work.use_up(ask.occluding.count() as usize, ITEM);
+                }
                 self.sweep.begin();
                 running
             }
@@ -434,7 +444,7 @@ impl ExtendedProjectionCuller {
 
 /// Cost of the reprojection of the map to a plane, in nanoseconds of [`Work`].
 const PLANE: u64 = 60_000;
-/// Cost of the test of an item on a plane, in nanoseconds of [`Work`].
+/// Cost of the test of an item on a plane, and of an object when a sweep begins, in nanoseconds of [`Work`].
 const ITEM: u64 = 60;
 /// Cost of each occluder when planes are chosen, in nanoseconds of [`Work`].
 const CHOICE: u64 = 400;
@@ -481,7 +491,7 @@ impl Running {
         let cone = Cone::around(direction, items)?;
         let rims = [0, 1].map(|lat| Rim::of(items, lat, direction, scratch));
         let by_node = matches!(job.ask.asked, Asked::Set(_));
-        let left = if matches!(job.ask.asked, Asked::Beside(_)) { left.beside() } else { left };
+        let left = if matches!(job.ask.asked, Asked::Beside(..)) { left.beside() } else { left };
         let nearest = Nearest::new(&job.all, direction, &cone, by_node);
         Some(Self { cone, rims, nearest, left, planes: Vec::new(), window: None })
     }
@@ -540,6 +550,24 @@ mod tests {
     use super::*;
     use visibility_core::glam::{Affine3A, DVec3};
     use visibility_core::{Object, OccluderMesh};
+
+    #[test]
+    fn a_sweep_beside_lists_one_direction_and_is_charged_for_its_objects() {
+        let mut scene = Scene::new();
+        let ids: Vec<_> = (0..500)
+            .map(|i| scene.insert(Aabb::from_arrays([9.0, i as f32, 2.0], [15.0, i as f32 + 0.5, 5.0])))
+            .collect();
+        let (mut culler, mut work) = (ExtendedProjectionCuller::new(), Work::UNLIMITED);
+        let cell = Viewcell::from_box(DVec3::splat(-0.5), DVec3::splat(0.5));
+        culler.begin(&scene, &cell, Arc::default(), Effort::QUICK);
+        let up =
+            (0..6).find(|&index| culler.cell_box.unwrap().0.direction(index).rows[2] == DVec3::Z).unwrap();
+        let ask = Ask { occluding: &Bits::EMPTY, asked: Asked::Beside(&ids, up), stop: &|| true };
+        culler.sweep_direction(&scene, &ask, up, &mut work, &mut CullStats::default());
+        assert!(culler.asked.len() > 50, "{} objects are asked upwards", culler.asked.len());
+        assert!(culler.lists.iter().all(Vec::is_empty), "objects are listed for no other direction");
+        assert!(work.done() >= 500 * ITEM, "{} ns for a list of 500 objects", work.done());
+    }
 
     #[test]
     fn what_lies_far_behind_walls_is_not_touched() {

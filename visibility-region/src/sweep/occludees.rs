@@ -23,7 +23,7 @@ const STEEPEST: f64 = 4.0;
 
 /// Greatest slope of rays to objects that are asked [beside](Asked::Beside) their farthest direction: across
 /// a whole storey.
-const STEEPEST_BESIDE: f64 = 64.0;
+pub(super) const STEEPEST_BESIDE: f64 = 64.0;
 
 /// Objects to be assigned to directions.
 #[derive(Clone, Copy)]
@@ -33,10 +33,10 @@ pub(crate) enum Asked<'a> {
     Set(&'a VisibleSet),
     /// Objects of the scene, one by one, each in the direction along which it is farthest.
     Objects(&'a [ObjectId]),
-    /// Objects of the scene, one by one, each in all directions but the one along which it is farthest. A
-    /// long wall of the next storey is farthest along the floor, where it begins before the plane at which
-    /// the ceiling hides its far end; upwards, the ceiling alone hides it.
-    Beside(&'a [ObjectId]),
+    /// Objects of the scene, one by one, in the direction with the given index, except those that are
+    /// farthest along it. A long wall of the next storey is farthest along the floor, where it begins before
+    /// the plane at which the ceiling hides its far end; upwards, the ceiling alone hides it.
+    Beside(&'a [ObjectId], usize),
 }
 
 /// Assigns the objects of `asked` to the six directions, as [`Asked`] says. Where all objects of a set that
@@ -54,22 +54,22 @@ pub(crate) fn assign(
     lists.iter_mut().for_each(Vec::clear);
     let visible = match asked {
         Asked::Set(visible) => visible,
-        Asked::Objects(ids) | Asked::Beside(ids) => {
-            let is_beside = matches!(asked, Asked::Beside(_));
+        Asked::Objects(ids) | Asked::Beside(ids, _) => {
             for &id in ids {
                 let (Ok(object), Ok(scene_bounds)) = (scene.object(id), scene.bounds(id)) else { continue };
                 if object.is_unculled() {
                     continue;
                 }
-                let (child, boxes) = (Child::Object(id), directions.map(|d| d.local_box(&scene_bounds)));
-                let farthest = farthest(&boxes);
-                for (index, bounds) in boxes.into_iter().enumerate() {
-                    let steepest = if is_beside { STEEPEST_BESIDE } else { STEEPEST };
-                    if (index == farthest) != is_beside
-                        && is_usable(usable_bounds, &directions[index], &bounds, &scene_bounds, steepest)
-                    {
-                        lists[index].push(Item { child, bounds, scene_bounds });
-                    }
+                let farthest = || farthest(&directions.map(|d| d.local_box(&scene_bounds)));
+                let (index, steepest, is_beside) = match asked {
+                    Asked::Beside(_, index) => (index, STEEPEST_BESIDE, true),
+                    _ => (farthest(), STEEPEST, false),
+                };
+                let bounds = directions[index].local_box(&scene_bounds);
+                if is_usable(usable_bounds, &directions[index], &bounds, &scene_bounds, steepest)
+                    && !(is_beside && index == farthest())
+                {
+                    lists[index].push(Item { child: Child::Object(id), bounds, scene_bounds });
                 }
             }
             return 0;

@@ -1,7 +1,7 @@
 //! Windows of projection planes: the rectangles that maps cover, and their pixels.
 
 use super::direction::Direction;
-use super::occludees::Item;
+use super::occludees::{Item, STEEPEST_BESIDE};
 use super::ray_map::{PixelRect, Ranges, SIDE};
 use alloc::vec::Vec;
 use visibility_core::Aabb;
@@ -17,6 +17,14 @@ pub(crate) const FARTHEST_PIXEL: f64 = 1_073_741_824.0;
 
 /// Least width of a window, in units of the rounding error of positions on it: 2^26.
 const WIDTH: f64 = 67_108_864.0;
+
+// Errors of lateral coordinates and depths of occludees, the latter times the steepest slope, take about a
+// quarter of the margin. `OccluderRaster::decides` leaves out the occluders whose errors exceed another
+// quarter.
+const _: () = assert!(
+    (1.0 + STEEPEST_BESIDE) * SIDE as f64 / (2.0 * WIDTH) < SLACK / 2.0,
+    "the steepest rays must keep errors of positions below half the margin of decisions"
+);
 
 /// Distance in pixels from a [`Rim`] to the boundary between pixels that [`Window::fit`] places next to it,
 /// on its outer side. Edges at the rim, widened by their margin, then mark pixels on one side of the boundary
@@ -172,8 +180,9 @@ impl Window {
             let [low, high] = ends[lat];
             // Positions on the plane are sums of three terms within the magnitudes here, each rounded a few
             // times. They are wrong by less than 16 EPSILON of the magnitudes, and by the error of their
-            // coordinates, which the factor (d + depth) / (z + depth) <= 1 does not enlarge. The window is at
-            // least 2^26 times as wide, so the error is below SIDE / 2^26 < SLACK / 64 pixels.
+            // coordinates: of the lateral one, which the factor (d + depth) / (z + depth) <= 1 does not
+            // enlarge, and of the depth, times the slope of a ray. The window is at least 2 WIDTH times as
+            // wide as the error of a coordinate: see the assertion below `WIDTH`.
             let magnitude = low.abs() + high.abs() + direction.widest();
             let pad = (high - low) * 1e-3 + (magnitude * f64::EPSILON + direction.error) * WIDTH;
             let (low, high) = (low - pad, high + pad);
