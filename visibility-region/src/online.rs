@@ -113,8 +113,8 @@ pub struct OnlinePvs {
     /// about all objects that the wide box sees, `known` ones included.
     turns: [usize; 2],
     /// For each size of boxes and each direction: whether asking objects [beside](Asked::Beside) there paid
-    /// the last time that it asked any. If not, it is tried again in one of twelve boxes: in one that asks
-    /// about all objects there.
+    /// the last time that it asked any. If not, it is tried again in one of [`TRIED`] boxes: in one that
+    /// asks about all objects there.
     pays: [[bool; 6]; 2],
     /// Counter of uses of boxes, by which [`Made::used`] orders them: greater is later.
     clock: u64,
@@ -140,6 +140,10 @@ const LISTED_TRIANGLE: u64 = 500;
 /// Greatest work in nanoseconds for each object that a sweep [beside](Asked::Beside) hides, if it is to pay,
 /// by size of the box: what a wide box hides is asked by none of its viewcells.
 const WORTH: [u64; 2] = [4_000_000, 1_000_000];
+
+/// Number of boxes, by size, from one try of a sweep [beside](Asked::Beside) that does not pay to the next: a
+/// multiple of 6. A try in a viewcell asks all objects of its wide box, most of them in vain.
+const TRIED: [usize; 2] = [12, 48];
 
 /// Index of the larger of the two sizes of boxes, the wide boxes, in arrays by size.
 const WIDE: usize = 0;
@@ -522,7 +526,7 @@ impl OnlinePvs {
             }
             job.occluding.intersect(&bits_of(&job.seen, scene));
         }
-        let is_tried = |direction| self.turns[job.level] % 12 == direction;
+        let is_tried = |direction| self.turns[job.level] % TRIED[job.level] == direction;
         let is_due = |direction| self.pays[job.level][direction] || is_tried(direction);
         while (6..12).contains(&job.next) && !is_due(job.next - 6) {
             job.next += 1;
