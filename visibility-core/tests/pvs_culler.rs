@@ -300,6 +300,24 @@ fn sets_given_in_place_of_others_are_taken_in() {
     }
 }
 
+/// A set that names other occluders than the set it was made from is another set to a culler.
+#[test]
+fn a_set_with_other_occluders_is_another_set() {
+    let (mut scene, ids, pvs, viewcells) = world();
+    let none = ScenePvs::new(&scene, pvs, viewcells, ids.iter().copied().zip(0..)).with_occluders(&scene, []);
+    let named = none.clone().with_occluders(&scene, [ids[3]]);
+    let mut culler = PvsCuller::new(&none);
+    assert_eq!(seen(&mut culler, &scene, &ids, 2.0), [0, 2, 4, 6, 8], "what viewcell 0 sees");
+    scene.set_bounds(ids[3], Aabb::from_arrays([22.0, 0.0, 0.0], [23.0, 1.0, 1.0])).unwrap();
+    assert_eq!(
+        seen(&mut culler, &scene, &ids, 2.0),
+        [0, 2, 3, 4, 6, 8],
+        "an object that hides nothing moved"
+    );
+    *culler.shared_mut() = &named;
+    assert_eq!(seen(&mut culler, &scene, &ids, 2.0).len(), 10, "an occluder of the second set has moved");
+}
+
 #[test]
 fn a_culler_that_was_in_another_scene_hides_in_its_own_as_before() {
     let (mut scene, ids, pvs, viewcells) = world();

@@ -125,6 +125,8 @@ impl ScenePvs {
         }
         self.occluder_layers.sort_unstable();
         self.occluder_layers.dedup();
+        // A culler that knows the set before has asked about other occluders.
+        self.stamp = Stamp::new();
         self
     }
 

@@ -50,6 +50,10 @@ impl Pvs {
     /// fault of the row.
     fn check_row(&self, viewcell: ViewcellId, depths: &[u8]) -> Result<u8, &'static str> {
         let row = self.row(viewcell).ok_or("it lies outside the rows")?;
+        // Bits are numbered by `u32`.
+        if row.len() >= 1 << 29 {
+            return Err("it is too long");
+        }
         let Row { base, runs } = Row::new(viewcell, row).ok_or("it has no known form")?;
         let depth = match base {
             None => 0,

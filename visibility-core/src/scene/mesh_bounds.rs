@@ -44,7 +44,8 @@ pub(super) fn slack(bounds: &Aabb) -> Vec3 {
     bounds.min.abs().max(bounds.max.abs()) * (32.0 * f32::EPSILON)
 }
 
-/// Tests whether `content` lies within `bounds`, up to 64 units of round-off (2^-24) of its greatest coordinates.
+/// Tests whether `content` lies within `bounds`, up to 64 units of round-off (2^-24) of the greatest
+/// coordinates of `bounds`.
 pub fn holds_nearly(bounds: &Aabb, content: &Aabb) -> bool {
     let slack = slack(bounds);
     (bounds.min - slack).cmple(content.min).all() && content.max.cmple(bounds.max + slack).all()
