@@ -2,11 +2,13 @@
 
 use std::process::{Command, Output, Stdio};
 
-/// Runs a program with its standard output closed, and returns what it wrote to standard error.
+/// Runs a program with its standard output closed, and returns what it wrote to standard error. The program
+/// runs in the folder for files of tests, in which it may leave pictures.
 fn without_reader(program: &str, arguments: &str) -> Output {
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);
     let mut command = Command::new(program);
+    command.current_dir(env!("CARGO_TARGET_TMPDIR"));
     command.args(arguments.split(' ')).stdout(writer).stderr(Stdio::piped());
     command.output().unwrap()
 }
