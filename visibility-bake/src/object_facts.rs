@@ -1,7 +1,7 @@
 //! Properties of a level's objects without their triangles, and hashes of the data that a bake depends on.
 
 use visibility_core::binary_format::Fingerprint;
-use visibility_core::glam::{Affine3A, DAffine3, DVec3};
+use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::level_version::{level_object, object_hash};
 use visibility_core::scene::{Triangles, holds_nearly};
 use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, Scene};
@@ -37,17 +37,11 @@ impl ObjectFacts {
     ) -> Self {
         let Object { bounds: given, layers, cost, never_cull, occluder, one_sided, see_through } = *object;
         let hash = object_hash(object, triangles, mesh);
-        let placed = mesh.into_iter().flat_map(|(mesh, transform)| {
-            let transform = DAffine3::from_cols_array(&transform.to_cols_array().map(f64::from));
-            mesh.positions().iter().map(move |p| transform.transform_point3(p.as_dvec3()))
-        });
-        let corners = triangles.iter().flatten().map(|p| p.as_dvec3()).chain(placed);
-        let [min, max] = [given.min, given.max].map(|corner| corner.as_dvec3());
-        let (low, high) =
-            corners.filter(|p| p.is_finite()).fold((min, max), |(low, high), p| (low.min(p), high.max(p)));
-        let whole = Aabb::from_world(low, high, DVec3::ZERO);
-        let is_enlarged = (low, high) != (min, max) && given.is_finite() && holds_nearly(&given, &whole);
-        let bounds = if is_enlarged { given.union(&whole) } else { given };
+        let content = Aabb::from_points(triangles.iter().flatten().filter(|p| p.is_finite()));
+        let content =
+            mesh.map_or(content, |(mesh, transform)| content.union(&mesh.placed_bounds(&transform)));
+        let is_enlarged = given.is_finite() && holds_nearly(&given, &content);
+        let bounds = if is_enlarged { given.union(&content) } else { given };
         let triangles = triangles.len() as u32;
         Self {
             bounds,

@@ -226,6 +226,16 @@ fn bounds_computed_to_the_nearest_hold_their_mesh_and_others_do_not() {
     assert!(rounded > 1000 && decided > 3900, "{rounded} {decided}");
 }
 
+/// Returns a mesh of two random triangles, and its box computed as middle plus half extent, out of which the
+/// mesh reaches by roundings now and then.
+fn mesh_and_rounded_box(random: &mut Random, size: f64) -> Option<(OccluderMesh, Aabb)> {
+    let points: Vec<Vec3> = (0..6).map(|_| random.fine_vector(size).as_vec3()).collect();
+    let mesh = OccluderMesh::from_indexed(&points, &[[0, 1, 2], [3, 4, 5]]).ok()?;
+    let Aabb { min, max } = *mesh.bounds();
+    let (middle, half) = ((min + max) * 0.5, (max - min) * 0.5);
+    Some((mesh, Aabb::new(middle - half, middle + half)))
+}
+
 /// A mesh that reaches out of a local box by roundings: the local box is enlarged, and given again it changes
 /// nothing. A mesh that moves by small steps does not enlarge bounds ever further.
 #[test]
@@ -233,11 +243,8 @@ fn a_local_box_is_enlarged_to_hold_its_mesh_and_stays_the_one_that_was_given() {
     let mut random = Random(39);
     let mut enlarged = 0;
     for _ in 0..400 {
-        let points: Vec<Vec3> = (0..6).map(|_| random.fine_vector(9.0).as_vec3()).collect();
-        let Ok(mesh) = OccluderMesh::from_indexed(&points, &[[0, 1, 2], [3, 4, 5]]) else { continue };
+        let Some((mesh, local)) = mesh_and_rounded_box(&mut random, 9.0) else { continue };
         let held = *mesh.bounds();
-        let (middle, half) = ((held.min + held.max) * 0.5, (held.max - held.min) * 0.5);
-        let local = Aabb::new(middle - half, middle + half);
         let mut scene = Scene::new();
         let mesh = scene.add_mesh(mesh);
         let id = scene.insert(Object { occluder: true, ..Object::new(local) });
@@ -338,11 +345,7 @@ fn a_child_that_is_enlarged_keeps_its_hlod_parent() {
     let mut random = Random(42);
     let mut enlarged = 0;
     for _ in 0..400 {
-        let points: Vec<Vec3> = (0..6).map(|_| random.fine_vector(99.0).as_vec3()).collect();
-        let Ok(mesh) = OccluderMesh::from_indexed(&points, &[[0, 1, 2], [3, 4, 5]]) else { continue };
-        let held = *mesh.bounds();
-        let (middle, half) = ((held.min + held.max) * 0.5, (held.max - held.min) * 0.5);
-        let given = Aabb::new(middle - half, middle + half);
+        let Some((mesh, given)) = mesh_and_rounded_box(&mut random, 99.0) else { continue };
         let mut scene = Scene::new();
         let [parent, child] = [0; 2].map(|_| scene.insert(Object { occluder: true, ..Object::new(given) }));
         scene.set_hlod_parent(child, Some(parent)).unwrap();

@@ -1,7 +1,7 @@
 //! Axis-aligned bounding boxes in `f32`.
 
 use crate::geometry::Containment;
-use glam::{Affine3A, DVec3, Vec3, Vec3A};
+use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec3A};
 
 /// An axis-aligned bounding box with closed sides, in metres relative to the origin of its scene.
 ///
@@ -54,6 +54,26 @@ impl Aabb {
             bounds.max = bounds.max.max(p);
         }
         bounds
+    }
+
+    /// Returns the smallest box around `points` where `transform` places them, computed in `f64` and rounded
+    /// outwards to `f32`. [`EMPTY`](Self::EMPTY) without points, NaN if a coordinate is NaN.
+    pub(crate) fn around_placed(points: &[Vec3], transform: &DAffine3) -> Self {
+        let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for &point in points {
+            let at = transform.transform_point3(point.as_dvec3());
+            if at.is_nan() {
+                return Self::new(Vec3::NAN, Vec3::NAN);
+            }
+            (min, max) = (min.min(at), max.max(at));
+        }
+        let low = |exact: f64| {
+            let nearest = exact as f32;
+            if f64::from(nearest) <= exact { nearest } else { nearest.next_down() }
+        };
+        // A number is rounded up by rounding its negative down.
+        let low = |corner: DVec3| Vec3::from_array(corner.to_array().map(low));
+        Self::new(low(min), -low(-max))
     }
 
     /// Converts a world-space `f64` box to an `f32` box relative to `origin` that certainly contains it.

@@ -8,7 +8,7 @@ use crate::geometry::orientation;
 use crate::{Aabb, geometry::Side};
 use alloc::vec::Vec;
 use core::fmt;
-use glam::Vec3;
+use glam::{Affine3A, DAffine3, Vec3};
 
 /// An edge of an [`OccluderMesh`], with the triangles on both sides.
 ///
@@ -252,6 +252,14 @@ impl OccluderMesh {
     /// Returns the bounding box in mesh coordinates.
     pub fn bounds(&self) -> &Aabb {
         &self.bounds
+    }
+
+    /// Returns the smallest box around the vertices where `transform` places them, rounded outwards to `f32`;
+    /// the box holds them up to the rounding of `f64`. Takes time linear in the number of vertices, unlike
+    /// [`bounds`](Self::bounds) [transformed](Aabb::transformed), which is larger for a turned mesh.
+    pub fn placed_bounds(&self, transform: &Affine3A) -> Aabb {
+        let exact = DAffine3::from_cols_array(&transform.to_cols_array().map(f64::from));
+        Aabb::around_placed(&self.positions, &exact)
     }
 
     /// Tests whether every edge joins two triangles. No back face of a closed mesh can be seen from outside.

@@ -79,7 +79,7 @@ impl Scene {
     /// of the object.
     pub fn stand_in(&self, id: ObjectId) -> Option<(ObjectId, Aabb)> {
         let above = self.tree.substitute(self.slot(id).ok()?)?;
-        let bounds = self.tree.bounds[above.node()].get(above.lane());
+        let bounds = self.tree.bounds_in(above);
         Some((self.tree.ids[above.node()][above.lane()], bounds))
     }
 

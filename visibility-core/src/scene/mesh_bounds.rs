@@ -1,9 +1,8 @@
 //! Whether an occluder mesh, or triangles, lie within the bounds of their object.
 
 use super::Triangles;
-use super::triangles::bounds_in_f64;
 use crate::{Aabb, OccluderMesh};
-use glam::{Affine3A, DAffine3, Vec3, Vec3A};
+use glam::{Affine3A, Vec3, Vec3A};
 
 /// Tests whether the image of `mesh` under `transform` lies within `bounds`, up to rounding. False if
 /// `bounds` are improper, or if the image is NaN.
@@ -27,15 +26,8 @@ pub(super) fn is_within(mesh: &OccluderMesh, transform: &Affine3A, bounds: &Aabb
 /// Returns a box that holds the image of `mesh` under `transform`, up to the rounding of `f64`. The box of
 /// the mesh, transformed, is taken if `bounds` hold it; otherwise the box is made of all vertices.
 pub(super) fn image(mesh: &OccluderMesh, transform: &Affine3A, bounds: &Aabb) -> Aabb {
-    if *transform == Affine3A::IDENTITY {
-        return *mesh.bounds();
-    }
     let whole = mesh.bounds().transformed(transform);
-    if bounds.union(&whole) == *bounds {
-        return whole;
-    }
-    let placed = DAffine3::from_cols_array(&transform.to_cols_array().map(f64::from));
-    bounds_in_f64(mesh.positions(), &placed)
+    if bounds.union(&whole) == *bounds { whole } else { mesh.placed_bounds(transform) }
 }
 
 /// Returns the distance on each axis by which an object's content may reach out of its box `bounds` and count

@@ -8,9 +8,11 @@ mod cursor;
 mod curve;
 mod detail;
 mod draw_range;
+mod enlarged;
 mod maintain;
 mod mesh_bounds;
 mod meshes;
+mod moving;
 mod object;
 mod placement;
 mod queue;
@@ -47,9 +49,6 @@ use meshes::Meshes;
 use placement::{GivenBox, Placements};
 use queue::Queue;
 use tree::{Payload, Scratch};
-
-/// Batches of at least 1 / `MANY` of all objects are moved in one pass over the whole hierarchy.
-const MANY: usize = 2;
 
 /// The store of objects: bounds, layers, costs, flags, triangles and occluder meshes, in a hierarchy of
 /// bounding boxes that every culler walks.
@@ -275,7 +274,7 @@ impl Scene {
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn bounds(&self, id: ObjectId) -> Result<Aabb, SceneError> {
         let slot = self.slot(id)?;
-        Ok(self.tree.bounds[slot.node()].get(slot.lane()))
+        Ok(self.tree.bounds_in(slot))
     }
 
     /// Assigns an id to a new object and stores its cost and flags. Returns the properties that the tree
@@ -401,128 +400,6 @@ impl Scene {
             return Err(SceneError::UnknownObject(twice[0]));
         }
         ids.iter().try_for_each(|&id| self.remove(id))
-    }
-
-    /// Sets the bounds of an object, relative to the scene's origin, after it has moved or changed its shape.
-    /// If the bounds are equal to the present ones, mesh and triangles stay: for an object that has turned
-    /// within its box, call [`set_transform`](Self::set_transform), or set its triangles and mesh again.
-    ///
-    /// If `bounds` differ from the present bounds, the object's [mesh](Self::set_mesh) and
-    /// [triangles](Self::set_triangles) are removed, since they would hide other objects from the object's
-    /// old place. Its [local bounds](Self::set_local_bounds) are removed too. Set them again after the
-    /// bounds, or move the object by [`set_transform`](Self::set_transform), which moves bounds and mesh
-    /// together.
-    ///
-    /// # Errors
-    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
-    pub fn set_bounds(&mut self, id: ObjectId, bounds: Aabb) -> Result<(), SceneError> {
-        let slot = self.slot(id)?;
-        let bounds = self.resolved(id.index, bounds);
-        self.forget_place(id, &bounds);
-        self.move_object(slot, id, &bounds);
-        self.log.push(id, self.generations.len());
-        Ok(())
-    }
-
-    /// Sets the bounds of an object in the hierarchy, without any other effect on the object.
-    fn move_object(&mut self, slot: Slot, id: ObjectId, bounds: &Aabb) {
-        let (was, is) =
-            (self.tree.is_unculled(slot), is_unculled(bounds, self.never_cull.contains(id.index())));
-        if was && is {
-            self.tree.bounds[slot.node()].set(slot.lane(), bounds);
-        } else if was != is || !self.tree.move_within(slot, bounds) {
-            let payload = self.tree.payload(slot);
-            self.tree.remove(slot);
-            self.insert_into_tree(bounds, payload);
-        }
-        self.queue.push(slot.node());
-        self.raise_children(id);
-    }
-
-    /// Sets the bounds of many objects, as [`set_bounds`](Self::set_bounds) does for one, or of none of them
-    /// if an id is unknown. If an object is listed twice, its last bounds count. For batches with at least as
-    /// many objects as the hierarchy has nodes, the objects are updated leaf by leaf and the bounds of the
-    /// hierarchy are made as tight as possible; for batches of at least half of all objects, in one pass.
-    ///
-    /// # Errors
-    /// [`SceneError::UnknownObject`] with the first id that is not in the scene.
-    pub fn set_bounds_batch(&mut self, moved: &[(ObjectId, Aabb)]) -> Result<(), SceneError> {
-        let mut scratch = core::mem::replace(&mut self.tree.scratch, Scratch::EMPTY);
-        let found = self.find_slots(moved.iter().map(|&(id, _)| self.slot(id)), &mut scratch);
-        if found.is_ok() {
-            let mut enlarged = core::mem::take(&mut scratch.placed);
-            let moved = if self.given.is_empty() {
-                moved
-            } else {
-                enlarged.clear();
-                enlarged.extend(moved.iter().map(|&(id, bounds)| (id, self.resolved(id.index, bounds))));
-                &enlarged
-            };
-            if !self.placements.is_empty() || !self.triangles.is_empty() {
-                for (id, bounds) in moved {
-                    self.forget_place(*id, bounds);
-                }
-            }
-            self.move_batch(moved, &mut scratch);
-            scratch.placed = enlarged;
-        }
-        self.tree.scratch = scratch;
-        found
-    }
-
-    /// Returns whether a batch of `count` objects is moved in one pass over all leaves of the hierarchy.
-    fn is_refit(&self, count: usize) -> bool {
-        count >= self.tree.node_count() && count >= self.len() / MANY && count <= Scratch::MAX_BATCH
-    }
-
-    /// Writes the slots of a batch's objects to `scratch`, as [`move_batch`](Self::move_batch) needs them.
-    /// Returns the first error in `slots`, and then writes no more.
-    fn find_slots(
-        &self,
-        mut slots: impl ExactSizeIterator<Item = Result<Slot, SceneError>>,
-        scratch: &mut Scratch,
-    ) -> Result<(), SceneError> {
-        scratch.slots.clear();
-        if !self.is_refit(slots.len()) {
-            return slots.try_for_each(|slot| slot.map(|slot| scratch.slots.push(slot)));
-        }
-        let positions = scratch.clear_positions(self.tree.node_count());
-        slots.zip(0..).try_for_each(|(slot, position)| slot.map(|slot| positions[slot.0 as usize] = position))
-    }
-
-    /// Sets the bounds of `moved`, whose slots [`find_slots`](Self::find_slots) has found. Logs the changes.
-    fn move_batch(&mut self, moved: &[(ObjectId, Aabb)], scratch: &mut Scratch) {
-        if ChangeLog::is_too_much(moved.len(), self.generations.len()) {
-            self.log.invalidate();
-        } else {
-            moved.iter().for_each(|&(id, _)| self.log.push(id, self.generations.len()));
-        }
-        let layout = self.layout;
-        if moved.len() >= self.tree.node_count() && moved.len() <= Scratch::MAX_BATCH {
-            if self.is_refit(moved.len()) {
-                self.tree.refit_batch(moved, scratch, &mut self.queue);
-            } else {
-                self.tree.move_batch_by_leaf(moved, scratch, &mut self.queue);
-            }
-            for &position in &scratch.leavers {
-                let (id, bounds) = &moved[position as usize];
-                self.move_object(self.tree.slots[id.index()], *id, bounds);
-            }
-            if !self.tree.details.is_empty() {
-                // A child may have been measured by an HLOD parent that moved later in the batch.
-                moved.iter().for_each(|&(id, _)| self.raise_children(id));
-            }
-            return;
-        }
-        for (some, slots) in moved.chunks(32).zip(scratch.slots.chunks(32)) {
-            self.tree.fetch(slots);
-            for ((id, bounds), &slot) in some.iter().zip(slots) {
-                // An earlier object of the batch may have got another slot, and changed the slots of other
-                // objects.
-                let slot = if self.layout == layout { slot } else { self.tree.slots[id.index()] };
-                self.move_object(slot, *id, bounds);
-            }
-        }
     }
 
     /// Sets the layers of an object, one bit per layer. A view shows objects that share a layer with it.

@@ -147,7 +147,7 @@ impl SharedTriangles {
         let view = self.view();
         match view.transform {
             None => self.mesh().bounds,
-            Some(transform) => bounds_in_f64(view.mesh.as_flattened(), &transform),
+            Some(transform) => Aabb::around_placed(view.mesh.as_flattened(), &transform),
         }
     }
 
@@ -418,36 +418,5 @@ impl Placement {
 
 #[inline]
 fn place(transform: &DAffine3, point: Vec3) -> Vec3 {
-    place_in_f64(transform, point).as_vec3()
-}
-
-#[inline]
-fn place_in_f64(transform: &DAffine3, point: Vec3) -> DVec3 {
-    let DAffine3 { matrix3: m, translation } = transform;
-    let p: DVec3 = point.as_dvec3();
-    m.x_axis * p.x + m.y_axis * p.y + m.z_axis * p.z + *translation
-}
-
-/// Returns a box that holds all `points` where `transform` places them, computed in `f64` and rounded
-/// outwards to `f32`. [Empty](Aabb::EMPTY) without points, NaN if a coordinate is NaN.
-pub(super) fn bounds_in_f64(points: &[Vec3], transform: &DAffine3) -> Aabb {
-    let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let mut is_nan = false;
-    for &point in points {
-        let at = place_in_f64(transform, point);
-        is_nan |= at.is_nan();
-        (min, max) = (min.min(at), max.max(at));
-    }
-    if is_nan {
-        return Aabb::new(Vec3::NAN, Vec3::NAN);
-    }
-    let low = |exact: f64| {
-        let nearest = exact as f32;
-        if f64::from(nearest) <= exact { nearest } else { nearest.next_down() }
-    };
-    Aabb::new(
-        Vec3::from_array(min.to_array().map(low)),
-        // The greatest number is the negative of the least one of the negative numbers.
-        -Vec3::from_array((-max).to_array().map(low)),
-    )
+    transform.transform_point3(point.as_dvec3()).as_vec3()
 }

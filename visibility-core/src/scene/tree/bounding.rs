@@ -29,7 +29,7 @@ impl Tree {
             return None;
         }
         let [layers, layers_above] = [slot, above].map(|slot| self.layers[slot.node()][slot.lane()]);
-        let [bounds, around] = [slot, above].map(|slot| self.bounds[slot.node()].get(slot.lane()));
+        let [bounds, around] = [slot, above].map(|slot| self.bounds_in(slot));
         (holds_nearly(&around, &bounds) && layers & !layers_above == 0).then_some(above)
     }
 
@@ -43,7 +43,7 @@ impl Tree {
         // parent's diagonal and the slack farther away. The factor exceeds the rounding of the sum, of the
         // root and of the conversion to `f32`.
         let begin = self.detail(self.ids[above.node()][above.lane()].index()).range.begin;
-        let bounds = self.bounds[above.node()].get(above.lane());
+        let bounds = self.bounds_in(above);
         let diagonal = (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length();
         let diagonal = diagonal + slack(&bounds).as_dvec3().length();
         (((f64::from(end.min(begin)) + diagonal) * (1.0 + 1e-6)) as f32).next_up()

@@ -103,6 +103,12 @@ impl Tree {
         }
     }
 
+    /// Returns the bounds of the object, or the box of the node, in a slot.
+    #[inline]
+    pub(super) fn bounds_in(&self, slot: Slot) -> Aabb {
+        self.bounds[slot.node()].get(slot.lane())
+    }
+
     /// Removes all nodes but keeps their memory. `slots` and `details` are left as they are.
     pub(super) fn clear(&mut self) {
         (0..self.node_count()).for_each(|node| self.before_change(node));
@@ -394,7 +400,7 @@ impl Tree {
         for (lane, &from) in order[32..].iter().enumerate() {
             let (from, to) = (Slot::new(node, from), Slot::new(other, lane));
             if level == 0 {
-                let (bounds, payload) = (self.bounds[from.node()].get(from.lane()), self.payload(from));
+                let (bounds, payload) = (self.bounds_in(from), self.payload(from));
                 self.write(to, &bounds, payload);
             } else {
                 self.attach(to, self.child(from.node(), from.lane()) as u32);

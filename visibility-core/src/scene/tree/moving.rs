@@ -18,7 +18,7 @@ impl Tree {
             self.raise_to_object(slot);
             return true;
         };
-        let home = self.bounds[above.node()].get(above.lane());
+        let home = self.bounds_in(above);
         if is_far(&home, bounds) {
             return false;
         }
@@ -90,7 +90,7 @@ impl Tree {
             // `home` is the leaf's box, as stored in its parent before the moves. An object that moves far
             // from this box leaves the leaf.
             let above = self.parent(leaf as u32);
-            let home = above.map(|above| self.bounds[above.node()].get(above.lane()));
+            let home = above.map(|above| self.bounds_in(above));
             // Lanes of objects that must leave, one bit each. If the batch lists such an object twice, the
             // later element must not move it either.
             let mut leaving = 0u64;
@@ -127,7 +127,7 @@ impl Tree {
     pub(super) fn grow(&mut self, node: u32, bounds: &Aabb) {
         let mut node = node;
         while let Some(above) = self.parent(node) {
-            let old = self.bounds[above.node()].get(above.lane());
+            let old = self.bounds_in(above);
             let new = old.union(bounds);
             if new == old {
                 return;
@@ -143,7 +143,7 @@ impl Tree {
         let mut node = node;
         while let Some(above) = self.parent(node) {
             let hull = self.bounds[node as usize].hull();
-            if self.bounds[above.node()].get(above.lane()) == hull {
+            if self.bounds_in(above) == hull {
                 return;
             }
             self.bounds[above.node()].set(above.lane(), &hull);

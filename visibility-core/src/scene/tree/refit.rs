@@ -39,7 +39,7 @@ impl Tree {
                 boxes.set(lane, &moved[of_lane[lane] as usize].1);
             }
             let above = self.parent(leaf as u32);
-            let home = above.map(|above| self.bounds[above.node()].get(above.lane()));
+            let home = above.map(|above| self.bounds_in(above));
             // One vectorised test for the usual case that no object leaves its leaf. Otherwise a test for
             // each lane.
             let free = !self.occupied[leaf];

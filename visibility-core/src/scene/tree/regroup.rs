@@ -64,7 +64,7 @@ impl Tree {
     /// nodes on each level, so better neighbours may be missed. The root has an empty group.
     pub(in crate::scene) fn neighbours(&self, node: u32) -> Group {
         let Some(above) = self.parent(node) else { return Group::EMPTY };
-        let home = self.bounds[above.node()].get(above.lane());
+        let home = self.bounds_in(above);
         let level = self.levels[node as usize];
         // The node and its ancestors, indexed by height above the node. Each stays in the group of its level
         // whatever its nearness.
