@@ -39,6 +39,7 @@ mod occluders;
 mod outline;
 mod terrain;
 mod terrain_columns;
+mod upward_triangles;
 mod walls;
 
 pub use culler::HorizonCuller;

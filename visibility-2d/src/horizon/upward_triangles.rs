@@ -1,0 +1,224 @@
+//! The triangles of a scene that face up, and the sheets that they join to.
+
+use super::extract::placed;
+use super::frame::UpAxis;
+use crate::cdt::predicates::{MAX_MAGNITUDE, MIN_MAGNITUDE, orient};
+use alloc::vec;
+use alloc::vec::Vec;
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::{Aabb, ObjectId, Scene};
+
+/// Maximum number of sheets (connected ground) of a scene. Each sheet adds to the time of a frame.
+const MAX_SHEETS: usize = 4;
+
+/// Least area of a sheet on the plan, as a fraction of the rectangle around all triangles of the scene that
+/// face up. Smaller ones are left out: roofs and rocks.
+const MIN_AREA: f64 = 1.0 / 64.0;
+
+/// Triangle of a sheet: corners on the plan and in height in metres, counter-clockwise from above.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Triangle {
+    /// For each corner, its two coordinates on the plan and its height, in metres from the scene's origin.
+    pub(super) corners: [[f64; 3]; 3],
+    /// For each corner, the number of its vertex. Corners of different triangles that join have the same
+    /// number.
+    pub(super) vertices: [u32; 3],
+    /// Bound on the distance of a corner from the exact one, in metres.
+    pub(super) error: f64,
+    /// Index of the triangle's object in [`Terrain::objects`](super::terrain::Terrain::objects).
+    pub(super) object: u32,
+}
+
+/// Object with triangles in a sheet.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct GroundObject {
+    pub(crate) id: ObjectId,
+    /// Bounds of its occluder mesh in metres relative to the scene's origin, rounded outwards.
+    pub(crate) bounds: Aabb,
+}
+
+/// Returns a point under a transform if the result is exact. `None` if it would be rounded.
+fn placed_exactly(p: Vec3, transform: &Affine3A) -> Option<DVec3> {
+    if *transform == Affine3A::IDENTITY {
+        return Some(p.as_dvec3());
+    }
+    let m = transform.matrix3;
+    let columns = [m.x_axis, m.y_axis, m.z_axis].map(|axis| Vec3::from(axis).as_dvec3());
+    let at = Vec3::from(transform.translation).as_dvec3();
+    let mut out = DVec3::ZERO;
+    for axis in 0..3 {
+        // Products of two numbers of `f32` are exact.
+        let products = [0, 1, 2].map(|i| columns[i][axis] * f64::from(p[i]));
+        let mut sum = at[axis];
+        for term in products {
+            let next = sum + term;
+            // Rounding error of the addition (Knuth's two-sum). Not zero for NaN.
+            let back = next - sum;
+            let lost = (sum - (next - back)) + (term - back);
+            if lost != 0.0 || !next.is_finite() {
+                return None;
+            }
+            sum = next;
+        }
+        out[axis] = sum;
+    }
+    Some(out)
+}
+
+/// Key of a triangle corner. Corners with equal keys are one vertex. If the corner's position is exact: the
+/// bits of its three coordinates, then 0. Otherwise: the number of the vertex in its mesh, two zeros, and the
+/// number of the object plus 1.
+type VertexKey = [u64; 4];
+
+/// Returns the upward triangles of all occluders that are not convex, and the objects that they belong to.
+/// Triangles of two-sided meshes are turned to face up.
+pub(super) fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, Vec<Triangle>) {
+    let (mut objects, mut triangles) = (Vec::new(), Vec::<Triangle>::new());
+    let mut keys: Vec<(VertexKey, u32)> = Vec::new();
+    for id in scene.ids() {
+        let Some((mesh, ref transform)) = scene.occluder(id) else { continue };
+        if mesh.is_convex() || !scene.object(id).is_ok_and(|object| object.occluder) {
+            continue;
+        }
+        // Whether the transform certainly keeps the front of triangles on the side from which they are
+        // counter-clockwise.
+        let m = transform.matrix3;
+        let volume = m.x_axis.length() * m.y_axis.length() * m.z_axis.length();
+        let keeps_fronts = m.determinant() > 1e-4 * volume;
+        if !(keeps_fronts || mesh.is_two_sided()) {
+            continue;
+        }
+        // Triangles join at vertices whose world coordinates are bit-identical. A key is these coordinates if
+        // the transform is exact, or else the object's own vertex.
+        let object = objects.len() as u32;
+        let mut bounds = Aabb::EMPTY;
+        let points: Vec<([f64; 3], VertexKey, f64)> = (0u32..)
+            .zip(mesh.positions())
+            .map(|(vertex, &p)| {
+                if let Some(p) = placed_exactly(p, transform) {
+                    let p = up.split(p).map(|x| x + 0.0);
+                    let [x, y, z] = p.map(f64::to_bits);
+                    return (p, [x, y, z, 0], 0.0);
+                }
+                let (p, size) = placed(p.as_dvec3(), transform);
+                (up.split(p), [vertex.into(), 0, 0, u64::from(object) + 1], 8.0 * f64::EPSILON * size)
+            })
+            .collect();
+        for t in mesh.triangles() {
+            let mut t = t.map(|vertex| points[vertex as usize]);
+            let is_fit = |x: &f64| *x == 0.0 || (MIN_MAGNITUDE..MAX_MAGNITUDE).contains(&x.abs());
+            if !t.iter().all(|(p, ..)| p.iter().all(is_fit)) {
+                continue;
+            }
+            let [a, b, c] = t.map(|(p, ..)| [p[0], p[1]]);
+            // A triangle faces up if it is counter-clockwise on the plan.
+            let area = orient(a, b, c);
+            if area < 0.0 && mesh.is_two_sided() {
+                t.swap(1, 2);
+            } else if area.is_nan() || area <= 0.0 {
+                continue;
+            }
+            let error = t.iter().fold(0.0f64, |most, (.., error)| most.max(*error));
+            for (p, key, error) in t {
+                keys.push((key, keys.len() as u32));
+                let p = up.join(p);
+                // Two roundings to `f32`: of the point, and of the amount added to it.
+                let by = p.abs() * f64::from(f32::EPSILON) + error + f64::from(f32::MIN_POSITIVE);
+                bounds.min = bounds.min.min((p - by).as_vec3());
+                bounds.max = bounds.max.max((p + by).as_vec3());
+            }
+            triangles.push(Triangle { corners: t.map(|(p, ..)| p), vertices: [0; 3], error, object });
+        }
+        if bounds.min.x <= bounds.max.x {
+            objects.push(GroundObject { id, bounds });
+        }
+    }
+    // Corners with equal keys get the same vertex number.
+    keys.sort_unstable();
+    for (vertex, group) in (0u32..).zip(keys.chunk_by(|a, b| a.0 == b.0)) {
+        for &(_, corner) in group {
+            triangles[corner as usize / 3].vertices[corner as usize % 3] = vertex;
+        }
+    }
+    (objects, triangles)
+}
+
+/// Sides of triangles at which a sheet ends, and those at which two triangles join.
+pub(super) struct Borders {
+    /// For each triangle, whether each of its sides (from corner `k` to corner `k + 1`) is a border: shared
+    /// with no other triangle, or with several.
+    pub(super) sides: Vec<[bool; 3]>,
+    /// Indices of each two triangles that join at a side.
+    pub(super) pairs: Vec<[u32; 2]>,
+}
+
+/// Joins triangles at the sides that exactly two of them share, in opposite directions. All other sides are
+/// borders.
+pub(super) fn join(triangles: &[Triangle]) -> Borders {
+    let mut sides: Vec<([u32; 2], bool, u32)> = Vec::with_capacity(3 * triangles.len());
+    for (i, t) in (0u32..).zip(triangles) {
+        for side in 0..3 {
+            let (a, b) = (t.vertices[side], t.vertices[(side + 1) % 3]);
+            sides.push(([a.min(b), a.max(b)], a > b, 3 * i + side as u32));
+        }
+    }
+    sides.sort_unstable();
+    let mut borders = Borders { sides: vec![[true; 3]; triangles.len()], pairs: Vec::new() };
+    for group in sides.chunk_by(|a, b| a.0 == b.0) {
+        if let [(_, a, from), (_, b, to)] = *group
+            && a != b
+        {
+            for side in [from, to] {
+                borders.sides[side as usize / 3][side as usize % 3] = false;
+            }
+            borders.pairs.push([from / 3, to / 3]);
+        }
+    }
+    borders
+}
+
+/// Returns the sheets (sets of joined triangles) with the largest areas on the plan, at most [`MAX_SHEETS`].
+/// Each is given by the indices of its triangles. Sheets smaller than [`MIN_AREA`] are left out.
+pub(super) fn largest(triangles: &[Triangle], borders: &Borders) -> Vec<Vec<u32>> {
+    let mut parent: Vec<u32> = (0..triangles.len() as u32).collect();
+    fn root(parent: &mut [u32], mut i: u32) -> u32 {
+        while parent[i as usize] != i {
+            parent[i as usize] = parent[parent[i as usize] as usize];
+            i = parent[i as usize];
+        }
+        i
+    }
+    // Union-find: triangles with a common edge belong to one sheet, which is named by its least triangle.
+    for &[a, b] in &borders.pairs {
+        let (a, b) = (root(&mut parent, a), root(&mut parent, b));
+        parent[a.max(b) as usize] = a.min(b);
+    }
+    let mut order: Vec<(u32, u32)> = (0..triangles.len() as u32).map(|i| (root(&mut parent, i), i)).collect();
+    order.sort_unstable();
+    // Twice the area on the plan. All triangles face up, so no parts cancel.
+    let area = |group: &[(u32, u32)]| -> f64 {
+        let of = |&(_, i): &(u32, u32)| {
+            let [a, b, c] = triangles[i as usize].corners;
+            (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        };
+        group.iter().map(of).sum()
+    };
+    let mut sheets: Vec<(f64, &[(u32, u32)])> =
+        order.chunk_by(|a, b| a.0 == b.0).map(|group| (area(group), group)).collect();
+    sheets.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let (mut min, mut max) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for p in triangles.iter().flat_map(|t| t.corners) {
+        for axis in 0..2 {
+            (min[axis], max[axis]) = (min[axis].min(p[axis]), max[axis].max(p[axis]));
+        }
+    }
+    // Sheets below this share of the scene's extent cost more than they hide.
+    let least = MIN_AREA * (max[0] - min[0]) * (max[1] - min[1]);
+    let is_large = |sheet: &&(f64, &[(u32, u32)])| sheet.0 >= least;
+    sheets
+        .iter()
+        .take(MAX_SHEETS)
+        .take_while(is_large)
+        .map(|(_, group)| group.iter().map(|&(_, i)| i).collect())
+        .collect()
+}
