@@ -144,7 +144,7 @@ impl Motion {
         let mut moved: Vec<Range<usize>> =
             channels.keys().map(|&node| nodes.subtrees[node].clone()).collect();
         moved.sort_unstable_by_key(|range| range.start);
-        // Of two subtrees that meet, the later one is within the earlier one.
+        // Two subtrees that share a node are nested: the subtree that begins later lies in the other.
         moved.dedup_by(|later, earlier| later.start < earlier.end);
         for range in &moved {
             // If an earlier clip moves the first node, it moves all nodes of the range.

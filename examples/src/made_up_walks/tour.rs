@@ -138,7 +138,7 @@ impl<'a> LocalPlaces<'a> {
                 }
             }
         }
-        // Of several equally good places, the first wins. It is the nearest.
+        // If several places are equally far from the border, the first of `near`, the nearest to `at`, wins.
         near.into_iter().rev().max_by_key(|&at| self.distances[at as usize]).unwrap_or(at)
     }
 

@@ -102,8 +102,8 @@ pub fn judge(world: &World, trials: &[Trial], progress: impl Fn() + Sync) -> Res
             let Some(view) = world.views.get(frame) else { return Ok(judged) };
             buffer.draw(view, world.origin(), world.items())?;
             let seen = buffer.visible();
-            // Of objects that tie, only the one in the picture counts. Otherwise coplanar walls would count
-            // twice.
+            // If coplanar surfaces of several objects tie in a pixel, only the object that the picture shows
+            // there counts as visible. Otherwise two coplanar walls would both count.
             let shown = seen.objects().iter().filter(|object| object.visible_triangles > 0);
             let exact: Vec<u32> = shown.map(|object| object.key).collect();
             if !all_opaque {

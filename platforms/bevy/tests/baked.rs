@@ -224,8 +224,8 @@ fn what_changes_is_visible_from_then_on() {
         world.check(5.0 + (change % 3) as f32, Some(0));
         world.check(15.0, Some(1));
     }
-    // So many moves overflow the scene's change log. Objects that have moved must stay visible, and the
-    // others hidden.
+    // The scene's change log overflows by as many moves as follow. Moved objects must stay visible, and
+    // objects that have not moved must stay hidden.
     for number in 10 * OBJECTS..13 * OBJECTS {
         world.free.insert(number);
         let (aabb, at) = placed(world.level.boxes[number as usize % 100]);

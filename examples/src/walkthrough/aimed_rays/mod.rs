@@ -250,7 +250,7 @@ mod tests {
             let [left, right] = walls;
             assert_eq!(met(vec![left, right, object(behind.clone())]), seen, "slot of {slot} m");
         }
-        // Nothing before the near plane is visible or occludes.
+        // A plate between the eye and the near plane is not drawn: rays pass it.
         let close = object(plate(0.25, all, all));
         assert_eq!(met(vec![close, object(behind.clone())]), [1], "a plate before the near plane is not met");
         // Glass is visible and does not occlude; a one-sided plate seen from behind does not occlude either.
@@ -265,7 +265,7 @@ mod tests {
                 "a one-sided plate: the one behind is met, or it"
             );
         }
-        // Of two plates in the same place, rays certainly meet neither first.
+        // Two plates lie in the same place: for neither plate is it certain that rays meet it first.
         assert!(
             met(vec![object(behind.clone()), object(behind)]).is_empty(),
             "of two plates in one place neither is met"

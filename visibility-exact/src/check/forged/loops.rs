@@ -55,7 +55,7 @@ fn loops_just_inside_the_viewcell_are_refused() {
 /// A one-sided occluder in the plane of the viewcell's face, with its back to the viewcell. Segments from the
 /// face do not cross this occluder.
 #[test]
-fn loops_in_the_plane_of_the_viewcell_that_show_their_back_are_refused() {
+fn loops_that_show_their_back_are_refused() {
     let wall = WALL.map(|[_, y, z]| [8.0, y, z]);
     let mut world = World { clearance: 1.0 / 128.0, ..World::new(TARGET, &[wall]) };
     let step = ring(world.piece(1), &world.shapes[1], [[0.0, 4.0, 4.0], LINE[1]], &INSIDE);

@@ -28,7 +28,7 @@
 //! | `crosses`: unsure | `lines_through_an_edge_of_a_surface_are_refused`, `lines_through_an_edge_of_a_strip_are_refused` |
 //! | `crosses`: sides and ends; odd | `surfaces_that_a_line_does_not_cross_are_refused`, `surfaces_that_are_crossed_an_even_number_of_times_are_refused` |
 //! | `is_on_piece`: occluders, flat, convex | `pieces_that_are_no_convex_polygon_of_occluders_are_refused` |
-//! | `is_on_piece`: P before the front of a one-sided triangle | `loops_in_the_plane_of_the_viewcell_that_show_their_back_are_refused` |
+//! | `is_on_piece`: P before one-sided fronts | `loops_that_show_their_back_are_refused` |
 //! | `is_on_piece`: near | `loops_away_from_their_occluder_are_refused` |
 //! | `is_on_piece`: before P's plane | `loops_beyond_the_ends_of_segments_are_refused`, `loops_just_inside_the_viewcell_are_refused` |
 //! | `is_on_piece`: before Q's plane, `in_front` | `corners_that_are_not_the_targets_are_refused`, `corners_next_to_the_plane_of_the_target_are_not_before_it` |
