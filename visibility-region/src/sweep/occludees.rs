@@ -17,6 +17,17 @@ pub(crate) struct Item {
     pub(crate) scene_bounds: Aabb,
 }
 
+impl Item {
+    /// Returns the item cut to the boxes of another. `None` if nothing is left of it.
+    pub(super) fn within(self, other: &Self) -> Option<Self> {
+        let (lo, hi) = (self.bounds.lo.max(other.bounds.lo), self.bounds.hi.min(other.bounds.hi));
+        let [a, b] = [self.scene_bounds, other.scene_bounds];
+        let (min, max) = (a.min.max(b.min), a.max.min(b.max));
+        let is_left = lo.cmple(hi).all() && min.cmple(max).all();
+        is_left.then(|| Self { bounds: LocalBox { lo, hi }, scene_bounds: Aabb::new(min, max), ..self })
+    }
+}
+
 /// Greatest slope of rays that a map holds, in lateral metres per metre of depth. Objects that are farther to
 /// the side count as visible.
 const STEEPEST: f64 = 4.0;
