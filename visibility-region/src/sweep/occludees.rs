@@ -36,6 +36,10 @@ const STEEPEST: f64 = 4.0;
 /// a whole storey.
 pub(super) const STEEPEST_BESIDE: f64 = 64.0;
 
+/// Greatest width of the viewcell's front in depths of an object. What is nearer counts as visible: rays to it
+/// from the opposite side would be steeper than the margins allow.
+pub(super) const ACROSS: f64 = 40.0;
+
 /// Objects to be assigned to directions.
 #[derive(Clone, Copy)]
 pub(crate) enum Asked<'a> {
@@ -135,9 +139,14 @@ fn is_usable(
     contains(usable_bounds, bounds) && local.lo.z > direction.guard() && is_ahead(direction, local, steepest)
 }
 
-/// Tests whether all rays from the viewcell's front to a box have a slope of at most `steepest`.
+/// Tests whether rays from the nearest side of the viewcell's front to a box have a slope of at most
+/// `steepest`, and those from the opposite side one of at most [`ACROSS`] more.
 fn is_ahead(direction: &Direction, b: &LocalBox, steepest: f64) -> bool {
-    (0..2).all(|lat| b.lo[lat].abs().max(b.hi[lat].abs()) - direction.half[lat] <= steepest * b.lo.z)
+    (0..2).all(|lat| {
+        let half = direction.half[lat];
+        let is_steep = b.lo[lat].abs().max(b.hi[lat].abs()) - half > steepest * b.lo.z;
+        !is_steep && 2.0 * half <= ACROSS * b.lo.z
+    })
 }
 
 /// Calls `each` with the children of a node, in local coordinates. Objects that are no candidates are left
