@@ -10,7 +10,7 @@
 //   4. shadows are drawn, of all casters; then mirrors and the like, of all objects; then what was collected
 //   5. `scene.onAfterRender`
 
-import { BatchedMesh, LOD, Matrix4, Object3D, WebGPUCoordinateSystem } from "three";
+import { BatchedMesh, LOD, Layers, Matrix4, Object3D, WebGPUCoordinateSystem } from "three";
 import { Depth, Flag, VisibilityError, indexOf, load } from "visibility-web";
 import { InstanceOrder, canLeaveOut, leaveOutInstances, leaveOutOfBatch } from "./instances.js";
 import { Shape, Surface, Surfaces, bonesOf, chosenSurface, moveBox } from "./surfaces.js";
@@ -25,40 +25,52 @@ const ROUNDING = 2 ** -21;
 const matrix = new Matrix4();
 const boneMatrix = new Matrix4();
 const bounds = new Float64Array(6);
+const NO_IDS = new BigUint64Array(0);
+/** The layers of what is hidden: no camera shows them. */
+const NO_LAYERS = new Layers();
+NO_LAYERS.disableAll();
 
 /** A mesh of the scene, and its objects in the library: one, or one for each instance. */
 class Entry {
-  constructor(object) {
+  constructor(object, slot) {
+    // First what each frame looks at, so that it is in one piece of memory.
     this.object = object;
     this.frame = -1;
-    this.surface = Surface.NeverHidden;
     /** What the entry was made for; when one of these changes, it is made anew. */
     this.geometry = null;
-    this.material = null;
+    this.surface = Surface.NeverHidden;
     this.known = null;
-    this.instanceCount = 0;
-    /** Shapes: one for all, or for a `BatchedMesh` one for each instance. */
-    this.shapes = [];
-    /** For a `BatchedMesh`: the part of the geometry that each instance has, -1 for none. */
-    this.parts = null;
-    /** Ids in the library, and their indices. Empty if the mesh is never hidden. */
-    this.ids = [];
-    this.indices = new Uint32Array(0);
+    /** The shape of all instances; of a `BatchedMesh` that of the first. */
+    this.shape = null;
     /** Layers that the library has: 0 where the mesh, or what it is part of, is not shown. */
     this.layers = 0;
-    this.instanceLayers = null;
-    this.world = new Float64Array(16);
+    /** Place of its matrix among those of all entries. */
+    this.slot = slot;
     this.version = -1;
-    /** Whether occluders wait for the mesh to stand still. */
+    /** Number of its objects in the library: 0 if the mesh is never hidden. */
+    this.count = 0;
+    /** Whether it stands still, but is no occluder yet. */
     this.waits = false;
+    /** Index of its object in the library, or of the first of several. */
+    this.index = 0;
+    /** Its layers while it is hidden. */
+    this.former = null;
+    this.ids = NO_IDS;
+    /** What there is more of an `InstancedMesh` or a `BatchedMesh`. */
+    this.many = null;
+  }
+}
+
+/** What there is more of a mesh with instances. */
+class Many {
+  constructor(count) {
+    this.count = count;
+    /** For a `BatchedMesh`: part of its geometry, shape and layers of each instance; -1 is the part of none. */
+    this.parts = this.shapes = this.layers = null;
+    /** Indices of the instances in the library. */
+    this.indices = null;
     /** For an `InstancedMesh` that was drawn in part: its instances, those visible first. */
     this.order = null;
-    /** What it was when it was hidden. */
-    this.mask = 0;
-  }
-
-  get isMany() {
-    return this.object.isInstancedMesh === true || this.object.isBatchedMesh === true;
   }
 }
 
@@ -77,6 +89,9 @@ export class VisibilityCulling {
   /** Entries in the order in which the last frame met them, most often that of this frame. */
   #order = [];
   #met = 0;
+  /** Where each entry was, 16 numbers at its slot, and slots that are free. */
+  #worlds = new Float64Array(16 * 1024);
+  #freeSlots = [];
   #isSameOrder = true;
   #frame = 0;
   /** Point of the world that the library's coordinates are relative to. */
@@ -221,6 +236,7 @@ export class VisibilityCulling {
       for (const entry of this.#entries.values()) {
         if (entry.frame === this.#frame) continue;
         this.#remove(entry);
+        this.#freeSlots.push(entry.slot);
         this.#entries.delete(entry.object);
       }
     }
@@ -248,8 +264,7 @@ export class VisibilityCulling {
     let entry = this.#order[this.#met];
     if (entry?.object !== object) {
       this.#isSameOrder = false;
-      entry = this.#entries.get(object);
-      if (!entry) this.#entries.set(object, (entry = new Entry(object)));
+      entry = this.#entries.get(object) ?? this.#create(object);
     }
     // An object that is twice among children is drawn twice, and followed once.
     if (entry.frame === this.#frame) return;
@@ -266,11 +281,37 @@ export class VisibilityCulling {
       this.#added.push(entry);
       return;
     }
-    if (entry.ids.length === 0) return;
+    if (entry.count === 0) return;
     const layers = isShown ? object.layers.mask >>> 0 : 0;
-    if (layers !== entry.layers || object.isBatchedMesh) this.#setLayers(entry, layers);
-    if (hasMoved(entry) || object.isSkinnedMesh) this.#moved.push(entry);
+    if (layers !== entry.layers || entry.many?.layers) this.#setLayers(entry, layers);
+    if (this.#hasMoved(entry) || object.isSkinnedMesh) this.#moved.push(entry);
     else if (entry.waits) this.#setMeshes(entry);
+  }
+
+  #create(object) {
+    const slot = this.#freeSlots.pop() ?? this.#entries.size;
+    if (16 * slot === this.#worlds.length) {
+      const worlds = new Float64Array(2 * this.#worlds.length);
+      worlds.set(this.#worlds);
+      this.#worlds = worlds;
+    }
+    const entry = new Entry(object, slot);
+    this.#entries.set(object, entry);
+    return entry;
+  }
+
+  /** Whether a mesh, or one of its instances, is elsewhere than it was. */
+  #hasMoved({ object, slot, version, many }) {
+    const { elements } = object.matrixWorld;
+    const worlds = this.#worlds;
+    for (let i = 0; i < 16; i++) if (elements[i] !== worlds[16 * slot + i]) return true;
+    return many !== null && version !== versionOf(object);
+  }
+
+  /** Keeps where a mesh is. */
+  #keep(entry) {
+    this.#worlds.set(entry.object.matrixWorld.elements, 16 * entry.slot);
+    entry.version = versionOf(entry.object);
   }
 
   /** Returns what a mesh is now, from what may change from frame to frame. */
@@ -312,17 +353,15 @@ export class VisibilityCulling {
   }
 
   /** Whether an entry has to be made anew: its geometry has changed, or its instances are others. */
-  #isAnew(entry) {
-    const { object } = entry;
-    const [shape] = entry.shapes;
-    if (shape && shape.frame !== this.#frame) {
+  #isAnew({ object, shape, many }) {
+    if (shape !== null && shape.frame !== this.#frame) {
       if (!shape.isCurrent()) return true;
       shape.frame = this.#frame;
     }
-    if (object.isInstancedMesh) return shape !== undefined && object.count !== entry.instanceCount;
-    if (!entry.parts) return false;
+    if (many === null) return false;
+    if (object.isInstancedMesh) return object.count !== many.count;
     const infos = object._instanceInfo;
-    return infos.length !== entry.parts.length || infos.some((info, i) => partOf(info) !== entry.parts[i]);
+    return infos.length !== many.count || infos.some((info, i) => partOf(info) !== many.parts[i]);
   }
 
   /** Finds the shapes of an entry. False if its geometry cannot be read, so that it is never hidden. */
@@ -331,13 +370,15 @@ export class VisibilityCulling {
     if (object.isBatchedMesh) return this.#shapeBatch(entry);
     let shape = this.#shapes.get(geometry);
     if (!shape?.isCurrent()) this.#shapes.set(geometry, (shape = new Shape(geometry)));
-    entry.instanceCount = object.isInstancedMesh ? object.count : 1;
-    entry.shapes = Array(1).fill(shape);
-    if (object.isSkinnedMesh) {
+    entry.shape = shape;
+    if (object.isInstancedMesh) {
+      entry.many = new Many(object.count);
+      if (!(object.instanceMatrix.array?.length >= 16 * object.count)) return false;
+    } else if (object.isSkinnedMesh) {
       shape.bones ??= bonesOf(geometry);
       if (!shape.bones || shape.bones.boxes.length > object.skeleton.bones.length) return false;
-    } else if (object.isInstancedMesh && !(object.instanceMatrix.array?.length >= 16 * object.count)) return false;
-    return shape.box !== null && entry.instanceCount > 0;
+    }
+    return shape.box !== null;
   }
 
   #shapeBatch(entry) {
@@ -345,65 +386,69 @@ export class VisibilityCulling {
     const infos = object._instanceInfo;
     // Fields that three.js does not document: without them the batch is drawn as it is.
     if (!Array.isArray(infos) || !(object._matricesTexture?.version >= 0)) return false;
-    entry.instanceCount = infos.length;
-    entry.parts = infos.map(partOf);
-    const byPart = new Map();
-    entry.shapes = entry.parts.map((part) => {
-      if (!byPart.has(part)) byPart.set(part, part < 0 ? new Shape(geometry, EMPTY) : shapeOfPart(object, part));
-      return byPart.get(part);
-    });
-    return entry.instanceCount > 0;
+    const many = (entry.many = new Many(infos.length));
+    many.parts = infos.map(partOf);
+    const shapes = new Map([[-1, new Shape(geometry, EMPTY)]]);
+    for (const part of many.parts) if (!shapes.has(part)) shapes.set(part, shapeOfPart(object, part));
+    many.shapes = many.parts.map((part) => shapes.get(part));
+    entry.shape = many.shapes[0] ?? null;
+    many.layers = new Uint32Array(infos.length);
+    return entry.shape?.position.array?.length > 0;
   }
 
   #setLayers(entry, layers) {
-    if (layers === entry.layers && !entry.instanceLayers) return;
+    const { many, ids } = entry;
     entry.layers = layers;
-    entry.ids.forEach((id, i) => {
+    for (let i = 0; i < entry.count; i++) {
       const own = layersOf(entry, i);
-      if (entry.instanceLayers) {
-        if (entry.instanceLayers[i] === own) return;
-        entry.instanceLayers[i] = own;
+      if (many?.layers) {
+        if (many.layers[i] === own) continue;
+        many.layers[i] = own;
       }
-      this.#followed.setLayers(id, own);
-    });
+      this.#followed.setLayers(ids[i], own);
+    }
   }
 
   #remove(entry) {
-    if (entry.ids.length > 0) {
+    if (entry.count > 0) {
       this.#followed.removeAll(entry.ids);
-      for (const shape of entry.shapes) if (--shape.users === 0) shape.free(this.#followed);
+      for (const shape of shapesOf(entry)) if (--shape.users === 0) shape.free(this.#followed);
     }
-    entry.ids = [];
-    entry.shapes = [];
-    entry.order = entry.instanceLayers = entry.parts = null;
+    entry.ids = NO_IDS;
+    entry.count = 0;
+    entry.shape = entry.many = null;
     entry.waits = false;
   }
 
   /** Adds the entries that wait for it to the library. */
   #insert() {
-    if (this.#added.length === 0) return;
-    const count = this.#added.reduce((sum, entry) => sum + entry.instanceCount, 0);
+    const count = this.#added.reduce((sum, { many }) => sum + (many?.count ?? 1), 0);
+    if (count === 0) {
+      this.#added.length = 0;
+      return;
+    }
     const boxes = new Float64Array(6 * count);
     const [layers, flags] = [new Uint32Array(count), new Uint32Array(count)];
     let at = 0;
     for (const entry of this.#added) {
-      keep(entry);
+      this.#keep(entry);
+      entry.count = entry.many?.count ?? 1;
       this.#boxes(entry, boxes, 6 * at);
-      entry.instanceLayers = entry.object.isBatchedMesh ? new Uint32Array(entry.instanceCount) : null;
-      for (let i = 0; i < entry.instanceCount; i++, at++) {
+      for (let i = 0; i < entry.count; i++, at++) {
         layers[at] = layersOf(entry, i);
-        if (entry.instanceLayers) entry.instanceLayers[i] = layers[at];
+        if (entry.many?.layers) entry.many.layers[i] = layers[at];
         flags[at] = entry.surface > Surface.Hideable ? Flag.Occluder : 0;
       }
     }
     const ids = this.#followed.insertAll({ bounds: boxes, layers, flags });
     at = 0;
     for (const entry of this.#added) {
-      entry.ids = ids.slice(at, at + entry.instanceCount);
-      entry.indices = Uint32Array.from(entry.ids, indexOf);
-      for (const shape of entry.shapes) shape.users++;
+      entry.ids = ids.slice(at, at + entry.count);
+      if (entry.many) entry.many.indices = Uint32Array.from(entry.ids, indexOf);
+      else entry.index = indexOf(entry.ids[0]);
+      if (entry.count > 0) for (const shape of shapesOf(entry)) shape.users++;
       this.#setMeshes(entry, boxes, 6 * at);
-      at += entry.instanceCount;
+      at += entry.count;
     }
     this.#added.length = 0;
     if (2 * count > this.#followed.count) this.#followed.rebuild();
@@ -412,15 +457,15 @@ export class VisibilityCulling {
   /** Tells the library of the entries that have moved. They hide nothing until they stand still for a frame. */
   #move() {
     if (this.#moved.length === 0) return;
-    const count = this.#moved.reduce((sum, entry) => sum + entry.instanceCount, 0);
+    const count = this.#moved.reduce((sum, entry) => sum + entry.count, 0);
     const [ids, boxes] = [new BigUint64Array(count), new Float64Array(6 * count)];
     let at = 0;
     for (const entry of this.#moved) {
-      if (hasMoved(entry)) keep(entry);
+      this.#keep(entry);
       this.#boxes(entry, boxes, 6 * at);
       ids.set(entry.ids, at);
       entry.waits = entry.surface > Surface.Hideable;
-      at += entry.instanceCount;
+      at += entry.count;
     }
     this.#followed.setAllBounds(ids, boxes);
     this.#moved.length = 0;
@@ -428,44 +473,45 @@ export class VisibilityCulling {
 
   /** Writes the boxes of an entry. */
   #boxes(entry, out, at) {
-    const { object, shapes, instanceCount } = entry;
-    if (object.isSkinnedMesh) skinnedBox(entry, out, at, this.#origin);
-    else if (!entry.isMany) moveBox(out, at, shapes[0].box, object.matrixWorld.elements, this.#origin);
+    const { object, shape, many } = entry;
+    const world = object.matrixWorld;
+    if (object.isSkinnedMesh) skinnedBox(object, shape.bones, out, at, this.#origin);
+    else if (many === null) moveBox(out, at, shape.box, world.elements, this.#origin);
     else {
       // The graphics card multiplies matrices of the mesh and the instance in single precision.
-      const rounding = ROUNDING * object.matrixWorld.getMaxScaleOnAxis();
-      for (let i = 0; i < instanceCount; i++) {
-        const box = (shapes[i] ?? shapes[0]).box;
-        if (!placeInstance(entry, i)) {
-          out.set(EMPTY, at + 6 * i);
-          continue;
+      const rounding = ROUNDING * world.getMaxScaleOnAxis();
+      for (let i = 0; i < many.count; i++, at += 6) {
+        const { box } = many.shapes?.[i] ?? shape;
+        if (box === EMPTY) out.set(EMPTY, at);
+        else {
+          object.getMatrixAt(i, matrix);
+          const [x, y, z] = [12, 13, 14].map((k) => Math.abs(matrix.elements[k]));
+          const margin = rounding * Math.max(x, y, z);
+          moveBox(out, at, box, matrix.premultiply(world).elements, this.#origin, margin);
         }
-        const e = matrix.elements;
-        const margin = rounding * Math.max(Math.abs(e[12]), Math.abs(e[13]), Math.abs(e[14]));
-        moveBox(out, at + 6 * i, box, matrix.premultiply(object.matrixWorld).elements, this.#origin, margin);
       }
     }
   }
 
   /** Gives an entry its occluder meshes. `boxes` are its boxes, from `at` on, if they are known. */
   #setMeshes(entry, boxes, at = 0) {
+    const { object, shape, many, surface, ids, count } = entry;
     entry.waits = false;
-    if (entry.surface <= Surface.Hideable) return;
-    if (!boxes) this.#boxes(entry, (boxes = new Float64Array(6 * entry.instanceCount)), 0);
-    for (let i = 0; i < entry.instanceCount; i++) {
-      const shape = entry.shapes[i] ?? entry.shapes[0];
-      if (shape.box === EMPTY || !isPlacedWell(boxes.subarray(at + 6 * i, at + 6 * i + 6))) continue;
-      if (entry.isMany) {
-        placeInstance(entry, i);
+    if (surface <= Surface.Hideable) return;
+    if (!boxes) this.#boxes(entry, (boxes = new Float64Array(6 * count)), 0);
+    for (let i = 0; i < count; i++) {
+      const own = many?.shapes?.[i] ?? shape;
+      if (own.box === EMPTY || !isPlacedWell(boxes, at + 6 * i)) continue;
+      if (many) {
+        object.getMatrixAt(i, matrix);
         // The graphics card takes the front for the back if an instance is mirrored.
-        if (entry.surface !== Surface.Double && !(matrix.determinant() > 0)) continue;
-        matrix.premultiply(entry.object.matrixWorld);
-      } else matrix.copy(entry.object.matrixWorld);
-      const mesh = shape.mesh(this.#followed, entry.surface, this.#options.maxOccluderTriangles);
+        if (surface !== Surface.Double && !(matrix.determinant() > 0)) continue;
+        matrix.premultiply(object.matrixWorld);
+      } else matrix.copy(object.matrixWorld);
+      const mesh = own.mesh(this.#followed, surface, this.#options.maxOccluderTriangles);
       if (mesh === null) continue;
-      const transform = Float32Array.from(matrix.elements);
-      for (let k = 0; k < 3; k++) transform[12 + k] = matrix.elements[12 + k] - this.#origin[k];
-      this.#followed.setMesh(entry.ids[i], mesh, transform);
+      for (let k = 0; k < 3; k++) matrix.elements[12 + k] -= this.#origin[k];
+      this.#followed.setMesh(ids[i], mesh, matrix.elements);
     }
   }
 
@@ -475,42 +521,42 @@ export class VisibilityCulling {
     const active = { camera, masked: [], undo: [], hiddenCount: 0 };
     this.#active = active;
     const isVisible = (index) => (bits[index >>> 5] >>> (index & 31)) & 1;
+    const mask = camera.layers.mask >>> 0;
     for (const entry of this.#order) {
-      const { object, indices, ids } = entry;
-      if (ids.length === 0 || entry.layers === 0 || !object.layers.test(camera.layers)) continue;
-      if (!entry.isMany) {
-        if (isVisible(indices[0])) continue;
+      if (entry.count === 0 || (entry.layers & mask) === 0) continue;
+      if (entry.many === null) {
+        if (isVisible(entry.index)) continue;
         active.hiddenCount++;
       } else if (this.#leaveOut(entry, renderer, isVisible)) continue;
-      entry.mask = object.layers.mask;
-      object.layers.mask = 0;
+      // Layers of another, not the mask of its own: those may be shared.
+      entry.former = entry.object.layers;
+      entry.object.layers = NO_LAYERS;
       active.masked.push(entry);
     }
     this.scene.children.push(this.#last);
   }
 
   /** Leaves out the hidden instances of an entry. False if all are hidden. */
-  #leaveOut(entry, renderer, isVisible) {
-    const { object, indices, instanceCount } = entry;
+  #leaveOut({ object, many }, renderer, isVisible) {
+    const { indices, count } = many;
     const active = this.#active;
     const hidden = [];
-    for (let i = 0; i < instanceCount; i++) {
-      if (isShownInstance(entry, i) && !isVisible(indices[i])) hidden.push(i);
+    let shown = 0;
+    for (let i = 0; i < count; i++) {
+      if (many.layers?.[i] === 0) continue;
+      shown++;
+      if (!isVisible(indices[i])) hidden.push(i);
     }
+    if (hidden.length === 0 || (hidden.length < shown && !canLeaveOut(object, renderer))) return true;
     active.hiddenCount += hidden.length;
-    if (hidden.length === instanceCount) return false;
-    if (hidden.length === 0) return true;
-    if (!canLeaveOut(object, renderer)) {
-      active.hiddenCount -= hidden.length;
-      return true;
-    }
+    if (hidden.length === shown) return false;
     const isCamera = (camera) => camera === active.camera;
     if (object.isBatchedMesh) active.undo.push(leaveOutOfBatch(object, hidden, isCamera));
     else {
-      entry.order ??= new InstanceOrder(object.count);
-      entry.order.update(object);
-      entry.order.sort((i) => isVisible(indices[i]));
-      active.undo.push(leaveOutInstances(object, entry.order, isCamera));
+      many.order ??= new InstanceOrder(count);
+      many.order.update(object);
+      many.order.sort((i) => isVisible(indices[i]));
+      active.undo.push(leaveOutInstances(object, many.order, isCamera));
     }
     return true;
   }
@@ -520,7 +566,10 @@ export class VisibilityCulling {
     const { children } = this.scene;
     const at = children.lastIndexOf(this.#last);
     if (at >= 0) children.splice(at, 1);
-    for (const entry of this.#active.masked.splice(0)) entry.object.layers.mask = entry.mask;
+    for (const entry of this.#active.masked.splice(0)) {
+      entry.object.layers = entry.former;
+      entry.former = null;
+    }
     for (const { collected } of this.#active.undo) collected();
   }
 
@@ -553,27 +602,19 @@ function shapeOfPart(batch, part) {
   return new Shape(batch.geometry, box, range);
 }
 
-/** Whether an instance is one that is drawn when its mesh is. */
-function isShownInstance(entry, i) {
-  if (!entry.object.isBatchedMesh) return true;
-  const info = entry.object._instanceInfo[i];
-  return info.active && info.visible;
-}
-
 /** Returns the part of its geometry that an instance of a `BatchedMesh` has, -1 for none. */
 function partOf({ active, geometryIndex }) {
   return active ? geometryIndex : -1;
 }
 
-function layersOf(entry, i) {
-  return isShownInstance(entry, i) ? entry.layers : 0;
+/** Returns the layers of an instance: none if the user has hidden it. */
+function layersOf({ object, layers, many }, i) {
+  return many?.parts && !(many.parts[i] >= 0 && object._instanceInfo[i].visible) ? 0 : layers;
 }
 
-/** Sets `matrix` to that of an instance in its mesh. False if there is no such instance. */
-function placeInstance({ object, parts }, i) {
-  if (parts && parts[i] < 0) return false;
-  object.getMatrixAt(i, matrix);
-  return true;
+/** Returns the shapes of an entry, each once for each instance that has it. */
+function shapesOf({ shape, many }) {
+  return many?.shapes ?? [shape];
 }
 
 /** Returns the version of the matrices of instances. */
@@ -581,22 +622,9 @@ function versionOf({ instanceMatrix, _matricesTexture }) {
   return (instanceMatrix ?? _matricesTexture)?.version ?? 0;
 }
 
-/** Whether a mesh, or one of its instances, is elsewhere than it was. */
-function hasMoved({ object, world, version }) {
-  const { elements } = object.matrixWorld;
-  for (let i = 0; i < 16; i++) if (elements[i] !== world[i]) return true;
-  return version !== versionOf(object);
-}
-
-/** Keeps where an entry is. */
-function keep(entry) {
-  entry.world.set(entry.object.matrixWorld.elements);
-  entry.version = versionOf(entry.object);
-}
-
 /** Writes a box that holds a skinned mesh: a vertex is within the hull of where its bones would put it. */
-function skinnedBox({ object, shapes: [{ bones }] }, out, at, origin) {
-  const { skeleton, bindMatrix, bindMatrixInverse, matrixWorld } = object;
+function skinnedBox(mesh, bones, out, at, origin) {
+  const { skeleton, bindMatrix, bindMatrixInverse, matrixWorld } = mesh;
   const local = new Float64Array([Infinity, Infinity, Infinity, -Infinity, -Infinity, -Infinity]);
   let reach = 0;
   bones.boxes.forEach((box, i) => {
@@ -618,11 +646,11 @@ function skinnedBox({ object, shapes: [{ bones }] }, out, at, origin) {
 }
 
 /** Whether single precision places what is in a box well enough for an occluder. */
-function isPlacedWell(box) {
+function isPlacedWell(boxes, at) {
   let [size, reach] = [0, 0];
-  for (let k = 0; k < 3; k++) {
-    size = Math.max(size, box[3 + k] - box[k]);
-    reach = Math.max(reach, Math.abs(box[k]), Math.abs(box[3 + k]));
+  for (let k = at; k < at + 3; k++) {
+    size = Math.max(size, boxes[3 + k] - boxes[k]);
+    reach = Math.max(reach, Math.abs(boxes[k]), Math.abs(boxes[3 + k]));
   }
   return reach * 2 ** -24 <= PLACED_TO * size;
 }
