@@ -83,7 +83,7 @@ export class VisibilityCulling {
   #visibility = null;
   /** The library's scene. */
   #followed = null;
-  /** By camera: view, pipeline and visible set. */
+  /** By camera: the camera that it is culled for, and view, pipeline and visible set once they are needed. */
   #cameras = new Map();
   #entries = new Map();
   /** Entries in the order in which the last frame met them, most often that of this frame. */
@@ -136,14 +136,16 @@ export class VisibilityCulling {
     this.#followed = visibility.createScene();
   }
 
-  addCamera(camera) {
-    if (!camera?.isCamera) throw new TypeError("`camera` is not a THREE.Camera");
-    if (!this.#cameras.has(camera)) this.#cameras.set(camera, null);
+  addCamera(camera, eye = camera) {
+    if (!camera?.isCamera || !eye?.isCamera) throw new TypeError("`camera` is not a THREE.Camera");
+    const tools = this.#cameras.get(camera);
+    if (tools) tools.eye = eye;
+    else this.#cameras.set(camera, { eye });
   }
 
   removeCamera(camera) {
-    const tools = this.#cameras.get(camera);
-    if (tools) for (const handle of [tools.view, tools.pipeline, tools.visible]) handle.destroy();
+    const { view, pipeline, visible } = this.#cameras.get(camera) ?? {};
+    for (const handle of [view, pipeline, visible]) handle?.destroy();
     this.#cameras.delete(camera);
   }
 
@@ -173,8 +175,9 @@ export class VisibilityCulling {
     if (camera.isArrayCamera || scene.overrideMaterial) return;
     const start = performance.now();
     const tools = this.#tools(camera);
+    const { eye } = tools;
     this.#origin ??= camera.matrixWorld.elements.slice(12, 15).map((x) => (Number.isFinite(x) ? Math.round(x) : 0));
-    if (!this.#look(tools.view, camera, renderer.clippingPlanes ?? [])) return;
+    if (!this.#look(tools.view, eye, renderer.clippingPlanes ?? [])) return;
     this.#follow(camera);
     const followed = performance.now();
     const { occluders, visible } = tools.pipeline.cull(this.#followed, tools.view, tools.visible);
@@ -192,12 +195,12 @@ export class VisibilityCulling {
   }
 
   #tools(camera) {
-    let tools = this.#cameras.get(camera);
-    if (!tools) {
+    const tools = this.#cameras.get(camera);
+    if (!tools.view) {
       const { width, height } = this.#options.zBuffer;
-      const pipeline = this.#visibility.createPipeline().addFrustum().addZBuffer(width, height);
-      tools = { view: this.#visibility.createView(), visible: this.#visibility.createVisible(), pipeline };
-      this.#cameras.set(camera, tools);
+      tools.view = this.#visibility.createView();
+      tools.visible = this.#visibility.createVisible();
+      tools.pipeline = this.#visibility.createPipeline().addFrustum().addZBuffer(width, height);
     }
     return tools;
   }
