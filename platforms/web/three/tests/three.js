@@ -295,6 +295,160 @@ test("levels of detail: the one that is drawn hides, and is shown", async () => 
   culling.dispose();
 });
 
+test("skinned meshes are where any of their bones is", async () => {
+  for (const change of [
+    ({ bones }) => (bones[4].position.y += 5),
+    ({ bones }) => bones[2].scale.setScalar(3),
+    ({ mesh }) => (mesh.geometry.attributes.skinWeight.setW(0, -1).needsUpdate = true),
+    ({ mesh }) => (mesh.geometry.attributes.skinWeight.setW(0, 40).needsUpdate = true),
+  ]) {
+    const made = snake(() => 0);
+    const { scene, wall, lamp, camera } = street({ lamp: made.mesh });
+    wall.scale.y = 6;
+    const culling = await culled(scene, camera);
+    assert.equal(render(scene, camera).drawn.has(lamp, 0), false, "behind the wall");
+    change(made);
+    assert.ok(render(scene, camera).drawn.has(lamp, 0), `${change}`);
+    culling.dispose();
+  }
+});
+
+test("instances that move, come, go or change their part are followed", async () => {
+  const behind = new THREE.Matrix4().makeTranslation(0, 0, -20);
+  const before = new THREE.Matrix4().makeTranslation(0, 0, -5);
+  const colored = (mesh) => {
+    for (let i = 0; i < mesh.count; i++) mesh.setColorAt(i, new THREE.Color(0, i, 0));
+    return mesh;
+  };
+  const make = {
+    mesh() {
+      const mesh = new THREE.InstancedMesh(BOX, grey(), 8);
+      for (let i = 0; i < 8; i++) mesh.setMatrixAt(i, behind.clone().setPosition(i - 4, 0, -20));
+      return mesh;
+    },
+    colored: () => colored(make.mesh()),
+    batch() {
+      const mesh = new THREE.BatchedMesh(9, 100, 200, grey());
+      const part = mesh.addGeometry(BOX);
+      mesh.addGeometry(new THREE.BoxGeometry(1, 90, 1));
+      for (let i = 0; i < 8; i++) mesh.setMatrixAt(mesh.addInstance(part), behind.clone().setPosition(i - 4, 0, -20));
+      mesh.deleteInstance(2);
+      return mesh;
+    },
+  };
+  const move = (mesh) => {
+    mesh.setMatrixAt(4, before);
+    if (mesh.instanceMatrix) mesh.instanceMatrix.needsUpdate = true;
+  };
+  const changes = [
+    ["moved", move, 4, ["mesh", "colored", "batch"]],
+    ["moved with its mesh", (mesh) => mesh.position.set(0, 0, 15), 4, ["mesh", "colored", "batch"]],
+    ["added", (mesh) => mesh.setMatrixAt(mesh.addInstance(0), before), 2, ["batch"]],
+    ["another part", (mesh) => mesh.setGeometryIdAt(3, 1), 3, ["batch"]],
+  ];
+  for (const [what, change, instance, names] of changes) {
+    for (const name of names) {
+      const { scene, wall, camera } = street();
+      wall.scale.y = 6;
+      const mesh = make[name]();
+      scene.add(mesh);
+      const culling = await culled(scene, camera);
+      assert.equal(render(scene, camera).drawn.has(mesh, instance), false, `${name}, ${what}: behind the wall`);
+      change(mesh);
+      for (let frame = 0; frame < 3; frame++) {
+        const { drawn } = render(scene, camera);
+        assert.ok(drawn.has(mesh, instance), `${name}, ${what}: in sight, frame ${frame}`);
+        if (what === "moved") assert.equal(drawn.count(mesh), 1, `${name}: only what is in sight`);
+      }
+      if (what === "moved") {
+        mesh.setMatrixAt(4, behind);
+        mesh.setMatrixAt(5, before);
+        if (mesh.instanceMatrix) mesh.instanceMatrix.needsUpdate = true;
+        if (mesh.instanceColor) {
+          mesh.setColorAt(5, new THREE.Color(1, 0, 0));
+          mesh.instanceColor.needsUpdate = true;
+        }
+        const { drawn } = render(scene, camera);
+        assert.deepEqual([drawn.has(mesh, 4), drawn.has(mesh, 5)], [false, true], `${name}: another is in sight`);
+      }
+      culling.dispose();
+    }
+  }
+  // A user hides an instance: it hides nothing any more.
+  const { scene, wall, lamp, camera } = street();
+  wall.visible = false;
+  const walls = new THREE.BatchedMesh(2, 24, 36, grey());
+  walls.setMatrixAt(walls.addInstance(walls.addGeometry(BOX)), new THREE.Matrix4().makeScale(60, 60, 1).setPosition(0, 0, -10));
+  scene.add(walls);
+  const culling = await culled(scene, camera);
+  assert.equal(render(scene, camera).drawn.has(lamp, 0), false, "behind a wall of the batch");
+  walls.setVisibleAt(0, false);
+  assert.ok(render(scene, camera).drawn.has(lamp, 0), "the wall of the batch is not drawn");
+  culling.dispose();
+});
+
+test("an instance that is mirrored hides from its drawn side alone", async () => {
+  for (const [mirror, isHidden] of [[1, true], [-1, false]]) {
+    const place = new THREE.Matrix4().makeScale(60 * mirror, 60, 1).setPosition(0, 0, -10);
+    const wall = new THREE.InstancedMesh(new THREE.PlaneGeometry(1, 1), grey(), 1);
+    wall.setMatrixAt(0, place);
+    const { scene, lamp, camera } = street();
+    scene.children[0].visible = false;
+    scene.add(wall);
+    assert.equal(await isLampDrawn({ scene, lamp, camera }), !isHidden, `mirror ${mirror}`);
+  }
+});
+
+test("layers that two meshes share are not taken from both", async () => {
+  const { scene, wall, lamp, camera } = street();
+  wall.layers = lamp.layers;
+  const culling = await culled(scene, camera);
+  assert.deepEqual([wall, lamp].map((o) => render(scene, camera).drawn.has(o, 0)), [true, false]);
+  assert.equal(wall.layers, lamp.layers);
+  culling.dispose();
+});
+
+test("a mesh of instances whose sphere is out of date is drawn by its instances", async () => {
+  const { scene, camera } = street();
+  const boxes = new THREE.InstancedMesh(BOX, grey(), 2);
+  for (let i = 0; i < 2; i++) boxes.setMatrixAt(i, new THREE.Matrix4().makeTranslation(0, 0, 50));
+  boxes.castShadow = true;
+  scene.add(boxes);
+  const culling = await culled(scene, camera);
+  const lights = new THREE.OrthographicCamera(-50, 50, 50, -50, -50, 50);
+  render(scene, camera);
+  boxes.computeBoundingSphere();
+  boxes.setMatrixAt(1, new THREE.Matrix4().makeTranslation(0, 0, -5));
+  boxes.instanceMatrix.needsUpdate = true;
+  const { drawn, casters } = render(scene, camera, { shadows: lights });
+  assert.deepEqual([drawn.has(boxes, 0), drawn.has(boxes, 1)], [false, true]);
+  assert.deepEqual([casters.has(boxes, 0), casters.has(boxes, 1)], [true, true]);
+  assert.equal(boxes.frustumCulled, true);
+  culling.dispose();
+});
+
+test("geometries that change are read again", async () => {
+  const { scene, wall, lamp, camera } = street();
+  lamp.geometry = BOX.clone();
+  wall.geometry = BOX.clone();
+  const culling = await culled(scene, camera);
+  const isDrawn = () => render(scene, camera).drawn.has(lamp, 0);
+  assert.equal(isDrawn(), false);
+  lamp.geometry.translate(0, 0, 15);
+  assert.ok(isDrawn(), "its vertices are before the wall");
+  lamp.geometry.translate(0, 0, -15);
+  assert.equal(isDrawn(), false);
+  wall.geometry.setDrawRange(0, 6);
+  assert.ok(isDrawn(), "a part of the wall is drawn");
+  wall.geometry.setDrawRange(0, Infinity);
+  assert.equal(isDrawn(), false);
+  wall.geometry.setIndex([0, 1, 2]);
+  assert.ok(isDrawn(), "one triangle of the wall's side is left");
+  wall.geometry = new THREE.PlaneGeometry(1, 1);
+  assert.equal(isDrawn(), false, "another geometry");
+  culling.dispose();
+});
+
 test("occluders and what may be hidden can be chosen", async () => {
   const glass = () => new THREE.Mesh(BOX, new THREE.MeshBasicMaterial({ transparent: true }));
   assert.equal(await isLampDrawn(street({ wall: glass() }), { occluder: (mesh) => mesh.scale.x > 9 || undefined }), false);
