@@ -530,6 +530,30 @@ test("far from the origin, as tiles of the globe are", async () => {
   }
 });
 
+test("the near and the far plane are where the camera's convention has them", async () => {
+  for (const [name, change] of Object.entries({
+    "depth of WebGL": () => {},
+    "depth of WebGPU": (camera) => (camera.coordinateSystem = THREE.WebGPUCoordinateSystem),
+    "reversed depth": (camera) => (camera._reversedDepth = true),
+  })) {
+    const scene = new THREE.Scene();
+    const boxes = [4, 10, 100].map((distance, i) => {
+      const box = new THREE.Mesh(BOX, grey());
+      box.position.set(((i - 1) * distance) / 4, 0, -distance);
+      return box;
+    });
+    scene.add(...boxes);
+    const camera = perspective({ near: 8, far: 60 });
+    change(camera);
+    camera.updateProjectionMatrix();
+    const culling = await culled(scene, camera);
+    const { drawn } = render(scene, camera);
+    assert.deepEqual(boxes.map((box) => drawn.has(box, 0)), [false, true, false], name);
+    assert.equal(culling.stats.hidden, 2, name);
+    culling.dispose();
+  }
+});
+
 /** A town of all that three.js draws as meshes. */
 function town(random) {
   const scene = new THREE.Scene();
@@ -687,7 +711,7 @@ async function judge(seed, frames, options) {
         const { drawn } = render(scene, camera);
         hidden += culling.stats.hidden;
         all += culling.stats.objects;
-        for (const [object, instance] of seenBy(scene, camera, 32, 18, random)) {
+        for (const [object, instance] of seenBy(scene, camera, 24, 14, random)) {
           seenCount++;
           if (!drawn.has(object, instance)) faults.push(`${name}, frame ${frame}: ${object.type} ${instance}`);
         }
