@@ -240,6 +240,7 @@ test("shadows are cast by all, and mirrors within a frame show all", async () =>
   for (const cameras of [camera, [camera, mirror]]) {
     const culling = await culled(scene, cameras);
     for (let frame = 0; frame < 3; frame++) {
+      camera.position.x = 6 * frame;
       const { drawn, casters, within } = render(scene, camera, { shadows: lights, within: () => render(scene, mirror).drawn });
       assert.equal(drawn.has(lamp, 0), false, "the lamp is behind the wall");
       for (const [name, object] of Object.entries({ boxes, batch })) {
@@ -336,13 +337,14 @@ test("instances that move, come, go or change their part are followed", async ()
       return mesh;
     },
   };
-  const move = (mesh) => {
-    mesh.setMatrixAt(4, before);
+  const move = (mesh, instance = 4, to = before) => {
+    mesh.setMatrixAt(instance, to);
     if (mesh.instanceMatrix) mesh.instanceMatrix.needsUpdate = true;
   };
   const changes = [
     ["moved", move, 4, ["mesh", "colored", "batch"]],
     ["moved with its mesh", (mesh) => mesh.position.set(0, 0, 15), 4, ["mesh", "colored", "batch"]],
+    ["counted", (mesh) => move(mesh, 6) ?? (mesh.count = 8), 6, ["mesh"]],
     ["added", (mesh) => mesh.setMatrixAt(mesh.addInstance(0), before), 2, ["batch"]],
     ["another part", (mesh) => mesh.setGeometryIdAt(3, 1), 3, ["batch"]],
   ];
@@ -351,6 +353,7 @@ test("instances that move, come, go or change their part are followed", async ()
       const { scene, wall, camera } = street();
       wall.scale.y = 6;
       const mesh = make[name]();
+      if (what === "counted") mesh.count = 5;
       scene.add(mesh);
       const culling = await culled(scene, camera);
       assert.equal(render(scene, camera).drawn.has(mesh, instance), false, `${name}, ${what}: behind the wall`);
@@ -361,9 +364,10 @@ test("instances that move, come, go or change their part are followed", async ()
         if (what === "moved") assert.equal(drawn.count(mesh), 1, `${name}: only what is in sight`);
       }
       if (what === "moved") {
-        mesh.setMatrixAt(4, behind);
-        mesh.setMatrixAt(5, before);
-        if (mesh.instanceMatrix) mesh.instanceMatrix.needsUpdate = true;
+        move(mesh, 4, before.clone().setPosition(1, 0, -5));
+        assert.ok(render(scene, camera).drawn.has(mesh, 4), `${name}: moved while in sight`);
+        move(mesh, 4, behind);
+        move(mesh, 5);
         if (mesh.instanceColor) {
           mesh.setColorAt(5, new THREE.Color(1, 0, 0));
           mesh.instanceColor.needsUpdate = true;
