@@ -17,8 +17,8 @@ export function canLeaveOut(mesh, renderer) {
 }
 
 /**
- * The instances of an `InstancedMesh`, those visible first: in attributes of their own, so that shadows and other
- * cameras draw all of them, in any order.
+ * The instances of an `InstancedMesh`, those visible first: in attributes of their own, so that shadows and
+ * other cameras draw all of them, in any order.
  */
 export class InstanceOrder {
   constructor(count) {
@@ -39,7 +39,8 @@ export class InstanceOrder {
     const { itemSize, normalized, version } = from;
     if (copy?.from === from && copy.fromVersion === version) return copy;
     const length = this.count * itemSize;
-    if (copy?.from !== from) copy = new InstancedBufferAttribute(from.array.slice(0, length), itemSize, normalized);
+    if (copy?.from !== from)
+      copy = new InstancedBufferAttribute(from.array.slice(0, length), itemSize, normalized);
     Object.assign(copy, { from, fromVersion: version, usage: from.usage });
     this.instances.forEach((instance, place) => {
       const at = instance * itemSize;
@@ -72,7 +73,10 @@ export class InstanceOrder {
   }
 
   /** Exchanges the attributes and the count of the mesh for these, and returns the former. */
-  exchange(mesh, { matrices, colors, count } = { matrices: this.matrices, colors: this.colors, count: this.count }) {
+  exchange(
+    mesh,
+    { matrices, colors, count } = { matrices: this.matrices, colors: this.colors, count: this.count },
+  ) {
     const former = { matrices: mesh.instanceMatrix, colors: mesh.instanceColor, count: mesh.count };
     mesh.instanceMatrix = matrices;
     mesh.instanceColor = colors;
@@ -102,7 +106,10 @@ function swap(attribute, a, b) {
 
 const MOST_RANGES = 512;
 
-/** Makes an `InstancedMesh` draw the instances that are visible, when `isCamera` holds. Returns how to undo it. */
+/**
+ * Makes an `InstancedMesh` draw the instances that are visible, when `isCamera` holds. Returns how to undo
+ * it.
+ */
 export function leaveOutInstances(mesh, order, isCamera) {
   let former = null;
   const restore = () => {
@@ -130,7 +137,8 @@ export function leaveOutInstances(mesh, order, isCamera) {
     },
     drawn() {
       restore();
-      for (const name of ["onBeforeRender", "onAfterRender", "onBeforeShadow", "onAfterShadow"]) delete mesh[name];
+      for (const name of ["onBeforeRender", "onAfterRender", "onBeforeShadow", "onAfterShadow"])
+        delete mesh[name];
     },
   };
 }

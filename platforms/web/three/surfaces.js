@@ -1,14 +1,6 @@
 // What materials and geometries allow: which meshes may be hidden, which hide others, and by which triangles.
 
-import {
-  BackSide,
-  DoubleSide,
-  LessDepth,
-  LessEqualDepth,
-  Material,
-  NoBlending,
-  NormalBlending,
-} from "three";
+import { BackSide, DoubleSide, LessDepth, LessEqualDepth, Material, NoBlending, NormalBlending } from "three";
 
 /** What a mesh is to the culler. From `Front` on it hides others, from the sides that are named. */
 export const Surface = Object.freeze({ NeverHidden: 0, Hideable: 1, Front: 2, Back: 3, Double: 4 });
@@ -79,7 +71,9 @@ export class Surfaces {
 
   /** Returns the surface of a mesh with several materials: what all of them allow. */
   ofAll(materials, geometry) {
-    const surfaces = materials.map((material) => (material ? this.refresh(this.of(material)) : Surface.Hideable));
+    const surfaces = materials.map((material) =>
+      material ? this.refresh(this.of(material)) : Surface.Hideable,
+    );
     const least = Math.min(...surfaces);
     if (least <= Surface.Hideable) return least;
     const sides = new Set(surfaces);
@@ -114,8 +108,8 @@ function isReadable(attribute) {
 }
 
 /**
- * The box and the triangles of a geometry, or of a part of one. Its occluder meshes are made when they are first
- * needed, and freed with its last user.
+ * The box and the triangles of a geometry, or of a part of one. Its occluder meshes are made when they are
+ * first needed, and freed with its last user.
  */
 export class Shape {
   /** By surface: id of the occluder mesh, null if there is none. */
@@ -123,7 +117,9 @@ export class Shape {
   users = 0;
   frame = -1;
 
-  /** `range` is the part: `start` and `count` of indices, and the `vertexStart` that they are counted from. */
+  /**
+   * `range` is the part: `start` and `count` of indices, and the `vertexStart` that they are counted from.
+   */
   constructor(geometry, box, range) {
     const { position, skinWeight } = geometry.attributes;
     this.geometry = geometry;
@@ -218,13 +214,14 @@ function addPoint(box, x, y, z) {
 
 function boxOfPoints(position) {
   const box = emptyBox();
-  for (let i = 0; i < position.count; i++) addPoint(box, position.getX(i), position.getY(i), position.getZ(i));
+  for (let i = 0; i < position.count; i++)
+    addPoint(box, position.getX(i), position.getY(i), position.getZ(i));
   return box;
 }
 
 /**
- * Returns the boxes of the vertices that each bone moves, and the least and the greatest sum of the weights of a
- * vertex. Null if weights are missing or negative: then no box is known to hold the mesh.
+ * Returns the boxes of the vertices that each bone moves, and the least and the greatest sum of the weights
+ * of a vertex. Null if weights are missing or negative: then no box is known to hold the mesh.
  */
 export function bonesOf({ attributes: { position, skinIndex, skinWeight } }) {
   if (!isReadable(position) || !skinIndex?.array || !skinWeight?.array) return null;
@@ -247,8 +244,8 @@ export function bonesOf({ attributes: { position, skinIndex, skinWeight } }) {
 }
 
 /**
- * Writes the box around a box that a matrix of 16 numbers moves, relative to an origin. `margin` is added on all
- * sides. A matrix that is not affine gives a box of NaN.
+ * Writes the box around a box that a matrix of 16 numbers moves, relative to an origin. `margin` is added on
+ * all sides. A matrix that is not affine gives a box of NaN.
  */
 export function moveBox(out, at, box, e, origin, margin = 0) {
   const isAffine = e[3] === 0 && e[7] === 0 && e[11] === 0 && e[15] === 1;

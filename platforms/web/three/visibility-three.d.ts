@@ -7,13 +7,13 @@ export interface CullingOptions {
   /** The library of `visibility-web`, if it is loaded already. By default it is loaded. */
   visibility?: Visibility;
   /**
-   * Whether a mesh hides what is behind it. `undefined` leaves it to its material: see the README. Asked each frame
-   * for each mesh, so keep it quick. `true` is a promise that the mesh is opaque as drawn.
+   * Whether a mesh hides what is behind it. `undefined` leaves it to its material: see the README. Asked each
+   * frame for each mesh, so keep it quick. `true` is a promise that the mesh is opaque as drawn.
    */
   occluder?(mesh: Mesh): boolean | undefined;
   /**
-   * Whether a mesh may be hidden. `undefined` leaves it to the mesh and its material: see the README. Asked each
-   * frame for each mesh. `true` is a promise that the mesh stays within the box of its geometry.
+   * Whether a mesh may be hidden. `undefined` leaves it to the mesh and its material: see the README. Asked
+   * each frame for each mesh. `true` is a promise that the mesh stays within the box of its geometry.
    */
   cullable?(mesh: Mesh): boolean | undefined;
   /** Greatest number of triangles of a mesh that hides others: 16384 by default. */
@@ -41,8 +41,8 @@ export interface CullingStats {
 /** Culls a scene for its cameras, each time that one of them draws it. */
 export class VisibilityCulling {
   /**
-   * Follows a scene from now on. Until the library is loaded, nothing is hidden. Throws a `TypeError` if `scene` is
-   * not a `THREE.Scene` or a camera is not a `THREE.Camera`.
+   * Follows a scene from now on. Until the library is loaded, nothing is hidden. Throws a `TypeError` if
+   * `scene` is not a `THREE.Scene` or a camera is not a `THREE.Camera`.
    */
   constructor(scene: Scene, cameras: Camera | readonly Camera[], options?: CullingOptions);
   readonly scene: Scene;
@@ -52,8 +52,8 @@ export class VisibilityCulling {
   enabled: boolean;
   readonly stats: CullingStats;
   /**
-   * Culls for a camera, too. With `eye`, what `camera` draws is what `eye` sees: to look from above at what is left
-   * of the scene. The matrices of `eye` must be up to date.
+   * Culls for a camera, too. With `eye`, what `camera` draws is what `eye` sees: to look from above at what
+   * is left of the scene. The matrices of `eye` must be up to date.
    */
   addCamera(camera: Camera, eye?: Camera): void;
   removeCamera(camera: Camera): void;

@@ -1,6 +1,6 @@
-// Culling for three.js: before a scene is drawn, hides the meshes and instances that the camera cannot see, by
-// the package `visibility-web`; while it is drawn, puts all back. `visibility-three.d.ts` describes what is
-// exported here.
+// Culling for three.js: before a scene is drawn, hides the meshes and instances that the camera cannot see,
+// by the package `visibility-web`; while it is drawn, puts all back. `visibility-three.d.ts` describes what
+// is exported here.
 //
 // Order within `renderer.render(scene, camera)`, of WebGLRenderer as of WebGPURenderer:
 //   1. matrices of the world are brought up to date
@@ -17,7 +17,10 @@ import { Shape, Surface, Surfaces, bonesOf, chosenSurface, moveBox } from "./sur
 
 /** Greatest number of clip planes of a view. */
 const MOST_CLIP_PLANES = 10;
-/** An occluder is used if single precision places it to this share of its size: a pixel if it fills the picture. */
+/**
+ * An occluder is used if single precision places it to this share of its size: a pixel if it fills the
+ * picture.
+ */
 const PLACED_TO = 1 / 1024;
 /** Relative error of a single-precision number, with room for the few roundings of a product of matrices. */
 const ROUNDING = 2 ** -21;
@@ -65,7 +68,9 @@ class Entry {
 class Many {
   constructor(count) {
     this.count = count;
-    /** For a `BatchedMesh`: part of its geometry, shape and layers of each instance; -1 is the part of none. */
+    /**
+     * For a `BatchedMesh`: part of its geometry, shape and layers of each instance; -1 is the part of none.
+     */
     this.parts = this.shapes = this.layers = null;
     /** Indices of the instances in the library. */
     this.indices = null;
@@ -108,7 +113,8 @@ export class VisibilityCulling {
   #isDisposed = false;
 
   constructor(scene, cameras, options = {}) {
-    if (!scene?.isScene) throw new TypeError("`scene` is not a THREE.Scene: only scenes tell when they are drawn");
+    if (!scene?.isScene)
+      throw new TypeError("`scene` is not a THREE.Scene: only scenes tell when they are drawn");
     this.scene = scene;
     this.#options = { maxOccluderTriangles: 1 << 14, zBuffer: {}, ...options };
     for (const camera of [cameras].flat()) this.addCamera(camera);
@@ -176,7 +182,9 @@ export class VisibilityCulling {
     const start = performance.now();
     const tools = this.#tools(camera);
     const { eye } = tools;
-    this.#origin ??= camera.matrixWorld.elements.slice(12, 15).map((x) => (Number.isFinite(x) ? Math.round(x) : 0));
+    this.#origin ??= camera.matrixWorld.elements
+      .slice(12, 15)
+      .map((x) => (Number.isFinite(x) ? Math.round(x) : 0));
     if (!this.#look(tools.view, eye, renderer.clippingPlanes ?? [])) return;
     this.#follow(camera);
     const followed = performance.now();
@@ -205,7 +213,9 @@ export class VisibilityCulling {
     return tools;
   }
 
-  /** Sets a view to a camera of three.js. False if the camera has no view, such as one whose matrix is NaN. */
+  /**
+   * Sets a view to a camera of three.js. False if the camera has no view, such as one whose matrix is NaN.
+   */
   #look(view, camera, clippingPlanes) {
     if (clippingPlanes.length > MOST_CLIP_PLANES) return false;
     const [x, y, z] = this.#origin;
@@ -216,7 +226,12 @@ export class VisibilityCulling {
     const depth = isZeroToOne ? Depth.ZeroToOne : Depth.NegativeOneToOne;
     try {
       view.setMatrix(clip, camera.reversedDepth ? Depth.Reversed : depth);
-      const planes = clippingPlanes.map(({ normal: n, constant }) => [n.x, n.y, n.z, constant + n.x * x + n.y * y + n.z * z]);
+      const planes = clippingPlanes.map(({ normal: n, constant }) => [
+        n.x,
+        n.y,
+        n.z,
+        constant + n.x * x + n.y * y + n.z * z,
+      ]);
       view.setClipPlanes(planes);
     } catch (error) {
       if (error instanceof VisibilityError && error.code === "ARGUMENT") return false;
@@ -252,7 +267,8 @@ export class VisibilityCulling {
     if (object.visible === false) isShown = false;
     if (object.isMesh) this.#meet(object, isShown, groupOrder);
     else if (object.isGroup) {
-      // What is in a bundle is recorded, with what is visible then; a clipping group cuts holes into occluders.
+      // What is in a bundle is recorded, with what is visible then; a clipping group cuts holes into
+      // occluders.
       if (object.isBundleGroup || object.isClippingGroup) return;
       groupOrder = object.renderOrder;
     } else if (object.isLOD && isShown && object.autoUpdate && object.layers.test(camera.layers)) {
@@ -457,7 +473,9 @@ export class VisibilityCulling {
     if (2 * count > this.#followed.count) this.#followed.rebuild();
   }
 
-  /** Tells the library of the entries that have moved. They hide nothing until they stand still for a frame. */
+  /**
+   * Tells the library of the entries that have moved. They hide nothing until they stand still for a frame.
+   */
   #move() {
     if (this.#moved.length === 0) return;
     const count = this.#moved.reduce((sum, entry) => sum + entry.count, 0);

@@ -1,5 +1,5 @@
-// A walk through 50,000 objects, drawn by three.js with its own culling and with `visibility-three`, side by side:
-// in turns, so that both have the same camera, and in two pictures whose pixels are compared.
+// A walk through 50,000 objects, drawn by three.js with its own culling and with `visibility-three`, side by
+// side: in turns, so that both have the same camera, and in two pictures whose pixels are compared.
 
 import * as THREE from "three";
 import { VisibilityCulling } from "visibility-three";
@@ -32,7 +32,10 @@ const pictures = ["three", "visibility"].map(
   () => new THREE.WebGLRenderTarget(PICTURE.width, PICTURE.height, { samples: 4 }),
 );
 
-let scene, culling, time = 0, last = performance.now();
+let scene,
+  culling,
+  time = 0,
+  last = performance.now();
 
 async function build(kind) {
   culling?.dispose();
@@ -99,16 +102,23 @@ function drawMap() {
   renderer.render(scene, map);
 }
 
+const number = (count) => count.toLocaleString("en");
+
 function show() {
   const rows = [
-    ["CPU ms a frame", ({ ms }) => ms?.toFixed(1) ?? ""],
-    ["draw calls", ({ calls }) => calls?.toLocaleString("en") ?? ""],
-    ["triangles", ({ triangles }) => triangles?.toLocaleString("en") ?? ""],
+    ["CPU ms a frame", ({ ms }) => ms.toFixed(1)],
+    ["draw calls", ({ calls }) => number(calls)],
+    ["triangles", ({ triangles }) => number(triangles)],
   ];
-  const lines = rows.map(([name, value]) => `<tr><th>${name}</th><td>${value(state.three)}</td><td>${value(state.visibility)}</td></tr>`);
+  const lines = rows.map(
+    ([name, value]) =>
+      `<tr><th>${name}</th><td>${value(state.three)}</td><td>${value(state.visibility)}</td></tr>`,
+  );
   const { stats } = culling;
-  lines.push(`<tr><th>hidden of ${stats.objects.toLocaleString("en")}</th><td></td><td>${stats.hidden.toLocaleString("en")}</td></tr>`);
-  lines.push(`<tr><th>culling itself, ms</th><td></td><td>${state.visibility.cullingMs.toFixed(1)}</td></tr>`);
+  lines.push(`<tr><th>hidden of ${number(stats.objects)}</th><td></td><td>${number(stats.hidden)}</td></tr>`);
+  lines.push(
+    `<tr><th>culling itself, ms</th><td></td><td>${state.visibility.cullingMs.toFixed(1)}</td></tr>`,
+  );
   lines.push(`<tr><th>wrong pixels in ${state.compared} pictures</th><td></td><td>${state.wrong}</td></tr>`);
   element("table").innerHTML = lines.join("");
 }

@@ -19,7 +19,9 @@ function kinds() {
   ];
 }
 
-/** Puts `count` objects into a scene: as meshes, as instances of a mesh each kind, or as instances of a batch. */
+/**
+ * Puts `count` objects into a scene: as meshes, as instances of a mesh each kind, or as instances of a batch.
+ */
 export function fillTown(scene, count, as) {
   let state = 7;
   const random = () => (state = (Math.imul(state, 1664525) + 1013904223) >>> 0) / 2 ** 32;
@@ -36,12 +38,24 @@ export function fillTown(scene, count, as) {
       const rotation = new THREE.Quaternion().setFromAxisAngle(new THREE.Vector3(0, 1, 0), turn);
       places[kind].push(new THREE.Matrix4().compose(new THREE.Vector3(x + dx, 0, z + dz), rotation, size));
     };
-    place(0, 0, 0, new THREE.Vector3(between(17, 20), between(8, 20) + 25 * random() ** 6, between(17, 20)), 0);
+    place(
+      0,
+      0,
+      0,
+      new THREE.Vector3(between(17, 20), between(8, 20) + 25 * random() ** 6, between(17, 20)),
+      0,
+    );
     for (let k = 0; k < AROUND; k++) {
       const along = between(-12, 12);
       const [dx, dz] = k % 2 ? [along, 11.4] : [11.4, along];
       const size = between(0.6, 2.2);
-      place(1 + Math.floor(random() * 5), dx, dz, new THREE.Vector3(size, size * between(0.8, 1.6), size), between(0, 6));
+      place(
+        1 + Math.floor(random() * 5),
+        dx,
+        dz,
+        new THREE.Vector3(size, size * between(0.8, 1.6), size),
+        between(0, 6),
+      );
     }
   }
   const material = (color) => new THREE.MeshStandardMaterial({ color, roughness: 0.9 });
@@ -51,7 +65,10 @@ export function fillTown(scene, count, as) {
     return object;
   };
   if (as === "batch") {
-    const triangles = all.reduce((sum, { geometry }) => sum + (geometry.index ?? geometry.attributes.position).count, 0);
+    const triangles = all.reduce(
+      (sum, { geometry }) => sum + (geometry.index ?? geometry.attributes.position).count,
+      0,
+    );
     const batch = add(new THREE.BatchedMesh(count, triangles, triangles, material(0xffffff)));
     all.forEach(({ geometry, color }, kind) => {
       if (!geometry.index) geometry.setIndex([...Array(geometry.attributes.position.count).keys()]);
@@ -76,7 +93,9 @@ export function fillTown(scene, count, as) {
     }
   });
   const size = row * PITCH;
-  const ground = add(new THREE.Mesh(new THREE.PlaneGeometry(size, size).rotateX(-Math.PI / 2), material(0x77746c)));
+  const ground = add(
+    new THREE.Mesh(new THREE.PlaneGeometry(size, size).rotateX(-Math.PI / 2), material(0x77746c)),
+  );
   ground.position.y = -0.01;
 }
 
@@ -86,7 +105,13 @@ export function pathThrough(seconds, camera) {
   const [from, to] = [-5.5 * PITCH, 6.5 * PITCH];
   const height = 1.7 + 40 * Math.max(0, Math.sin(2 * Math.PI * at) - 0.6);
   const turn = (4 * at) % 1;
-  const corners = [[from, from], [to, from], [to, to], [from, to], [from, from]];
+  const corners = [
+    [from, from],
+    [to, from],
+    [to, to],
+    [from, to],
+    [from, from],
+  ];
   const [[x0, z0], [x1, z1]] = corners.slice(Math.floor(4 * at));
   camera.position.set(x0 + (x1 - x0) * turn, height, z0 + (z1 - z0) * turn);
   camera.rotation.set(0, 0.5 * Math.sin(seconds / 2) - Math.atan2(x1 - x0, -(z1 - z0)), 0);

@@ -2,14 +2,18 @@
 
 import { Raycaster, Vector2, Vector3 } from "three";
 
-/** Returns [object, instance] of all that `columns` times `rows` rays of a camera meet before an opaque surface. */
+/**
+ * Returns [object, instance] of all that `columns` times `rows` rays of a camera meet before an opaque
+ * surface.
+ */
 export function seenBy(scene, camera, columns, rows, random) {
   const objects = [];
   const gather = (object) => {
     if (!object.visible) return;
     if (object.isLOD) object.update(camera);
     if (object.isMesh && object.layers.test(camera.layers)) {
-      if (object.isSkinnedMesh || object.isInstancedMesh || object.isBatchedMesh) object.computeBoundingSphere();
+      if (object.isSkinnedMesh || object.isInstancedMesh || object.isBatchedMesh)
+        object.computeBoundingSphere();
       if (object.isSkinnedMesh) object.computeBoundingBox();
       objects.push(object);
     }
@@ -35,7 +39,8 @@ export function seenBy(scene, camera, columns, rows, random) {
         const instance = instanceId ?? batchId ?? 0;
         seen.set(`${object.id} ${instance}`, [object, instance]);
         const { material } = object;
-        if (!material.transparent && !material.alphaTest && !material.transmission && material.depthWrite) break;
+        if (!material.transparent && !material.alphaTest && !material.transmission && material.depthWrite)
+          break;
       }
     }
   }

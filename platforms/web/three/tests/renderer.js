@@ -3,8 +3,14 @@
 
 import { Frustum, Matrix4, WebGLCoordinateSystem } from "three";
 
-/** Draws a scene. Returns what is drawn for the camera, for shadows, and in `within`, called amid the drawing. */
-export function render(scene, camera, { shadows, within, renderer = { isWebGLRenderer: true, clippingPlanes: [] } } = {}) {
+/**
+ * Draws a scene. Returns what is drawn for the camera, for shadows, and in `within`, called amid the drawing.
+ */
+export function render(
+  scene,
+  camera,
+  { shadows, within, renderer = { isWebGLRenderer: true, clippingPlanes: [] } } = {},
+) {
   if (scene.matrixWorldAutoUpdate) scene.updateMatrixWorld();
   if (camera.parent === null && camera.matrixWorldAutoUpdate) camera.updateMatrixWorld();
   scene.onBeforeRender(renderer, scene, camera, null);
@@ -98,7 +104,9 @@ export class Drawn {
       for (let i = 0; i < object.count; i++) keys.add(keyOf(content, i));
       this.#instances.set(object, keys);
       const colors = object.instanceColor && buffers.get(object.instanceColor)?.content;
-      if (colors) for (let i = 0; i < object.count; i++) keys.add(`${keyOf(content, i)}:${[...colors.slice(3 * i, 3 * i + 3)]}`);
+      if (colors)
+        for (let i = 0; i < object.count; i++)
+          keys.add(`${keyOf(content, i)}:${[...colors.slice(3 * i, 3 * i + 3)]}`);
     } else if (object.isBatchedMesh) {
       const data = object._indirectTexture.image.data;
       this.#instances.set(object, new Set(data.slice(0, object._multiDrawCount)));

@@ -65,7 +65,10 @@ test("what is behind a wall, and what is beside the view, is not drawn; then all
   const before = [lamp.layers.mask, beside.layers.mask, scene.children.length];
   const culling = await culled(scene, camera);
   const { drawn } = render(scene, camera);
-  assert.deepEqual([wall, lamp, beside].map((o) => drawn.has(o, 0)), [true, false, false]);
+  assert.deepEqual(
+    [wall, lamp, beside].map((o) => drawn.has(o, 0)),
+    [true, false, false],
+  );
   assert.deepEqual([lamp.layers.mask, beside.layers.mask, scene.children.length], before);
   assert.deepEqual([culling.stats.objects, culling.stats.visible, culling.stats.hidden], [3, 1, 2]);
   culling.enabled = false;
@@ -73,7 +76,11 @@ test("what is behind a wall, and what is beside the view, is not drawn; then all
   culling.enabled = true;
   culling.dispose();
   assert.ok(render(scene, camera).drawn.has(lamp, 0), "a culling that is disposed of hides nothing");
-  assert.equal(Object.hasOwn(scene, "onBeforeRender") && scene.onBeforeRender !== THREE.Object3D.prototype.onBeforeRender, false);
+  assert.equal(
+    Object.hasOwn(scene, "onBeforeRender") &&
+      scene.onBeforeRender !== THREE.Object3D.prototype.onBeforeRender,
+    false,
+  );
 });
 
 test("callbacks of the scene's own are called, before and after", async () => {
@@ -114,7 +121,10 @@ test("what is not opaque, not whole or not sure hides nothing", async () => {
   }
   const glass = new THREE.MeshPhysicalMaterial({ transmission: 1 });
   assert.ok(await isLampDrawn(street({ wall: new THREE.Mesh(BOX, glass) })), "transmission");
-  assert.ok(await isLampDrawn(street({ wall: new THREE.Mesh(BOX, new THREE.ShaderMaterial()) })), "own shader");
+  assert.ok(
+    await isLampDrawn(street({ wall: new THREE.Mesh(BOX, new THREE.ShaderMaterial()) })),
+    "own shader",
+  );
   const changed = {
     "not visible": (wall) => (wall.visible = false),
     "parent not visible": (wall) => {
@@ -150,7 +160,8 @@ test("what may be drawn elsewhere, or in front, is not hidden", async () => {
     "depth test": (lamp) => (lamp.material.depthTest = false),
     "depth function": (lamp) => (lamp.material.depthFunc = THREE.AlwaysDepth),
     offset: (lamp) => Object.assign(lamp.material, { polygonOffset: true, polygonOffsetFactor: -4 }),
-    displacement: (lamp) => (lamp.material = new THREE.MeshStandardMaterial({ displacementMap: new THREE.Texture() })),
+    displacement: (lamp) =>
+      (lamp.material = new THREE.MeshStandardMaterial({ displacementMap: new THREE.Texture() })),
     shader: (lamp) => (lamp.material = new THREE.ShaderMaterial()),
     "changed shader": (lamp) => (lamp.material.onBeforeCompile = () => {}),
     "morph targets": (lamp) => {
@@ -232,7 +243,10 @@ test("shadows are cast by all, and mirrors within a frame show all", async () =>
     const place = new THREE.Matrix4().makeTranslation(i - 20, 0, i % 2 ? -15 : -5);
     boxes.setMatrixAt(i, place);
     boxes.setColorAt(i, new THREE.Color(i / 40, 0, 0));
-    batch.setMatrixAt(batch.addInstance(part), place.clone().premultiply(new THREE.Matrix4().makeTranslation(0, 2, 0)));
+    batch.setMatrixAt(
+      batch.addInstance(part),
+      place.clone().premultiply(new THREE.Matrix4().makeTranslation(0, 2, 0)),
+    );
   }
   scene.add(boxes, batch);
   for (const object of [lamp, boxes, batch]) object.castShadow = true;
@@ -241,12 +255,16 @@ test("shadows are cast by all, and mirrors within a frame show all", async () =>
     const culling = await culled(scene, cameras);
     for (let frame = 0; frame < 3; frame++) {
       camera.position.x = 6 * frame;
-      const { drawn, casters, within } = render(scene, camera, { shadows: lights, within: () => render(scene, mirror).drawn });
+      const { drawn, casters, within } = render(scene, camera, {
+        shadows: lights,
+        within: () => render(scene, mirror).drawn,
+      });
       assert.equal(drawn.has(lamp, 0), false, "the lamp is behind the wall");
       for (const [name, object] of Object.entries({ boxes, batch })) {
         for (let i = 0; i < 40; i++) {
           const isBehind = i % 2 === 1;
-          if (isBehind) assert.equal(drawn.has(object, i), false, `${name}: instance ${i} is behind the wall`);
+          if (isBehind)
+            assert.equal(drawn.has(object, i), false, `${name}: instance ${i} is behind the wall`);
           assert.ok(casters.has(object, i), `${name}: instance ${i} casts its shadow`);
           assert.ok(within.has(object, i), `${name}: instance ${i} is in the mirror`);
         }
@@ -288,10 +306,19 @@ test("levels of detail: the one that is drawn hides, and is shown", async () => 
   scene.add(lod, lamp);
   const camera = perspective();
   const culling = await culled(scene, camera);
-  for (const [z, isNear] of [[0, true], [100, false], [0, true], [100, false]]) {
+  for (const [z, isNear] of [
+    [0, true],
+    [100, false],
+    [0, true],
+    [100, false],
+  ]) {
     camera.position.z = z;
     const { drawn } = render(scene, camera);
-    assert.deepEqual([drawn.has(near, 0), drawn.has(far, 0), drawn.has(lamp, 0)], [isNear, !isNear, !isNear], `z ${z}`);
+    assert.deepEqual(
+      [drawn.has(near, 0), drawn.has(far, 0), drawn.has(lamp, 0)],
+      [isNear, !isNear, !isNear],
+      `z ${z}`,
+    );
   }
   culling.dispose();
 });
@@ -332,7 +359,8 @@ test("instances that move, come, go or change their part are followed", async ()
       const mesh = new THREE.BatchedMesh(9, 100, 200, grey());
       const part = mesh.addGeometry(BOX);
       mesh.addGeometry(new THREE.BoxGeometry(1, 90, 1));
-      for (let i = 0; i < 8; i++) mesh.setMatrixAt(mesh.addInstance(part), behind.clone().setPosition(i - 4, 0, -20));
+      for (let i = 0; i < 8; i++)
+        mesh.setMatrixAt(mesh.addInstance(part), behind.clone().setPosition(i - 4, 0, -20));
       mesh.deleteInstance(2);
       return mesh;
     },
@@ -356,7 +384,11 @@ test("instances that move, come, go or change their part are followed", async ()
       if (what === "counted") mesh.count = 5;
       scene.add(mesh);
       const culling = await culled(scene, camera);
-      assert.equal(render(scene, camera).drawn.has(mesh, instance), false, `${name}, ${what}: behind the wall`);
+      assert.equal(
+        render(scene, camera).drawn.has(mesh, instance),
+        false,
+        `${name}, ${what}: behind the wall`,
+      );
       change(mesh);
       for (let frame = 0; frame < 3; frame++) {
         const { drawn } = render(scene, camera);
@@ -373,7 +405,11 @@ test("instances that move, come, go or change their part are followed", async ()
           mesh.instanceColor.needsUpdate = true;
         }
         const { drawn } = render(scene, camera);
-        assert.deepEqual([drawn.has(mesh, 4), drawn.has(mesh, 5)], [false, true], `${name}: another is in sight`);
+        assert.deepEqual(
+          [drawn.has(mesh, 4), drawn.has(mesh, 5)],
+          [false, true],
+          `${name}: another is in sight`,
+        );
       }
       culling.dispose();
     }
@@ -382,7 +418,10 @@ test("instances that move, come, go or change their part are followed", async ()
   const { scene, wall, lamp, camera } = street();
   wall.visible = false;
   const walls = new THREE.BatchedMesh(2, 24, 36, grey());
-  walls.setMatrixAt(walls.addInstance(walls.addGeometry(BOX)), new THREE.Matrix4().makeScale(60, 60, 1).setPosition(0, 0, -10));
+  walls.setMatrixAt(
+    walls.addInstance(walls.addGeometry(BOX)),
+    new THREE.Matrix4().makeScale(60, 60, 1).setPosition(0, 0, -10),
+  );
   scene.add(walls);
   const culling = await culled(scene, camera);
   assert.equal(render(scene, camera).drawn.has(lamp, 0), false, "behind a wall of the batch");
@@ -392,7 +431,10 @@ test("instances that move, come, go or change their part are followed", async ()
 });
 
 test("an instance that is mirrored hides from its drawn side alone", async () => {
-  for (const [mirror, isHidden] of [[1, true], [-1, false]]) {
+  for (const [mirror, isHidden] of [
+    [1, true],
+    [-1, false],
+  ]) {
     const place = new THREE.Matrix4().makeScale(60 * mirror, 60, 1).setPosition(0, 0, -10);
     const wall = new THREE.InstancedMesh(new THREE.PlaneGeometry(1, 1), grey(), 1);
     wall.setMatrixAt(0, place);
@@ -407,7 +449,10 @@ test("layers that two meshes share are not taken from both", async () => {
   const { scene, wall, lamp, camera } = street();
   wall.layers = lamp.layers;
   const culling = await culled(scene, camera);
-  assert.deepEqual([wall, lamp].map((o) => render(scene, camera).drawn.has(o, 0)), [true, false]);
+  assert.deepEqual(
+    [wall, lamp].map((o) => render(scene, camera).drawn.has(o, 0)),
+    [true, false],
+  );
   assert.equal(wall.layers, lamp.layers);
   culling.dispose();
 });
@@ -455,7 +500,10 @@ test("geometries that change are read again", async () => {
 
 test("occluders and what may be hidden can be chosen", async () => {
   const glass = () => new THREE.Mesh(BOX, new THREE.MeshBasicMaterial({ transparent: true }));
-  assert.equal(await isLampDrawn(street({ wall: glass() }), { occluder: (mesh) => mesh.scale.x > 9 || undefined }), false);
+  assert.equal(
+    await isLampDrawn(street({ wall: glass() }), { occluder: (mesh) => mesh.scale.x > 9 || undefined }),
+    false,
+  );
   assert.equal(await isLampDrawn(street(), { occluder: () => false }), true);
   assert.equal(await isLampDrawn(street(), { cullable: (mesh) => mesh.scale.x > 9 }), true);
   assert.equal(await isLampDrawn(street(), { maxOccluderTriangles: 11 }), true, "the wall has 12 triangles");
@@ -468,7 +516,10 @@ test("several materials hide if all of them do, and draw all of the mesh", async
   const opaque = Array.from({ length: 6 }, grey);
   const wall = (materials, geometry = BOX) => street({ wall: new THREE.Mesh(geometry, materials) });
   assert.equal(await isLampDrawn(wall(opaque)), false);
-  assert.equal(await isLampDrawn(wall(opaque.with(4, new THREE.MeshBasicMaterial({ transparent: true })))), true);
+  assert.equal(
+    await isLampDrawn(wall(opaque.with(4, new THREE.MeshBasicMaterial({ transparent: true })))),
+    true,
+  );
   assert.equal(await isLampDrawn(wall(opaque.slice(0, 4))), true, "the front has no material");
   const holes = BOX.clone();
   holes.groups.splice(4, 1);
@@ -478,9 +529,13 @@ test("several materials hide if all of them do, and draw all of the mesh", async
 test("clip planes of the renderer cut occluders", async () => {
   const { scene, wall, lamp, camera } = street();
   const culling = await culled(scene, camera);
-  const cut = (...clippingPlanes) => render(scene, camera, { renderer: { isWebGLRenderer: true, clippingPlanes } }).drawn;
+  const cut = (...clippingPlanes) =>
+    render(scene, camera, { renderer: { isWebGLRenderer: true, clippingPlanes } }).drawn;
   // The wall is cut away, all of it and in half; then the plane leaves it whole.
-  assert.deepEqual([wall, lamp].map((o) => cut(new THREE.Plane(new THREE.Vector3(0, 0, -1), -15)).has(o, 0)), [false, true]);
+  assert.deepEqual(
+    [wall, lamp].map((o) => cut(new THREE.Plane(new THREE.Vector3(0, 0, -1), -15)).has(o, 0)),
+    [false, true],
+  );
   assert.ok(cut(new THREE.Plane(new THREE.Vector3(1, 0, 0), 0.1)).has(lamp, 0));
   assert.equal(cut(new THREE.Plane(new THREE.Vector3(0, 0, -1), 5)).has(lamp, 0), false);
   assert.ok(cut(...Array(11).fill(new THREE.Plane(new THREE.Vector3(0, 0, -1), 5))).has(lamp, 0), "too many");
@@ -525,7 +580,10 @@ test("far from the origin, as tiles of the globe are", async () => {
     // By less than single precision tells apart there, the lamp looks over the wall, and then does not.
     lamp.scale.setScalar(0.02);
     wall.scale.set(60, 4, 0.01);
-    for (const [y, isSeen] of [[3.8, false], [4.03, true]]) {
+    for (const [y, isSeen] of [
+      [3.8, false],
+      [4.03, true],
+    ]) {
       lamp.position.set(0, y, -20);
       render(scene, camera);
       assert.equal(render(scene, camera).drawn.has(lamp, 0), isSeen, `${distance}: y ${y}`);
@@ -552,7 +610,11 @@ test("the near and the far plane are where the camera's convention has them", as
     camera.updateProjectionMatrix();
     const culling = await culled(scene, camera);
     const { drawn } = render(scene, camera);
-    assert.deepEqual(boxes.map((box) => drawn.has(box, 0)), [false, true, false], name);
+    assert.deepEqual(
+      boxes.map((box) => drawn.has(box, 0)),
+      [false, true, false],
+      name,
+    );
     assert.equal(culling.stats.hidden, 2, name);
     culling.dispose();
   }
@@ -574,7 +636,11 @@ function town(random) {
   const quantized = new THREE.BoxGeometry(1, 1, 1).toNonIndexed();
   quantized.setAttribute(
     "position",
-    new THREE.BufferAttribute(Int8Array.from(quantized.attributes.position.array, (x) => 254 * x * 0.5), 3, true),
+    new THREE.BufferAttribute(
+      Int8Array.from(quantized.attributes.position.array, (x) => 254 * x * 0.5),
+      3,
+      true,
+    ),
   );
   const geometries = [BOX, BOX, BOX, SPHERE, plane, quantized];
   const pick = (list) => list[Math.floor(random() * list.length)];
@@ -633,7 +699,8 @@ function town(random) {
     }
     if (random() < 0.5) batch.setMatrixAt(20 + Math.floor(random() * 40), matrix());
     batch.setVisibleAt(30, random() < 0.5);
-    for (const { bones } of snakes) for (const bone of bones) bone.rotation.set(between(-1, 1), 0, between(-1, 1));
+    for (const { bones } of snakes)
+      for (const bone of bones) bone.rotation.set(between(-1, 1), 0, between(-1, 1));
     const removed = pick(scene.children);
     if (removed.isMesh && !removed.isInstancedMesh && !removed.isBatchedMesh) removed.removeFromParent();
     scene.add(place(new THREE.Mesh(pick(geometries), pick(materials))));
@@ -694,7 +761,10 @@ const CAMERAS = {
   },
 };
 
-/** Flies a camera of each kind through a town. Returns what rays meet and is not drawn, and how much is hidden. */
+/**
+ * Flies a camera of each kind through a town. Returns what rays meet and is not drawn, and how much is
+ * hidden.
+ */
 async function judge(seed, frames, options) {
   const faults = [];
   let [hidden, all, seenCount] = [0, 0, 0];
@@ -705,7 +775,9 @@ async function judge(seed, frames, options) {
     if (camera.parent) scene.add(camera.parent);
     const culling = await culled(scene, camera, options);
     for (let frame = 0; frame < frames; frame++) {
-      camera.position.set(random() * 60 - 30, random() * 4, random() * 60 - 30).divideScalar(camera.parent ? 2 : 1);
+      camera.position
+        .set(random() * 60 - 30, random() * 4, random() * 60 - 30)
+        .divideScalar(camera.parent ? 2 : 1);
       camera.rotation.set(0, random() * 6, 0);
       if (frame > 0) step();
       for (let still = 0; still < 2; still++) {
@@ -717,7 +789,8 @@ async function judge(seed, frames, options) {
         all += culling.stats.objects;
         for (const [object, instance] of seenBy(scene, camera, 24, 14, random)) {
           seenCount++;
-          if (!drawn.has(object, instance)) faults.push(`${name}, frame ${frame}: ${object.type} ${instance}`);
+          if (!drawn.has(object, instance))
+            faults.push(`${name}, frame ${frame}: ${object.type} ${instance}`);
         }
       }
     }
