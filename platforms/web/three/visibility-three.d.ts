@@ -8,7 +8,8 @@ export interface CullingOptions {
   visibility?: Visibility;
   /**
    * Whether a mesh hides what is behind it. `undefined` leaves it to its material: see the README. Asked each
-   * frame for each mesh, so keep it quick. `true` is a promise that the mesh is opaque as drawn.
+   * frame for each mesh, so keep it quick. `true` is a promise that the mesh is opaque as
+   * drawn; it is of no effect for a mesh that is never hidden.
    */
   occluder?(mesh: Mesh): boolean | undefined;
   /**
