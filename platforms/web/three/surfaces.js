@@ -129,7 +129,7 @@ export class Shape {
     this.versions = [version(position), version(geometry.index), version(skinWeight)];
     this.drawRange = { ...geometry.drawRange };
     /** Least and greatest corner. Null if the geometry cannot be read. */
-    this.box = box ?? (isReadable(position) ? boxOfPoints(position) : null);
+    this.box = box ?? (isReadable(position) ? boxOfPoints(position, range) : null);
     /** For skinned meshes: boxes of what each bone moves, made when first needed. */
     this.bones = undefined;
   }
@@ -212,9 +212,9 @@ function addPoint(box, x, y, z) {
   box[5] = Math.max(box[5], z);
 }
 
-function boxOfPoints(position) {
+function boxOfPoints(position, { vertexStart = 0, vertexCount = position.count } = {}) {
   const box = emptyBox();
-  for (let i = 0; i < position.count; i++)
+  for (let i = vertexStart; i < vertexStart + vertexCount; i++)
     addPoint(box, position.getX(i), position.getY(i), position.getZ(i));
   return box;
 }

@@ -408,7 +408,8 @@ export class VisibilityCulling {
     const many = (entry.many = new Many(infos.length));
     many.parts = infos.map(partOf);
     const shapes = new Map([[-1, new Shape(geometry, EMPTY)]]);
-    for (const part of many.parts) if (!shapes.has(part)) shapes.set(part, shapeOfPart(object, part));
+    for (const part of many.parts)
+      if (!shapes.has(part)) shapes.set(part, new Shape(geometry, null, object.getGeometryRangeAt(part)));
     many.shapes = many.parts.map((part) => shapes.get(part));
     entry.shape = many.shapes[0] ?? null;
     many.layers = new Uint32Array(infos.length);
@@ -605,23 +606,6 @@ export class VisibilityCulling {
 
 /** The box of nothing: the library never hides an object that has it. */
 const EMPTY = new Float64Array([1, 1, 1, -1, -1, -1]);
-
-/** Returns the shape of a part of a `BatchedMesh`. */
-function shapeOfPart(batch, part) {
-  const range = batch.getGeometryRangeAt(part);
-  const whole = new Shape(batch.geometry, EMPTY);
-  const { position } = whole;
-  const box = new Float64Array([Infinity, Infinity, Infinity, -Infinity, -Infinity, -Infinity]);
-  for (let i = 0; i < range.vertexCount; i++) {
-    const vertex = range.vertexStart + i;
-    const point = [position.getX(vertex), position.getY(vertex), position.getZ(vertex)];
-    for (let k = 0; k < 3; k++) {
-      box[k] = Math.min(box[k], point[k]);
-      box[3 + k] = Math.max(box[3 + k], point[k]);
-    }
-  }
-  return new Shape(batch.geometry, box, range);
-}
 
 /** Returns the part of its geometry that an instance of a `BatchedMesh` has, -1 for none. */
 function partOf({ active, geometryIndex }) {
