@@ -63,8 +63,8 @@ fn an_occluder_that_a_plane_may_cut_is_never_inside() {
     assert!(near > 50_000 && decided > 30_000, "{near} {decided}");
 }
 
-/// Huge boxes along planes that are nearly parallel to a side: the computed side of the normal may be wrong, so
-/// that another corner than the computed one is cut.
+/// Huge boxes along planes that are nearly parallel to a side: the computed side of the normal may be wrong,
+/// so that another corner than the computed one is cut.
 #[test]
 fn a_huge_occluder_that_a_nearly_parallel_plane_cuts_is_never_inside() {
     let mut rng = Random(9);

@@ -59,10 +59,10 @@ const MIN_POLYGON_AREA: f32 = 128.0;
 /// plane](View::with_clip_planes) cuts are not drawn.
 ///
 /// Memory is 32 KiB, 4 bytes for each pixel, and 48 bytes for each convex occluder that a frame draws (at
-/// most 240 for a box). [Levels](Self::add_level) take 15 to 30 bytes for each of their objects, and 4 bytes
-/// for each edge of the levels in view, 8 bytes in frames on several threads. Memory is kept from frame to
-/// frame. A frame allocates only if it draws more convex occluders, or a larger mesh, or has levels with more
-/// edges in view, than any frame before.
+/// most 240 for a box). [Levels](Self::add_level) take 2 KB each, 15 to 30 bytes for each of their objects,
+/// and 4 bytes for each edge of the levels in view; for frames on several threads 6 KB each and 8 bytes for
+/// each edge. Memory is kept from frame to frame. A frame allocates only if it draws more convex occluders,
+/// or a larger mesh, or has more levels, or levels with more edges in view, than any frame before.
 ///
 /// ```
 /// use visibility_core::{
@@ -252,9 +252,9 @@ impl Hzb {
     /// `map_mut`, and runs the culler after the cullers of earlier stages
     /// ([`Culler::cull`](visibility_core::Culler::cull)).
     ///
-    /// Adding takes some 50 ns for each object of the level. [`PreparedLevel::new`] takes time in proportion to the sector and may
-    /// run on any thread, so an engine can prepare one sector per frame, or on another thread. A frame takes
-    /// some 40 ns for each level out of view.
+    /// Adding takes some 50 ns for each object of the level. [`PreparedLevel::new`] takes time in proportion
+    /// to the sector and may run on any thread, so an engine can prepare one sector per frame, or on another
+    /// thread. A frame takes some 40 ns for each level out of view.
     ///
     /// ```
     /// use std::sync::Arc;
@@ -284,8 +284,10 @@ impl Hzb {
     /// there. From the next [`begin`](OcclusionMap::begin) on, the level hides nothing. Its memory is freed
     /// with the last `Arc`.
     pub fn remove_level(&mut self, level: &Arc<PreparedLevel>) -> bool {
-        let index = self.levels.iter().position(|own| Arc::ptr_eq(own, level));
-        index.map(|index| self.drawn_objects.remove(&self.levels.remove(index).level)).is_some()
+        let Some(index) = self.levels.iter().position(|own| Arc::ptr_eq(own, level)) else { return false };
+        self.levels.remove(index);
+        self.drawn_objects.remove(&level.level);
+        true
     }
 
     /// Sets the instruction set of the inner loops. Answers do not depend on it. For tests and benchmarks.

@@ -52,8 +52,8 @@ fn boxes_beside_the_eye_are_hidden_behind_a_wall() {
     assert!(rays > 10_000, "{rays} rays prove little");
 }
 
-/// Boxes with sides at infinity in a view along an axis: coefficients of 0 times infinity must not lose a side.
-/// A wall fills the picture, or its middle.
+/// Boxes with sides at infinity in a view along an axis: coefficients of 0 times infinity must not lose a
+/// side. A wall fills the picture, or its middle.
 #[test]
 fn boxes_with_infinite_sides_are_hidden_only_as_a_whole() {
     // The eye looks along x.

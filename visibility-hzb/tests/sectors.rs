@@ -310,8 +310,8 @@ fn wall(x: f32) -> [[Vec3; 3]; 2] {
     [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|i: usize| corners[i]))
 }
 
-/// Sectors that share objects, on several layers, come and go. An object is drawn by a level if any sector that
-/// has it is present and on in the view.
+/// Sectors that share objects, on several layers, come and go. An object is drawn by a level if any sector
+/// that has it is present and on in the view.
 #[test]
 fn objects_are_drawn_by_the_sectors_that_have_them() {
     let mut random = Random(45);
@@ -361,8 +361,8 @@ fn objects_are_drawn_by_the_sectors_that_have_them() {
     assert!(counts.iter().all(|&count| count > 1_000), "{counts:?} objects are not drawn and drawn");
 }
 
-/// A sector of one object takes little memory, also if the world has many other objects. So do frames in which
-/// all other sectors are out of view.
+/// A sector of one object takes little memory, also if the world has many other objects. So do frames in
+/// which all other sectors are out of view.
 #[test]
 fn a_sector_takes_memory_for_what_it_has() {
     let mut scene = Scene::new();
@@ -390,6 +390,6 @@ fn a_sector_takes_memory_for_what_it_has() {
     hzb.begin(&view(DVec3::ZERO, DVec3::X), DVec3::ZERO);
     hzb.flush();
     let bytes = LIVE.get() - before;
-    // Each level in the z-buffer takes memory for its view, 4 KB.
+    // Each level in the z-buffer takes memory for its view, 2 KB.
     assert!(bytes < 1_000_000, "{bytes} bytes for a frame with 600,000 edges out of view");
 }

@@ -142,9 +142,9 @@ struct Question {
 /// query.
 const MAX_FRAMES_UNDER_WAY: u64 = 64;
 
-/// Age of the answer about a box that is not tested any more, in frames, beyond which the map forgets the box:
-/// its object has moved on. A box that is tested again sooner, because the node above it was hidden or visible
-/// as a whole meanwhile, keeps its answer.
+/// Age of the answer about a box that is not tested any more, in frames, beyond which the map forgets the
+/// box: its object has moved on. A box that is tested again sooner keeps its answer. The node above it may
+/// have been hidden, or visible as a whole, meanwhile.
 const MAX_IDLE_FRAMES: u64 = 8;
 
 impl<D: QueryDevice> HardwareQueries<D> {
@@ -211,8 +211,9 @@ impl<D: QueryDevice> State<D> {
     }
 
     /// Forgets boxes that were not tested in the last frame and whose answers are too old, for the policy or
-    /// by [`MAX_IDLE_FRAMES`], and boxes whose queries were lost. Then collects the answers that have arrived.
-    /// `frame` is the number of the present frame, `first` that of the first frame whose answers count.
+    /// by [`MAX_IDLE_FRAMES`], and boxes whose queries were lost. Then collects the answers that have
+    /// arrived. `frame` is the number of the present frame, `first` that of the first frame whose answers
+    /// count.
     fn listen(&mut self, frame: u64, first: u64) {
         let Self { device, indices, questions, free } = self;
         for (index, question) in questions.iter_mut().enumerate() {

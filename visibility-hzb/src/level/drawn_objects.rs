@@ -6,7 +6,7 @@ use hashbrown::HashMap;
 use visibility_core::ObjectId;
 use visibility_occluders::LevelOccluders;
 
-/// The objects of all levels of a z-buffer. Time to look up an object does not grow with the number of levels.
+/// The objects of all levels of a z-buffer. The time of a look-up does not grow with the number of levels.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct DrawnObjects {
     /// One group for each distinct list of layer masks. The levels of most worlds have one list in common.
