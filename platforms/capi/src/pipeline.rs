@@ -3,6 +3,7 @@
 use crate::cells::vis_cells;
 use crate::error::{Error, border, vis_status};
 use crate::handle::Guarded;
+use crate::online::{SharedOnline, vis_online};
 use crate::pointer::{buffer, create, destroy, optional_out, out, reference};
 use crate::pvs::vis_scene_pvs;
 use crate::scene::vis_scene;
@@ -160,6 +161,23 @@ pub unsafe extern "C" fn vis_pipeline_add_pvs(
         let pvs = unsafe { reference(pvs, "pvs") }?;
         // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         unsafe { push(pipeline, PvsCuller::new(pvs.shared())) }
+    })
+}
+
+/// Appends culling by sets made ahead of an eye on the move. It removes objects that are hidden from the box
+/// around the eye and its near plane; nothing while no box is ready. The sets live as long as a pipeline uses
+/// them, even if destroyed. Both eyes of a headset may share them; `vis_online_answer` and the lists of what came
+/// and went are then those of the last frame of either. Conservative.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_pipeline_add_online(
+    pipeline: *mut vis_pipeline,
+    online: *const vis_online,
+) -> vis_status {
+    border(|| {
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
+        let online = unsafe { reference(online, "online") }?;
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
+        unsafe { push(pipeline, SharedOnline(online.shared())) }
     })
 }
 
