@@ -1,9 +1,9 @@
 //! Sets of visible objects around an eye on the move, made ahead of it.
 
 use crate::error::{Error, border, vis_status};
-use crate::pipeline::vis_stats;
 use crate::pointer::{array, buffer, create, destroy, optional_out, out, reference};
 use crate::scene::vis_scene;
+use crate::stats::vis_stats;
 use std::sync::{Arc, Mutex, MutexGuard};
 use vis_answer::*;
 use visibility_core::culler::Lack;
@@ -93,12 +93,12 @@ fn finite(point: &[f64; 3], name: &str) -> Result<DVec3, Error> {
     if point.is_finite() { Ok(point) } else { Err(Error::argument(format_args!("{name} is not finite"))) }
 }
 
-/// Creates sets for one eye. `viewcell` and `wide` are the sizes along x, y and z, in metres, of the viewcells
-/// and of the wide boxes that these lie in: 3 numbers each, positive and finite, those of `wide` at least those
-/// of `viewcell`. A viewcell of 0.6 m lasts for a quarter of a second of walking; a wide box should be several
-/// times as wide, but not higher. `margin` is how far a viewcell extends at least around each place that it
-/// holds: to the corners of the near plane, and to both eyes of a headset. At most half the least size of the
-/// viewcell counts; 0 for the default, an eighth of it.
+/// Creates sets for one eye. `viewcell` and `wide` are the sizes along x, y and z, in metres, of the
+/// viewcells and of the wide boxes that these lie in: 3 numbers each, positive and finite, those of `wide` at
+/// least those of `viewcell`. A viewcell of 0.6 m lasts for a quarter of a second of walking; a wide box
+/// should be several times as wide, but not higher. `margin` is how far a viewcell extends at least around
+/// each place that it holds: to the corners of the near plane, and to both eyes of a headset. At most half
+/// the least size of the viewcell counts; 0 for the default, an eighth of it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_online_create(
     viewcell: *const f64,
@@ -136,11 +136,11 @@ pub unsafe extern "C" fn vis_online_destroy(online: *mut vis_online) {
 }
 
 /// Works ahead, in or between frames, on the box that is needed soonest. `places` are points of the world, 3
-/// coordinates each: the eye, then where it may be next, such as its place after 0.1, 0.2, 0.4 and 0.8 seconds
-/// at its present velocity. All must be finite. `budget` is the work to do in microseconds of a core of 3 GHz,
-/// counted and not timed; a step does a little work even with 0, and may exceed it by one indivisible part.
-/// Answers do not depend on budgets. Writes what was done to `work`, which may be null: call this until
-/// `worked` is false to have viewcells at all places.
+/// coordinates each: the eye, then where it may be next, such as its place after 0.1, 0.2, 0.4 and 0.8
+/// seconds at its present velocity. All must be finite. `budget` is the work to do in microseconds of a core
+/// of 3 GHz, counted and not timed; a step does a little work even with 0, and may exceed it by one
+/// indivisible part. Answers do not depend on budgets. Writes what was done to `work`, which may be null:
+/// call this until `worked` is false to have viewcells at all places.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_online_step(
     online: *mut vis_online,
@@ -189,8 +189,8 @@ pub unsafe extern "C" fn vis_online_answer(online: *const vis_online, answer: *m
 
 /// Writes the ids of objects that the box of the last frame sees, wherever the view looks, and the box of the
 /// frame before did not, like `vis_visible_ids`. The largest for their distance come first, so a stream sends
-/// as many of the first as fit. It begins with all objects of the scene and adds those that are inserted, since
-/// what was never hidden is not listed.
+/// as many of the first as fit. It begins with all objects of the scene and adds those that are inserted,
+/// since what was never hidden is not listed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_online_came(
     online: *const vis_online,
@@ -225,9 +225,9 @@ pub unsafe extern "C" fn vis_online_went(
 
 /// Writes which objects are hidden from all points of a box of the world, without a view: bit `index % 32` of
 /// word `index / 32` is set if the object is hidden. `min` and `max` are the corners of the box, 3 finite
-/// coordinates each. Nothing is hidden if no finished box holds this one, or if `min` exceeds `max`. A null or
-/// too short `words` is handled as in `vis_visible_ids`; `vis_scene_index_limit` tells the number of words.
-/// Only for observers to whom all layers of occluders are drawn.
+/// coordinates each. Nothing is hidden if no finished box holds this one, or if `min` exceeds `max`. A null
+/// or too short `words` is handled as in `vis_visible_ids`; `vis_scene_index_limit` tells the number of
+/// words. Only for observers to whom all layers of occluders are drawn.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_online_write_hidden(
     online: *mut vis_online,

@@ -28,7 +28,8 @@ enum Cells {
     Online(OnlineCells, Arc<Mutex<OnlinePvs>>),
 }
 
-/// Observers and targets of one tick, with the answer which of them see which. Keeps what it can for the next.
+/// Observers and targets of one tick, with the answer which of them see which. Keeps what it can for the
+/// next.
 pub struct vis_who_sees(Guarded<WhoSees>);
 
 /// Effect of a wall on lines of sight that cross it.
@@ -92,7 +93,8 @@ fn reaches(given: &[vis_reach], what: &str) -> Result<Vec<Reach>, Error> {
     given.iter().enumerate().map(reach).collect()
 }
 
-/// Returns boxes of 6 numbers each as viewcells. An error that names the first that is not finite, or inverted.
+/// Returns boxes of 6 numbers each as viewcells. An error that names the first that is not finite, or
+/// inverted.
 fn viewcells(boxes: &[[f64; 6]]) -> Result<Viewcells, Error> {
     let viewcell = |(index, given): (usize, &[f64; 6])| {
         let (min, max) = (DVec3::from_slice(&given[..3]), DVec3::from_slice(&given[3..]));
@@ -104,10 +106,10 @@ fn viewcells(boxes: &[[f64; 6]]) -> Result<Viewcells, Error> {
     Ok(Viewcells::new(boxes.iter().enumerate().map(viewcell).collect::<Result<Vec<_>, Error>>()?))
 }
 
-/// Makes sight cells from the walls of a floor plan: its triangles are the cells. `x_axis` and `y_axis` are the
-/// axes of the world, 0 to 2, that are the plan's x and y: 0 and 1 if z is up. Movers do not pass opaque walls.
-/// Outside the rectangle around the plan a mover sees and is seen by all. Leave out walls that one can look
-/// over. Clear walls along a grid of some metres make large rooms hide more.
+/// Makes sight cells from the walls of a floor plan: its triangles are the cells. `x_axis` and `y_axis` are
+/// the axes of the world, 0 to 2, that are the plan's x and y: 0 and 1 if z is up. Movers do not pass opaque
+/// walls. Outside the rectangle around the plan a mover sees and is seen by all. Leave out walls that one can
+/// look over. Clear walls along a grid of some metres make large rooms hide more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_sight_cells_create_of_plan(
     walls: *const vis_wall,
@@ -127,9 +129,9 @@ pub unsafe extern "C" fn vis_sight_cells_create_of_plan(
     })
 }
 
-/// Makes sight cells from the cells of a building, their volumes and planes as in `vis_cells_create`, and the set
-/// that `vis_graph_bake` made of their graph. Outside the cells all is solid; doors count as open. Graph and set
-/// may be destroyed afterwards. Returns `VIS_ERROR_ARGUMENT` for a set of another graph.
+/// Makes sight cells from the cells of a building, their volumes and planes as in `vis_cells_create`, and the
+/// set that `vis_graph_bake` made of their graph. Outside the cells all is solid; doors count as open. Graph
+/// and set may be destroyed afterwards. Returns `VIS_ERROR_ARGUMENT` for a set of another graph.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_sight_cells_create_of_portals(
     graph: *const vis_graph,
@@ -158,10 +160,10 @@ pub unsafe extern "C" fn vis_sight_cells_create_of_portals(
     })
 }
 
-/// Makes sight cells for a scene whose occluders stand still, from boxes of the world, 6 numbers each (minimum,
-/// then maximum corner), finite and not inverted. Finds which boxes are seen from which by a sweep of each, in
-/// milliseconds to a second a box. A box that a wall cuts sees both sides of the wall. Outside the boxes a mover
-/// sees and is seen by all.
+/// Makes sight cells for a scene whose occluders stand still, from boxes of the world, 6 numbers each
+/// (minimum, then maximum corner), finite and not inverted. Finds which boxes are seen from which by a sweep
+/// of each, in milliseconds to a second a box. A box that a wall cuts sees both sides of the wall. Outside
+/// the boxes a mover sees and is seen by all.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_sight_cells_create_of_scene(
     scene: *const vis_scene,
@@ -182,11 +184,11 @@ pub unsafe extern "C" fn vis_sight_cells_create_of_scene(
     })
 }
 
-/// Makes sight cells for a scene that changes, from boxes as in `vis_sight_cells_create_of_scene`. Adds an object
-/// to the scene for each box, which hides nothing and no view shows. While a mover is not in the boxes, all see
-/// it; while no box of the online sets holds its reach, it sees all. So the margin of the sets should be at least
-/// half the greatest extent of a reach, and `vis_online_step` should get the middles of the reaches as places.
-/// The sets live as long as the cells.
+/// Makes sight cells for a scene that changes, from boxes as in `vis_sight_cells_create_of_scene`. Adds an
+/// object to the scene for each box, which hides nothing and no view shows. While a mover is not in the
+/// boxes, all see it; while no box of the online sets holds its reach, it sees all. So the margin of the sets
+/// should be at least half the greatest extent of a reach, and `vis_online_step` should get the middles of
+/// the reaches as places. The sets live as long as the cells.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_sight_cells_create_online(
     scene: *mut vis_scene,
@@ -235,9 +237,10 @@ pub unsafe extern "C" fn vis_sight_cells_set_opacity(
     })
 }
 
-/// Writes the ids of the objects that `vis_sight_cells_create_online` has added, like `vis_visible_ids`, in the
-/// order of the boxes; none for other sight cells. Remove them after the cells. All movers see one another while
-/// one is missing, or has other bounds than its box: once the origin of the scene has moved, set them anew.
+/// Writes the ids of the objects that `vis_sight_cells_create_online` has added, like `vis_visible_ids`, in
+/// the order of the boxes; none for other sight cells. Remove them after the cells. All movers see one
+/// another while one is missing, or has other bounds than its box: once the origin of the scene has moved,
+/// set them anew.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_sight_cells_objects(
     cells: *const vis_sight_cells,
@@ -274,8 +277,8 @@ pub unsafe extern "C" fn vis_who_sees_destroy(who_sees: *mut vis_who_sees) {
 
 /// Finds which targets each observer may see, once per tick, and replaces the former answer. Conservative: a
 /// target is left out only if no straight line leads from anywhere the observer may be to anywhere the target
-/// may be. Targets hide nothing from each other. Observers and targets count from 0 in the order given. `scene`
-/// is the scene of online sight cells; null for all others. On an error, the former answer stays.
+/// may be. Targets hide nothing from each other. Observers and targets count from 0 in the order given.
+/// `scene` is the scene of online sight cells; null for all others. On an error, the former answer stays.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_who_sees_look(
     who_sees: *mut vis_who_sees,
@@ -315,8 +318,8 @@ fn check_number(number: usize, count: usize, what: &str) -> Result<(), Error> {
     if number < count { Ok(()) } else { Err(Error::new(VIS_ERROR_UNKNOWN_ID, message)) }
 }
 
-/// Writes whether an observer may see a target. Returns `VIS_ERROR_UNKNOWN_ID` for numbers that the last call of
-/// `vis_who_sees_look` did not have.
+/// Writes whether an observer may see a target. Returns `VIS_ERROR_UNKNOWN_ID` for numbers that the last call
+/// of `vis_who_sees_look` did not have.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_who_sees_sees(
     who_sees: *const vis_who_sees,

@@ -1,5 +1,5 @@
-//! Tests of sets made ahead of an eye, and of who sees whom, through the C interface: the answers are those of
-//! the Rust crates on the same scene, which changes between frames.
+//! Tests of sets made ahead of an eye, and of who sees whom, through the C interface: the answers are those
+//! of the Rust crates on the same scene, which changes between frames.
 
 mod common;
 
