@@ -148,8 +148,8 @@ fn online() -> OnlinePvs {
     OnlinePvs::new(DVec3::splat(0.8), DVec3::new(4.0, 4.0, 1.2)).with_margin(0.25)
 }
 
-/// Returns what is printed of a frame: the number of visible objects, the hash of their indices, ascending, and,
-/// for some frames, what the judge finds.
+/// Returns what is printed of a frame: the number of visible objects, the hash of their indices, ascending,
+/// and, for some frames, what the judge finds.
 fn line(
     source: &SceneSource,
     scene: &Scene,
