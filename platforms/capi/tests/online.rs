@@ -485,7 +485,11 @@ fn mistakes_are_refused_by_name() {
         let far = vis_wall { to: [f64::NAN, 1.0], ..wall(0) };
         let said = "point (NaN, 1.0) of number 0 has a coordinate that is no number up to 1e60";
         refused(plan(far, 0, 1, &raw mut cells), VIS_ERROR_ARGUMENT, said);
-        for bad in [[0.0, 0.0, f64::NAN, 1.0, 1.0, 1.0], [2.0, 0.0, 0.0, 1.0, 1.0, 1.0]] {
+        for bad in [
+            [0.0, 0.0, f64::NAN, 1.0, 1.0, 1.0],
+            [2.0, 0.0, 0.0, 1.0, 1.0, 1.0],
+            [0.0, 0.0, 0.0, 1.0, f64::INFINITY, 1.0],
+        ] {
             let said = "box 0 is inverted or not finite";
             let made = vis_sight_cells_create_of_scene(scene, bad.as_ptr(), 1, &raw mut cells);
             refused(made, VIS_ERROR_ARGUMENT, said);
