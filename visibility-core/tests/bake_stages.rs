@@ -11,11 +11,13 @@ struct Sums {
     done: Vec<Option<u32>>,
     order: Vec<u32>,
     is_order_fixed: bool,
+    /// Whether some items are left undone until 20 items are done.
+    is_late: bool,
 }
 
 impl Sums {
     fn new(is_order_fixed: bool) -> Self {
-        Self { done: vec![None; 100], order: Vec::new(), is_order_fixed }
+        Self { done: vec![None; 100], order: Vec::new(), is_order_fixed, is_late: false }
     }
 
     fn of_stage(&self, stage: u32) -> impl Iterator<Item = Option<u32>> {
@@ -46,6 +48,9 @@ impl Baker for Sums {
     }
 
     fn work(&self, item: u32, (): &mut (), _: &dyn Fn() -> bool) -> Option<u32> {
+        if self.is_late && item % 7 == 2 && self.order.len() < 20 {
+            return None;
+        }
         let before = self.stage(item).checked_sub(1);
         let sum = before.map_or(0, |stage| {
             let all: Option<Vec<u32>> = self.of_stage(stage).collect();
@@ -107,4 +112,16 @@ fn stages_follow_one_another_each_in_the_order_of_ranks() {
             assert_eq!(bake.finish(), whole, "{name}: a bake that was stopped 200 times has the same rows");
         }
     }
+}
+
+#[test]
+fn items_that_were_left_undone_come_first_whether_or_not_the_order_is_fixed() {
+    let orders = [false, true].map(|is_order_fixed| {
+        let mut bake = Bake::new(Sums { is_late: true, ..Sums::new(is_order_fixed) });
+        while bake.advance().is_some() {}
+        bake.baker().order.clone()
+    });
+    assert_eq!(orders[0].len(), 100, "all items are done in the end");
+    assert!(!orders[0].is_sorted_by_key(|item| (item % 3, 100 - item)), "some items are done late");
+    assert_eq!(orders[0], orders[1], "the order with and without a fixed one");
 }
