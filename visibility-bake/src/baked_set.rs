@@ -451,7 +451,7 @@ impl BakedSet {
         let divided = match from.u32()? {
             0 => None,
             1 => Some(floats(&mut from, 7)?),
-            _ => return Err(from.content_error("the viewcells neither divide a box nor do not").into()),
+            _ => return Err(from.content_error("the flag of a divided box is neither 0 nor 1").into()),
         };
         let count = from.u32()? as usize;
         // Coordinates are stored by axis and corner, which compresses better than viewcell by viewcell.

@@ -289,8 +289,7 @@ impl Baker for SandwichBaker<'_> {
         }
     }
 
-    // The costs of a stage are those of viewcells that the stages before have left, and only a limit of time
-    // puts items off.
+    // Costs are added to a stage only by the stages before it, and only a limit of time puts items off.
     fn is_order_fixed(&self) -> bool {
         !self.time.is_limited()
     }

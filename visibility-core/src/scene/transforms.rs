@@ -303,7 +303,7 @@ impl Scene {
     /// bounds first. An occluder mesh prepared from the former triangles is removed.
     ///
     /// Users take the triangles for those of every frame. Set none for an object that animates within its
-    /// bounds: bakes and exact cullers would hide its other poses, and judge it by its box instead.
+    /// bounds: bakes and exact cullers then judge it by its box, and would hide its other poses otherwise.
     ///
     /// Objects with the same mesh in several places are given [`SharedTriangles`], each placed by its own
     /// transform: the mesh is then kept once.
