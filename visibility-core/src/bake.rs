@@ -231,15 +231,15 @@ impl<B: Baker> Bake<B> {
         self.sorted = 0;
         let size = B::ROUND.clamp(1, self.waiting.len());
         let key = |&item: &u32| (baker.stage(item), baker.rank(item), item);
-        if size < self.waiting.len() {
-            self.waiting.select_nth_unstable_by_key(size - 1, key);
+        let mut keys: Vec<(u32, u64, u32)> = self.waiting.iter().map(key).collect();
+        if size < keys.len() {
+            keys.select_nth_unstable(size - 1);
         }
-        let mut round: Vec<u32> = self.waiting.drain(..size).collect();
-        round.sort_unstable_by_key(key);
-        let stage = baker.stage(round[0]);
-        let of_stage = round.partition_point(|&item| baker.stage(item) == stage);
-        self.waiting.extend(round.drain(of_stage..));
-        round
+        keys[..size].sort_unstable();
+        let of_stage = keys[..size].partition_point(|&(stage, ..)| stage == keys[0].0);
+        self.waiting.clear();
+        self.waiting.extend(keys[of_stage..].iter().map(|&(.., item)| item));
+        keys[..of_stage].iter().map(|&(.., item)| item).collect()
     }
 
     /// Works on all waiting items and returns the final result.
