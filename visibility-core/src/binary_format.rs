@@ -1,8 +1,8 @@
 //! The binary format of stored files: a header of 40 bytes with magic, version, length and checksum, then the
 //! content.
 //!
-//! PVS, tessellations and interrupted bakes are stored in this format. All numbers are little-endian. Byte
-//! ranges are half-open:
+//! PVS, baked sets, occluders of levels and interrupted bakes are stored in this format. All numbers are
+//! little-endian. Byte ranges are half-open:
 //!
 //! | bytes | content |
 //! |---|---|

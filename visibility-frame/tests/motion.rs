@@ -1,9 +1,10 @@
 //! Tests of motion volumes: no mover is missing that a scene with exact bounds in each frame would show.
 
-use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::scene::DrawRange;
 use visibility_core::{
-    Aabb, Accuracy, CullStats, Culler, FrustumCuller, ObjectId, Pipeline, Pose, Scene, View, VisibleSet,
+    Aabb, Accuracy, CullStats, Culler, FrustumCuller, Object, ObjectId, OccluderMesh, Pipeline, Pose, Scene,
+    View, VisibleSet,
 };
 use visibility_frame::lod::ContributionCuller;
 use visibility_frame::motion::{Motion, MotionVolumes};
@@ -605,4 +606,41 @@ fn no_volume_is_nearer_than_the_begin_of_a_draw_range() {
         assert!(shows(-1.0).contains(&scene, mover), "frame {frame}: the mover is 30 m away");
         volumes.end_frame(&scene, &shows(1.0), &mut seen);
     }
+}
+
+/// Movers that must never get a volume: one whose HLOD parent measures the end of its draw range, one that is
+/// moved by its transform, and one with an occluder mesh. All are due in each frame, and keep what they have.
+#[test]
+fn movers_with_parents_local_bounds_or_meshes_get_no_volume() {
+    let mut scene = Scene::new();
+    let bounds = Aabb::from_arrays([190.0, 3.5, 0.0], [191.0, 4.5, 2.0]);
+    let block = scene.insert(Aabb::from_arrays([0.0, -5.0, 0.0], [200.0, 5.0, 20.0]));
+    scene.set_draw_range(block, DrawRange { begin: 128.0, ..DrawRange::ALWAYS }).unwrap();
+    let movers = scene.insert_batch((0..4).map(|_| Object { occluder: true, ..Object::new(bounds) }));
+    let [child, local, meshed, plain] = movers[..] else { unreachable!("four movers") };
+    scene.set_draw_range(child, DrawRange { end: 128.0, ..DrawRange::ALWAYS }).unwrap();
+    scene.set_hlod_parent(child, Some(block)).unwrap();
+    scene.set_local_bounds(local, bounds).unwrap();
+    let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+    scene.set_mesh(meshed, mesh, Affine3A::IDENTITY).unwrap();
+    let mut volumes = MotionVolumes::new();
+    movers.iter().for_each(|&id| volumes.insert(id, Motion::new(1.5)));
+    let (eye, mut due, mut seen) = (DVec3::new(10.0, 0.0, 1.0), Vec::new(), Vec::new());
+    for frame in 0..60 {
+        volumes.begin_frame(&mut scene, f64::from(frame), &mut due);
+        assert!(movers[..3].iter().all(|id| due.contains(id)), "frame {frame}: only {due:?} are due");
+        let set: Vec<_> = due.iter().filter(|&&id| id != local).map(|&id| (id, bounds)).collect();
+        volumes.set_bounds_batch(&mut scene, &set).unwrap();
+        assert!(scene.set_transform(local, Affine3A::IDENTITY).is_ok() && scene.has_mesh(meshed), "kept");
+        let cull = |toward: f64| {
+            let pose = Pose::look_at(eye, eye + DVec3::X * toward, DVec3::Z);
+            let view = View::perspective(pose, 1.0, 1.0, 0.1, 500.0).unwrap();
+            let (culler, mut visible) = (ContributionCuller::new(1080.0, 0.0), VisibleSet::new());
+            Pipeline::new().with(FrustumCuller::new()).with(culler).cull(&scene, &view, &mut visible);
+            visible
+        };
+        assert!(movers.iter().all(|&id| cull(1.0).contains(&scene, id)), "frame {frame}: all are in view");
+        volumes.end_frame(&scene, &cull(-1.0), &mut seen);
+    }
+    assert_ne!(scene.bounds(plain), Ok(bounds), "a mover with bounds alone has a volume");
 }

@@ -15,9 +15,9 @@ use visibility_core::{Aabb, Object, ObjectId, Scene};
 ///
 /// Each mover is given by its [`Reach`], the region in which it may be. While the reach is not wholly in the
 /// viewcells, the mover counts as seen by all movers. While no box of the `OnlinePvs` holds the whole reach,
-/// the mover counts as seeing all movers. So boxes should be larger than the reaches, and
-/// [`step`](OnlinePvs::step) should be called with the middles of the reaches. Sets hold for all view
-/// directions, so movers at one place share them.
+/// the mover counts as seeing all movers. So call [`step`](OnlinePvs::step) with the middles of the reaches,
+/// make the [margin](OnlinePvs::with_margin) at least half of the largest extent of a reach, and the boxes
+/// more than two margins wide. Sets hold for all view directions, so movers at one place share them.
 ///
 /// ```
 /// use visibility_core::glam::{Affine3A, DVec3};
@@ -36,7 +36,8 @@ use visibility_core::{Aabb, Object, ObjectId, Scene};
 /// };
 /// let cells = (0..10).flat_map(|x| (-1..1).map(move |y| cell(x, y)));
 /// let cells = OnlineCells::new(&mut scene, Viewcells::new(cells));
-/// let mut online = OnlinePvs::new(DVec3::splat(2.5), DVec3::new(4.0, 4.0, 2.5));
+/// // Bodies 1.8 m high, which may be anywhere within .01 s at 6 m/s: reaches of less than 2 m.
+/// let mut online = OnlinePvs::new(DVec3::splat(2.5), DVec3::new(4.0, 4.0, 2.5)).with_margin(1.0);
 /// // Each tick: the movers, and as much work as there is time for.
 /// let at = |x: f64| Reach::new(DVec3::new(x, 0.0, 0.1), DVec3::new(x + 0.5, 0.5, 1.9)).within(0.01, 6.0);
 /// let movers = [at(1.0), at(16.0)];

@@ -3,7 +3,7 @@
 
 use crate::common::{World, random_world};
 use std::collections::BTreeSet;
-use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
 use visibility_core::view::Eye;
 use visibility_core::{
@@ -597,4 +597,50 @@ fn a_box_with_swapped_ends_has_no_answer() {
     assert!(hidden_from(DVec3::splat(-0.01), DVec3::splat(0.01)), "a box in the viewcell");
     assert!(!hidden_from(DVec3::splat(0.01), DVec3::splat(-0.01)), "its ends are swapped");
     assert!(!hidden_from(DVec3::NAN, DVec3::NAN), "no numbers");
+}
+
+/// A field of posts behind a wall, of which one grows in the middle of a direction until its box reaches
+/// behind the eyes, and with it the boxes of the nodes above.
+#[test]
+fn what_grows_past_the_box_while_it_is_made_hides_none_of_its_neighbours() {
+    let (mut rng, mut world) = (Random(8), World::new());
+    world.add_box([10.0, -10.0, -20.0], [10.2, 7.0, 20.0]);
+    let posts: Vec<_> = (0..8200)
+        .map(|number| {
+            let [x, y] = [rng.range(22.0, 60.0) as f32, rng.range(-24.0, 24.0) as f32];
+            // Few are tall; the others are well within the pixels that these need.
+            let z = if number < 8 { 12.0 } else { 1.0 };
+            let bounds = Aabb::from_arrays([x, y, -z], [x + 0.2, y + 0.2, z]);
+            (world.add_target(bounds), bounds)
+        })
+        .collect();
+    world.scene.rebuild();
+    let eye = DVec3::new(-1.9, 1.9, 0.2);
+    // The ray to the far end of a post passes the wall on the left.
+    let is_seen = |post: &Aabb| {
+        let ray = DVec3::new(post.max.x.into(), post.max.y.into(), 0.3) - eye;
+        [10.0, 10.2].iter().all(|x| eye.y + ray.y * (x - eye.x) / ray.x > 7.0)
+    };
+    // Posts about the end of the wall's shadow.
+    let is_beside = |x: f32, y: f32| x > 30.0 && (0.4..0.6).contains(&(y / x));
+    let beside: Vec<_> = posts.iter().filter(|(_, b)| is_beside(b.min.x, b.min.y)).copied().collect();
+    let mut hidden_posts = 0;
+    for trial in 0..40 {
+        let (mut scene, mut online) =
+            (world.scene.clone(), OnlinePvs::new(DVec3::splat(0.2), DVec3::new(4.0, 4.0, 0.6)));
+        for _ in 0..trial % 10 {
+            online.step(&scene, &[DVec3::ZERO], 1);
+        }
+        let (grown, bounds) = beside[rng.below(beside.len())];
+        let (middle, half) = (bounds.center(), Vec3::new(rng.range(50.0, 99.0) as f32, 21.0, 0.5));
+        scene.set_bounds(grown, Aabb::new(middle - half, middle + half)).unwrap();
+        while online.step(&scene, &[DVec3::ZERO], 1).is_some() {}
+        let hidden = online.hidden_from(&scene, eye, eye).expect("the wide box holds the eye");
+        for (post, bounds) in &posts {
+            let is_hidden = hidden.contains(post.index());
+            assert!(!(is_hidden && is_seen(bounds)), "{bounds:?} is hidden, trial {trial}");
+            hidden_posts += usize::from(is_hidden);
+        }
+    }
+    assert!(hidden_posts > 10_000, "{hidden_posts} posts were hidden");
 }

@@ -401,7 +401,8 @@ enum vis_status vis_pipeline_add_frustum(struct vis_pipeline *pipeline);
 
 // Appends contribution culling. It removes objects that are smaller than `min_pixels` pixels in a picture
 // `picture_height` pixels high, outside of their draw range, or replaced by an HLOD parent. If one of the
-// two numbers is zero, no object is too small. Approximate.
+// two numbers is zero, no object is too small. Goes before the z-buffer: an object that is not drawn must
+// not hide others. Approximate.
 enum vis_status vis_pipeline_add_contribution(struct vis_pipeline *pipeline,
                                               double picture_height,
                                               double min_pixels);

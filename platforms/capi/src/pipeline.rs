@@ -104,7 +104,8 @@ pub unsafe extern "C" fn vis_pipeline_add_frustum(pipeline: *mut vis_pipeline) -
 
 /// Appends contribution culling. It removes objects that are smaller than `min_pixels` pixels in a picture
 /// `picture_height` pixels high, outside of their draw range, or replaced by an HLOD parent. If one of the
-/// two numbers is zero, no object is too small. Approximate.
+/// two numbers is zero, no object is too small. Goes before the z-buffer: an object that is not drawn must
+/// not hide others. Approximate.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_add_contribution(
     pipeline: *mut vis_pipeline,

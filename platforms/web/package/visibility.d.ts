@@ -233,6 +233,7 @@ export interface Scene extends Handle {
    * visible objects are hidden.
    */
   addMesh(mesh: { positions: Numbers; indices: Numbers; twoSided?: boolean }): MeshId;
+  /** Stores a box as an occluder mesh, rounded inwards to single precision. */
   addBoxMesh(box: Box): MeshId;
   /** Removes an occluder mesh. Objects that have it keep it until they get another or lose it. */
   removeMesh(mesh: MeshId): void;
@@ -281,7 +282,10 @@ export interface View extends Handle {
 export interface Pipeline extends Handle {
   /** Removes what is outside the view; the first stage. Conservative. */
   addFrustum(): this;
-  /** Removes objects smaller than so many pixels, or out of their draw range. Approximate. */
+  /**
+   * Removes objects smaller than so many pixels, or out of their draw range. Goes before the z-buffer: an
+   * object that is not drawn must not hide others. Approximate.
+   */
   addContribution(pictureHeight: number, leastPixels: number): this;
   /**
    * Removes what occluders hide, by a z-buffer of this size in pixels, 512 x 288 by default. Conservative.

@@ -296,6 +296,15 @@ function outwards(number, index) {
   return single[0];
 }
 
+/**
+ * Returns the 6 numbers of the greatest box of single precision inside of a box: what an occluder covers,
+ * must be covered by what is drawn. The nearest numbers where no such box exists.
+ */
+function inside(numbers) {
+  const inwards = numbers.map((number, index) => outwards(number, index + 3));
+  return inwards.map((number, index) => (inwards[index % 3] > inwards[(index % 3) + 3] ? numbers[index] : number));
+}
+
 /** Returns the 6 numbers of a box. */
 function corners(box) {
   return [...triple(box?.min, "min"), ...triple(box?.max, "max")];
@@ -602,7 +611,7 @@ class Scene extends Handle {
 
   addBoxMesh(box) {
     return this.wasm.call((wasm) => {
-      const [bounds, place] = [wasm.box(box), wasm.borrow(8)];
+      const [bounds, place] = [wasm.put(Float32Array, inside(corners(box))), wasm.borrow(8)];
       wasm.check("vis_scene_add_box_mesh", this.pointer, bounds, place);
       return wasm.data().getBigUint64(place, true);
     });

@@ -94,6 +94,19 @@ for (const simd128 of [false, true]) {
     assert.equal(visible.indices.length, 0);
   });
 
+  test(say("a wall of doubles hides no more than it covers"), () => {
+    const { scene, wall, lamp, view, visible } = street();
+    // Numbers of single precision are 2 m apart here: the wall ends at y = 2^24 + 1, between two of them.
+    const y = 2 ** 24;
+    const box = { min: [4, y - 16, -9], max: [5, y + 1, 9] };
+    scene.setBounds(wall, box);
+    scene.setMesh(wall, scene.addBoxMesh(box));
+    scene.setBounds(lamp, { min: [7, y, -1], max: [8, y + 2, 1] });
+    view.setPerspective({ ...CAMERA, eye: [0, y + 1.5, 0], target: [1, y + 1.5, 0] });
+    visibility.createPipeline().addFrustum().addZBuffer().cull(scene, view, visible);
+    assert.ok(visible.contains(scene, lamp), "the lamp reaches a metre beyond the wall");
+  });
+
   test(say("objects are inserted, moved and removed"), () => {
     const { scene, wall, lamp } = street();
     assert.deepEqual([scene.count, scene.indexLimit], [2, 2]);

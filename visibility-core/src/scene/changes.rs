@@ -46,7 +46,7 @@ impl ChangeLog {
         Self { start, entries: Vec::new(), moved: start }
     }
 
-    /// Least number of changes that the log can hold, however few objects the scene has.
+    /// Least number of changes that the log holds at any time, however few objects the scene has.
     const MIN_CAPACITY: usize = 1024;
 
     pub(crate) fn revision(&self) -> u64 {
@@ -64,20 +64,20 @@ impl ChangeLog {
     }
 
     /// Records a change of one object. `objects` is the number of object indices of the scene. The log holds
-    /// [`MIN_CAPACITY`](Self::MIN_CAPACITY) entries or, if that is more, a quarter of `objects`, and drops
-    /// its older half when full: following a longer log would cost a reader about as much as processing all
-    /// objects. Takes amortised constant time.
+    /// the last [`MIN_CAPACITY`](Self::MIN_CAPACITY) changes or, if that is more, a quarter of `objects`:
+    /// following a longer log would cost a reader about as much as processing all objects. It drops older
+    /// changes when it holds twice as many. Takes amortised constant time.
     pub(crate) fn push(&mut self, id: ObjectId, objects: usize) {
         let limit = Self::limit(objects);
-        if self.entries.len() >= limit {
-            let dropped = self.entries.len() - limit / 2;
+        if self.entries.len() >= 2 * limit {
+            let dropped = self.entries.len() - limit + 1;
             self.entries.drain(..dropped);
             self.start += dropped as u64;
         }
         if self.entries.len() == self.entries.capacity() {
             // Reserves the full capacity at once. Growing step by step, a scene in which little moves would
             // allocate now and then for thousands of frames.
-            self.entries.reserve_exact(limit - self.entries.len());
+            self.entries.reserve_exact(2 * limit - self.entries.len());
         }
         self.entries.push(id);
     }
@@ -124,6 +124,10 @@ mod tests {
         let start = log.revision();
         for i in 0..5000 {
             log.push(ObjectId { index: i, generation: 0 }, 10);
+            let kept = (i + 1).min(1024);
+            let changes = log.since(log.revision() - u64::from(kept));
+            let count = if let Changes::Objects(ids) = changes { ids.len() } else { 0 };
+            assert_eq!(count, kept as usize, "of {} changes, the last 1,024 are kept", i + 1);
         }
         assert!(
             log.entries.capacity() <= 2048,

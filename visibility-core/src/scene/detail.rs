@@ -138,7 +138,8 @@ impl Scene {
     /// at distances less than its `begin` its children are drawn, from its `begin` on the parent, never both.
     /// These distances, and the `end` of a child's own range, are measured from the parent's bounds. A child
     /// needs no range of its own. If a child's range has an `end` less than the parent's `begin`, neither
-    /// child nor parent is drawn between these two distances.
+    /// child nor parent is drawn between these two distances. A child and its parent do not fade towards each
+    /// other: [`DrawRange::margin`] has no effect where one takes the other's place.
     ///
     /// The parent's bounds must contain those of its children (for the levels of a single thing, give the
     /// parent a box around all of them), and the parent must be on all layers that its children are on. A
@@ -186,6 +187,12 @@ impl Scene {
     pub fn hlod_parent(&self, id: ObjectId) -> Result<Option<ObjectId>, SceneError> {
         self.slot(id)?;
         Ok(linked(self.tree.detail(id.index()).parent).and_then(|index| self.id_at(index)))
+    }
+
+    /// Returns whether an object is the [HLOD parent](Self::set_hlod_parent) of another. False for an unknown
+    /// object.
+    pub fn is_hlod_parent(&self, id: ObjectId) -> bool {
+        self.contains(id) && self.tree.detail(id.index()).first_child.is_some()
     }
 
     /// Extends `details` to one entry for each object index.

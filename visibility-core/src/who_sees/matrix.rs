@@ -26,6 +26,8 @@ pub struct ViewcellMatrix {
     portals: Option<Portals>,
     /// Scratch: the cells of the mover that is being looked up.
     cells: Vec<u32>,
+    /// Scratch: the cells that were reached through portals. Empty between two calls.
+    reached: Bits,
 }
 
 /// The openings between the viewcells.
@@ -79,7 +81,14 @@ impl ViewcellMatrix {
             bits.clear();
             row.as_ref().iter().for_each(|&cell| _ = bits.insert(cell as usize));
         }
-        Self { viewcells, rows: bits, portals: None, cells: Vec::new(), stamp: Stamp::new() }
+        Self {
+            viewcells,
+            rows: bits,
+            portals: None,
+            cells: Vec::new(),
+            reached: Bits::default(),
+            stamp: Stamp::new(),
+        }
     }
 
     /// Makes the matrix of the cells of a building, from the volumes of the cells in world space, viewcell
@@ -131,6 +140,7 @@ impl ViewcellMatrix {
             rows,
             portals: Some(Portals { tolerance, neighbours }),
             cells: Vec::new(),
+            reached: Bits::default(),
             stamp: Stamp::new(),
         })
     }
@@ -152,7 +162,14 @@ impl ViewcellMatrix {
             culler.cull(&scene, &cells[index], &mut visible);
             ids.iter().enumerate().for_each(|(other, &id)| row.set(other, visible.contains(&scene, id)));
         });
-        Self { viewcells, rows, portals: None, cells: Vec::new(), stamp: Stamp::new() }
+        Self {
+            viewcells,
+            rows,
+            portals: None,
+            cells: Vec::new(),
+            reached: Bits::default(),
+            stamp: Stamp::new(),
+        }
     }
 }
 
@@ -172,17 +189,23 @@ impl SightCells for ViewcellMatrix {
             return self.viewcells.cover(low, high, cells);
         };
         let [body_low, body_high] = Reach { margin: portals.tolerance, ..*reach }.bounds();
-        self.viewcells.for_each_touching(body_low, body_high, |cell| cells.push(cell.0));
+        let reached = &mut self.reached;
+        reached.grow(self.rows.len());
+        self.viewcells.for_each_touching(body_low, body_high, |cell| {
+            reached.insert(cell.index());
+            cells.push(cell.0);
+        });
         let mut next = start;
         while let Some(&cell) = cells.get(next) {
             for (other, [portal_low, portal_high]) in &portals.neighbours[cell as usize] {
                 let is_met = portal_low.cmple(high).all() && low.cmple(*portal_high).all();
-                if is_met && !cells[start..].contains(other) {
+                if is_met && self.reached.insert(*other as usize) {
                     cells.push(*other);
                 }
             }
             next += 1;
         }
+        cells[start..].iter().for_each(|&cell| _ = self.reached.remove(cell as usize));
         let leaves = |&cell: &u32| self.viewcells.is_left_through(ViewcellId(cell), low, high);
         next > start && !cells[start..].iter().any(leaves)
     }

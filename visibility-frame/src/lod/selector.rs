@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 use core::ops::RangeInclusive;
 use visibility_core::glam::DVec3;
 use visibility_core::scene::{DrawRange, SceneCursor};
-use visibility_core::{ObjectId, Scene, View, VisibleSet};
+use visibility_core::{Aabb, ObjectId, Scene, View, VisibleSet};
 
 /// Level of detail to draw for a visible object.
 ///
@@ -29,7 +29,8 @@ pub struct Lod {
     pub previous: u8,
     /// Weight of `level` in the cross-fade from `previous`, from 0 to 1; 1 while none is in progress.
     pub fade: f32,
-    /// Opacity of the object by its [draw range](visibility_core::scene::DrawRange::opacity), from 0 to 1.
+    /// Opacity of the object by its [draw range](visibility_core::scene::DrawRange::opacity), from 0 to 1. An
+    /// object and its [HLOD parent](Scene::set_hlod_parent) do not fade towards each other.
     pub opacity: f32,
 }
 
@@ -130,6 +131,32 @@ fn level_of(squared: f64, sizes: &[f32], factor: f64) -> u8 {
     sizes.iter().filter(is_smaller).count() as u8
 }
 
+/// Returns the opacity of an object by its draw range. An object and its HLOD parent do not fade towards each
+/// other: exactly one of them is drawn at every distance, and would be transparent there.
+fn opacity(scene: &Scene, id: ObjectId, bounds: &Aabb, eye: &EyeBox) -> f32 {
+    let Ok(range) = scene.draw_range(id) else { return 1.0 };
+    if range == DrawRange::ALWAYS {
+        return 1.0;
+    }
+    // The begin of the draw range is measured to the object's own bounds and the end to the bounds of its
+    // parent, so that no distance is left without either.
+    let stand_in = scene.stand_in(id);
+    let fade_in = if scene.is_hlod_parent(id) {
+        1.0
+    } else {
+        DrawRange { end: f32::INFINITY, ..range }.opacity(eye.distance(bounds) as f32)
+    };
+    let is_replaced = |parent| scene.draw_range(parent).is_ok_and(|above| above.begin <= range.end);
+    let fade_out = match stand_in {
+        Some((parent, _)) if is_replaced(parent) => 1.0,
+        _ => {
+            let around = stand_in.map_or(*bounds, |(_, around)| around);
+            DrawRange { begin: 0.0, ..range }.opacity(eye.distance(&around) as f32)
+        }
+    };
+    fade_in.min(fade_out)
+}
+
 impl LodSelector {
     /// Makes a selector for pictures that are `picture_height` pixels high, with a hysteresis of 10 % and
     /// cross-fades of a quarter of a second. With a height that is NaN, zero or negative, all objects get
@@ -212,18 +239,7 @@ impl LodSelector {
                 *state = State { generation: id.generation(), level, previous: level, ..State::NONE };
             }
             state.frame = self.frame;
-            // The begin of the draw range is measured to the object's own bounds and the end to the bounds of
-            // its parent, so that no distance is left without either.
-            state.opacity = match scene.draw_range(id) {
-                Ok(range) if range != DrawRange::ALWAYS => {
-                    let around = scene.stand_in(id).map_or(bounds, |(_, around)| around);
-                    let fade_in = DrawRange { end: f32::INFINITY, ..range };
-                    let fade_out = DrawRange { begin: 0.0, ..range };
-                    let opacity = fade_in.opacity(eye.distance(&bounds) as f32);
-                    opacity.min(fade_out.opacity(eye.distance(&around) as f32))
-                }
-                _ => 1.0,
-            };
+            state.opacity = opacity(scene, id, &bounds, &eye);
             self.selected.push((id, state.lod()));
         });
     }

@@ -154,9 +154,13 @@ fn is_volume(movers: &[Mover], status: &[Status]) -> impl Fn(f64, u32) -> bool {
 /// `begin_frame`. If it is set in the middle of a frame, the movers that are not due stay where the new
 /// origin puts them until the next frame. Movers that the scene does not contain are removed.
 ///
-/// A mover with a [draw range](Scene::set_draw_range) that begins above 0 never gets a volume, so it is due
-/// in each frame: its volume could be nearer than `begin`, and so not drawn, while the mover itself is beyond
-/// `begin`.
+/// Some movers never get a volume, so they are due in each frame:
+/// - those with a [draw range](Scene::set_draw_range) that begins above 0: a volume could be nearer than
+///   `begin`, and so not drawn, while the mover itself is beyond `begin`;
+/// - those with an [HLOD parent](Scene::set_hlod_parent): the end of their range is measured from the
+///   parent's bounds, of which a volume may reach out;
+/// - those with [local bounds](Scene::set_local_bounds) or an occluder mesh, which the bounds of a volume
+///   would take away.
 ///
 /// # Cost
 /// `begin_frame` takes `log n` time per hidden mover that gets a volume and per volume that ends, and
@@ -364,8 +368,15 @@ impl MotionVolumes {
     fn enter_volume(&mut self, scene: &Scene, place: u32, last: f64) -> bool {
         let mover = &mut self.movers[place as usize];
         let Ok(bounds) = scene.bounds(mover.id) else { return false };
-        // A volume may be nearer than the begin of the draw range although the mover is not.
-        if scene.draw_range(mover.id).is_ok_and(|range| range.begin > 0.0) {
+        // A volume may be nearer than the begin of the draw range although the mover is not, and may reach out
+        // of the bounds of an HLOD parent, from which the end of the draw range is measured.
+        if scene.draw_range(mover.id).is_ok_and(|range| range.begin > 0.0)
+            || scene.hlod_parent(mover.id).is_ok_and(|parent| parent.is_some())
+        {
+            return false;
+        }
+        // New bounds would take the mover's local bounds and its mesh away.
+        if scene.local_bounds(mover.id).is_some() || scene.has_mesh(mover.id) {
             return false;
         }
         // Spans are varied by up to a half, so that movers that were hidden together are not due together.

@@ -76,8 +76,12 @@ fn between_levels_of_different_boxes_nothing_is_missing() {
         // Other objects, so that the hierarchy has several nodes.
         scene.insert_batch((0..300).map(|i| Aabb::from_arrays([i as f32; 3], [i as f32 + 0.5; 3])));
         let end = if has_end { 128.0 } else { f32::INFINITY };
-        scene.set_draw_range(near, DrawRange { end, margin: 10.0, ..DrawRange::ALWAYS }).unwrap();
-        scene.set_draw_range(far, DrawRange { begin: 128.0, ..DrawRange::ALWAYS }).unwrap();
+        let ranges = [
+            DrawRange { end, margin: 10.0, ..DrawRange::ALWAYS },
+            DrawRange { begin: 128.0, margin: 10.0, ..DrawRange::ALWAYS },
+        ];
+        scene.set_draw_range(near, ranges[0]).unwrap();
+        scene.set_draw_range(far, ranges[1]).unwrap();
         if is_linked {
             scene.set_hlod_parent(near, Some(far)).unwrap();
         }
@@ -95,17 +99,26 @@ fn between_levels_of_different_boxes_nothing_is_missing() {
                 assert!(!is_linked || count == 1, "{count} of the levels at {away} m");
                 missing += usize::from(count == 0);
             }
-            let mut visible = VisibleSet::new();
-            visible.retain(&scene, |id, _| fresh.contains(&id));
-            visible.finish(&scene);
-            lods.select(&scene, &view, &visible, 0.1, |_| &[]);
-            let opacity = lods.selected().iter().find(|(id, _)| *id == near).map(|(_, lod)| lod.opacity);
-            let faded = if is_linked { away } else { away + 1.0 };
-            let range = DrawRange { end, margin: 10.0, ..DrawRange::ALWAYS };
-            assert!(
-                opacity.is_none_or(|opacity| (opacity - range.opacity(faded as f32)).abs() < 1e-3),
-                "opacity {opacity:?} at {away} m"
-            );
+            let mut opacities = |drawn: &BTreeSet<ObjectId>| {
+                let mut visible = VisibleSet::new();
+                visible.retain(&scene, |id, _| drawn.contains(&id));
+                visible.finish(&scene);
+                lods.select(&scene, &view, &visible, 0.1, |_| &[]);
+                [near, far].map(|id| lods.lod(id).map(|lod| lod.opacity))
+            };
+            if is_linked {
+                // Hysteresis keeps a level beyond its limit: it is drawn in full, too.
+                for drawn in [&fresh, &live] {
+                    let sum: f32 = opacities(drawn).into_iter().flatten().sum();
+                    assert_eq!(sum, 1.0, "opacity of both levels at {away} m");
+                }
+            } else {
+                let away = [away as f32 + 1.0, away as f32];
+                for ((opacity, range), away) in opacities(&fresh).into_iter().zip(ranges).zip(away) {
+                    let expected = range.opacity(away);
+                    assert!(opacity.is_none_or(|o| (o - expected).abs() < 1e-3), "{opacity:?} at {away} m");
+                }
+            }
         }
         assert_eq!(missing > 0, !is_linked, "ranges alone leave a gap of a metre");
     }

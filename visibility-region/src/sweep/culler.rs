@@ -431,7 +431,7 @@ impl ExtendedProjectionCuller {
                 if let Child::Node(node) = item.child
                     && self.sweep.map.may_hold(rect, window.min_pixels(job.direction, item.bounds.lo.z))
                 {
-                    job.open_node(node, list, stats);
+                    job.open_node(node, &item, list, stats);
                     continue;
                 }
             }
@@ -512,18 +512,21 @@ impl Job<'_> {
             }
             list.swap_remove(at);
             if let Child::Node(node) = item.child {
-                self.open_node(node, list, stats);
+                self.open_node(node, &item, list, stats);
             }
         }
     }
 
-    /// Adds the children of a node to `list`. Rays to the children are also rays to the node, so the bits of
-    /// the map are valid for the children too.
-    fn open_node(&self, node: usize, list: &mut Vec<Item>, stats: &mut CullStats) {
+    /// Adds the children of a node to `list`, each cut to `item`, the node's item. Rays to the children are
+    /// then also rays to the item, so the bits of the map are valid for the children too. A child that reaches
+    /// out of its item holds objects that have changed since the direction was begun; the others lie within.
+    fn open_node(&self, node: usize, item: &Item, list: &mut Vec<Item>, stats: &mut CullStats) {
         stats.nodes += 1;
         // Objects that are tested one by one have no nodes.
         if let Asked::Set(visible) = self.ask.asked {
-            occludees::for_each_child(self.scene, visible, self.direction, node, |child| list.push(child));
+            occludees::for_each_child(self.scene, visible, self.direction, node, |child| {
+                list.extend(child.within(item));
+            });
         }
     }
 }

@@ -17,6 +17,17 @@ pub(crate) struct Item {
     pub(crate) scene_bounds: Aabb,
 }
 
+impl Item {
+    /// Returns the item cut to the boxes of another. `None` if nothing is left of it.
+    pub(super) fn within(self, other: &Self) -> Option<Self> {
+        let (lo, hi) = (self.bounds.lo.max(other.bounds.lo), self.bounds.hi.min(other.bounds.hi));
+        let [a, b] = [self.scene_bounds, other.scene_bounds];
+        let (min, max) = (a.min.max(b.min), a.max.min(b.max));
+        let is_left = lo.cmple(hi).all() && min.cmple(max).all();
+        is_left.then(|| Self { bounds: LocalBox { lo, hi }, scene_bounds: Aabb::new(min, max), ..self })
+    }
+}
+
 /// Greatest slope of rays that a map holds, in lateral metres per metre of depth. Objects that are farther to
 /// the side count as visible.
 const STEEPEST: f64 = 4.0;
@@ -24,6 +35,10 @@ const STEEPEST: f64 = 4.0;
 /// Greatest slope of rays to objects that are asked [beside](Asked::Beside) their farthest direction: across
 /// a whole storey.
 pub(super) const STEEPEST_BESIDE: f64 = 64.0;
+
+/// Greatest width of the viewcell's front in depths of an object. What is nearer counts as visible: rays to it
+/// from the opposite side would be steeper than the margins allow.
+pub(super) const ACROSS: f64 = 40.0;
 
 /// Objects to be assigned to directions.
 #[derive(Clone, Copy)]
@@ -124,9 +139,14 @@ fn is_usable(
     contains(usable_bounds, bounds) && local.lo.z > direction.guard() && is_ahead(direction, local, steepest)
 }
 
-/// Tests whether all rays from the viewcell's front to a box have a slope of at most `steepest`.
+/// Tests whether rays from the nearest side of the viewcell's front to a box have a slope of at most
+/// `steepest`, and those from the opposite side one of at most [`ACROSS`] more.
 fn is_ahead(direction: &Direction, b: &LocalBox, steepest: f64) -> bool {
-    (0..2).all(|lat| b.lo[lat].abs().max(b.hi[lat].abs()) - direction.half[lat] <= steepest * b.lo.z)
+    (0..2).all(|lat| {
+        let half = direction.half[lat];
+        let is_steep = b.lo[lat].abs().max(b.hi[lat].abs()) - half > steepest * b.lo.z;
+        !is_steep && 2.0 * half <= ACROSS * b.lo.z
+    })
 }
 
 /// Calls `each` with the children of a node, in local coordinates. Objects that are no candidates are left

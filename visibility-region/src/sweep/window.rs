@@ -1,7 +1,7 @@
 //! Windows of projection planes: the rectangles that maps cover, and their pixels.
 
 use super::direction::Direction;
-use super::occludees::{Item, STEEPEST_BESIDE};
+use super::occludees::{ACROSS, Item, STEEPEST_BESIDE};
 use super::ray_map::{PixelRect, Ranges, SIDE};
 use alloc::vec::Vec;
 use visibility_core::Aabb;
@@ -22,7 +22,7 @@ const WIDTH: f64 = 67_108_864.0;
 // quarter of the margin. `OccluderRaster::decides` leaves out the occluders whose errors exceed another
 // quarter.
 const _: () = assert!(
-    (1.0 + STEEPEST_BESIDE) * SIDE as f64 / (2.0 * WIDTH) < SLACK / 2.0,
+    (1.0 + STEEPEST_BESIDE + ACROSS) * SIDE as f64 / (2.0 * WIDTH) < SLACK / 2.0,
     "the steepest rays must keep errors of positions below half the margin of decisions"
 );
 
