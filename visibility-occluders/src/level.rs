@@ -245,10 +245,11 @@ impl LevelOccluders {
     }
 
     /// Makes the occluders of a scene's level, from the triangles ([`Scene::set_triangles`]) of objects that
-    /// are flagged as occluders, are [always drawn](Scene::is_always_drawn), are on a layer, are not
-    /// see-through and for which `stands_still` returns true. Triangles of
-    /// [one-sided](visibility_core::Object::one_sided) objects occlude from their front alone. Positions are
-    /// relative to [`Scene::origin`]. The occluders have the [version](level_version()) of the scene.
+    /// are flagged as occluders, are [always drawn](Scene::is_always_drawn), can be
+    /// [culled](Object::is_unculled), are on a layer, are not see-through and for which `stands_still`
+    /// returns true. Triangles of [one-sided](visibility_core::Object::one_sided) objects occlude from their
+    /// front alone. Positions are relative to [`Scene::origin`]. The occluders have the
+    /// [version](level_version()) of the scene.
     ///
     /// # Errors
     /// The errors of [`new`](Self::new).
