@@ -13,9 +13,9 @@
 //! - A reference `START K` means the K-th number behind START in the first line of the program's output that
 //!   begins with START. Runs of spaces count as one.
 //! - A line that begins with `|` describes the columns of the next table: `-` is not compared, `{name}` is a
-//!   key, and any other cell lists references for the first numbers of the page's cell, separated by `;`, with
-//!   `-` for a number that is not compared. Keys stand in references and in the command for what their cell
-//!   has in backticks, or else for its text. A row is compared if one of its keys is in backticks.
+//!   key, and any other cell lists references for the first numbers of the page's cell, separated by `;`,
+//!   with `-` for a number that is not compared. Keys stand in references and in the command for what their
+//!   cell has in backticks, or else for its text. A row is compared if one of its keys is in backticks.
 //! - Any other line is a phrase that the page must have after the comment, with references in braces.
 //!
 //! Numbers agree if that of the program, rounded to the page's decimals, is that of the page. Times are not
