@@ -4,6 +4,7 @@
 //! pixel (Durand, Drettakis, Thollot and Puech, "Conservative Visibility Preprocessing Using Extended
 //! Projections", 2000, section 5.1). It works on rows of words and on runs of bits, never on single pixels.
 
+use super::pixel_block::PixelBlock;
 use alloc::vec::Vec;
 
 /// Width and height of a map, in pixels.
@@ -39,13 +40,6 @@ impl RayMap {
 
     pub(crate) fn clear(&mut self) {
         self.rows.fill([0; WORDS]);
-    }
-
-    /// Clears the pixels of `rect`, and other pixels that share a word with them.
-    pub(crate) fn clear_rect(&mut self, rect: PixelRect) {
-        for row in &mut self.rows[rect.y[0]..=rect.y[1]] {
-            row[rect.x[0] / 64..=rect.x[1] / 64].fill(0);
-        }
     }
 
     /// Sets the pixels `first` to `last`, both included, of a row.
@@ -90,22 +84,19 @@ impl RayMap {
         self.rows.iter().flatten().any(|&word| word != 0)
     }
 
-    /// Tests whether any pixel, in the words that hold `rect`, is set in `other` but not in this map.
-    pub(crate) fn lacks(&self, other: &Self, rect: PixelRect) -> bool {
-        let words = rect.x[0] / 64..=rect.x[1] / 64;
-        (rect.y[0]..=rect.y[1]).any(|y| {
-            self.rows[y][words.clone()]
-                .iter()
-                .zip(&other.rows[y][words.clone()])
-                .any(|(own, new)| new & !own != 0)
-        })
+    /// Tests whether any pixel is set in `other` but not in this map.
+    pub(super) fn lacks(&self, other: &PixelBlock) -> bool {
+        let [x, y] = other.first();
+        let mut rows = other.rows().zip(&self.rows[y..]);
+        rows.any(|(new, own)| new.iter().zip(&own[x..]).any(|(new, own)| new & !own != 0))
     }
 
-    /// Sets the pixels that are set in `inside` and not in `contour`, for all words that hold `rect`.
-    pub(crate) fn add_difference(&mut self, inside: &Self, contour: &Self, rect: PixelRect) {
-        for y in rect.y[0]..=rect.y[1] {
-            for x in rect.x[0] / 64..=rect.x[1] / 64 {
-                self.rows[y][x] |= inside.rows[y][x] & !contour.rows[y][x];
+    /// Sets the pixels that are set in `inside` and not in `contour`, both of which have the same rectangle.
+    pub(super) fn add_difference(&mut self, inside: &PixelBlock, contour: &PixelBlock) {
+        let [x, y] = inside.first();
+        for ((inside, contour), own) in inside.rows().zip(contour.rows()).zip(&mut self.rows[y..]) {
+            for ((inside, contour), own) in inside.iter().zip(contour).zip(&mut own[x..]) {
+                *own |= inside & !contour;
             }
         }
     }
@@ -181,8 +172,16 @@ fn and(a: &Row, b: &Row) -> Row {
     core::array::from_fn(|i| a[i] & b[i])
 }
 
+/// Returns the index of the pixel that holds a pixel coordinate, which must be from 0 to less than 2^20. A
+/// coordinate less than 2^-32 before the next pixel may count as in that one.
 #[inline]
-fn set_span(row: &mut Row, first: usize, last: usize) {
+pub(super) fn pixel_at(x: f64) -> usize {
+    // The last place of the sum is 2^-32, and 20 bits of its mantissa are before the point.
+    ((x + 1_048_576.0).to_bits() >> 32) as usize & 0xf_ffff
+}
+
+#[inline]
+pub(super) fn set_span(row: &mut [u64], first: usize, last: usize) {
     let (a, b) = (first / 64, last / 64);
     let (begin, end) = (u64::MAX << (first % 64), u64::MAX >> (63 - last % 64));
     if a == b {
@@ -283,18 +282,9 @@ mod tests {
             for hole in rect.x {
                 let mut other = map.clone();
                 other.rows[2][hole / 64] &= !(1 << (hole % 64));
-                assert!(
-                    !other.all_set(rect) && other.lacks(&map, rect) && !map.lacks(&other, rect),
-                    "{first} to {last}: with a hole at {hole}"
-                );
-                other.add_difference(&map, &RayMap::new(), rect);
-                assert!(
-                    other.all_set(rect),
-                    "{first} to {last}: the hole at {hole} is filled from the whole map"
-                );
+                assert!(!other.all_set(rect), "{first} to {last}: with a hole at {hole}");
             }
-            map.clear_rect(rect);
-            assert!(!map.any_set(), "{first} to {last}: a pixel is left after clearing");
+            map.clear();
         }
     }
 
