@@ -147,7 +147,7 @@ impl ExtendedProjectionCuller {
         let visible = VisibleSet::new();
         let occluding = occluding(scene, &visible);
         let surfaces = self.surfaces.clone();
-        self.pieces.begin(&surfaces, &Effort::FULL);
+        self.pieces.begin(&surfaces, &Effort::FULL, cell);
         let all = Occluders { scene, occluding: &occluding, surfaces: &surfaces, cell_box: &cell_box };
         let directions = core::array::from_fn(|index| cell_box.direction(index));
         let asked = Asked::Set(&visible);
@@ -262,7 +262,7 @@ impl ExtendedProjectionCuller {
     /// `surfaces` is drawn from them, and must not have changed since they were collected.
     pub(crate) fn begin(&mut self, scene: &Scene, cell: &Viewcell, surfaces: Arc<Surfaces>, effort: Effort) {
         self.hidden.reset(scene.index_limit());
-        self.pieces.begin(&surfaces, &effort);
+        self.pieces.begin(&surfaces, &effort, cell);
         (self.present, self.effort) = (surfaces, effort);
         let bounds = usable_bounds(scene, cell);
         self.cell_box = bounds.and_then(|bounds| Some((cell_box(scene, cell, &bounds)?, bounds)));

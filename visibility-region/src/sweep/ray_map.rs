@@ -43,7 +43,7 @@ impl RayMap {
     }
 
     /// Sets the pixels `first` to `last`, both included, of a row.
-    #[inline]
+    #[cfg(test)]
     pub(crate) fn set_span(&mut self, row: usize, first: usize, last: usize) {
         set_span(&mut self.rows[row], first, last);
     }
