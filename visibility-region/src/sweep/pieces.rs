@@ -34,9 +34,9 @@ const MAX_ON_SEGMENT: usize = 32;
 /// each triangle shows the next viewcell the same side has the same pieces there.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pieces {
-    /// Facing of each triangle of the clusters in `found`, by triangle: 1 if its front faces the whole cell,
-    /// -1 if its back occludes and faces the whole cell, otherwise 0. 0 for triangles of objects that do not
-    /// occlude in this call.
+    /// Facing of each triangle of the clusters in `kept`, by triangle, for the viewcell for which the cluster
+    /// was found last: 1 if its front faces the whole cell, -1 if its back occludes and faces the whole cell,
+    /// otherwise 0. 0 for triangles of objects that did not occlude in that call.
     facing: Vec<i8>,
     parent: Vec<u32>,
     /// Entries for the triangles that represent pieces. While triangles are paired: the number of triangles
