@@ -68,13 +68,13 @@ impl PieceMaps {
         if !filled {
             return;
         }
-        if map.lacks(&self.inside) {
+        if self.inside.exceeds(map) {
             self.contour.begin(rect);
             let known =
                 triangles.into_iter().all(|(triangle, outside)| self.sweep_cuts(target, triangle, outside))
                     && contour.into_iter().all(|([a, b], outside)| self.sweep_edge(target, a, b, outside));
             if known {
-                map.add_difference(&self.inside, &self.contour);
+                self.inside.add_without(&self.contour, map);
             }
         }
     }

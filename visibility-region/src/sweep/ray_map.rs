@@ -4,7 +4,6 @@
 //! pixel (Durand, Drettakis, Thollot and Puech, "Conservative Visibility Preprocessing Using Extended
 //! Projections", 2000, section 5.1). It works on rows of words and on runs of bits, never on single pixels.
 
-use super::pixel_block::PixelBlock;
 use alloc::vec::Vec;
 
 /// Width and height of a map, in pixels.
@@ -12,7 +11,7 @@ pub(crate) const SIDE: usize = 512;
 /// Number of 64-bit words in a row.
 const WORDS: usize = SIDE / 64;
 
-type Row = [u64; WORDS];
+pub(super) type Row = [u64; WORDS];
 
 /// A rectangle of pixels. Both ends of each range are included.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -84,21 +83,14 @@ impl RayMap {
         self.rows.iter().flatten().any(|&word| word != 0)
     }
 
-    /// Tests whether any pixel is set in `other` but not in this map.
-    pub(super) fn lacks(&self, other: &PixelBlock) -> bool {
-        let [x, y] = other.first();
-        let mut rows = other.rows().zip(&self.rows[y..]);
-        rows.any(|(new, own)| new.iter().zip(&own[x..]).any(|(new, own)| new & !own != 0))
+    /// Returns the words of the rows from `first` on. A word holds 64 pixels.
+    pub(super) fn rows(&self, first: usize) -> &[Row] {
+        &self.rows[first..]
     }
 
-    /// Sets the pixels that are set in `inside` and not in `contour`, both of which have the same rectangle.
-    pub(super) fn add_difference(&mut self, inside: &PixelBlock, contour: &PixelBlock) {
-        let [x, y] = inside.first();
-        for ((inside, contour), own) in inside.rows().zip(contour.rows()).zip(&mut self.rows[y..]) {
-            for ((inside, contour), own) in inside.iter().zip(contour).zip(&mut own[x..]) {
-                *own |= inside & !contour;
-            }
-        }
+    /// Returns the words of the rows from `first` on, to be changed.
+    pub(super) fn rows_mut(&mut self, first: usize) -> &mut [Row] {
+        &mut self.rows[first..]
     }
 
     /// Returns whether a pixel is set.
