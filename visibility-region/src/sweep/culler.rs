@@ -34,8 +34,8 @@ use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet
 /// furnished building of 200,000 triangles. Occluders are collected nearest first, until no object is left to
 /// test: in a city, 44 times as many objects take 4 times as long. The first call for a scene, and the first
 /// after a change of its occluders, sorts all edges, which takes some hundred bytes for each triangle, shared
-/// by clones. Each clone has 2 to 4 MB of its own in such scenes: 9 bytes for each triangle, more for
-/// triangles that may be seen, and maps.
+/// by clones. Each clone has 2 to 4 MB of its own in such scenes: 10 bytes for each triangle, more for
+/// triangles that may be seen from the viewcell and the ones before, and maps.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, pvs::Viewcell};
@@ -147,7 +147,7 @@ impl ExtendedProjectionCuller {
         let visible = VisibleSet::new();
         let occluding = occluding(scene, &visible);
         let surfaces = self.surfaces.clone();
-        self.pieces.begin(&surfaces, &Effort::FULL);
+        self.pieces.begin(&surfaces, &Effort::FULL, cell);
         let all = Occluders { scene, occluding: &occluding, surfaces: &surfaces, cell_box: &cell_box };
         let directions = core::array::from_fn(|index| cell_box.direction(index));
         let asked = Asked::Set(&visible);
@@ -262,7 +262,7 @@ impl ExtendedProjectionCuller {
     /// `surfaces` is drawn from them, and must not have changed since they were collected.
     pub(crate) fn begin(&mut self, scene: &Scene, cell: &Viewcell, surfaces: Arc<Surfaces>, effort: Effort) {
         self.hidden.reset(scene.index_limit());
-        self.pieces.begin(&surfaces, &effort);
+        self.pieces.begin(&surfaces, &effort, cell);
         (self.present, self.effort) = (surfaces, effort);
         let bounds = usable_bounds(scene, cell);
         self.cell_box = bounds.and_then(|bounds| Some((cell_box(scene, cell, &bounds)?, bounds)));
