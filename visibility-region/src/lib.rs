@@ -65,7 +65,7 @@ mod umbra;
 mod volumetric;
 
 pub use convex_blockers::ConvexBlockersCuller;
-pub use online::{OnlinePvs, OnlineStep};
+pub use online::{OnlinePvs, OnlineSizeError, OnlineStep};
 pub use online_cells::OnlineCells;
 pub use sampling::{SamplingCuller, SightLine};
 #[cfg(feature = "papers")]

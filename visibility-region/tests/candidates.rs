@@ -102,7 +102,7 @@ fn what_is_not_always_drawn_hides_nothing() {
                     visible.contains(scene, behind)
                 })
                 .collect();
-            let mut online = OnlinePvs::new(DVec3::ONE, DVec3::splat(4.0));
+            let mut online = OnlinePvs::new(DVec3::ONE, DVec3::splat(4.0)).unwrap();
             while online.step(scene, &[DVec3::ZERO], u32::MAX).is_some() {}
             let mut visible = VisibleSet::new();
             online.cull(scene, &view(u32::MAX), &mut visible);

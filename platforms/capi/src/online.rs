@@ -111,17 +111,11 @@ pub unsafe extern "C" fn vis_online_create(
         let (viewcell, wide) = unsafe { (array(viewcell, 3, "viewcell")?, array(wide, 3, "wide")?) };
         // SAFETY: by rule P2 of `visibility.h`, the pointer is null or valid to write.
         let place = unsafe { out(online, "online") }?;
-        let is_usable = |axis: usize| 0.0 < viewcell[axis] && viewcell[axis] <= wide[axis];
-        if let Some(axis) = (0..3).find(|&axis| !(is_usable(axis) && wide[axis].is_finite())) {
-            let (viewcell, wide) = (viewcell[axis], wide[axis]);
-            return Err(Error::argument(format_args!(
-                "on axis {axis}, viewcells of {viewcell} m do not fit into wide boxes of {wide} m"
-            )));
-        }
         if !(margin >= 0.0 && margin.is_finite()) {
             return Err(Error::argument(format_args!("the margin cannot be {margin}")));
         }
         let made = OnlinePvs::new(DVec3::from_slice(viewcell), DVec3::from_slice(wide));
+        let made = made.map_err(|error| Error::argument(format_args!("{error}")))?;
         let made = if margin == 0.0 { made } else { made.with_margin(margin) };
         create(place, vis_online(Arc::new(Mutex::new(made))));
         Ok(())

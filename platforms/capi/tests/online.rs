@@ -128,7 +128,7 @@ fn frames_answer_as_in_rust_while_the_scene_changes() {
     let mut town = Town::new(rng);
     let (view, pipeline, online) = (make(vis_view_create), make(vis_pipeline_create), new_online());
     let mut visible = null_mut();
-    let mut rust_online = OnlinePvs::new(SIZES[0].into(), SIZES[1].into());
+    let mut rust_online = OnlinePvs::new(SIZES[0].into(), SIZES[1].into()).unwrap();
     let (mut frustum, mut rust_visible) = (Pipeline::new().with(FrustumCuller::new()), VisibleSet::new());
     let (mut answers, mut hidden, mut came, mut went) = ([0; 3], 0, 0, 0);
     // SAFETY: handles are live, and arrays as long as said.
@@ -277,7 +277,7 @@ fn movers_in_a_changing_scene_see_each_other_as_in_rust() {
     let (who_sees, mut rust_who_sees) = (make(vis_who_sees_create), WhoSees::new());
     let (mut online, mut cells, mut still) = (null_mut(), null_mut(), null_mut());
     let sizes = [DVec3::new(2.5, 2.5, 2.0), DVec3::new(6.0, 6.0, 3.0)];
-    let mut rust_online = OnlinePvs::new(sizes[0], sizes[1]).with_margin(0.75);
+    let mut rust_online = OnlinePvs::new(sizes[0], sizes[1]).unwrap().with_margin(0.75);
     let movers = movers(rng, 24);
     let middles: Vec<[f64; 3]> = movers[..8].iter().map(|m| m.min.map(|x| x + 0.2)).collect();
     let mut seen = Vec::new();

@@ -348,8 +348,8 @@ impl MotionVolumes {
     fn enter_volume(&mut self, scene: &Scene, place: u32, last: f64) -> bool {
         let mover = &mut self.movers[place as usize];
         let Ok(bounds) = scene.bounds(mover.id) else { return false };
-        // A volume may be nearer than the begin of the draw range although the mover is not, and may reach out
-        // of the bounds of an HLOD parent, from which the end of the draw range is measured.
+        // A volume may be nearer than the begin of the draw range although the mover is not, and may reach
+        // out of the bounds of an HLOD parent, from which the end of the draw range is measured.
         if scene.draw_range(mover.id).is_ok_and(|range| range.begin > 0.0)
             || scene.hlod_parent(mover.id).is_ok_and(|parent| parent.is_some())
         {

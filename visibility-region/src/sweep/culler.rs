@@ -285,7 +285,7 @@ impl ExtendedProjectionCuller {
         let nodes = occludees::assign(scene, asked, bounds, &boxes, lists, stack);
         stats.nodes += nodes;
         match asked {
-            Asked::Set(_) => nodes as usize,
+            Asked::All | Asked::Set(_) => nodes as usize,
             Asked::Objects(ids) | Asked::Beside(ids, _) => ids.len(),
         }
     }
@@ -314,8 +314,9 @@ impl ExtendedProjectionCuller {
     ///
     /// The objects of `ask.occluding` and the origin of the scene must not have changed since
     /// [`begin`](Self::begin). Other objects may have changed, but those that did since the sweep of the
-    /// direction was begun may be wrongly among the hidden objects. If `ask.asked` is a set, the layout of
-    /// the scene's hierarchy must not have changed either since the sweep of the direction was begun.
+    /// direction was begun may be wrongly among the hidden objects. If `ask.asked` is [by
+    /// node](Asked::is_by_node), the layout of the scene's hierarchy must not have changed either since the
+    /// sweep of the direction was begun.
     pub(crate) fn sweep_direction(
         &mut self,
         scene: &Scene,
@@ -343,7 +344,7 @@ impl ExtendedProjectionCuller {
                     return true;
                 };
                 // The occluders of objects that are tested one by one are listed one by one too.
-                if !matches!(ask.asked, Asked::Set(_)) {
+                if !ask.asked.is_by_node() {
                     work.use_up(ask.occluding.count() as usize, ITEM);
                 }
                 self.sweep.begin();
@@ -490,7 +491,7 @@ impl Running {
         let direction = job.direction;
         let cone = Cone::around(direction, items)?;
         let rims = [0, 1].map(|lat| Rim::of(items, lat, direction, scratch));
-        let by_node = matches!(job.ask.asked, Asked::Set(_));
+        let by_node = job.ask.asked.is_by_node();
         let left = if matches!(job.ask.asked, Asked::Beside(..)) { left.beside() } else { left };
         let nearest = Nearest::new(&job.all, direction, &cone, by_node);
         Some(Self { cone, rims, nearest, left, planes: Vec::new(), window: None })
@@ -518,16 +519,14 @@ impl Job<'_> {
     }
 
     /// Adds the children of a node to `list`, each cut to `item`, the node's item. Rays to the children are
-    /// then also rays to the item, so the bits of the map are valid for the children too. A child that reaches
-    /// out of its item holds objects that have changed since the direction was begun; the others lie within.
+    /// then also rays to the item, so the bits of the map are valid for the children too. A child that
+    /// reaches out of the item holds objects that have changed since the direction was begun; the others lie
+    /// within.
     fn open_node(&self, node: usize, item: &Item, list: &mut Vec<Item>, stats: &mut CullStats) {
         stats.nodes += 1;
-        // Objects that are tested one by one have no nodes.
-        if let Asked::Set(visible) = self.ask.asked {
-            occludees::for_each_child(self.scene, visible, self.direction, node, |child| {
-                list.extend(child.within(item));
-            });
-        }
+        occludees::for_each_child(self.scene, &self.ask.asked, self.direction, node, |child| {
+            list.extend(child.within(item));
+        });
     }
 }
 

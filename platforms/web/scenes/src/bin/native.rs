@@ -145,7 +145,7 @@ fn answers(name: &str) -> Result<(), Box<dyn std::error::Error>> {
 
 /// Returns empty sets with the settings that `tests/answers.js` uses.
 fn online() -> OnlinePvs {
-    OnlinePvs::new(DVec3::splat(0.8), DVec3::new(4.0, 4.0, 1.2)).with_margin(0.25)
+    OnlinePvs::new(DVec3::splat(0.8), DVec3::new(4.0, 4.0, 1.2)).unwrap().with_margin(0.25)
 }
 
 /// Returns what is printed of a frame: the number of visible objects, the hash of their indices, ascending,
