@@ -668,10 +668,8 @@ fn sizes_that_no_box_can_have_are_refused() {
         [(two, one), (of(0.0), two), (of(-1.0), two), (of(f64::NAN), two), (one, of(f64::NAN))]
     {
         let error = OnlinePvs::new(viewcell, wide).expect_err("sizes");
-        assert_eq!(
-            [error.viewcell, error.wide].map(|v| v.to_string()),
-            [viewcell, wide].map(|v| v.to_string())
-        );
+        let sizes = [error.viewcell, error.wide].map(|v| v.to_string());
+        assert_eq!(sizes, [viewcell, wide].map(|v| v.to_string()), "the error has the sizes");
     }
     assert!(OnlinePvs::new(one, of(f64::INFINITY)).is_err(), "an infinite wide box");
     assert!(OnlinePvs::new(one, one).is_ok(), "a viewcell as large as its wide box");
