@@ -53,6 +53,11 @@ impl ScenePvs {
     /// [`Pvs::target_count`], or changes in the scene later. Pairs of unknown objects are ignored. Time is
     /// O(n log n) in the number of pairs.
     ///
+    /// Changes are read from the scene's log, which holds the last 1,024 (or as many as a quarter of the
+    /// objects). A culler that runs for the first time after more changes cannot know what has changed, hides
+    /// nothing, and [says so](crate::Pipeline::for_each_lack). So insert the level's objects before this
+    /// call, and for a view that is opened later clone a culler that has run since.
+    ///
     /// The objects by which the PVS hides others (its occluders) must stay unchanged and be drawn. If the
     /// targets are [objects](PvsTargets::Objects), these are all objects of the scene that bakes [count as
     /// occluders](level_object), on any layer, unless [`with_occluders`](Self::with_occluders) names others.
