@@ -85,7 +85,10 @@ impl Pieces {
     /// before if these are of other surfaces or had other limits, or together have more triangles than all
     /// surfaces.
     pub(crate) fn begin(&mut self, surfaces: &Surfaces, effort: &Effort, cell: &Viewcell) {
-        let holds = |[min, max]: [DVec3; 2]| min.cmple(cell.min).all() && cell.max.cmple(max).all();
+        // The box along the axes of a viewcell with planes may reach out of the viewcell's bounds.
+        let holds = |[min, max]: [DVec3; 2]| {
+            cell.planes.is_empty() && min.cmple(cell.min).all() && cell.max.cmple(max).all()
+        };
         let of_same_surfaces = |ends: &[DVec3; 2]| self.stamp == surfaces.stamp && holds(*ends);
         if let Some(last) = self.present.filter(of_same_surfaces) {
             self.around = Some(last);
@@ -368,6 +371,7 @@ mod tests {
     use super::super::cell_extent::CellExtent;
     use super::*;
     use alloc::vec;
+    use visibility_core::geometry::Plane;
     use visibility_core::glam::{Affine3A, Vec3};
     use visibility_core::{Object, OccluderMesh, Scene, VisibleSet};
 
@@ -457,5 +461,42 @@ mod tests {
             assert_eq!(a, b, "pieces of step {step}");
         }
         assert!(4 * found[0] < 3 * found[1], "pieces found, with those that are kept and without: {found:?}");
+    }
+
+    /// A viewcell with a plane lies within the box before, but the box along the plane reaches out of it, below
+    /// the plane of a wedge's top.
+    #[test]
+    fn facings_of_a_box_do_not_hold_for_a_viewcell_with_planes() {
+        let [a, b, c] = [[-10.0, -0.5], [-20.0, -0.5], [-20.0, -3.0]];
+        let corner = |[x, y]: [f32; 2], z: f32| Vec3::new(x, y, z);
+        let side = |p, q| {
+            [
+                [corner(p, -5.0), corner(q, -5.0), corner(q, 5.0)],
+                [corner(p, -5.0), corner(q, 5.0), corner(p, 5.0)],
+            ]
+        };
+        let mesh = OccluderMesh::from_triangles(&[side(a, b), side(b, c), side(c, a)].concat()).unwrap();
+        let mut scene = Scene::new();
+        let id = scene.insert(Object { occluder: true, ..Object::new(*mesh.bounds()) });
+        let mesh = scene.add_mesh(mesh);
+        scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        let surfaces = Surfaces::new(&scene);
+        let bounds = Aabb::from_arrays([-50.0; 3], [50.0; 3]);
+        let occluding = crate::solids::occluding(&scene, &VisibleSet::new());
+        let whole = Viewcell::from_box(DVec3::ZERO, DVec3::new(10.0, 1.0, 0.03));
+        let plane = Plane::new(-DVec3::new(0.75f64.sqrt(), 0.5, 0.0), 0.05);
+        let part = Viewcell { planes: vec![plane], ..whole.clone() };
+        let find = |pieces: &mut Pieces, viewcell: &Viewcell| {
+            let extent = CellExtent::new(viewcell, DVec3::ZERO).unwrap();
+            let cell = CellBox::new(&extent, &bounds, extent.axes()).unwrap();
+            pieces.begin(&surfaces, &Effort::FULL, viewcell);
+            (0..surfaces.cluster_count()).for_each(|at| drop(pieces.find(&surfaces, at, &occluding, &cell)));
+            pieces.facing.clone()
+        };
+        let (mut kept, mut fresh) = (Pieces::default(), Pieces::default());
+        let before = find(&mut kept, &whole);
+        let after = find(&mut kept, &part);
+        assert_eq!(after, find(&mut fresh, &part), "facings of the viewcell with a plane");
+        assert_ne!(after, before, "the top faces the whole box, and not all of the box along the plane");
     }
 }
