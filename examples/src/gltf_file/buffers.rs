@@ -406,7 +406,8 @@ fn file_below(document: &Path, uri: &str) -> Result<PathBuf, String> {
 fn first_bytes(file: &Path, length: usize) -> std::io::Result<Vec<u8>> {
     let open = ordinary_file::open(file)?;
     let length = open.metadata()?.len().min(length as u64);
-    let mut bytes = Vec::with_capacity(length as usize);
+    let mut bytes = Vec::new();
+    bytes.try_reserve_exact(length as usize)?;
     open.take(length).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
