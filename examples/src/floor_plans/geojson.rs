@@ -8,8 +8,8 @@ use serde_json::Value;
 ///
 /// # Errors
 ///
-/// Returns the place of a syntax error or of a key that is given twice, or the key path of an object that has no type, lacks the list that
-/// its type requires, or has malformed coordinates.
+/// Returns the place of a syntax error or of a key that is given twice, or the key path of an object that has
+/// no type, lacks the list that its type requires, or has malformed coordinates.
 pub fn read(content: &str) -> Result<PlanFile, Problem> {
     let value = json::parse(content.as_bytes())
         .map_err(|error| Problem::new(format!("line {}", error.line()), error.to_string()))?;
