@@ -27,7 +27,7 @@ fn online(c: &mut Criterion) {
         let places: Vec<DVec3> =
             (0..).map(|i| STEP * f64::from(i)).take_while(|&x| x < LENGTH).map(|x| eye + ahead * x).collect();
         let size = |width: f64, height: f64| cells::on_axes([width, width, height], world.source.up);
-        let mut first = OnlinePvs::new(size(0.6, 0.6), size(4.0, 1.2));
+        let mut first = OnlinePvs::new(size(0.6, 0.6), size(4.0, 1.2)).unwrap();
         make(&mut first, scene, &places[..1]);
         group.bench_function(BenchmarkId::new("boxes of a walk of 3 m", name), |b| {
             b.iter(|| {

@@ -21,7 +21,7 @@ use visibility_core::pvs::{
 };
 use visibility_core::{Aabb, Object, ObjectId, Scene, level_version};
 
-const FORMAT: Format = Format { magic: *b"VISI-SET", version: 7 };
+const FORMAT: Format = Format { magic: *b"VISI-SET", version: 8 };
 
 /// [`tour`] compares a column with at most this many columns on either side of it in the list, to find the
 /// most similar one.
@@ -37,6 +37,9 @@ const MAX_WORDS: usize = 1 << 23;
 
 /// Exclusive upper limit of the object indices that the classes can store.
 const INDEX_LIMIT: usize = 1 << 29;
+
+/// Greatest number of planes of a viewcell. A search for the viewcells at a near plane clips by all of them.
+const PLANES: usize = 1 << 12;
 
 /// Greatest number of touching viewcells whose rows are tried as the base from which a viewcell's row is
 /// stored as a difference.
@@ -101,6 +104,11 @@ pub enum BakedSetError {
         /// Number of rows that were passed, or that the file has.
         rows: usize,
     },
+    /// A viewcell has more than 4,096 planes.
+    Planes {
+        /// The first such viewcell.
+        viewcell: ViewcellId,
+    },
     /// The scene has other objects than the bake, or objects at other places.
     OtherScene,
     /// The set was baked from another version of the level.
@@ -118,6 +126,9 @@ impl fmt::Display for BakedSetError {
             Self::Format(error) => write!(f, "{error}"),
             Self::Pvs(error) => write!(f, "{error}"),
             Self::Rows { viewcells, rows } => write!(f, "{viewcells} viewcells, but {rows} rows"),
+            Self::Planes { viewcell } => {
+                write!(f, "viewcell {} has more than {PLANES} planes", viewcell.0)
+            }
             Self::OtherScene => write!(
                 f,
                 "the set was baked from a scene with other objects, or with other triangles, occluders, flags \
@@ -179,6 +190,7 @@ impl BakedSet {
     /// # Errors
     /// [`BakedSetError::Rows`] if there is not one row for each viewcell. [`BakedSetError::Pvs`] if a row is
     /// not strictly ascending or contains an index without an object, or if the sizes exceed 32 bits.
+    /// [`BakedSetError::Planes`] if a viewcell has too many planes.
     pub fn new<R: AsRef<[u32]>>(
         scene: &Scene,
         viewcells: Viewcells,
@@ -215,6 +227,9 @@ impl BakedSet {
         let cells = viewcells.cells();
         if cells.len() != rows.len() {
             return Err(BakedSetError::Rows { viewcells: cells.len(), rows: rows.len() });
+        }
+        if let Some(viewcell) = cells.iter().position(|cell| cell.planes.len() > PLANES) {
+            return Err(BakedSetError::Planes { viewcell: ViewcellId(viewcell as u32) });
         }
         check_rows(rows, index_limit)?;
         if index_limit > INDEX_LIMIT {
@@ -310,9 +325,6 @@ impl BakedSet {
     /// [`BakedSetError::OtherScene`] unless the scene has exactly the objects of the bake, with the same
     /// indices and bounds. [`BakedSetError::OtherVersion`] if the set was baked from another version.
     pub fn for_level(self, scene: &Scene, version: Option<u64>) -> Result<ScenePvs, BakedSetError> {
-        if self.index_limit != scene.index_limit() {
-            return Err(BakedSetError::OtherScene);
-        }
         let set = self.compared(version, scene.origin(), boxes(scene))?;
         Ok(set.for_objects(scene, scene.ids().map(|id| (id, id.index() as u32))))
     }
@@ -391,6 +403,12 @@ impl BakedSet {
         to.u64(self.bounds);
         to.u32(self.index_limit as u32);
         to.u64s(self.occluders.words().iter().copied());
+        let divided = self.viewcells.divided_box();
+        to.u32(divided.is_some().into());
+        if let Some([min, max]) = divided {
+            let numbers = [min.to_array(), max.to_array()].concat().into_iter();
+            to.u64s(numbers.chain([self.viewcells.misplacement()]).map(f64::to_bits));
+        }
         to.u32(self.viewcells.cells().len() as u32);
         // One coordinate of all viewcells is stored after another, so that equal numbers are close together.
         for axis in 0..3 {
@@ -430,6 +448,11 @@ impl BakedSet {
         let floats = |from: &mut Reader<'_>, count| -> Result<Vec<f64>, FormatError> {
             Ok(from.u64s(count)?.into_iter().map(f64::from_bits).collect())
         };
+        let divided = match from.u32()? {
+            0 => None,
+            1 => Some(floats(&mut from, 7)?),
+            _ => return Err(from.content_error("the flag of a divided box is neither 0 nor 1").into()),
+        };
         let count = from.u32()? as usize;
         // Coordinates are stored by axis and corner, which compresses better than viewcell by viewcell.
         let corners = floats(&mut from, count.saturating_mul(6))?;
@@ -438,7 +461,11 @@ impl BakedSet {
             let corner =
                 |first: usize| DVec3::from_array([0, 2, 4].map(|at| corners[(first + at) * count + number]));
             let mut cell = Viewcell::from_box(corner(0), corner(1));
-            for _ in 0..from.u32()? {
+            let planes = from.u32()?;
+            if planes as usize > PLANES {
+                return Err(BakedSetError::Planes { viewcell: ViewcellId(number as u32) });
+            }
+            for _ in 0..planes {
                 let plane = floats(&mut from, 4)?;
                 cell.planes.push(Plane::new(DVec3::from_slice(&plane), plane[3]));
             }
@@ -458,7 +485,13 @@ impl BakedSet {
         if pvs.target_count() != class_count + 1 {
             return Err(from.content_error("the numbers of classes and of targets differ").into());
         }
-        let (viewcells, is_checked) = (Viewcells::new(cells), false);
+        let viewcells = match divided.as_deref() {
+            Some(&[a, b, c, d, e, f, misplacement]) => {
+                Viewcells::of_divided_box(cells, DVec3::new(a, b, c), DVec3::new(d, e, f), misplacement)
+            }
+            _ => Viewcells::new(cells),
+        };
+        let is_checked = false;
         Ok(Self { version, bounds, is_checked, index_limit, occluders, viewcells, classes, class_count, pvs })
     }
 }
@@ -634,6 +667,30 @@ mod tests {
             (classes, Some(3)),
             "objects read by class, and classes counted"
         );
+    }
+
+    #[test]
+    fn viewcells_are_read_as_they_were_written_unless_they_have_too_many_planes() {
+        let mut scene = Scene::new();
+        scene.insert(Aabb::from_arrays([5.0; 3], [6.0; 3]));
+        let rooms = |planes: usize| {
+            let planes = vec![Plane::new(DVec3::X, 1.0); planes];
+            let [a, b] = [0.0, 10.0].map(|x| DVec3::new(x, 0.0, 0.0));
+            [Viewcell::from_box(a, a + 10.0), Viewcell { planes, ..Viewcell::from_box(b, b + 10.0) }]
+        };
+        let (min, max) = (DVec3::new(-1.0, -2.0, -3.0), DVec3::new(21.0, 12.0, 13.0));
+        let divided = |planes| Viewcells::of_divided_box(rooms(planes), min, max, 0.25);
+        let made = |viewcells| BakedSet::new(&scene, viewcells, &[vec![0], vec![]]);
+        for viewcells in [Viewcells::new(rooms(PLANES)), divided(1)] {
+            let set = made(viewcells.clone()).unwrap();
+            let read = BakedSet::from_bytes(&set.to_bytes());
+            assert_eq!(read.as_ref(), Ok(&set), "the set from its file");
+            assert_eq!(read.map(|read| read.viewcells), Ok(viewcells), "the viewcells from the file");
+        }
+        let refused = Err(BakedSetError::Planes { viewcell: ViewcellId(1) });
+        assert_eq!(made(divided(PLANES + 1)), refused, "a plane too many");
+        let forged = BakedSet { viewcells: divided(PLANES + 1), ..made(divided(1)).unwrap() };
+        assert_eq!(BakedSet::from_bytes(&forged.to_bytes()), refused, "a plane too many in a file");
     }
 
     #[test]

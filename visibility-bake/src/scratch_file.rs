@@ -15,7 +15,7 @@
 use crate::level_error::LevelError;
 use crate::object_facts::ObjectFacts;
 use crate::tile_tree::TileTree;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::PathBuf;
@@ -130,8 +130,15 @@ impl ContentWriter {
             tree.own(tile).iter().for_each(|&at| tile_of[at as usize] = tile);
         }
         let fixed = in_use.saturating_add(OBJECT_BYTES * objects.len() as u64);
-        let memory =
-            Memory { limit, reserved: fixed, cached: 0, requests: 0, tiles: HashMap::new(), running: 0 };
+        let memory = Memory {
+            limit,
+            reserved: fixed,
+            cached: 0,
+            requests: 0,
+            tiles: HashMap::new(),
+            by_request: BTreeMap::new(),
+            running: 0,
+        };
         let file = LevelFile {
             scratch: Mutex::new(self.scratch),
             offsets: self.offsets,
@@ -177,6 +184,8 @@ struct Memory {
     requests: u64,
     /// Tiles that are loaded, by their numbers.
     tiles: HashMap<u32, LoadedTile>,
+    /// The tile of each [`LoadedTile::last_request`] in `tiles`, the least recently used first.
+    by_request: BTreeMap<u64, u32>,
     /// Number of threads that are working, without those that wait for memory.
     running: usize,
 }
@@ -198,11 +207,35 @@ impl Memory {
             return false;
         }
         while reserved.saturating_add(self.cached) > self.limit {
-            let oldest = self.tiles.iter().min_by_key(|(_, tile)| tile.last_request).map(|(&tile, _)| tile);
-            let Some(tile) = oldest.and_then(|oldest| self.tiles.remove(&oldest)) else { return false };
+            let oldest = self.by_request.pop_first();
+            let Some(tile) = oldest.and_then(|(_, tile)| self.tiles.remove(&tile)) else { return false };
             self.cached -= tile.bytes;
         }
         true
+    }
+
+    /// Counts a request for a tile. Returns its number, and the tile's content if the tile is in memory.
+    fn request(&mut self, tile: u32) -> (u64, Option<Arc<[Content]>>) {
+        self.requests += 1;
+        let content = self.tiles.get_mut(&tile).map(|loaded| {
+            self.by_request.remove(&std::mem::replace(&mut loaded.last_request, self.requests));
+            self.by_request.insert(self.requests, tile);
+            loaded.content.clone()
+        });
+        (self.requests, content)
+    }
+
+    /// Keeps a tile in memory if there is room for it.
+    fn keep(&mut self, tile: u32, loaded: LoadedTile) {
+        let (bytes, request) = (loaded.bytes, loaded.last_request);
+        if self.make_room(bytes) {
+            self.by_request.insert(request, tile);
+            match self.tiles.insert(tile, loaded) {
+                // Another thread has read the tile too.
+                Some(former) => drop(self.by_request.remove(&former.last_request)),
+                None => self.cached += bytes,
+            }
+        }
     }
 }
 
@@ -322,14 +355,10 @@ impl LevelFile {
         tree: &TileTree,
         tile: u32,
     ) -> Result<Arc<[Content]>, LevelError> {
-        let mut memory = lock(&self.shared.memory);
-        memory.requests += 1;
-        let last_request = memory.requests;
-        if let Some(loaded) = memory.tiles.get_mut(&tile) {
-            loaded.last_request = last_request;
-            return Ok(loaded.content.clone());
+        let (last_request, content) = lock(&self.shared.memory).request(tile);
+        if let Some(content) = content {
+            return Ok(content);
         }
-        drop(memory);
         let bytes = BYTES_PER_WEIGHT * tree.tiles[tile as usize].weight;
         // While the tile is read it takes memory, whether or not it is kept afterwards.
         let reserved = self.reserve(bytes)?;
@@ -337,11 +366,8 @@ impl LevelFile {
             tree.own(tile).iter().map(|&at| self.read(&objects[at as usize], at)).collect::<Result<_, _>>();
         let content: Arc<[Content]> = content?;
         drop(reserved);
-        let mut memory = lock(&self.shared.memory);
         let loaded = LoadedTile { content: content.clone(), bytes, last_request };
-        if memory.make_room(bytes) && memory.tiles.insert(tile, loaded).is_none() {
-            memory.cached += bytes;
-        }
+        lock(&self.shared.memory).keep(tile, loaded);
         Ok(content)
     }
 
@@ -467,6 +493,9 @@ mod tests {
                 );
                 let sizes: u64 = memory.tiles.values().map(|tile| tile.bytes).sum();
                 assert_eq!(sizes, memory.cached, "object {place}: bytes of all tiles");
+                let requests: BTreeMap<u64, u32> =
+                    memory.tiles.iter().map(|(&number, tile)| (tile.last_request, number)).collect();
+                assert_eq!(requests, memory.by_request, "object {place}: tiles by their last requests");
                 (loads, kept) = (memory.requests, kept.max(memory.tiles.len()));
             })
             .unwrap();
@@ -502,6 +531,25 @@ mod tests {
         assert!(!path.exists(), "the file is removed with its writer");
         assert_eq!(std::fs::read(&behind).unwrap(), b"left by a killed bake", "the file that was replaced");
         std::fs::remove_file(&behind).unwrap();
+    }
+
+    #[test]
+    fn the_tile_requested_longest_ago_is_released_first() {
+        let file = empty("order", 100);
+        let mut memory = lock(&file.shared.memory);
+        // Two threads read tile 7 at once.
+        let requests = [7, 7, 8].map(|tile| (tile, memory.request(tile)));
+        for (tile, (last_request, content)) in requests {
+            assert!(content.is_none(), "tile {tile} is not in memory yet");
+            memory.keep(tile, LoadedTile { content: Arc::new([]), bytes: 30, last_request });
+        }
+        assert!(memory.request(7).1.is_some(), "tile 7 is in memory");
+        for tile in [9, 10] {
+            let (last_request, _) = memory.request(tile);
+            memory.keep(tile, LoadedTile { content: Arc::new([]), bytes: 30, last_request });
+        }
+        let kept: Vec<u32> = memory.by_request.values().copied().collect();
+        assert_eq!((kept, memory.cached), (vec![7, 9, 10], 90), "tile 7 was requested again after tile 8");
     }
 
     /// Returns a level without objects, with the given number of bytes of memory for threads.

@@ -365,9 +365,10 @@ impl fmt::Debug for TiledSceneWriter {
 
 impl TiledSceneWriter {
     /// Appends an object, which gets the next index. `mesh` is its occluder mesh with the transform to level
-    /// coordinates; only objects flagged as occluders need one. For an object of a scene, take `object` and
-    /// `mesh` from [`level_object`](visibility_core::level_version::level_object), which clears the occluder
-    /// flag of objects that are not always drawn.
+    /// coordinates; only objects flagged as occluders need one. The flag of an object that is [never
+    /// culled](Object::is_unculled) is cleared. For an object of a scene, take `object` and `mesh` from
+    /// [`level_object`](visibility_core::level_version::level_object), which also clears the flag of objects
+    /// that are not always drawn.
     ///
     /// # Errors
     /// [`LevelError::File`] if the file cannot be written, [`LevelError::TooMany`] if 32 bits cannot count
@@ -379,8 +380,9 @@ impl TiledSceneWriter {
         mesh: Option<(&OccluderMesh, Affine3A)>,
     ) -> Result<(), LevelError> {
         let triangles = triangles.into();
+        let object = Object { occluder: object.occluder && !object.is_unculled(), ..*object };
         let mesh = mesh.filter(|_| object.occluder);
-        let facts = facts(self.objects.len(), object, triangles, mesh)?;
+        let facts = facts(self.objects.len(), &object, triangles, mesh)?;
         self.content.push(triangles, mesh)?;
         self.objects.push(facts);
         Ok(())

@@ -136,9 +136,9 @@ fn a_set_of_many_objects_takes_a_small_multiple_of_its_content() {
     let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
     let file = BakedSet::new(&scene, cells, &[vec![0]]).unwrap().to_bytes();
     let mut content = decompress_to_vec(&file[COMPRESSED..]).unwrap();
-    // The classes start after a hash, a number, a word of occluders, a number, six coordinates, and the
+    // The classes start after a hash, a number, a word of occluders, two numbers, six coordinates, and the
     // counts of planes and classes. Each appended object is a class of its own, encoded as a step of one.
-    let (classes, count) = (8 + 4 + 8 + 4 + 6 * 8 + 4 + 4, 1u32 << 20);
+    let (classes, count) = (8 + 4 + 8 + 4 + 4 + 6 * 8 + 4 + 4, 1u32 << 20);
     assert_eq!(content[classes - 4..=classes], [1, 0, 0, 0, 0], "the count of classes and the first class");
     content[8..12].copy_from_slice(&(count + 1).to_le_bytes());
     content[classes - 4..classes].copy_from_slice(&(count + 1).to_le_bytes());

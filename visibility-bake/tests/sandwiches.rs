@@ -524,6 +524,15 @@ fn what_is_never_culled_is_reported_from_everywhere() {
     }
     scene.insert(Aabb::from_arrays([f32::NAN; 3], [1.0; 3]));
     scene.set_never_cull(scene.id_at(1).unwrap(), true).unwrap();
+    // On the other side a lift, an occluder with infinite bounds at the same place, and a box behind them.
+    insert(&mut scene, [-6.0, -50.0, -50.0], [-5.0, 50.0, 50.0], true);
+    let lift = scene.id_at(4).unwrap();
+    scene.set_never_cull(lift, true).unwrap();
+    let anywhere = Aabb::new(Vec3::NEG_INFINITY, Vec3::INFINITY);
+    let anywhere = scene.insert(Object { occluder: true, ..Object::new(anywhere) });
+    let triangles: Vec<Triangle> = scene.triangles(lift).unwrap().iter().collect();
+    scene.set_triangles(anywhere, triangles).unwrap();
+    insert(&mut scene, [-21.0, 0.0, 0.0], [-20.0, 1.0, 1.0], false);
     scene.prepare_occluders(&Default::default());
     let grid = Grid::new(DVec3::ZERO, DVec3::splat(2.0)).unwrap();
     let cells = Viewcells::new(grid.over(DVec3::ZERO, DVec3::splat(4.0)).unwrap());
@@ -531,8 +540,8 @@ fn what_is_never_culled_is_reported_from_everywhere() {
         for cell in baked(&scene, &cells, SandwichSettings::default().with_gap(gap)) {
             assert_eq!(
                 (cell.seen, &*cell.open),
-                (vec![0, 1, 3], &[][..]),
-                "gap {gap}: the wall, the mover and the object of unknown place"
+                (vec![0, 1, 3, 4, 5, 6], &[][..]),
+                "gap {gap}: the wall, what is never culled, and what it would hide"
             );
         }
     }

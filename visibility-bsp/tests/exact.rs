@@ -190,6 +190,21 @@ fn glass_hides_nothing_and_what_is_not_known_is_visible() {
 }
 
 #[test]
+fn what_is_never_culled_hides_nothing() {
+    let mut scene = Scene::new();
+    let wall = add(&mut scene, &square(4.0, 3.0), true);
+    add(&mut scene, &square(6.0, 2.0), true);
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
+    for (never_cull, count) in [(false, 1), (true, 2)] {
+        scene.set_never_cull(wall, never_cull).unwrap();
+        let tree = SceneTree::new(&scene).unwrap();
+        let found = reported(&mut NaylorCuller::new(&tree), &scene, &view).len();
+        assert_eq!(found, count, "never culled {never_cull}: objects reported");
+    }
+}
+
+#[test]
 fn changes_count_once_they_are_taken_in() {
     let mut scene = Scene::new();
     let wall = add(&mut scene, &square(4.0, 3.0), true);

@@ -48,6 +48,7 @@
 
 use crate::binary_format::{Format, FormatError, Reader, Writer};
 use alloc::vec::Vec;
+use core::cmp::Reverse;
 
 /// Format of saved bakes. Earlier versions are refused: 1 and 2 held cell-to-cell bakes only, and 3 may hold
 /// results of a faulty version of `visibility-bake`, which hid visible objects.
@@ -103,6 +104,13 @@ pub trait Baker: Sync {
         0
     }
 
+    /// Returns whether the waiting items of the lowest stage keep their ranks, and no other item joins them,
+    /// until all of them are done. A [`Bake`] then sorts them once. Otherwise, as by default, it looks at all
+    /// waiting items in each round, in time quadratic in the number of items. The order is the same.
+    fn is_order_fixed(&self) -> bool {
+        false
+    }
+
     /// Computes the result of one item from the baker's state before the round. Called from several threads
     /// at once with feature `rayon`. If an item takes long, `work` calls `stop` several times a second. Once
     /// `stop` has returned true, `work` returns `None`, and the item stays waiting. If an item is short,
@@ -140,8 +148,11 @@ pub trait Baker: Sync {
 #[derive(Clone, Debug)]
 pub struct Bake<B> {
     baker: B,
-    /// Items that have not been worked on yet, in any order, without duplicates.
+    /// Items that have not been worked on yet, in any order but for the last `sorted`, without duplicates.
     waiting: Vec<u32>,
+    /// Number of items at the end of `waiting` that are all those of the lowest stage, in descending order of
+    /// rank, then number. 0 if they are not sorted.
+    sorted: usize,
     steps: u64,
 }
 
@@ -149,7 +160,7 @@ impl<B: Baker> Bake<B> {
     /// Starts a bake with all items waiting.
     pub fn new(baker: B) -> Self {
         let waiting = (0..baker.item_count() as u32).collect();
-        Self { baker, waiting, steps: 0 }
+        Self { baker, waiting, sorted: 0, steps: 0 }
     }
 
     /// Returns the baker with the results merged so far.
@@ -187,7 +198,10 @@ impl<B: Baker> Bake<B> {
         for (&item, found) in round.iter().zip(found) {
             match found {
                 Some(found) => self.steps = self.steps.saturating_add(self.baker.take_in(item, found)),
-                None => self.waiting.push(item),
+                None => {
+                    self.waiting.push(item);
+                    self.sorted = 0;
+                }
             }
         }
         Some(self.progress())
@@ -197,18 +211,35 @@ impl<B: Baker> Bake<B> {
     /// waiting items and returns them in ascending order of rank, then number. Requires at least one waiting
     /// item.
     fn next_round(&mut self) -> Vec<u32> {
-        let size = B::ROUND.clamp(1, self.waiting.len());
         let baker = &self.baker;
-        let key = |&item: &u32| (baker.stage(item), baker.rank(item), item);
-        if size < self.waiting.len() {
-            self.waiting.select_nth_unstable_by_key(size - 1, key);
+        if baker.is_order_fixed() {
+            if self.sorted == 0 {
+                let lowest = self.waiting.iter().map(|&item| baker.stage(item)).min();
+                self.waiting.sort_by_cached_key(|&item| {
+                    let is_lowest = Some(baker.stage(item)) == lowest;
+                    is_lowest.then(|| Reverse((baker.rank(item), item)))
+                });
+                let is_higher = |&item: &u32| Some(baker.stage(item)) != lowest;
+                self.sorted = self.waiting.len() - self.waiting.partition_point(is_higher);
+            }
+            let size = B::ROUND.clamp(1, self.sorted);
+            self.sorted -= size;
+            let mut round = self.waiting.split_off(self.waiting.len() - size);
+            round.reverse();
+            return round;
         }
-        let mut round: Vec<u32> = self.waiting.drain(..size).collect();
-        round.sort_unstable_by_key(key);
-        let stage = baker.stage(round[0]);
-        let of_stage = round.partition_point(|&item| baker.stage(item) == stage);
-        self.waiting.extend(round.drain(of_stage..));
-        round
+        self.sorted = 0;
+        let size = B::ROUND.clamp(1, self.waiting.len());
+        let key = |&item: &u32| (baker.stage(item), baker.rank(item), item);
+        let mut keys: Vec<(u32, u64, u32)> = self.waiting.iter().map(key).collect();
+        if size < keys.len() {
+            keys.select_nth_unstable(size - 1);
+        }
+        keys[..size].sort_unstable();
+        let of_stage = keys[..size].partition_point(|&(stage, ..)| stage == keys[0].0);
+        self.waiting.clear();
+        self.waiting.extend(keys[of_stage..].iter().map(|&(.., item)| item));
+        keys[..of_stage].iter().map(|&(.., item)| item).collect()
     }
 
     /// Works on all waiting items and returns the final result.
@@ -255,7 +286,7 @@ impl<B: Baker> Bake<B> {
         }
         baker.load(&mut state)?;
         state.end()?;
-        Ok(Self { baker, waiting, steps })
+        Ok(Self { baker, waiting, sorted: 0, steps })
     }
 }
 

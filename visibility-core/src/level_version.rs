@@ -7,9 +7,9 @@ use crate::{Object, ObjectId, OccluderMesh, Scene};
 use glam::{Affine3A, DVec3};
 
 /// Returns the version of the level that a scene holds: a hash of the scene's origin, and of the index and
-/// the [hash](object_hash) of each object. Of draw ranges and HLOD parents, the version contains only whether
-/// an occluder is [always drawn](Scene::is_always_drawn): otherwise it does not count as an occluder. Time is
-/// linear in the number of triangles.
+/// the [hash](object_hash) of each object, as [`level_object`] returns it. Of draw ranges and HLOD parents,
+/// the version contains only whether an occluder is [always drawn](Scene::is_always_drawn). Time is linear in
+/// the number of triangles.
 ///
 /// ```
 /// use visibility_core::{Aabb, Object, Scene, level_version};
@@ -30,11 +30,11 @@ pub fn level_version(scene: &Scene) -> u64 {
 }
 
 /// Returns an object as levels and bakes use it, with its occluder mesh and the mesh's transform. An object
-/// that is not [always drawn](Scene::is_always_drawn) is returned without its `occluder` flag and its mesh.
-/// `None` for an unknown object.
+/// that is not [always drawn](Scene::is_always_drawn), or is [never culled](Object::is_unculled), is returned
+/// without its `occluder` flag and its mesh. `None` for an unknown object.
 pub fn level_object(scene: &Scene, id: ObjectId) -> Option<(Object, Option<(&OccluderMesh, Affine3A)>)> {
     let mut object = scene.object(id).ok()?;
-    object.occluder &= scene.is_always_drawn(id);
+    object.occluder &= scene.is_always_drawn(id) && !object.is_unculled();
     Some((object, scene.occluder(id).filter(|_| object.occluder)))
 }
 

@@ -10,11 +10,14 @@ use visibility_core::binary_format::{FormatError, Reader, Writer};
 struct Sums {
     done: Vec<Option<u32>>,
     order: Vec<u32>,
+    is_order_fixed: bool,
+    /// Whether some items are left undone until 20 items are done.
+    is_late: bool,
 }
 
 impl Sums {
-    fn new() -> Self {
-        Self { done: vec![None; 100], order: Vec::new() }
+    fn new(is_order_fixed: bool) -> Self {
+        Self { done: vec![None; 100], order: Vec::new(), is_order_fixed, is_late: false }
     }
 
     fn of_stage(&self, stage: u32) -> impl Iterator<Item = Option<u32>> {
@@ -40,7 +43,14 @@ impl Baker for Sums {
         item % 3
     }
 
+    fn is_order_fixed(&self) -> bool {
+        self.is_order_fixed
+    }
+
     fn work(&self, item: u32, (): &mut (), _: &dyn Fn() -> bool) -> Option<u32> {
+        if self.is_late && item % 7 == 2 && self.order.len() < 20 {
+            return None;
+        }
         let before = self.stage(item).checked_sub(1);
         let sum = before.map_or(0, |stage| {
             let all: Option<Vec<u32>> = self.of_stage(stage).collect();
@@ -76,25 +86,42 @@ impl Baker for Sums {
 
 #[test]
 fn stages_follow_one_another_each_in_the_order_of_ranks() {
-    let mut bake = Bake::new(Sums::new());
-    while bake.advance().is_some() {}
-    let ascending = |pair: &[u32]| {
-        let key = |item| (item % 3, 100 - item);
-        key(pair[0]) < key(pair[1])
-    };
-    assert!(
-        bake.baker().order.len() == 100 && bake.baker().order.windows(2).all(ascending),
-        "items by their rank within each round: {:?}",
-        bake.baker().order
-    );
-    let whole = bake.finish();
-    assert_eq!(whole, Bake::new(Sums::new()).run(), "a bake in one run has the same rows");
-    let mut bake = Bake::new(Sums::new());
-    for number in 0..200 {
-        // Stops each round after a few items.
-        let begun = AtomicUsize::new(0);
-        bake.advance_unless(|| begun.fetch_add(1, Relaxed) > number % 5, || false);
-        bake = Bake::resume(Sums::new(), &bake.save()).unwrap();
+    let whole = Bake::new(Sums::new(false)).run();
+    for is_order_fixed in [false, true] {
+        let mut bake = Bake::new(Sums::new(is_order_fixed));
+        let mut rounds = 0;
+        while bake.advance().is_some() {
+            rounds += 1;
+        }
+        let key = |&item: &u32| (item % 3, 100 - item);
+        let order = &bake.baker().order;
+        assert!(order.len() == 100 && order.is_sorted_by_key(key), "{is_order_fixed}: {order:?}");
+        assert_eq!(rounds, 9, "{is_order_fixed}: rounds of 16 items of stages of 34, 33 and 33");
+        assert_eq!(bake.finish(), whole, "{is_order_fixed}: a bake has the same rows either way");
+        for is_resumed in [false, true] {
+            let mut bake = Bake::new(Sums::new(is_order_fixed));
+            for number in 0..200 {
+                // Stops each round after a few items.
+                let begun = AtomicUsize::new(0);
+                bake.advance_unless(|| begun.fetch_add(1, Relaxed) > number % 5, || false);
+                if is_resumed {
+                    bake = Bake::resume(Sums::new(is_order_fixed), &bake.save()).unwrap();
+                }
+            }
+            let name = format!("fixed {is_order_fixed}, resumed {is_resumed}");
+            assert_eq!(bake.finish(), whole, "{name}: a bake that was stopped 200 times has the same rows");
+        }
     }
-    assert_eq!(bake.finish(), whole, "a bake that was saved and resumed 200 times has the same rows");
+}
+
+#[test]
+fn items_that_were_left_undone_come_first_whether_or_not_the_order_is_fixed() {
+    let orders = [false, true].map(|is_order_fixed| {
+        let mut bake = Bake::new(Sums { is_late: true, ..Sums::new(is_order_fixed) });
+        while bake.advance().is_some() {}
+        bake.baker().order.clone()
+    });
+    assert_eq!(orders[0].len(), 100, "all items are done in the end");
+    assert!(!orders[0].is_sorted_by_key(|item| (item % 3, 100 - item)), "some items are done late");
+    assert_eq!(orders[0], orders[1], "the order with and without a fixed one");
 }

@@ -63,6 +63,33 @@ fn an_occluder_that_a_plane_may_cut_is_never_inside() {
     assert!(near > 50_000 && decided > 30_000, "{near} {decided}");
 }
 
+/// Huge boxes along planes that are nearly parallel to a side: the computed side of the normal may be wrong,
+/// so that another corner than the computed one is cut.
+#[test]
+fn a_huge_occluder_that_a_nearly_parallel_plane_cuts_is_never_inside() {
+    let mut rng = Random(9);
+    let (mut cut, mut decided) = (0, 0);
+    for _ in 0..40_000 {
+        let axes = [(); 3].map(|()| rng.fine_vector(1.0).as_vec3());
+        let transform = Affine3A {
+            matrix3: Mat3A::from_cols(axes[0].into(), axes[1].into(), axes[2].into()),
+            translation: rng.fine_vector(1.0).as_vec3a(),
+        };
+        let size = 10f32.powi(rng.between(0, 30));
+        let max =
+            Vec3::from_array([0; 3].map(|axis: usize| if rng.one_in(2) { size } else { 1.0 + axis as f32 }));
+        let Ok(mesh) = OccluderMesh::cuboid(&Aabb::new(Vec3::ZERO, max)) else { continue };
+        let normal = axes[0].as_dvec3().cross(axes[rng.below(2) + 1].as_dvec3());
+        let plane = Plane::new(normal, 100.0);
+        let inside = mesh.is_inside(&view_with(plane).clip_planes_from(DVec3::ZERO), &transform);
+        let truly = mesh.bounds().corners().iter().all(|&corner| sign_at(&plane, &transform, corner) > 0);
+        assert!(truly || !inside, "{plane:?} {transform:?} {max}");
+        cut += i32::from(!truly);
+        decided += i32::from(inside);
+    }
+    assert!(cut > 5_000 && decided > 5_000, "{cut} are cut, {decided} are inside");
+}
+
 #[test]
 fn a_point_on_a_plane_is_never_inside() {
     let mut rng = Random(8);

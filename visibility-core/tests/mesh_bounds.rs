@@ -114,10 +114,22 @@ fn a_mesh_outside_local_bounds_hides_nothing_until_they_hold_it() {
     scene.set_local_bounds(house, Aabb::new(Vec3::NAN, Vec3::NAN)).unwrap();
     scene.set_mesh(house, mesh, far).unwrap();
     assert!(scene.occluder(house).is_none(), "a box that bounds nothing holds no mesh");
+    let outside = scene.occluders_outside_bounds();
     let everywhere = Aabb::new(Vec3::NEG_INFINITY, Vec3::INFINITY);
     let sky = scene.insert(Object { occluder: true, ..Object::new(everywhere) });
     scene.set_mesh(sky, mesh, far).unwrap();
-    assert!(scene.occluder(sky).is_some(), "infinite bounds hold any mesh");
+    assert_eq!(scene.occluders_outside_bounds(), outside, "infinite bounds hold any mesh");
+    assert!(scene.occluder(sky).is_none(), "an object with infinite bounds may be anywhere");
+    scene.set_bounds(house, HOUSE).unwrap();
+    scene.set_mesh(house, mesh, Affine3A::from_translation(HOUSE.min)).unwrap();
+    for never_cull in [false, true, false] {
+        scene.set_never_cull(house, never_cull).unwrap();
+        assert_eq!(
+            scene.occluder(house).is_none(),
+            never_cull,
+            "an object that is never culled hides nothing"
+        );
+    }
 }
 
 /// Triangles given without their transform, outside the object's bounds, are refused before a mesh is made

@@ -196,3 +196,36 @@ fn a_viewcell_without_end_begins_where_it_begins() {
     assert!((ahead[0].seconds - 2.0).abs() < 1e-9, "{ahead:?}: 4 m at 2 m/s");
     assert_eq!(prefetch.covered_seconds(), 10.0, "the second viewcell has no end");
 }
+
+/// Compares the prefetch with the viewcells that the culler reads: those of a divided box are misplaced, and
+/// far from the origin along y the rounding of x counts as that of y.
+#[test]
+fn a_viewcell_that_the_culler_takes_for_reached_is_listed_by_then() {
+    let mut scene = Scene::new();
+    let ids = [5.0, 15.0].map(|x| scene.insert(Aabb::from_arrays([x, 0.0, 0.0], [x + 1.0, 1.0, 1.0])));
+    for (y, misplacement, early) in [(0.0, 0.25, 0.25), (1e9, 0.0, 7e-6), (-1e9, 1e-5, 1.7e-5)] {
+        let corner = |x: f64, side: f64| DVec3::new(x, y + side, side);
+        let rooms = [0.0, 10.0].map(|x| Viewcell::from_box(corner(x, -5.0), corner(x + 10.0, 5.0)));
+        let cells = Viewcells::of_divided_box(rooms, corner(0.0, -5.0), corner(20.0, 5.0), misplacement);
+        let pvs = Pvs::new(PvsTargets::Objects, 2, &[vec![0], vec![0, 1]], |_| []).unwrap();
+        let sets = ScenePvs::new(&scene, pvs, cells, ids.into_iter().zip(0..));
+        let mut prefetch = Prefetch::new();
+        let ahead = prefetch.search(&sets, corner(6.0, 0.0), DVec3::X * 2.0, 0.0, 10.0);
+        assert_eq!(
+            (ahead.len(), ahead.first().map(|arrival| arrival.object)),
+            (1, Some(ids[1])),
+            "{ahead:?}"
+        );
+        let listed = 6.0 + ahead[0].seconds * 2.0;
+        let mut reached = Vec::new();
+        let mut is_reached = |x: f64| {
+            sets.viewcells().reached(&[DVec3::ZERO], corner(x, 0.0), 0.0, &mut reached)
+                && reached.contains(&ViewcellId(1))
+        };
+        assert!(
+            is_reached(10.0 - early) && !is_reached(10.0 - 1.1 * early),
+            "{y}: {early} m before the room"
+        );
+        assert!(listed <= 10.0 - early && listed > 10.0 - 2.0 * early, "{y}: listed at {listed}");
+    }
+}

@@ -3,10 +3,10 @@
 
 use crate::common::boxes::assert_hidden;
 use crate::common::{Occluder, convention, draw, faces};
-use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::glam::{Affine3A, DMat4, DVec3, DVec4, Vec3};
 use visibility_core::occlusion::Occlusion;
-use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View};
-use visibility_hzb::Hzb;
+use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View, view::Depth};
+use visibility_hzb::{Hom, Hzb};
 use visibility_testing::Random;
 
 /// A wall stands beside the eye: to the right, above or below. Boxes behind it begin behind the eye; some
@@ -50,4 +50,48 @@ fn boxes_beside_the_eye_are_hidden_behind_a_wall() {
     // Some boxes are missed, since a pixel of the smallest picture is wide.
     assert!(missed * 8 < behind, "{missed} of {behind} boxes behind the wall are not hidden");
     assert!(rays > 10_000, "{rays} rays prove little");
+}
+
+/// Boxes with sides at infinity in a view along an axis: coefficients of 0 times infinity must not lose a
+/// side. A wall fills the picture, or its middle.
+#[test]
+fn boxes_with_infinite_sides_are_hidden_only_as_a_whole() {
+    // The eye looks along x.
+    let rows = [[0.0, -1.2, 0.0, 0.0], [0.0, 0.0, 1.8, 0.0], [0.0, 0.0, 0.0, 0.05], [1.0, 0.0, 0.0, 0.0]];
+    let [x, y, z, w] = rows.map(DVec4::from_array);
+    let matrix = DMat4::from_cols(x, y, z, w).transpose();
+    let view = View::from_clip_from_world(matrix, Depth::ReversedInfinite).unwrap();
+    let sides = [f32::NEG_INFINITY, -1e3, -1.0, 1.0, 7.0, 1e3, f32::INFINITY];
+    let (mut infinite, mut hidden) = (0, 0);
+    for half in [1.0, 100.0] {
+        let wall = OccluderMesh::cuboid(&Aabb::from_arrays([5.0, -half, -half], [6.0, half, half])).unwrap();
+        let (mut hzb, mut hom) = (Hzb::new(96, 64).unwrap(), Hom::new(96, 64).unwrap());
+        for map in [&mut hzb as &mut dyn OcclusionMap, &mut hom] {
+            map.begin(&view, DVec3::ZERO);
+            map.add(&wall, &Affine3A::IDENTITY);
+            map.flush();
+        }
+        for number in 0..sides.len().pow(6) {
+            let at = |place: u32| sides[number / sides.len().pow(place) % sides.len()];
+            let bounds = Aabb::from_arrays([at(0), at(1), at(2)], [at(3), at(4), at(5)]);
+            if !bounds.is_proper() || bounds.is_finite() {
+                continue;
+            }
+            infinite += 1;
+            // Points in the picture before the wall, and beside it if it does not fill the picture.
+            let shows = (0..4 * 121).any(|i| {
+                let x = [1.0, 3.0, 20.0, 900.0][i / 121];
+                let [y, z] = [i % 11, i / 11 % 11].map(|step| x * 0.1 * (step as f32 - 5.0));
+                let is_behind = x > 5.0 && 5.0 * y.abs().max(z.abs()) < half * x;
+                let p = Vec3::new(x, y, z);
+                !is_behind && p.cmpge(bounds.min).all() && p.cmple(bounds.max).all()
+            });
+            for map in [&hzb as &dyn OcclusionMap, &hom] {
+                let is_hidden = map.test(&bounds) == Occlusion::Hidden;
+                assert!(!(shows && is_hidden), "{} hides {bounds:?}, wall of {half}", map.name());
+                hidden += usize::from(is_hidden);
+            }
+        }
+    }
+    assert!(infinite > 10_000 && hidden > 100, "{infinite} boxes have an infinite side, {hidden} are hidden");
 }

@@ -6,7 +6,7 @@ use crate::rays::check;
 use std::sync::Arc;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::occlusion::Preparation;
-use visibility_core::{Aabb, Culler, Object, OcclusionMap, Pose, Scene, View, VisibleSet};
+use visibility_core::{Aabb, Culler, Object, ObjectId, OcclusionMap, Pose, Scene, View, VisibleSet};
 use visibility_hzb::{Hzb, HzbCuller, PreparedLevel};
 use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
 use visibility_testing::allocations::LIVE;
@@ -302,4 +302,94 @@ fn a_level_hides_only_in_views_that_show_all_of_it() {
     scene.prepare_occluders(&Preparation::default().with_two_sided(true));
     assert!(scene.has_mesh(wall), "the wall has a mesh now");
     assert_eq!([3, 2, 1].map(|layers| hides(&scene, layers)), [true, false, true], "with the meshes");
+}
+
+/// Returns a wall of two triangles in the plane `x`, from -9 to 9 metres in y and z.
+fn wall(x: f32) -> [[Vec3; 3]; 2] {
+    let corners = [[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]].map(|[y, z]| Vec3::new(x, y, z));
+    [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|i: usize| corners[i]))
+}
+
+/// Sectors that share objects, on several layers, come and go. An object is drawn by a level if any sector
+/// that has it is present and on in the view.
+#[test]
+fn objects_are_drawn_by_the_sectors_that_have_them() {
+    let mut random = Random(45);
+    let mut scene = Scene::new();
+    let ids: Vec<ObjectId> = (0..40)
+        .map(|i| {
+            let triangles = wall(5.0 + i as f32);
+            let bounds = Aabb::from_points(triangles.into_iter().flatten());
+            let layers = [1, 2, 4, 3][random.below(4)];
+            let id = scene.insert(Object { occluder: true, layers, ..Object::new(bounds) });
+            scene.set_triangles(id, triangles).unwrap();
+            id
+        })
+        .collect();
+    let sectors: Vec<_> = (0..24)
+        .map(|_| {
+            let own: Vec<ObjectId> = ids.iter().copied().filter(|_| random.one_in(8)).collect();
+            let settings = LevelSettings::default();
+            let level = LevelOccluders::of_scene(&scene, |id| own.contains(&id), settings).unwrap();
+            (Arc::new(PreparedLevel::new(Arc::new(level), DVec3::ZERO)), own)
+        })
+        .collect();
+    let mut hzb = Hzb::new(64, 36).unwrap();
+    let mut there = vec![false; sectors.len()];
+    let mut counts = [0; 2];
+    for step in 0..300 {
+        let sector = random.below(sectors.len());
+        there[sector] = !there[sector];
+        if there[sector] {
+            hzb.add_level(sectors[sector].0.clone());
+        } else {
+            assert!(hzb.remove_level(&sectors[sector].0), "step {step}: the sector was there");
+        }
+        let layers = random.below(8) as u32;
+        hzb.begin(&view(DVec3::ZERO, DVec3::X).with_layers(layers), DVec3::ZERO);
+        for &id in &ids {
+            let is_on =
+                |own: &[ObjectId]| own.iter().all(|&id| scene.object(id).unwrap().layers & layers != 0);
+            let expected =
+                (0..sectors.len()).any(|i| there[i] && sectors[i].1.contains(&id) && is_on(&sectors[i].1));
+            assert_eq!(hzb.draws(id), expected, "step {step}, object {id}, layers {layers}");
+            counts[usize::from(expected)] += 1;
+        }
+        let other = ObjectId::from_bits(ids[0].to_bits() + (1 << 32));
+        assert!(!hzb.draws(other), "another object with the index of one that is drawn");
+    }
+    assert!(counts.iter().all(|&count| count > 1_000), "{counts:?} objects are not drawn and drawn");
+}
+
+/// A sector of one object takes little memory, also if the world has many other objects. So do frames in
+/// which all other sectors are out of view.
+#[test]
+fn a_sector_takes_memory_for_what_it_has() {
+    let mut scene = Scene::new();
+    scene.insert_batch((0..20_000).map(|i| Aabb::from_arrays([i as f32; 3], [i as f32 + 1.0; 3])));
+    let bounds = Aabb::from_points(wall(5.0).into_iter().flatten());
+    let last = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+    scene.set_triangles(last, wall(5.0)).unwrap();
+    let level = LevelOccluders::of_scene(&scene, |_| true, LevelSettings::default()).unwrap();
+    let level = Arc::new(level);
+    let mut hzb = Hzb::new(64, 36).unwrap();
+    let before = LIVE.get();
+    hzb.add_level(Arc::new(PreparedLevel::new(level, DVec3::ZERO)));
+    let bytes = LIVE.get() - before;
+    assert!(hzb.draws(last) && bytes < 4_000, "{bytes} bytes for the sector of object {last}");
+    // Sectors behind the eye, of separate triangles.
+    let fins: Vec<_> = (0..2_000)
+        .map(|i| 3.0 * Vec3::new((i % 20) as f32, (i / 20 % 20) as f32, (i / 400) as f32) - Vec3::X * 200.0)
+        .map(|p| LevelTriangle { corners: [p, p + Vec3::X, p + Vec3::Y], two_sided: true })
+        .collect();
+    let behind = prepared(&fins, DVec3::ZERO);
+    for _ in 0..100 {
+        hzb.add_level(Arc::new(PreparedLevel::clone(&behind)));
+    }
+    let before = LIVE.get();
+    hzb.begin(&view(DVec3::ZERO, DVec3::X), DVec3::ZERO);
+    hzb.flush();
+    let bytes = LIVE.get() - before;
+    // Each level in the z-buffer takes memory for its view, 2 KB.
+    assert!(bytes < 1_000_000, "{bytes} bytes for a frame with 600,000 edges out of view");
 }

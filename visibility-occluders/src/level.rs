@@ -109,6 +109,10 @@ pub struct LevelReport {
     pub open_edges: usize,
     /// Number of vertices inserted into edges on which they lie.
     pub t_junctions: usize,
+    /// Number of edges into which no vertex was inserted, although some may lie on them, since 16 vertices
+    /// for each side of a face, or as many as 32-bit indices allow, were inserted into other edges. 0 for
+    /// occluders read from a file.
+    pub edges_not_split: usize,
     /// Number of open edges (edges of only one face) after T-junctions were resolved.
     pub open_edges_left: usize,
     /// Number of polygons found.
@@ -202,7 +206,7 @@ impl LevelOccluders {
             LevelReport { triangles: triangles.len(), faces: faces.faces.len(), ..LevelReport::default() };
         let sides = faces.sides();
         report.open_edges = open_sides(&sides).count();
-        report.t_junctions = insert_t_junctions(&mut faces, &sides);
+        [report.t_junctions, report.edges_not_split] = insert_t_junctions(&mut faces, &sides);
         let sides = faces.sides();
         report.open_edges_left = open_sides(&sides).count();
         let magnitude = faces.vertices.iter().fold(Vec3::ZERO, |most, v| most.max(v.abs()));
@@ -241,10 +245,11 @@ impl LevelOccluders {
     }
 
     /// Makes the occluders of a scene's level, from the triangles ([`Scene::set_triangles`]) of objects that
-    /// are flagged as occluders, are [always drawn](Scene::is_always_drawn), are on a layer, are not
-    /// see-through and for which `stands_still` returns true. Triangles of
-    /// [one-sided](visibility_core::Object::one_sided) objects occlude from their front alone. Positions are
-    /// relative to [`Scene::origin`]. The occluders have the [version](level_version()) of the scene.
+    /// are flagged as occluders, are [always drawn](Scene::is_always_drawn), can be
+    /// [culled](Object::is_unculled), are on a layer, are not see-through and for which `stands_still`
+    /// returns true. Triangles of [one-sided](visibility_core::Object::one_sided) objects occlude from their
+    /// front alone. Positions are relative to [`Scene::origin`]. The occluders have the
+    /// [version](level_version()) of the scene.
     ///
     /// # Errors
     /// The errors of [`new`](Self::new).

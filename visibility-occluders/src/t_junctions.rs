@@ -98,18 +98,21 @@ fn is_apart([a, b]: [DVec3; 2], [low, high]: [DVec3; 2]) -> bool {
 }
 
 /// Inserts into each edge the vertices that lie on it. `sides` are the sides of the faces, sorted by edge,
-/// before the call. Returns the number of corners inserted. Takes some microseconds for an edge. Edges beyond
-/// [`MAX_INSERTS_PER_SIDE`] stay as they are: their faces share no edges with those that end on them.
+/// before the call. Returns the number of corners inserted, and the number of edges that stay as they are
+/// because of [`max_inserts`]: their faces share no edges with those that end on them. Takes some
+/// microseconds for an edge.
 ///
 /// Edges that two faces share are included, not only open edges: in a level of closed pieces side by side,
 /// such as those of a modular kit, all edges are shared.
-pub(crate) fn insert_t_junctions(faces: &mut Faces, sides: &[Side]) -> usize {
+pub(crate) fn insert_t_junctions(faces: &mut Faces, sides: &[Side]) -> [usize; 2] {
     let tree = PointTree::new((0..faces.vertices.len() as u32).collect(), &faces.vertices);
     let at = |vertex: u32| faces.vertices[vertex as usize];
     // For each vertex found: the corner at which the side starts, and the vertex.
     let mut found: Vec<(u32, u32)> = Vec::new();
     let mut between: Vec<u32> = Vec::new();
-    for same in sides.chunk_by(|a, b| a.edge == b.edge) {
+    let mut edges = sides.chunk_by(|a, b| a.edge == b.edge);
+    let mut left = 0;
+    while let Some(same) = edges.next() {
         let [a, b] = same[0].edge.map(at);
         between.clear();
         tree.along(a, b, &mut |vertex| {
@@ -117,7 +120,8 @@ pub(crate) fn insert_t_junctions(faces: &mut Faces, sides: &[Side]) -> usize {
                 between.push(vertex);
             }
         });
-        if found.len() + between.len() * same.len() > MAX_INSERTS_PER_SIDE * sides.len() {
+        if found.len() + between.len() * same.len() > max_inserts(sides.len()) {
+            left = 1 + edges.count();
             break;
         }
         // Points of one line are in order along the axis in which the line is longest.
@@ -148,5 +152,26 @@ pub(crate) fn insert_t_junctions(faces: &mut Faces, sides: &[Side]) -> usize {
         }
         face.corners[1] = faces.corners.len() as u32;
     }
-    count
+    [count, left]
+}
+
+/// Returns the maximum number of corners inserted into faces with `sides` sides, and as many corners: at most
+/// [`MAX_INSERTS_PER_SIDE`] for each side, and no more than 32-bit indices of corners allow.
+fn max_inserts(sides: usize) -> usize {
+    MAX_INSERTS_PER_SIDE.saturating_mul(sides).min((u32::MAX as usize).saturating_sub(sides))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Tests that the corners of the largest levels, with those inserted, have indices of 32 bits.
+    #[test]
+    fn corners_have_indices_of_32_bits() {
+        assert_eq!(max_inserts(30), 480, "a small level");
+        for sides in [252_645_135, 252_645_136, 1 << 31, 3 << 30, u32::MAX as usize] {
+            let corners = max_inserts(sides) + sides;
+            assert!(corners <= u32::MAX as usize, "{sides} sides: {corners} corners");
+        }
+    }
 }

@@ -32,6 +32,7 @@ fn rows_of_panels_that_are_half_a_panel_apart_are_one_rectangle() {
     let report = level.report();
     assert_eq!(report.open_edges_left, 2 * 6 + 8 + 8, "sides of the rectangle, in the lengths of its panels");
     assert!(report.t_junctions > 60, "only {} T-junctions were found", report.t_junctions);
+    assert_eq!(report.edges_not_split, 0, "edges that are not split");
     assert_eq!((level.polygons().len(), level.edges().len()), (1, 4), "panels of all rows are one rectangle");
     assert_eq!(level.polygons()[0].area, 15.0 * 6.0, "the rectangle's area in square metres");
 }
@@ -111,6 +112,7 @@ fn vertices_on_very_many_sides_take_no_square_of_memory() {
     let bytes = (PEAK.get() - before) / count as isize;
     assert!(bytes < 10_000, "{bytes} bytes for a triangle");
     assert!(report.t_junctions > 0, "some corners are inserted");
+    assert!(report.edges_not_split > 0, "the report tells that some edges are not split");
     assert_eq!(report.triangles, count, "triangles given");
 }
 

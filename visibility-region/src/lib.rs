@@ -19,8 +19,8 @@
 //! [`VisibleSet::for_each_occluder`](visibility_core::VisibleSet::for_each_occluder). An object hides
 //! nothing, since it may not be drawn, if an earlier stage has removed it, if it is on no layer of the set,
 //! if it is not [always drawn](visibility_core::Scene::is_always_drawn), or if it is never culled. The
-//! aggressive [`SamplingCuller`] errs the other way: every object that is always drawn blocks its rays,
-//! candidate or not.
+//! aggressive [`SamplingCuller`] errs the other way: every occluder that is always drawn and can be culled
+//! blocks its rays, candidate or not.
 //!
 //! ```
 //! use visibility_core::{glam::{Affine3A, DVec3}, pvs::Viewcell};
@@ -65,7 +65,7 @@ mod umbra;
 mod volumetric;
 
 pub use convex_blockers::ConvexBlockersCuller;
-pub use online::{OnlinePvs, OnlineStep};
+pub use online::{OnlinePvs, OnlineSizeError, OnlineStep};
 pub use online_cells::OnlineCells;
 pub use sampling::{SamplingCuller, SightLine};
 #[cfg(feature = "papers")]

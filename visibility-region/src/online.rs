@@ -16,6 +16,7 @@ use crate::solids::occluding;
 use crate::sweep::{Ask, Asked, Effort, ExtendedProjectionCuller, Surfaces, Work};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
+use core::fmt;
 use visibility_core::bits::Bits;
 use visibility_core::culler::Lack;
 use visibility_core::glam::DVec3;
@@ -66,7 +67,7 @@ const KEPT: usize = 32;
 /// let mesh = scene.add_mesh(OccluderMesh::cuboid(&wall)?);
 /// scene.set_mesh(id, mesh, Affine3A::IDENTITY)?;
 /// let post = scene.insert(Aabb::from_arrays([20.0, 0.0, 0.0], [20.5, 0.5, 1.0]));
-/// let mut online = OnlinePvs::new(DVec3::splat(0.6), DVec3::new(4.0, 4.0, 0.6));
+/// let mut online = OnlinePvs::new(DVec3::splat(0.6), DVec3::new(4.0, 4.0, 0.6))?;
 /// // Each frame: places where the eye is, and where it will be; then as many steps as there is time.
 /// let (eye, velocity) = (DVec3::splat(0.5), DVec3::X);
 /// let places = [0.0, 0.1, 0.2, 0.4].map(|seconds| eye + velocity * seconds);
@@ -206,17 +207,51 @@ struct Job {
     new: Vec<ObjectId>,
 }
 
+/// Error of sizes of boxes that an [`OnlinePvs`] cannot have.
+///
+/// ```
+/// use visibility_core::glam::DVec3;
+/// let error = visibility_region::OnlinePvs::new(DVec3::ONE, DVec3::splat(0.5)).unwrap_err();
+/// assert_eq!(error.to_string(), "on axis 0, viewcells of 1 m do not fit into wide boxes of 0.5 m");
+/// ```
+#[derive(Clone, Copy, PartialEq, Debug)]
+#[non_exhaustive]
+pub struct OnlineSizeError {
+    /// Size of the viewcells along x, y and z in metres.
+    pub viewcell: DVec3,
+    /// Size of the wide boxes.
+    pub wide: DVec3,
+}
+
+impl fmt::Display for OnlineSizeError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let axis = unusable_axis(self.viewcell, self.wide).unwrap_or(0);
+        let [viewcell, wide] = [self.viewcell[axis], self.wide[axis]];
+        write!(f, "on axis {axis}, viewcells of {viewcell} m do not fit into wide boxes of {wide} m")
+    }
+}
+
+impl core::error::Error for OnlineSizeError {}
+
+/// Returns the first axis on which a size is not positive and finite, or the viewcell is larger than the wide
+/// box.
+fn unusable_axis(viewcell: DVec3, wide: DVec3) -> Option<usize> {
+    (0..3).find(|&axis| !(0.0 < viewcell[axis] && viewcell[axis] <= wide[axis] && wide[axis].is_finite()))
+}
+
 impl OnlinePvs {
     /// Makes an empty store of boxes for one eye. `viewcell` and `wide` are the sizes of the boxes along x, y
     /// and z in metres. A viewcell of 0.6 m lasts for a quarter of a second of walking. The wide box should
     /// be several times as wide, but not higher than the viewcell: from above walls much more is visible.
     ///
-    /// # Panics
-    /// If a size is not positive and finite, or the viewcell is larger than the wide box on an axis.
-    pub fn new(viewcell: DVec3, wide: DVec3) -> Self {
-        let is_usable = viewcell.min_element() > 0.0 && viewcell.cmple(wide).all() && wide.is_finite();
-        assert!(is_usable, "sizes of boxes must be positive, and those of viewcells at most the wide ones");
-        Self {
+    /// # Errors
+    /// [`OnlineSizeError`] if a size is not positive and finite, or the viewcell is larger than the wide box
+    /// on an axis.
+    pub fn new(viewcell: DVec3, wide: DVec3) -> Result<Self, OnlineSizeError> {
+        if unusable_axis(viewcell, wide).is_some() {
+            return Err(OnlineSizeError { viewcell, wide });
+        }
+        Ok(Self {
             sizes: [wide, viewcell],
             margin: viewcell.min_element() / 8.0,
             culler: ExtendedProjectionCuller::new(),
@@ -237,7 +272,7 @@ impl OnlinePvs {
             came: Vec::new(),
             went: Vec::new(),
             ranked: Vec::new(),
-        }
+        })
     }
 
     /// Sets how far, in metres, a viewcell must extend around each place that it holds: to the corners of the
@@ -285,17 +320,16 @@ impl OnlinePvs {
             self.begin(scene, &rest, usize::from(number > 0), heading);
         }
         let job = self.job.as_mut()?;
-        let all = VisibleSet::new();
         let is_full_direction = job.next % 6 == self.turns[NEAR] % 6;
         let list = if job.level == WIDE || is_full_direction { &job.seen } else { &job.new };
         let asked = match job.next {
-            0..6 if job.level == WIDE => Asked::Set(&all),
+            0..6 if job.level == WIDE => Asked::All,
             0..6 => Asked::Objects(list),
             next => Asked::Beside(list, next - 6),
         };
         let ask = Ask { occluding: &job.occluding, asked, stop: &|| false };
         // Nodes of the hierarchy are not what they were when the sweep of the direction was begun.
-        if matches!(asked, Asked::Set(_)) && job.layout != scene.layout() {
+        if asked.is_by_node() && job.layout != scene.layout() {
             job.layout = scene.layout();
             job.restarts += u32::from(self.culler.restart());
         }

@@ -37,7 +37,7 @@ use visibility_core::{Aabb, Object, ObjectId, Scene};
 /// let cells = (0..10).flat_map(|x| (-1..1).map(move |y| cell(x, y)));
 /// let cells = OnlineCells::new(&mut scene, Viewcells::new(cells));
 /// // Bodies 1.8 m high, which may be anywhere within .01 s at 6 m/s: reaches of less than 2 m.
-/// let mut online = OnlinePvs::new(DVec3::splat(2.5), DVec3::new(4.0, 4.0, 2.5)).with_margin(1.0);
+/// let mut online = OnlinePvs::new(DVec3::splat(2.5), DVec3::new(4.0, 4.0, 2.5))?.with_margin(1.0);
 /// // Each tick: the movers, and as much work as there is time for.
 /// let at = |x: f64| Reach::new(DVec3::new(x, 0.0, 0.1), DVec3::new(x + 0.5, 0.5, 1.9)).within(0.01, 6.0);
 /// let movers = [at(1.0), at(16.0)];

@@ -7,7 +7,8 @@ use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
 use visibility_core::view::Eye;
 use visibility_core::{
-    Aabb, Accuracy, CullStats, Culler, ObjectId, OccluderMesh, Pose, RegionCuller, Scene, View, VisibleSet,
+    Aabb, Accuracy, CullStats, Culler, Object, ObjectId, OccluderMesh, Pose, RegionCuller, Scene, View,
+    VisibleSet,
 };
 use visibility_region::{OnlinePvs, SamplingCuller};
 use visibility_testing::allocations::ALLOCATIONS;
@@ -55,7 +56,7 @@ fn search(seed: u64, worlds: usize, rays: usize) -> [usize; 2] {
         let scale = rng.pick(&[1.0, 1.0, 1e-3, 1e4]);
         let (mut world, _) = random_world(&mut rng, scale);
         let size = scale * 0.6;
-        let mut online = OnlinePvs::new(DVec3::splat(size), DVec3::new(4.0, 4.0, 1.0) * scale);
+        let mut online = OnlinePvs::new(DVec3::splat(size), DVec3::new(4.0, 4.0, 1.0) * scale).unwrap();
         let (mut eye, way) = (rng.vector(scale), rng.vector(0.2 * scale));
         for frame in 0..12 {
             eye += way;
@@ -110,7 +111,7 @@ impl RegionCuller for OfRegion {
 
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
         let size = (cell.max - cell.min).max(DVec3::splat(1e-3)) * 1.01;
-        let mut online = OnlinePvs::new(size, size * DVec3::new(3.0, 2.0, 1.5)).with_margin(0.0);
+        let mut online = OnlinePvs::new(size, size * DVec3::new(3.0, 2.0, 1.5)).unwrap().with_margin(0.0);
         let middle = (cell.min + cell.max) * 0.5;
         while online.step(scene, &[middle], WHOLE).is_some() {}
         let hidden = online.hidden_from(scene, cell.min, cell.max).expect("a viewcell around the region");
@@ -135,7 +136,7 @@ fn hidden_upstairs(ceiling: Option<f32>) -> [bool; 2] {
     // Seen from the eye both are farthest along x, and reach back over a third of the way to the eye.
     let above = world.add_target(Aabb::from_arrays([9.0, -4.0, 2.5], [15.0, -3.9, 5.0]));
     let outside = world.add_target(Aabb::from_arrays([50.0, -4.0, 1.0], [60.0, -3.9, 5.0]));
-    let mut online = OnlinePvs::new(DVec3::splat(0.6), DVec3::new(4.0, 4.0, 1.0));
+    let mut online = OnlinePvs::new(DVec3::splat(0.6), DVec3::new(4.0, 4.0, 1.0)).unwrap();
     while online.step(&world.scene, &[DVec3::ZERO], WHOLE).is_some() {}
     let hidden = online.hidden_from(&world.scene, DVec3::ZERO, DVec3::ZERO).expect("a viewcell");
     [above, outside].map(|id| hidden.contains(id.index()))
@@ -153,7 +154,7 @@ fn what_did_not_pay_is_tried_again_with_the_objects_that_were_seen() {
     let mut world = World::new();
     world.add_box([3.0, -20.0, 2.0], [40.0, 20.0, 2.2]);
     let above = world.add_target(Aabb::from_arrays([9.0, -4.0, 2.5], [15.0, -3.9, 5.0]));
-    let mut online = OnlinePvs::new(DVec3::splat(0.6), DVec3::new(4.0, 4.0, 1.0));
+    let mut online = OnlinePvs::new(DVec3::splat(0.6), DVec3::new(4.0, 4.0, 1.0)).unwrap();
     // The wide box holds both places. Only from the first one the wall is seen, past the end of the ceiling.
     let [start, end] = [-1.6, 1.6].map(|x| DVec3::X * x);
     while online.step(&world.scene, &[start, end], WHOLE).is_some() {}
@@ -169,7 +170,8 @@ fn what_did_not_pay_is_tried_again_with_the_objects_that_were_seen() {
 
 #[test]
 fn sweeps_that_ask_nothing_are_not_given_up() {
-    let (scene, mut online) = (Scene::new(), OnlinePvs::new(DVec3::splat(0.6), DVec3::new(4.0, 4.0, 1.0)));
+    let (scene, mut online) =
+        (Scene::new(), OnlinePvs::new(DVec3::splat(0.6), DVec3::new(4.0, 4.0, 1.0)).unwrap());
     let mut steps = |x: f64| core::iter::from_fn(|| online.step(&scene, &[DVec3::X * x], WHOLE)).count();
     assert_eq!([steps(0.0), steps(1.0)], [24, 12], "steps for a wide box and a viewcell, and for a viewcell");
 }
@@ -210,7 +212,7 @@ impl Swapped for Online {
     fn derive(&self, _: &Scene, _: &mut Random) {}
 
     fn make(&self, (): &()) -> Subject {
-        let online = OnlinePvs::new(DVec3::ONE, DVec3::new(4.0, 4.0, 1.0)).with_margin(0.3);
+        let online = OnlinePvs::new(DVec3::ONE, DVec3::new(4.0, 4.0, 1.0)).unwrap().with_margin(0.3);
         Subject::Online(Box::new(online))
     }
 
@@ -247,7 +249,7 @@ impl Street {
         let wall = world.add_box([5.0, -30.0, -30.0], [5.2, 30.0, 30.0]);
         let front = world.add_target(Aabb::from_arrays([3.0, 0.0, 0.0], [3.5, 0.5, 1.0]));
         let back = world.add_target(Aabb::from_arrays([20.0, 0.0, 0.0], [20.5, 0.5, 1.0]));
-        let online = OnlinePvs::new(DVec3::splat(0.6), DVec3::new(4.0, 4.0, 1.0));
+        let online = OnlinePvs::new(DVec3::splat(0.6), DVec3::new(4.0, 4.0, 1.0)).unwrap();
         Self { world, wall, front, back, online }
     }
 
@@ -395,7 +397,7 @@ fn small_steps_find_what_whole_directions_find() {
         let (mut world, _) = random_world(&mut rng, 1.0);
         (0..100).for_each(|_| change(&mut world, &mut rng, 1.0));
         let mut answer = |budget: u32| {
-            let mut online = OnlinePvs::new(DVec3::splat(0.6), DVec3::new(4.0, 4.0, 1.0));
+            let mut online = OnlinePvs::new(DVec3::splat(0.6), DVec3::new(4.0, 4.0, 1.0)).unwrap();
             let places = [DVec3::ZERO, DVec3::X];
             steps[usize::from(budget == 1)] +=
                 core::iter::from_fn(|| online.step(&world.scene, &places, budget)).count();
@@ -551,7 +553,7 @@ fn a_wall_of_a_level_that_has_moved_leaves_no_surface_behind() {
     let [moving, _] =
         [[0.0, 30.0], [-30.0, 0.0]].map(|[y0, y1]| world.add_box([5.0, y0, -30.0], [5.2, y1, 30.0]));
     let posts = [2.0, -2.0].map(|y| world.add_target(Aabb::from_arrays([9.0, y, 0.0], [9.1, y + 0.1, 0.1])));
-    let mut online = OnlinePvs::new(DVec3::splat(0.6), DVec3::new(4.0, 4.0, 1.0));
+    let mut online = OnlinePvs::new(DVec3::splat(0.6), DVec3::new(4.0, 4.0, 1.0)).unwrap();
     let mut hidden = |scene: &Scene, z: f64| {
         while online.step(scene, &[DVec3::Z * z], WHOLE).is_some() {}
         let hidden = online.hidden_from(scene, DVec3::Z * z, DVec3::Z * z).expect("a viewcell");
@@ -627,7 +629,7 @@ fn what_grows_past_the_box_while_it_is_made_hides_none_of_its_neighbours() {
     let mut hidden_posts = 0;
     for trial in 0..40 {
         let (mut scene, mut online) =
-            (world.scene.clone(), OnlinePvs::new(DVec3::splat(0.2), DVec3::new(4.0, 4.0, 0.6)));
+            (world.scene.clone(), OnlinePvs::new(DVec3::splat(0.2), DVec3::new(4.0, 4.0, 0.6)).unwrap());
         for _ in 0..trial % 10 {
             online.step(&scene, &[DVec3::ZERO], 1);
         }
@@ -643,4 +645,32 @@ fn what_grows_past_the_box_while_it_is_made_hides_none_of_its_neighbours() {
         }
     }
     assert!(hidden_posts > 10_000, "{hidden_posts} posts were hidden");
+}
+
+/// Viewcells of `OnlineCells` are objects on no layer.
+#[test]
+fn a_wide_box_asks_objects_on_no_layer() {
+    let mut street = Street::new();
+    let behind = Aabb::from_arrays([20.0, 0.0, 0.0], [20.5, 0.5, 1.0]);
+    let cell = street.world.scene.insert(Object { layers: 0, ..Object::new(behind) });
+    let scene = &street.world.scene;
+    while !street.online.step(scene, &[DVec3::ZERO], WHOLE).expect("a wide box").is_last {}
+    let place = DVec3::Y;
+    let hidden = street.online.hidden_from(scene, place, place).expect("the wide box holds the place");
+    assert!(hidden.contains(cell.index()), "the wall hides it");
+}
+
+#[test]
+fn sizes_that_no_box_can_have_are_refused() {
+    let [one, two] = [DVec3::ONE, DVec3::splat(2.0)];
+    let of = |x: f64| DVec3::new(x, 1.0, 1.0);
+    for (viewcell, wide) in
+        [(two, one), (of(0.0), two), (of(-1.0), two), (of(f64::NAN), two), (one, of(f64::NAN))]
+    {
+        let error = OnlinePvs::new(viewcell, wide).expect_err("sizes");
+        let sizes = [error.viewcell, error.wide].map(|v| v.to_string());
+        assert_eq!(sizes, [viewcell, wide].map(|v| v.to_string()), "the error has the sizes");
+    }
+    assert!(OnlinePvs::new(one, of(f64::INFINITY)).is_err(), "an infinite wide box");
+    assert!(OnlinePvs::new(one, one).is_ok(), "a viewcell as large as its wide box");
 }

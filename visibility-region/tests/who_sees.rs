@@ -90,7 +90,7 @@ fn search(seed: u64, worlds: usize) -> [usize; 4] {
 
         let (mut world, mut left) = walls(&mut rng, origin);
         let cells = OnlineCells::new(&mut world.scene, viewcells(origin));
-        let mut online = OnlinePvs::new(DVec3::splat(2.0), DVec3::new(4.0, 4.0, 2.0));
+        let mut online = OnlinePvs::new(DVec3::splat(2.0), DVec3::new(4.0, 4.0, 2.0)).unwrap();
         let movers = movers(&mut rng, origin);
         let places: Vec<DVec3> = movers.iter().map(|mover| (mover.min + mover.max) * 0.5).collect();
         for tick in 0..4 {
@@ -130,7 +130,7 @@ fn viewcells_whose_objects_are_gone_or_moved_hide_nobody() {
     let mut world = World::new();
     world.add_box([5.9, -9.0, -9.0], [6.1, 30.0, 9.0]);
     let cells = OnlineCells::new(&mut world.scene, viewcells(DVec3::ZERO));
-    let mut online = OnlinePvs::new(DVec3::splat(2.0), DVec3::new(4.0, 4.0, 2.0));
+    let mut online = OnlinePvs::new(DVec3::splat(2.0), DVec3::new(4.0, 4.0, 2.0)).unwrap();
     let at = |x: f64| Reach::new(DVec3::new(x, 5.0, 0.2), DVec3::new(x + 0.4, 5.4, 1.8));
     let movers = [at(2.0), at(10.0)];
     let places = [DVec3::new(2.2, 5.2, 1.0), DVec3::new(10.2, 5.2, 1.0)];

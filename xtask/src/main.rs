@@ -1,10 +1,11 @@
 //! Checks of the workspace beyond those of the compiler: `cargo run -p xtask -- (api | assertions | cycles |
-//! licenses | modules | package | width)`.
+//! figures | licenses | modules | package | width)`.
 
 mod api;
 mod assertions;
 mod crates;
 mod cycles;
+mod figures;
 mod item_lines;
 mod licenses;
 mod module_tree;
@@ -22,16 +23,18 @@ const WIDTH: usize = 110;
 fn main() -> ExitCode {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new("."));
     let task = std::env::args().nth(1).unwrap_or_default();
+    let write = std::env::args().nth(2).is_some_and(|option| option == "--write");
     let found = match task.as_str() {
-        "api" => api::check(root, std::env::args().nth(2).is_some_and(|option| option == "--write")),
+        "api" => api::check(root, write),
         "assertions" => check_assertions(root),
         "cycles" => check_cycles(root),
+        "figures" => figures::check(root, write),
         "licenses" => licenses::check(root),
         "modules" => check_modules(root),
         "package" => package::check(root),
         "width" => check_width(root),
-        _ => Err("usage: cargo run -p xtask -- (api [--write] | assertions | cycles | licenses | modules | \
-                  package | width)"
+        _ => Err("usage: cargo run -p xtask -- (api [--write] | assertions | cycles | figures [--write] | \
+                  licenses | modules | package | width)"
             .to_owned()),
     };
     match found {

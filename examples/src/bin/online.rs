@@ -168,7 +168,7 @@ fn walk(arguments: &Arguments, name: &str) -> Result<Sums, Box<dyn std::error::E
     let mut sweep = ExtendedProjectionCuller::new();
     sweep.sync(&world.scene);
     let mut online =
-        OnlinePvs::new(size(arguments.size, arguments.size), size(arguments.wide, 2.0 * arguments.size));
+        OnlinePvs::new(size(arguments.size, arguments.size), size(arguments.wide, 2.0 * arguments.size))?;
     for (index, walk) in walks.iter().enumerate() {
         let frames = arguments.frames / walks.len() + usize::from(index < arguments.frames % walks.len());
         let path = path(walk, arguments.speed / RATE, frames);

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 use visibility_2d::cdt::{Plan, PlanView, RegionVisibility, Visibility, Wall};
 use visibility_examples::floor_plans::drawing::Drawing;
-use visibility_examples::floor_plans::forest_walk::ForestWalk;
+use visibility_examples::floor_plans::forest_walk::{ForestWalk, REACH};
 use visibility_examples::floor_plans::{PlanFile, load};
 use visibility_examples::output_file::write;
 use visibility_examples::{eprintln, exit_code, print};
@@ -29,8 +29,8 @@ struct Arguments {
     #[arg(long, value_name = "N", conflicts_with = "file")]
     trees: Option<usize>,
 
-    /// Number of steps of the walk, a quarter of a metre each.
-    #[arg(long, default_value_t = 40, value_name = "N", requires = "trees")]
+    /// Number of steps of the walk, 5 cm each.
+    #[arg(long, default_value_t = 64, value_name = "N", requires = "trees")]
     steps: usize,
 
     /// Radius of the trees in metres.
@@ -136,12 +136,26 @@ fn walk(arguments: &Arguments, trees: usize) -> Result<(), Box<dyn std::error::E
     for step in &walk.steps {
         writeln!(json, "{}", serde_json::json!({ "eye": step.eye, "seen": step.seen, "us": step.us }))?;
     }
-    let mut times: Vec<_> = walk.steps.iter().map(|step| step.us).collect();
-    times.sort_unstable_by(f64::total_cmp);
-    if let Some(median) = times.get(times.len() / 2) {
-        let seen: usize = walk.steps.iter().map(|step| step.seen.len()).sum();
-        eprintln!("{} seen in the mean, {median:.1} us in the median", seen / times.len());
-    }
+    let steps = walk.steps.iter();
+    let median = |times: &mut dyn Iterator<Item = f64>| {
+        let mut times: Vec<_> = times.collect();
+        times.sort_unstable_by(f64::total_cmp);
+        times.get(times.len() / 2).copied().unwrap_or_default()
+    };
+    let mean = |counts: &mut dyn Iterator<Item = usize>| {
+        counts.sum::<usize>() as f64 / walk.steps.len().max(1) as f64
+    };
+    eprintln!(
+        "from scratch: {:.1} trees seen a step; {:.1} us, the median",
+        mean(&mut steps.clone().map(|step| step.seen.len())),
+        median(&mut steps.clone().map(|step| step.us))
+    );
+    eprintln!(
+        "kept from step to step: {:.1} elementary steps, {:.1} classes of {REACH} m ended; {:.1} us, the median",
+        mean(&mut steps.clone().map(|step| step.kept_work[0])),
+        mean(&mut steps.clone().map(|step| step.kept_work[1])),
+        median(&mut steps.clone().map(|step| step.kept_us))
+    );
     if let Some(path) = &arguments.svg {
         write(path, walk.draw().as_bytes())?;
     }

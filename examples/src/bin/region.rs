@@ -137,7 +137,7 @@ fn compare(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let world = region::world(source);
     println!(
         "{}: {} objects, {} triangles",
-        world.source.name,
+        arguments.scene,
         world.scene.len(),
         world.source.triangle_count()
     );

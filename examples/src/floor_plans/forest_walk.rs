@@ -2,11 +2,22 @@
 
 use super::drawing::Drawing;
 use crate::recipes::random::Random;
+use std::f64::consts::TAU;
 use std::time::Instant;
-use visibility_2d::discs::{Disc, DiscError, DiscView, DiscZone, Discs};
+use visibility_2d::discs::{Disc, DiscError, DiscView, DiscZone, Discs, KineticZone};
 
-/// Side in metres of the square around each tree.
-const SPACING: f64 = 7.0;
+/// Side in metres of the square that each tree has on average, as in the forest of the paper on visible
+/// zones. Trees with a radius of more than a third of it have squares with sides of three radii.
+const SPACING: f64 = 4.5;
+
+/// Number of steps around the circle of the walk.
+pub const STEPS: usize = 1024;
+
+/// Radius in metres of the circle of the walk, for steps of 5 cm.
+const CIRCLE: f64 = 0.05 * STEPS as f64 / TAU;
+
+/// Reach in metres of the classes of the zone that is kept from step to step.
+pub const REACH: f64 = 4.0;
 
 /// Width in metres of the strip around the walk that the picture shows.
 const MARGIN: f64 = 60.0;
@@ -23,9 +34,13 @@ pub struct Step {
     pub seen: Vec<u32>,
     /// Time of the query in microseconds, the median of five.
     pub us: f64,
+    /// Time in microseconds to move a zone that is kept from step to step.
+    pub kept_us: f64,
+    /// Elementary steps of this move, and classes that ended in it.
+    pub kept_work: [usize; 2],
 }
 
-/// Trees of a forest, and the trees seen at each step of a walk through its middle.
+/// Trees of a forest, and the trees seen at each step of a walk in its middle.
 #[derive(Clone, Debug)]
 pub struct ForestWalk {
     /// Trunks as discs.
@@ -34,33 +49,63 @@ pub struct ForestWalk {
     pub steps: Vec<Step>,
 }
 
+/// Returns the side in metres of the square forest of `count` trees.
+pub fn side(count: usize, radius: f64) -> f64 {
+    (count as f64).sqrt().ceil() * SPACING.max(3.0 * radius)
+}
+
+/// Returns the eye at a step of the circular walk around the middle of a forest of this side.
+pub fn eye(step: usize, side: f64) -> [f64; 2] {
+    let (sin, cos) = (step as f64 * TAU / STEPS as f64).sin_cos();
+    [0.5 * side + CIRCLE * cos, 0.5 * side + CIRCLE * sin]
+}
+
+/// Plants `count` disjoint trees at random, and fells those on the circle of the walk.
+pub fn plant(count: usize, radius: f64) -> Vec<Disc> {
+    let (random, side) = (&mut Random::new(1), side(count, radius));
+    let squares = (count as f64).sqrt().ceil() as usize;
+    let square = side / squares as f64;
+    let mut in_square = vec![Vec::<u32>::new(); squares * squares];
+    let mut trees: Vec<Disc> = Vec::new();
+    while trees.len() < count {
+        let center = [0, 1].map(|_| random.between(0.0, side));
+        let [x, y] = center.map(|x| ((x / square) as usize).min(squares - 1));
+        let near = (x.max(1) - 1..(x + 2).min(squares))
+            .flat_map(|x| (y.max(1) - 1..(y + 2).min(squares)).map(move |y| x * squares + y));
+        let is_free = near.flat_map(|square| &in_square[square]).all(|&other| {
+            let other: Disc = trees[other as usize];
+            (other.center[0] - center[0]).hypot(other.center[1] - center[1]) > 2.01 * radius
+        });
+        if is_free {
+            in_square[x * squares + y].push(trees.len() as u32);
+            trees.push(Disc { center, radius });
+        }
+    }
+    trees.retain(|tree| {
+        let [x, y] = tree.center.map(|x| x - 0.5 * side);
+        (x.hypot(y) - CIRCLE).abs() > radius + 0.1
+    });
+    trees
+}
+
 impl ForestWalk {
-    /// Plants at least `count` trees, one in each square of 7 m, and walks `steps` steps of a quarter of a
-    /// metre between them. `radius` is that of the trees, in metres.
+    /// Plants `count` trees of this radius in metres, without those that are in the way, and walks `steps`
+    /// steps of 5 cm on a circle in the middle of the forest.
     ///
     /// # Errors
     ///
     /// Returns [`DiscError`] for an invalid radius or too many trees.
     pub fn new(count: usize, radius: f64, steps: usize) -> Result<Self, DiscError> {
-        let side = (count as f64).sqrt().ceil();
-        let random = &mut Random::new(7);
-        // Trees get random positions within their squares, so they do not overlap if the squares are large
-        // enough.
-        let room = (0.5 * SPACING - radius).max(0.0);
-        let trees: Vec<_> = (0..(side * side) as usize)
-            .map(|k| {
-                let at = [k as f64 % side, (k as f64 / side).floor()];
-                let center = at.map(|k| (k + 0.5) * SPACING + random.between(-room, room));
-                Disc { center, radius }
-            })
-            .collect();
+        // An invalid radius is refused before trees are planted by it.
+        Discs::new(&[Disc { center: [0.0; 2], radius }])?;
+        let (trees, side) = (plant(count, radius), side(count, radius));
         let discs = Discs::new(&trees)?;
         let (mut zone, mut seen) = (DiscZone::new(), Vec::new());
-        let middle = 0.5 * side * SPACING;
-        let steps = (0..steps)
-            .map(|k| {
-                let along = 0.25 * k as f64;
-                let eye = [middle + along, middle + 2.0 * (0.1 * along).sin()];
+        let mut kept = KineticZone::new(&discs, REACH);
+        kept.move_to(eye(0, side));
+        let steps = (1..=steps)
+            .map(|step| {
+                let eye = eye(step, side);
                 let mut times = [0.0; 5];
                 for time in &mut times {
                     let start = Instant::now();
@@ -68,7 +113,11 @@ impl ForestWalk {
                     *time = start.elapsed().as_secs_f64() * 1e6;
                 }
                 times.sort_unstable_by(f64::total_cmp);
-                Step { eye, seen: seen.clone(), us: times[2] }
+                let start = Instant::now();
+                kept.move_to(eye);
+                let kept_us = start.elapsed().as_secs_f64() * 1e6;
+                let work = kept.work();
+                Step { eye, seen: seen.clone(), us: times[2], kept_us, kept_work: [work.steps, work.ended] }
             })
             .collect();
         Ok(Self { trees, steps })

@@ -84,17 +84,26 @@ pub fn viewcell(given: &TurnedBox, up: Vec3) -> Viewcell {
     Viewcell { planes: sides.collect(), ..Viewcell::from_box(middle - reach, middle + reach) }
 }
 
-/// Makes up to `count` viewcells around eyes spread evenly along the walks of a scene. `size` is two sizes on
-/// the ground and the height. Each side of a viewcell moves outwards from the eye until the viewcell has its
-/// full size or would touch an opaque object, so that it stays in its room or street. An eye that touches an
-/// opaque object gives no viewcell.
+/// Makes up to `count` viewcells around eyes spread evenly along the walks of a scene, no two equal. `size`
+/// is two sizes on the ground and the height. Each side of a viewcell moves outwards from the eye until the
+/// viewcell has its full size or would touch an opaque object, so that it stays in its room or street. An eye
+/// that touches an opaque object gives no viewcell. In place of it, and of an eye of an equal viewcell where
+/// walks meet, an eye between the others is taken.
 pub fn along_walks(world: &World, count: usize, size: [f64; 3]) -> Vec<Viewcell> {
     let size = on_axes(size, world.source.up);
     // Takes every second of twice as many frames as cells, and so skips the first frame, because the ends of
     // walks are often at walls.
     let all: Vec<Frame> = frames(&world.source.walks, count.saturating_mul(2));
-    let eyes = all.into_iter().skip(1).step_by(2).map(|frame| frame.camera.eye);
-    eyes.filter_map(|eye| grown(world, eye, size)).collect()
+    let mut cells: Vec<Viewcell> = Vec::new();
+    for frame in all.iter().skip(1).step_by(2).chain(all.iter().step_by(2)) {
+        if cells.len() < count
+            && let Some(cell) = grown(world, frame.camera.eye, size)
+            && !cells.contains(&cell)
+        {
+            cells.push(cell);
+        }
+    }
+    cells
 }
 
 fn grown(world: &World, eye: DVec3, size: DVec3) -> Option<Viewcell> {
@@ -185,6 +194,17 @@ mod tests {
             for [x, y, z] in [[5.01, 0.0, 0.0], [-5.01, 0.9, 0.0], [0.0, 1.01, 0.0], [0.0, 0.0, 1.01]] {
                 assert!(!cell.contains(at(x, y, z)), "{text}: {x} {y} {z}");
             }
+        }
+    }
+
+    #[test]
+    fn viewcells_differ_where_walks_meet() {
+        let mut source = crate::built_in("london:3,3").unwrap();
+        source.walks = vec![source.walks[0].clone(); 2];
+        let cells = along_walks(&crate::region::world(source), 6, [4.0, 4.0, 2.0]);
+        assert_eq!(cells.len(), 6, "as many as were asked for, along two equal walks");
+        for (number, cell) in cells.iter().enumerate() {
+            assert!(!cells[..number].contains(cell), "viewcell {number} is there already");
         }
     }
 

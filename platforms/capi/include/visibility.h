@@ -17,7 +17,8 @@
 //
 // Threads. Any thread may use any handle. Functions that take a handle as `const` may run on any number of
 // threads at once; a function that takes a handle without `const` needs it alone. Calls that break this rule
-// are refused with `VIS_ERROR_BUSY`, except those on `vis_cells`, which wait. Destroying is never checked.
+// are refused with `VIS_ERROR_BUSY`, except those on `vis_cells` and `vis_online`, which wait. Destroying is
+// never checked.
 //
 // Matrices have 16 numbers, column-major, and multiply column vectors: element [4 * column + row], as in
 // OpenGL, glm, cglm. Clip space is that of all graphics interfaces, -w <= x, y <= w; depth see `vis_depth`.
@@ -65,7 +66,8 @@ typedef enum vis_status {
   // An argument is invalid: a matrix that is not finite, an unknown enumerator, a size out of range, a
   // misaligned pointer.
   VIS_ERROR_ARGUMENT = 2,
-  // An object, mesh, cell or portal does not exist: it was removed, or belongs to another scene.
+  // An object, mesh, cell, portal, wall or mover does not exist: it was removed, or belongs to another
+  // scene.
   VIS_ERROR_UNKNOWN_ID = 3,
   // A buffer is too short. The required length was written.
   VIS_ERROR_TOO_SHORT = 4,
@@ -80,6 +82,17 @@ typedef enum vis_status {
   // only be destroyed.
   VIS_ERROR_PANIC = 8,
 } vis_status;
+
+// What answered a frame of online sets.
+typedef enum vis_answer {
+  // No box, so that nothing was hidden: none is finished around the eye and its near plane, or the view's
+  // layers leave out an occluder of the boxes.
+  VIS_ANSWER_NONE = 0,
+  // A wide box, which hides less than a viewcell: the viewcell is not ready.
+  VIS_ANSWER_WIDE = 1,
+  // A viewcell.
+  VIS_ANSWER_VIEWCELL = 2,
+} vis_answer;
 
 // Accuracy that a pipeline promises for its result.
 typedef enum vis_accuracy {
@@ -109,6 +122,17 @@ typedef enum vis_depth {
   VIS_DEPTH_REVERSED_INFINITE = 5,
 } vis_depth;
 
+// Effect of a wall on lines of sight that cross it.
+typedef enum vis_opacity {
+  // Lines of sight end at the wall: a solid wall, a closed door.
+  VIS_OPACITY_OPAQUE = 0,
+  // Lines of sight pass: glass, an open door, or a line that makes the cells of a large room smaller.
+  VIS_OPACITY_CLEAR = 1,
+  // Lines of sight pass from the left of the wall to its right, as seen along it from its first end, and
+  // end when they come from the right.
+  VIS_OPACITY_ONE_WAY = 2,
+} vis_opacity;
+
 // The cells of a building with their doors, shared by the pipelines of all views. Its functions wait for one
 // another, so they never return `VIS_ERROR_BUSY`.
 typedef struct vis_cells vis_cells;
@@ -119,6 +143,11 @@ typedef struct vis_graph vis_graph;
 // Software renderer that finds the objects with at least one visible pixel, for tests and tools, not for
 // frames.
 typedef struct vis_measure vis_measure;
+
+// Sets of the objects that are visible from small boxes around one eye, made ahead of it while the scene
+// changes. Its functions wait for one another and for frames that use the sets, so they never return
+// `VIS_ERROR_BUSY` because of it.
+typedef struct vis_online vis_online;
 
 // Pipeline: the cullers of one view in the order in which they were added, with their state from earlier
 // frames. Two eyes, or two players, need two pipelines over one scene.
@@ -134,12 +163,19 @@ typedef struct vis_scene vis_scene;
 // Potentially visible set prepared for a scene. It never changes.
 typedef struct vis_scene_pvs vis_scene_pvs;
 
+// The level in which movers see each other, as cells that cover it.
+typedef struct vis_sight_cells vis_sight_cells;
+
 // View: a camera and the layers that it shows. Created once, and set in each frame.
 typedef struct vis_view vis_view;
 
 // Set of the objects that a view sees, the result of `vis_pipeline_cull`. Changes of the scene do not change
 // the set. Once listed, a render thread can read it while the scene changes.
 typedef struct vis_visible vis_visible;
+
+// Observers and targets of one tick, with the answer which of them see which. Keeps what it can for the
+// next.
+typedef struct vis_who_sees vis_who_sees;
 
 // Portal of a graph: a convex polygon between two cells.
 typedef struct vis_portal {
@@ -200,6 +236,18 @@ typedef struct vis_stats {
   uint64_t visible;
 } vis_stats;
 
+// Work that one call of `vis_online_step` has done.
+typedef struct vis_online_work {
+  // Whether there was any. False if all places have viewcells; all else is then false or 0.
+  bool worked;
+  // Whether the step worked on a wide box, not on a viewcell.
+  bool wide;
+  // Whether the step has finished its box, which answers frames from now on.
+  bool finished;
+  // Counters of the step.
+  struct vis_stats stats;
+} vis_online_work;
+
 // Description of an object to insert. Start from `vis_object_default`: a description of zeros would put the
 // object on no layer, so that it is never visible.
 typedef struct vis_object_desc {
@@ -223,6 +271,27 @@ typedef struct vis_pose {
   // Direction that points upwards in the picture.
   double up[3];
 } vis_pose;
+
+// Wall of a floor plan: a segment that is as high as the level.
+typedef struct vis_wall {
+  // First end: the plan's x and y.
+  double from[2];
+  // Second end.
+  double to[2];
+  // A `vis_opacity`.
+  uint32_t opacity;
+} vis_wall;
+
+// Where a mover may be until the answer is used.
+typedef struct vis_reach {
+  // Minimum corner, in world space, of the box that holds the mover's body, or its eyes: x, y, z.
+  double min[3];
+  // Maximum corner of the box.
+  double max[3];
+  // Greatest distance that a point of the body moves until the answer is used: its greatest speed, times
+  // half a round trip on the network and the time until the next answer. Not negative.
+  double margin;
+} vis_reach;
 
 #ifdef __cplusplus
 extern "C" {
@@ -389,6 +458,65 @@ enum vis_status vis_scene_set_triangles(struct vis_scene *scene,
 // the number of objects that got one to `count`. Call this once after loading.
 enum vis_status vis_scene_prepare_occluders(struct vis_scene *scene, size_t *count);
 
+// Creates sets for one eye. `viewcell` and `wide` are the sizes along x, y and z, in metres, of the
+// viewcells and of the wide boxes that these lie in: 3 numbers each, positive and finite, those of `wide` at
+// least those of `viewcell`. A viewcell of 0.6 m lasts for a quarter of a second of walking; a wide box
+// should be several times as wide, but not higher. `margin` is how far a viewcell extends at least around
+// each place that it holds: to the corners of the near plane, and to both eyes of a headset. At most half
+// the least size of the viewcell counts; 0 for the default, an eighth of it.
+enum vis_status vis_online_create(const double *viewcell,
+                                  const double *wide,
+                                  double margin,
+                                  struct vis_online **online);
+
+// Destroys sets; pipelines and sight cells that use them keep them alive. Does nothing for a null pointer.
+void vis_online_destroy(struct vis_online *online);
+
+// Works ahead, in or between frames, on the box that is needed soonest. `places` are points of the world, 3
+// coordinates each: the eye, then where it may be next, such as its place after 0.1, 0.2, 0.4 and 0.8
+// seconds at its present velocity. All must be finite. `budget` is the work to do in microseconds of a core
+// of 3 GHz, counted and not timed; a step does a little work even with 0, and may exceed it by one
+// indivisible part. Answers do not depend on budgets. Writes what was done to `work`, which may be null:
+// call this until `worked` is false to have viewcells at all places.
+enum vis_status vis_online_step(struct vis_online *online,
+                                const struct vis_scene *scene,
+                                const double *places,
+                                size_t place_count,
+                                uint32_t budget,
+                                struct vis_online_work *work);
+
+// Writes what answered the last frame of a pipeline with these sets. `VIS_ANSWER_NONE` before the first.
+enum vis_status vis_online_answer(const struct vis_online *online, enum vis_answer *answer);
+
+// Writes the ids of objects that the box of the last frame sees, wherever the view looks, and the box of the
+// frame before did not, like `vis_visible_ids`. The largest for their distance come first, so a stream sends
+// as many of the first as fit. It begins with all objects of the scene and adds those that are inserted,
+// since what was never hidden is not listed.
+enum vis_status vis_online_came(const struct vis_online *online,
+                                uint64_t *ids,
+                                size_t capacity,
+                                size_t *count);
+
+// Writes the ids of objects that the box of the frame before saw and the box of the last frame does not see,
+// in the order of `vis_online_came`, so the last can be unloaded first. Removed objects are not listed.
+enum vis_status vis_online_went(const struct vis_online *online,
+                                uint64_t *ids,
+                                size_t capacity,
+                                size_t *count);
+
+// Writes which objects are hidden from all points of a box of the world, without a view: bit `index % 32` of
+// word `index / 32` is set if the object is hidden. `min` and `max` are the corners of the box, 3 finite
+// coordinates each. Nothing is hidden if no finished box holds this one, or if `min` exceeds `max`. A null
+// or too short `words` is handled as in `vis_visible_ids`; `vis_scene_index_limit` tells the number of
+// words. Only for observers to whom all layers of occluders are drawn.
+enum vis_status vis_online_write_hidden(struct vis_online *online,
+                                        const struct vis_scene *scene,
+                                        const double *min,
+                                        const double *max,
+                                        uint32_t *words,
+                                        size_t capacity,
+                                        size_t *count);
+
 // Creates a pipeline without stages, which reports every object on the view's layers.
 enum vis_status vis_pipeline_create(struct vis_pipeline **pipeline);
 
@@ -421,6 +549,12 @@ enum vis_status vis_pipeline_add_portals(struct vis_pipeline *pipeline, const st
 // Several pipelines may share the set, which lives as long as a pipeline uses it, even if destroyed.
 // Conservative if the set is.
 enum vis_status vis_pipeline_add_pvs(struct vis_pipeline *pipeline, const struct vis_scene_pvs *pvs);
+
+// Appends culling by sets made ahead of an eye on the move. It removes objects that are hidden from the box
+// around the eye and its near plane; nothing while no box is ready. The sets live as long as a pipeline uses
+// them, even if destroyed. Both eyes of a headset may share them; `vis_online_answer` and the lists of what
+// came and went are then those of the last frame of either. Conservative.
+enum vis_status vis_pipeline_add_online(struct vis_pipeline *pipeline, const struct vis_online *online);
 
 // Culls: fills `visible` with the objects of the scene that the view may see. Writes the sum of the stages'
 // counters to `stats`, which may be null. Call this once per frame and view. Several threads may cull views
@@ -718,6 +852,99 @@ enum vis_status vis_visible_newly_hidden(const struct vis_visible *visible,
                                          uint64_t *ids,
                                          size_t capacity,
                                          size_t *count);
+
+// Makes sight cells from the walls of a floor plan: its triangles are the cells. `x_axis` and `y_axis` are
+// the axes of the world, 0 to 2, that are the plan's x and y: 0 and 1 if z is up. Movers do not pass opaque
+// walls. Outside the rectangle around the plan a mover sees and is seen by all. Leave out walls that one can
+// look over. Clear walls along a grid of some metres make large rooms hide more.
+enum vis_status vis_sight_cells_create_of_plan(const struct vis_wall *walls,
+                                               size_t wall_count,
+                                               uint32_t x_axis,
+                                               uint32_t y_axis,
+                                               struct vis_sight_cells **cells);
+
+// Makes sight cells from the cells of a building, their volumes and planes as in `vis_cells_create`, and the
+// set that `vis_graph_bake` made of their graph. Outside the cells all is solid; doors count as open. Graph
+// and set may be destroyed afterwards. Returns `VIS_ERROR_ARGUMENT` for a set of another graph.
+enum vis_status vis_sight_cells_create_of_portals(const struct vis_graph *graph,
+                                                  const struct vis_volume *cell_volumes,
+                                                  size_t volume_count,
+                                                  const double *planes,
+                                                  size_t plane_count,
+                                                  double tolerance,
+                                                  const struct vis_pvs *pvs,
+                                                  struct vis_sight_cells **cells);
+
+// Makes sight cells for a scene whose occluders stand still, from boxes of the world, 6 numbers each
+// (minimum, then maximum corner), finite and not inverted. Finds which boxes are seen from which by a sweep
+// of each, in milliseconds to a second a box. A box that a wall cuts sees both sides of the wall. Outside
+// the boxes a mover sees and is seen by all.
+enum vis_status vis_sight_cells_create_of_scene(const struct vis_scene *scene,
+                                                const double *boxes,
+                                                size_t box_count,
+                                                struct vis_sight_cells **cells);
+
+// Makes sight cells for a scene that changes, from boxes as in `vis_sight_cells_create_of_scene`. Adds an
+// object to the scene for each box, which hides nothing and no view shows. While a mover is not in the
+// boxes, all see it; while no box of the online sets holds its reach, it sees all. So the margin of the sets
+// should be at least half the greatest extent of a reach, and `vis_online_step` should get the middles of
+// the reaches as places. The sets live as long as the cells.
+enum vis_status vis_sight_cells_create_online(struct vis_scene *scene,
+                                              const struct vis_online *online,
+                                              const double *boxes,
+                                              size_t box_count,
+                                              struct vis_sight_cells **cells);
+
+// Destroys sight cells. Does nothing for a null pointer.
+void vis_sight_cells_destroy(struct vis_sight_cells *cells);
+
+// Sets the opacity (a `vis_opacity`) of a wall of a plan, for example a door; walls count from 0. Returns
+// `VIS_ERROR_UNKNOWN_ID` if the cells have no such wall.
+enum vis_status vis_sight_cells_set_opacity(struct vis_sight_cells *cells,
+                                            uint32_t wall,
+                                            uint32_t wall_opacity);
+
+// Writes the ids of the objects that `vis_sight_cells_create_online` has added, like `vis_visible_ids`, in
+// the order of the boxes; none for other sight cells. Remove them after the cells. All movers see one
+// another while one is missing, or has other bounds than its box: once the origin of the scene has moved,
+// set them anew.
+enum vis_status vis_sight_cells_objects(const struct vis_sight_cells *cells,
+                                        uint64_t *ids,
+                                        size_t capacity,
+                                        size_t *count);
+
+// Creates an answer without observers and targets.
+enum vis_status vis_who_sees_create(struct vis_who_sees **who_sees);
+
+// Destroys an answer. Does nothing for a null pointer.
+void vis_who_sees_destroy(struct vis_who_sees *who_sees);
+
+// Finds which targets each observer may see, once per tick, and replaces the former answer. Conservative: a
+// target is left out only if no straight line leads from anywhere the observer may be to anywhere the target
+// may be. Targets hide nothing from each other. Observers and targets count from 0 in the order given.
+// `scene` is the scene of online sight cells; null for all others. On an error, the former answer stays.
+enum vis_status vis_who_sees_look(struct vis_who_sees *who_sees,
+                                  struct vis_sight_cells *cells,
+                                  const struct vis_scene *scene,
+                                  const struct vis_reach *observers,
+                                  size_t observer_count,
+                                  const struct vis_reach *targets,
+                                  size_t target_count);
+
+// Writes whether an observer may see a target. Returns `VIS_ERROR_UNKNOWN_ID` for numbers that the last call
+// of `vis_who_sees_look` did not have.
+enum vis_status vis_who_sees_sees(const struct vis_who_sees *who_sees,
+                                  size_t observer,
+                                  size_t target,
+                                  bool *sees);
+
+// Writes the numbers of the targets that an observer may see, ascending, like `vis_visible_ids`. Returns
+// `VIS_ERROR_UNKNOWN_ID` for an observer that the last call of `vis_who_sees_look` did not have.
+enum vis_status vis_who_sees_seen_by(const struct vis_who_sees *who_sees,
+                                     size_t observer,
+                                     uint32_t *targets,
+                                     size_t capacity,
+                                     size_t *count);
 
 #ifdef __cplusplus
 }  // extern "C"

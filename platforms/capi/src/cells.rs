@@ -11,7 +11,7 @@ use visibility_core::glam::DVec3;
 use visibility_portals::{BakerSettings, CellBaker, Passage, SceneCells, prt};
 
 /// Graph of convex cells and the portals between them. It never changes.
-pub struct vis_graph(CellGraph);
+pub struct vis_graph(pub(crate) CellGraph);
 
 /// Portal of a graph: a convex polygon between two cells.
 #[repr(C)]

@@ -5,6 +5,7 @@ use std::cell::RefCell;
 use std::ffi::{CString, c_char};
 use std::fmt::Display;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use visibility_2d::cdt::PlanError;
 use visibility_bake::BakedSetError;
 use visibility_core::cells::CellGraphError;
 use visibility_core::occlusion::MeshError;
@@ -12,6 +13,7 @@ use visibility_core::pvs::PvsError;
 use visibility_core::scene::SceneError;
 use visibility_core::view::ViewError;
 use visibility_core::visible_set::BitsError;
+use visibility_core::who_sees::OfPortalsError;
 use visibility_hzb::SizeError;
 use visibility_measure::MeasureError;
 use visibility_portals::prt::PrtError;
@@ -29,7 +31,8 @@ pub enum vis_status {
     /// An argument is invalid: a matrix that is not finite, an unknown enumerator, a size out of range, a
     /// misaligned pointer.
     VIS_ERROR_ARGUMENT = 2,
-    /// An object, mesh, cell or portal does not exist: it was removed, or belongs to another scene.
+    /// An object, mesh, cell, portal, wall or mover does not exist: it was removed, or belongs to another
+    /// scene.
     VIS_ERROR_UNKNOWN_ID = 3,
     /// A buffer is too short. The required length was written.
     VIS_ERROR_TOO_SHORT = 4,
@@ -89,6 +92,11 @@ codes! {
     MeasureError, _ => VIS_ERROR_ARGUMENT;
     CellGraphError, _ => VIS_ERROR_ARGUMENT;
     BakeError, _ => VIS_ERROR_ARGUMENT;
+    OfPortalsError, _ => VIS_ERROR_ARGUMENT;
+    PlanError, kind => match kind {
+        PlanError::UnknownWall { .. } => VIS_ERROR_UNKNOWN_ID,
+        _ => VIS_ERROR_ARGUMENT,
+    };
     PrtError, _ => VIS_ERROR_FORMAT;
     SceneError, kind => match kind {
         SceneError::UnknownObject(_) | SceneError::UnknownMesh(_) => VIS_ERROR_UNKNOWN_ID,

@@ -18,25 +18,31 @@ mod handle;
 mod measure;
 mod moves;
 mod occluders;
+mod online;
 mod pipeline;
 mod pointer;
 mod pvs;
 mod scene;
+mod stats;
 mod view;
 mod visible;
 mod volume;
+mod who_sees;
 
 pub use cells::*;
 pub use error::*;
 pub use measure::*;
 pub use moves::*;
 pub use occluders::*;
+pub use online::*;
 pub use pipeline::*;
 pub use pvs::*;
 pub use scene::*;
+pub use stats::*;
 pub use view::*;
 pub use visible::*;
 pub use volume::*;
+pub use who_sees::*;
 
 /// The header allows any thread to use any handle, so compilation fails if a handle's type is not `Send` and
 /// `Sync`.
@@ -45,12 +51,15 @@ const _: () = {
     any_thread::<vis_cells>();
     any_thread::<vis_graph>();
     any_thread::<vis_measure>();
+    any_thread::<vis_online>();
     any_thread::<vis_pipeline>();
     any_thread::<vis_pvs>();
     any_thread::<vis_scene>();
     any_thread::<vis_scene_pvs>();
+    any_thread::<vis_sight_cells>();
     any_thread::<vis_view>();
     any_thread::<vis_visible>();
+    any_thread::<vis_who_sees>();
 };
 
 /// Version of the interface. It increases when a change breaks programs that were compiled before.

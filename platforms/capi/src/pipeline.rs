@@ -3,15 +3,17 @@
 use crate::cells::vis_cells;
 use crate::error::{Error, border, vis_status};
 use crate::handle::Guarded;
+use crate::online::{SharedOnline, vis_online};
 use crate::pointer::{buffer, create, destroy, optional_out, out, reference};
 use crate::pvs::vis_scene_pvs;
 use crate::scene::vis_scene;
+use crate::stats::vis_stats;
 use crate::view::vis_view;
 use crate::visible::vis_visible;
 use std::ffi::c_char;
 use std::fmt::Write;
 use visibility_core::pvs::PvsCuller;
-use visibility_core::{Accuracy, CullStats, Culler, FrustumCuller, ObjectId, Pipeline};
+use visibility_core::{Accuracy, Culler, FrustumCuller, ObjectId, Pipeline};
 use visibility_frame::lod::ContributionCuller;
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_portals::SharedPortalCuller;
@@ -19,34 +21,6 @@ use visibility_portals::SharedPortalCuller;
 /// Pipeline: the cullers of one view in the order in which they were added, with their state from earlier
 /// frames. Two eyes, or two players, need two pipelines over one scene.
 pub struct vis_pipeline(Guarded<Pipeline>);
-
-/// Counters of a frame's work. They do not depend on the machine or on timing.
-#[repr(C)]
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct vis_stats {
-    /// Number of nodes of the hierarchy whose children were tested.
-    pub nodes: u64,
-    /// Number of nodes accepted as a whole, without tests of their children.
-    pub accepted_subtrees: u64,
-    /// Number of tests of one box against one plane, one occlusion map or similar.
-    pub tests: u64,
-    /// Number of occluders drawn.
-    pub occluders: u64,
-    /// Number of visible objects after the stage.
-    pub visible: u64,
-}
-
-impl From<CullStats> for vis_stats {
-    fn from(stats: CullStats) -> Self {
-        Self {
-            nodes: stats.nodes,
-            accepted_subtrees: stats.accepted_subtrees,
-            tests: stats.tests,
-            occluders: stats.occluders,
-            visible: stats.visible,
-        }
-    }
-}
 
 /// Accuracy that a pipeline promises for its result.
 #[repr(C)]
@@ -161,6 +135,23 @@ pub unsafe extern "C" fn vis_pipeline_add_pvs(
         let pvs = unsafe { reference(pvs, "pvs") }?;
         // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         unsafe { push(pipeline, PvsCuller::new(pvs.shared())) }
+    })
+}
+
+/// Appends culling by sets made ahead of an eye on the move. It removes objects that are hidden from the box
+/// around the eye and its near plane; nothing while no box is ready. The sets live as long as a pipeline uses
+/// them, even if destroyed. Both eyes of a headset may share them; `vis_online_answer` and the lists of what
+/// came and went are then those of the last frame of either. Conservative.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_pipeline_add_online(
+    pipeline: *mut vis_pipeline,
+    online: *const vis_online,
+) -> vis_status {
+    border(|| {
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
+        let online = unsafe { reference(online, "online") }?;
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
+        unsafe { push(pipeline, SharedOnline(online.shared())) }
     })
 }
 

@@ -53,6 +53,8 @@ fn no_number_makes_a_call_panic() {
     let (scene, view, pipeline) = (make(vis_scene_create), make(vis_view_create), make(vis_pipeline_create));
     let (mut visible, mut measure) = (null_mut(), null_mut());
     let (mut graph, mut cells, mut pvs) = (null_mut(), null_mut(), null_mut());
+    let (mut online, mut sight) = (null_mut(), null_mut());
+    let who_sees = make(vis_who_sees_create);
     let (mut ids, mut meshes) = (vec![VIS_NO_OBJECT], vec![0]);
     let (mut list, mut count, mut outcomes) = ([0_u64; 64], 0, [0; 9]);
     // SAFETY: handles are live, and arrays have the stated lengths.
@@ -62,10 +64,12 @@ fn no_number_makes_a_call_panic() {
         ok(vis_pipeline_add_frustum(pipeline));
         ok(vis_pipeline_add_z_buffer(pipeline, 32, 32));
         ok(vis_pipeline_add_contribution(pipeline, number(rng), number(rng)));
+        ok(vis_online_create([1.0; 3].as_ptr(), [4.0; 3].as_ptr(), 0.0, &mut online));
+        ok(vis_pipeline_add_online(pipeline, online));
         for round in 0..20_000 {
             let (id, mesh) = (ids[rng.below(ids.len())], meshes[rng.below(meshes.len())]);
             let index = || number(&mut Random(round)) as u32;
-            let status = match rng.below(22) {
+            let status = match rng.below(25) {
                 0 => {
                     let flags = rng.below(17) as u32;
                     let object = vis_object_desc { flags, ..vis_object_default(random_box(rng)) };
@@ -156,6 +160,41 @@ fn no_number_makes_a_call_panic() {
                             vis_cells_destroy(cells);
                         }
                         vis_graph_destroy(graph);
+                    }
+                    status
+                }
+                21 => {
+                    let places = numbers::<6>(rng);
+                    vis_online_step(online, scene, places.as_ptr(), 2, index() % 50, null_mut())
+                }
+                22 => {
+                    let (size, corners) = (numbers::<3>(rng).map(f64::abs), numbers::<6>(rng));
+                    let wide = size.map(|x| 4.0 * x);
+                    let (min, max) = (corners[..3].as_ptr(), corners[3..].as_ptr());
+                    let mut own = null_mut();
+                    let mut status = vis_online_create(size.as_ptr(), wide.as_ptr(), number(rng), &mut own);
+                    if status == VIS_OK {
+                        status = vis_online_step(own, scene, min, 1, 50, null_mut());
+                        assert_ne!(status, VIS_ERROR_PANIC, "round {round}");
+                        status = vis_online_write_hidden(own, scene, min, max, null_mut(), 0, &mut count);
+                        vis_online_destroy(own);
+                    }
+                    status
+                }
+                23 => {
+                    let corners = numbers::<4>(rng);
+                    let (from, to) = ([corners[0], corners[1]], [corners[2], corners[3]]);
+                    let wall = vis_wall { from, to, opacity: rng.below(4) as u32 };
+                    let [min, max] = [numbers(rng), numbers(rng)];
+                    let reach = vis_reach { min, max, margin: number(rng) };
+                    let bounds = numbers::<6>(rng);
+                    let mut status = match rng.below(2) {
+                        0 => vis_sight_cells_create_of_plan(&wall, 1, 0, index() % 4, &mut sight),
+                        _ => vis_sight_cells_create_of_scene(scene, bounds.as_ptr(), 1, &mut sight),
+                    };
+                    if status == VIS_OK {
+                        status = vis_who_sees_look(who_sees, sight, null(), &reach, 1, &reach, 1);
+                        vis_sight_cells_destroy(sight);
                     }
                     status
                 }

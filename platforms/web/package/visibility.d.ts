@@ -65,6 +65,17 @@ export const Flag: {
   readonly OneSided: 8;
 };
 
+/** Effect of a wall on lines of sight that cross it. */
+export const Opacity: {
+  /** Lines of sight end at the wall: a solid wall, a closed door. */
+  readonly Opaque: 0;
+  /** Lines of sight pass: glass, an open door, or a line that makes the cells of a large room smaller. */
+  readonly Clear: 1;
+  /** Lines of sight pass from the left of the wall to its right, as seen along it from `from`, and not back. */
+  readonly OneWay: 2;
+};
+export type Opacity = (typeof Opacity)[keyof typeof Opacity];
+
 /** What was wrong: an argument, an unknown id, damaged content, something that has to be done first. */
 export type ErrorCode =
   | "NULL"
@@ -100,6 +111,14 @@ export interface Portal {
   cells: readonly [number, number];
 }
 
+/** A wall of a floor plan, as high as the level: the plan's x and y of its two ends. */
+export interface Wall {
+  from: readonly [number, number] | ArrayLike<number>;
+  to: readonly [number, number] | ArrayLike<number>;
+  /** `Opacity.Opaque` by default. */
+  opacity?: Opacity;
+}
+
 /** Place and directions of a camera. */
 export interface Pose {
   eye: Triple;
@@ -116,6 +135,15 @@ export interface Stats {
   tests: number;
   occluders: number;
   visible: number;
+}
+
+/** The work that one step of `Online` has done. */
+export interface OnlineStep {
+  /** Whether the step worked on a wide box, not on a viewcell. */
+  isWide: boolean;
+  /** Whether the step has finished its box, which answers frames from now on. */
+  isFinished: boolean;
+  stats: Stats;
 }
 
 /** How a result differs from what a software renderer sees. */
@@ -159,6 +187,44 @@ export interface Visibility {
    * the wrong way is turned by the volumes; a portal whose volumes are not on opposite sides of it is an error.
    */
   createCells(graph: Graph, volumes: readonly Volume[], options?: { tolerance?: number }): Cells;
+  /**
+   * Creates sets of what can be seen around one eye on the move. `viewcell` and `wide` are the sizes along x, y and
+   * z, in metres, of the viewcells and of the wide boxes that these lie in, which are at least as large: 0.6 m and
+   * 4 x 4 x 1 m for someone who walks. `margin` is how far a viewcell extends at least around each place that it
+   * holds: to the corners of the near plane, and to both eyes of a headset; an eighth of the least size by default,
+   * half of it at most.
+   */
+  createOnline(settings: { viewcell: Triple; wide: Triple; margin?: number }): Online;
+  /**
+   * Creates sight cells from the walls of a floor plan. `axes` are the axes of the world that are the plan's x and y:
+   * `[0, 1]`, the default, if z is up. Movers do not pass opaque walls. Leave out walls that one can look over. Clear
+   * walls along a grid of some metres make large rooms hide more.
+   */
+  createSightCellsOfPlan(walls: readonly Wall[], options?: { axes?: readonly [number, number] }): SightCells;
+  /**
+   * Creates sight cells from the cells of a building, their volumes as in `createCells`, and what `graph.bake()`
+   * returned. Outside the cells all is solid; doors count as open.
+   */
+  createSightCellsOfPortals(
+    graph: Graph,
+    volumes: readonly Volume[],
+    pvs: Pvs,
+    options?: { tolerance?: number },
+  ): SightCells;
+  /**
+   * Creates sight cells for a scene whose occluders stand still, from boxes of the world, 6 numbers each, least
+   * corner first. Takes milliseconds to a second a box.
+   */
+  createSightCellsOfScene(scene: Scene, boxes: Numbers): SightCells;
+  /**
+   * Creates sight cells for a scene that changes, from boxes of the world, 6 numbers each. Adds an object to the
+   * scene for each box, which hides nothing and no view shows. While no box of `online` holds all that a mover may
+   * reach, it sees all: the margin of `online` should be half the greatest extent of that, and `step` should get the
+   * middles of the movers as places.
+   */
+  createOnlineSightCells(scene: Scene, online: Online, boxes: Numbers): SightCells;
+  /** Creates an answer to who sees whom, without observers and targets. */
+  createWhoSees(): WhoSees;
   /** Loads a set from the `bytes` of another. Files of the program `bake` are read by `readScenePvs`. */
   readPvs(bytes: Uint8Array): Pvs;
   /**
@@ -295,6 +361,11 @@ export interface Pipeline extends Handle {
   addPortals(cells: Cells): this;
   /** Removes what a baked set excludes. Conservative if the set is. */
   addPvs(pvs: ScenePvs): this;
+  /**
+   * Removes what is hidden from the box around the eye and its near plane; nothing while no box is ready.
+   * Conservative.
+   */
+  addOnline(online: Online): this;
   /** Fills `visible` with the objects that the view may see; once per frame and view. */
   cull(scene: Scene, view: View, visible: Visible): Stats;
   /** Counters of one stage in the last frame. */
@@ -371,3 +442,57 @@ export interface Pvs extends Handle {
 
 /** A set prepared for a scene. */
 export interface ScenePvs extends Handle {}
+
+/**
+ * Sets of the objects that are visible from small boxes around one eye, made ahead of it while the scene changes.
+ * What moves counts as visible at once; doors and other movers should not be occluders.
+ */
+export interface Online extends Handle {
+  /**
+   * Works ahead on the box that is needed soonest; null if all places have viewcells. `places` are points of the
+   * world, 3 numbers each: the eye, then where it may be next, such as its place after 0.1, 0.2, 0.4 and 0.8 seconds
+   * at its present velocity. `budget` is the work to do in microseconds of a core of 3 GHz, counted and not timed.
+   */
+  step(scene: Scene, places: Numbers, budget: number): OnlineStep | null;
+  /**
+   * What answered the last frame of a pipeline with these sets: a viewcell, the wide box around it, which hides less,
+   * or none, so that nothing was hidden.
+   */
+  readonly answer: "none" | "wide" | "viewcell";
+  /**
+   * Objects that the box of the last frame sees, wherever the view looks, and the box of the frame before did not:
+   * the largest for their distance first, for streams. A stream begins with all objects of the scene, and adds those
+   * that are inserted, since what was never hidden is not listed.
+   */
+  readonly came: BigUint64Array;
+  /** Objects that the box of the frame before saw and the box of the last frame does not, in the order of `came`. */
+  readonly went: BigUint64Array;
+  /**
+   * One bit per index, as in `Visible.bits`, of the objects that are hidden from all points of a box of the world;
+   * none if no finished box holds this one. For observers to whom all layers of occluders are drawn.
+   */
+  hiddenFrom(scene: Scene, box: Box): Uint32Array;
+}
+
+/** The level in which movers see each other. Outside of it a mover sees and is seen by all. */
+export interface SightCells extends Handle {
+  /** Sets the opacity of a wall of a plan, for example a door. */
+  setOpacity(wall: number, opacity: Opacity): void;
+  /** The objects that `createOnlineSightCells` has added, in the order of the boxes. */
+  readonly objects: BigUint64Array;
+}
+
+/** Which observers may see which targets, thousands of each. */
+export interface WhoSees extends Handle {
+  /**
+   * Finds which targets each observer may see, and replaces the former answer; once per tick. A target is left out
+   * only if no straight line leads from anywhere the observer may be to anywhere the target may be. Both are 7 numbers
+   * each: least and greatest corner of the box around the body in the world, and how far it may move until the answer
+   * is used. `scene` is that of online sight cells.
+   */
+  look(cells: SightCells, observers: Numbers, targets: Numbers, scene?: Scene): void;
+  /** Whether an observer may see a target. Both count from 0 in the order given. */
+  sees(observer: number, target: number): boolean;
+  /** The numbers of the targets that an observer may see, ascending. */
+  seenBy(observer: number): Uint32Array;
+}

@@ -17,6 +17,9 @@ export const Depth = Object.freeze({
 /** Flags of objects; combine them with `|`. */
 export const Flag = Object.freeze({ NeverCull: 1, Occluder: 2, SeeThrough: 4, OneSided: 8 });
 
+/** What a wall does to lines of sight: `vis_opacity` of the header. */
+export const Opacity = Object.freeze({ Opaque: 0, Clear: 1, OneWay: 2 });
+
 /** All layers: what objects and views have unless they are given others. */
 export const ALL_LAYERS = 0xffffffff;
 
@@ -27,6 +30,8 @@ export const NO_OBJECT = 0xffffffffn;
 const CODES = ["OK", "NULL", "ARGUMENT", "UNKNOWN_ID", "TOO_SHORT", "FORMAT", "STATE", "BUSY", "PANIC"];
 /** Names of `vis_accuracy`, by number. */
 const ACCURACIES = ["exact", "conservative", "aggressive", "approximate"];
+/** Names of `vis_answer`, by number. */
+const ANSWERS = ["none", "wide", "viewcell"];
 const OBJECT_BYTES = 36;
 const BOX_BYTES = 24;
 const POSE_BYTES = 72;
@@ -34,6 +39,8 @@ const VOLUME_BYTES = 56;
 const PORTAL_BYTES = 16;
 const STATS_BYTES = 40;
 const COMPARISON_BYTES = 16;
+const WORK_BYTES = 48;
+const WALL_BYTES = 40;
 /** Bytes of memory for arguments that are kept from call to call at most. */
 const MOST_KEPT = 1 << 24;
 
@@ -105,7 +112,10 @@ class Wasm {
     this.collected = new FinalizationRegistry((held) => this.release(held));
   }
 
-  /** Runs a call: all that `body` borrows is given back at its end. */
+  /**
+   * Runs a call: all that `body` borrows is given back at its end. A call within another gives back all, so it is
+   * the last thing that the outer one does.
+   */
   call(body) {
     if (this.fault !== null) throw new VisibilityError("PANIC", `an earlier ${this.fault}`);
     try {
@@ -252,6 +262,16 @@ class Wasm {
 
   pose({ eye, target, up }) {
     return this.put(Float64Array, [...triple(eye, "eye"), ...triple(target, "target"), ...triple(up, "up")]);
+  }
+
+  point(numbers, name) {
+    return this.put(Float64Array, triple(numbers, name));
+  }
+
+  /** Puts elements of `each` numbers: pointer and count. */
+  numbers(array, each, name) {
+    const count = elements(array, each, name);
+    return [this.put(Float64Array, array), count];
   }
 
   /** Puts convex volumes and their planes: pointer and count of both. */
@@ -438,6 +458,58 @@ class Visibility {
       wasm.check("vis_cells_create", wasm.pointer(graph, "graph"), ...parameters, tolerance, place);
       return new Cells(wasm, "cells", wasm.u32(place));
     });
+  }
+
+  createOnline({ viewcell, wide, margin = 0 } = {}) {
+    const wasm = this.#wasm;
+    return wasm.call(() => {
+      const sizes = [wasm.point(viewcell, "viewcell"), wasm.point(wide, "wide")];
+      return Handle.made(Online, wasm, "online", "vis_online_create", ...sizes, margin);
+    });
+  }
+
+  createSightCellsOfPlan(walls, { axes = [0, 1] } = {}) {
+    const wasm = this.#wasm;
+    return wasm.call(() => {
+      const pointer = wasm.borrow(walls.length * WALL_BYTES);
+      const data = wasm.data();
+      walls.forEach(({ from, to, opacity = Opacity.Opaque }, index) => {
+        const at = pointer + index * WALL_BYTES;
+        flatten([from, to], 2, "an end of a wall").forEach((x, i) => data.setFloat64(at + 8 * i, x, true));
+        data.setUint32(at + 32, whole(opacity, "opacity"), true);
+      });
+      const of = [pointer, walls.length, whole(axes[0], "axes"), whole(axes[1], "axes")];
+      return Handle.made(SightCells, wasm, "sight_cells", "vis_sight_cells_create_of_plan", ...of);
+    });
+  }
+
+  createSightCellsOfPortals(graph, volumes, pvs, { tolerance = 1e-6 } = {}) {
+    const wasm = this.#wasm;
+    return wasm.call(() => {
+      const of = [wasm.pointer(graph, "graph"), ...wasm.volumes(volumes), tolerance, wasm.pointer(pvs, "pvs")];
+      return Handle.made(SightCells, wasm, "sight_cells", "vis_sight_cells_create_of_portals", ...of);
+    });
+  }
+
+  createSightCellsOfScene(scene, boxes) {
+    const wasm = this.#wasm;
+    return wasm.call(() => {
+      const of = [wasm.pointer(scene, "scene"), ...wasm.numbers(boxes, 6, "boxes")];
+      return Handle.made(SightCells, wasm, "sight_cells", "vis_sight_cells_create_of_scene", ...of);
+    });
+  }
+
+  createOnlineSightCells(scene, online, boxes) {
+    const wasm = this.#wasm;
+    return wasm.call(() => {
+      const of = [wasm.pointer(scene, "scene"), wasm.pointer(online, "online")];
+      of.push(...wasm.numbers(boxes, 6, "boxes"));
+      return Handle.made(SightCells, wasm, "sight_cells", "vis_sight_cells_create_online", ...of);
+    });
+  }
+
+  createWhoSees() {
+    return Handle.made(WhoSees, this.#wasm, "who_sees", "vis_who_sees_create");
   }
 
   readPvs(bytes) {
@@ -714,6 +786,10 @@ class Pipeline extends Handle {
     return this.#add("pvs", this.wasm.pointer(scenePvs, "scene_pvs"));
   }
 
+  addOnline(online) {
+    return this.#add("online", this.wasm.pointer(online, "online"));
+  }
+
   cull(scene, view, visible) {
     return this.wasm.call((wasm) => {
       const place = wasm.borrow(STATS_BYTES);
@@ -900,3 +976,65 @@ class Pvs extends Handle {
 }
 
 class ScenePvs extends Handle {}
+
+class Online extends Handle {
+  step(scene, places, budget) {
+    return this.wasm.call((wasm) => {
+      const place = wasm.borrow(WORK_BYTES);
+      const from = [wasm.pointer(scene, "scene"), ...wasm.numbers(places, 3, "places")];
+      wasm.check("vis_online_step", this.pointer, ...from, whole(budget, "budget"), place);
+      const [worked, isWide, isFinished] = wasm.bytes().subarray(place, place + 3);
+      if (!worked) return null;
+      return { isWide: isWide !== 0, isFinished: isFinished !== 0, stats: stats(wasm, place + 8) };
+    });
+  }
+
+  get answer() {
+    return ANSWERS[this.wasm.number("vis_online_answer", this.pointer)];
+  }
+
+  get came() {
+    return this.wasm.list(BigUint64Array, "vis_online_came", this.pointer);
+  }
+
+  get went() {
+    return this.wasm.list(BigUint64Array, "vis_online_went", this.pointer);
+  }
+
+  hiddenFrom(scene, { min, max } = {}) {
+    return this.wasm.call((wasm) => {
+      const from = [wasm.pointer(scene, "scene"), wasm.point(min, "min"), wasm.point(max, "max")];
+      return wasm.list(Uint32Array, "vis_online_write_hidden", this.pointer, ...from);
+    });
+  }
+}
+
+class SightCells extends Handle {
+  setOpacity(wall, opacity) {
+    const parameters = [whole(wall, "wall"), whole(opacity, "opacity")];
+    this.wasm.call((wasm) => wasm.check("vis_sight_cells_set_opacity", this.pointer, ...parameters));
+  }
+
+  get objects() {
+    return this.wasm.list(BigUint64Array, "vis_sight_cells_objects", this.pointer);
+  }
+}
+
+class WhoSees extends Handle {
+  look(cells, observers, targets, scene) {
+    this.wasm.call((wasm) => {
+      const level = [wasm.pointer(cells, "sight_cells"), scene ? wasm.pointer(scene, "scene") : 0];
+      const movers = [...wasm.numbers(observers, 7, "observers"), ...wasm.numbers(targets, 7, "targets")];
+      wasm.check("vis_who_sees_look", this.pointer, ...level, ...movers);
+    });
+  }
+
+  sees(observer, target) {
+    const parameters = [whole(observer, "observer"), whole(target, "target")];
+    return this.wasm.truth("vis_who_sees_sees", this.pointer, ...parameters);
+  }
+
+  seenBy(observer) {
+    return this.wasm.list(Uint32Array, "vis_who_sees_seen_by", this.pointer, whole(observer, "observer"));
+  }
+}

@@ -20,7 +20,14 @@ const _: () = {
         size_of::<vis_portal>() == 16 && size_of::<vis_stats>() == 40,
         "sizes in bytes of the header's structures"
     );
-    assert!(size_of::<vis_comparison>() == 16, "sizes in bytes of the header's structures");
+    assert!(
+        size_of::<vis_comparison>() == 16 && size_of::<vis_online_work>() == 48,
+        "sizes in bytes of the header's structures"
+    );
+    assert!(
+        size_of::<vis_wall>() == 40 && size_of::<vis_reach>() == 56,
+        "sizes in bytes of the header's structures"
+    );
 };
 
 /// Alignment of memory for arguments in bytes, which suits every type of the header.

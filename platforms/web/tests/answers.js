@@ -3,10 +3,14 @@
 
 import assert from "node:assert/strict";
 import { readFile } from "node:fs/promises";
-import { load } from "../package/visibility.js";
+import { indexOf, load } from "../package/visibility.js";
 import { cameras, fillScene, loadRecipes, makeBuilding, makePipeline, pipelineNames } from "../page/scene.js";
 
 const JUDGED_EVERY = 20;
+/** Intervals of the keys of walks that are frames of online sets; of frames before which an object opens. */
+const [ONLINE_EVERY, OPENED_EVERY] = [8, 6];
+/** Budget of each step of online sets. */
+const STEP_MICROSECONDS = 100000;
 const visibility = await load({ simd128: process.argv[2] === "simd128" });
 const make = await loadRecipes(await readFile(new URL("../page/scenes.wasm", import.meta.url)));
 
@@ -35,22 +39,40 @@ for (const [name, a, b] of [
     visibility.createVisible(),
     visibility.createJudge(256, 144),
   ];
+  /** Prints a frame: which and how many objects are visible, and for some frames what the judge finds. */
+  const print = (label, frame) => {
+    visible.sortByIndex(scene);
+    const { indices } = visible;
+    let line = `${title} ${label} ${indices.length} ${hash(indices)}`;
+    if (frame % JUDGED_EVERY === 0) {
+      const { falseHiddenObjects, falseVisibleObjects, wrongPixels } = judge.compare(scene, view, visible);
+      assert.equal(falseHiddenObjects, 0, line);
+      line += ` ${falseHiddenObjects} ${falseVisibleObjects} ${wrongPixels}`;
+    }
+    console.log(line);
+  };
+  const walk = cameras(lists, 16 / 9);
   for (const label of pipelineNames(lists)) {
     const pipeline = makePipeline(visibility, label, building);
-    cameras(lists, 16 / 9).forEach((camera, frame) => {
+    walk.forEach((camera, frame) => {
       view.setPerspective(camera);
       pipeline.cull(scene, view, visible);
-      visible.sortByIndex(scene);
-      const { indices } = visible;
-      let line = `${title} ${label} ${frame} ${indices.length} ${hash(indices)}`;
-      if (frame % JUDGED_EVERY === 0) {
-        const { falseHiddenObjects, falseVisibleObjects, wrongPixels } = judge.compare(scene, view, visible);
-        assert.equal(falseHiddenObjects, 0, line);
-        line += ` ${falseHiddenObjects} ${falseVisibleObjects} ${wrongPixels}`;
-      }
-      console.log(line);
+      print(`${label} ${frame}`, frame);
     });
     pipeline.destroy();
   }
-  for (const handle of [scene, view, visible, judge, ...Object.values(building)]) handle.destroy();
+  const online = visibility.createOnline({ viewcell: [0.8, 0.8, 0.8], wide: [4, 4, 1.2], margin: 0.25 });
+  const pipeline = visibility.createPipeline().addFrustum().addOnline(online);
+  const keys = walk.filter((_, key) => key % ONLINE_EVERY === 0);
+  keys.forEach((camera, frame) => {
+    if (frame % OPENED_EVERY === 0) scene.setFlags(filled.ids[(frame * 7) % scene.count], 0);
+    const ahead = keys.slice(frame, frame + 2).flatMap(({ eye }) => eye);
+    for (let step = 0; step < (frame * 13) % 40; step++) online.step(scene, ahead, STEP_MICROSECONDS);
+    view.setPerspective(camera);
+    pipeline.cull(scene, view, visible);
+    const came = hash(Uint32Array.from(online.came, indexOf));
+    print(`online ${frame} ${online.answer} ${came}`, frame);
+  });
+  const handles = [scene, view, visible, judge, online, pipeline, ...Object.values(building)];
+  for (const handle of handles) handle.destroy();
 }

@@ -9,6 +9,7 @@ import {
   Depth,
   Flag,
   NO_OBJECT,
+  Opacity,
   VisibilityError,
   hasSimd128,
   indexOf,
@@ -217,6 +218,145 @@ for (const simd128 of [false, true]) {
     assert.equal(seen(visibility.createPipeline().addPvs(prepared)), 1);
     cells.setPvs(baked);
     assert.throws(() => cells.setOpen(7, true), refused("UNKNOWN_ID", /7/));
+  });
+
+  test(say("an eye that walks is told what is hidden, what came and what went"), () => {
+    const { scene, wall, lamp, view, visible } = street();
+    const online = visibility.createOnline({ viewcell: [0.6, 0.6, 0.6], wide: [4, 4, 1] });
+    const pipeline = visibility.createPipeline().addFrustum().addOnline(online);
+    assert.equal(pipeline.accuracy, "conservative");
+    const frame = (x) => {
+      view.setPerspective({ ...CAMERA, eye: [x, 0, 0], near: 0.02 });
+      pipeline.cull(scene, view, visible);
+      return [...visible.ids].sort();
+    };
+    assert.deepEqual([frame(0), online.answer], [[wall, lamp], "none"]);
+    // At 1 m/s: where the eye is, and where it will be.
+    const places = [0, 0.1, 0.2, 0.4].flatMap((seconds) => [seconds, 0, 0]);
+    let [steps, finished, wide] = [0, 0, 0];
+    for (let step; (step = online.step(scene, places, 100)) !== null; steps++) {
+      finished += step.isFinished;
+      wide += step.isWide;
+      if (step.isWide && step.isFinished) assert.deepEqual([frame(0), online.answer], [[wall], "wide"]);
+    }
+    assert.ok(steps >= 24 && wide >= 12 && finished >= 2, `${steps} steps, ${wide} wide, ${finished} finished`);
+    assert.deepEqual([frame(0.1), online.answer], [[wall], "viewcell"]);
+    assert.deepEqual([[...online.came], [...online.went]], [[], []]);
+    const here = { min: [-0.05, -0.05, -0.05], max: [0.05, 0.05, 0.05] };
+    assert.deepEqual([...online.hiddenFrom(scene, here)], [1 << indexOf(lamp)]);
+    assert.deepEqual([...online.hiddenFrom(scene, { min: [50, 0, 0], max: [51, 1, 1] })], [0]);
+
+    // What moves shows at once, and so does all without the wall. What is new shows until a box knows of it.
+    scene.setBounds(lamp, { min: [7, -1, -1], max: [8, 2, 1] });
+    assert.deepEqual([frame(0.1), [...online.came]], [[wall, lamp], [lamp]]);
+    const late = scene.insert({ bounds: LAMP });
+    assert.deepEqual(frame(0.1), [wall, lamp, late].sort());
+    scene.remove(wall);
+    assert.deepEqual([frame(0.1), online.answer], [[lamp, late].sort(), "none"]);
+    online.destroy();
+    assert.deepEqual(frame(0.1), [lamp, late].sort());
+    assert.throws(() => online.answer, refused("NULL", /online/));
+    assert.throws(() => online.step(scene, places, 1), refused("NULL", /online/));
+  });
+
+  test(say("servers are told who sees whom"), () => {
+    const corners = [
+      [0, 0],
+      [8, 0],
+      [8, 4],
+      [0, 4],
+    ];
+    const walls = corners.map((from, i) => ({ from, to: corners[(i + 1) % 4] }));
+    walls.push({ from: [4, 0], to: [4, 3] }, { from: [4, 3], to: [4, 4], opacity: Opacity.Opaque });
+    const player = (x, y) => [x, y, 0, x + 0.6, y + 0.6, 1.8, 0.6];
+    const players = [player(1, 1), player(6, 1), player(2.5, 2)].flat();
+    const who = visibility.createWhoSees();
+    const plan = visibility.createSightCellsOfPlan(walls);
+    who.look(plan, players, players);
+    assert.deepEqual([...who.seenBy(0)], [0, 2]);
+    assert.ok(!who.sees(1, 0) && who.sees(1, 1));
+    plan.setOpacity(5, Opacity.Clear);
+    who.look(plan, players, players);
+    assert.ok(who.sees(1, 0) && who.sees(0, 1));
+    // The same plan, upright: its y is the world's z.
+    const upright = visibility.createSightCellsOfPlan(walls, { axes: [0, 2] });
+    const turn = (numbers) => [0, 2, 1, 3, 5, 4, 6].map((i) => numbers[i]);
+    who.look(upright, [...turn(player(1, 1)), ...turn(player(6, 1))], turn(player(6, 1)));
+    assert.deepEqual([[...who.seenBy(0)], [...who.seenBy(1)]], [[], [0]]);
+
+    // Boxes on both sides of a long wall, of a scene that stands still and of one that changes.
+    const scene = visibility.createScene();
+    const wall = { min: [4, -90, -90], max: [4.1, 90, 90] };
+    const id = scene.insert({ bounds: wall, flags: Flag.Occluder });
+    scene.setMesh(id, scene.addBoxMesh(wall));
+    const boxes = [0, 4.2].flatMap((x) => [x, 0, -1, x + 3.9, 4, 3]);
+    const sides = [player(1, 1), player(6, 1)].flat();
+    const still = visibility.createSightCellsOfScene(scene, boxes);
+    who.look(still, sides, sides);
+    assert.deepEqual([[...who.seenBy(0)], [...who.seenBy(1)]], [[0], [1]]);
+    assert.equal(still.objects.length, 0);
+    const online = visibility.createOnline({ viewcell: [2, 2, 3.2], wide: [3, 3, 4], margin: 0.95 });
+    const cells = visibility.createOnlineSightCells(scene, online, boxes);
+    assert.deepEqual([...cells.objects], [...cells.objects].filter((id) => scene.contains(id)));
+    who.look(cells, sides, sides, scene);
+    assert.deepEqual([...who.seenBy(0)], [0, 1]);
+    while (online.step(scene, [1.3, 1.3, 0.9, 6.3, 1.3, 0.9], 10000) !== null);
+    const tall = sides.map((x, i) => (i % 7 === 2 ? 0.4 : i % 7 === 5 ? 1.4 : x));
+    who.look(cells, tall, tall, scene);
+    assert.deepEqual([...who.seenBy(0)], [0]);
+    scene.remove(id);
+    who.look(cells, tall, tall, scene);
+    assert.deepEqual([...who.seenBy(0)], [0, 1]);
+
+    const rooms = [0, 4].map((x) => ({ min: [x, 0, 0], max: [x + 4, 4, 3] }));
+    const graph = visibility.createGraph(2, []);
+    const apart = visibility.createSightCellsOfPortals(graph, rooms, graph.bake());
+    who.look(apart, sides, sides);
+    assert.deepEqual([...who.seenBy(0)], [0]);
+  });
+
+  test(say("online sets and sight cells refuse what is wrong by name"), () => {
+    const { scene } = street();
+    const sizes = { viewcell: [0.6, 0.6, 0.6], wide: [4, 4, 1] };
+    const online = visibility.createOnline(sizes);
+    const sized = (change) => () => visibility.createOnline({ ...sizes, ...change });
+    assert.throws(() => visibility.createOnline(), refused("ARGUMENT", /`viewcell`/));
+    assert.throws(sized({ viewcell: [0.6, NaN, 0.6] }), refused("ARGUMENT", /on axis 1, viewcells of NaN m/));
+    assert.throws(sized({ wide: [4, 4, 0.5] }), refused("ARGUMENT", /on axis 2, viewcells of 0.6 m do not fit/));
+    assert.throws(sized({ margin: -1 }), refused("ARGUMENT", /margin cannot be -1/));
+    assert.throws(sized({ margin: NaN }), refused("ARGUMENT", /is missing, or/));
+    assert.throws(() => online.step(scene, [0, 0], 9), refused("ARGUMENT", /`places` is no multiple of 3/));
+    assert.throws(() => online.step(scene, [0, 0, NaN], 9), refused("ARGUMENT", /place 0 is not finite/));
+    assert.throws(() => online.step(scene, [0, 0, 0]), refused("ARGUMENT", /`budget` is not a whole number/));
+    assert.throws(() => online.step(foreign, [0, 0, 0], 9), refused("ARGUMENT", /a scene of this library/));
+    const far = { min: [0, 0, 0], max: [0, 0, Infinity] };
+    assert.throws(() => online.hiddenFrom(scene, far), refused("ARGUMENT", /`max` is not finite/));
+    assert.throws(() => online.hiddenFrom(scene), refused("ARGUMENT", /`min`/));
+    assert.throws(() => visibility.createPipeline().addOnline(scene), refused("ARGUMENT", /an? online of this/));
+    const wall = { from: [0, 0], to: [0, 1] };
+    const plan = (...walls) => visibility.createSightCellsOfPlan(walls);
+    assert.throws(() => plan({ from: [0, 0] }), refused("ARGUMENT", /./));
+    assert.throws(() => plan({ ...wall, to: [0, NaN] }), refused("ARGUMENT", /of number 0 has a coordinate/));
+    assert.throws(() => plan({ ...wall, opacity: 7 }), refused("ARGUMENT", /7 is no vis_opacity/));
+    assert.throws(() => visibility.createSightCellsOfPlan([], { axes: [1, 1] }), refused("ARGUMENT", /axes/));
+    assert.throws(() => plan(wall).setOpacity(1, 0), refused("UNKNOWN_ID", /wall 1 is unknown/));
+    const boxes = [0, 0, 0, 1, 1, NaN];
+    const inverted = refused("ARGUMENT", /box 0 is inverted or not finite/);
+    assert.throws(() => visibility.createSightCellsOfScene(scene, boxes), inverted);
+    assert.throws(() => visibility.createOnlineSightCells(scene, online, boxes), inverted);
+    assert.equal(scene.count, 2);
+    const [who, cells] = [visibility.createWhoSees(), plan(wall)];
+    const mover = [0, 0, 0, 1, 1, 1, 0];
+    who.look(cells, mover, mover);
+    assert.throws(() => who.look(cells, mover.with(6, NaN), mover), refused("ARGUMENT", /observer 0 needs/));
+    assert.throws(() => who.look(cells, mover, mover.with(0, 2)), refused("ARGUMENT", /target 0 needs/));
+    assert.throws(() => who.look(online, mover, mover), refused("ARGUMENT", /sight_cells of this library/));
+    const added = visibility.createOnlineSightCells(scene, online, []);
+    assert.throws(() => who.look(added, mover, mover), refused("NULL", /scene/));
+    assert.ok(who.sees(0, 0));
+    assert.throws(() => who.sees(0, 1), refused("UNKNOWN_ID", /no target 1/));
+    assert.throws(() => who.seenBy(1), refused("UNKNOWN_ID", /no observer 1/));
+    assert.throws(() => who.seenBy(0.5), refused("ARGUMENT", /`observer` is not a whole number/));
   });
 
   test(say("errors name what is wrong"), () => {

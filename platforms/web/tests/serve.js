@@ -15,7 +15,7 @@ export async function serve(port = 0) {
   const server = createServer(async ({ url }, response) => {
     const path = normalize(new URL(url, "http://localhost").pathname.replace(/\/$/, "/index.html"));
     try {
-      if (!/^\/(page|package)\//.test(path)) throw new Error("not a part of the page");
+      if (!/^\/(page|package|three)\//.test(path)) throw new Error("not a part of the page");
       const content = await readFile(folder + path);
       response.writeHead(200, { "content-type": TYPES[extname(path)] ?? "text/plain" }).end(content);
     } catch {

@@ -46,11 +46,11 @@ use visibility_core::pvs::Viewcells;
 /// the viewcells in portions, each about as large as all portions before it. In a portion, the groups with
 /// the most costly open objects come first.
 ///
-/// Occluders are the objects that are flagged as such and [always drawn](Scene::is_always_drawn), on
-/// whichever layers they are. The sweeps use their meshes, the proofs their triangles. Objects that are
-/// [never culled](visibility_core::Object::never_cull), such as moving ones, count as seen. Each method uses
-/// only the objects that the sweep before it has left, so that a distant edit changes nothing
-/// ([`with_cache`](Self::with_cache)).
+/// Occluders are the objects that are flagged as such, are [always drawn](Scene::is_always_drawn) and can be
+/// culled, on whichever layers they are. The sweeps use their meshes, the proofs their triangles. Objects
+/// that are [never culled](visibility_core::Object::never_cull), such as moving ones, count as seen, and hide
+/// nothing. Each method uses only the objects that the sweep before it has left, so that a distant edit
+/// changes nothing ([`with_cache`](Self::with_cache)).
 ///
 /// ```
 /// use visibility_bake::{SandwichBaker, SandwichSettings};
@@ -86,6 +86,9 @@ pub struct SandwichBaker<'a> {
     time: TimePlan,
     /// Results so far of each viewcell of `range`. `None` for a viewcell without a completed stage.
     done: Vec<Option<FoundCell>>,
+    /// For each stage, the number of viewcells of `range` that have not completed it. In a round, the number
+    /// at its beginning, since the results of a round are stored at its end.
+    waiting: [usize; STAGES],
     /// For each group and stage, the sum of the costs of open objects in those of the group's viewcells that
     /// are at that stage.
     costs: Vec<[u64; STAGES]>,
@@ -126,6 +129,7 @@ impl<'a> SandwichBaker<'a> {
             cache: Arc::default(),
             time: TimePlan::new(),
             done: Vec::new(),
+            waiting: [0; STAGES],
             costs: Vec::new(),
             found_groups: Vec::new(),
             error: Mutex::default(),
@@ -206,15 +210,17 @@ impl<'a> SandwichBaker<'a> {
     }
 
     /// Sets, for each group and stage, the number of viewcells that are not done with the stage, and the
-    /// costs of those whose next stage it is.
+    /// costs of those whose next stage it is; and the numbers of viewcells of all groups.
     fn count(&mut self) {
         self.slots.iter_mut().for_each(|slot| *slot = Mutex::default());
+        self.waiting = [0; STAGES];
         self.costs = vec![[0; STAGES]; self.slots.len()];
         for (cell, done) in self.range.clone().zip(&self.done) {
             let of = self.groups.of[cell] as usize;
             let slot = self.slots[of].get_mut().unwrap_or_else(PoisonError::into_inner);
             let next = done.as_ref().map_or(GROUP, |found| found.next) as usize;
             slot.left.iter_mut().skip(next).for_each(|left| *left += 1);
+            self.waiting.iter_mut().skip(next).for_each(|waiting| *waiting += 1);
             if let Some(found) = done {
                 add_cost(&mut self.costs[of], found);
             }
@@ -231,13 +237,7 @@ impl<'a> SandwichBaker<'a> {
     /// or [`SWEEP`], and `viewcells` the number of viewcells that the sweep is for. `None` without a limit of
     /// time: the sweep may run to its end.
     fn end_of_sweep(&self, stage: u32, viewcells: usize) -> Option<Duration> {
-        self.time.end_of_sweep(stage, viewcells, self.waiting(stage))
-    }
-
-    /// Returns the number of viewcells in `range` that have not completed a stage, at the beginning of the
-    /// present round: the results of a round are stored at its end.
-    fn waiting(&self, stage: u32) -> usize {
-        self.done.iter().filter(|done| done.as_ref().is_none_or(|found| found.next <= stage)).count()
+        self.time.end_of_sweep(stage, viewcells, self.waiting[stage as usize])
     }
 }
 
@@ -289,6 +289,11 @@ impl Baker for SandwichBaker<'_> {
         }
     }
 
+    // Costs are added to a stage only by the stages before it, and only a limit of time puts items off.
+    fn is_order_fixed(&self) -> bool {
+        !self.time.is_limited()
+    }
+
     fn work(
         &self,
         item: u32,
@@ -336,8 +341,10 @@ impl Baker for SandwichBaker<'_> {
         let of = self.groups.of[self.range.start + place] as usize;
         add_cost(&mut self.costs[of], &found);
         self.found_groups[of].get_or_insert_with(|| found.group.clone());
-        let steps = found.record.steps;
+        let (steps, next) = (found.record.steps, found.next as usize);
         let before = self.done[place].replace(found);
+        let first = before.as_ref().map_or(GROUP, |before| before.next) as usize;
+        self.waiting.iter_mut().take(next).skip(first).for_each(|waiting| *waiting -= 1);
         steps.saturating_sub(before.map_or(0, |before| before.record.steps))
     }
 
@@ -425,5 +432,41 @@ impl Baker for SandwichBaker<'_> {
         }
         self.count();
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::bake::Bake;
+    use visibility_core::glam::DVec3;
+    use visibility_core::{Aabb, Object};
+
+    #[test]
+    fn waiting_viewcells_are_counted_as_by_looking_at_each() {
+        let mut scene = Scene::new();
+        for i in 0..40 {
+            let min = [(i * 7 % 40) as f32, 20.0 + (i * 13 % 30) as f32, 0.0];
+            let bounds = Aabb::from_arrays(min, [min[0] + 3.0, min[1] + 2.0, 4.0]);
+            scene.insert(Object { occluder: i % 2 == 0, ..Object::new(bounds) });
+        }
+        scene.prepare_occluders(&Default::default());
+        let grid = crate::Grid::new(DVec3::ZERO, DVec3::new(2.0, 2.0, 2.0)).unwrap();
+        let cells = Viewcells::new(grid.over(DVec3::ZERO, DVec3::new(39.0, 9.0, 1.0)).unwrap());
+        let baker = || SandwichBaker::new(&scene, &cells, SandwichSettings::default()).with_range(7..99);
+        let check = |baker: &SandwichBaker<'_>| {
+            for (stage, &waiting) in (0..).zip(&baker.waiting) {
+                let is_waiting = |done: &Option<FoundCell>| done.as_ref().is_none_or(|of| of.next <= stage);
+                assert_eq!(waiting, baker.done.iter().filter(|done| is_waiting(done)).count(), "{stage}");
+            }
+        };
+        let mut bake = Bake::new(baker());
+        let mut rounds = 0;
+        while bake.advance().is_some() {
+            check(bake.baker());
+            check(Bake::resume(baker(), &bake.save()).unwrap().baker());
+            rounds += 1;
+        }
+        assert!(rounds > 4, "{rounds}");
     }
 }

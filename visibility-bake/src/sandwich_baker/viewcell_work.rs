@@ -91,7 +91,7 @@ impl SandwichBaker<'_> {
             (Content::Objects, Some(before)) if before.record.is_of(objects) => {
                 // A search must first sort its triangles. If its share of the time is too short for that,
                 // parts of the viewcell are swept instead.
-                let share = self.time.share_of_search(self.waiting(stage));
+                let share = self.time.share_of_search(self.waiting[stage as usize]);
                 let seconds = self.triangles_left(&before.record, objects) as f64 / SEARCHED_A_SECOND;
                 let found = if share.is_some_and(|share| share.as_secs_f64() < seconds) {
                     is_cut = true;

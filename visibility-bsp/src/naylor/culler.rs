@@ -8,7 +8,7 @@ use alloc::vec::Vec;
 use core::borrow::Borrow;
 use visibility_core::geometry::Plane;
 use visibility_core::view::Eye;
-use visibility_core::{Accuracy, CullStats, Culler, Object, ObjectId, Scene, View, VisibleSet};
+use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet};
 
 /// Removes every object of which no triangle part is visible, so that exactly the visible objects remain,
 /// within the tolerance below.
@@ -196,8 +196,9 @@ impl Frame<'_> {
                     && object.layers & self.view.layers() != 0
                     && self.visible.contains(self.scene, id) =>
             {
-                let Object { occluder, one_sided, .. } = object;
-                ObjectState::Hidden { surface: Surface { occluder, one_sided }, glimpsed: false }
+                let occluder = object.occluder && !object.is_unculled();
+                let surface = Surface { occluder, one_sided: object.one_sided };
+                ObjectState::Hidden { surface, glimpsed: false }
             }
             _ => ObjectState::None,
         };

@@ -42,9 +42,12 @@ impl OccluderMesh {
             // normal errs by at most 16u of itself. 32u of the sum of magnitudes covers both, and the
             // rounding of that sum. A product that underflows loses at most the least normal number, times
             // the corner's coordinate.
-            let underflow = 16.0 * f64::MIN_POSITIVE * (1.0 + corner.abs().element_sum());
+            // Where the sign of a component of the normal is open, another corner may be the farthest, so
+            // magnitudes are those of all corners.
+            let reach = min.abs().max(max.abs());
+            let underflow = 16.0 * f64::MIN_POSITIVE * (1.0 + reach.element_sum());
             let sizes = DVec3::from(axes.map(|axis| n.abs().dot(axis.abs())));
-            let size = sizes.dot(corner.abs()) + n.abs().dot(translation.abs()) + plane.plane.offset.abs();
+            let size = sizes.dot(reach) + n.abs().dot(translation.abs()) + plane.plane.offset.abs();
             distance > 16.0 * f64::EPSILON * size + plane.error + underflow
         })
     }

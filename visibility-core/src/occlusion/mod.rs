@@ -35,7 +35,7 @@ use glam::{Affine3A, DVec3};
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Hash)]
 pub enum Occlusion {
-    /// No point of the box can be seen: the whole box lies strictly behind occluders.
+    /// No point of the box can be seen: all of its part in the picture lies strictly behind occluders.
     Hidden,
     /// Some part of the box may be visible. Smaller boxes within the box may still be hidden and are worth
     /// testing.
@@ -158,8 +158,9 @@ pub trait OcclusionMap {
     fn flush(&mut self);
 
     /// Tests a box, relative to the origin given to [`begin`](Self::begin), against the flushed occluders. A
-    /// box that contains the eye or reaches the near plane is never [`Occlusion::Hidden`]. An improper box is
-    /// [`Occlusion::Visible`].
+    /// box without a part in the picture, because it is beside the view or nearer than the near plane, may be
+    /// [`Occlusion::Hidden`]. A box that crosses the near plane is hidden only if occluders hide all of its
+    /// part beyond that plane. An improper box is [`Occlusion::Visible`].
     fn test(&self, bounds: &Aabb) -> Occlusion;
 
     /// Tests the boxes whose bits are set in `candidates`, of 64 boxes. Bit `i` stands for box `i`. All other

@@ -138,9 +138,14 @@ struct Question {
     answer: Option<(u64, bool)>,
 }
 
-/// Age of a box's newest query, in frames, beyond which the map forgets the box: its object has moved on, or
-/// the device has lost the query.
-const MAX_IDLE_FRAMES: u64 = 64;
+/// Age of a query without an answer, in frames, beyond which the map forgets the box: the device has lost the
+/// query.
+const MAX_FRAMES_UNDER_WAY: u64 = 64;
+
+/// Age of the answer about a box that is not tested any more, in frames, beyond which the map forgets the
+/// box: its object has moved on. A box that is tested again sooner keeps its answer. The node above it may
+/// have been hidden, or visible as a whole, meanwhile.
+const MAX_IDLE_FRAMES: u64 = 8;
 
 impl<D: QueryDevice> HardwareQueries<D> {
     /// Makes a map over a device without any answers, with a policy for answers that arrive late.
@@ -182,18 +187,18 @@ impl<D: QueryDevice> HardwareQueries<D> {
     /// Visible for `None`, a box without an answer.
     fn judge(&self, answer: Option<(u64, bool)>) -> Occlusion {
         match answer {
-            Some((about, true)) if self.counts(about) => Occlusion::Hidden,
-            Some((about, false)) if self.counts(about) => Occlusion::Partial,
+            Some((about, true)) if about >= self.first_that_counts() => Occlusion::Hidden,
+            Some((about, false)) if about >= self.first_that_counts() => Occlusion::Partial,
             // Unanswered boxes count as wholly visible, so that no queries are issued for the boxes inside.
             _ => Occlusion::Visible,
         }
     }
 
-    /// Tests whether an answer for the frame numbered `about` may be used in the present frame.
-    fn counts(&self, about: u64) -> bool {
+    /// Returns the number of the first frame whose answers may be used in the present frame.
+    fn first_that_counts(&self) -> u64 {
         match self.late {
-            LateAnswers::Visible => about >= self.since,
-            LateAnswers::Trusted { frames } => self.frame - about <= u64::from(frames),
+            LateAnswers::Visible => self.since,
+            LateAnswers::Trusted { frames } => self.frame.saturating_sub(u64::from(frames)),
         }
     }
 }
@@ -205,10 +210,25 @@ impl<D: QueryDevice> State<D> {
         self.questions[*self.indices.get(&key(bounds))?].answer
     }
 
-    /// Collects the answers that have arrived. Forgets boxes whose newest query is more than
-    /// [`MAX_IDLE_FRAMES`] frames old.
-    fn listen(&mut self, frame: u64) {
+    /// Forgets boxes that were not tested in the last frame and whose answers are too old, for the policy or
+    /// by [`MAX_IDLE_FRAMES`], and boxes whose queries were lost. Then collects the answers that have
+    /// arrived. `frame` is the number of the present frame, `first` that of the first frame whose answers
+    /// count.
+    fn listen(&mut self, frame: u64, first: u64) {
         let Self { device, indices, questions, free } = self;
+        for (index, question) in questions.iter_mut().enumerate() {
+            let age = frame - question.asked;
+            // A test of an answered box asks again, so a box without a query under way was not tested.
+            let is_forgotten = match question.under_way {
+                true => age > MAX_FRAMES_UNDER_WAY,
+                false => question.asked < first || age > MAX_IDLE_FRAMES,
+            };
+            if question.known && is_forgotten {
+                *question = Question { known: false, under_way: false, answer: None, ..*question };
+                indices.remove(&question.bits);
+                free.push(index);
+            }
+        }
         device.answers(&mut |query, passed| {
             let (index, serial) = (query as u32 as usize, (query >> 32) as u32);
             if let Some(question) = questions.get_mut(index)
@@ -219,13 +239,6 @@ impl<D: QueryDevice> State<D> {
                 question.answer = Some((question.asked, !passed));
             }
         });
-        for (index, question) in questions.iter_mut().enumerate() {
-            if question.known && frame - question.asked > MAX_IDLE_FRAMES {
-                *question = Question { known: false, under_way: false, answer: None, ..*question };
-                indices.remove(&question.bits);
-                free.push(index);
-            }
-        }
     }
 
     /// Returns the newest answer about a box relative to the scene's origin: the number of the frame in which
@@ -290,7 +303,8 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
         self.near = view.near_plane(origin);
         let planes = view.clip_planes_from(origin);
         self.clip_planes = (planes.as_slice().len() == view.clip_planes().len()).then_some(planes);
-        self.state.listen(self.frame);
+        let first = self.first_that_counts();
+        self.state.listen(self.frame, first);
     }
 
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {

@@ -5,6 +5,7 @@ use crate::{
     Accuracy, CullStats, Culler, Object, ObjectId, Scene, View, VisibleSet,
     bits::Bits,
     culler::Lack,
+    level_version::level_object,
     pvs::ViewcellId,
     scene::{Changes, SceneCursor, lanes},
     stamp::Stamp,
@@ -35,7 +36,8 @@ pub struct ScenePvs {
     never_hidden: Vec<ObjectId>,
     /// Indices of the objects that hide others by the PVS.
     occluders: Bits,
-    /// Distinct layer masks of the objects that hide others by the PVS.
+    /// Distinct layer masks of the objects that hide others by the PVS: 0, which no view shows, for an object
+    /// that may be absent from a frame, or elsewhere.
     occluder_layers: Vec<u32>,
     /// Revision of the scene for which this value was made. Objects that changed later count as visible.
     cursor: SceneCursor,
@@ -51,10 +53,15 @@ impl ScenePvs {
     /// [`Pvs::target_count`], or changes in the scene later. Pairs of unknown objects are ignored. Time is
     /// O(n log n) in the number of pairs.
     ///
+    /// Changes are read from the scene's log, which holds the last 1,024 (or as many as a quarter of the
+    /// objects). A culler that runs for the first time after more changes cannot know what has changed, hides
+    /// nothing, and [says so](crate::Pipeline::for_each_lack). So insert the level's objects before this
+    /// call, and for a view that is opened later clone a culler that has run since.
+    ///
     /// The objects by which the PVS hides others (its occluders) must stay unchanged and be drawn. If the
-    /// targets are [objects](PvsTargets::Objects), these are all objects of the scene that are flagged as
-    /// occluders, on any layer, unless [`with_occluders`](Self::with_occluders) names others. If the targets
-    /// are cells, the PVS has no occluders.
+    /// targets are [objects](PvsTargets::Objects), these are all objects of the scene that bakes [count as
+    /// occluders](level_object), on any layer, unless [`with_occluders`](Self::with_occluders) names others.
+    /// If the targets are cells, the PVS has no occluders.
     ///
     /// The caller promises that the PVS is of this scene as it is now: nothing is compared, not even the
     /// [`source`](Pvs::source) of the PVS. For example, a new door in a wall changes the PVS, though the
@@ -90,8 +97,8 @@ impl ScenePvs {
         let known = by_target.partition_point(|&(target, _)| (target as usize) < pvs.target_count());
         let target_limit = by_target[..known].last().map_or(0, |&(target, _)| target as usize + 1);
         let is_of_objects = pvs.targets() == PvsTargets::Objects;
-        let hides = |object: Object| is_of_objects && object.occluder && object.layers != 0;
-        let occluders = scene.ids().filter(|&id| scene.object(id).is_ok_and(hides));
+        let hides = |(object, _): (Object, _)| is_of_objects && object.occluder && object.layers != 0;
+        let occluders = scene.ids().filter(|&id| level_object(scene, id).is_some_and(hides));
         let made = Self {
             pvs,
             viewcells,
@@ -111,16 +118,18 @@ impl ScenePvs {
 
     /// Names the objects by which the PVS hides others, in place of the occluders that [`new`](Self::new)
     /// chose. Nothing is hidden any more once one of them changes in the scene (a wall is taken away), and in
-    /// views whose layers leave out one of them. `scene` is the scene given to [`new`](Self::new), unchanged
-    /// since. Unknown objects are ignored.
+    /// views whose layers leave out one of them. Nothing is hidden at all if one of them is not [always
+    /// drawn](Scene::is_always_drawn) or is [never culled](Object::is_unculled). `scene` is the scene given
+    /// to [`new`](Self::new), unchanged since. Unknown objects are ignored.
     #[must_use]
     pub fn with_occluders(mut self, scene: &Scene, occluders: impl IntoIterator<Item = ObjectId>) -> Self {
         self.occluders = Bits::new(scene.index_limit());
         self.occluder_layers.clear();
         for id in occluders {
             if let Ok(object) = scene.object(id) {
+                let hides = scene.is_always_drawn(id) && !object.is_unculled();
                 self.occluders.insert(id.index());
-                self.occluder_layers.push(object.layers);
+                self.occluder_layers.push(if hides { object.layers } else { 0 });
             }
         }
         self.occluder_layers.sort_unstable();
@@ -208,8 +217,8 @@ fn count_below(pairs: &[(u32, ObjectId)], target: u32) -> usize {
 /// or if lines of sight begin outside all viewcells, every object counts as visible.
 ///
 /// An object that changes in the scene counts as visible. Every object counts as visible once an
-/// [occluder](ScenePvs::with_occluders) of the PVS changes, and in views whose layers leave out one of these
-/// occluders.
+/// [occluder](ScenePvs::with_occluders) of the PVS changes, in views whose layers leave out one of these
+/// occluders, and if one of them may be absent from a frame.
 ///
 /// A culler holds the state of one view. The [`ScenePvs`] is shared, by reference or by `Arc`. In a scene
 /// other than the one that the [`ScenePvs`] was made for, a clone included, every object counts as visible.
@@ -424,7 +433,8 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
             each(Lack { what, count: scene.len() });
         }
         if self.is_without_occluders && !scene.is_empty() {
-            let what = "objects not culled, an occluder of the PVS being on none of the view's layers";
+            let what = "objects not culled, an occluder of the PVS being on no layer of the view, or not \
+                        always drawn";
             each(Lack { what, count: scene.len() });
         }
         if self.is_outside && !scene.is_empty() {

@@ -146,8 +146,7 @@ impl Pvs {
             write_runs(row.iter().copied(), &mut best);
             trial.clear();
             trial.push(BITS);
-            write_bits(row.iter().copied(), &mut trial);
-            if trial.len() < best.len() {
+            if write_bits(row.iter().copied(), best.len(), &mut trial) {
                 core::mem::swap(&mut trial, &mut best);
             }
             // Other candidates: the row as a difference from each neighbour's row. The shortest is kept.
@@ -161,12 +160,13 @@ impl Pvs {
                     trial.push(form);
                     push_number(viewcell as u32 - base.0, &mut trial);
                     let list = difference(row, rows[base.index()].as_ref());
-                    if form == DIFFERS {
-                        write_runs(list, &mut trial)
+                    let is_shorter = if form == DIFFERS {
+                        write_runs(list, &mut trial);
+                        trial.len() < best.len()
                     } else {
-                        write_bits(list, &mut trial)
-                    }
-                    if trial.len() < best.len() {
+                        write_bits(list, best.len(), &mut trial)
+                    };
+                    if is_shorter {
                         core::mem::swap(&mut trial, &mut best);
                         depths[viewcell] = depths[base.index()] + 1;
                     }

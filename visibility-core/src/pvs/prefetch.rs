@@ -4,7 +4,7 @@
 //! Based on: the prediction of viewcells ahead in Thomas Funkhouser, Carlo Sequin and Seth Teller,
 //! "Management of Large Amounts of Data in Interactive Building Walkthroughs", 1992.
 
-use super::{ScenePvs, Viewcell, ViewcellId, Viewcells};
+use super::{ScenePvs, Viewcell, ViewcellId, Viewcells, reached};
 use crate::ObjectId;
 use alloc::vec::Vec;
 use glam::DVec3;
@@ -75,13 +75,13 @@ impl Prefetch {
     /// `eye` (metres in world space) moves with `velocity` (metres a second). Sorted by the time at which
     /// they become visible, then by [index](ObjectId::index).
     ///
-    /// A viewcell counts as reached when the eye is within `reach` metres of it along each axis. `reach` is
-    /// the distance from the eye at which lines of sight begin, such as that of the corners of the near
-    /// plane, or 0. The listed time of an object is never later than the time at which a
-    /// [`PvsCuller`](super::PvsCuller) first shows it. Objects that the PVS never hides are not listed.
-    /// Changes of objects since the [`ScenePvs`] was made are not taken into account. While the eye is
-    /// outside all viewcells every object counts as visible, though not listed: see
-    /// [`covered_seconds`](Self::covered_seconds).
+    /// A viewcell counts as reached when the eye is within `reach` metres of it along each axis, plus the
+    /// [misplacement](Viewcells::misplacement) of viewcells. `reach` is the distance from the eye at which
+    /// lines of sight begin, such as that of the corners of the near plane, or 0. The listed time of an
+    /// object is never later than the time at which a [`PvsCuller`](super::PvsCuller) first shows it. Objects
+    /// that the PVS never hides are not listed. Changes of objects since the [`ScenePvs`] was made are not
+    /// taken into account. While the eye is outside all viewcells every object counts as visible, though not
+    /// listed: see [`covered_seconds`](Self::covered_seconds).
     ///
     /// Empty for numbers that are not finite, and for negative `reach` or `seconds`. Time is linear in the
     /// number of objects and, for each viewcell reached, in the bytes of its row and the number of targets.
@@ -148,6 +148,9 @@ impl Prefetch {
     /// Fills `reached`, soonest first, and sets `covered` to the parameter (0 to 1) of the path up to which
     /// the eye stays inside viewcells.
     fn follow(&mut self, viewcells: &Viewcells, path: &Path, reach: f64) {
+        // At least the margin of `Viewcells::reached` for all points of the path.
+        let magnitude = path.start.abs().max_element() + path.step.abs().max_element() + reach;
+        let reach = reach + viewcells.misplacement() + reached::ROUNDING * magnitude;
         let Self { reached, inside, covered, .. } = self;
         reached.clear();
         inside.clear();

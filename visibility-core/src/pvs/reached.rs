@@ -30,7 +30,7 @@ const MAX_LEFT: usize = 64;
 /// of corner and offset, `12u r`. Each cut of the polygon by a plane puts the new corners up to `4u r` off
 /// the exact edges. So `32u` of the greatest coordinate of `a` and `30u r` are needed, and `4u r` more for
 /// each cut. The margin is `64u` of both.
-const ROUNDING: f64 = 32.0 * f64::EPSILON;
+pub(super) const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 impl Viewcells {
     /// Replaces the content of `reached` by the viewcells that a convex polygon may reach into. Returns true

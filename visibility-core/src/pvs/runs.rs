@@ -28,15 +28,21 @@ pub(super) fn write_runs(row: impl Iterator<Item = u32>, out: &mut Vec<u8>) {
 }
 
 /// Appends a strictly ascending row as bits, least significant first, up to the byte of its last number.
-pub(super) fn write_bits(row: impl Iterator<Item = u32>, out: &mut Vec<u8>) {
+/// Stops and returns false if `out` would get `limit` bytes or more: a row of one great number has as many
+/// bits.
+pub(super) fn write_bits(row: impl Iterator<Item = u32>, limit: usize, out: &mut Vec<u8>) -> bool {
     let start = out.len();
     for number in row {
         let at = start + number as usize / 8;
+        if at + 1 >= limit {
+            return false;
+        }
         if at >= out.len() {
             out.resize(at + 1, 0);
         }
         out[at] |= 1 << (number % 8);
     }
+    out.len() < limit
 }
 
 /// Iterator over the encoded runs of present numbers, as half-open ranges `(start, end)`. Yields `Err` with a

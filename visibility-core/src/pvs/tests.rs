@@ -222,6 +222,19 @@ fn rows_differ_from_rows_that_differ_up_to_a_depth() {
     );
 }
 
+#[test]
+fn a_row_of_one_great_target_takes_little_memory() {
+    let great = u32::MAX - 1;
+    let pvs = Pvs::new(PvsTargets::Objects, u32::MAX as usize, &[vec![7], vec![great]], |_| [ViewcellId(0)]);
+    assert!(pvs.unwrap().sees(ViewcellId(1), great), "the greatest target there is");
+    let mut bits = Vec::new();
+    assert!(!write_bits([7, great].into_iter(), 6, &mut bits), "the last bit is beyond the limit");
+    assert!(bits.capacity() < 64, "{} bytes for nothing", bits.capacity());
+    bits.clear();
+    assert!(!write_bits([7].into_iter(), 1, &mut bits), "as long as the limit");
+    assert!(write_bits([7].into_iter(), 2, &mut bits), "one byte less than the limit");
+}
+
 /// Rows with every range of targets, and rows with every range left out, stored as runs and as bits: covers
 /// all borders of bytes and words.
 #[test]

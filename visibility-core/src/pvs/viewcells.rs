@@ -178,6 +178,12 @@ impl Viewcells {
         self.divided.map_or(0.0, |divided| divided.misplacement)
     }
 
+    /// Returns the minimum and the maximum corner, in world space, of the box that the viewcells divide.
+    /// `None` unless they are [of a divided box](Self::of_divided_box).
+    pub fn divided_box(&self) -> Option<[DVec3; 2]> {
+        self.divided.map(|divided| [divided.min, divided.max])
+    }
+
     /// Returns whether the box from `min` to `max` (world space) reaches out of the divided box beyond a side
     /// at which the viewcell lies. False for viewcells of no divided box, and for an unknown viewcell.
     pub(crate) fn is_left_through(&self, viewcell: ViewcellId, min: DVec3, max: DVec3) -> bool {
@@ -401,6 +407,7 @@ mod tests {
         let cells = cells.map(|min| Viewcell::from_box(min, min + DVec3::new(1.0, 1.0, 3.0)));
         let viewcells = Viewcells::of_divided_box(cells, DVec3::ZERO, DVec3::splat(3.0), 0.01);
         assert_eq!(viewcells.misplacement(), 0.01, "the misplacement as given");
+        assert_eq!(viewcells.divided_box(), Some([DVec3::ZERO, DVec3::splat(3.0)]), "the box as given");
         let touching = |min: [f64; 3], max: [f64; 3]| {
             let mut found = Vec::new();
             viewcells.for_each_touching(min.into(), max.into(), |cell| found.push(cell.0));

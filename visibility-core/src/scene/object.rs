@@ -141,7 +141,8 @@ pub struct Object {
     /// Cost of drawing the object, in triangles or any other unit, for cullers that have a budget.
     pub cost: u32,
     /// Whether the object is exempt from culling: visible in every view that shares a layer with it,
-    /// whatever the cullers find.
+    /// whatever the cullers find. Such an object hides nothing, even if flagged as an
+    /// [`occluder`](Self::occluder): it may be elsewhere than its bounds, mesh and triangles say.
     pub never_cull: bool,
     /// Whether the object is opaque and may hide others. False by default, because a transparent object used
     /// as an occluder hides visible objects.
@@ -174,7 +175,7 @@ impl Object {
     }
 
     /// Returns whether no culler may remove the object: because it is flagged as never culled, or because its
-    /// bounds are inverted, NaN or infinite.
+    /// bounds are inverted, NaN or infinite. Such an object hides nothing.
     pub fn is_unculled(&self) -> bool {
         is_unculled(&self.bounds, self.never_cull)
     }

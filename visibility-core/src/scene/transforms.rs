@@ -302,6 +302,9 @@ impl Scene {
     /// must contain the triangles, up to rounding. A change of the bounds removes the triangles, so set the
     /// bounds first. An occluder mesh prepared from the former triangles is removed.
     ///
+    /// Users take the triangles for those of every frame. Set none for an object that animates within its
+    /// bounds: bakes and exact cullers then judge it by its box, and would hide its other poses otherwise.
+    ///
     /// Objects with the same mesh in several places are given [`SharedTriangles`], each placed by its own
     /// transform: the mesh is then kept once.
     ///
@@ -458,11 +461,12 @@ impl Scene {
     }
 
     /// Returns the occluder mesh of an object and the transform from mesh to scene coordinates. `None` if the
-    /// object is unknown, has no mesh or is not flagged as an occluder, and if the mesh reaches
-    /// [out of the object's bounds](Self::occluders_outside_bounds).
+    /// object is unknown, has no mesh, is not flagged as an occluder or is [never
+    /// culled](crate::Object::is_unculled), and if the mesh reaches [out of the object's
+    /// bounds](Self::occluders_outside_bounds).
     pub fn occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, Affine3A)> {
         let slot = self.slot(id).ok()?;
-        if self.tree.occluders[slot.node()] >> slot.lane() & 1 == 0 {
+        if self.tree.occluders[slot.node()] >> slot.lane() & 1 == 0 || self.tree.is_unculled(slot) {
             return None;
         }
         self.flagged_occluder(id)

@@ -208,3 +208,36 @@ fn boxes_that_the_near_plane_or_a_clip_plane_cuts_are_never_hidden() {
         }
     }
 }
+
+/// A device that hides all boxes forgets those that have moved on. A query's slot is the lower half of its
+/// number.
+#[test]
+fn boxes_that_move_each_frame_take_few_slots() {
+    for (is_still, late, slots) in [
+        (false, LateAnswers::Visible, 2),
+        (false, LateAnswers::Trusted { frames: 2 }, 4),
+        (true, LateAnswers::Visible, 10),
+    ] {
+        let mut map = HardwareQueries::new(HidesAll(Vec::new()), late);
+        let stays = Aabb::from_arrays([90.0, 0.0, 0.0], [91.0, 1.0, 1.0]);
+        let mut most = 0;
+        for frame in 0..100 {
+            let eye = DVec3::Y * if is_still { 0.0 } else { f64::from(frame) };
+            map.begin(&view_from(eye, eye + DVec3::X), DVec3::ZERO);
+            map.flush();
+            for mover in 0..20 {
+                let at = [10.0 + mover as f32, frame as f32, 0.0];
+                let answer = map.test_mut(&Aabb::from_arrays(at, at.map(|x| x + 1.0)));
+                assert_eq!(answer, Occlusion::Visible, "frame {frame}: a box that has moved");
+            }
+            // A box that is tested again after a few frames keeps its answer.
+            if is_still && frame % 6 < 2 {
+                let expected = if frame == 0 { Occlusion::Visible } else { Occlusion::Hidden };
+                assert_eq!(map.test_mut(&stays), expected, "frame {frame}: a box that stays");
+            }
+            let queries = &map.device_mut().0;
+            most = queries.iter().map(|&query| query as u32 + 1).fold(most, u32::max);
+        }
+        assert!(most <= 20 * slots + 1, "{most} slots for 20 movers, {late:?}");
+    }
+}

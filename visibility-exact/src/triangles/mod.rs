@@ -16,9 +16,10 @@ use visibility_core::{ObjectId, Scene};
 /// The triangles of all objects of a scene, prepared for exact queries. Made once, then shared by cullers,
 /// bakes and the checks of proofs.
 ///
-/// Triangles occlude if their object is flagged as an [occluder](visibility_core::Object::occluder) and is
-/// [always drawn](Scene::is_always_drawn). Triangles of other objects, and of objects on no
-/// [layer](visibility_core::Object::layers), are only targets. Objects that an earlier culler has removed
+/// Triangles occlude if their object is flagged as an [occluder](visibility_core::Object::occluder), is
+/// [always drawn](Scene::is_always_drawn) and can be [culled](visibility_core::Object::is_unculled).
+/// Triangles of other objects, and of objects on no [layer](visibility_core::Object::layers), are only
+/// targets. Objects that an earlier culler has removed
 /// still occlude, whatever their layers. Triangles without area do not occlude. An object with a coordinate
 /// that is not finite counts as visible from everywhere and does not occlude. An object without triangles is
 /// represented by its bounding box and does not occlude. Triangles of

@@ -1,79 +1,53 @@
-//! The queue of movers that have motion volumes, ordered by the deadline of each volume.
+//! Deadlines of motion volumes.
 
-use alloc::collections::BinaryHeap;
-use core::cmp::Ordering;
+use alloc::vec::Vec;
 
-/// A heap of the deadlines of motion volumes, the earliest on top. The entry of a volume that no longer
-/// exists stays until its deadline, or until a push finds the heap at least twice as long as the list of
-/// movers.
+/// Number of movers in a block.
+const BLOCK: usize = 64;
+
+/// Deadlines of motion volumes by the position of the mover in the list of movers, with a lower bound for
+/// each block of 64 movers. A frame looks only into blocks in which a deadline may have passed. A heap took
+/// longer, since its entries lie all over the memory.
 #[derive(Clone, Debug)]
 pub(super) struct Deadlines {
-    heap: BinaryHeap<Entry>,
+    /// Deadlines, infinite for movers whose volume has ended.
+    by_place: Vec<f64>,
+    /// Lower bound of the deadlines of each block.
+    least: Vec<f64>,
 }
-
-#[derive(Clone, Copy, Debug)]
-struct Entry {
-    deadline: f64,
-    place: u32,
-}
-
-impl Ord for Entry {
-    fn cmp(&self, other: &Self) -> Ordering {
-        // The order is reversed, since `BinaryHeap` has the greatest entry on top.
-        other.deadline.total_cmp(&self.deadline).then(other.place.cmp(&self.place))
-    }
-}
-
-impl PartialOrd for Entry {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Entry {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for Entry {}
 
 impl Deadlines {
     pub(super) const fn new() -> Self {
-        Self { heap: BinaryHeap::new() }
+        Self { by_place: Vec::new(), least: Vec::new() }
     }
 
-    /// Reserves memory for as many entries as [`push`](Self::push) keeps for `movers` movers, so that it need
-    /// not allocate.
-    pub(super) fn reserve(&mut self, movers: usize) {
-        self.heap.reserve((2 * movers + 1).saturating_sub(self.heap.len()));
+    /// Makes room for `movers` movers.
+    pub(super) fn grow(&mut self, movers: usize) {
+        self.by_place.resize(movers, f64::INFINITY);
+        self.least.resize(movers.div_ceil(BLOCK), f64::INFINITY);
     }
 
-    /// Adds the deadline of a mover that got a volume. `place` is the position of the mover in the list of
-    /// movers, whose length is `movers`. `is_current` must return whether the mover at a position has a
-    /// volume now, with the given deadline. Takes logarithmic time, amortized.
-    pub(super) fn push(
-        &mut self,
-        deadline: f64,
-        place: u32,
-        movers: usize,
-        is_current: impl Fn(f64, u32) -> bool,
-    ) {
-        if self.heap.len() >= 2 * movers {
-            self.heap.retain(|entry| is_current(entry.deadline, entry.place));
-        }
-        self.heap.push(Entry { deadline, place });
+    /// Sets the deadline of a mover that got a volume.
+    pub(super) fn set(&mut self, place: u32, deadline: f64) {
+        let place = place as usize;
+        self.by_place[place] = deadline;
+        self.least[place / BLOCK] = self.least[place / BLOCK].min(deadline);
     }
 
-    /// Removes the earliest entry whose volume still exists and whose deadline is before `time`, and returns
-    /// the position of its mover in the list of movers. `None` if there is none. `is_current` is as for
-    /// [`push`](Self::push).
-    pub(super) fn pop_before(&mut self, time: f64, is_current: impl Fn(f64, u32) -> bool) -> Option<u32> {
-        while self.heap.peek().is_some_and(|entry| entry.deadline < time) {
-            if let Some(entry) = self.heap.pop().filter(|entry| is_current(entry.deadline, entry.place)) {
-                return Some(entry.place);
+    /// Calls `ended` with the position of each mover whose deadline is before `time`, once for each deadline.
+    /// The mover may have lost its volume since.
+    pub(super) fn take_before(&mut self, time: f64, mut ended: impl FnMut(u32)) {
+        for (block, least) in self.least.iter_mut().enumerate().filter(|(_, least)| **least < time) {
+            *least = f64::INFINITY;
+            for (deadline, place) in
+                self.by_place[block * BLOCK..].iter_mut().take(BLOCK).zip(block * BLOCK..)
+            {
+                if *deadline < time {
+                    *deadline = f64::INFINITY;
+                    ended(place as u32);
+                }
+                *least = least.min(*deadline);
             }
         }
-        None
     }
 }

@@ -12,6 +12,7 @@ mod places;
 use alloc::vec::Vec;
 use deadlines::Deadlines;
 use places::Places;
+use visibility_core::bits::Bits;
 use visibility_core::glam::Vec3;
 use visibility_core::scene::{Changes, SceneCursor, SceneError};
 use visibility_core::{Aabb, ObjectId, Scene, VisibleSet};
@@ -115,27 +116,8 @@ struct Mover {
     motion: Motion,
     /// Number of frames for which the mover's next motion volume is to hold.
     span: f32,
-    /// Last time at which the volume holds. Meaningful in the state `Volume`.
-    deadline: f64,
-    /// Bounds in the scene that contain the mover until `deadline`. Meaningful in the state `Volume`.
+    /// Bounds in the scene that contain the mover until its deadline. Meaningful in the state `Volume`.
     volume: Aabb,
-}
-
-/// Data of a mover that every frame reads: 2 bytes, so that the status of all movers stays in the cache.
-#[derive(Clone, Copy, Debug)]
-struct Status {
-    state: State,
-    /// Whether the list `MotionVolumes::active` has the mover.
-    is_listed: bool,
-}
-
-/// Returns a function of a deadline and a position in `movers`, which tells whether the mover there has a
-/// motion volume now, with this deadline.
-fn is_volume(movers: &[Mover], status: &[Status]) -> impl Fn(f64, u32) -> bool {
-    |deadline, place| {
-        let place = place as usize;
-        status[place].state == State::Volume && movers[place].deadline == deadline
-    }
 }
 
 /// The movers of a scene, and the motion volumes of the hidden movers.
@@ -163,12 +145,16 @@ fn is_volume(movers: &[Mover], status: &[Status]) -> impl Fn(f64, u32) -> bool {
 ///   would take away.
 ///
 /// # Cost
-/// `begin_frame` takes `log n` time per hidden mover that gets a volume and per volume that ends, and
-/// constant time per due mover. `end_frame` takes time in proportion to the visible objects, the due movers
-/// and the changes of the scene. Other movers cost nothing, unless more objects change in a frame than the
-/// scene's log lists (a quarter of them): then every volume is compared with the scene, some 20 ns each.
-/// [`set_bounds_batch`](Self::set_bounds_batch) avoids this when it sets the due bounds. Nothing is allocated
-/// once the buffers have grown.
+/// `begin_frame` takes constant time per hidden mover that gets a volume, per volume that ends and per due
+/// mover, and a comparison for each 64 movers. `end_frame` takes time in proportion to the visible objects,
+/// the due movers and the changes of the scene. Other movers cost next to nothing, unless more objects change
+/// in a frame than the scene's log lists (a quarter of them): then every volume is compared with the scene,
+/// some 20 ns each. [`set_bounds_batch`](Self::set_bounds_batch) avoids this when it sets the due bounds.
+/// Nothing is allocated once the buffers have grown.
+///
+/// A due mover costs two to three times as much as one of a batch of all movers. So volumes save time by
+/// themselves if at most a tenth of the movers are due, and else by what the animation of the others would
+/// take.
 ///
 /// ```
 /// use visibility_frame::motion::{Motion, MotionVolumes};
@@ -198,14 +184,14 @@ fn is_volume(movers: &[Mover], status: &[Status]) -> impl Fn(f64, u32) -> bool {
 #[derive(Clone, Debug)]
 pub struct MotionVolumes {
     movers: Vec<Mover>,
-    /// Status of each mover, indexed like `movers`.
-    status: Vec<Status>,
+    /// State of each mover, indexed like `movers`: a byte, so that all states stay in the cache.
+    states: Vec<State>,
     /// Position in `movers` of each mover, by the index of its object.
     places: Places,
     free: Vec<u32>,
-    /// Positions in `movers` of all movers without a volume, each once. Some may be of movers that were
-    /// removed.
-    active: Vec<u32>,
+    /// Positions in `movers` of all movers without a volume. Some may be of movers that were removed. Frames
+    /// go through them in the order in which memory holds movers, and mostly their objects in the scene.
+    active: Bits,
     deadlines: Deadlines,
     /// Scratch memory: movers whose bounds in the scene `begin_frame` replaces, with their new volumes,
     /// relative to the scene's origin.
@@ -230,10 +216,10 @@ impl MotionVolumes {
     pub const fn new() -> Self {
         Self {
             movers: Vec::new(),
-            status: Vec::new(),
+            states: Vec::new(),
             places: Places::new(),
             free: Vec::new(),
-            active: Vec::new(),
+            active: Bits::EMPTY,
             deadlines: Deadlines::new(),
             moved: Vec::new(),
             cursor: SceneCursor::START,
@@ -250,17 +236,18 @@ impl MotionVolumes {
             self.release(old);
         }
         let place = self.free.pop().unwrap_or(self.movers.len() as u32);
-        let mover = Mover { id, motion, span: SPANS[1], deadline: 0.0, volume: Aabb::EMPTY };
+        let mover = Mover { id, motion, span: SPANS[1], volume: Aabb::EMPTY };
         if place as usize == self.movers.len() {
             self.movers.push(mover);
-            self.status.push(Status { state: State::Inserted, is_listed: false });
+            self.states.push(State::Inserted);
         } else {
             self.movers[place as usize] = mover;
-            self.status[place as usize].state = State::Inserted;
+            self.states[place as usize] = State::Inserted;
         }
         self.places.set(id.index(), Some(place));
-        self.list(place);
-        self.deadlines.reserve(self.movers.len());
+        self.active.grow(self.movers.len());
+        self.active.insert(place as usize);
+        self.deadlines.grow(self.movers.len());
     }
 
     /// Removes a mover; its bounds in the scene stay as they are. Returns false if `id` is no mover.
@@ -281,18 +268,9 @@ impl MotionVolumes {
     }
 
     fn release(&mut self, place: u32) {
-        self.status[place as usize].state = State::Free;
+        self.states[place as usize] = State::Free;
         self.places.set(self.movers[place as usize].id.index(), None);
         self.free.push(place);
-    }
-
-    /// Appends `place`, the position in `movers` of a mover without a volume, to the list `active`, unless it
-    /// is there already.
-    fn list(&mut self, place: u32) {
-        let is_listed = &mut self.status[place as usize].is_listed;
-        if !core::mem::replace(is_listed, true) {
-            self.active.push(place);
-        }
     }
 
     fn place(&self, id: ObjectId) -> Option<u32> {
@@ -312,29 +290,31 @@ impl MotionVolumes {
             self.frame_time = 0.0;
             (0..self.movers.len() as u32).for_each(|place| self.activate(place));
         }
-        while let Some(place) = self.deadlines.pop_before(time, is_volume(&self.movers, &self.status)) {
-            // The span ended and the volume was never seen: the next span is longer.
-            let mover = &mut self.movers[place as usize];
-            mover.span = (mover.span * 2.0).min(SPANS[2]);
-            self.status[place as usize].state = State::Active;
-            self.list(place);
-        }
-        let mut active = core::mem::take(&mut self.active);
-        active.retain(|&place| {
-            let state = self.status[place as usize].state;
-            let is_due = match state {
+        let Self { deadlines, movers, states, active, .. } = self;
+        deadlines.take_before(time, |place| {
+            let place = place as usize;
+            if states[place] == State::Volume {
+                // The span ended and the volume was never seen: the next span is longer.
+                movers[place].span = (movers[place].span * 2.0).min(SPANS[2]);
+                states[place] = State::Active;
+                active.insert(place);
+            }
+        });
+        let mut next = self.active.next(0);
+        while let Some(place) = next {
+            let is_due = match self.states[place] {
                 State::Free => false,
-                State::Hidden => !self.enter_volume(scene, place, last),
+                State::Hidden => !self.enter_volume(scene, place as u32, last),
                 _ => true,
             };
             if is_due {
-                self.status[place as usize].state = State::Active;
-                due.push(self.movers[place as usize].id);
+                self.states[place] = State::Active;
+                due.push(self.movers[place].id);
+            } else {
+                self.active.remove(place);
             }
-            self.status[place as usize].is_listed = is_due;
-            is_due
-        });
-        self.active = active;
+            next = self.active.next(place + 1);
+        }
         // All ids are in the scene, so the call cannot fail.
         let _ = scene.set_bounds_batch(&self.moved);
         self.moved.clear();
@@ -368,8 +348,8 @@ impl MotionVolumes {
     fn enter_volume(&mut self, scene: &Scene, place: u32, last: f64) -> bool {
         let mover = &mut self.movers[place as usize];
         let Ok(bounds) = scene.bounds(mover.id) else { return false };
-        // A volume may be nearer than the begin of the draw range although the mover is not, and may reach out
-        // of the bounds of an HLOD parent, from which the end of the draw range is measured.
+        // A volume may be nearer than the begin of the draw range although the mover is not, and may reach
+        // out of the bounds of an HLOD parent, from which the end of the draw range is measured.
         if scene.draw_range(mover.id).is_ok_and(|range| range.begin > 0.0)
             || scene.hlod_parent(mover.id).is_ok_and(|parent| parent.is_some())
         {
@@ -387,10 +367,9 @@ impl MotionVolumes {
             return false;
         }
         self.moved.push((mover.id, volume));
-        (mover.deadline, mover.volume) = (deadline, volume);
-        self.status[place as usize].state = State::Volume;
-        let movers = self.movers.len();
-        self.deadlines.push(deadline, place, movers, is_volume(&self.movers, &self.status));
+        mover.volume = volume;
+        self.states[place as usize] = State::Volume;
+        self.deadlines.set(place, deadline);
         true
     }
 
@@ -402,21 +381,21 @@ impl MotionVolumes {
         seen.clear();
         for id in visible.iter(scene) {
             let Some(place) = self.places.get(id.index()) else { continue };
-            match self.status[place as usize].state {
-                State::Active => self.status[place as usize].state = State::Visible,
+            match self.states[place as usize] {
+                State::Active => self.states[place as usize] = State::Visible,
                 State::Volume if self.movers[place as usize].id == id => {
                     let span = &mut self.movers[place as usize].span;
                     *span = (*span * 0.5).max(SPANS[0]);
-                    self.status[place as usize].state = State::New;
-                    self.list(place);
+                    self.states[place as usize] = State::New;
+                    self.active.insert(place as usize);
                     seen.push(id);
                 }
                 _ => {}
             }
         }
         self.take_changes(scene);
-        for &place in &self.active {
-            let state = &mut self.status[place as usize].state;
+        for place in self.active.iter() {
+            let state = &mut self.states[place];
             *state = match *state {
                 State::Active => State::Hidden,
                 State::Visible => State::Active,
@@ -437,7 +416,7 @@ impl MotionVolumes {
             // The origin has moved: all volumes begin anew from the next position of each mover.
             Changes::Everything if !is_placed => {
                 for place in 0..self.movers.len() {
-                    let state = self.status[place].state;
+                    let state = self.states[place];
                     if state == State::Free {
                         continue;
                     }
@@ -446,8 +425,8 @@ impl MotionVolumes {
                     } else if state != State::Inserted {
                         let motion = &mut self.movers[place].motion;
                         *motion = Motion::new(motion.max_speed);
-                        self.status[place].state = State::New;
-                        self.list(place as u32);
+                        self.states[place] = State::New;
+                        self.active.insert(place);
                     }
                 }
             }
@@ -455,7 +434,7 @@ impl MotionVolumes {
             // due.
             Changes::Everything => {
                 for place in 0..self.movers.len() {
-                    let (Mover { id, volume, .. }, state) = (self.movers[place], self.status[place].state);
+                    let (Mover { id, volume, .. }, state) = (self.movers[place], self.states[place]);
                     match (state, scene.bounds(id)) {
                         (State::Free, _) => {}
                         (_, Err(_)) => self.release(place as u32),
@@ -484,11 +463,11 @@ impl MotionVolumes {
 
     /// Makes a mover due, with an unchanged span: the caller must set its exact bounds in the next frame.
     fn activate(&mut self, place: u32) {
-        let state = &mut self.status[place as usize].state;
+        let state = &mut self.states[place as usize];
         match *state {
             State::Volume => {
                 *state = State::New;
-                self.list(place);
+                self.active.insert(place as usize);
             }
             State::Hidden => *state = State::Active,
             State::Active | State::Visible | State::New | State::Inserted | State::Free => {}

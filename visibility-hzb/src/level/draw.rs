@@ -77,7 +77,7 @@ pub(crate) struct LevelScratch {
     fill: FillScratch,
     clip: ClipScratch,
     seams: Seams,
-    /// For each level the number of edges in levels before it.
+    /// For each level the number of edges in levels before it that are in view.
     first_edges: Vec<u32>,
     /// For each polygon of a cluster, the coordinate along its normal of the far side of its slab. The slab
     /// is the layer, across the normal, that holds the polygon's vertices; its far side is the one away from
@@ -101,9 +101,9 @@ pub(crate) fn draw_candidates(
 ) -> (f32, f32) {
     scratch.first_edges.clear();
     let mut edges = 0;
-    for level in levels {
+    for (level, frame) in levels.iter().zip(frames) {
         scratch.first_edges.push(u32::try_from(edges).unwrap_or(NO_EDGE));
-        edges += level.edges.len();
+        edges += if frame.is_some() { level.edges.len() } else { 0 };
     }
     scratch.seams.begin_frame(edges);
     scratch.work = 0.0;

@@ -72,6 +72,7 @@
 mod bands;
 mod clip;
 mod draw;
+mod drawn_objects;
 mod edges;
 mod fill;
 mod frame;
@@ -83,6 +84,7 @@ mod window;
 
 pub(crate) use bands::LevelRaster;
 pub(crate) use draw::{Candidate, LevelScratch, begin_cluster, find_candidates};
+pub(crate) use drawn_objects::DrawnObjects;
 pub(crate) use edges::Edges;
 pub(crate) use fill::{FillScratch, fill};
 pub(crate) use frame::{LevelFrame, sides};

@@ -3,8 +3,8 @@
 use crate::lanes::WIDTH;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
+use visibility_core::Aabb;
 use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::{Aabb, ObjectId};
 use visibility_occluders::{LevelOccluders, OccluderCluster, OccluderPolygon};
 
 /// Boxes of up to [`WIDTH`] clusters, or of groups of clusters, one in each lane, relative to the origin of
@@ -58,9 +58,6 @@ pub struct PreparedLevel {
     pub(crate) first_polygons: Vec<u32>,
     /// Edges of all polygons, in the order in which `level` has them.
     pub(crate) edges: Vec<PreparedEdge>,
-    /// Indexed by object index: the object, if its triangles are in the level, otherwise
-    /// [`ObjectId::PLACEHOLDER`].
-    pub(crate) objects: Vec<ObjectId>,
 }
 
 /// An edge of a polygon.
@@ -142,10 +139,6 @@ impl PreparedLevel {
         // A polygon's vertices lie in its slab, which may reach beyond the ball about its middle by the
         // slab's thickness.
         let reach = reach + thickness;
-        // The level lists its objects; the cullers look them up by index.
-        let indices = level.objects().iter().map(|id| id.index() + 1).max().unwrap_or(0);
-        let mut objects = alloc::vec![ObjectId::PLACEHOLDER; indices];
-        level.objects().iter().for_each(|&id| objects[id.index()] = id);
         Self {
             level,
             origin,
@@ -158,15 +151,19 @@ impl PreparedLevel {
             polygons,
             first_polygons,
             edges,
-            objects,
         }
     }
+}
+
+/// Returns whether a view that shows `layers` shares a layer with each of `masks`.
+pub(super) fn are_all_on(masks: &[u32], layers: u32) -> bool {
+    masks.iter().all(|mask| mask & layers != 0)
 }
 
 impl PreparedLevel {
     /// Returns whether all objects of the level are drawn in a view that shows `layers`.
     pub(crate) fn is_on(&self, layers: u32) -> bool {
-        self.level.layers().iter().all(|mask| mask & layers != 0)
+        are_all_on(self.level.layers(), layers)
     }
 
     /// Returns whether the level may be in a view with the given [sides](super::sides) relative to `origin`.

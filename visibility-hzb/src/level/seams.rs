@@ -19,7 +19,8 @@ pub(crate) struct Seams {
     /// Pieces of all shared edges of the polygons drawn so far in the frame, in the order in which they were
     /// recorded.
     pieces: Vec<Piece>,
-    /// For each edge of all levels, the index of its last piece; [`NO_PIECE`] for an edge without pieces.
+    /// For each edge of the levels in view, the index of its last piece; [`NO_PIECE`] for an edge without
+    /// pieces. As long as the edges of any frame so far; elements beyond the present edges are [`NO_PIECE`].
     last: Vec<u32>,
     /// Indices in the frame of the edges that have a piece, each once.
     met: Vec<u32>,
@@ -54,12 +55,13 @@ struct Piece {
 }
 
 impl Seams {
-    /// Removes the pieces of all seams, and makes room for a frame whose levels have `edges` edges in all.
+    /// Removes the pieces of all seams, and makes room for a frame whose levels in view have `edges` edges in
+    /// all.
     pub(super) fn begin_frame(&mut self, edges: usize) {
         for edge in self.met.drain(..) {
             self.last[edge as usize] = NO_PIECE;
         }
-        self.last.resize(edges, NO_PIECE);
+        self.last.resize(self.last.len().max(edges), NO_PIECE);
         self.pieces.clear();
         self.polygons.clear();
     }

@@ -12,8 +12,8 @@ use visibility_core::glam::Vec3;
 pub(super) struct Vertices {
     /// Columns and rows of the vertices in the picture, in pixels.
     pub(super) places: [Vec<f32>; 2],
-    /// Whether each vertex is plain: in the guard band around the picture and beyond the distance at which
-    /// outlines are cut, with an error of at most [`MAX_ERROR_PX`].
+    /// Whether each vertex is plain: in the guard band around the picture and beyond the distance and the
+    /// clip coordinate `w` at which outlines are cut, with an error of at most [`MAX_ERROR_PX`].
     pub(super) plain: Vec<bool>,
     /// Lower bounds on the clip coordinate `w` of the vertices, then upper bounds. Valid for plain vertices
     /// only.
@@ -30,7 +30,7 @@ impl Vertices {
     pub(super) fn project(&mut self, positions: &[Vec3], frame: &LevelFrame) {
         self.places.iter_mut().chain(&mut self.w).for_each(Vec::clear);
         self.plain.clear();
-        let (least_near, guard) = (up(frame.least_near), frame.guard as f32);
+        let (least_near, cut_w, guard) = (up(frame.least_near), up(frame.least_w), frame.guard as f32);
         let (mut most_error, mut least_w) = ([0.0; WIDTH], [f32::INFINITY; WIDTH]);
         let mut rest = positions;
         while !rest.is_empty() {
@@ -47,6 +47,7 @@ impl Vertices {
             for i in 0..WIDTH {
                 plain[i] = (error[i] <= MAX_ERROR_PX)
                     & (near[i] > least_near)
+                    & (w[i] > cut_w)
                     & (greatest(x[i].abs(), y[i].abs()) <= guard);
                 most_error[i] = if plain[i] { greatest(error[i], most_error[i]) } else { most_error[i] };
                 least_w[i] = if plain[i] { least(w[i], least_w[i]) } else { least_w[i] };
@@ -61,5 +62,47 @@ impl Vertices {
             self.error = greatest(most_error[i], self.error);
             self.least_w = least(least_w[i], self.least_w);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::coverage::Coverage;
+    use crate::level::PreparedLevel;
+    use alloc::sync::Arc;
+    use visibility_core::glam::{DMat4, DVec3, DVec4};
+    use visibility_core::{View, view::Depth};
+    use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
+
+    /// Outlines are cut at `least_w` beside the near plane. No plain vertex, which no cut affects, is on the
+    /// side that is cut away, also if the near plane is oblique and passes close to the eye.
+    #[test]
+    fn plain_vertices_are_beyond_all_cuts() {
+        let corners = [Vec3::ZERO, Vec3::new(1e6, 1e6, 0.0), Vec3::new(1e6, 0.0, 1e6)];
+        let triangles = [LevelTriangle { corners, two_sided: true }];
+        let level = LevelOccluders::new(&triangles, LevelSettings::default()).unwrap();
+        let level = PreparedLevel::new(Arc::new(level), DVec3::ZERO);
+        // The eye looks along x. The near plane lies beside the eye: y = 1e-9.
+        let rows =
+            [[0.0, -0.3, 0.0, 0.0], [0.0, 0.0, 0.3, 0.0], [0.0, 1.0, 0.0, -1e-9], [1.0, 0.0, 0.0, 0.0]];
+        let [x, y, z, w] = rows.map(DVec4::from_array);
+        let matrix = DMat4::from_cols(x, y, z, w).transpose();
+        let view = View::from_clip_from_world(matrix, Depth::ZeroToOne).unwrap();
+        let size = [640, 360];
+        let frame = LevelFrame::new(&view, &level, size, size, Coverage::Conservative, 16.0).unwrap();
+        let mut vertices = Vertices::default();
+        let mut plain = 0;
+        for i in 0..2_000 {
+            let w = frame.least_w * 1.01f64.powi(i - 1_000);
+            let positions = [0.0, 1.0, 3.0, 10.0].map(|beside| DVec3::new(w, beside * w, 0.0).as_vec3());
+            vertices.project(&positions, &frame);
+            for at in (0..positions.len()).filter(|&at| vertices.plain[at]) {
+                let (w, least_w) = (vertices.w[0][at], frame.least_w);
+                assert!(f64::from(w) > least_w, "{}: w is {w}, cut at {least_w}", positions[at]);
+                plain += 1;
+            }
+        }
+        assert!(plain > 1_000, "{plain} vertices are plain");
     }
 }

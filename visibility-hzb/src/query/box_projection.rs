@@ -256,6 +256,9 @@ fn clamped(v: f32, size: f32) -> f32 {
 /// Returns the values of the linear function `row` at the eight corners of each box, and an upper bound on
 /// the absolute error of these values for each box. `low` and `high` are the boxes' least and greatest
 /// coordinates relative to the anchor. Bits 0, 1 and 2 of a corner's index select the greatest x, y and z.
+///
+/// A side at infinity makes the error infinite, or NaN. If the side's coefficient is 0, the error may also be
+/// finite: the corners at infinity are then NaN, and all others have the right values.
 #[inline(always)]
 fn corners<const N: usize>(
     row: &ScreenRow32,

@@ -58,7 +58,8 @@ pub(crate) struct ScreenProjection {
     /// perspective view.
     pub(crate) anchor: DVec3,
     /// Sign (1 or -1) of the determinant of the `x`, `y`, `w` of three corners that run counter-clockwise as
-    /// seen from the eye. 0 if rounding leaves the sign open: then nothing is drawn.
+    /// seen from the eye. 0 if the computed determinant of the view is exactly 0 or NaN: then nothing is
+    /// drawn.
     pub(crate) facing: f64,
     /// True if the view is perspective, so that `n` is always 1. False if it is parallel, so that `w` is the
     /// same for all points and `n` carries the depth.

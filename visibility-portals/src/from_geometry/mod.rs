@@ -14,8 +14,9 @@
 //!
 //! Polygons in nearly the same plane become one plane, so that cells and portals are not quite where polygons
 //! and openings are. [`Subdivision::viewcells`] knows how far they may be misplaced, and all that is made
-//! from it reckons with that: objects and eyes that are so near to a cell are in it, and lines that pass a
-//! portal so nearly pass it.
+//! from it reckons with that: objects and eyes that are so near to a cell are in it, and in a frame, lines
+//! that pass a portal so nearly pass it. The bakers take portals as they are: what is seen only by lines that
+//! pass an edge of an opening nearer than misplacement and clearance together may be missing from their sets.
 //!
 //! Lines of sight leave the divided box through the cells at its sides. An object that reaches out of the box
 //! is therefore in all cells at the sides that it reaches beyond, and is hidden only where none of these is

@@ -70,11 +70,11 @@ pub struct SightLine {
 ///
 /// A ray meets the [triangles](Scene::set_triangles) of an object, front or back unless the object is
 /// [one-sided](visibility_core::Object::one_sided); without triangles its occluder mesh; without either its
-/// bounds. Objects that are flagged as occluders and [always drawn](Scene::is_always_drawn) block rays with
-/// their triangles or mesh, on whichever layers they are. All other objects, such as glass and doors, can be
-/// seen but do not block. There is no near plane. An object counts as seen only if a ray certainly meets it
-/// and certainly passes all blockers: at an edge that two objects share, or at faces that coincide, nothing
-/// counts as seen.
+/// bounds. Objects that are flagged as occluders, are [always drawn](Scene::is_always_drawn) and can be
+/// [culled](visibility_core::Object::is_unculled) block rays with their triangles or mesh, on whichever
+/// layers they are. All other objects, such as glass and doors, can be seen but do not block. There is no
+/// near plane. An object counts as seen only if a ray certainly meets it and certainly passes all blockers:
+/// at an edge that two objects share, or at faces that coincide, nothing counts as seen.
 ///
 /// # Cost
 /// About a microsecond per ray in a city of 10,000 triangles, growing logarithmically. The first call for a

@@ -113,9 +113,10 @@ impl TriangleTree {
         for id in scene.ids() {
             let (Ok(object), Ok(triangles)) = (scene.object(id), scene.triangles(id)) else { continue };
             let start = self.corners.len() as u32;
-            // Only occluders that are always drawn block rays. Every object can be seen.
-            let (blocks, one_sided) = (object.occluder && scene.is_always_drawn(id), object.one_sided);
-            let mut owner = Owner { blocks, one_sided, ..Owner::default() };
+            // Only occluders that are always drawn, and where they should be, block rays. Every object can be
+            // seen.
+            let blocks = object.occluder && scene.is_always_drawn(id) && !object.is_unculled();
+            let mut owner = Owner { blocks, one_sided: object.one_sided, ..Owner::default() };
             if !triangles.is_empty() {
                 self.corners.extend(triangles.iter().filter(|t| t.iter().all(|p| p.is_finite())));
             } else if let Some((mesh, ref transform)) = scene.occluder(id) {

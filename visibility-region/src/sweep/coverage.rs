@@ -16,6 +16,7 @@
 
 use super::direction::Direction;
 use super::hull_raster::{Spread, draw_hull};
+use super::pixel_block::PixelBlock;
 use super::polygon::{Polygon, Sides, cut};
 use super::ray_map::{PixelRect, RayMap, SIDE};
 use super::window::{FARTHEST_PIXEL, Window};
@@ -24,8 +25,8 @@ use visibility_core::glam::DVec3;
 /// Two maps on which one piece of an occluder is drawn: the inside of its triangles, and its contour.
 #[derive(Clone, Debug)]
 pub(super) struct PieceMaps {
-    inside: RayMap,
-    contour: RayMap,
+    inside: PixelBlock,
+    contour: PixelBlock,
     sides: Sides,
 }
 
@@ -41,7 +42,7 @@ pub(super) struct Target<'a> {
 
 impl PieceMaps {
     pub(super) fn new() -> Self {
-        Self { inside: RayMap::new(), contour: RayMap::new(), sides: [[0.0; SIDE]; 2] }
+        Self { inside: PixelBlock::new(), contour: PixelBlock::new(), sides: [[0.0; SIDE]; 2] }
     }
 
     /// Adds to `map` the pixels that a piece of an occluder covers. `triangles` are the piece's triangles and
@@ -57,6 +58,7 @@ impl PieceMaps {
     ) {
         let Target { window, near, rect, .. } = *target;
         let mut filled = false;
+        self.inside.begin(rect);
         for (triangle, _) in triangles.clone() {
             if triangle.iter().any(|p| p.z < window.d) && triangle.iter().any(|p| p.z > near) {
                 let polygon = Polygon::cut(triangle, near, window.d);
@@ -66,16 +68,15 @@ impl PieceMaps {
         if !filled {
             return;
         }
-        if map.lacks(&self.inside, rect) {
+        if self.inside.exceeds(map) {
+            self.contour.begin(rect);
             let known =
                 triangles.into_iter().all(|(triangle, outside)| self.sweep_cuts(target, triangle, outside))
                     && contour.into_iter().all(|([a, b], outside)| self.sweep_edge(target, a, b, outside));
             if known {
-                map.add_difference(&self.inside, &self.contour, rect);
+                self.inside.add_without(&self.contour, map);
             }
-            self.contour.clear_rect(rect);
         }
-        self.inside.clear_rect(rect);
     }
 
     /// Draws the edges that arise where a triangle is cut, at the depth of the projection plane and at the

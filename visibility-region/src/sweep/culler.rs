@@ -34,8 +34,8 @@ use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet
 /// furnished building of 200,000 triangles. Occluders are collected nearest first, until no object is left to
 /// test: in a city, 44 times as many objects take 4 times as long. The first call for a scene, and the first
 /// after a change of its occluders, sorts all edges, which takes some hundred bytes for each triangle, shared
-/// by clones. Each clone has 2 to 4 MB of its own in such scenes: 9 bytes for each triangle, more for
-/// triangles that may be seen, and maps.
+/// by clones. Each clone has 2 to 4 MB of its own in such scenes: 10 bytes for each triangle, more for
+/// triangles that may be seen from the viewcell and the ones before, and maps.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, pvs::Viewcell};
@@ -147,7 +147,7 @@ impl ExtendedProjectionCuller {
         let visible = VisibleSet::new();
         let occluding = occluding(scene, &visible);
         let surfaces = self.surfaces.clone();
-        self.pieces.begin(&surfaces, &Effort::FULL);
+        self.pieces.begin(&surfaces, &Effort::FULL, cell);
         let all = Occluders { scene, occluding: &occluding, surfaces: &surfaces, cell_box: &cell_box };
         let directions = core::array::from_fn(|index| cell_box.direction(index));
         let asked = Asked::Set(&visible);
@@ -262,7 +262,7 @@ impl ExtendedProjectionCuller {
     /// `surfaces` is drawn from them, and must not have changed since they were collected.
     pub(crate) fn begin(&mut self, scene: &Scene, cell: &Viewcell, surfaces: Arc<Surfaces>, effort: Effort) {
         self.hidden.reset(scene.index_limit());
-        self.pieces.begin(&surfaces, &effort);
+        self.pieces.begin(&surfaces, &effort, cell);
         (self.present, self.effort) = (surfaces, effort);
         let bounds = usable_bounds(scene, cell);
         self.cell_box = bounds.and_then(|bounds| Some((cell_box(scene, cell, &bounds)?, bounds)));
@@ -285,7 +285,7 @@ impl ExtendedProjectionCuller {
         let nodes = occludees::assign(scene, asked, bounds, &boxes, lists, stack);
         stats.nodes += nodes;
         match asked {
-            Asked::Set(_) => nodes as usize,
+            Asked::All | Asked::Set(_) => nodes as usize,
             Asked::Objects(ids) | Asked::Beside(ids, _) => ids.len(),
         }
     }
@@ -314,8 +314,9 @@ impl ExtendedProjectionCuller {
     ///
     /// The objects of `ask.occluding` and the origin of the scene must not have changed since
     /// [`begin`](Self::begin). Other objects may have changed, but those that did since the sweep of the
-    /// direction was begun may be wrongly among the hidden objects. If `ask.asked` is a set, the layout of
-    /// the scene's hierarchy must not have changed either since the sweep of the direction was begun.
+    /// direction was begun may be wrongly among the hidden objects. If `ask.asked` is [by
+    /// node](Asked::is_by_node), the layout of the scene's hierarchy must not have changed either since the
+    /// sweep of the direction was begun.
     pub(crate) fn sweep_direction(
         &mut self,
         scene: &Scene,
@@ -343,7 +344,7 @@ impl ExtendedProjectionCuller {
                     return true;
                 };
                 // The occluders of objects that are tested one by one are listed one by one too.
-                if !matches!(ask.asked, Asked::Set(_)) {
+                if !ask.asked.is_by_node() {
                     work.use_up(ask.occluding.count() as usize, ITEM);
                 }
                 self.sweep.begin();
@@ -490,7 +491,7 @@ impl Running {
         let direction = job.direction;
         let cone = Cone::around(direction, items)?;
         let rims = [0, 1].map(|lat| Rim::of(items, lat, direction, scratch));
-        let by_node = matches!(job.ask.asked, Asked::Set(_));
+        let by_node = job.ask.asked.is_by_node();
         let left = if matches!(job.ask.asked, Asked::Beside(..)) { left.beside() } else { left };
         let nearest = Nearest::new(&job.all, direction, &cone, by_node);
         Some(Self { cone, rims, nearest, left, planes: Vec::new(), window: None })
@@ -518,16 +519,14 @@ impl Job<'_> {
     }
 
     /// Adds the children of a node to `list`, each cut to `item`, the node's item. Rays to the children are
-    /// then also rays to the item, so the bits of the map are valid for the children too. A child that reaches
-    /// out of its item holds objects that have changed since the direction was begun; the others lie within.
+    /// then also rays to the item, so the bits of the map are valid for the children too. A child that
+    /// reaches out of the item holds objects that have changed since the direction was begun; the others lie
+    /// within.
     fn open_node(&self, node: usize, item: &Item, list: &mut Vec<Item>, stats: &mut CullStats) {
         stats.nodes += 1;
-        // Objects that are tested one by one have no nodes.
-        if let Asked::Set(visible) = self.ask.asked {
-            occludees::for_each_child(self.scene, visible, self.direction, node, |child| {
-                list.extend(child.within(item));
-            });
-        }
+        occludees::for_each_child(self.scene, &self.ask.asked, self.direction, node, |child| {
+            list.extend(child.within(item));
+        });
     }
 }
 

@@ -32,7 +32,7 @@ impl Effort {
     /// The effort for a viewcell around a moving eye. docs/online.md compares its times and results with
     /// those of `FULL`.
     pub(crate) const QUICK: Self =
-        Self { behind: 12, growth: 1.5, growing: 18, again: 2, max_triangles: 64, joins: false };
+        Self { behind: 8, growth: 1.25, growing: 60, again: 1, max_triangles: 64, joins: false };
 
     /// Returns the effort for objects that are asked [beside](super::Asked::Beside) their farthest direction,
     /// where few large occluders hide most: fewer planes.

@@ -1,6 +1,7 @@
 //! Drawing of the pixels that the convex hull of two rectangles meets.
 
-use super::ray_map::{PixelRect, RayMap};
+use super::pixel_block::PixelBlock;
+use super::ray_map::{PixelRect, pixel_at};
 
 /// A rectangle in pixel coordinates: least and greatest x, then y. It contains the pixels where rays from the
 /// viewcell through one end of a contour edge arrive.
@@ -8,7 +9,7 @@ pub(super) type Spread = [[f64; 2]; 2];
 
 /// Sets the pixels of `rect` that the convex hull of two rectangles meets. If each rectangle contains the
 /// projections of one end of an edge, these are the pixels in which the edge may be seen.
-pub(super) fn draw_hull(map: &mut RayMap, p: &Spread, q: &Spread, rect: PixelRect) {
+pub(super) fn draw_hull(map: &mut PixelBlock, p: &Spread, q: &Spread, rect: PixelRect) {
     let (low, high) = (p[1][0].min(q[1][0]), p[1][1].max(q[1][1]));
     let (left, right) = (p[0][0].min(q[0][0]), p[0][1].max(q[0][1]));
     let (first, last) = (low.max(rect.y[0] as f64), high.min(rect.y[1] as f64 + 1.0));
@@ -18,12 +19,16 @@ pub(super) fn draw_hull(map: &mut RayMap, p: &Spread, q: &Spread, rect: PixelRec
     let left = Side::new([p[0][0], p[1][0], p[1][1]], [q[0][0], q[1][0], q[1][1]]);
     // The right side is found as the left side of the mirror image.
     let right = Side::new([-p[0][1], p[1][0], p[1][1]], [-q[0][1], q[1][0], q[1][1]]);
+    let [begin, end] = [rect.x[0] as f64, rect.x[1] as f64 + 1.0];
     for row in first as usize..=(last as usize).min(rect.y[1]) {
-        let band = [(row as f64).max(low), (row as f64 + 1.0).min(high)];
+        let y = f64::from(row as i32);
+        let band = [y.max(low), (y + 1.0).min(high)];
+        let (a, b) = (left.least(band), -right.least(band));
+        let a = if a > begin { a } else { begin };
         // Clamping the ends before the comparison would lose a hull within the right half of the last column.
-        let (a, b) = (left.least(band).max(rect.x[0] as f64), -right.least(band));
-        if a <= b && a < rect.x[1] as f64 + 1.0 {
-            map.set_span(row, a as usize, (b as usize).min(rect.x[1]));
+        if a <= b && a < end {
+            let b = if b < end { pixel_at(b) } else { rect.x[1] };
+            map.set_span(row, pixel_at(a), b.min(rect.x[1]));
         }
     }
 }
@@ -70,6 +75,9 @@ mod tests {
     use super::*;
     use alloc::vec::Vec;
 
+    /// The pixels that are tested.
+    const TESTED: PixelRect = PixelRect { x: [0, 6], y: [0, 6] };
+
     /// An eighth of a pixel in the units of the oracle, which are 64ths of a pixel.
     const EIGHTH: i64 = 8;
 
@@ -94,8 +102,9 @@ mod tests {
 
     /// Draws the hull of two rectangles in units of the oracle, and tests each pixel in and around `rect`. A
     /// pixel that the hull only touches from outside may be set or not.
-    fn check(map: &mut RayMap, p: [[i64; 2]; 2], q: [[i64; 2]; 2], rect: PixelRect) {
+    fn check(map: &mut PixelBlock, p: [[i64; 2]; 2], q: [[i64; 2]; 2], rect: PixelRect) {
         let pixels = |spread: [[i64; 2]; 2]| spread.map(|range| range.map(|end| end as f64 / 64.0));
+        map.begin(TESTED);
         draw_hull(map, &pixels(p), &pixels(q), rect);
         for (x, y) in (0..7).flat_map(|y| (0..7).map(move |x| (x, y))) {
             let is_inside = (rect.x[0]..=rect.x[1]).contains(&x) && (rect.y[0]..=rect.y[1]).contains(&y);
@@ -105,7 +114,6 @@ mod tests {
             assert!(!must || is_set, "{x} {y} is not drawn of {p:?} {q:?} in {rect:?}");
             assert!(may || !is_set, "{x} {y} is drawn of {p:?} {q:?} in {rect:?}");
         }
-        map.clear_rect(PixelRect { x: [0, 6], y: [0, 6] });
     }
 
     /// Ranges whose ends are at, just before or just after the ends and the middles of the first and the last
@@ -126,7 +134,8 @@ mod tests {
     fn a_hull_within_half_a_pixel_is_drawn() {
         for half in [[0.1, 0.4], [0.5, 0.5], [0.6, 0.9]] {
             for column in [2, 5] {
-                let mut map = RayMap::new();
+                let mut map = PixelBlock::new();
+                map.begin(TESTED);
                 let x = half.map(|at| column as f64 + at);
                 let rect = PixelRect { x: [2, 5], y: [1, 3] };
                 draw_hull(&mut map, &[x, [0.0, 0.5]], &[x, [4.0, 6.0]], rect);
@@ -137,7 +146,7 @@ mod tests {
 
     #[test]
     fn pixels_of_hulls_are_those_of_integer_arithmetic() {
-        let mut map = RayMap::new();
+        let mut map = PixelBlock::new();
         for [first, last] in [[1, 3], [3, 3], [0, 6]] {
             let fixed = [[70, 180], [130, 130], [0, 448], [64, 128], [160, 170]];
             let rect = PixelRect { x: [first, last], y: [1, 3] };

@@ -13,6 +13,7 @@ mod occludees;
 mod occluder;
 mod occluder_raster;
 mod pieces;
+mod pixel_block;
 pub(crate) mod planes;
 mod polygon;
 mod projection_plane;

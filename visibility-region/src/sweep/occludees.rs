@@ -36,15 +36,17 @@ const STEEPEST: f64 = 4.0;
 /// a whole storey.
 pub(super) const STEEPEST_BESIDE: f64 = 64.0;
 
-/// Greatest width of the viewcell's front in depths of an object. What is nearer counts as visible: rays to it
-/// from the opposite side would be steeper than the margins allow.
+/// Greatest width of the viewcell's front in depths of an object. What is nearer counts as visible: rays to
+/// it from the opposite side would be steeper than the margins allow.
 pub(super) const ACROSS: f64 = 40.0;
 
 /// Objects to be assigned to directions.
 #[derive(Clone, Copy)]
 pub(crate) enum Asked<'a> {
-    /// The objects of a set, each in the direction along which it is farthest. Whole nodes of the hierarchy
-    /// are assigned where that is possible.
+    /// All objects of the scene, also those on no layer, each in the direction along which it is farthest.
+    /// Whole nodes of the hierarchy are assigned where that is possible.
+    All,
+    /// The objects of a set, assigned as those of [`All`](Self::All).
     Set(&'a VisibleSet),
     /// Objects of the scene, one by one, each in the direction along which it is farthest.
     Objects(&'a [ObjectId]),
@@ -52,6 +54,18 @@ pub(crate) enum Asked<'a> {
     /// farthest along it. A long wall of the next storey is farthest along the floor, where it begins before
     /// the plane at which the ceiling hides its far end; upwards, the ceiling alone hides it.
     Beside(&'a [ObjectId], usize),
+}
+
+impl Asked<'_> {
+    /// Returns whether whole nodes of the hierarchy are tested.
+    pub(crate) fn is_by_node(&self) -> bool {
+        matches!(self, Self::All | Self::Set(_))
+    }
+
+    /// Returns whether an object of a node that is tested is asked.
+    fn holds(&self, scene: &Scene, id: ObjectId) -> bool {
+        !matches!(self, Self::Set(visible) if !visible.contains(scene, id))
+    }
 }
 
 /// Assigns the objects of `asked` to the six directions, as [`Asked`] says. Where all objects of a set that
@@ -67,8 +81,8 @@ pub(crate) fn assign(
     stack: &mut Vec<Option<usize>>,
 ) -> u64 {
     lists.iter_mut().for_each(Vec::clear);
-    let visible = match asked {
-        Asked::Set(visible) => visible,
+    match asked {
+        Asked::All | Asked::Set(_) => {}
         Asked::Objects(ids) | Asked::Beside(ids, _) => {
             for &id in ids {
                 let (Ok(object), Ok(scene_bounds)) = (scene.object(id), scene.bounds(id)) else { continue };
@@ -89,7 +103,7 @@ pub(crate) fn assign(
             }
             return 0;
         }
-    };
+    }
     let mut nodes = 0;
     stack.push(None);
     while let Some(node) = stack.pop() {
@@ -101,7 +115,7 @@ pub(crate) fn assign(
             let usable = is_usable(usable_bounds, &directions[farthest], &bounds, &scene_bounds, STEEPEST);
             match child {
                 Child::Object(id) => {
-                    if usable && visible.contains(scene, id) {
+                    if usable && asked.holds(scene, id) {
                         lists[farthest].push(Item { child, bounds, scene_bounds });
                     }
                 }
@@ -149,17 +163,16 @@ fn is_ahead(direction: &Direction, b: &LocalBox, steepest: f64) -> bool {
     })
 }
 
-/// Calls `each` with the children of a node, in local coordinates. Objects that are no candidates are left
-/// out.
+/// Calls `each` with the children of a node, in local coordinates. Objects that are not asked are left out.
 pub(crate) fn for_each_child(
     scene: &Scene,
-    visible: &VisibleSet,
+    asked: &Asked<'_>,
     direction: &Direction,
     node: usize,
     mut each: impl FnMut(Item),
 ) {
     SceneHierarchy.for_each_child(scene, Some(node), &mut |child, bounds| {
-        if !matches!(child, Child::Object(id) if !visible.contains(scene, id)) {
+        if !matches!(child, Child::Object(id) if !asked.holds(scene, id)) {
             each(Item { child, bounds: direction.local_box(&bounds), scene_bounds: bounds });
         }
     });

@@ -16,11 +16,13 @@
 use super::direction::CellBox;
 use super::effort::Effort;
 use super::facing::facing;
-use super::surfaces::{Back, Surfaces, find};
+use super::surfaces::{Back, Part, Surfaces, find};
 use alloc::vec::Vec;
 use visibility_core::Aabb;
 use visibility_core::bits::Bits;
 use visibility_core::glam::DVec3;
+use visibility_core::pvs::Viewcell;
+use visibility_core::stamp::Stamp;
 
 /// Greatest number of drawn triangles, all of which run along a segment in the same direction, that are
 /// paired with triangles of the other direction. The search for the flattest partner takes time proportional
@@ -28,19 +30,31 @@ use visibility_core::glam::DVec3;
 /// contours of all.
 const MAX_ON_SEGMENT: usize = 32;
 
-/// The pieces of surfaces that face one viewcell.
+/// The pieces of surfaces that face one viewcell. Those of the viewcells before are kept: a cluster of which
+/// each triangle shows the next viewcell the same side has the same pieces there.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pieces {
-    /// Facing of each triangle of the clusters in `found`, by triangle: 1 if its front faces the whole cell,
-    /// -1 if its back occludes and faces the whole cell, otherwise 0. 0 for triangles of objects that do not
-    /// occlude in this call.
+    /// Facing of each triangle of the clusters in `kept`, by triangle, for the viewcell for which the cluster
+    /// was found last: 1 if its front faces the whole cell, -1 if its back occludes and faces the whole cell,
+    /// otherwise 0. 0 for triangles of objects that did not occlude in that call.
     facing: Vec<i8>,
     parent: Vec<u32>,
     /// Entries for the triangles that represent pieces. While triangles are paired: the number of triangles
     /// of the piece. Afterwards: the index of the piece.
     count: Vec<u32>,
-    /// Clusters whose pieces have been found.
+    /// Clusters whose pieces have been found for the present viewcell.
     found: Bits,
+    /// Clusters whose pieces, for this viewcell or an earlier one, are listed in `ranges`.
+    kept: Bits,
+    /// State of the surfaces that the kept pieces are of.
+    stamp: Option<Stamp>,
+    /// The box of the present viewcell, if the viewcell is a whole box.
+    present: Option<[DVec3; 2]>,
+    /// A box that holds the present viewcell: its ends, the facing of triangles towards it, and the clusters
+    /// for which that is known. A triangle that shows one side to all of it shows that to the viewcell.
+    around: Option<[DVec3; 2]>,
+    facing_around: Vec<i8>,
+    known_around: Bits,
     ranges: Vec<[u32; 2]>,
     /// Scratch memory for the contours of the present cluster: pairs of a triangle and a segment that bounds
     /// the triangle's piece there, in the order in which they were found.
@@ -67,13 +81,31 @@ pub(crate) struct Piece {
 }
 
 impl Pieces {
-    /// Removes the pieces of the last viewcell, and takes the limits for pieces of the next viewcell from
-    /// `effort`.
-    pub(crate) fn begin(&mut self, surfaces: &Surfaces, effort: &Effort) {
-        (self.max_triangles, self.joins) = (effort.max_triangles, effort.joins);
-        self.triangles.clear();
-        self.contours.clear();
-        self.pieces.clear();
+    /// Begins the next viewcell, with the limits for pieces of `effort`. Removes the pieces of the viewcells
+    /// before if these are of other surfaces or had other limits, or together have more triangles than all
+    /// surfaces.
+    pub(crate) fn begin(&mut self, surfaces: &Surfaces, effort: &Effort, cell: &Viewcell) {
+        let holds = |[min, max]: [DVec3; 2]| min.cmple(cell.min).all() && cell.max.cmple(max).all();
+        let of_same_surfaces = |ends: &[DVec3; 2]| self.stamp == surfaces.stamp && holds(*ends);
+        if let Some(last) = self.present.filter(of_same_surfaces) {
+            self.around = Some(last);
+            self.facing_around.clone_from(&self.facing);
+            self.known_around.clone_from(&self.found);
+        } else if !self.around.as_ref().is_some_and(of_same_surfaces) {
+            self.around = None;
+            self.known_around.reset(surfaces.cluster_count());
+        }
+        self.present = cell.planes.is_empty().then_some([cell.min, cell.max]);
+        let is_same = self.stamp == surfaces.stamp
+            && (self.max_triangles, self.joins) == (effort.max_triangles, effort.joins);
+        if !is_same || self.triangles.len() > surfaces.triangles.len() {
+            (self.max_triangles, self.joins) = (effort.max_triangles, effort.joins);
+            self.stamp = surfaces.stamp;
+            self.triangles.clear();
+            self.contours.clear();
+            self.pieces.clear();
+            self.kept.reset(surfaces.cluster_count());
+        }
         self.found.reset(surfaces.cluster_count());
         self.ranges.resize(surfaces.cluster_count(), [0; 2]);
         let count = surfaces.triangles.len();
@@ -92,27 +124,42 @@ impl Pieces {
         cell: &CellBox,
     ) -> core::ops::Range<u32> {
         if self.found.insert(cluster) {
-            let first = self.pieces.len() as u32;
+            let mut is_kept = self.kept.contains(cluster);
+            let is_known = self.known_around.contains(cluster);
             let direction = cell.direction(0);
+            // The part of the triangles before: its index, whether it occludes, and whether the cell is
+            // outside of it. Triangles of a part follow one another.
+            let mut part = (u32::MAX, false, false);
             for &triangle in surfaces.triangles_of(cluster) {
                 let surface = &surfaces.triangles[triangle as usize];
-                let part = surfaces.part(surface);
-                // An object may have been listed again, in another cluster.
-                let owner = part.owner as usize;
-                let is_present = occluding.contains(owner) && surfaces.cluster_of(owner) == Some(cluster);
-                let facing = match is_present {
-                    true => cell.facing(surface.corners.map(|p| p.as_dvec3())),
-                    false => 0,
+                if surface.part != part.0 {
+                    let Part { owner, bounds } = *surfaces.part(surface);
+                    let owner = owner as usize;
+                    // An object may have been listed again, in another cluster.
+                    let is_present = occluding.contains(owner) && surfaces.cluster_of(owner) == Some(cluster);
+                    let bounds = direction.local_box(&bounds);
+                    part = (surface.part, is_present, direction.is_outside(&bounds, 4.0 * direction.error));
+                }
+                let (_, is_present, is_outside) = part;
+                let around = if is_known { self.facing_around[triangle as usize] } else { 0 };
+                let facing = match (is_present, around) {
+                    (false, _) => 0,
+                    (true, 0) => cell.facing(surface.corners.map(|p| p.as_dvec3())),
+                    (true, around) => around,
                 };
-                self.facing[triangle as usize] = match surface.back {
+                let facing = match surface.back {
                     Back::Transparent => facing.max(0),
-                    Back::OfSolid if facing < 0 => {
-                        let bounds = direction.local_box(&part.bounds);
-                        -i8::from(direction.is_outside(&bounds, 4.0 * direction.error))
-                    }
+                    Back::OfSolid if !is_outside => facing.max(0),
                     _ => facing,
                 };
+                let kept = core::mem::replace(&mut self.facing[triangle as usize], facing);
+                is_kept &= kept == facing;
             }
+            if is_kept {
+                return self.range(cluster);
+            }
+            self.kept.insert(cluster);
+            let first = self.pieces.len() as u32;
             let joins = self.joins || surfaces.joins_objects(cluster);
             for joins in [false, true].into_iter().take(1 + usize::from(joins)) {
                 self.pair(surfaces, cluster, joins);
@@ -120,6 +167,11 @@ impl Pieces {
             }
             self.ranges[cluster] = [first, self.pieces.len() as u32];
         }
+        self.range(cluster)
+    }
+
+    /// Returns the indices of the pieces found last for a cluster.
+    fn range(&self, cluster: usize) -> core::ops::Range<u32> {
         self.ranges[cluster][0]..self.ranges[cluster][1]
     }
 
@@ -317,7 +369,6 @@ mod tests {
     use super::*;
     use alloc::vec;
     use visibility_core::glam::{Affine3A, Vec3};
-    use visibility_core::pvs::Viewcell;
     use visibility_core::{Object, OccluderMesh, Scene, VisibleSet};
 
     /// Returns the numbers of triangles and contour segments of each piece of a book. Its spine is a segment
@@ -336,11 +387,12 @@ mod tests {
         let id = scene.insert(Object { occluder: true, ..Object::new(*mesh.bounds()) });
         let mesh = scene.add_mesh(mesh);
         scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
-        let cell = Viewcell::from_box(DVec3::splat(-0.1), DVec3::splat(0.1));
+        let viewcell = Viewcell::from_box(DVec3::splat(-0.1), DVec3::splat(0.1));
         let bounds = scene.culled_bounds().unwrap();
-        let cell = CellBox::new(&CellExtent::new(&cell, DVec3::ZERO).unwrap(), &bounds, DVec3::AXES).unwrap();
+        let cell =
+            CellBox::new(&CellExtent::new(&viewcell, DVec3::ZERO).unwrap(), &bounds, DVec3::AXES).unwrap();
         let (surfaces, mut pieces) = (Surfaces::new(&scene), Pieces::default());
-        pieces.begin(&surfaces, &Effort::FULL);
+        pieces.begin(&surfaces, &Effort::FULL, &viewcell);
         pieces.find(&surfaces, 0, &crate::solids::occluding(&scene, &VisibleSet::new()), &cell);
         pieces
             .pieces
@@ -359,5 +411,51 @@ mod tests {
         );
         let more = 2 * (MAX_ON_SEGMENT + 1);
         assert_eq!(book(more), vec![[1, 3]; more], "more triangles than a segment may bound: {more}");
+    }
+
+    /// Walks past cubes. One of them occludes in every other viewcell only.
+    #[test]
+    fn pieces_that_are_kept_are_those_that_would_be_found() {
+        let mut scene = Scene::new();
+        for i in 0..40u8 {
+            let min = Vec3::new(f32::from(2 * (i % 10)), f32::from(1 + 2 * (i / 10)), 0.0);
+            let bounds = Aabb::new(min, min + 1.0);
+            let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+            let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+            scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        }
+        let (surfaces, bounds) = (Surfaces::new(&scene), scene.culled_bounds().unwrap());
+        let (mut kept, mut found) = (Pieces::default(), [0; 2]);
+        for step in 0..50 {
+            let middle = DVec3::new(0.4 * f64::from(step), 0.5, 0.5);
+            // Every tenth box is wide, and holds the next ones but the last.
+            let ahead = if step % 10 == 0 { DVec3::new(3.3, 0.1, 0.1) } else { DVec3::ZERO };
+            let viewcell = Viewcell::from_box(middle - 0.3, middle + 0.3 + ahead);
+            let cell = CellExtent::new(&viewcell, DVec3::ZERO).unwrap();
+            let cell = CellBox::new(&cell, &bounds, DVec3::AXES).unwrap();
+            let mut occluding = crate::solids::occluding(&scene, &VisibleSet::new());
+            occluding.set(7, step % 2 == 0);
+            let mut fresh = Pieces::default();
+            let list = |pieces: &mut Pieces, found: &mut usize| {
+                pieces.begin(&surfaces, &Effort { max_triangles: 8, ..Effort::QUICK }, &viewcell);
+                let before = pieces.len();
+                let ranges: Vec<_> = (0..surfaces.cluster_count())
+                    .map(|at| pieces.find(&surfaces, at, &occluding, &cell))
+                    .collect();
+                *found += pieces.len() - before;
+                let pieces = &*pieces;
+                let each = |at| {
+                    let piece = pieces.get(at);
+                    (piece.bounds, piece.joins, pieces.triangles(piece), pieces.contour(piece))
+                };
+                alloc::format!(
+                    "{:?}",
+                    ranges.into_iter().map(|range| range.map(each).collect()).collect::<Vec<Vec<_>>>()
+                )
+            };
+            let [a, b] = [(&mut kept, 0), (&mut fresh, 1)].map(|(pieces, at)| list(pieces, &mut found[at]));
+            assert_eq!(a, b, "pieces of step {step}");
+        }
+        assert!(4 * found[0] < 3 * found[1], "pieces found, with those that are kept and without: {found:?}");
     }
 }

@@ -1,6 +1,7 @@
 //! Cutting of triangles at two depths, and the pixels that the remaining polygons fill.
 
-use super::ray_map::{PixelRect, RayMap, SIDE};
+use super::pixel_block::PixelBlock;
+use super::ray_map::{PixelRect, RayMap, SIDE, pixel_at};
 use super::window::{FARTHEST_PIXEL, Window};
 use core::ops::Range;
 use visibility_core::glam::DVec3;
@@ -81,7 +82,7 @@ impl Polygon {
     /// be left out. Returns whether any pixel was set. `sides` is scratch memory.
     pub(super) fn fill(
         &self,
-        inside: &mut RayMap,
+        inside: &mut PixelBlock,
         sides: &mut Sides,
         map: &RayMap,
         window: &Window,
@@ -122,19 +123,23 @@ impl Polygon {
             let side = &mut sides[usize::from(a[1] > b[1])];
             let slope = (b[0] - a[0]) / (b[1] - a[1]);
             let edge = rows_between([a[1].min(b[1]), a[1].max(b[1])], [first, last]);
-            for (row, x) in edge.clone().zip(&mut side[edge]) {
-                *x = a[0] + (row as f64 + 0.5 - a[1]) * slope;
+            // Conversion from `i32` is one instruction, also for several rows at once.
+            for (row, x) in (edge.start as i32..).zip(&mut side[edge]) {
+                *x = a[0] + (f64::from(row) + 0.5 - a[1]) * slope;
             }
         }
         let mut any = false;
-        for row in rows {
-            let [up, down] = sides.each_ref().map(|side| side[row]);
-            let [left, right] = window.clip_at_rim([up.min(down), up.max(down)], 0);
-            let left = left.max(rect.x[0] as f64);
+        let [begin, end] = [rect.x[0] as f64, rect.x[1] as f64 + 1.0];
+        let [up, down] = sides.each_ref().map(|side| &side[rows.clone()]);
+        for (row, (&up, &down)) in rows.zip(up.iter().zip(down)) {
+            let ends = if up < down { [up, down] } else { [down, up] };
+            let [left, right] = window.clip_at_rim(ends, 0);
+            let left = if left > begin { left } else { begin };
             // Clamping the ends before the comparison would lose a span within the right half of the last
             // column.
-            if left <= right && left < rect.x[1] as f64 + 1.0 {
-                inside.set_span(row, left as usize, (right as usize).min(rect.x[1]));
+            if left <= right && left < end {
+                let right = if right < end { pixel_at(right) } else { rect.x[1] };
+                inside.set_span(row, pixel_at(left), right.min(rect.x[1]));
                 any = true;
             }
         }
@@ -167,7 +172,7 @@ mod tests {
     #[test]
     fn pixels_of_triangles_are_those_of_integer_arithmetic() {
         let window = Window::unit();
-        let (mut inside, map) = (RayMap::new(), RayMap::new());
+        let (mut inside, map) = (PixelBlock::new(), RayMap::new());
         let mut sides = [[0.0; SIDE]; 2];
         let columns = [32, 56, 64, 96, 104, 216, 224, 232, 256, 320];
         let rows = [40, 96, 104, 160, 224, 300];
@@ -175,6 +180,7 @@ mod tests {
         for rect in [PixelRect { x: [1, 3], y: [1, 3] }, PixelRect { x: [3, 3], y: [0, 1] }] {
             for i in 0..60 * 60 * 60 {
                 let triangle = [i % 60, i / 60 % 60, i / 3600].map(|at| points[at]);
+                inside.begin(PixelRect { x: [0, 5], y: [0, 5] });
                 let corners = triangle.map(|[x, y]| DVec3::new(x as f64, y as f64, 64.0) / 64.0);
                 let any = Polygon::cut(corners, 0.5, 2.0).fill(&mut inside, &mut sides, &map, &window, rect);
                 let (low, high) =
@@ -191,7 +197,6 @@ mod tests {
                     assert!(is_crossed && meets(triangle, [x, y], 1) || !is_set, "{x} {y} {triangle:?}");
                 }
                 assert_eq!(any, is_any, "{triangle:?}");
-                inside.clear_rect(rect);
             }
         }
     }

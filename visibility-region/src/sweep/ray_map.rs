@@ -11,7 +11,7 @@ pub(crate) const SIDE: usize = 512;
 /// Number of 64-bit words in a row.
 const WORDS: usize = SIDE / 64;
 
-type Row = [u64; WORDS];
+pub(super) type Row = [u64; WORDS];
 
 /// A rectangle of pixels. Both ends of each range are included.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -41,15 +41,8 @@ impl RayMap {
         self.rows.fill([0; WORDS]);
     }
 
-    /// Clears the pixels of `rect`, and other pixels that share a word with them.
-    pub(crate) fn clear_rect(&mut self, rect: PixelRect) {
-        for row in &mut self.rows[rect.y[0]..=rect.y[1]] {
-            row[rect.x[0] / 64..=rect.x[1] / 64].fill(0);
-        }
-    }
-
     /// Sets the pixels `first` to `last`, both included, of a row.
-    #[inline]
+    #[cfg(test)]
     pub(crate) fn set_span(&mut self, row: usize, first: usize, last: usize) {
         set_span(&mut self.rows[row], first, last);
     }
@@ -90,24 +83,14 @@ impl RayMap {
         self.rows.iter().flatten().any(|&word| word != 0)
     }
 
-    /// Tests whether any pixel, in the words that hold `rect`, is set in `other` but not in this map.
-    pub(crate) fn lacks(&self, other: &Self, rect: PixelRect) -> bool {
-        let words = rect.x[0] / 64..=rect.x[1] / 64;
-        (rect.y[0]..=rect.y[1]).any(|y| {
-            self.rows[y][words.clone()]
-                .iter()
-                .zip(&other.rows[y][words.clone()])
-                .any(|(own, new)| new & !own != 0)
-        })
+    /// Returns the words of the rows from `first` on. A word holds 64 pixels.
+    pub(super) fn rows(&self, first: usize) -> &[Row] {
+        &self.rows[first..]
     }
 
-    /// Sets the pixels that are set in `inside` and not in `contour`, for all words that hold `rect`.
-    pub(crate) fn add_difference(&mut self, inside: &Self, contour: &Self, rect: PixelRect) {
-        for y in rect.y[0]..=rect.y[1] {
-            for x in rect.x[0] / 64..=rect.x[1] / 64 {
-                self.rows[y][x] |= inside.rows[y][x] & !contour.rows[y][x];
-            }
-        }
+    /// Returns the words of the rows from `first` on, to be changed.
+    pub(super) fn rows_mut(&mut self, first: usize) -> &mut [Row] {
+        &mut self.rows[first..]
     }
 
     /// Returns whether a pixel is set.
@@ -181,8 +164,16 @@ fn and(a: &Row, b: &Row) -> Row {
     core::array::from_fn(|i| a[i] & b[i])
 }
 
+/// Returns the index of the pixel that holds a pixel coordinate, which must be from 0 to less than 2^20. A
+/// coordinate less than 2^-32 before the next pixel may count as in that one.
 #[inline]
-fn set_span(row: &mut Row, first: usize, last: usize) {
+pub(super) fn pixel_at(x: f64) -> usize {
+    // The last place of the sum is 2^-32, and 20 bits of its mantissa are before the point.
+    ((x + 1_048_576.0).to_bits() >> 32) as usize & 0xf_ffff
+}
+
+#[inline]
+pub(super) fn set_span(row: &mut [u64], first: usize, last: usize) {
     let (a, b) = (first / 64, last / 64);
     let (begin, end) = (u64::MAX << (first % 64), u64::MAX >> (63 - last % 64));
     if a == b {
@@ -283,18 +274,9 @@ mod tests {
             for hole in rect.x {
                 let mut other = map.clone();
                 other.rows[2][hole / 64] &= !(1 << (hole % 64));
-                assert!(
-                    !other.all_set(rect) && other.lacks(&map, rect) && !map.lacks(&other, rect),
-                    "{first} to {last}: with a hole at {hole}"
-                );
-                other.add_difference(&map, &RayMap::new(), rect);
-                assert!(
-                    other.all_set(rect),
-                    "{first} to {last}: the hole at {hole} is filled from the whole map"
-                );
+                assert!(!other.all_set(rect), "{first} to {last}: with a hole at {hole}");
             }
-            map.clear_rect(rect);
-            assert!(!map.any_set(), "{first} to {last}: a pixel is left after clearing");
+            map.clear();
         }
     }
 

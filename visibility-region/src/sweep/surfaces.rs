@@ -10,6 +10,7 @@ use alloc::vec::Vec;
 use visibility_core::bits::Bits;
 use visibility_core::glam::{Affine3A, Vec3};
 use visibility_core::scene::Triangle;
+use visibility_core::stamp::Stamp;
 use visibility_core::{Aabb, ObjectId, Scene};
 
 /// Triangles of occluders whose mesh coordinates are scene coordinates, and the segments along which they
@@ -29,6 +30,8 @@ pub(crate) struct Surfaces {
     /// segments, directly or through others. An object that was listed [by itself](Self::list) is a cluster
     /// of its own. `u32::MAX` for objects that are not in `objects`.
     cluster_of: Vec<u32>,
+    /// Changes whenever the surfaces do. `None` without surfaces.
+    pub(crate) stamp: Option<Stamp>,
     /// Number of outdated triangles: their objects have since been listed again, in another cluster.
     unused: usize,
     /// Indices of the triangles of each cluster.
@@ -155,6 +158,7 @@ impl Surfaces {
         scene.ids().for_each(|id| _ = all.add(scene, id));
         all.find_segments(0);
         all.find_clusters(scene.index_limit());
+        all.stamp = Some(Stamp::new());
         all
     }
 
@@ -179,6 +183,7 @@ impl Surfaces {
     /// O(n log n) time for n triangles. If the object was listed before, its former surfaces stay, unused.
     /// Returns the number of triangles.
     pub(crate) fn list(&mut self, scene: &Scene, index: usize) -> usize {
+        self.stamp = Some(Stamp::new());
         self.cluster_of.resize(self.cluster_of.len().max(index + 1), u32::MAX);
         if let Some(cluster) = self.cluster_of(index) {
             let owner = |triangle: u32| self.part(&self.triangles[triangle as usize]).owner as usize;
@@ -411,7 +416,9 @@ mod tests {
         });
         let mut surfaces = Surfaces::default();
         for (round, clusters) in [[0, 1], [2, 3], [4, 5]].into_iter().enumerate() {
+            let before = surfaces.stamp;
             assert_eq!(ids.map(|id| surfaces.list(&scene, id.index())), [12; 2], "triangles of the cubes");
+            assert_ne!(surfaces.stamp, before, "what is kept for the former surfaces is dropped");
             let found = ids.map(|id| surfaces.cluster_of(id.index()).expect("a cluster"));
             assert_eq!(found, clusters, "the cubes share an edge, but are listed apart");
             for cluster in clusters {

@@ -2,7 +2,7 @@
 
 use super::direction::Direction;
 use super::occludees::{ACROSS, Item, STEEPEST_BESIDE};
-use super::ray_map::{PixelRect, Ranges, SIDE};
+use super::ray_map::{PixelRect, Ranges, SIDE, pixel_at};
 use alloc::vec::Vec;
 use visibility_core::Aabb;
 use visibility_core::glam::Vec3;
@@ -333,7 +333,7 @@ impl Window {
             {
                 [low, high] = other.clip_inwards([low, high]);
             }
-            let clamp = |x: f64| x.max(0.0).min((SIDE - 1) as f64) as usize;
+            let clamp = |x: f64| pixel_at(x.max(0.0).min((SIDE - 1) as f64));
             // In exact arithmetic the ends never decrease. Rounding must not make them decrease.
             first = clamp(low).max(first);
             last = clamp(high).max(last);

@@ -10,16 +10,23 @@ use std::time::Instant;
 use visibility_core::bake::Bake;
 use visibility_core::occlusion::Preparation;
 use visibility_core::pvs::{PvsCuller, ScenePvs, Viewcell};
-use visibility_core::{Aabb, FrustumCuller, Object, Pipeline, Pose, Scene, View, VisibleSet};
+use visibility_core::{Aabb, Culler, FrustumCuller, Object, Pipeline, Pose, Scene, View, VisibleSet};
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_measure::{Comparison, ItemBuffer};
 use visibility_portals::{BakerSettings, CellBaker, PortalCuller, SceneCells};
+use visibility_region::OnlinePvs;
 use visibility_web_scenes::{SceneSource, built_in, tolerance};
 
 /// Width over height of all pictures.
 const ASPECT: f64 = 16.0 / 9.0;
 /// Interval of the frames judged by an item buffer of 256 x 144 pixels.
 const JUDGED_EVERY: usize = 20;
+/// Interval of the keys of walks that are frames of online sets.
+const ONLINE_EVERY: usize = 8;
+/// Interval of the frames of online sets before which an object stops hiding others.
+const OPENED_EVERY: usize = 6;
+/// Budget of each step of online sets. It does not end a sweep in these scenes.
+const STEP_MICROSECONDS: u32 = 100_000;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     match std::env::args().nth(1).as_deref() {
@@ -99,28 +106,69 @@ fn answers(name: &str) -> Result<(), Box<dyn std::error::Error>> {
     let coordinates = source.objects.iter().flat_map(|object| object.triangles.iter().flatten());
     let bits = coordinates.flat_map(|p| p.to_array()).map(f32::to_bits);
     println!("{name} {} objects, triangles {:08x}", source.objects.len(), hash(bits));
-    let (scene, views) = (fill(&source)?, views(&source)?);
+    let (mut scene, views) = (fill(&source)?, views(&source)?);
     let mut judge = ItemBuffer::new(256, 144)?;
-    let mut visible = VisibleSet::new();
     for (label, mut pipeline) in pipelines(&source, &scene)? {
         for (frame, view) in views.iter().enumerate() {
+            let mut visible = VisibleSet::new();
             pipeline.cull(&scene, view, &mut visible);
-            visible.sort_by_index(&scene);
-            let found = hash(visible.iter(&scene).map(|id| id.index() as u32));
-            print!("{name} {label} {frame} {} {found:08x}", visible.count(&scene));
-            if frame % JUDGED_EVERY == 0 {
-                let drawn = (0..).zip(source.objects.iter().map(|object| object.triangles.view()));
-                let mut comparison = Comparison::default();
-                let reported =
-                    |_, key: u32| scene.id_at(key as usize).is_some_and(|id| visible.contains(&scene, id));
-                judge.draw(view, scene.origin(), drawn)?.compare(reported, &mut comparison);
-                let Comparison { false_hidden_objects, false_visible_objects, wrong_pixels, .. } = comparison;
-                print!(" {false_hidden_objects} {false_visible_objects} {wrong_pixels}");
-            }
-            println!();
+            let line = line(&source, &scene, view, (frame, &mut judge), &mut visible)?;
+            println!("{name} {label} {frame} {line}");
         }
     }
+    let (mut pipeline, mut online) = (Pipeline::new().with(FrustumCuller::new()), online());
+    let walk: Vec<&View> = views.iter().step_by(ONLINE_EVERY).collect();
+    for (frame, &view) in walk.iter().enumerate() {
+        if frame % OPENED_EVERY == 0 {
+            let door = scene.id_at(frame * 7 % scene.len()).ok_or("an object")?;
+            scene.set_occluder(door, false)?;
+        }
+        let ahead: Vec<DVec3> = walk[frame..].iter().take(2).map(|view| view.origin()).collect();
+        // A viewcell and its wide box need 12 to 24 steps: some frames come too early.
+        for _ in 0..frame * 13 % 40 {
+            online.step(&scene, &ahead, STEP_MICROSECONDS);
+        }
+        let mut visible = VisibleSet::new();
+        pipeline.cull(&scene, view, &mut visible);
+        online.cull(&scene, view, &mut visible);
+        let answer = match online.answer() {
+            None => "none",
+            Some(_) if online.is_ready() => "viewcell",
+            Some(_) => "wide",
+        };
+        let came = hash(online.came().iter().map(|id| id.index() as u32));
+        let line = line(&source, &scene, view, (frame, &mut judge), &mut visible)?;
+        println!("{name} online {frame} {answer} {came:08x} {line}");
+    }
     Ok(())
+}
+
+/// Returns empty sets with the settings that `tests/answers.js` uses.
+fn online() -> OnlinePvs {
+    OnlinePvs::new(DVec3::splat(0.8), DVec3::new(4.0, 4.0, 1.2)).unwrap().with_margin(0.25)
+}
+
+/// Returns what is printed of a frame: the number of visible objects, the hash of their indices, ascending,
+/// and, for some frames, what the judge finds.
+fn line(
+    source: &SceneSource,
+    scene: &Scene,
+    view: &View,
+    (frame, judge): (usize, &mut ItemBuffer),
+    visible: &mut VisibleSet,
+) -> Result<String, Box<dyn std::error::Error>> {
+    visible.sort_by_index(scene);
+    let found = hash(visible.iter(scene).map(|id| id.index() as u32));
+    let line = format!("{} {found:08x}", visible.count(scene));
+    if frame % JUDGED_EVERY != 0 {
+        return Ok(line);
+    }
+    let drawn = (0..).zip(source.objects.iter().map(|object| object.triangles.view()));
+    let mut comparison = Comparison::default();
+    let reported = |_, key: u32| scene.id_at(key as usize).is_some_and(|id| visible.contains(scene, id));
+    judge.draw(view, scene.origin(), drawn)?.compare(reported, &mut comparison);
+    let Comparison { false_hidden_objects, false_visible_objects, wrong_pixels, .. } = comparison;
+    Ok(format!("{line} {false_hidden_objects} {false_visible_objects} {wrong_pixels}"))
 }
 
 fn times(name: &str) -> Result<(), Box<dyn std::error::Error>> {

@@ -1,0 +1,154 @@
+// A walk through 50,000 objects, drawn by three.js with its own culling and with `visibility-three`, side by
+// side: in turns, so that both have the same camera, and in two pictures whose pixels are compared.
+
+import * as THREE from "three";
+import { VisibilityCulling } from "visibility-three";
+import { fillTown, pathThrough } from "./town.js";
+
+/** Frames over which times are averaged, and between two comparisons of pictures. */
+const AVERAGED = 20;
+const COMPARED_EVERY = 20;
+const PICTURE = { width: 640, height: 360 };
+
+const element = (id) => document.getElementById(id);
+const query = new URLSearchParams(location.search);
+/** `?count=5000` is for computers without a graphics card. */
+const COUNT = Number(query.get("count") ?? 50_000);
+const fail = (error) => {
+  state.errors++;
+  element("error").textContent = error?.message ?? String(error);
+};
+/** For tests: what the page shows. `wrong` is the number of pixels that differ, in all comparisons so far. */
+const state = { errors: 0, frames: 0, compared: 0, wrong: 0, three: {}, visibility: {} };
+window.example = { state, goTo: (at) => ((time = at), (element("walk").checked = false)) };
+addEventListener("error", ({ error }) => fail(error));
+addEventListener("unhandledrejection", ({ reason }) => fail(reason));
+
+const renderer = new THREE.WebGLRenderer({ canvas: element("canvas"), antialias: true });
+renderer.shadowMap.enabled = true;
+const camera = new THREE.PerspectiveCamera(65, 1, 0.2, 2000);
+const map = new THREE.PerspectiveCamera(50, 1, 10, 4000);
+const pictures = ["three", "visibility"].map(
+  () => new THREE.WebGLRenderTarget(PICTURE.width, PICTURE.height, { samples: 4 }),
+);
+
+let scene,
+  culling,
+  time = 0,
+  last = performance.now();
+
+async function build(kind) {
+  culling?.dispose();
+  scene = new THREE.Scene();
+  scene.background = new THREE.Color(0x9db8cc);
+  scene.fog = new THREE.Fog(0x9db8cc, 100, 900);
+  const sun = new THREE.DirectionalLight(0xfff2dd, 2.5);
+  sun.position.set(60, 120, 40);
+  sun.castShadow = true;
+  Object.assign(sun.shadow.camera, { left: -60, right: 60, top: 60, bottom: -60, far: 300 });
+  sun.shadow.mapSize.set(1024, 1024);
+  scene.add(sun, sun.target, new THREE.HemisphereLight(0xcfe4ff, 0x665544, 1.2));
+  fillTown(scene, COUNT, kind);
+  // This line is all that a program needs.
+  culling = new VisibilityCulling(scene, camera);
+  // The map shows what that camera sees.
+  culling.addCamera(map, camera);
+  await culling.ready;
+  for (const side of ["three", "visibility"]) state[side] = { times: [], cullingTimes: [] };
+  Object.assign(state, { frames: 0, compared: 0, wrong: 0, kind });
+}
+
+/** Adds a time to a list, and returns the average of the last ones. */
+function average(times, time) {
+  times.push(time);
+  if (times.length > AVERAGED) times.shift();
+  return times.reduce((a, b) => a + b) / times.length;
+}
+
+/** Draws the scene for a side of the comparison, and counts. */
+function draw(side) {
+  culling.enabled = side === "visibility";
+  const start = performance.now();
+  renderer.render(scene, camera);
+  const counts = state[side];
+  const { followMs, cullMs, applyMs } = culling.stats;
+  counts.ms = average(counts.times, performance.now() - start);
+  if (culling.enabled) counts.cullingMs = average(counts.cullingTimes, followMs + cullMs + applyMs);
+  counts.calls = renderer.info.render.calls;
+  counts.triangles = renderer.info.render.triangles;
+}
+
+/** Number of pixels that differ between the picture with everything and that without what is hidden. */
+function compare() {
+  const pixels = pictures.map((target, i) => {
+    culling.enabled = i === 1;
+    renderer.setRenderTarget(target);
+    renderer.render(scene, camera);
+    const bytes = new Uint8Array(4 * PICTURE.width * PICTURE.height);
+    renderer.readRenderTargetPixels(target, 0, 0, PICTURE.width, PICTURE.height, bytes);
+    return new Uint32Array(bytes.buffer);
+  });
+  renderer.setRenderTarget(null);
+  state.compared++;
+  state.colors = new Set(pixels[0]).size;
+  for (let i = 0; i < pixels[0].length; i++) if (pixels[0][i] !== pixels[1][i]) state.wrong++;
+}
+
+/** Draws from above what the camera's picture is made of. */
+function drawMap() {
+  culling.enabled = true;
+  map.position.set(camera.position.x, 260, camera.position.z + 60);
+  map.lookAt(camera.position.x, 0, camera.position.z);
+  renderer.render(scene, map);
+}
+
+const number = (count) => count.toLocaleString("en");
+
+function show() {
+  const rows = [
+    ["CPU ms a frame", ({ ms }) => ms.toFixed(1)],
+    ["draw calls", ({ calls }) => number(calls)],
+    ["triangles", ({ triangles }) => number(triangles)],
+  ];
+  const lines = rows.map(
+    ([name, value]) =>
+      `<tr><th>${name}</th><td>${value(state.three)}</td><td>${value(state.visibility)}</td></tr>`,
+  );
+  const { stats } = culling;
+  lines.push(`<tr><th>hidden of ${number(stats.objects)}</th><td></td><td>${number(stats.hidden)}</td></tr>`);
+  lines.push(
+    `<tr><th>culling itself, ms</th><td></td><td>${state.visibility.cullingMs.toFixed(1)}</td></tr>`,
+  );
+  lines.push(`<tr><th>wrong pixels in ${state.compared} pictures</th><td></td><td>${state.wrong}</td></tr>`);
+  element("table").innerHTML = lines.join("");
+}
+
+function frame(now) {
+  requestAnimationFrame(frame);
+  if (!culling) return;
+  if (element("walk").checked) time += Math.min(now - last, 100) / 1000;
+  last = now;
+  const { clientWidth, clientHeight } = renderer.domElement;
+  if (renderer.domElement.width !== clientWidth || renderer.domElement.height !== clientHeight)
+    renderer.setSize(clientWidth, clientHeight, false);
+  camera.aspect = map.aspect = clientWidth / clientHeight;
+  camera.updateProjectionMatrix();
+  map.updateProjectionMatrix();
+  pathThrough(time, camera);
+  const sun = scene.children.find((child) => child.isDirectionalLight);
+  sun.target.position.copy(camera.position);
+  sun.position.copy(camera.position).add(new THREE.Vector3(60, 120, 40));
+  // The side that is looked at is drawn last. The other is drawn now and then, for its counters.
+  const chosen = element("culling").value === "on" ? "visibility" : "three";
+  if (state.frames % COMPARED_EVERY === 0) compare();
+  if (state.frames % 2 === 0) draw(chosen === "three" ? "visibility" : "three");
+  draw(chosen);
+  if (element("above").checked) drawMap();
+  state.frames++;
+  show();
+}
+
+element("kind").value = query.get("kind") ?? "meshes";
+element("kind").onchange = () => build(element("kind").value).catch(fail);
+await build(element("kind").value);
+requestAnimationFrame(frame);

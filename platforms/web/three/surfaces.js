@@ -1,0 +1,264 @@
+// What materials and geometries allow: which meshes may be hidden, which hide others, and by which triangles.
+
+import { BackSide, DoubleSide, LessDepth, LessEqualDepth, Material, NoBlending, NormalBlending } from "three";
+
+/** What a mesh is to the culler. From `Front` on it hides others, from the sides that are named. */
+export const Surface = Object.freeze({ NeverHidden: 0, Hideable: 1, Front: 2, Back: 3, Double: 4 });
+
+/** Returns the surface of one material. */
+function surfaceOfOne(material) {
+  const isHideable =
+    // A shader of the user's own may move vertices, or draw in front of all else.
+    !material.isShaderMaterial &&
+    !material.isNodeMaterial &&
+    material.onBeforeCompile === Material.prototype.onBeforeCompile &&
+    material.onBeforeRender === Material.prototype.onBeforeRender &&
+    !material.displacementMap &&
+    // Lines are a pixel wide, outside of the mesh's box, too.
+    !material.wireframe &&
+    // What is drawn in spite of what is in front, or counts pixels where it is not.
+    material.depthTest &&
+    (material.depthFunc === LessEqualDepth || material.depthFunc === LessDepth) &&
+    !material.stencilWrite &&
+    !(material.polygonOffset && (material.polygonOffsetFactor < 0 || material.polygonOffsetUnits < 0));
+  if (!isHideable) return Surface.NeverHidden;
+  const isOpaque =
+    material.visible &&
+    material.depthWrite &&
+    material.colorWrite &&
+    !material.transparent &&
+    (material.blending === NormalBlending || material.blending === NoBlending) &&
+    !(material.alphaTest > 0) &&
+    !material.alphaHash &&
+    !material.alphaToCoverage &&
+    !material.alphaMap &&
+    !(material.transmission > 0) &&
+    !material.polygonOffset &&
+    !material.clippingPlanes?.length;
+  if (!isOpaque) return Surface.Hideable;
+  return sideOf(material);
+}
+
+function sideOf(material) {
+  if (material.side === DoubleSide) return Surface.Double;
+  return material.side === BackSide ? Surface.Back : Surface.Front;
+}
+
+/** Surfaces of materials, each found once a frame. */
+export class Surfaces {
+  #known = new WeakMap();
+  #frame = 0;
+
+  /** Forgets all: materials may have changed. */
+  begin() {
+    this.#frame++;
+  }
+
+  /** Returns an object whose `surface` is that of a material, kept current by `refresh`. */
+  of(material) {
+    let known = this.#known.get(material);
+    if (!known) this.#known.set(material, (known = { material, frame: -1, surface: 0 }));
+    return known;
+  }
+
+  refresh(known) {
+    if (known.frame !== this.#frame) {
+      known.frame = this.#frame;
+      known.surface = surfaceOfOne(known.material);
+    }
+    return known.surface;
+  }
+
+  /** Returns the surface of a mesh with several materials: what all of them allow. */
+  ofAll(materials, geometry) {
+    const surfaces = materials.map((material) =>
+      material ? this.refresh(this.of(material)) : Surface.Hideable,
+    );
+    const least = Math.min(...surfaces);
+    if (least <= Surface.Hideable) return least;
+    const sides = new Set(surfaces);
+    if (sides.size > 1 && sides.has(Surface.Back)) return Surface.Hideable;
+    return drawsAll(geometry, materials.length) ? least : Surface.Hideable;
+  }
+}
+
+/** Whether the groups of a geometry draw all of it, one after the other. */
+function drawsAll({ groups, index, attributes }, materialCount) {
+  let end = 0;
+  for (const { start, count, materialIndex } of groups) {
+    if (start !== end || materialIndex >= materialCount) return false;
+    end += count;
+  }
+  return end >= (index ?? attributes.position).count;
+}
+
+/** Returns the side from which a mesh hides others that the user has chosen, whatever its material. */
+export function chosenSurface(material) {
+  return sideOf(Array.isArray(material) ? material[0] : material);
+}
+
+/** Returns the version of a buffer attribute's content. */
+function version(attribute) {
+  return attribute?.isInterleavedBufferAttribute ? attribute.data.version : (attribute?.version ?? -1);
+}
+
+/** Whether the content of an attribute can be read: not when it is on the graphics card alone. */
+function isReadable(attribute) {
+  return attribute?.array?.length > 0 && attribute.itemSize >= 3 && !attribute.isStorageBufferAttribute;
+}
+
+/**
+ * The box and the triangles of a geometry, or of a part of one. Its occluder meshes are made when they are
+ * first needed, and freed with its last user.
+ */
+export class Shape {
+  /** By surface: id of the occluder mesh, null if there is none. */
+  #meshes = new Map();
+  users = 0;
+  frame = -1;
+
+  /**
+   * `range` is the part: `start` and `count` of indices, and the `vertexStart` that they are counted from.
+   */
+  constructor(geometry, box, range) {
+    const { position, skinWeight } = geometry.attributes;
+    this.geometry = geometry;
+    this.range = range;
+    this.position = position;
+    this.index = geometry.index;
+    this.versions = [version(position), version(geometry.index), version(skinWeight)];
+    this.drawRange = { ...geometry.drawRange };
+    /** Least and greatest corner. Null if the geometry cannot be read. */
+    this.box = box ?? (isReadable(position) ? boxOfPoints(position, range) : null);
+    /** For skinned meshes: boxes of what each bone moves, made when first needed. */
+    this.bones = undefined;
+  }
+
+  /** Whether the geometry is still as it was. */
+  isCurrent() {
+    const { geometry, versions, drawRange } = this;
+    const { position, skinWeight } = geometry.attributes;
+    return (
+      this.position === position &&
+      this.index === geometry.index &&
+      versions[0] === version(position) &&
+      versions[1] === version(geometry.index) &&
+      versions[2] === version(skinWeight) &&
+      drawRange.start === geometry.drawRange.start &&
+      drawRange.count === geometry.drawRange.count
+    );
+  }
+
+  /** Returns the id of the occluder mesh for a surface, or null if there is none. */
+  mesh(scene, surface, maxTriangles) {
+    let mesh = this.#meshes.get(surface);
+    if (mesh === undefined) {
+      mesh = this.#makeMesh(scene, surface, maxTriangles);
+      this.#meshes.set(surface, mesh);
+    }
+    return mesh;
+  }
+
+  #makeMesh(scene, surface, maxTriangles) {
+    const { position, index, drawRange } = this;
+    if (drawRange.start !== 0 || drawRange.count !== Infinity || !isReadable(position)) return null;
+    if (index && !index.array) return null;
+    const { start, count, vertexStart, vertexCount } = this.range ?? {
+      start: 0,
+      count: (index ?? position).count,
+      vertexStart: 0,
+      vertexCount: position.count,
+    };
+    const triangles = Math.floor(count / 3);
+    if (triangles === 0 || triangles > maxTriangles) return null;
+    const positions = new Float32Array(3 * vertexCount);
+    for (let i = 0; i < vertexCount; i++) {
+      positions[3 * i] = position.getX(vertexStart + i);
+      positions[3 * i + 1] = position.getY(vertexStart + i);
+      positions[3 * i + 2] = position.getZ(vertexStart + i);
+    }
+    const indices = new Uint32Array(3 * triangles);
+    for (let i = 0; i < indices.length; i++) {
+      const vertex = (index ? index.getX(start + i) : start + i) - vertexStart;
+      // No triangle of a damaged geometry hides anything.
+      if (!(vertex >= 0 && vertex < vertexCount)) return null;
+      indices[i] = vertex;
+    }
+    if (!positions.every(Number.isFinite)) return null;
+    if (surface === Surface.Back) {
+      for (let i = 0; i < indices.length; i += 3) [indices[i], indices[i + 1]] = [indices[i + 1], indices[i]];
+    }
+    return scene.addMesh({ positions, indices, twoSided: surface === Surface.Double });
+  }
+
+  /** Frees the occluder meshes. */
+  free(scene) {
+    for (const mesh of this.#meshes.values()) if (mesh !== null) scene.removeMesh(mesh);
+    this.#meshes.clear();
+  }
+}
+
+function emptyBox() {
+  return new Float64Array([Infinity, Infinity, Infinity, -Infinity, -Infinity, -Infinity]);
+}
+
+function addPoint(box, x, y, z) {
+  // `Math.min` keeps NaN, so that what has no place is never hidden.
+  box[0] = Math.min(box[0], x);
+  box[1] = Math.min(box[1], y);
+  box[2] = Math.min(box[2], z);
+  box[3] = Math.max(box[3], x);
+  box[4] = Math.max(box[4], y);
+  box[5] = Math.max(box[5], z);
+}
+
+function boxOfPoints(position, { vertexStart = 0, vertexCount = position.count } = {}) {
+  const box = emptyBox();
+  for (let i = vertexStart; i < vertexStart + vertexCount; i++)
+    addPoint(box, position.getX(i), position.getY(i), position.getZ(i));
+  return box;
+}
+
+/**
+ * Returns the boxes of the vertices that each bone moves, and the least and the greatest sum of the weights
+ * of a vertex. Null if weights are missing or negative: then no box is known to hold the mesh.
+ */
+export function bonesOf({ attributes: { position, skinIndex, skinWeight } }) {
+  if (!isReadable(position) || !skinIndex?.array || !skinWeight?.array) return null;
+  const boxes = [];
+  let [least, greatest] = [Infinity, -Infinity];
+  for (let i = 0; i < position.count; i++) {
+    let sum = 0;
+    for (let k = 0; k < 4; k++) {
+      const weight = skinWeight.getComponent(i, k);
+      if (!(weight >= 0)) return null;
+      if (weight === 0) continue;
+      sum += weight;
+      const box = (boxes[skinIndex.getComponent(i, k)] ??= emptyBox());
+      addPoint(box, position.getX(i), position.getY(i), position.getZ(i));
+    }
+    least = Math.min(least, sum);
+    greatest = Math.max(greatest, sum);
+  }
+  return { boxes, least, greatest };
+}
+
+/**
+ * Writes the box around a box that a matrix of 16 numbers moves, relative to an origin. `margin` is added on
+ * all sides. A matrix that is not affine gives a box of NaN.
+ */
+export function moveBox(out, at, box, e, origin, margin = 0) {
+  const isAffine = e[3] === 0 && e[7] === 0 && e[11] === 0 && e[15] === 1;
+  for (let i = 0; i < 3; i++) {
+    let lower = isAffine ? e[12 + i] - origin[i] - margin : NaN;
+    let upper = lower + 2 * margin;
+    for (let j = 0; j < 3; j++) {
+      const a = e[i + 4 * j] * box[j];
+      const b = e[i + 4 * j] * box[3 + j];
+      lower += Math.min(a, b);
+      upper += Math.max(a, b);
+    }
+    out[at + i] = lower;
+    out[at + 3 + i] = upper;
+  }
+}

@@ -1,0 +1,139 @@
+// What `WebGLRenderer.render` does with a scene, without pictures: its order of calls, and which instances of
+// which meshes it would draw, as three.js r180 and r187 do.
+
+import { Frustum, Matrix4, WebGLCoordinateSystem } from "three";
+
+/**
+ * Draws a scene. Returns what is drawn for the camera, for shadows, and in `within`, called amid the drawing.
+ */
+export function render(
+  scene,
+  camera,
+  { shadows, within, renderer = { isWebGLRenderer: true, clippingPlanes: [] } } = {},
+) {
+  if (scene.matrixWorldAutoUpdate) scene.updateMatrixWorld();
+  if (camera.parent === null && camera.matrixWorldAutoUpdate) camera.updateMatrixWorld();
+  scene.onBeforeRender(renderer, scene, camera, null);
+  const frustum = frustumOf(camera);
+  const list = [];
+  const uploaded = new Map();
+  collect(scene, camera, frustum, list, uploaded);
+
+  const casters = new Drawn();
+  if (shadows) castShadows(scene, camera, shadows, casters, uploaded, renderer);
+
+  const drawn = new Drawn();
+  for (const object of list) {
+    if (!object.layers.test(camera.layers)) continue;
+    object.onBeforeRender(renderer, scene, camera, object.geometry, object.material, null);
+    drawn.add(object);
+    object.onAfterRender(renderer, scene, camera, object.geometry, object.material, null);
+  }
+  const seenWithin = within?.();
+  scene.onAfterRender(renderer, scene, camera);
+  return { drawn, casters, within: seenWithin };
+}
+
+function frustumOf(camera) {
+  const matrix = new Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
+  const { coordinateSystem = WebGLCoordinateSystem, reversedDepth } = camera;
+  return new Frustum().setFromProjectionMatrix(matrix, coordinateSystem, reversedDepth);
+}
+
+/** `projectObject` of three.js. */
+function collect(object, camera, frustum, list, uploaded) {
+  if (object.visible === false) return;
+  if (object.layers.test(camera.layers)) {
+    if (object.isLOD) {
+      if (object.autoUpdate) object.update(camera);
+    } else if (object.isMesh || object.isLine || object.isPoints || object.isSprite) {
+      if (!object.frustumCulled || object.isSprite || frustum.intersectsObject(object)) {
+        upload(object, uploaded);
+        list.push(object);
+      }
+    }
+  }
+  const { children } = object;
+  for (let i = 0, l = children.length; i < l; i++) collect(children[i], camera, frustum, list, uploaded);
+}
+
+/** `renderObject` of WebGLShadowMap. */
+function castShadows(object, camera, shadowCamera, casters, uploaded, renderer) {
+  if (object.visible === false) return;
+  if (object.layers.test(camera.layers) && object.isMesh && object.castShadow) {
+    // An object is sent to the graphics card once a frame.
+    if (!uploaded.has(object)) upload(object, uploaded);
+    object.onBeforeShadow(renderer, object, camera, shadowCamera, object.geometry, object.material, null);
+    casters.add(object);
+    object.onAfterShadow(renderer, object, camera, shadowCamera, object.geometry, object.material, null);
+  }
+  for (const child of object.children) castShadows(child, camera, shadowCamera, casters, uploaded, renderer);
+}
+
+/** What each buffer of the graphics card has: by attribute, its content when it was sent. */
+const buffers = new WeakMap();
+
+/** `WebGLAttributes.update`: whole if it is new, else the ranges that were marked. */
+function upload(object, uploaded) {
+  uploaded.set(object, true);
+  if (!object.isInstancedMesh) return;
+  for (const attribute of [object.instanceMatrix, object.instanceColor]) {
+    if (!attribute) continue;
+    const buffer = buffers.get(attribute);
+    if (!buffer) buffers.set(attribute, { content: attribute.array.slice(), version: attribute.version });
+    else if (buffer.version < attribute.version) {
+      const ranges = attribute.updateRanges;
+      if (ranges.length === 0) buffer.content.set(attribute.array);
+      for (const { start, count } of ranges) {
+        buffer.content.set(attribute.array.subarray(start, start + count), start);
+      }
+      attribute.clearUpdateRanges();
+      buffer.version = attribute.version;
+    }
+  }
+}
+
+/** Meshes that are drawn, and which of their instances. */
+export class Drawn {
+  #instances = new Map();
+
+  add(object) {
+    if (object.isInstancedMesh) {
+      const { content } = buffers.get(object.instanceMatrix) ?? { content: [] };
+      const keys = new Set();
+      for (let i = 0; i < object.count; i++) keys.add(keyOf(content, i));
+      this.#instances.set(object, keys);
+      const colors = object.instanceColor && buffers.get(object.instanceColor)?.content;
+      if (colors)
+        for (let i = 0; i < object.count; i++)
+          keys.add(`${keyOf(content, i)}:${[...colors.slice(3 * i, 3 * i + 3)]}`);
+    } else if (object.isBatchedMesh) {
+      const data = object._indirectTexture.image.data;
+      this.#instances.set(object, new Set(data.slice(0, object._multiDrawCount)));
+    } else this.#instances.set(object, null);
+  }
+
+  has(object, instance) {
+    if (!this.#instances.has(object)) return false;
+    const instances = this.#instances.get(object);
+    if (object.isInstancedMesh) {
+      const key = keyOf(object.instanceMatrix.array, instance);
+      const color = object.instanceColor?.array.slice(3 * instance, 3 * instance + 3);
+      return instances.has(color ? `${key}:${[...color]}` : key);
+    }
+    return instances === null || instances.has(instance);
+  }
+
+  /** Number of meshes, or of instances of one. */
+  count(object) {
+    if (!object) return this.#instances.size;
+    if (!this.#instances.has(object)) return 0;
+    const instances = this.#instances.get(object);
+    if (instances === null) return 1;
+    return object.isInstancedMesh && object.instanceColor ? instances.size / 2 : instances.size;
+  }
+}
+
+function keyOf(matrices, instance) {
+  return matrices.slice(16 * instance, 16 * instance + 16).join();
+}

@@ -1,0 +1,63 @@
+// Culling for three.js: hides what the camera cannot see while a scene is drawn.
+
+import type { Camera, Mesh, Scene } from "three";
+import type { Visibility } from "visibility-web";
+
+export interface CullingOptions {
+  /** The library of `visibility-web`, if it is loaded already. By default it is loaded. */
+  visibility?: Visibility;
+  /**
+   * Whether a mesh hides what is behind it. `undefined` leaves it to its material: see the README. Asked each
+   * frame for each mesh, so keep it quick. `true` is a promise that the mesh is opaque as
+   * drawn; it is of no effect for a mesh that is never hidden.
+   */
+  occluder?(mesh: Mesh): boolean | undefined;
+  /**
+   * Whether a mesh may be hidden. `undefined` leaves it to the mesh and its material: see the README. Asked
+   * each frame for each mesh. `true` is a promise that the mesh stays within the box of its geometry.
+   */
+  cullable?(mesh: Mesh): boolean | undefined;
+  /** Greatest number of triangles of a mesh that hides others: 16384 by default. */
+  maxOccluderTriangles?: number;
+  /** Size of the software z-buffer in pixels, 16 to 4096 a side: 512 x 288 by default. */
+  zBuffer?: { width?: number; height?: number };
+}
+
+/** What the last culled frame was. Objects are meshes, or instances of meshes. */
+export interface CullingStats {
+  /** Objects that the culling follows. Those that are never hidden are not among them. */
+  objects: number;
+  /** Objects of these that the camera may see. */
+  visible: number;
+  /** Objects that were not drawn for the camera. Without culling, three.js would have drawn some of them. */
+  hidden: number;
+  /** Objects that were drawn into the software z-buffer. */
+  occluders: number;
+  /** Milliseconds: following the scene, culling, and hiding. */
+  followMs: number;
+  cullMs: number;
+  applyMs: number;
+}
+
+/** Culls a scene for its cameras, each time that one of them draws it. */
+export class VisibilityCulling {
+  /**
+   * Follows a scene from now on. Until the library is loaded, nothing is hidden. Throws a `TypeError` if
+   * `scene` is not a `THREE.Scene` or a camera is not a `THREE.Camera`.
+   */
+  constructor(scene: Scene, cameras: Camera | readonly Camera[], options?: CullingOptions);
+  readonly scene: Scene;
+  /** Resolves once the library is loaded; rejects if it cannot be. */
+  readonly ready: Promise<void>;
+  /** Whether frames are culled. */
+  enabled: boolean;
+  readonly stats: CullingStats;
+  /**
+   * Culls for a camera, too. With `eye`, what `camera` draws is what `eye` sees: to look from above at what
+   * is left of the scene. The matrices of `eye` must be up to date.
+   */
+  addCamera(camera: Camera, eye?: Camera): void;
+  removeCamera(camera: Camera): void;
+  /** Ends the culling, frees its memory and gives the scene its callbacks back. */
+  dispose(): void;
+}

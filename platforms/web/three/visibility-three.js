@@ -1,0 +1,661 @@
+// Culling for three.js: before a scene is drawn, hides the meshes and instances that the camera cannot see,
+// by the package `visibility-web`; while it is drawn, puts all back. `visibility-three.d.ts` describes what
+// is exported here.
+//
+// Order within `renderer.render(scene, camera)`, of WebGLRenderer as of WebGPURenderer:
+//   1. matrices of the world are brought up to date
+//   2. `scene.onBeforeRender`: here the scene is followed, culled, and what is hidden loses its layers
+//   3. the renderer collects what it draws, from the first child to the last. A last child is added for that
+//      long. The renderer takes it for an LOD and calls its `update`: here the layers are put back
+//   4. shadows are drawn, of all casters; then mirrors and the like, of all objects; then what was collected
+//   5. `scene.onAfterRender`
+
+import { BatchedMesh, LOD, Layers, Matrix4, Object3D, WebGPUCoordinateSystem } from "three";
+import { Depth, Flag, VisibilityError, indexOf, load } from "visibility-web";
+import { InstanceOrder, canLeaveOut, leaveOutInstances, leaveOutOfBatch } from "./instances.js";
+import { Shape, Surface, Surfaces, bonesOf, chosenSurface, moveBox } from "./surfaces.js";
+
+/** Greatest number of clip planes of a view. */
+const MOST_CLIP_PLANES = 10;
+/**
+ * An occluder is used if single precision places it to this share of its size: a pixel if it fills the
+ * picture.
+ */
+const PLACED_TO = 1 / 1024;
+/** Relative error of a single-precision number, with room for the few roundings of a product of matrices. */
+const ROUNDING = 2 ** -21;
+
+const matrix = new Matrix4();
+const boneMatrix = new Matrix4();
+const bounds = new Float64Array(6);
+const NO_IDS = new BigUint64Array(0);
+/** The layers of what is hidden: no camera shows them. */
+const NO_LAYERS = new Layers();
+NO_LAYERS.disableAll();
+
+/** A mesh of the scene, and its objects in the library: one, or one for each instance. */
+class Entry {
+  constructor(object, slot) {
+    // First what each frame looks at, so that it is in one piece of memory.
+    this.object = object;
+    this.frame = -1;
+    /** What the entry was made for; when one of these changes, it is made anew. */
+    this.geometry = null;
+    this.surface = Surface.NeverHidden;
+    this.known = null;
+    /** The shape of all instances; of a `BatchedMesh` that of the first. */
+    this.shape = null;
+    /** Layers that the library has: 0 where the mesh, or what it is part of, is not shown. */
+    this.layers = 0;
+    /** Place of its matrix among those of all entries. */
+    this.slot = slot;
+    this.version = -1;
+    /** Number of its objects in the library: 0 if the mesh is never hidden. */
+    this.count = 0;
+    /** Whether it stands still, but is no occluder yet. */
+    this.waits = false;
+    /** Index of its object in the library, or of the first of several. */
+    this.index = 0;
+    /** Its layers while it is hidden. */
+    this.former = null;
+    this.ids = NO_IDS;
+    /** What there is more of an `InstancedMesh` or a `BatchedMesh`. */
+    this.many = null;
+  }
+}
+
+/** What there is more of a mesh with instances. */
+class Many {
+  constructor(count) {
+    this.count = count;
+    /**
+     * For a `BatchedMesh`: part of its geometry, shape and layers of each instance; -1 is the part of none.
+     */
+    this.parts = this.shapes = this.layers = null;
+    /** Indices of the instances in the library. */
+    this.indices = null;
+    /** For an `InstancedMesh` that was drawn in part: its instances, those visible first. */
+    this.order = null;
+  }
+}
+
+/** See `visibility-three.d.ts`. */
+export class VisibilityCulling {
+  enabled = true;
+  stats = { objects: 0, visible: 0, hidden: 0, occluders: 0, followMs: 0, cullMs: 0, applyMs: 0 };
+
+  #options;
+  #visibility = null;
+  /** The library's scene. */
+  #followed = null;
+  /** By camera: the camera that it is culled for, and view, pipeline and visible set once they are needed. */
+  #cameras = new Map();
+  #entries = new Map();
+  /** Entries in the order in which the last frame met them, most often that of this frame. */
+  #order = [];
+  #met = 0;
+  /** Where each entry was, 16 numbers at its slot, and slots that are free. */
+  #worlds = new Float64Array(16 * 1024);
+  #freeSlots = [];
+  #isSameOrder = true;
+  #frame = 0;
+  /** Point of the world that the library's coordinates are relative to. */
+  #origin = null;
+  #surfaces = new Surfaces();
+  #shapes = new WeakMap();
+  /** Entries to be added to the library, and those that have moved. */
+  #added = [];
+  #moved = [];
+  /** What is hidden while the renderer collects, and what undoes it. */
+  #active = null;
+  #last = new LOD();
+  #former;
+  #isDisposed = false;
+
+  constructor(scene, cameras, options = {}) {
+    if (!scene?.isScene)
+      throw new TypeError("`scene` is not a THREE.Scene: only scenes tell when they are drawn");
+    this.scene = scene;
+    this.#options = { maxOccluderTriangles: 1 << 14, zBuffer: {}, ...options };
+    for (const camera of [cameras].flat()) this.addCamera(camera);
+    this.#last.layers.enableAll();
+    this.#last.update = () => this.#collected();
+    const { onBeforeRender, onAfterRender } = scene;
+    this.#former = { onBeforeRender, onAfterRender };
+    const culling = this;
+    scene.onBeforeRender = function (renderer, scene, camera, ...rest) {
+      onBeforeRender.call(this, renderer, scene, camera, ...rest);
+      culling.#begin(renderer, camera);
+    };
+    scene.onAfterRender = function (renderer, scene, camera, ...rest) {
+      if (culling.#active?.camera === camera) culling.#end();
+      onAfterRender.call(this, renderer, scene, camera, ...rest);
+    };
+    this.#former.installed = scene.onBeforeRender;
+    this.ready = this.#load();
+  }
+
+  async #load() {
+    const visibility = this.#options.visibility ?? (await load());
+    if (this.#isDisposed) return;
+    this.#visibility = visibility;
+    this.#followed = visibility.createScene();
+  }
+
+  addCamera(camera, eye = camera) {
+    if (!camera?.isCamera || !eye?.isCamera) throw new TypeError("`camera` is not a THREE.Camera");
+    const tools = this.#cameras.get(camera);
+    if (tools) tools.eye = eye;
+    else this.#cameras.set(camera, { eye });
+  }
+
+  removeCamera(camera) {
+    const { view, pipeline, visible } = this.#cameras.get(camera) ?? {};
+    for (const handle of [view, pipeline, visible]) handle?.destroy();
+    this.#cameras.delete(camera);
+  }
+
+  dispose() {
+    this.#end();
+    this.#isDisposed = true;
+    const { scene } = this;
+    // Another's callback that was put over this one calls it still: it does nothing from now on.
+    if (scene.onBeforeRender === this.#former.installed) {
+      scene.onBeforeRender = this.#former.onBeforeRender;
+      scene.onAfterRender = this.#former.onAfterRender;
+    }
+    for (const camera of [...this.#cameras.keys()]) this.removeCamera(camera);
+    this.#followed?.destroy();
+    this.#followed = this.#visibility = null;
+    this.#entries.clear();
+    this.#order = [];
+  }
+
+  // A frame.
+
+  #begin(renderer, camera) {
+    // A frame that was not ended: the renderer threw. Otherwise this is a mirror's picture within a frame.
+    if (this.#active?.camera === camera) this.#end();
+    if (this.#active || !this.enabled || !this.#visibility || !this.#cameras.has(camera)) return;
+    const { scene } = this;
+    if (camera.isArrayCamera || scene.overrideMaterial) return;
+    const start = performance.now();
+    const tools = this.#tools(camera);
+    const { eye } = tools;
+    this.#origin ??= camera.matrixWorld.elements
+      .slice(12, 15)
+      .map((x) => (Number.isFinite(x) ? Math.round(x) : 0));
+    if (!this.#look(tools.view, eye, renderer.clippingPlanes ?? [])) return;
+    this.#follow(camera);
+    const followed = performance.now();
+    const { occluders, visible } = tools.pipeline.cull(this.#followed, tools.view, tools.visible);
+    const culled = performance.now();
+    this.#hide(renderer, camera, tools.visible.bits);
+    Object.assign(this.stats, {
+      objects: this.#followed.count,
+      visible,
+      hidden: this.#active.hiddenCount,
+      occluders,
+      followMs: followed - start,
+      cullMs: culled - followed,
+      applyMs: performance.now() - culled,
+    });
+  }
+
+  #tools(camera) {
+    const tools = this.#cameras.get(camera);
+    if (!tools.view) {
+      const { width, height } = this.#options.zBuffer;
+      tools.view = this.#visibility.createView();
+      tools.visible = this.#visibility.createVisible();
+      tools.pipeline = this.#visibility.createPipeline().addFrustum().addZBuffer(width, height);
+    }
+    return tools;
+  }
+
+  /**
+   * Sets a view to a camera of three.js. False if the camera has no view, such as one whose matrix is NaN.
+   */
+  #look(view, camera, clippingPlanes) {
+    if (clippingPlanes.length > MOST_CLIP_PLANES) return false;
+    const [x, y, z] = this.#origin;
+    matrix.multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
+    const clip = Float64Array.from(matrix.elements);
+    for (let row = 0; row < 4; row++) clip[12 + row] += clip[row] * x + clip[4 + row] * y + clip[8 + row] * z;
+    const isZeroToOne = camera.coordinateSystem === WebGPUCoordinateSystem;
+    const depth = isZeroToOne ? Depth.ZeroToOne : Depth.NegativeOneToOne;
+    try {
+      view.setMatrix(clip, camera.reversedDepth ? Depth.Reversed : depth);
+      const planes = clippingPlanes.map(({ normal: n, constant }) => [
+        n.x,
+        n.y,
+        n.z,
+        constant + n.x * x + n.y * y + n.z * z,
+      ]);
+      view.setClipPlanes(planes);
+    } catch (error) {
+      if (error instanceof VisibilityError && error.code === "ARGUMENT") return false;
+      throw error;
+    }
+    view.setLayers(camera.layers.mask >>> 0);
+    return true;
+  }
+
+  // Following the scene.
+
+  #follow(camera) {
+    this.#frame++;
+    this.#surfaces.begin();
+    this.#met = 0;
+    this.#isSameOrder = true;
+    this.#visit(this.scene, true, 0, camera);
+    if (!this.#isSameOrder || this.#met !== this.#order.length) {
+      this.#order.length = this.#met;
+      for (const entry of this.#entries.values()) {
+        if (entry.frame === this.#frame) continue;
+        this.#remove(entry);
+        this.#freeSlots.push(entry.slot);
+        this.#entries.delete(entry.object);
+      }
+    }
+    this.#insert();
+    this.#move();
+    this.#followed.maintain();
+  }
+
+  #visit(object, isShown, groupOrder, camera) {
+    if (object.visible === false) isShown = false;
+    if (object.isMesh) this.#meet(object, isShown, groupOrder);
+    else if (object.isGroup) {
+      // What is in a bundle is recorded, with what is visible then; a clipping group cuts holes into
+      // occluders.
+      if (object.isBundleGroup || object.isClippingGroup) return;
+      groupOrder = object.renderOrder;
+    } else if (object.isLOD && isShown && object.autoUpdate && object.layers.test(camera.layers)) {
+      // As the renderer will do: only then it is known which level is drawn.
+      object.update(camera);
+    }
+    const { children } = object;
+    for (let i = 0; i < children.length; i++) this.#visit(children[i], isShown, groupOrder, camera);
+  }
+
+  #meet(object, isShown, groupOrder) {
+    let entry = this.#order[this.#met];
+    if (entry?.object !== object) {
+      this.#isSameOrder = false;
+      entry = this.#entries.get(object) ?? this.#create(object);
+    }
+    // An object that is twice among children is drawn twice, and followed once.
+    if (entry.frame === this.#frame) return;
+    this.#order[this.#met++] = entry;
+    entry.frame = this.#frame;
+
+    const surface = groupOrder === 0 ? this.#surfaceOf(entry) : Surface.NeverHidden;
+    if (surface !== entry.surface || object.geometry !== entry.geometry || this.#isAnew(entry)) {
+      this.#remove(entry);
+      entry.surface = surface;
+      entry.geometry = object.geometry;
+      if (surface === Surface.NeverHidden || !this.#shape(entry)) return;
+      entry.layers = isShown ? object.layers.mask >>> 0 : 0;
+      this.#added.push(entry);
+      return;
+    }
+    if (entry.count === 0) return;
+    const layers = isShown ? object.layers.mask >>> 0 : 0;
+    if (layers !== entry.layers || entry.many?.layers) this.#setLayers(entry, layers);
+    if (this.#hasMoved(entry) || object.isSkinnedMesh) this.#moved.push(entry);
+    else if (entry.waits) this.#setMeshes(entry);
+  }
+
+  #create(object) {
+    const slot = this.#freeSlots.pop() ?? this.#entries.size;
+    if (16 * slot === this.#worlds.length) {
+      const worlds = new Float64Array(2 * this.#worlds.length);
+      worlds.set(this.#worlds);
+      this.#worlds = worlds;
+    }
+    const entry = new Entry(object, slot);
+    this.#entries.set(object, entry);
+    return entry;
+  }
+
+  /** Whether a mesh, or one of its instances, is elsewhere than it was. */
+  #hasMoved({ object, slot, version, many }) {
+    const { elements } = object.matrixWorld;
+    const worlds = this.#worlds;
+    for (let i = 0; i < 16; i++) if (elements[i] !== worlds[16 * slot + i]) return true;
+    return many !== null && version !== versionOf(object);
+  }
+
+  /** Keeps where a mesh is. */
+  #keep(entry) {
+    this.#worlds.set(entry.object.matrixWorld.elements, 16 * entry.slot);
+    entry.version = versionOf(entry.object);
+  }
+
+  /** Returns what a mesh is now, from what may change from frame to frame. */
+  #surfaceOf(entry) {
+    const { object } = entry;
+    const { geometry, material } = object;
+    const usual = object.isBatchedMesh ? BatchedMesh.prototype : Object3D.prototype;
+    if (
+      geometry?.isBufferGeometry !== true ||
+      !material ||
+      object.onBeforeRender !== usual.onBeforeRender ||
+      object.onAfterRender !== usual.onAfterRender ||
+      object.renderOrder !== 0 ||
+      geometry.morphAttributes.position !== undefined ||
+      object.morphTexture ||
+      object.instanceMatrix?.isStorageInstancedBufferAttribute
+    )
+      return Surface.NeverHidden;
+    let surface;
+    if (Array.isArray(material)) surface = this.#surfaces.ofAll(material, geometry);
+    else {
+      if (entry.known?.material !== material) entry.known = this.#surfaces.of(material);
+      surface = this.#surfaces.refresh(entry.known);
+    }
+    if (!object.frustumCulled) surface = Surface.NeverHidden;
+    const { cullable, occluder } = this.#options;
+    if (cullable) {
+      const choice = cullable(object);
+      if (choice === false) return Surface.NeverHidden;
+      if (choice === true) surface = Math.max(surface, Surface.Hideable);
+    }
+    if (object.isSkinnedMesh) return Math.min(surface, Surface.Hideable);
+    if (occluder && surface !== Surface.NeverHidden) {
+      const choice = occluder(object);
+      if (choice === false) surface = Surface.Hideable;
+      else if (choice === true && surface === Surface.Hideable) surface = chosenSurface(material);
+    }
+    return surface;
+  }
+
+  /** Whether an entry has to be made anew: its geometry has changed, or its instances are others. */
+  #isAnew({ object, shape, many }) {
+    if (shape !== null && shape.frame !== this.#frame) {
+      if (!shape.isCurrent()) return true;
+      shape.frame = this.#frame;
+    }
+    if (many === null) return false;
+    if (object.isInstancedMesh) return object.count !== many.count;
+    const infos = object._instanceInfo;
+    return infos.length !== many.count || infos.some((info, i) => partOf(info) !== many.parts[i]);
+  }
+
+  /** Finds the shapes of an entry. False if its geometry cannot be read, so that it is never hidden. */
+  #shape(entry) {
+    const { object, geometry } = entry;
+    if (object.isBatchedMesh) return this.#shapeBatch(entry);
+    let shape = this.#shapes.get(geometry);
+    if (!shape?.isCurrent()) this.#shapes.set(geometry, (shape = new Shape(geometry)));
+    entry.shape = shape;
+    if (object.isInstancedMesh) {
+      entry.many = new Many(object.count);
+      if (!(object.instanceMatrix.array?.length >= 16 * object.count)) return false;
+    } else if (object.isSkinnedMesh) {
+      shape.bones ??= bonesOf(geometry);
+      if (!shape.bones || shape.bones.boxes.length > object.skeleton.bones.length) return false;
+    }
+    return shape.box !== null;
+  }
+
+  #shapeBatch(entry) {
+    const { object, geometry } = entry;
+    const infos = object._instanceInfo;
+    // Fields that three.js does not document: without them the batch is drawn as it is.
+    if (!Array.isArray(infos) || !(object._matricesTexture?.version >= 0)) return false;
+    const many = (entry.many = new Many(infos.length));
+    many.parts = infos.map(partOf);
+    const shapes = new Map([[-1, new Shape(geometry, EMPTY)]]);
+    for (const part of many.parts)
+      if (!shapes.has(part)) shapes.set(part, new Shape(geometry, null, object.getGeometryRangeAt(part)));
+    many.shapes = many.parts.map((part) => shapes.get(part));
+    entry.shape = many.shapes[0] ?? null;
+    many.layers = new Uint32Array(infos.length);
+    return entry.shape?.position.array?.length > 0;
+  }
+
+  #setLayers(entry, layers) {
+    const { many, ids } = entry;
+    entry.layers = layers;
+    for (let i = 0; i < entry.count; i++) {
+      const own = layersOf(entry, i);
+      if (many?.layers) {
+        if (many.layers[i] === own) continue;
+        many.layers[i] = own;
+      }
+      this.#followed.setLayers(ids[i], own);
+    }
+  }
+
+  #remove(entry) {
+    if (entry.count > 0) {
+      this.#followed.removeAll(entry.ids);
+      for (const shape of shapesOf(entry)) if (--shape.users === 0) shape.free(this.#followed);
+    }
+    entry.ids = NO_IDS;
+    entry.count = 0;
+    entry.shape = entry.many = null;
+    entry.waits = false;
+  }
+
+  /** Adds the entries that wait for it to the library. */
+  #insert() {
+    const count = this.#added.reduce((sum, { many }) => sum + (many?.count ?? 1), 0);
+    if (count === 0) {
+      this.#added.length = 0;
+      return;
+    }
+    const boxes = new Float64Array(6 * count);
+    const [layers, flags] = [new Uint32Array(count), new Uint32Array(count)];
+    let at = 0;
+    for (const entry of this.#added) {
+      this.#keep(entry);
+      entry.count = entry.many?.count ?? 1;
+      this.#boxes(entry, boxes, 6 * at);
+      for (let i = 0; i < entry.count; i++, at++) {
+        layers[at] = layersOf(entry, i);
+        if (entry.many?.layers) entry.many.layers[i] = layers[at];
+        flags[at] = entry.surface > Surface.Hideable ? Flag.Occluder : 0;
+      }
+    }
+    const ids = this.#followed.insertAll({ bounds: boxes, layers, flags });
+    at = 0;
+    for (const entry of this.#added) {
+      entry.ids = ids.slice(at, at + entry.count);
+      if (entry.many) entry.many.indices = Uint32Array.from(entry.ids, indexOf);
+      else entry.index = indexOf(entry.ids[0]);
+      if (entry.count > 0) for (const shape of shapesOf(entry)) shape.users++;
+      this.#setMeshes(entry, boxes, 6 * at);
+      at += entry.count;
+    }
+    this.#added.length = 0;
+    if (2 * count > this.#followed.count) this.#followed.rebuild();
+  }
+
+  /**
+   * Tells the library of the entries that have moved. They hide nothing until they stand still for a frame.
+   */
+  #move() {
+    if (this.#moved.length === 0) return;
+    const count = this.#moved.reduce((sum, entry) => sum + entry.count, 0);
+    const [ids, boxes] = [new BigUint64Array(count), new Float64Array(6 * count)];
+    let at = 0;
+    for (const entry of this.#moved) {
+      this.#keep(entry);
+      this.#boxes(entry, boxes, 6 * at);
+      ids.set(entry.ids, at);
+      entry.waits = entry.surface > Surface.Hideable;
+      at += entry.count;
+    }
+    this.#followed.setAllBounds(ids, boxes);
+    this.#moved.length = 0;
+  }
+
+  /** Writes the boxes of an entry. */
+  #boxes(entry, out, at) {
+    const { object, shape, many } = entry;
+    const world = object.matrixWorld;
+    if (object.isSkinnedMesh) skinnedBox(object, shape.bones, out, at, this.#origin);
+    else if (many === null) moveBox(out, at, shape.box, world.elements, this.#origin);
+    else {
+      // The graphics card multiplies matrices of the mesh and the instance in single precision.
+      const rounding = ROUNDING * world.getMaxScaleOnAxis();
+      for (let i = 0; i < many.count; i++, at += 6) {
+        const { box } = many.shapes?.[i] ?? shape;
+        if (box === EMPTY) out.set(EMPTY, at);
+        else {
+          object.getMatrixAt(i, matrix);
+          const [x, y, z] = [12, 13, 14].map((k) => Math.abs(matrix.elements[k]));
+          const margin = rounding * Math.max(x, y, z);
+          moveBox(out, at, box, matrix.premultiply(world).elements, this.#origin, margin);
+        }
+      }
+    }
+  }
+
+  /** Gives an entry its occluder meshes. `boxes` are its boxes, from `at` on, if they are known. */
+  #setMeshes(entry, boxes, at = 0) {
+    const { object, shape, many, surface, ids, count } = entry;
+    entry.waits = false;
+    if (surface <= Surface.Hideable) return;
+    if (!boxes) this.#boxes(entry, (boxes = new Float64Array(6 * count)), 0);
+    for (let i = 0; i < count; i++) {
+      const own = many?.shapes?.[i] ?? shape;
+      if (own.box === EMPTY || !isPlacedWell(boxes, at + 6 * i)) continue;
+      if (many) {
+        object.getMatrixAt(i, matrix);
+        // The graphics card takes the front for the back if an instance is mirrored.
+        if (surface !== Surface.Double && !(matrix.determinant() > 0)) continue;
+        matrix.premultiply(object.matrixWorld);
+      } else matrix.copy(object.matrixWorld);
+      const mesh = own.mesh(this.#followed, surface, this.#options.maxOccluderTriangles);
+      if (mesh === null) continue;
+      for (let k = 0; k < 3; k++) matrix.elements[12 + k] -= this.#origin[k];
+      this.#followed.setMesh(ids[i], mesh, matrix.elements);
+    }
+  }
+
+  // Hiding, and putting back.
+
+  #hide(renderer, camera, bits) {
+    const active = { camera, masked: [], undo: [], hiddenCount: 0 };
+    this.#active = active;
+    const isVisible = (index) => (bits[index >>> 5] >>> (index & 31)) & 1;
+    const mask = camera.layers.mask >>> 0;
+    for (const entry of this.#order) {
+      if (entry.count === 0 || (entry.layers & mask) === 0) continue;
+      if (entry.many === null) {
+        if (isVisible(entry.index)) continue;
+        active.hiddenCount++;
+      } else if (this.#leaveOut(entry, renderer, isVisible)) continue;
+      // Layers of another, not the mask of its own: those may be shared.
+      entry.former = entry.object.layers;
+      entry.object.layers = NO_LAYERS;
+      active.masked.push(entry);
+    }
+    this.scene.children.push(this.#last);
+  }
+
+  /** Leaves out the hidden instances of an entry. False if all are hidden. */
+  #leaveOut({ object, many }, renderer, isVisible) {
+    const { indices, count } = many;
+    const active = this.#active;
+    const hidden = [];
+    let shown = 0;
+    for (let i = 0; i < count; i++) {
+      if (many.layers?.[i] === 0) continue;
+      shown++;
+      if (!isVisible(indices[i])) hidden.push(i);
+    }
+    if (hidden.length === 0 || (hidden.length < shown && !canLeaveOut(object, renderer))) return true;
+    active.hiddenCount += hidden.length;
+    if (hidden.length === shown) return false;
+    const isCamera = (camera) => camera === active.camera;
+    if (object.isBatchedMesh) active.undo.push(leaveOutOfBatch(object, hidden, isCamera));
+    else {
+      many.order ??= new InstanceOrder(count);
+      many.order.update(object);
+      many.order.sort((i) => isVisible(indices[i]));
+      active.undo.push(leaveOutInstances(object, many.order, isCamera));
+    }
+    return true;
+  }
+
+  /** The renderer has collected what it draws: gives back the layers. */
+  #collected() {
+    const { children } = this.scene;
+    const at = children.lastIndexOf(this.#last);
+    if (at >= 0) children.splice(at, 1);
+    for (const entry of this.#active.masked.splice(0)) {
+      entry.object.layers = entry.former;
+      entry.former = null;
+    }
+    for (const { collected } of this.#active.undo) collected();
+  }
+
+  /** The scene is drawn: all is as it was. */
+  #end() {
+    if (!this.#active) return;
+    this.#collected();
+    for (const { drawn } of this.#active.undo) drawn();
+    this.#active = null;
+  }
+}
+
+/** The box of nothing: the library never hides an object that has it. */
+const EMPTY = new Float64Array([1, 1, 1, -1, -1, -1]);
+
+/** Returns the part of its geometry that an instance of a `BatchedMesh` has, -1 for none. */
+function partOf({ active, geometryIndex }) {
+  return active ? geometryIndex : -1;
+}
+
+/** Returns the layers of an instance: none if the user has hidden it. */
+function layersOf({ object, layers, many }, i) {
+  return many?.parts && !(many.parts[i] >= 0 && object._instanceInfo[i].visible) ? 0 : layers;
+}
+
+/** Returns the shapes of an entry, each once for each instance that has it. */
+function shapesOf({ shape, many }) {
+  return many?.shapes ?? [shape];
+}
+
+/** Returns the version of the matrices of instances. */
+function versionOf({ instanceMatrix, _matricesTexture }) {
+  return (instanceMatrix ?? _matricesTexture)?.version ?? 0;
+}
+
+/** Writes a box that holds a skinned mesh: a vertex is within the hull of where its bones would put it. */
+function skinnedBox(mesh, bones, out, at, origin) {
+  const { skeleton, bindMatrix, bindMatrixInverse, matrixWorld } = mesh;
+  const local = new Float64Array([Infinity, Infinity, Infinity, -Infinity, -Infinity, -Infinity]);
+  let reach = 0;
+  bones.boxes.forEach((box, i) => {
+    const bone = skeleton.bones[i];
+    boneMatrix.copy(bindMatrixInverse);
+    if (bone) boneMatrix.multiply(bone.matrixWorld);
+    boneMatrix.multiply(skeleton.boneInverses[i]).multiply(bindMatrix);
+    moveBox(bounds, 0, box, boneMatrix.elements, [0, 0, 0]);
+    for (let k = 0; k < 6; k++) {
+      // Weights whose sum is not 1 move the vertex towards the mesh's origin, or away from it.
+      const ends = [bounds[k] * bones.least, bounds[k] * bones.greatest];
+      local[k] = k < 3 ? Math.min(local[k], ...ends) : Math.max(local[k], ...ends);
+    }
+    if (bone) for (let k = 12; k < 15; k++) reach = Math.max(reach, Math.abs(bone.matrixWorld.elements[k]));
+  });
+  // The graphics card has the matrices of bones in single precision.
+  const size = Math.max(...local.map(Math.abs), reach);
+  moveBox(out, at, local, matrixWorld.elements, origin, ROUNDING * size * matrixWorld.getMaxScaleOnAxis());
+}
+
+/** Whether single precision places what is in a box well enough for an occluder. */
+function isPlacedWell(boxes, at) {
+  let [size, reach] = [0, 0];
+  for (let k = at; k < at + 3; k++) {
+    size = Math.max(size, boxes[3 + k] - boxes[k]);
+    reach = Math.max(reach, Math.abs(boxes[k]), Math.abs(boxes[3 + k]));
+  }
+  return reach * 2 ** -24 <= PLACED_TO * size;
+}
