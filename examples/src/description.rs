@@ -6,7 +6,7 @@
 
 use crate::error::SourceError;
 use crate::json;
-use crate::ordinary_file::require_ordinary_file;
+use crate::ordinary_file;
 use crate::walk::{CameraKey, Walk};
 use glam::{DVec3, Vec3};
 use serde_json::Value;
@@ -67,11 +67,10 @@ impl Description {
     ///
     /// # Errors
     ///
-    /// Returns [`SourceError::Io`] when the file cannot be read, [`SourceError::Content`] when it is no
-    /// ordinary file, such as a pipe, and the errors of [`parse`](Self::parse).
+    /// Returns [`SourceError::Io`] when the file cannot be read or is no ordinary file, such as a pipe,
+    /// and the errors of [`parse`](Self::parse).
     pub fn load(path: &Path) -> Result<Self, SourceError> {
-        require_ordinary_file(path)?;
-        let bytes = std::fs::read(path).map_err(|cause| SourceError::io(path, cause))?;
+        let bytes = ordinary_file::read(path).map_err(|cause| SourceError::io(path, cause))?;
         Self::parse(&bytes, path)
     }
 

@@ -18,7 +18,7 @@ pub mod level_occluders;
 pub mod load;
 pub mod made_up_walks;
 pub mod object_name;
-mod ordinary_file;
+pub mod ordinary_file;
 mod other_formats;
 pub mod output_file;
 pub mod plp;

@@ -6,13 +6,13 @@
 
 use crate::description::Description;
 use crate::error::SourceError;
-use crate::ordinary_file::require_ordinary_file;
+use crate::gltf_file::{MOST_OBJECTS, MOST_TRIANGLES};
+use crate::ordinary_file;
 use crate::reading::Reading;
 use crate::recipes::{built_in_by_object, known_recipes};
 use crate::source::{Bounds, SceneSource, SourceObject, collected};
 use crate::{gltf_file, vscn, walk};
 use glam::{DQuat, DVec3, Vec3};
-use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
@@ -106,7 +106,8 @@ pub fn load_as(path: &Path, reading: &Reading) -> Result<SceneSource, SourceErro
 }
 
 fn load_gltf(path: &Path, reading: &Reading) -> Result<SceneSource, SourceError> {
-    let mut scene = gltf_file::parse_as(&read(path)?, path, reading)?;
+    let bytes = ordinary_file::read(path).map_err(|cause| SourceError::io(path, cause))?;
+    let mut scene = gltf_file::parse_as(&bytes, path, reading)?;
     if scene.triangle_count() == 0 {
         let notes = scene.notes.join("; ");
         let problem = format!("it has no triangles, so nothing is seen or hidden ({notes})");
@@ -144,7 +145,8 @@ fn load_by_object(
 /// # Errors
 ///
 /// Returns [`SourceError::Io`] when one of the two files cannot be read, and [`SourceError::Content`] when
-/// its content is invalid or the JSON has no placements.
+/// its content is invalid, the JSON has no placements, or all copies together have more than 2^25 triangles
+/// or 2^22 objects.
 pub fn cars5(path: &Path) -> Result<SceneSource, SourceError> {
     collected(|each| cars5_by_object(path, each))
 }
@@ -159,6 +161,15 @@ fn cars5_by_object(path: &Path, each: &mut dyn FnMut(SourceObject)) -> Result<Sc
         ));
     }
     let car = collected(|each| assemble(path, &description, each))?;
+    let copies = description.cars5_placements.len();
+    let is_over = |each: usize, most| each.saturating_mul(copies) > most;
+    if is_over(car.triangle_count(), MOST_TRIANGLES) || is_over(car.objects.len(), MOST_OBJECTS) {
+        return Err(SourceError::content(
+            &path.with_extension("json"),
+            "cars5_placements_x_z_yawdeg",
+            format!("with it, the scene has more than {MOST_OBJECTS} objects, or {MOST_TRIANGLES} triangles"),
+        ));
+    }
     for (number, [x, z, yaw]) in description.cars5_placements.iter().enumerate() {
         let turn = DQuat::from_rotation_y(yaw.to_radians());
         let place = |p: Vec3| (turn * p.as_dvec3() + DVec3::new(*x, 0.0, *z)).as_vec3();
@@ -170,12 +181,6 @@ fn cars5_by_object(path: &Path, each: &mut dyn FnMut(SourceObject)) -> Result<Sc
         copies.for_each(&mut *each);
     }
     Ok(SceneSource { name: format!("{}5", car.name), objects: Vec::new(), ..car })
-}
-
-/// Reads all bytes of a file. The error of the file system carries the path.
-fn read(path: &Path) -> Result<Vec<u8>, SourceError> {
-    require_ordinary_file(path)?;
-    std::fs::read(path).map_err(|cause| SourceError::io(path, cause))
 }
 
 /// Loads a VSCN file with the JSON description beside it. A missing description is no error.
@@ -216,9 +221,8 @@ fn assemble(
     description: &Description,
     each: &mut dyn FnMut(SourceObject),
 ) -> Result<SceneSource, SourceError> {
-    require_ordinary_file(path)?;
     let failed = |cause| SourceError::io(path, cause);
-    let file = File::open(path).map_err(failed)?;
+    let file = ordinary_file::open(path).map_err(failed)?;
     let size = file.metadata().map_err(failed)?.len();
     let (mut bounds, mut index, mut triangle_count) = (Bounds::default(), 0, 0);
     let objects = vscn::read(BufReader::new(file), size, path, &mut |triangles| {

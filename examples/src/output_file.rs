@@ -28,23 +28,23 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
 /// Returns a message with the path.
 pub fn write_with<E: Display + From<std::io::Error>>(
     path: &Path,
-    fill: impl FnOnce(&mut BufWriter<File>) -> Result<(), E>,
+    fill: impl FnOnce(&mut BufWriter<&File>) -> Result<(), E>,
 ) -> Result<(), String> {
     let told = |error: E| format!("cannot write {}: {error}", path.display());
-    let fill = |file: File| {
+    let fill = |file: &File| {
         let mut out = BufWriter::new(file);
         fill(&mut out)?;
-        out.into_inner().map_err(|error| E::from(error.into_error()))
+        out.flush().map_err(E::from)
     };
     if is_special(path) {
         let opened = OpenOptions::new().write(true).open(path);
-        return opened.map_err(E::from).and_then(fill).map(drop).map_err(told);
+        return opened.map_err(E::from).and_then(|file| fill(&file)).map_err(told);
     }
     let path = target(path);
     let part = beside(&path, ".part");
     // A temporary `.part` file of a killed program is overwritten.
     let file = lock(&part, &path)?;
-    let written = file.set_len(0).map_err(E::from).and_then(|()| fill(file)).and_then(|file| {
+    let written = file.set_len(0).map_err(E::from).and_then(|()| fill(&file)).and_then(|()| {
         if let Ok(before) = std::fs::metadata(&path) {
             file.set_permissions(before.permissions())?;
         }
@@ -52,7 +52,8 @@ pub fn write_with<E: Display + From<std::io::Error>>(
         Ok(std::fs::rename(&part, &path)?)
     });
     if written.is_err() {
-        // The temporary file may not exist, so the result is ignored.
+        // `file` is still open, and locked, so that no other program has begun to write the `.part` file. The
+        // file may not exist, so the result is ignored.
         let _ = std::fs::remove_file(&part);
     }
     written.map_err(told)
@@ -117,7 +118,7 @@ fn lock(beside: &Path, path: &Path) -> Result<File, String> {
                 ));
             }
             // A file system without locks: continue without one.
-            Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {}
+            Err(TryLockError::Error(error)) if has_no_locks(&error) => {}
             Err(TryLockError::Error(error)) => return Err(told(error)),
         }
         // The last holder of the lock may have removed or renamed the file meanwhile. Another program may
@@ -126,6 +127,14 @@ fn lock(beside: &Path, path: &Path) -> Result<File, String> {
             return Ok(file);
         }
     }
+}
+
+/// Returns whether an error of locking says that the file system has no locks.
+fn has_no_locks(error: &std::io::Error) -> bool {
+    /// ENOLCK of Linux, which has no [`ErrorKind`]: an NFS share whose server has no locks.
+    const NO_LOCKS: i32 = 37;
+    error.kind() == ErrorKind::Unsupported
+        || cfg!(target_os = "linux") && error.raw_os_error() == Some(NO_LOCKS)
 }
 
 impl Drop for Lock {
@@ -144,6 +153,9 @@ fn is_at(file: &File, path: &Path) -> bool {
     (open.dev(), open.ino()) == (there.dev(), there.ino())
 }
 
+/// Returns whether there is any file at a path, since the standard library cannot tell here which file that
+/// is. So if a program opens the file just before the holder of the lock removes it, and another program then
+/// makes it anew, both programs hold a lock.
 #[cfg(not(unix))]
 fn is_at(_: &File, path: &Path) -> bool {
     path.exists()
@@ -253,6 +265,38 @@ mod tests {
             "files in the folder"
         );
         std::fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn a_failed_write_removes_no_file_of_another_program() {
+        let folder = folder("failed");
+        let file = folder.join("a.set");
+        let has_ended = std::sync::atomic::AtomicBool::new(false);
+        let errors: Vec<String> = std::thread::scope(|scope| {
+            for _ in 0..2 {
+                scope.spawn(|| {
+                    while !has_ended.load(std::sync::atomic::Ordering::Relaxed) {
+                        let _ = write_with(&file, |_| Err(std::io::Error::from(ErrorKind::StorageFull)));
+                    }
+                });
+            }
+            let errors = (0..5000).filter_map(|_| write(&file, b"whole").err()).collect();
+            has_ended.store(true, std::sync::atomic::Ordering::Relaxed);
+            errors
+        });
+        for error in errors {
+            assert!(error.starts_with("another program is at work on "), "{error}");
+        }
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn a_file_system_without_locks_is_told_from_other_errors() {
+        let error = std::io::Error::from;
+        assert!(has_no_locks(&error(ErrorKind::Unsupported)), "a file system that knows no locks");
+        assert!(!has_no_locks(&error(ErrorKind::PermissionDenied)), "a file that may not be locked");
+        #[cfg(target_os = "linux")]
+        assert!(has_no_locks(&std::io::Error::from_raw_os_error(37)), "ENOLCK of Linux");
     }
 
     #[test]

@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 use visibility_examples::gltf_file::parse;
 use visibility_examples::{SceneSource, SourceError};
+use visibility_testing::allocations::{LIVE, PEAK};
 
 /// Returns the buffer of the test document: four corners of the unit square in z = 0 as f32, then the indices
 /// 0 1 2 3 as u16.
@@ -280,6 +281,28 @@ fn buffers_come_from_data_uris_and_files_beside() {
         let message = read(uri).expect_err(uri).to_string();
         assert!(message.contains(part), "{uri}: {message}");
     }
+}
+
+#[test]
+fn a_file_that_many_buffers_name_is_in_memory_once() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("gltf_many_buffers");
+    std::fs::create_dir_all(&folder).expect("a folder for test files");
+    let mut bytes = square_bytes();
+    bytes.resize(200_000, 0);
+    std::fs::write(folder.join("square.bin"), &bytes).expect("a test file");
+    let mut document = square();
+    let buffer = |i: usize| {
+        let uri = ["square.bin", "./square.bin", "s%71uare.bin", "a/../square.bin"][i % 4];
+        json!({"uri": uri, "byteLength": if i.is_multiple_of(2) { 200_000 } else { 56 }})
+    };
+    document["buffers"] = (0..40).map(buffer).collect();
+    let text = document.to_string();
+    let before = LIVE.get();
+    PEAK.set(before);
+    let scene = parse(text.as_bytes(), &folder.join("square.gltf")).expect("a file beside");
+    let peak = PEAK.get() - before;
+    assert!(peak < 200_000 + 100 * text.len() as isize, "{peak} bytes at once");
+    assert_eq!(scene.triangle_count(), 2, "triangles of the first buffer");
 }
 
 #[test]

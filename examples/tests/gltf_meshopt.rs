@@ -1,11 +1,13 @@
 //! Tests of glTF buffer views compressed by meshopt: with encoders written for these tests, and with codes
 //! written by hand.
 
+use crate::gltf_files::glb;
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::path::Path;
 use visibility_examples::gltf_file::parse;
 use visibility_examples::{SceneSource, SourceError};
+use visibility_testing::allocations::{LIVE, PEAK};
 
 /// Reads a file with one primitive whose positions and indices are compressed. Each is given by the members
 /// of the extension and the compressed bytes. `accessor` has the members of the position accessor other than
@@ -283,5 +285,56 @@ fn exponents_are_applied() {
         extension[key] = value;
         let error = read(accessor.clone(), (extension, encoded.clone()), None).expect_err(key).to_string();
         assert!(error.contains("buffer view 0") && error.contains("meshopt"), "{key}: {error}");
+    }
+}
+
+/// Makes a GLB file whose buffer views are compressed in the same 1,000 bytes, each without as many of the
+/// last bytes as `cuts` says. The bytes are the shortest code for elements that are all alike, so a view has
+/// nearly 1,024 times their size. The first `shown` views have the positions of a triangle each.
+fn file_of_overlapping_views(cuts: &[usize], shown: usize) -> Vec<u8> {
+    let mut bytes = [0xAA; 1000];
+    bytes[0] = 0xA1;
+    let views: Vec<Value> = cuts
+        .iter()
+        .map(|cut| {
+            // Beside the blocks there are the first byte and the 24 last bytes.
+            let (length, count) = (1000 - cut, 256 * (1000 - cut - 25));
+            json!({"buffer": 0, "byteLength": 4 * count, "byteStride": 4, "extensions": {
+                "EXT_meshopt_compression": {"buffer": 0, "byteLength": length, "byteStride": 4,
+                    "count": count, "mode": "ATTRIBUTES"}}})
+        })
+        .collect();
+    let each = |item: &dyn Fn(usize) -> Value| (0..shown).map(item).collect::<Vec<Value>>();
+    let document = json!({
+        "asset": {"version": "2.0"}, "buffers": [{"byteLength": 1000}], "bufferViews": views,
+        "nodes": each(&|i| json!({"mesh": i})),
+        "meshes": each(&|i| json!({"primitives": [{"attributes": {"POSITION": i}}]})),
+        "accessors": each(&|i| json!({"bufferView": i, "componentType": 5120, "type": "VEC3", "count": 3}))
+    });
+    glb(&document, &bytes)
+}
+
+#[test]
+fn memory_of_compressed_views_is_bounded_by_the_size_of_the_buffers() {
+    let different: Vec<usize> = (0..30).collect();
+    for (cuts, shown, objects) in
+        [(&different[..], 1, Some(1)), (&[0; 30], 30, Some(30)), (&different, 30, None)]
+    {
+        let file = file_of_overlapping_views(cuts, shown);
+        let before = LIVE.get();
+        PEAK.set(before);
+        let scene = parse(&file, Path::new("test.glb"));
+        let peak = PEAK.get() - before;
+        let what = format!("{} views, the first {shown} shown", cuts.len());
+        // 1,024 times the buffer, and the document.
+        assert!(peak < 1_024_000 + 100 * file.len() as isize, "{what}: {peak} bytes at once");
+        match objects {
+            Some(objects) => assert_eq!(scene.expect(&what).objects.len(), objects, "{what}: objects"),
+            None => {
+                let error = scene.expect_err(&what).to_string();
+                let expected = "buffer view 1: with it, more compressed bytes would be decoded";
+                assert!(error.contains(expected), "{what}: {error}");
+            }
+        }
     }
 }

@@ -196,3 +196,22 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn too_many_copies_of_a_car_are_refused() {
+    let folder = folder("vscn_cars");
+    let placements = vec![[0; 3]; 4097];
+    let description = serde_json::json!({"cars5_placements_x_z_yawdeg": placements});
+    // One object of 2^13 triangles is placed more than 2^12 times, and 2^10 objects of none.
+    for objects in [vec![vec![[Vec3::ZERO; 3]; 1 << 13]], vec![Vec::new(); 1 << 10]] {
+        let path = folder.join("car.vscn");
+        std::fs::write(&path, vscn::write(&scene(objects)).expect("few triangles")).expect("a test file");
+        std::fs::write(path.with_extension("json"), description.to_string()).expect("a test file");
+        let name = format!("cars5:{}", path.display());
+        let mut copies = 0;
+        let scene = open_by_object(&name, &Reading::default(), &mut |_, _| copies += 1);
+        let error = scene.expect_err("too many copies").to_string();
+        assert!(error.contains("cars5_placements_x_z_yawdeg: with it, the scene has more than"), "{error}");
+        assert_eq!(copies, 0, "objects before the error");
+    }
+}

@@ -77,14 +77,13 @@ pub(crate) struct ContentWriter {
 }
 
 impl ContentWriter {
-    /// Creates the file. An existing regular file is overwritten; anything else at the path is an error.
+    /// Creates the file. An existing regular file is replaced; anything else at the path is an error.
     pub(crate) fn create(path: PathBuf) -> Result<Self, LevelError> {
-        let file = File::options().read(true).write(true).create(true).truncate(false).open(&path);
-        let file = file.and_then(|file| match file.metadata()?.is_file() && !path.is_symlink() {
-            true => file.set_len(0).map(|()| file),
-            // A device or a link is refused, since the file is removed at the end.
-            false => Err(std::io::ErrorKind::AlreadyExists.into()),
-        });
+        if path.symlink_metadata().is_ok_and(|found| found.is_file()) {
+            // If a file cannot be removed, creating it fails below.
+            let _ = std::fs::remove_file(&path);
+        }
+        let file = File::options().read(true).write(true).create_new(true).open(&path);
         let file = file.map_err(|error| LevelError::File { path: path.clone(), kind: error.kind() })?;
         let scratch = ScratchFile { path, file };
         let to = BufWriter::new(scratch.file.try_clone().map_err(|error| scratch.error(&error))?);
@@ -512,6 +511,26 @@ mod tests {
         assert!(file.reserve(300 * BYTES_PER_WEIGHT).is_ok(), "the memory came back");
         drop(file);
         assert!(!path.exists(), "the file is removed with the level");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_file_is_replaced_and_a_link_is_refused() {
+        let path = std::env::temp_dir().join(format!("visibility-replaced-{}", std::process::id()));
+        let behind = path.with_extension("behind");
+        let _ = std::fs::remove_file(&behind);
+        std::os::unix::fs::symlink(&behind, &path).unwrap();
+        let refused = ContentWriter::create(path.clone()).err();
+        assert!(matches!(refused, Some(LevelError::File { .. })), "a link: {refused:?}");
+        assert!(path.is_symlink() && !behind.exists(), "the link stays, and no file is made behind it");
+        std::fs::remove_file(&path).unwrap();
+        std::fs::write(&path, b"left by a killed bake").unwrap();
+        // Another name of the same file keeps its content.
+        std::fs::hard_link(&path, &behind).unwrap();
+        drop(ContentWriter::create(path.clone()).unwrap());
+        assert!(!path.exists(), "the file is removed with its writer");
+        assert_eq!(std::fs::read(&behind).unwrap(), b"left by a killed bake", "the file that was replaced");
+        std::fs::remove_file(&behind).unwrap();
     }
 
     #[test]

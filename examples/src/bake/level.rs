@@ -7,7 +7,7 @@ use super::viewcells::{self, Solids};
 use crate::region::world;
 use crate::source::{Bounds, Corners, check_hints};
 use crate::walkthrough::World;
-use crate::{SceneSource, SourceObject, open_by_object};
+use crate::{SceneSource, SourceObject, open_by_object, ordinary_file};
 use glam::DVec3;
 use std::fmt;
 use std::io::ErrorKind;
@@ -124,7 +124,7 @@ impl Level {
     /// Returns a message if the file cannot be read or is damaged.
     pub fn take_cache(&mut self, path: &Path) -> Result<(), String> {
         let named = |error: &dyn fmt::Display| format!("{}: {error}", path.display());
-        match std::fs::read(path) {
+        match ordinary_file::read(path) {
             Ok(bytes) => {
                 self.cache = Arc::new(
                     BakeCache::from_bytes(&bytes)

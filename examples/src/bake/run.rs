@@ -1,8 +1,9 @@
 //! The run of a bake: on several threads, with a time limit, and with a state file from which it can resume.
 
 use super::failure::Failure;
+use crate::ordinary_file;
 use crate::output_file::write;
-use std::io::ErrorKind;
+use std::io::{ErrorKind, Write, stderr};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
@@ -34,8 +35,9 @@ pub struct Run {
 ///
 /// # Errors
 ///
-/// [`Failure`] if the state file is damaged, belongs to another bake or cannot be written, or if a level in a
-/// file cannot be read or exceeds the memory limit. A state file that exists already is kept.
+/// [`Failure`] if the state file cannot be read, is damaged or belongs to another bake, or if a level in a
+/// file cannot be read or exceeds the memory limit. A state file that exists already is kept. A state file
+/// that cannot be written is reported on standard error.
 pub fn run<'a>(
     baker: impl Fn() -> SandwichBaker<'a> + Sync,
     run: &Run,
@@ -46,7 +48,7 @@ pub fn run<'a>(
         Some(limit) => baker().with_time(limit),
         None => baker(),
     };
-    let mut bake = match std::fs::read(&run.state) {
+    let mut bake = match ordinary_file::read(&run.state) {
         Ok(bytes) => Bake::resume(baker(), &bytes)
             .map_err(|error| format!("{}: {error}; remove the file to begin anew", run.state.display()))?,
         Err(error) if error.kind() == ErrorKind::NotFound => Bake::new(baker()),
@@ -56,6 +58,13 @@ pub fn run<'a>(
         .num_threads(run.threads)
         .build()
         .map_err(|error| error.to_string())?;
+    // A state that cannot be written, as on a full disk, is no reason to end a bake that may yet succeed.
+    let save = |bake: &Bake<_>| {
+        if let Err(error) = write(&run.state, &bake.save()) {
+            // Unlike `eprintln`, this does not end the program if nobody reads it.
+            let _ = writeln!(stderr(), "the bake goes on, but an interruption would lose work: {error}");
+        }
+    };
     pool.install(|| {
         progress(bake.progress());
         loop {
@@ -70,7 +79,13 @@ pub fn run<'a>(
             loop {
                 match bake.advance_unless(|| !is_first() && is_due(), is_over) {
                     Some(now) => progress(now),
-                    None => return Ok(bake.finish()),
+                    None => {
+                        // The caller has yet to write the result. If that fails, the work is not lost.
+                        if start.elapsed() >= run.save_every {
+                            save(&bake);
+                        }
+                        return Ok(bake.finish());
+                    }
                 }
                 if let Some(error) = bake.baker().error() {
                     return Err(error.into());
@@ -79,7 +94,7 @@ pub fn run<'a>(
                     break;
                 }
             }
-            write(&run.state, &bake.save())?;
+            save(&bake);
             if is_over() {
                 return Ok(bake.finish());
             }
@@ -91,4 +106,51 @@ pub fn run<'a>(
 pub fn forget(state: &Path) {
     // Without a state file there is nothing to remove.
     let _ = std::fs::remove_file(state);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bake::{Job, Level};
+
+    #[test]
+    fn finished_work_is_saved_and_a_state_that_cannot_be_written_ends_no_bake() {
+        #[derive(clap::Parser)]
+        struct Arguments {
+            #[command(flatten)]
+            job: Job,
+        }
+        let arguments = "bake london:1,1 --size 16,16,4 --over 0,0,0,64,32,4 --gap 100% --rays 20";
+        let Arguments { job } = clap::Parser::parse_from(arguments.split(' '));
+        let level = Level::open(&job, Path::new(""), || false).unwrap();
+        let folder = std::env::temp_dir().join(format!("bake-run-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let settings = |save_every, state: &str| Run {
+            threads: 1,
+            limit: None,
+            save_every: Duration::from_millis(save_every),
+            state: folder.join(state),
+        };
+        // The first report takes so long that the bake is worth saving. The rest takes less than the pause
+        // between two saves.
+        let mut is_first = true;
+        let settings_of_saved = settings(500, "state");
+        let outcome = run(
+            || level.baker(),
+            &settings_of_saved,
+            |_| {
+                if std::mem::take(&mut is_first) {
+                    std::thread::sleep(Duration::from_millis(500));
+                }
+            },
+        );
+        let cells = outcome.unwrap().cells;
+        let state = std::fs::read(&settings_of_saved.state).expect("a state");
+        let saved = Bake::resume(level.baker(), &state).unwrap();
+        assert_eq!(saved.progress().done, saved.progress().total, "work in the state");
+        assert!(saved.finish().cells == cells, "the outcome of the state");
+        let not_saved = run(|| level.baker(), &settings(0, "none/state"), |_| {});
+        assert!(not_saved.unwrap().cells == cells, "the outcome without a state");
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
 }

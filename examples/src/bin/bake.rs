@@ -4,6 +4,8 @@
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::ffi::OsStr;
+use std::fs::DirBuilder;
+use std::hash::{BuildHasher, RandomState};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::OnceLock;
@@ -14,7 +16,7 @@ use visibility_examples::bake::pictures;
 use visibility_examples::bake::report::Report;
 use visibility_examples::bake::{Failure, Job, Level, Plan, Run, forget, run};
 use visibility_examples::output_file::{Lock, beside, is_special, target, write};
-use visibility_examples::{eprintln, print, println};
+use visibility_examples::{eprintln, ordinary_file, print, println};
 
 /// Bake what can be seen from each viewcell of a scene. An interrupted bake resumes where it was. The last
 /// lines tell how many viewcells exceed the wanted gap, and the version of the level. A game whose scene has
@@ -167,7 +169,7 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
     let duration = |seconds| Duration::try_from_secs_f64(seconds).map_err(|error| error.to_string());
     let limit = arguments.time.map(duration).transpose()?;
     let save_every = duration(arguments.save)?;
-    let base = base(&arguments.out);
+    let (base, _folder) = base(&arguments.out)?;
     let _lock = Lock::new(&base)?;
     let begun = Instant::now();
     if let Some(end) = limit.and_then(|limit| begun.checked_add(limit.max(LEAST_TIME))) {
@@ -241,33 +243,58 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 /// Returns the path to which the names of the program's own files are appended: the file to write, or the
-/// target if that is a link. If the output is a device or pipe, a path that is unique to this process.
-fn base(out: &Path) -> PathBuf {
-    if is_special(out) {
-        std::env::temp_dir().join(format!("bake-{}", std::process::id()))
-    } else {
-        target(out)
+/// target if that is a link. If the output is a device or pipe, a path in a temporary folder, which is
+/// returned as well.
+fn base(out: &Path) -> Result<(PathBuf, Option<TemporaryFolder>), String> {
+    if !is_special(out) {
+        return Ok((target(out), None));
+    }
+    let folder = TemporaryFolder::new()?;
+    Ok((folder.0.join("bake"), Some(folder)))
+}
+
+/// New folder for files of this process alone, which is removed with its files when this value is dropped.
+struct TemporaryFolder(PathBuf);
+
+impl TemporaryFolder {
+    /// Makes the folder in the system's folder for temporary files, which other users may share. So its name
+    /// cannot be guessed, and on Unix only this user may enter it.
+    fn new() -> Result<Self, String> {
+        let path = std::env::temp_dir().join(format!("bake-{:016x}", RandomState::new().hash_one(0)));
+        let mut folder = DirBuilder::new();
+        #[cfg(unix)]
+        std::os::unix::fs::DirBuilderExt::mode(&mut folder, 0o700);
+        // A file or link of that name is an error.
+        folder.create(&path).map_err(|error| format!("cannot make {}: {error}", path.display()))?;
+        Ok(Self(path))
+    }
+}
+
+impl Drop for TemporaryFolder {
+    fn drop(&mut self) {
+        // A folder that cannot be removed stays.
+        let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 
 /// Prints the fingerprint of a bake and the number of its viewcells.
 fn identify(arguments: &Identity) -> Result<(), Failure> {
-    let scratch = std::env::temp_dir().join(format!("bake-{}.tiles", std::process::id()));
-    let level = Level::open(&arguments.job, &scratch, || false)?;
+    let folder = TemporaryFolder::new()?;
+    let level = Level::open(&arguments.job, &folder.0.join("tiles"), || false)?;
     println!("{:016x} {}", level.fingerprint(), level.viewcells.cells().len());
     Ok(())
 }
 
 /// Assembles shards, and writes the file and the report.
 fn put_together(arguments: &Assembly) -> Result<(), Failure> {
-    let base = base(&arguments.out);
+    let (base, _folder) = base(&arguments.out)?;
     let _lock = Lock::new(&base)?;
     let level = Level::open(&arguments.job, &beside(&base, ".tiles"), || false)?;
     let fingerprint = level.fingerprint();
     let mut shards = Vec::new();
     for file in &arguments.shards {
         let named = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
-        let bytes = std::fs::read(file).map_err(|error| named(&error))?;
+        let bytes = ordinary_file::read(file).map_err(|error| named(&error))?;
         let shard = Shard::from_bytes(&bytes).map_err(|error| named(&error))?;
         if shard.fingerprint != fingerprint {
             return Err(named(&"it is of another scene, other viewcells or other settings").into());

@@ -12,7 +12,7 @@ use visibility_examples::pvs::{Line, Map, bake, read, summary};
 use visibility_examples::source::{SourceCells, clearance};
 use visibility_examples::walkthrough::cell_sets::{CELL_STEPS, OBJECT_STEPS, objects, settings};
 use visibility_examples::walkthrough::{World, world::objects_in_cells};
-use visibility_examples::{Reading, eprintln, exit_code, open_as, print, println};
+use visibility_examples::{Reading, eprintln, exit_code, open_as, ordinary_file, print, println};
 use visibility_portals::{BakerSettings, CellMatrix, ChainTest, prt};
 
 /// Compute the potentially visible set of each cell of a map of cells and portals, or of a scene.
@@ -151,7 +151,7 @@ fn run(arguments: &Arguments) -> Result<(), String> {
     }
     if let Some(path) = &arguments.compare {
         let bytes =
-            std::fs::read(path).map_err(|error| format!("cannot read {}: {error}", path.display()))?;
+            ordinary_file::read(path).map_err(|error| format!("cannot read {}: {error}", path.display()))?;
         let other = CellMatrix::from_bytes(map.graph.cell_count(), &bytes)
             .ok_or_else(|| format!("{} is not of a map with as many cells", path.display()))?;
         let both = other.both_ways();

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use visibility_core::random::Random;
 use visibility_examples::arguments::count;
-use visibility_examples::{exit_code, println};
+use visibility_examples::{exit_code, ordinary_file, println};
 
 /// Simulate a bake on many workers: time, cost and bytes, by the number of viewcells in a shard.
 #[derive(Parser)]
@@ -73,7 +73,8 @@ fn main() -> ExitCode {
 
 fn simulate_all(arguments: &Arguments) -> Result<(), String> {
     let report = &arguments.report;
-    let text = std::fs::read_to_string(report).map_err(|error| format!("{}: {error}", report.display()))?;
+    let text = ordinary_file::open(report).and_then(std::io::read_to_string);
+    let text = text.map_err(|error| format!("{}: {error}", report.display()))?;
     let times = measured(&text).map_err(|error| format!("{}: {error}", report.display()))?;
     let positive = [arguments.slowness, arguments.fails, arguments.start, arguments.repair];
     if arguments.workers == 0 || arguments.cells == 0 || arguments.shards.contains(&0) {

@@ -1,16 +1,17 @@
 //! Plans as GeoJSON: lines and the rings of polygons are walls, points are eyes (RFC 7946).
 
 use super::plan_file::{PlanFile, Problem, check};
+use crate::json;
 use serde_json::Value;
 
 /// Reads a plan from GeoJSON of any type. Coordinates are taken as they are, without a map projection.
 ///
 /// # Errors
 ///
-/// Returns the place of a syntax error, or the key path of an object that has no type, lacks the list that
-/// its type requires, or has malformed coordinates.
+/// Returns the place of a syntax error or of a key that is given twice, or the key path of an object that has
+/// no type, lacks the list that its type requires, or has malformed coordinates.
 pub fn read(content: &str) -> Result<PlanFile, Problem> {
-    let value: Value = serde_json::from_str(content)
+    let value = json::parse(content.as_bytes())
         .map_err(|error| Problem::new(format!("line {}", error.line()), error.to_string()))?;
     let mut plan = PlanFile::default();
     object(&value, "", &mut plan)?;
@@ -110,6 +111,7 @@ mod tests {
             (r#"{"type": "MultiLineString"}"#, ".coordinates"),
             (r#"{"type": "FeatureCollection"}"#, ".features"),
             (r#"{"type": "GeometryCollection", "features": []}"#, ".geometries"),
+            ("{\"type\": \"Point\",\n\"coordinates\": [],\n\"coordinates\": [0, 1]}", "line 3"),
         ] {
             assert_eq!(read(content).unwrap_err().place, place, "the place of what is wrong in {content}");
         }

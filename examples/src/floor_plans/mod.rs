@@ -13,6 +13,7 @@ pub mod text;
 pub use plan_file::{PlanFile, Problem};
 
 use crate::error::SourceError;
+use crate::ordinary_file;
 use std::path::Path;
 
 /// Reads a plan: SVG by the extension `.svg`, GeoJSON by `.json` or `.geojson`, text otherwise.
@@ -21,7 +22,8 @@ use std::path::Path;
 ///
 /// Returns [`SourceError`] when the file cannot be read, or its content is not valid in its format.
 pub fn load(file: &Path) -> Result<PlanFile, SourceError> {
-    let content = std::fs::read_to_string(file).map_err(|cause| SourceError::io(file, cause))?;
+    let content = ordinary_file::open(file).and_then(std::io::read_to_string);
+    let content = content.map_err(|cause| SourceError::io(file, cause))?;
     // Some editors begin a file with a byte order mark.
     let content = content.trim_start_matches('\u{feff}');
     let extension = file.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();

@@ -1,33 +1,52 @@
 //! Buffers of a glTF document, with typed reading that checks every number of the document.
 //!
 //! A buffer is the binary chunk of a GLB, a base64 `data:` URI, or a file below the folder of the document;
-//! other files and URIs are never opened. Before memory is reserved for an accessor, it is checked against
-//! the bytes that are present. So its memory is at most proportional to the size of the file, or to 64 times
-//! that size if the file is compressed.
+//! other files and URIs are never opened. A file is read once, however many buffers name it.
+//!
+//! Before memory is reserved for an accessor, it is checked against the bytes that are present. A compressed
+//! view is decoded when an accessor first needs it, and once, however many views have the same compressed
+//! bytes. All decoded views together have at most as many compressed bytes as the buffers have. So the memory
+//! is at most proportional to the size of the files, or to 1,024 times that size if they are compressed.
 
 use super::meshopt::Compressed;
 use crate::error::SourceError;
+use crate::ordinary_file;
 use glam::Vec3;
 use gltf::accessor::sparse::IndexType;
 use gltf::accessor::{Accessor, DataType, Dimensions};
 use gltf::buffer::{Source, View};
 use std::borrow::Cow;
-use std::cell::Cell;
+use std::cell::{Cell, OnceCell};
+use std::collections::HashMap;
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
+use std::rc::Rc;
 
 /// Buffers of a document, with the document's path for error messages.
 pub(super) struct Buffers<'a> {
     /// Bytes of each buffer, or the reason why it cannot be read. A missing buffer is only an error when it
     /// is needed.
-    bytes: Vec<Result<Cow<'a, [u8]>, String>>,
-    /// Decompressed bytes of each buffer view, or the reason why they cannot be decoded. `None` for a view
-    /// that is not compressed.
-    decoded: Vec<Option<Result<Vec<u8>, String>>>,
+    bytes: Vec<Result<Rc<Cow<'a, [u8]>>, String>>,
+    /// Compression of each buffer view, or what is wrong with it. `None` for a view that is not compressed.
+    compressed: Vec<Option<Result<Rc<CompressedView>, String>>>,
+    /// Number of compressed bytes that may still be decoded: at first the size of all buffers.
+    left_to_decode: Cell<usize>,
+    /// Number of bytes that decoded views may still have: at first [`MOST_DECODED`].
+    left_decoded: Cell<usize>,
     /// Number of accessor elements read so far, at most [`MOST_READ`].
     read: Cell<usize>,
     path: &'a Path,
 }
+
+/// Compressed buffer view. Views with the same parameters share it.
+struct CompressedView {
+    parameters: Compressed,
+    /// Decoded bytes, or the reason why they cannot be decoded. Unset until an accessor needs them.
+    decoded: OnceCell<Result<Vec<u8>, String>>,
+}
+
+/// Maximum number of bytes of all decoded views: 64 bytes for each of 2^25 vertices.
+const MOST_DECODED: usize = 1 << 31;
 
 /// Maximum number of accessor elements read in total. A thousand nodes may each read the same million
 /// vertices, or copy them a million times, so the file's size does not bound the work.
@@ -42,36 +61,70 @@ impl<'a> Buffers<'a> {
     /// is the path of the document, to which URIs are relative. A buffer that is missing, not permitted or
     /// shorter than the document claims is an error once it is read.
     pub(super) fn load(document: &gltf::Document, chunk: Option<&'a [u8]>, path: &'a Path) -> Self {
-        let mut chunk = chunk;
-        let bytes: Vec<_> = document
-            .buffers()
-            .map(|buffer| {
-                let data = match buffer.source() {
-                    Source::Bin => Cow::Borrowed(chunk.take().ok_or("there is no binary chunk for it")?),
-                    Source::Uri(uri) => Cow::Owned(match uri.strip_prefix("data:") {
-                        Some(rest) => data_uri(rest)?,
-                        None => file_below(path, uri, buffer.length())?,
-                    }),
-                };
-                if data.len() < buffer.length() {
-                    return Err(format!("{} bytes are claimed, {} are there", buffer.length(), data.len()));
-                }
-                Ok(data)
-            })
-            .collect();
-        let decode = |view: gltf::buffer::View<'_>| {
+        let (mut chunk, mut files, mut size) = (chunk, HashMap::new(), 0);
+        // Buffers that name the same file share its bytes, as many as the longest of them claims.
+        let longest = document.buffers().map(|buffer| buffer.length()).max().unwrap_or_default();
+        let mut load = |source: Source<'_>| -> Result<_, String> {
+            let (file, bytes) = match source {
+                Source::Bin => (None, Cow::Borrowed(chunk.take().ok_or("there is no binary chunk for it")?)),
+                Source::Uri(uri) => match uri.strip_prefix("data:") {
+                    Some(rest) => (None, Cow::Owned(data_uri(rest)?)),
+                    None => {
+                        let file = file_below(path, uri)?;
+                        if let Some(known) = files.get(&file) {
+                            return Ok(Rc::clone(known));
+                        }
+                        let bytes = first_bytes(&file, longest).map_err(|cause| unreadable(uri, &cause))?;
+                        (Some(file), Cow::Owned(bytes))
+                    }
+                },
+            };
+            size += bytes.len();
+            let bytes = Rc::new(bytes);
+            files.extend(file.map(|file| (file, bytes.clone())));
+            Ok(bytes)
+        };
+        let bytes = document.buffers().map(|buffer| {
+            let bytes = load(buffer.source())?;
+            if bytes.len() < buffer.length() {
+                return Err(format!("{} bytes are claimed, {} are there", buffer.length(), bytes.len()));
+            }
+            Ok(bytes)
+        });
+        let bytes = bytes.collect();
+        let mut views = HashMap::new();
+        let compressed = document.views().map(|view| {
             let extensions = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
             let extension = extensions.iter().find_map(|name| view.extension_value(name))?;
-            Some(Compressed::new(extension).and_then(|compressed| {
-                let buffer = bytes.get(compressed.buffer).ok_or("it is compressed in no buffer")?;
-                let buffer = buffer.as_ref().map_err(Clone::clone)?;
-                let end = compressed.offset.checked_add(compressed.length);
-                let bytes = end.and_then(|end| buffer.get(compressed.offset..end));
-                compressed.decode(bytes.ok_or("its compressed bytes reach beyond their buffer")?)
+            Some(Compressed::new(extension).map(|parameters| {
+                let new = || CompressedView { parameters: parameters.clone(), decoded: OnceCell::new() };
+                Rc::clone(views.entry(parameters.clone()).or_insert_with(|| Rc::new(new())))
             }))
+        });
+        let compressed = compressed.collect();
+        let (left_to_decode, left_decoded) = (Cell::new(size), Cell::new(MOST_DECODED));
+        Self { bytes, compressed, left_to_decode, left_decoded, read: Cell::new(0), path }
+    }
+
+    /// Returns the bytes of a compressed view, which are decoded when they are first asked for. The error is
+    /// a message for a person.
+    fn decoded<'s>(&'s self, view: &'s CompressedView) -> Result<&'s [u8], &'s str> {
+        let decode = || -> Result<_, String> {
+            let Compressed { buffer, offset, length, .. } = view.parameters;
+            let buffer = self.bytes.get(buffer).ok_or("it is compressed in no buffer")?;
+            let buffer = buffer.as_ref().map_err(Clone::clone)?;
+            let bytes = offset.checked_add(length).and_then(|end| buffer.get(offset..end));
+            let bytes = bytes.ok_or("its compressed bytes reach beyond their buffer")?;
+            let left = self.left_to_decode.get().checked_sub(length);
+            self.left_to_decode
+                .set(left.ok_or("with it, more compressed bytes would be decoded than the buffers have")?);
+            let left = self.left_decoded.get().checked_sub(view.parameters.size());
+            self.left_decoded.set(left.ok_or_else(|| {
+                format!("with it, more than {MOST_DECODED} bytes of compressed views would be decoded")
+            })?);
+            view.parameters.decode(bytes)
         };
-        let decoded = document.views().map(decode).collect();
-        Self { bytes, decoded, read: Cell::new(0), path }
+        view.decoded.get_or_init(decode).as_deref().map_err(String::as_str)
     }
 
     /// Adds `count` elements to the number read. Returns an error that names `place` if the total exceeds
@@ -201,8 +254,11 @@ impl<'a> Buffers<'a> {
         let too_far = || self.wrong(accessor, "it reaches beyond its buffer view");
         let of_view =
             |problem: &str| SourceError::content(self.path, format!("buffer view {}", view.index()), problem);
-        let view_bytes = match self.decoded.get(view.index()) {
-            Some(Some(decoded)) => decoded.as_deref().map_err(|problem| of_view(problem))?,
+        let view_bytes = match self.compressed.get(view.index()) {
+            Some(Some(compressed)) => {
+                let compressed = compressed.as_ref().map_err(|problem| of_view(problem))?;
+                self.decoded(compressed).map_err(of_view)?
+            }
             _ => {
                 let buffer: &[u8] = match self.bytes.get(view.buffer().index()) {
                     Some(Ok(bytes)) => bytes,
@@ -313,9 +369,9 @@ fn sextet(digit: u8) -> Result<u32, String> {
     Ok(u32::from(value))
 }
 
-/// Reads at most the first `length` bytes of the file that a relative URI names. Returns a message as the
-/// error unless the path, after following symbolic links, is a regular file below the folder of `document`.
-fn file_below(document: &Path, uri: &str, length: usize) -> Result<Vec<u8>, String> {
+/// Returns the path, without symbolic links, of the file that a relative URI names. Returns a message as the
+/// error unless it is below the folder of `document`.
+fn file_below(document: &Path, uri: &str) -> Result<PathBuf, String> {
     let relative = percent_decoded(uri)?;
     let refused = |why: &str| format!("the file `{uri}` is not opened: {why}");
     // A colon would be part of a scheme (`file:`, `https:`) or a drive.
@@ -337,21 +393,28 @@ fn file_below(document: &Path, uri: &str, length: usize) -> Result<Vec<u8>, Stri
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
-    let unreadable = |cause: std::io::Error| format!("cannot read the file `{uri}`: {cause}");
-    let folder = folder.canonicalize().map_err(unreadable)?;
+    let folder = folder.canonicalize().map_err(|cause| unreadable(uri, &cause))?;
     // `canonicalize` follows symbolic links, so the target must be checked as well.
-    let file = folder.join(below).canonicalize().map_err(unreadable)?;
+    let file = folder.join(below).canonicalize().map_err(|cause| unreadable(uri, &cause))?;
     if !file.starts_with(&folder) {
         return Err(refused("it leads out of the document's folder"));
     }
-    if !file.is_file() {
-        return Err(refused("it is no ordinary file"));
-    }
+    Ok(file)
+}
+
+/// Reads at most the first `length` bytes of a file.
+fn first_bytes(file: &Path, length: usize) -> std::io::Result<Vec<u8>> {
+    let open = ordinary_file::open(file)?;
+    let length = open.metadata()?.len().min(length as u64);
     let mut bytes = Vec::new();
-    std::fs::File::open(&file)
-        .and_then(|open| open.take(length as u64).read_to_end(&mut bytes))
-        .map_err(unreadable)?;
+    bytes.try_reserve_exact(length as usize)?;
+    open.take(length).read_to_end(&mut bytes)?;
     Ok(bytes)
+}
+
+/// Returns a message that says why the file that a URI names cannot be read.
+fn unreadable(uri: &str, cause: &std::io::Error) -> String {
+    format!("cannot read the file `{uri}`: {cause}")
 }
 
 /// Decodes the %-escapes of a URI into a path. Returns a message as the error when an escape is malformed, or
@@ -398,8 +461,8 @@ mod tests {
 
     #[test]
     fn what_is_read_only_to_look_is_not_counted() {
-        let (bytes, decoded, path) = (Vec::new(), Vec::new(), Path::new("test.gltf"));
-        let buffers = Buffers { bytes, decoded, read: Cell::new(0), path };
+        let document = gltf::Document::from_json_without_validation(gltf::json::Root::default());
+        let buffers = Buffers::load(&document, None, Path::new("test.gltf"));
         let charge = |count| buffers.charge(count, String::new);
         assert!(charge(MOST_READ - 1).is_ok(), "nearly all that may be read");
         buffers.uncharged(|| {
@@ -410,7 +473,10 @@ mod tests {
 
     #[test]
     fn only_files_below_the_folder_are_opened() {
-        let document = Path::new("src/scene.gltf");
+        let first_three = |uri| {
+            let file = file_below(Path::new("src/scene.gltf"), uri)?;
+            first_bytes(&file, 3).map_err(|cause| unreadable(uri, &cause))
+        };
         for uri in [
             "../Cargo.toml",
             "/etc/passwd",
@@ -422,12 +488,11 @@ mod tests {
             "",
             "recipes",
         ] {
-            assert!(file_below(document, uri, 10).is_err(), "{uri}");
+            assert!(first_three(uri).is_err(), "{uri}");
         }
-        let around =
-            file_below(document, "no%20folder/./../lib.rs", 3).expect("dots that stay in the folder");
+        let around = first_three("no%20folder/./../lib.rs").expect("dots that stay in the folder");
         assert_eq!(around, b"//!", "the first bytes of a file whose path has dots");
-        let here = file_below(document, "li%62.rs", 3).expect("a file of this crate");
+        let here = first_three("li%62.rs").expect("a file of this crate");
         assert_eq!(here, b"//!", "the first bytes of a file whose name is escaped");
     }
 }

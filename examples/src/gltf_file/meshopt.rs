@@ -2,12 +2,13 @@
 //! the program gltfpack writes them: vertex attributes, triangle lists and index sequences.
 //!
 //! The format is that of the extensions' specifications ("Appendix A: Bitstream"). Output grows by blocks of
-//! at most 8192 bytes as they are decoded. Each block needs at least one byte of input for every four bytes
-//! of an element, so a false count takes at most a thousand times the memory of the input.
+//! at most 8192 bytes as they are decoded, which never have more than [`GREATEST_RATIO`] times the size of
+//! their input. A count that would need more is refused before memory is taken for it.
 
 use serde_json::Value;
 
 /// Parameters of a compressed buffer view.
+#[derive(Clone, PartialEq, Eq, Hash)]
 pub(super) struct Compressed {
     /// Index of the buffer that has the compressed bytes.
     pub buffer: usize,
@@ -21,10 +22,12 @@ pub(super) struct Compressed {
     filter: Filter,
 }
 
-/// Maximum number of bytes of a decompressed view.
-const MOST_BYTES: usize = 1 << 31;
+/// Greatest ratio of a view's size to that of its compressed bytes. Version 1 of the attribute codec has a
+/// block of 256 constant elements of four bytes in a single byte. Version 0 has at most 64 bytes in one, and
+/// the codecs of indices have at most 12.
+const GREATEST_RATIO: usize = 1024;
 
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
 enum Mode {
     Attributes,
     Triangles,
@@ -32,7 +35,7 @@ enum Mode {
 }
 
 /// Transformation of decoded attributes, as named by the extension.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
 enum Filter {
     None,
     Quaternion,
@@ -73,13 +76,19 @@ impl Compressed {
         }
         let (buffer, offset) = (number("buffer", None)?, number("byteOffset", Some(0))?);
         let (length, count) = (number("byteLength", None)?, number("count", None)?);
-        if count.saturating_mul(stride) > MOST_BYTES {
+        let view = Self { buffer, offset, length, stride, count, mode, filter };
+        if view.size() / GREATEST_RATIO > length {
             return Err(format!("its meshopt compression has {count} elements, which is too many"));
         }
-        Ok(Self { buffer, offset, length, stride, count, mode, filter })
+        Ok(view)
     }
 
-    /// Decodes the view from its compressed bytes. The result has `count * byteStride` bytes. The error is a
+    /// Returns the number of bytes of the decoded view.
+    pub(super) fn size(&self) -> usize {
+        self.count.saturating_mul(self.stride)
+    }
+
+    /// Decodes the view from its compressed bytes. The result has [`size`](Self::size) bytes. The error is a
     /// message for a person.
     pub(super) fn decode(&self, bytes: &[u8]) -> Result<Vec<u8>, String> {
         let damaged = || "its meshopt compression is damaged".to_owned();
@@ -159,7 +168,7 @@ fn attributes(bytes: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
     let mut before = before.to_vec();
     input.0 = &input.0[..end];
     let most = ((8192 / stride) & !(GROUP - 1)).min(256);
-    let mut decoded = Vec::new();
+    let mut decoded = Vec::with_capacity(count * stride);
     let mut left = count;
     while left > 0 {
         let elements = left.min(most);

@@ -40,10 +40,10 @@ use std::vec;
 use visibility_core::{Aabb, scene::SharedTriangles};
 
 /// Maximum number of objects of a scene. Objects count even without triangles.
-const MOST_OBJECTS: usize = 1 << 22;
+pub(crate) const MOST_OBJECTS: usize = 1 << 22;
 /// Maximum number of triangles in memory. Instances share the triangles of a mesh; nodes with skinned,
 /// morphed or animated meshes have their own.
-const MOST_TRIANGLES: usize = 1 << 25;
+pub(crate) const MOST_TRIANGLES: usize = 1 << 25;
 /// Maximum number of triangles of all objects, instances included. The item buffer must be able to number
 /// each triangle. Nodes can instance one mesh any number of times, so neither the size of the file nor
 /// [`MOST_TRIANGLES`] bounds this number.

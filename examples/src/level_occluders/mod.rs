@@ -3,6 +3,7 @@
 
 pub mod picture;
 
+use crate::ordinary_file;
 use crate::walkthrough::World;
 use std::path::Path;
 use visibility_core::{ObjectId, level_version};
@@ -30,7 +31,7 @@ fn stands_still(world: &World, id: ObjectId) -> bool {
 /// of the level, with other triangles, hints or units.
 pub fn read(path: &Path, world: &World) -> Result<LevelOccluders, String> {
     let named = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
-    let bytes = std::fs::read(path).map_err(|error| named(&error))?;
+    let bytes = ordinary_file::read(path).map_err(|error| named(&error))?;
     let level = LevelOccluders::from_bytes(&bytes, Some(level_version(&world.scene)));
     let level = level.map_err(|error| named(&error))?;
     Ok(level.with_objects_of(&world.scene, |id| stands_still(world, id)))

@@ -1,5 +1,6 @@
 //! Cell-to-cell bakes of maps from files, on several threads.
 
+use crate::ordinary_file;
 use std::path::Path;
 use std::time::Instant;
 use visibility_core::bake::{Bake, Progress};
@@ -21,7 +22,8 @@ pub struct Map {
 /// Returns a message with the path: the error of the file system, or the line of the file and what is wrong
 /// there.
 pub fn read(path: &Path) -> Result<Map, String> {
-    let bytes = std::fs::read(path).map_err(|error| format!("cannot read {}: {error}", path.display()))?;
+    let bytes =
+        ordinary_file::read(path).map_err(|error| format!("cannot read {}: {error}", path.display()))?;
     // Bytes that are not UTF-8 become replacement characters. The reader ignores these or reports an error
     // with the line.
     let file = prt::read(&String::from_utf8_lossy(&bytes))

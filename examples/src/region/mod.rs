@@ -16,8 +16,8 @@ pub mod plot;
 mod timing;
 pub mod trial;
 
-use crate::SceneSource;
 use crate::walkthrough::World;
+use crate::{SceneSource, ordinary_file};
 use std::fmt::Display;
 use std::path::Path;
 use visibility_bake::{BakedSet, level_version};
@@ -50,7 +50,7 @@ pub(crate) fn open_doors(source: &SceneSource, scene: &mut Scene) {
 /// occluders or hints.
 pub fn read_sets(path: &Path, world: &World) -> Result<ScenePvs, String> {
     let named = |error: &dyn Display| format!("{}: {error}", path.display());
-    let bytes = std::fs::read(path).map_err(|error| named(&error))?;
+    let bytes = ordinary_file::read(path).map_err(|error| named(&error))?;
     let set = BakedSet::from_bytes(&bytes).map_err(|error| named(&error))?;
     let version = if world.source.objects.iter().any(|object| object.door) {
         let mut as_baked = world.scene.clone();

@@ -5,6 +5,7 @@
 //! matrix in OpenGL's convention, and 3 f32 of the eye. Every 12 triangles are the surface of one box.
 
 use crate::error::SourceError;
+use crate::ordinary_file;
 use glam::Vec3;
 use std::path::Path;
 use visibility_core::{Aabb, View, scene::Triangle, view::Depth};
@@ -29,7 +30,7 @@ pub struct Visc {
 ///
 /// Returns [`SourceError::Io`] when the file cannot be read, and the errors of [`parse`].
 pub fn load(path: &Path) -> Result<Visc, SourceError> {
-    parse(&std::fs::read(path).map_err(|cause| SourceError::io(path, cause))?, path)
+    parse(&ordinary_file::read(path).map_err(|cause| SourceError::io(path, cause))?, path)
 }
 
 /// Reader of little-endian numbers from the front of `bytes`, which shrinks with each number read.

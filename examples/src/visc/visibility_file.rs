@@ -5,6 +5,7 @@
 
 use super::scene_file::Reader;
 use crate::error::SourceError;
+use crate::ordinary_file;
 use std::path::Path;
 
 /// Magic number with which a VISB file begins: the letters VISB, read as a little-endian number.
@@ -19,7 +20,7 @@ pub type Visb = Vec<Vec<bool>>;
 ///
 /// Returns [`SourceError::Io`] when the file cannot be read, and the errors of [`parse`].
 pub fn load(path: &Path) -> Result<Visb, SourceError> {
-    parse(&std::fs::read(path).map_err(|cause| SourceError::io(path, cause))?, path)
+    parse(&ordinary_file::read(path).map_err(|cause| SourceError::io(path, cause))?, path)
 }
 
 /// Reads the bytes of a VISB file; `path` appears in error messages only.
