@@ -183,6 +183,10 @@ fn an_occlusion_stage_reports_a_scene_without_occluders_and_meshes_without_the_f
     scene.set_occluder(ids[0], true).unwrap();
     assert_eq!(lacks(&scene), [unflagged(2)], "the first object is flagged");
     assert_eq!(lacks(&scene.clone()), [unflagged(2)], "a clone counts as the scene does");
+    scene.set_never_cull(ids[0], true).unwrap();
+    let unculled = "occluders that are never culled, and hide nothing: 1".to_owned();
+    assert_eq!(lacks(&scene), [unflagged(2), unculled], "the first object is never culled");
+    scene.set_never_cull(ids[0], false).unwrap();
     scene.set_bounds(ids[1], cube(20.0, 0.0)).unwrap(); // loses the mesh
     assert_eq!(lacks(&scene), [unflagged(1)], "the second object lost its mesh");
     scene.remove(ids[2]).unwrap();

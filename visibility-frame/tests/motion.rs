@@ -1,7 +1,7 @@
 //! Tests of motion volumes: no mover is missing that a scene with exact bounds in each frame would show.
 
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
-use visibility_core::scene::DrawRange;
+use visibility_core::scene::{DrawRange, SharedTriangles};
 use visibility_core::{
     Aabb, Accuracy, CullStats, Culler, FrustumCuller, Object, ObjectId, OccluderMesh, Pipeline, Pose, Scene,
     View, VisibleSet,
@@ -611,13 +611,15 @@ fn no_volume_is_nearer_than_the_begin_of_a_draw_range() {
 /// Movers that must never get a volume: one whose HLOD parent measures the end of its draw range, one that is
 /// moved by its transform, and one with an occluder mesh. All are due in each frame, and keep what they have.
 #[test]
-fn movers_with_parents_local_bounds_or_meshes_get_no_volume() {
+fn movers_with_parents_or_shapes_get_no_volume() {
     let mut scene = Scene::new();
     let bounds = Aabb::from_arrays([190.0, 3.5, 0.0], [191.0, 4.5, 2.0]);
     let block = scene.insert(Aabb::from_arrays([0.0, -5.0, 0.0], [200.0, 5.0, 20.0]));
     scene.set_draw_range(block, DrawRange { begin: 128.0, ..DrawRange::ALWAYS }).unwrap();
-    let movers = scene.insert_batch((0..4).map(|_| Object { occluder: true, ..Object::new(bounds) }));
-    let [child, local, meshed, plain] = movers[..] else { unreachable!("four movers") };
+    let movers = scene.insert_batch((0..5).map(|_| Object { occluder: true, ..Object::new(bounds) }));
+    let [child, local, meshed, drawn, plain] = movers[..] else { unreachable!("five movers") };
+    let triangle = [bounds.min, bounds.max, bounds.center()];
+    scene.set_triangles(drawn, SharedTriangles::from([triangle])).unwrap();
     scene.set_draw_range(child, DrawRange { end: 128.0, ..DrawRange::ALWAYS }).unwrap();
     scene.set_hlod_parent(child, Some(block)).unwrap();
     scene.set_local_bounds(local, bounds).unwrap();
@@ -628,7 +630,7 @@ fn movers_with_parents_local_bounds_or_meshes_get_no_volume() {
     let (eye, mut due, mut seen) = (DVec3::new(10.0, 0.0, 1.0), Vec::new(), Vec::new());
     for frame in 0..60 {
         volumes.begin_frame(&mut scene, f64::from(frame), &mut due);
-        assert!(movers[..3].iter().all(|id| due.contains(id)), "frame {frame}: only {due:?} are due");
+        assert!(movers[..4].iter().all(|id| due.contains(id)), "frame {frame}: only {due:?} are due");
         let set: Vec<_> = due.iter().filter(|&&id| id != local).map(|&id| (id, bounds)).collect();
         volumes.set_bounds_batch(&mut scene, &set).unwrap();
         assert!(scene.set_transform(local, Affine3A::IDENTITY).is_ok() && scene.has_mesh(meshed), "kept");
@@ -643,4 +645,28 @@ fn movers_with_parents_local_bounds_or_meshes_get_no_volume() {
         volumes.end_frame(&scene, &cull(-1.0), &mut seen);
     }
     assert_ne!(scene.bounds(plain), Ok(bounds), "a mover with bounds alone has a volume");
+}
+
+/// A mover that gets a draw range while it has a volume is due again, though the scene's log has lost the
+/// change.
+#[test]
+fn a_mover_loses_its_volume_by_a_change_that_the_log_has_lost() {
+    let mut scene = Scene::new();
+    let bounds = Aabb::from_arrays([-31.0, -1.0, -1.0], [-30.0, 1.0, 1.0]);
+    let mover = scene.insert(bounds);
+    let mut volumes = MotionVolumes::new();
+    volumes.insert(mover, Motion::new(1.0));
+    let (mut nothing, mut due, mut seen) = (VisibleSet::new(), Vec::new(), Vec::new());
+    nothing.retain(&scene, |_, _| false);
+    for frame in 0..3 {
+        volumes.begin_frame(&mut scene, f64::from(frame), &mut due);
+        let set: Vec<_> = due.iter().map(|&id| (id, bounds)).collect();
+        volumes.set_bounds_batch(&mut scene, &set).unwrap();
+        volumes.end_frame(&scene, &nothing, &mut seen);
+    }
+    assert!(due.is_empty() && scene.bounds(mover) != Ok(bounds), "the mover has a volume");
+    scene.set_draw_range(mover, DrawRange { begin: 10.0, ..DrawRange::ALWAYS }).unwrap();
+    scene.insert_batch((0..3000).map(|_| bounds));
+    volumes.begin_frame(&mut scene, 3.0, &mut due);
+    assert_eq!(due, [mover], "the mover may have no volume any more");
 }

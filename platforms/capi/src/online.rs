@@ -241,8 +241,9 @@ pub unsafe extern "C" fn vis_online_write_hidden(
         let words = unsafe { buffer(words, capacity, count) }?;
         let (min, max) = (finite(min, "`min`")?, finite(max, "`max`")?);
         let scene = &scene.read()?.scene;
+        let mut online = online.lock()?;
         let Some(words) = words.words(scene.index_limit().div_ceil(32))? else { return Ok(()) };
-        for index in online.lock()?.hidden_from(scene, min, max).into_iter().flat_map(|bits| bits.iter()) {
+        for index in online.hidden_from(scene, min, max).into_iter().flat_map(|bits| bits.iter()) {
             words[index / 32] |= 1 << (index % 32);
         }
         Ok(())

@@ -142,9 +142,9 @@ struct Question {
 /// query.
 const MAX_FRAMES_UNDER_WAY: u64 = 64;
 
-/// Age of the answer about a box that is not tested any more, in frames, beyond which the map forgets the
-/// box: its object has moved on. A box that is tested again sooner keeps its answer. The node above it may
-/// have been hidden, or visible as a whole, meanwhile.
+/// Number of frames after the last question about a box that is not tested any more, beyond which the map
+/// forgets the box once it has an answer: its object has moved on. The node above it may have been hidden, or
+/// visible as a whole, meanwhile.
 const MAX_IDLE_FRAMES: u64 = 8;
 
 impl<D: QueryDevice> HardwareQueries<D> {

@@ -530,6 +530,14 @@ impl Scene {
         self.unflagged
     }
 
+    /// Returns the number of objects that are flagged as occluders and are [never
+    /// culled](crate::Object::is_unculled), so that they hide nothing. Takes time in proportion to the
+    /// objects that are never culled.
+    pub(crate) fn unculled_occluders(&self) -> usize {
+        let is_occluder = |(_, id): &(Aabb, ObjectId)| self.object(*id).is_ok_and(|object| object.occluder);
+        self.tree.unculled_objects().filter(is_occluder).count()
+    }
+
     /// Returns the number of objects that are flagged as occluders and have a mesh that reaches out of their
     /// bounds by more than rounding. Such a mesh is not where its object is. It would hide visible objects,
     /// even the object itself, so it is not used. The usual cause is a wrong or missing transform in

@@ -30,7 +30,8 @@ pub struct Lod {
     /// Weight of `level` in the cross-fade from `previous`, from 0 to 1; 1 while none is in progress.
     pub fade: f32,
     /// Opacity of the object by its [draw range](visibility_core::scene::DrawRange::opacity), from 0 to 1. An
-    /// object and its [HLOD parent](Scene::set_hlod_parent) do not fade towards each other.
+    /// object and its [HLOD parent](Scene::set_hlod_parent) do not fade towards each other: 1 for either,
+    /// since a `ContributionCuller` leaves only the one that is drawn.
     pub opacity: f32,
 }
 
@@ -141,7 +142,8 @@ fn opacity(scene: &Scene, id: ObjectId, bounds: &Aabb, eye: &EyeBox) -> f32 {
     // The begin of the draw range is measured to the object's own bounds and the end to the bounds of its
     // parent, so that no distance is left without either.
     let stand_in = scene.stand_in(id);
-    let fade_in = if scene.is_hlod_parent(id) {
+    let stands_in = scene.is_hlod_parent(id) && scene.object(id).is_ok_and(|object| !object.is_unculled());
+    let fade_in = if stands_in {
         1.0
     } else {
         DrawRange { end: f32::INFINITY, ..range }.opacity(eye.distance(bounds) as f32)

@@ -120,6 +120,17 @@ struct Mover {
     volume: Aabb,
 }
 
+/// Returns whether a mover may have a motion volume in place of its bounds. A volume may be nearer than the
+/// begin of the draw range although the mover is not, and may reach out of the bounds of an HLOD parent, from
+/// which the end of the draw range is measured. The bounds of a volume would take local bounds, triangles and
+/// a mesh away.
+fn may_have_volume(scene: &Scene, id: ObjectId) -> bool {
+    let begins_near = scene.draw_range(id).is_ok_and(|range| range.begin == 0.0);
+    let has_parent = scene.hlod_parent(id).is_ok_and(|parent| parent.is_some());
+    let has_shape = scene.has_mesh(id) || scene.triangles(id).is_ok_and(|triangles| !triangles.is_empty());
+    begins_near && !has_parent && !has_shape && scene.local_bounds(id).is_none()
+}
+
 /// The movers of a scene, and the motion volumes of the hidden movers.
 ///
 /// Each frame has two calls. [`begin_frame`](Self::begin_frame) lists the movers whose bounds must be set;
@@ -141,8 +152,8 @@ struct Mover {
 ///   `begin`, and so not drawn, while the mover itself is beyond `begin`;
 /// - those with an [HLOD parent](Scene::set_hlod_parent): the end of their range is measured from the
 ///   parent's bounds, of which a volume may reach out;
-/// - those with [local bounds](Scene::set_local_bounds) or an occluder mesh, which the bounds of a volume
-///   would take away.
+/// - those with [local bounds](Scene::set_local_bounds), triangles or an occluder mesh, which the bounds of a
+///   volume would take away.
 ///
 /// # Cost
 /// `begin_frame` takes constant time per hidden mover that gets a volume, per volume that ends and per due
@@ -348,15 +359,7 @@ impl MotionVolumes {
     fn enter_volume(&mut self, scene: &Scene, place: u32, last: f64) -> bool {
         let mover = &mut self.movers[place as usize];
         let Ok(bounds) = scene.bounds(mover.id) else { return false };
-        // A volume may be nearer than the begin of the draw range although the mover is not, and may reach
-        // out of the bounds of an HLOD parent, from which the end of the draw range is measured.
-        if scene.draw_range(mover.id).is_ok_and(|range| range.begin > 0.0)
-            || scene.hlod_parent(mover.id).is_ok_and(|parent| parent.is_some())
-        {
-            return false;
-        }
-        // New bounds would take the mover's local bounds and its mesh away.
-        if scene.local_bounds(mover.id).is_some() || scene.has_mesh(mover.id) {
+        if !may_have_volume(scene, mover.id) {
             return false;
         }
         // Spans are varied by up to a half, so that movers that were hidden together are not due together.
@@ -438,7 +441,7 @@ impl MotionVolumes {
                     match (state, scene.bounds(id)) {
                         (State::Free, _) => {}
                         (_, Err(_)) => self.release(place as u32),
-                        (State::Volume, Ok(bounds)) if bounds == volume => {}
+                        (State::Volume, Ok(bounds)) if bounds == volume && may_have_volume(scene, id) => {}
                         (_, Ok(_)) => self.activate(place as u32),
                     }
                 }

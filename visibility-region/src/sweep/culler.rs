@@ -25,9 +25,9 @@ use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet
 /// Occluders are [candidates](crate#which-objects-occlude) with meshes, including concave, open and thin
 /// ones. Meshes in scene coordinates, whose transform is the identity, occlude as one surface where they
 /// touch, if they share edges exactly. An object counts as visible if it reaches into the viewcell's box, if
-/// it begins close to a side of the box and extends far along that side, or if it reaches 16,384 times
-/// farther from the scene's origin than nine tenths of all objects. Planes of a [`Viewcell`] are used only as
-/// far as they make it an oriented box, or nearly.
+/// it begins close to a side of the box (nearer than a fortieth of the side's width) or extends far along it,
+/// or if it reaches 16,384 times farther from the scene's origin than nine tenths of all objects. Planes of a
+/// [`Viewcell`] are used only as far as they make it an oriented box, or nearly.
 ///
 /// # Cost
 /// 20 to 100 milliseconds for a viewcell in scenes of some thousand objects, up to half a second in a

@@ -463,8 +463,8 @@ mod tests {
         assert!(4 * found[0] < 3 * found[1], "pieces found, with those that are kept and without: {found:?}");
     }
 
-    /// A viewcell with a plane lies within the box before, but the box along the plane reaches out of it, below
-    /// the plane of a wedge's top.
+    /// A viewcell with a plane lies within the box before, but the box along the plane reaches out of it,
+    /// below the plane of a wedge's top.
     #[test]
     fn facings_of_a_box_do_not_hold_for_a_viewcell_with_planes() {
         let [a, b, c] = [[-10.0, -0.5], [-20.0, -0.5], [-20.0, -3.0]];
