@@ -267,7 +267,9 @@ mod tests {
         std::fs::remove_dir_all(&folder).unwrap();
     }
 
+    // Elsewhere a file that was removed cannot be told from its successor.
     #[test]
+    #[cfg(unix)]
     fn a_failed_write_removes_no_file_of_another_program() {
         let folder = folder("failed");
         let file = folder.join("a.set");
@@ -280,7 +282,7 @@ mod tests {
                     }
                 });
             }
-            let errors = (0..5000).filter_map(|_| write(&file, b"whole").err()).collect();
+            let errors = (0..1000).filter_map(|_| write(&file, b"whole").err()).collect();
             has_ended.store(true, std::sync::atomic::Ordering::Relaxed);
             errors
         });

@@ -616,8 +616,10 @@ fn movers_with_parents_or_shapes_get_no_volume() {
     let bounds = Aabb::from_arrays([190.0, 3.5, 0.0], [191.0, 4.5, 2.0]);
     let block = scene.insert(Aabb::from_arrays([0.0, -5.0, 0.0], [200.0, 5.0, 20.0]));
     scene.set_draw_range(block, DrawRange { begin: 128.0, ..DrawRange::ALWAYS }).unwrap();
-    let movers = scene.insert_batch((0..5).map(|_| Object { occluder: true, ..Object::new(bounds) }));
-    let [child, local, meshed, drawn, plain] = movers[..] else { unreachable!("five movers") };
+    let movers = scene.insert_batch((0..6).map(|_| Object { occluder: true, ..Object::new(bounds) }));
+    let [child, parent, local, meshed, drawn, plain] = movers[..] else { unreachable!("six movers") };
+    let outside = scene.insert(Aabb::from_arrays([192.0, 3.5, 0.0], [193.0, 4.5, 2.0]));
+    scene.set_hlod_parent(outside, Some(parent)).unwrap();
     let triangle = [bounds.min, bounds.max, bounds.center()];
     scene.set_triangles(drawn, SharedTriangles::from([triangle])).unwrap();
     scene.set_draw_range(child, DrawRange { end: 128.0, ..DrawRange::ALWAYS }).unwrap();
@@ -630,7 +632,7 @@ fn movers_with_parents_or_shapes_get_no_volume() {
     let (eye, mut due, mut seen) = (DVec3::new(10.0, 0.0, 1.0), Vec::new(), Vec::new());
     for frame in 0..60 {
         volumes.begin_frame(&mut scene, f64::from(frame), &mut due);
-        assert!(movers[..4].iter().all(|id| due.contains(id)), "frame {frame}: only {due:?} are due");
+        assert!(movers[..5].iter().all(|id| due.contains(id)), "frame {frame}: only {due:?} are due");
         let set: Vec<_> = due.iter().filter(|&&id| id != local).map(|&id| (id, bounds)).collect();
         volumes.set_bounds_batch(&mut scene, &set).unwrap();
         assert!(scene.set_transform(local, Affine3A::IDENTITY).is_ok() && scene.has_mesh(meshed), "kept");

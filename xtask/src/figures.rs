@@ -38,6 +38,9 @@ struct Figure {
     reference: String,
 }
 
+/// Least number of figures in all pages. Fewer mean that a marker or a key is misspelt.
+const LEAST: usize = 340;
+
 /// Compares all figures in the pages below `root` with the programs, prints each that differs and returns
 /// their number. With `write` stores the programs' figures in the pages instead, and returns 0.
 ///
@@ -82,6 +85,9 @@ pub(crate) fn check(root: &Path, write: bool) -> Result<usize, String> {
         }
     }
     println!("{compared} figures from {} runs", outputs.len());
+    if compared < LEAST {
+        return Err(format!("the pages had {LEAST} figures or more: a marker may be misspelt"));
+    }
     if found > 0 {
         println!(
             "pages differ from what programs say; if that is meant: cargo run -p xtask -- figures --write"

@@ -214,9 +214,7 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
         bar.set_position(done as u64);
     })?;
     bar.finish_and_clear();
-    if let Some(path) = &arguments.cache {
-        write(path, &outcome.cache.to_bytes())?;
-    }
+    let cache = arguments.cache.as_ref().map(|path| (path, outcome.cache.to_bytes()));
     let (reused, complete) = (outcome.reused, outcome.complete || arguments.shard.is_some());
     let said = if arguments.shard.is_some() {
         let shard = Shard::new(level.fingerprint(), outcome);
@@ -233,6 +231,10 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
     };
     if complete {
         forget(&settings.state);
+    }
+    // The result does not depend on the cache, which another bake may be writing at this moment.
+    if let Some((path, bytes)) = cache {
+        write(path, &bytes)?;
     }
     // All files are written before anything is printed, since printing to a closed pipe ends the program.
     if let Some(path) = &arguments.cache {
@@ -281,7 +283,10 @@ impl Drop for TemporaryFolder {
 fn identify(arguments: &Identity) -> Result<(), Failure> {
     let folder = TemporaryFolder::new()?;
     let level = Level::open(&arguments.job, &folder.0.join("tiles"), || false)?;
-    println!("{:016x} {}", level.fingerprint(), level.viewcells.cells().len());
+    let said = format!("{:016x} {}", level.fingerprint(), level.viewcells.cells().len());
+    // Files are removed before anything is printed, since printing to a closed pipe ends the program.
+    drop((level, folder));
+    println!("{said}");
     Ok(())
 }
 

@@ -91,12 +91,19 @@ impl<'a> Buffers<'a> {
             }
             Ok(bytes)
         });
-        let bytes = bytes.collect();
+        let bytes: Vec<Result<Rc<_>, String>> = bytes.collect();
+        // The first buffer with the same bytes as the one at an index, so that views of two names of one file
+        // are found to be the same.
+        let first = |index: usize| {
+            let same = |other: &Result<Rc<_>, _>| matches!((other, bytes.get(index)), (Ok(a), Some(Ok(b))) if Rc::ptr_eq(a, b));
+            bytes.iter().position(same).unwrap_or(index)
+        };
         let mut views = HashMap::new();
         let compressed = document.views().map(|view| {
             let extensions = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
             let extension = extensions.iter().find_map(|name| view.extension_value(name))?;
-            Some(Compressed::new(extension).map(|parameters| {
+            Some(Compressed::new(extension).map(|mut parameters| {
+                parameters.buffer = first(parameters.buffer);
                 let new = || CompressedView { parameters: parameters.clone(), decoded: OnceCell::new() };
                 Rc::clone(views.entry(parameters.clone()).or_insert_with(|| Rc::new(new())))
             }))

@@ -122,13 +122,13 @@ struct Mover {
 
 /// Returns whether a mover may have a motion volume in place of its bounds. A volume may be nearer than the
 /// begin of the draw range although the mover is not, and may reach out of the bounds of an HLOD parent, from
-/// which the end of the draw range is measured. The bounds of a volume would take local bounds, triangles and
-/// a mesh away.
+/// which the end of the draw range is measured. The volume of an HLOD parent may hold children that the parent
+/// does not. The bounds of a volume would take local bounds, triangles and a mesh away.
 fn may_have_volume(scene: &Scene, id: ObjectId) -> bool {
     let begins_near = scene.draw_range(id).is_ok_and(|range| range.begin == 0.0);
-    let has_parent = scene.hlod_parent(id).is_ok_and(|parent| parent.is_some());
+    let is_linked = scene.is_hlod_parent(id) || scene.hlod_parent(id).is_ok_and(|parent| parent.is_some());
     let has_shape = scene.has_mesh(id) || scene.triangles(id).is_ok_and(|triangles| !triangles.is_empty());
-    begins_near && !has_parent && !has_shape && scene.local_bounds(id).is_none()
+    begins_near && !is_linked && !has_shape && scene.local_bounds(id).is_none()
 }
 
 /// The movers of a scene, and the motion volumes of the hidden movers.
@@ -151,7 +151,8 @@ fn may_have_volume(scene: &Scene, id: ObjectId) -> bool {
 /// - those with a [draw range](Scene::set_draw_range) that begins above 0: a volume could be nearer than
 ///   `begin`, and so not drawn, while the mover itself is beyond `begin`;
 /// - those with an [HLOD parent](Scene::set_hlod_parent): the end of their range is measured from the
-///   parent's bounds, of which a volume may reach out;
+///   parent's bounds, of which a volume may reach out; and HLOD parents themselves, since a volume may hold a
+///   child that the parent does not;
 /// - those with [local bounds](Scene::set_local_bounds), triangles or an occluder mesh, which the bounds of a
 ///   volume would take away.
 ///
