@@ -122,8 +122,8 @@ struct Mover {
 
 /// Returns whether a mover may have a motion volume in place of its bounds. A volume may be nearer than the
 /// begin of the draw range although the mover is not, and may reach out of the bounds of an HLOD parent, from
-/// which the end of the draw range is measured. The volume of an HLOD parent may hold children that the parent
-/// does not. The bounds of a volume would take local bounds, triangles and a mesh away.
+/// which the end of the draw range is measured. The volume of an HLOD parent may hold children that the
+/// parent does not. The bounds of a volume would take local bounds, triangles and a mesh away.
 fn may_have_volume(scene: &Scene, id: ObjectId) -> bool {
     let begins_near = scene.draw_range(id).is_ok_and(|range| range.begin == 0.0);
     let is_linked = scene.is_hlod_parent(id) || scene.hlod_parent(id).is_ok_and(|parent| parent.is_some());
