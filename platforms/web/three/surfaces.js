@@ -102,13 +102,6 @@ function version(attribute) {
   return attribute?.isInterleavedBufferAttribute ? attribute.data.version : (attribute?.version ?? -1);
 }
 
-/** The attributes, and the index, that a shape is made from. */
-const SOURCES = ["position", "skinIndex", "skinWeight", "index"];
-
-function sourceOf({ attributes, index }, name) {
-  return name === "index" ? index : attributes[name];
-}
-
 /** Whether the content of an attribute can be read: not when it is on the graphics card alone. */
 function isReadable(attribute) {
   return attribute?.array?.length > 0 && attribute.itemSize >= 3 && !attribute.isStorageBufferAttribute;
@@ -128,12 +121,12 @@ export class Shape {
    * `range` is the part: `start` and `count` of indices, and the `vertexStart` that they are counted from.
    */
   constructor(geometry, box, range) {
-    const { position } = geometry.attributes;
+    const { position, skinIndex, skinWeight } = geometry.attributes;
     this.geometry = geometry;
     this.range = range;
     this.position = position;
     this.index = geometry.index;
-    this.sources = SOURCES.map((name) => sourceOf(geometry, name));
+    this.sources = [position, geometry.index, skinIndex, skinWeight];
     this.versions = this.sources.map(version);
     this.drawRange = { ...geometry.drawRange };
     /** Least and greatest corner. Null if the geometry cannot be read. */
@@ -145,11 +138,16 @@ export class Shape {
   /** Whether the geometry is still as it was. */
   isCurrent() {
     const { geometry, sources, versions, drawRange } = this;
-    for (let i = 0; i < SOURCES.length; i++) {
-      const source = sourceOf(geometry, SOURCES[i]);
-      if (source !== sources[i] || version(source) !== versions[i]) return false;
-    }
-    return drawRange.start === geometry.drawRange.start && drawRange.count === geometry.drawRange.count;
+    const { position, skinIndex, skinWeight } = geometry.attributes;
+    const isSame = (source, i) => source === sources[i] && version(source) === versions[i];
+    return (
+      isSame(position, 0) &&
+      isSame(geometry.index, 1) &&
+      isSame(skinIndex, 2) &&
+      isSame(skinWeight, 3) &&
+      drawRange.start === geometry.drawRange.start &&
+      drawRange.count === geometry.drawRange.count
+    );
   }
 
   /** Returns the id of the occluder mesh for a surface, or null if there is none. */

@@ -406,7 +406,12 @@ export class VisibilityCulling {
     if (many === null) return false;
     if (object.isInstancedMesh) return object.count !== many.count;
     const infos = object._instanceInfo;
-    return infos.length !== many.count || infos.some((info, i) => partOf(info) !== many.parts[i]);
+    // A batch that was disposed of has no matrices any more.
+    return (
+      !object._matricesTexture ||
+      infos.length !== many.count ||
+      infos.some((info, i) => partOf(info) !== many.parts[i])
+    );
   }
 
   /** Finds the shapes of an entry. False if its geometry cannot be read, so that it is never hidden. */

@@ -586,6 +586,9 @@ test("instances that move, come, go or change their part are followed", async ()
   assert.equal(render(scene, camera).drawn.has(lamp, 0), false, "behind a wall of the batch");
   walls.setVisibleAt(0, false);
   assert.ok(render(scene, camera).drawn.has(lamp, 0), "the wall of the batch is not drawn");
+  walls.dispose();
+  walls.visible = false;
+  render(scene, camera);
   culling.dispose();
 });
 
