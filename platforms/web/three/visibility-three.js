@@ -189,8 +189,8 @@ export class VisibilityCulling {
   // A frame.
 
   #begin(renderer, camera) {
-    // A frame that was not ended: the renderer threw, or this is a mirror's picture within it. If the frame has
-    // not collected what it draws, it is not culled any more.
+    // A frame that was not ended: the renderer threw, or this is a mirror's picture within it. If the frame
+    // has not collected what it draws, it is not culled any more.
     if (this.#active?.camera === camera || this.#active?.isCollected === false) this.#end();
     else if (this.#active) this.#collected();
     if (this.#active || !this.enabled || !this.#visibility || !this.#cameras.has(camera)) return;
