@@ -6,7 +6,8 @@
 //   1. matrices of the world are brought up to date
 //   2. `scene.onBeforeRender`: here the scene is followed, culled, and what is hidden loses its layers
 //   3. the renderer collects what it draws, from the first child to the last. A last child is added for that
-//      long. The renderer takes it for an LOD and calls its `update`: here the layers are put back
+//      long. The renderer takes it for an LOD and calls its `update`: here the layers are put back. Its
+//      children carry what is drawn of an `InstancedMesh` to the graphics card
 //   4. shadows are drawn, of all casters; then mirrors and the like, of all objects; then what was collected
 //   5. `scene.onAfterRender`
 
@@ -30,7 +31,7 @@ const boneMatrix = new Matrix4();
 const bounds = new Float64Array(6);
 const NO_IDS = new BigUint64Array(0);
 
-/** The layers of what is hidden: no camera shows them. What is written goes to those that it has else. */
+/** The layers of what is hidden: no camera shows them. What is written goes to its own layers. */
 class HiddenLayers extends Layers {
   former = null;
   get mask() {
@@ -165,6 +166,7 @@ export class VisibilityCulling {
   }
 
   removeCamera(camera) {
+    if (this.#active?.camera === camera) this.#end();
     const { view, pipeline, visible } = this.#cameras.get(camera) ?? {};
     for (const handle of [view, pipeline, visible]) handle?.destroy();
     this.#cameras.delete(camera);
@@ -627,7 +629,7 @@ export class VisibilityCulling {
     return true;
   }
 
-  /** The renderer has collected what it draws: gives back the layers. */
+  /** The renderer has collected what it draws: gives back the layers, and instances amid their drawing. */
   #collected() {
     const active = this.#active;
     active.isCollected = true;

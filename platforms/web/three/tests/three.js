@@ -334,6 +334,12 @@ test("a render that threw leaves nothing hidden", async () => {
   const culling = await culled(scene, camera);
   assert.throws(() => render(scene, camera), /broken/);
   assert.equal(lamp.layers.mask, 1);
+  const other = perspective();
+  culling.addCamera(other);
+  culling.removeCamera(camera);
+  broken.visible = false;
+  assert.equal(render(scene, other).drawn.has(lamp, 0), false, "another camera's frame is culled");
+  culling.addCamera(camera);
   broken.removeFromParent();
   assert.equal(render(scene, camera).drawn.has(lamp, 0), false, "the next frame culls again");
   culling.dispose();
