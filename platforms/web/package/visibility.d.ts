@@ -451,7 +451,8 @@ export interface Online extends Handle {
   /**
    * Works ahead on the box that is needed soonest; null if all places have viewcells. `places` are points of the
    * world, 3 numbers each: the eye, then where it may be next, such as its place after 0.1, 0.2, 0.4 and 0.8 seconds
-   * at its present velocity. `budget` is the work to do in microseconds of a core of 3 GHz, counted and not timed.
+   * at its present velocity. `budget` is the work to do in microseconds of a core of 3 GHz, counted and not timed;
+   * below 0 it is 0.
    */
   step(scene: Scene, places: Numbers, budget: number): OnlineStep | null;
   /**

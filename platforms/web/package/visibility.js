@@ -982,7 +982,7 @@ class Online extends Handle {
     return this.wasm.call((wasm) => {
       const place = wasm.borrow(WORK_BYTES);
       const from = [wasm.pointer(scene, "scene"), ...wasm.numbers(places, 3, "places")];
-      wasm.check("vis_online_step", this.pointer, ...from, whole(budget, "budget"), place);
+      wasm.check("vis_online_step", this.pointer, ...from, Math.max(0, whole(budget, "budget")), place);
       const [worked, isWide, isFinished] = wasm.bytes().subarray(place, place + 3);
       if (!worked) return null;
       return { isWide: isWide !== 0, isFinished: isFinished !== 0, stats: stats(wasm, place + 8) };

@@ -233,6 +233,8 @@ for (const simd128 of [false, true]) {
     assert.deepEqual([frame(0), online.answer], [[wall, lamp], "none"]);
     // At 1 m/s: where the eye is, and where it will be.
     const places = [0, 0.1, 0.2, 0.4].flatMap((seconds) => [seconds, 0, 0]);
+    online.step(scene, places, -1);
+    assert.notEqual(online.step(scene, places, 0), null, "a budget below 0 is none");
     let [steps, finished, wide] = [0, 0, 0];
     for (let step; (step = online.step(scene, places, 100)) !== null; steps++) {
       finished += step.isFinished;

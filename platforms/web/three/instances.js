@@ -1,24 +1,45 @@
 // Draws some instances of an `InstancedMesh` or `BatchedMesh` for one camera, and leaves the mesh as it was.
 
-import { BatchedMesh, InstancedBufferAttribute, Object3D } from "three";
+import {
+  BatchedMesh,
+  BufferGeometry,
+  InstancedBufferAttribute,
+  InstancedMesh,
+  Material,
+  NoBlending,
+  NormalBlending,
+  Sphere,
+} from "three";
 
 /** Whether some of a mesh's instances can be left out. If not, it is drawn whole, or hidden whole. */
 export function canLeaveOut(mesh, renderer) {
   // WebGPURenderer reads instances elsewhere.
   if (!renderer.isWebGLRenderer) return false;
-  if (
-    mesh.onBeforeShadow !== (mesh.isBatchedMesh ? BatchedMesh : Object3D).prototype.onBeforeShadow ||
-    mesh.onAfterShadow !== Object3D.prototype.onAfterShadow
-  )
-    return false;
-  // Other attributes of instances would have to be put in the order of the matrices, too.
+  if (mesh.isBatchedMesh) return true;
+  // Other attributes of instances would have to be put in the order of the matrices, too; and what is blended
+  // keeps the order that the user has chosen.
   const { attributes } = mesh.geometry;
-  return mesh.isBatchedMesh || !Object.values(attributes).some((a) => a.isInstancedBufferAttribute);
+  return (
+    [mesh.material].flat().every(isUnordered) &&
+    !Object.values(attributes).some((a) => a.isInstancedBufferAttribute)
+  );
 }
+
+/** Whether a picture is the same in whichever order the instances of a material are drawn. */
+function isUnordered({ transparent, depthWrite, blending }) {
+  return !transparent && depthWrite && (blending === NormalBlending || blending === NoBlending);
+}
+
+/** What a carrier is made of: three.js reads its attributes, and draws nothing. */
+const NOTHING = new BufferGeometry();
+NOTHING.boundingSphere = new Sphere();
+const INVISIBLE = new Material();
+INVISIBLE.visible = false;
 
 /**
  * The instances of an `InstancedMesh`, those visible first: in attributes of their own, so that shadows and
  * other cameras draw all of them, in any order.
+ * Of one renderer: changes are marked in the attributes until it has sent them to its graphics card.
  */
 export class InstanceOrder {
   constructor(count) {
@@ -27,12 +48,19 @@ export class InstanceOrder {
     /** Instance by place. */
     this.instances = Uint32Array.from({ length: count }, (_, i) => i);
     this.matrices = this.colors = null;
+    /** The renderer sends these attributes to the graphics card when it meets this among what it may draw. */
+    this.carrier = new InstancedMesh(NOTHING, INVISIBLE, 0);
+    this.carrier.boundingSphere = NOTHING.boundingSphere;
+    this.carrier.frustumCulled = false;
+    this.carrier.layers.enableAll();
   }
 
   /** Takes over the content of the mesh's attributes, where it has changed. */
   update(mesh) {
     this.matrices = this.#copy(this.matrices, mesh.instanceMatrix);
     this.colors = mesh.instanceColor && this.#copy(this.colors, mesh.instanceColor);
+    this.carrier.instanceMatrix = this.matrices;
+    this.carrier.instanceColor = this.colors;
   }
 
   #copy(copy, from) {
@@ -72,16 +100,13 @@ export class InstanceOrder {
     if (this.colors) swap(this.colors, a, b);
   }
 
-  /** Exchanges the attributes and the count of the mesh for these, and returns the former. */
-  exchange(
-    mesh,
-    { matrices, colors, count } = { matrices: this.matrices, colors: this.colors, count: this.count },
-  ) {
-    const former = { matrices: mesh.instanceMatrix, colors: mesh.instanceColor, count: mesh.count };
-    mesh.instanceMatrix = matrices;
-    mesh.instanceColor = colors;
-    mesh.count = count;
-    return former;
+  /** Gives the mesh these attributes, of the instances that are visible. Returns how to undo it. */
+  exchange(mesh) {
+    const { instanceMatrix, instanceColor, count } = mesh;
+    mesh.instanceMatrix = this.matrices;
+    mesh.instanceColor = this.colors;
+    mesh.count = this.visible;
+    return () => Object.assign(mesh, { instanceMatrix, instanceColor, count });
   }
 }
 
@@ -107,58 +132,45 @@ function swap(attribute, a, b) {
 const MOST_RANGES = 512;
 
 /**
- * Makes an `InstancedMesh` draw the instances that are visible, when `isCamera` holds. Returns how to undo
- * it.
+ * Makes an `InstancedMesh` draw the instances that are visible, when `isCamera` holds. Returns how to put it
+ * back amid its drawing, and how to end.
  */
 export function leaveOutInstances(mesh, order, isCamera) {
-  let former = null;
+  let undo = null;
   const restore = () => {
-    if (former) order.exchange(mesh, former);
-    former = null;
+    undo?.();
+    undo = null;
   };
-  // While three.js collects what it draws, it sends the attributes to the graphics card: of all instances.
-  // The sphere by which three.js would cull the mesh may be older than its instances.
-  const { frustumCulled } = mesh;
-  mesh.frustumCulled = false;
-  former = order.exchange(mesh);
-  mesh.onBeforeRender = (renderer, scene, camera) => {
-    if (!isCamera(camera)) return;
-    former = order.exchange(mesh);
-    mesh.count = order.visible;
-  };
-  mesh.onBeforeShadow = () => {
-    former = order.exchange(mesh);
-  };
-  mesh.onAfterRender = mesh.onAfterShadow = restore;
-  return {
-    collected() {
-      mesh.frustumCulled = frustumCulled;
-      restore();
+  const end = putCallbacks(mesh, {
+    onBeforeRender(renderer, scene, camera) {
+      if (isCamera(camera)) undo = order.exchange(mesh);
     },
-    drawn() {
-      restore();
-      for (const name of ["onBeforeRender", "onAfterRender", "onBeforeShadow", "onAfterShadow"])
-        delete mesh[name];
-    },
-  };
+    onAfterRender: restore,
+  });
+  return { restore, end };
 }
 
-/** Makes a `BatchedMesh` leave out the instances of a list when `isCamera` holds. Returns how to undo it. */
+/** Makes a `BatchedMesh` leave out the instances of a list when `isCamera` holds. Returns how to end. */
 export function leaveOutOfBatch(mesh, hidden, isCamera) {
-  mesh.onBeforeRender = function (renderer, scene, camera, ...rest) {
-    // The mesh decides here what it draws, from what is visible: it is made so for that long.
-    const isHiding = isCamera(camera);
-    if (isHiding) for (const instance of hidden) mesh.setVisibleAt(instance, false);
-    try {
-      BatchedMesh.prototype.onBeforeRender.call(mesh, renderer, scene, camera, ...rest);
-    } finally {
-      if (isHiding) for (const instance of hidden) mesh.setVisibleAt(instance, true);
-    }
-  };
-  return {
-    collected() {},
-    drawn() {
-      delete mesh.onBeforeRender;
+  const end = putCallbacks(mesh, {
+    onBeforeRender(renderer, scene, camera, ...rest) {
+      // The mesh decides here what it draws, from what is visible: it is made so for that long.
+      const isHiding = isCamera(camera);
+      if (isHiding) for (const instance of hidden) mesh.setVisibleAt(instance, false);
+      try {
+        BatchedMesh.prototype.onBeforeRender.call(mesh, renderer, scene, camera, ...rest);
+      } finally {
+        if (isHiding) for (const instance of hidden) mesh.setVisibleAt(instance, true);
+      }
     },
+  });
+  return { restore() {}, end };
+}
+
+/** Gives a mesh callbacks. Returns how to take them away; those that another has put there since stay. */
+function putCallbacks(mesh, callbacks) {
+  Object.assign(mesh, callbacks);
+  return () => {
+    for (const name in callbacks) if (mesh[name] === callbacks[name]) delete mesh[name];
   };
 }

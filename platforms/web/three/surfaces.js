@@ -22,6 +22,8 @@ function surfaceOfOne(material) {
     !material.stencilWrite &&
     !(material.polygonOffset && (material.polygonOffsetFactor < 0 || material.polygonOffsetUnits < 0));
   if (!isHideable) return Surface.NeverHidden;
+  // Shaders that WebGPURenderer takes in place of a material's own.
+  for (const key in material) if (key.endsWith("Node") && material[key]) return Surface.NeverHidden;
   const isOpaque =
     material.visible &&
     material.depthWrite &&
@@ -39,9 +41,14 @@ function surfaceOfOne(material) {
   return sideOf(material);
 }
 
-function sideOf(material) {
-  if (material.side === DoubleSide) return Surface.Double;
-  return material.side === BackSide ? Surface.Back : Surface.Front;
+/** Returns the side from which a mesh of opaque materials hides others: one that all of them have, if any. */
+export function sideOf(materials) {
+  const sides = new Set([materials].flat().map((material) => material?.side));
+  if (sides.size > 1) sides.delete(DoubleSide);
+  const [side] = sides;
+  if (sides.size > 1) return Surface.Hideable;
+  if (side === DoubleSide) return Surface.Double;
+  return side === BackSide ? Surface.Back : Surface.Front;
 }
 
 /** Surfaces of materials, each found once a frame. */
@@ -75,26 +82,19 @@ export class Surfaces {
       material ? this.refresh(this.of(material)) : Surface.Hideable,
     );
     const least = Math.min(...surfaces);
-    if (least <= Surface.Hideable) return least;
-    const sides = new Set(surfaces);
-    if (sides.size > 1 && sides.has(Surface.Back)) return Surface.Hideable;
-    return drawsAll(geometry, materials.length) ? least : Surface.Hideable;
+    if (least <= Surface.Hideable || !drawsAll(geometry, materials)) return Math.min(least, Surface.Hideable);
+    return sideOf(materials);
   }
 }
 
 /** Whether the groups of a geometry draw all of it, one after the other. */
-function drawsAll({ groups, index, attributes }, materialCount) {
+function drawsAll({ groups, index, attributes }, materials) {
   let end = 0;
   for (const { start, count, materialIndex } of groups) {
-    if (start !== end || materialIndex >= materialCount) return false;
+    if (start !== end || !materials[materialIndex]) return false;
     end += count;
   }
-  return end >= (index ?? attributes.position).count;
-}
-
-/** Returns the side from which a mesh hides others that the user has chosen, whatever its material. */
-export function chosenSurface(material) {
-  return sideOf(Array.isArray(material) ? material[0] : material);
+  return end >= (index ?? attributes.position)?.count;
 }
 
 /** Returns the version of a buffer attribute's content. */
@@ -121,12 +121,13 @@ export class Shape {
    * `range` is the part: `start` and `count` of indices, and the `vertexStart` that they are counted from.
    */
   constructor(geometry, box, range) {
-    const { position, skinWeight } = geometry.attributes;
+    const { position, skinIndex, skinWeight } = geometry.attributes;
     this.geometry = geometry;
     this.range = range;
     this.position = position;
     this.index = geometry.index;
-    this.versions = [version(position), version(geometry.index), version(skinWeight)];
+    this.sources = [position, geometry.index, skinIndex, skinWeight];
+    this.versions = this.sources.map(version);
     this.drawRange = { ...geometry.drawRange };
     /** Least and greatest corner. Null if the geometry cannot be read. */
     this.box = box ?? (isReadable(position) ? boxOfPoints(position, range) : null);
@@ -136,14 +137,14 @@ export class Shape {
 
   /** Whether the geometry is still as it was. */
   isCurrent() {
-    const { geometry, versions, drawRange } = this;
-    const { position, skinWeight } = geometry.attributes;
+    const { geometry, sources, versions, drawRange } = this;
+    const { position, skinIndex, skinWeight } = geometry.attributes;
+    const isSame = (source, i) => source === sources[i] && version(source) === versions[i];
     return (
-      this.position === position &&
-      this.index === geometry.index &&
-      versions[0] === version(position) &&
-      versions[1] === version(geometry.index) &&
-      versions[2] === version(skinWeight) &&
+      isSame(position, 0) &&
+      isSame(geometry.index, 1) &&
+      isSame(skinIndex, 2) &&
+      isSame(skinWeight, 3) &&
       drawRange.start === geometry.drawRange.start &&
       drawRange.count === geometry.drawRange.count
     );
@@ -221,7 +222,8 @@ function boxOfPoints(position, { vertexStart = 0, vertexCount = position.count }
 
 /**
  * Returns the boxes of the vertices that each bone moves, and the least and the greatest sum of the weights
- * of a vertex. Null if weights are missing or negative: then no box is known to hold the mesh.
+ * of a vertex. Null if weights are missing or negative, or bones are not whole numbers: then no box is known
+ * to hold the mesh.
  */
 export function bonesOf({ attributes: { position, skinIndex, skinWeight } }) {
   if (!isReadable(position) || !skinIndex?.array || !skinWeight?.array) return null;
@@ -234,7 +236,9 @@ export function bonesOf({ attributes: { position, skinIndex, skinWeight } }) {
       if (!(weight >= 0)) return null;
       if (weight === 0) continue;
       sum += weight;
-      const box = (boxes[skinIndex.getComponent(i, k)] ??= emptyBox());
+      const bone = skinIndex.getComponent(i, k);
+      if (!(Number.isInteger(bone) && bone >= 0)) return null;
+      const box = (boxes[bone] ??= emptyBox());
       addPoint(box, position.getX(i), position.getY(i), position.getZ(i));
     }
     least = Math.min(least, sum);

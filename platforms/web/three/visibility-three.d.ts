@@ -8,13 +8,16 @@ export interface CullingOptions {
   visibility?: Visibility;
   /**
    * Whether a mesh hides what is behind it. `undefined` leaves it to its material: see the README. Asked each
-   * frame for each mesh, so keep it quick. `true` is a promise that the mesh is opaque as
-   * drawn; it is of no effect for a mesh that is never hidden.
+   * frame for each mesh, so keep it quick. `true` is a promise that the mesh is drawn, opaque, where its
+   * triangles are. It is of no effect for a mesh that is never hidden, nor for materials of which some are
+   * drawn from the front and some from the back.
    */
   occluder?(mesh: Mesh): boolean | undefined;
   /**
    * Whether a mesh may be hidden. `undefined` leaves it to the mesh and its material: see the README. Asked
-   * each frame for each mesh. `true` is a promise that the mesh stays within the box of its geometry.
+   * each frame for each mesh. `true` is a promise that the mesh stays within the box of its geometry, and
+   * that what is in front hides it: not with `depthTest: false`, `stencilWrite` or a negative
+   * `polygonOffset`.
    */
   cullable?(mesh: Mesh): boolean | undefined;
   /** Greatest number of triangles of a mesh that hides others: 16384 by default. */

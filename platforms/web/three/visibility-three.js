@@ -6,14 +6,15 @@
 //   1. matrices of the world are brought up to date
 //   2. `scene.onBeforeRender`: here the scene is followed, culled, and what is hidden loses its layers
 //   3. the renderer collects what it draws, from the first child to the last. A last child is added for that
-//      long. The renderer takes it for an LOD and calls its `update`: here the layers are put back
+//      long. The renderer takes it for an LOD and calls its `update`: here the layers are put back. Its
+//      children carry what is drawn of an `InstancedMesh` to the graphics card
 //   4. shadows are drawn, of all casters; then mirrors and the like, of all objects; then what was collected
 //   5. `scene.onAfterRender`
 
 import { BatchedMesh, LOD, Layers, Matrix4, Object3D, WebGPUCoordinateSystem } from "three";
 import { Depth, Flag, VisibilityError, indexOf, load } from "visibility-web";
 import { InstanceOrder, canLeaveOut, leaveOutInstances, leaveOutOfBatch } from "./instances.js";
-import { Shape, Surface, Surfaces, bonesOf, chosenSurface, moveBox } from "./surfaces.js";
+import { Shape, Surface, Surfaces, bonesOf, moveBox, sideOf } from "./surfaces.js";
 
 /** Greatest number of clip planes of a view. */
 const MOST_CLIP_PLANES = 10;
@@ -29,9 +30,20 @@ const matrix = new Matrix4();
 const boneMatrix = new Matrix4();
 const bounds = new Float64Array(6);
 const NO_IDS = new BigUint64Array(0);
-/** The layers of what is hidden: no camera shows them. */
-const NO_LAYERS = new Layers();
-NO_LAYERS.disableAll();
+
+/** The layers of what is hidden: no camera shows them. What is written goes to its own layers. */
+class HiddenLayers extends Layers {
+  former = null;
+  get mask() {
+    return this.former.mask;
+  }
+  set mask(mask) {
+    if (this.former) this.former.mask = mask;
+  }
+  test() {
+    return false;
+  }
+}
 
 /** A mesh of the scene, and its objects in the library: one, or one for each instance. */
 class Entry {
@@ -49,6 +61,8 @@ class Entry {
     this.layers = 0;
     /** Place of its matrix among those of all entries. */
     this.slot = slot;
+    /** What holds the matrices of its instances, and the version that the library has. */
+    this.matrices = null;
     this.version = -1;
     /** Number of its objects in the library: 0 if the mesh is never hidden. */
     this.count = 0;
@@ -57,7 +71,7 @@ class Entry {
     /** Index of its object in the library, or of the first of several. */
     this.index = 0;
     /** Its layers while it is hidden. */
-    this.former = null;
+    this.hidden = null;
     this.ids = NO_IDS;
     /** What there is more of an `InstancedMesh` or a `BatchedMesh`. */
     this.many = null;
@@ -74,8 +88,8 @@ class Many {
     this.parts = this.shapes = this.layers = null;
     /** Indices of the instances in the library. */
     this.indices = null;
-    /** For an `InstancedMesh` that was drawn in part: its instances, those visible first. */
-    this.order = null;
+    /** For an `InstancedMesh`: its instances, those visible first, by renderer that has drawn it in part. */
+    this.orders = new WeakMap();
   }
 }
 
@@ -98,6 +112,8 @@ export class VisibilityCulling {
   #worlds = new Float64Array(16 * 1024);
   #freeSlots = [];
   #isSameOrder = true;
+  /** Whether the last frame followed the scene to its end: a callback of the user's may throw. */
+  #isFollowed = true;
   #frame = 0;
   /** Point of the world that the library's coordinates are relative to. */
   #origin = null;
@@ -150,6 +166,7 @@ export class VisibilityCulling {
   }
 
   removeCamera(camera) {
+    if (this.#active?.camera === camera) this.#end();
     const { view, pipeline, visible } = this.#cameras.get(camera) ?? {};
     for (const handle of [view, pipeline, visible]) handle?.destroy();
     this.#cameras.delete(camera);
@@ -174,11 +191,13 @@ export class VisibilityCulling {
   // A frame.
 
   #begin(renderer, camera) {
-    // A frame that was not ended: the renderer threw. Otherwise this is a mirror's picture within a frame.
-    if (this.#active?.camera === camera) this.#end();
+    // A frame that was not ended: the renderer threw, or this is a mirror's picture within it. If the frame
+    // has not collected what it draws, it is not culled any more.
+    if (this.#active?.camera === camera || this.#active?.isCollected === false) this.#end();
+    else if (this.#active) this.#collected();
     if (this.#active || !this.enabled || !this.#visibility || !this.#cameras.has(camera)) return;
     const { scene } = this;
-    if (camera.isArrayCamera || scene.overrideMaterial) return;
+    if (camera.isArrayCamera || scene.overrideMaterial || renderer.opaque === false) return;
     const start = performance.now();
     const tools = this.#tools(camera);
     const { eye } = tools;
@@ -247,7 +266,10 @@ export class VisibilityCulling {
     this.#frame++;
     this.#surfaces.begin();
     this.#met = 0;
-    this.#isSameOrder = true;
+    this.#isSameOrder = this.#isFollowed;
+    this.#isFollowed = false;
+    for (const entry of this.#added) entry.geometry = null;
+    this.#added.length = this.#moved.length = 0;
     this.#visit(this.scene, true, 0, camera);
     if (!this.#isSameOrder || this.#met !== this.#order.length) {
       this.#order.length = this.#met;
@@ -261,6 +283,7 @@ export class VisibilityCulling {
     this.#insert();
     this.#move();
     this.#followed.maintain();
+    this.#isFollowed = true;
   }
 
   #visit(object, isShown, groupOrder, camera) {
@@ -320,17 +343,21 @@ export class VisibilityCulling {
   }
 
   /** Whether a mesh, or one of its instances, is elsewhere than it was. */
-  #hasMoved({ object, slot, version, many }) {
+  #hasMoved({ object, slot, matrices, version, many }) {
     const { elements } = object.matrixWorld;
     const worlds = this.#worlds;
     for (let i = 0; i < 16; i++) if (elements[i] !== worlds[16 * slot + i]) return true;
-    return many !== null && version !== versionOf(object);
+    if (many === null) return false;
+    const present = matricesOf(object);
+    return present !== matrices || present.version !== version;
   }
 
   /** Keeps where a mesh is. */
   #keep(entry) {
     this.#worlds.set(entry.object.matrixWorld.elements, 16 * entry.slot);
-    entry.version = versionOf(entry.object);
+    if (entry.many === null) return;
+    entry.matrices = matricesOf(entry.object);
+    entry.version = entry.matrices.version;
   }
 
   /** Returns what a mesh is now, from what may change from frame to frame. */
@@ -355,7 +382,8 @@ export class VisibilityCulling {
       if (entry.known?.material !== material) entry.known = this.#surfaces.of(material);
       surface = this.#surfaces.refresh(entry.known);
     }
-    if (!object.frustumCulled) surface = Surface.NeverHidden;
+    // Geometries with instances of their own are drawn anywhere.
+    if (!object.frustumCulled || geometry.isInstancedBufferGeometry) surface = Surface.NeverHidden;
     const { cullable, occluder } = this.#options;
     if (cullable) {
       const choice = cullable(object);
@@ -366,7 +394,7 @@ export class VisibilityCulling {
     if (occluder && surface !== Surface.NeverHidden) {
       const choice = occluder(object);
       if (choice === false) surface = Surface.Hideable;
-      else if (choice === true && surface === Surface.Hideable) surface = chosenSurface(material);
+      else if (choice === true && surface === Surface.Hideable) surface = sideOf(material);
     }
     return surface;
   }
@@ -380,7 +408,12 @@ export class VisibilityCulling {
     if (many === null) return false;
     if (object.isInstancedMesh) return object.count !== many.count;
     const infos = object._instanceInfo;
-    return infos.length !== many.count || infos.some((info, i) => partOf(info) !== many.parts[i]);
+    // A batch that was disposed of has no matrices any more.
+    return (
+      !object._matricesTexture ||
+      infos.length !== many.count ||
+      infos.some((info, i) => partOf(info) !== many.parts[i])
+    );
   }
 
   /** Finds the shapes of an entry. False if its geometry cannot be read, so that it is never hidden. */
@@ -395,7 +428,7 @@ export class VisibilityCulling {
       if (!(object.instanceMatrix.array?.length >= 16 * object.count)) return false;
     } else if (object.isSkinnedMesh) {
       shape.bones ??= bonesOf(geometry);
-      if (!shape.bones || shape.bones.boxes.length > object.skeleton.bones.length) return false;
+      if (!shape.bones) return false;
     }
     return shape.box !== null;
   }
@@ -413,7 +446,7 @@ export class VisibilityCulling {
     many.shapes = many.parts.map((part) => shapes.get(part));
     entry.shape = many.shapes[0] ?? null;
     many.layers = new Uint32Array(infos.length);
-    return entry.shape?.position.array?.length > 0;
+    return entry.shape?.position?.array?.length > 0;
   }
 
   #setLayers(entry, layers) {
@@ -448,25 +481,27 @@ export class VisibilityCulling {
       return;
     }
     const boxes = new Float64Array(6 * count);
-    const [layers, flags] = [new Uint32Array(count), new Uint32Array(count)];
+    const layers = new Uint32Array(count);
     let at = 0;
     for (const entry of this.#added) {
       this.#keep(entry);
-      entry.count = entry.many?.count ?? 1;
       this.#boxes(entry, boxes, 6 * at);
-      for (let i = 0; i < entry.count; i++, at++) {
+      for (let i = 0; i < (entry.many?.count ?? 1); i++, at++) {
         layers[at] = layersOf(entry, i);
         if (entry.many?.layers) entry.many.layers[i] = layers[at];
-        flags[at] = entry.surface > Surface.Hideable ? Flag.Occluder : 0;
       }
     }
-    const ids = this.#followed.insertAll({ bounds: boxes, layers, flags });
+    const ids = this.#followed.insertAll({ bounds: boxes, layers });
     at = 0;
     for (const entry of this.#added) {
-      entry.ids = ids.slice(at, at + entry.count);
+      entry.count = entry.many?.count ?? 1;
+      entry.ids = ids.slice(at, (at += entry.count));
       if (entry.many) entry.many.indices = Uint32Array.from(entry.ids, indexOf);
       else entry.index = indexOf(entry.ids[0]);
       if (entry.count > 0) for (const shape of shapesOf(entry)) shape.users++;
+    }
+    at = 0;
+    for (const entry of this.#added) {
       this.#setMeshes(entry, boxes, 6 * at);
       at += entry.count;
     }
@@ -483,13 +518,18 @@ export class VisibilityCulling {
     const [ids, boxes] = [new BigUint64Array(count), new Float64Array(6 * count)];
     let at = 0;
     for (const entry of this.#moved) {
-      this.#keep(entry);
       this.#boxes(entry, boxes, 6 * at);
       ids.set(entry.ids, at);
-      entry.waits = entry.surface > Surface.Hideable;
       at += entry.count;
     }
     this.#followed.setAllBounds(ids, boxes);
+    for (const entry of this.#moved) {
+      this.#keep(entry);
+      if (entry.surface <= Surface.Hideable || entry.waits) continue;
+      entry.waits = true;
+      // Its occluder meshes are where it was, also if it has turned within the same box.
+      for (const id of entry.ids) this.#followed.setFlags(id, 0);
+    }
     this.#moved.length = 0;
   }
 
@@ -533,15 +573,18 @@ export class VisibilityCulling {
       const mesh = own.mesh(this.#followed, surface, this.#options.maxOccluderTriangles);
       if (mesh === null) continue;
       for (let k = 0; k < 3; k++) matrix.elements[12 + k] -= this.#origin[k];
+      if (!matrix.elements.every((x) => Number.isFinite(Math.fround(x)))) continue;
       this.#followed.setMesh(ids[i], mesh, matrix.elements);
+      this.#followed.setFlags(ids[i], Flag.Occluder);
     }
   }
 
   // Hiding, and putting back.
 
   #hide(renderer, camera, bits) {
-    const active = { camera, masked: [], undo: [], hiddenCount: 0 };
+    const active = { camera, masked: [], undo: [], hiddenCount: 0, isCollected: false };
     this.#active = active;
+    this.#last.children = [];
     const isVisible = (index) => (bits[index >>> 5] >>> (index & 31)) & 1;
     const mask = camera.layers.mask >>> 0;
     for (const entry of this.#order) {
@@ -551,8 +594,9 @@ export class VisibilityCulling {
         active.hiddenCount++;
       } else if (this.#leaveOut(entry, renderer, isVisible)) continue;
       // Layers of another, not the mask of its own: those may be shared.
-      entry.former = entry.object.layers;
-      entry.object.layers = NO_LAYERS;
+      entry.hidden ??= new HiddenLayers();
+      entry.hidden.former = entry.object.layers;
+      entry.object.layers = entry.hidden;
       active.masked.push(entry);
     }
     this.scene.children.push(this.#last);
@@ -572,34 +616,36 @@ export class VisibilityCulling {
     if (hidden.length === 0 || (hidden.length < shown && !canLeaveOut(object, renderer))) return true;
     active.hiddenCount += hidden.length;
     if (hidden.length === shown) return false;
-    const isCamera = (camera) => camera === active.camera;
+    const isCamera = (camera) => active === this.#active && camera === active.camera;
     if (object.isBatchedMesh) active.undo.push(leaveOutOfBatch(object, hidden, isCamera));
     else {
-      many.order ??= new InstanceOrder(count);
-      many.order.update(object);
-      many.order.sort((i) => isVisible(indices[i]));
-      active.undo.push(leaveOutInstances(object, many.order, isCamera));
+      let order = many.orders.get(renderer);
+      if (!order) many.orders.set(renderer, (order = new InstanceOrder(count)));
+      order.update(object);
+      order.sort((i) => isVisible(indices[i]));
+      this.#last.children.push(order.carrier);
+      active.undo.push(leaveOutInstances(object, order, isCamera));
     }
     return true;
   }
 
-  /** The renderer has collected what it draws: gives back the layers. */
+  /** The renderer has collected what it draws: gives back the layers, and instances amid their drawing. */
   #collected() {
+    const active = this.#active;
+    active.isCollected = true;
     const { children } = this.scene;
     const at = children.lastIndexOf(this.#last);
     if (at >= 0) children.splice(at, 1);
-    for (const entry of this.#active.masked.splice(0)) {
-      entry.object.layers = entry.former;
-      entry.former = null;
-    }
-    for (const { collected } of this.#active.undo) collected();
+    for (const { object, hidden } of active.masked.splice(0))
+      if (object.layers === hidden) object.layers = hidden.former;
+    for (const { restore } of active.undo) restore();
   }
 
   /** The scene is drawn: all is as it was. */
   #end() {
     if (!this.#active) return;
     this.#collected();
-    for (const { drawn } of this.#active.undo) drawn();
+    for (const { end } of this.#active.undo) end();
     this.#active = null;
   }
 }
@@ -622,14 +668,19 @@ function shapesOf({ shape, many }) {
   return many?.shapes ?? [shape];
 }
 
-/** Returns the version of the matrices of instances. */
-function versionOf({ instanceMatrix, _matricesTexture }) {
-  return (instanceMatrix ?? _matricesTexture)?.version ?? 0;
+/** Returns what holds the matrices of instances. */
+function matricesOf({ instanceMatrix, _matricesTexture }) {
+  return instanceMatrix ?? _matricesTexture;
 }
 
 /** Writes a box that holds a skinned mesh: a vertex is within the hull of where its bones would put it. */
 function skinnedBox(mesh, bones, out, at, origin) {
   const { skeleton, bindMatrix, bindMatrixInverse, matrixWorld } = mesh;
+  // Nobody knows where bones are that are not there.
+  if (!(bones.boxes.length <= Math.min(skeleton?.bones.length, skeleton?.boneInverses.length))) {
+    out.fill(NaN, at, at + 6);
+    return;
+  }
   const local = new Float64Array([Infinity, Infinity, Infinity, -Infinity, -Infinity, -Infinity]);
   let reach = 0;
   bones.boxes.forEach((box, i) => {

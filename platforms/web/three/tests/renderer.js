@@ -3,26 +3,24 @@
 
 import { Frustum, Matrix4, WebGLCoordinateSystem } from "three";
 
+const RENDERER = { isWebGLRenderer: true, clippingPlanes: [] };
+
 /**
  * Draws a scene. Returns what is drawn for the camera, for shadows, and in `within`, called amid the drawing.
  */
-export function render(
-  scene,
-  camera,
-  { shadows, within, renderer = { isWebGLRenderer: true, clippingPlanes: [] } } = {},
-) {
+export function render(scene, camera, { shadows, within, renderer = RENDERER } = {}) {
   if (scene.matrixWorldAutoUpdate) scene.updateMatrixWorld();
   if (camera.parent === null && camera.matrixWorldAutoUpdate) camera.updateMatrixWorld();
   scene.onBeforeRender(renderer, scene, camera, null);
   const frustum = frustumOf(camera);
   const list = [];
   const uploaded = new Map();
-  collect(scene, camera, frustum, list, uploaded);
+  collect(scene, camera, frustum, list, uploaded, renderer);
 
-  const casters = new Drawn();
+  const casters = new Drawn(renderer);
   if (shadows) castShadows(scene, camera, shadows, casters, uploaded, renderer);
 
-  const drawn = new Drawn();
+  const drawn = new Drawn(renderer);
   for (const object of list) {
     if (!object.layers.test(camera.layers)) continue;
     object.onBeforeRender(renderer, scene, camera, object.geometry, object.material, null);
@@ -41,20 +39,21 @@ function frustumOf(camera) {
 }
 
 /** `projectObject` of three.js. */
-function collect(object, camera, frustum, list, uploaded) {
+function collect(object, camera, frustum, list, uploaded, renderer) {
   if (object.visible === false) return;
   if (object.layers.test(camera.layers)) {
     if (object.isLOD) {
       if (object.autoUpdate) object.update(camera);
     } else if (object.isMesh || object.isLine || object.isPoints || object.isSprite) {
       if (!object.frustumCulled || object.isSprite || frustum.intersectsObject(object)) {
-        upload(object, uploaded);
-        list.push(object);
+        upload(object, uploaded, renderer);
+        if (object.material.visible !== false) list.push(object);
       }
     }
   }
   const { children } = object;
-  for (let i = 0, l = children.length; i < l; i++) collect(children[i], camera, frustum, list, uploaded);
+  for (let i = 0, l = children.length; i < l; i++)
+    collect(children[i], camera, frustum, list, uploaded, renderer);
 }
 
 /** `renderObject` of WebGLShadowMap. */
@@ -62,7 +61,7 @@ function castShadows(object, camera, shadowCamera, casters, uploaded, renderer) 
   if (object.visible === false) return;
   if (object.layers.test(camera.layers) && object.isMesh && object.castShadow) {
     // An object is sent to the graphics card once a frame.
-    if (!uploaded.has(object)) upload(object, uploaded);
+    if (!uploaded.has(object)) upload(object, uploaded, renderer);
     object.onBeforeShadow(renderer, object, camera, shadowCamera, object.geometry, object.material, null);
     casters.add(object);
     object.onAfterShadow(renderer, object, camera, shadowCamera, object.geometry, object.material, null);
@@ -70,13 +69,19 @@ function castShadows(object, camera, shadowCamera, casters, uploaded, renderer) 
   for (const child of object.children) castShadows(child, camera, shadowCamera, casters, uploaded, renderer);
 }
 
-/** What each buffer of the graphics card has: by attribute, its content when it was sent. */
-const buffers = new WeakMap();
+/** What each buffer of a renderer's graphics card has: by attribute, its content when it was sent. */
+const cards = new WeakMap();
+
+function buffersOf(renderer) {
+  if (!cards.has(renderer)) cards.set(renderer, new WeakMap());
+  return cards.get(renderer);
+}
 
 /** `WebGLAttributes.update`: whole if it is new, else the ranges that were marked. */
-function upload(object, uploaded) {
+function upload(object, uploaded, renderer) {
   uploaded.set(object, true);
   if (!object.isInstancedMesh) return;
+  const buffers = buffersOf(renderer);
   for (const attribute of [object.instanceMatrix, object.instanceColor]) {
     if (!attribute) continue;
     const buffer = buffers.get(attribute);
@@ -96,14 +101,19 @@ function upload(object, uploaded) {
 /** Meshes that are drawn, and which of their instances. */
 export class Drawn {
   #instances = new Map();
+  #buffers;
+
+  constructor(renderer) {
+    this.#buffers = buffersOf(renderer);
+  }
 
   add(object) {
     if (object.isInstancedMesh) {
-      const { content } = buffers.get(object.instanceMatrix) ?? { content: [] };
+      const { content } = this.#buffers.get(object.instanceMatrix) ?? { content: [] };
       const keys = new Set();
       for (let i = 0; i < object.count; i++) keys.add(keyOf(content, i));
       this.#instances.set(object, keys);
-      const colors = object.instanceColor && buffers.get(object.instanceColor)?.content;
+      const colors = object.instanceColor && this.#buffers.get(object.instanceColor)?.content;
       if (colors)
         for (let i = 0; i < object.count; i++)
           keys.add(`${keyOf(content, i)}:${[...colors.slice(3 * i, 3 * i + 3)]}`);
