@@ -490,7 +490,7 @@ mod tests {
             let extent = CellExtent::new(viewcell, DVec3::ZERO).unwrap();
             let cell = CellBox::new(&extent, &bounds, extent.axes()).unwrap();
             pieces.begin(&surfaces, &Effort::FULL, viewcell);
-            (0..surfaces.cluster_count()).for_each(|at| drop(pieces.find(&surfaces, at, &occluding, &cell)));
+            (0..surfaces.cluster_count()).for_each(|at| _ = pieces.find(&surfaces, at, &occluding, &cell));
             pieces.facing.clone()
         };
         let (mut kept, mut fresh) = (Pieces::default(), Pieces::default());
