@@ -34,7 +34,7 @@ use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet
 /// furnished building of 200,000 triangles. Occluders are collected nearest first, until no object is left to
 /// test: in a city, 44 times as many objects take 4 times as long. The first call for a scene, and the first
 /// after a change of its occluders, sorts all edges, which takes some hundred bytes for each triangle, shared
-/// by clones. Each clone has 2 to 4 MB of its own in such scenes: 10 bytes for each triangle, more for
+/// by clones. Each clone has 2 to 6 MB of its own in such scenes: 11 bytes for each triangle, more for
 /// triangles that may be seen from the viewcell and the ones before, and maps.
 ///
 /// ```
