@@ -84,8 +84,8 @@ impl Lack {
     /// Reports occluders of `scene` that cullers cannot use. Calls `each` up to four times: with the number
     /// of occluders without a mesh, of occluders whose mesh reaches out of their bounds, of objects with an
     /// occluder mesh that are not flagged as occluders, and of occluders that are [never
-    /// culled](Object::is_unculled). Numbers that are 0 are not reported. Takes time in proportion to the
-    /// objects that are never culled.
+    /// culled](crate::Object::is_unculled). Numbers that are 0 are not reported. Takes time in proportion to
+    /// the objects that are never culled.
     pub fn of_occluders(scene: &Scene, each: &mut dyn FnMut(Self)) {
         for (what, count) in [
             ("occluders without a mesh", scene.occluders_without_mesh()),
