@@ -255,6 +255,15 @@ mod tests {
         job: Job,
     }
 
+    impl Level {
+        /// Opens a small level with eight viewcells, for tests of what is done with a bake.
+        pub(in crate::bake) fn of_eight_viewcells() -> Self {
+            let arguments = "bake london:1,1 --size 16,16,4 --over 0,0,0,64,32,4 --gap 100% --rays 20";
+            let Only { job } = clap::Parser::parse_from(arguments.split(' '));
+            Self::open(&job, Path::new(""), || false).unwrap()
+        }
+    }
+
     #[test]
     fn hints_change_what_they_name_or_are_refused() {
         let open = |hint: &str| {

@@ -171,7 +171,7 @@ fn legend(canvas: &mut Canvas, map: &Map, title: &str, entries: &[(Color, &str)]
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bake::{Job, Run, run};
+    use crate::bake::{Run, run};
     use std::time::Duration;
 
     #[test]
@@ -188,14 +188,7 @@ mod tests {
     #[test]
     fn a_bake_has_its_pictures() {
         let folder = std::env::temp_dir().join(format!("bake-pictures-{}", std::process::id()));
-        #[derive(clap::Parser)]
-        struct Arguments {
-            #[command(flatten)]
-            job: Job,
-        }
-        let arguments = "bake london:1,1 --size 16,16,4 --over 0,0,0,64,32,4 --gap 100% --rays 20";
-        let Arguments { job } = clap::Parser::parse_from(arguments.split(' '));
-        let level = Level::open(&job, Path::new(""), || false).unwrap();
+        let level = Level::of_eight_viewcells();
         let settings =
             Run { threads: 1, limit: None, save_every: Duration::from_secs(60), state: folder.join("state") };
         let outcome = run(|| level.baker(), &settings, |_| {}).unwrap();

@@ -111,18 +111,11 @@ pub fn forget(state: &Path) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bake::{Job, Level};
+    use crate::bake::Level;
 
     #[test]
     fn finished_work_is_saved_and_a_state_that_cannot_be_written_ends_no_bake() {
-        #[derive(clap::Parser)]
-        struct Arguments {
-            #[command(flatten)]
-            job: Job,
-        }
-        let arguments = "bake london:1,1 --size 16,16,4 --over 0,0,0,64,32,4 --gap 100% --rays 20";
-        let Arguments { job } = clap::Parser::parse_from(arguments.split(' '));
-        let level = Level::open(&job, Path::new(""), || false).unwrap();
+        let level = Level::of_eight_viewcells();
         let folder = std::env::temp_dir().join(format!("bake-run-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let settings = |save_every, state: &str| Run {

@@ -181,6 +181,26 @@ pub unsafe extern "C" fn vis_online_answer(online: *const vis_online, answer: *m
     })
 }
 
+/// Writes one of the lists of `online`.
+///
+/// # Safety
+/// By rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
+unsafe fn write_ids(
+    online: *const vis_online,
+    ids: *mut u64,
+    capacity: usize,
+    count: *mut usize,
+    list: fn(&OnlinePvs) -> &[ObjectId],
+) -> vis_status {
+    border(|| {
+        // SAFETY: the caller promises what is asked for here.
+        let (online, ids) = unsafe { (reference(online, "online")?, buffer(ids, capacity, count)?) };
+        let online = online.lock()?;
+        let list = list(&online);
+        ids.fill(list.len(), list.iter().copied().map(ObjectId::to_bits))
+    })
+}
+
 /// Writes the ids of objects that the box of the last frame sees, wherever the view looks, and the box of the
 /// frame before did not, like `vis_visible_ids`. The largest for their distance come first, so a stream sends
 /// as many of the first as fit. It begins with all objects of the scene and adds those that are inserted,
@@ -192,12 +212,8 @@ pub unsafe extern "C" fn vis_online_came(
     capacity: usize,
     count: *mut usize,
 ) -> vis_status {
-    border(|| {
-        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
-        let (online, ids) = unsafe { (reference(online, "online")?, buffer(ids, capacity, count)?) };
-        let online = online.lock()?;
-        ids.fill(online.came().len(), online.came().iter().copied().map(ObjectId::to_bits))
-    })
+    // SAFETY: the caller keeps rules P1 and P2 of `visibility.h`.
+    unsafe { write_ids(online, ids, capacity, count, OnlinePvs::came) }
 }
 
 /// Writes the ids of objects that the box of the frame before saw and the box of the last frame does not see,
@@ -209,12 +225,8 @@ pub unsafe extern "C" fn vis_online_went(
     capacity: usize,
     count: *mut usize,
 ) -> vis_status {
-    border(|| {
-        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
-        let (online, ids) = unsafe { (reference(online, "online")?, buffer(ids, capacity, count)?) };
-        let online = online.lock()?;
-        ids.fill(online.went().len(), online.went().iter().copied().map(ObjectId::to_bits))
-    })
+    // SAFETY: the caller keeps rules P1 and P2 of `visibility.h`.
+    unsafe { write_ids(online, ids, capacity, count, OnlinePvs::went) }
 }
 
 /// Writes which objects are hidden from all points of a box of the world, without a view: bit `index % 32` of

@@ -82,7 +82,7 @@ export class InstanceOrder {
 
   /** Puts the instances for which `isVisible` is true first, moving as few as possible. */
   sort(isVisible) {
-    // Those that vanish move behind the end of the visible ones, then those that appear move before it.
+    // Instances that vanish move behind the visible ones; then instances that appear move before the end.
     for (let place = 0; place < this.visible;) {
       if (isVisible(this.instances[place])) place++;
       else this.#swap(place, --this.visible);

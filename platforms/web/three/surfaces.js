@@ -16,7 +16,7 @@ function surfaceOfOne(material) {
     !material.displacementMap &&
     // Lines are a pixel wide, outside of the mesh's box, too.
     !material.wireframe &&
-    // What is drawn in spite of what is in front, or counts pixels where it is not.
+    // Not materials that are drawn in spite of surfaces in front, or count the pixels where they are hidden.
     material.depthTest &&
     (material.depthFunc === LessEqualDepth || material.depthFunc === LessDepth) &&
     !material.stencilWrite &&

@@ -290,8 +290,8 @@ export class VisibilityCulling {
     if (object.visible === false) isShown = false;
     if (object.isMesh) this.#meet(object, isShown, groupOrder);
     else if (object.isGroup) {
-      // What is in a bundle is recorded, with what is visible then; a clipping group cuts holes into
-      // occluders.
+      // A bundle records draw calls of the meshes that are visible at that time; a clipping group cuts holes
+      // into occluders.
       if (object.isBundleGroup || object.isClippingGroup) return;
       groupOrder = object.renderOrder;
     } else if (object.isLOD && isShown && object.autoUpdate && object.layers.test(camera.layers)) {

@@ -162,7 +162,7 @@ fn may_have_volume(scene: &Scene, id: ObjectId) -> bool {
 /// the due movers and the changes of the scene. Other movers cost next to nothing, unless more objects change
 /// in a frame than the scene's log lists (a quarter of them): then every volume is compared with the scene,
 /// some 20 ns each. [`set_bounds_batch`](Self::set_bounds_batch) avoids this when it sets the due bounds.
-/// Nothing is allocated once the buffers have grown.
+/// Frames allocate nothing once the buffers have grown.
 ///
 /// A due mover costs two to three times as much as one of a batch of all movers. So volumes save time by
 /// themselves if at most a tenth of the movers are due, and else by what the animation of the others would

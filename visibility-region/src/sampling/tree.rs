@@ -5,6 +5,7 @@ use super::ray::Ray;
 use crate::blocker::Placement;
 use alloc::vec::Vec;
 use visibility_core::glam::{Affine3A, Vec3};
+use visibility_core::level_version::level_object;
 use visibility_core::scene::SceneCursor;
 use visibility_core::{Aabb, OccluderMesh, Scene};
 
@@ -111,12 +112,13 @@ impl TriangleTree {
         self.objects.clear();
         self.objects.resize(scene.index_limit(), Owner::default());
         for id in scene.ids() {
-            let (Ok(object), Ok(triangles)) = (scene.object(id), scene.triangles(id)) else { continue };
+            let (Some((object, _)), Ok(triangles)) = (level_object(scene, id), scene.triangles(id)) else {
+                continue;
+            };
             let start = self.corners.len() as u32;
-            // Only occluders that are always drawn, and where they should be, block rays. Every object can be
-            // seen.
-            let blocks = object.occluder && scene.is_always_drawn(id) && !object.is_unculled();
-            let mut owner = Owner { blocks, one_sided: object.one_sided, ..Owner::default() };
+            // Only what bakes count as occluders blocks rays. Every object can be seen.
+            let mut owner =
+                Owner { blocks: object.occluder, one_sided: object.one_sided, ..Owner::default() };
             if !triangles.is_empty() {
                 self.corners.extend(triangles.iter().filter(|t| t.iter().all(|p| p.is_finite())));
             } else if let Some((mesh, ref transform)) = scene.occluder(id) {
