@@ -490,6 +490,11 @@ for (const simd128 of [false, true]) {
       assert.throws(() => use(handle), refused("PANIC", /stack/), name);
       assert.throws(() => handle.count, refused("PANIC", /an earlier fault/), name);
     }
+    // The arguments of the failing call need more memory than there was: the former is not freed any more.
+    const handle = (await load({ simd128 })).createScene();
+    const { exports } = handle.wasm;
+    handle.wasm.exports = { ...exports, vis_scene_insert_batch: trap, vis_free: assert.fail };
+    assert.throws(() => handle.insertAll({ bounds: new Float64Array(6000) }), refused("PANIC", /unreachable/));
   });
 
   test(say("indices are read where they are, and memory does not grow with frames"), () => {

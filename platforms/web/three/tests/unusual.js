@@ -5,6 +5,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import * as THREE from "three";
+import { load } from "visibility-web";
 import { buffersOf, render } from "./renderer.js";
 import { BOX, culled, fourBoxes, grey, isLampDrawn, perspective, street } from "./scenes.js";
 
@@ -34,13 +35,14 @@ test("a picture that is mirrored, or whose depth runs backwards, is not culled",
     ["looking along +z of its own", (camera) => scale(camera, 1, -1) && flip(10, 11)(camera), true],
     ["looking along +z, mirrored", (camera) => scale(camera, -1, -1) && flip(10, 11)(camera), false],
     ["an eye beyond the near plane", projected((p) => ([p[10], p[14]] = [0, 1])), false],
+    ["the same, mirrored", (camera) => projected((p) => ([p[0], p[10], p[14]] = [-1, 0, 1]))(camera), false],
     ["no finite matrix", projected((p) => (p[0] = NaN)), false],
   ];
   for (const make of [perspective, () => new THREE.OrthographicCamera(-9, 9, 5, -5, 0.1, 500)]) {
     for (const [name, change, isCulled] of cases) {
       const made = street({ wall: plane() });
       made.camera = make();
-      if (made.camera.isOrthographicCamera && /beyond/.test(name)) continue;
+      if (made.camera.isOrthographicCamera && /beyond|same/.test(name)) continue;
       change(made.camera);
       const culling = await culled(made.scene, made.camera);
       render(made.scene, made.camera);
@@ -239,6 +241,20 @@ test("vertices far from their mesh's origin are where single precision puts them
   );
   geometry.setAttribute("skinIndex", indices);
   geometry.setAttribute("skinWeight", weights);
+  /** A lamp of one bone, detached from its mesh if it has a matrix to be bound by. */
+  const skinned = ({ near, inverse = at(0, 0, 0), bind, bone, world }) => {
+    const lamp = new THREE.SkinnedMesh(near ? BOX.clone().scale(1, 1, 0.01) : geometry, grey());
+    for (const name of ["skinIndex", "skinWeight"])
+      lamp.geometry.setAttribute(name, geometry.attributes[name]);
+    if (bind) lamp.bindMode = THREE.DetachedBindMode;
+    lamp.applyMatrix4(world);
+    lamp.bind(new THREE.Skeleton([new THREE.Bone()], [inverse]), bind ?? at(0, 0, 0));
+    lamp.skeleton.bones[0].applyMatrix4(bone);
+    lamp.skeleton.bones[0].updateMatrixWorld();
+    lamp.updateMatrixWorld();
+    const boneMatrix = bone.clone().multiply(inverse);
+    return [lamp, [lamp.matrixWorld, lamp.bindMatrixInverse, boneMatrix, lamp.bindMatrix]];
+  };
   /** Lamps 20 m away whose top is at a height, and the matrices that the card multiplies. */
   const lamps = {
     mesh(y) {
@@ -247,6 +263,20 @@ test("vertices far from their mesh's origin are where single precision puts them
       lamp.updateMatrixWorld();
       return [lamp, [lamp.matrixWorld]];
     },
+    "mesh, scaled"(y) {
+      const lamp = new THREE.Mesh(geometry.clone().scale(1 / 64, 1 / 64, 1 / 64), grey());
+      lamp.scale.setScalar(64);
+      lamp.position.set(0, y - FAR - 0.5, -20);
+      lamp.updateMatrixWorld();
+      return [lamp, [lamp.matrixWorld]];
+    },
+    "instance far from its mesh"(y) {
+      const lamp = new THREE.InstancedMesh(BOX.clone().scale(1, 1, 0.01), grey(), 1);
+      lamp.setMatrixAt(0, at(0, FAR, 0));
+      lamp.position.set(0, y - FAR - 0.5, -20);
+      lamp.updateMatrixWorld();
+      return [lamp, [lamp.matrixWorld, at(0, FAR, 0)]];
+    },
     instance(y) {
       const lamp = new THREE.InstancedMesh(geometry, grey(), 1);
       lamp.setMatrixAt(0, at(1, 0, 0));
@@ -254,32 +284,17 @@ test("vertices far from their mesh's origin are where single precision puts them
       lamp.updateMatrixWorld();
       return [lamp, [lamp.matrixWorld, at(1, 0, 0)]];
     },
-    bones(y) {
-      const lamp = new THREE.SkinnedMesh(geometry, grey());
-      const bone = new THREE.Bone();
-      lamp.add(bone);
-      lamp.position.z = -20;
-      lamp.bind(new THREE.Skeleton([bone], [at(0, -FAR, 0)]), new THREE.Matrix4());
-      bone.position.y = y - 0.5;
-      lamp.updateMatrixWorld();
-      const { matrixWorld, bindMatrix, bindMatrixInverse } = lamp;
-      const boneMatrix = bone.matrixWorld.clone().multiply(at(0, -FAR, 0));
-      return [lamp, [matrixWorld, bindMatrixInverse, boneMatrix, bindMatrix]];
-    },
-    "bones, bound far away"(y) {
-      const lamp = new THREE.SkinnedMesh(BOX.clone().scale(1, 1, 0.01), grey());
-      for (const name of ["skinIndex", "skinWeight"])
-        lamp.geometry.setAttribute(name, geometry.attributes[name]);
-      const bone = new THREE.Bone();
-      lamp.bindMode = THREE.DetachedBindMode;
-      lamp.position.z = -20;
-      lamp.bind(new THREE.Skeleton([bone], [new THREE.Matrix4()]), at(0, FAR, 0));
-      bone.position.y = y - 0.5;
-      bone.updateMatrixWorld();
-      lamp.updateMatrixWorld();
-      const { matrixWorld, bindMatrix, bindMatrixInverse } = lamp;
-      return [lamp, [matrixWorld, bindMatrixInverse, bone.matrixWorld, bindMatrix]];
-    },
+    bones: (y) => skinned({ inverse: at(0, -FAR, 0), bone: at(0, y - 0.5, -20), world: at(0, 0, -20) }),
+    "bones, bound far away": (y) =>
+      skinned({ near: true, bind: at(0, FAR, 0), bone: at(0, y - 0.5, 0), world: at(0, 0, -20) }),
+    "bones far from their mesh": (y) =>
+      skinned({ near: true, bind: at(0, 0, 0), bone: at(0, FAR, 0), world: at(0, y - FAR - 0.5, -20) }),
+    "bones of a small mesh": (y) =>
+      skinned({
+        inverse: at(0, -FAR, 0),
+        bone: at(0, y - 0.5, -20),
+        world: at(0, 0, -20).scale(new THREE.Vector3(1 / 64, 1 / 64, 1 / 64)),
+      }),
   };
   for (const [name, make] of Object.entries(lamps)) {
     let seen = 0;
@@ -340,11 +355,12 @@ test("clip planes of the renderer leave a shader that does not clip", async () =
     lamp.material = new THREE.ShaderMaterial({ clipping });
     const culling = await culled(scene, camera, { cullable: () => true });
     const beyond = new THREE.Plane(new THREE.Vector3(0, 0, 1), 15);
-    for (const [clippingPlanes, isCut] of [
-      [[], false],
-      [[beyond], clipping],
+    for (const [clippingPlanes, isCut, isWebGLRenderer] of [
+      [[], false, true],
+      [[beyond], clipping, true],
+      [[beyond], false, false],
     ]) {
-      const renderer = { isWebGLRenderer: true, clippingPlanes };
+      const renderer = { isWebGLRenderer, clippingPlanes };
       const { drawn } = render(scene, camera, { renderer });
       assert.equal(drawn.has(lamp, 0), !isCut, `clipping ${clipping}, ${clippingPlanes.length} planes`);
     }
@@ -374,14 +390,33 @@ test("buffers of instances are freed with their mesh, their number and the culli
   assert.equal(added(), 3, "disposed of");
 });
 
-test("a batch that grows is not read anew", async () => {
-  const { scene, camera } = street();
+test("a batch that grows is not read anew, and its occluders are freed with it", async () => {
+  const { scene, wall, camera } = street();
+  wall.removeFromParent();
+  const meshes = { added: 0, removed: 0 };
+  const visibility = await load();
+  const { createScene } = visibility;
+  visibility.createScene = () => {
+    const followed = createScene.call(visibility);
+    for (const [name, count] of [
+      ["addMesh", "added"],
+      ["removeMesh", "removed"],
+    ]) {
+      const usual = followed[name];
+      followed[name] = (...parameters) => {
+        meshes[count]++;
+        return usual.apply(followed, parameters);
+      };
+    }
+    return followed;
+  };
   const batch = new THREE.BatchedMesh(8, 100, 100, grey());
   const parts = [batch.addGeometry(BOX), batch.addGeometry(new THREE.PlaneGeometry(1, 1))];
   for (let i = 0; i < 4; i++) batch.setMatrixAt(batch.addInstance(parts[i % 2]), at(i, 0, -5));
   scene.add(batch);
-  const culling = await culled(scene, camera);
+  const culling = await culled(scene, camera, { visibility });
   render(scene, camera);
+  assert.deepEqual(meshes, { added: 3, removed: 0 }, "of the lamp and of two parts");
   const { position } = batch.geometry.attributes;
   let reads = 0;
   position.getX = function (i) {
@@ -392,8 +427,13 @@ test("a batch that grows is not read anew", async () => {
   for (let frame = 0; frame < 3; frame++)
     assert.equal(render(scene, camera).drawn.count(batch), 5, `frame ${frame}`);
   assert.equal(reads, 0, "vertices that are read again");
+  assert.deepEqual(meshes, { added: 3, removed: 0 }, "grown");
   batch.setGeometryAt(parts[1], new THREE.PlaneGeometry(1, 3));
   render(scene, camera);
   assert.ok(reads > 0, "vertices that have changed");
+  assert.deepEqual(meshes, { added: 5, removed: 2 }, "changed");
+  scene.remove(batch);
+  render(scene, camera);
+  assert.deepEqual(meshes, { added: 5, removed: 4 }, "removed");
   culling.dispose();
 });
