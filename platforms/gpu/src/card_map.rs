@@ -231,9 +231,9 @@ impl OcclusionMap for CardMap {
 }
 
 /// Returns the corners of the triangles of an occluder that occlude for an eye: those whose front faces the
-/// eye, or all triangles of a two-sided mesh. Corners and eye are in metres, relative to the scene's origin. A
-/// mirroring transform takes fronts to fronts. Of a one-sided mesh, triangles that are seen edge-on, or are not
-/// finite, are left out.
+/// eye, or all triangles of a two-sided mesh. Corners and eye are in metres, relative to the scene's
+/// origin. A mirroring transform takes fronts to fronts. Of a one-sided mesh, triangles that are seen edge-
+/// on, or are not finite, are left out.
 pub fn occluding_triangles(
     occluder: &OccluderMesh,
     transform: &Affine3A,
