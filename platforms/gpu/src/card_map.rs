@@ -9,9 +9,9 @@ use crate::Gpu;
 use crate::painter::{Camera, depth_test};
 use crate::pyramid::Pyramid;
 use crate::target::DEPTH;
-use glam::{Affine3A, DVec3, Mat4, Vec3, Vec4Swizzles};
+use glam::{Affine3A, DVec3, Mat4, Vec3, Vec3A, Vec4Swizzles};
 use visibility_core::occlusion::Occlusion;
-use visibility_core::view::ViewPlanes;
+use visibility_core::view::{Eye, ViewPlanes};
 use visibility_core::{Aabb, Accuracy, OccluderMesh, OcclusionMap, View};
 use wgpu::BufferUsages;
 
@@ -35,7 +35,9 @@ pub struct CardMap {
     read_back: wgpu::Buffer,
     clip_from_scene: Mat4,
     clip_planes: Option<ViewPlanes>,
-    /// Corners of the triangles of all occluders in this frame.
+    /// Where this frame's view is seen from, relative to the scene's origin.
+    eye: Eye,
+    /// Corners of the triangles of all occluders in this frame that face the eye or are two-sided.
     corners: Vec<[f32; 3]>,
     /// Number of corners drawn into the pyramid.
     flushed: usize,
@@ -97,6 +99,7 @@ impl CardMap {
             read_back,
             clip_from_scene: Mat4::ZERO,
             clip_planes: None,
+            eye: Eye::Point(DVec3::NAN),
             corners: Vec::new(),
             flushed: 0,
             numbers: Vec::new(),
@@ -168,6 +171,7 @@ impl OcclusionMap for CardMap {
         self.clip_from_scene =
             if view.depth().is_reversed() { view.clip_from(origin).as_mat4() } else { Mat4::NAN };
         self.clip_planes = Some(view.clip_planes_from(origin));
+        self.eye = view.eye(origin);
         let camera = Camera::new(self.clip_from_scene, self.size);
         self.gpu.queue.write_buffer(&self.camera, 0, bytemuck::bytes_of(&camera));
     }
@@ -176,9 +180,8 @@ impl OcclusionMap for CardMap {
         if !self.clip_planes.as_ref().is_some_and(|planes| occluder.is_inside(planes, transform)) {
             return;
         }
-        let corners =
-            occluder.triangles().iter().flatten().map(|&corner| occluder.positions()[corner as usize]);
-        self.corners.extend(corners.map(|corner| transform.transform_point3(corner).to_array()));
+        let triangles = occluding_triangles(occluder, transform, self.eye);
+        self.corners.extend(triangles.flatten().map(|corner| corner.to_array()));
     }
 
     fn flush(&mut self) {
@@ -225,4 +228,28 @@ impl OcclusionMap for CardMap {
             Occlusion::Partial
         }
     }
+}
+
+/// Returns the corners of the triangles of an occluder that occlude for an eye: those whose front faces the
+/// eye, or all triangles of a two-sided mesh. Corners and eye are in metres, relative to the scene's
+/// origin. A mirroring transform takes fronts to fronts. Of a one-sided mesh, triangles that are seen edge-
+/// on, or are not finite, are left out.
+pub fn occluding_triangles(
+    occluder: &OccluderMesh,
+    transform: &Affine3A,
+    eye: Eye,
+) -> impl Iterator<Item = [Vec3A; 3]> {
+    // The corners of a front run counter-clockwise, and clockwise in a mirror.
+    let turn = transform.matrix3.as_dmat3().determinant().signum();
+    let corners = |triangle: &[u32; 3]| {
+        triangle.map(|corner| transform.transform_point3a(occluder.positions()[corner as usize].into()))
+    };
+    occluder.triangles().iter().map(corners).filter(move |triangle| {
+        let [a, b, c] = triangle.map(|corner| corner.as_dvec3());
+        let to_eye = match eye {
+            Eye::Point(eye) => eye - a,
+            Eye::Direction(along) => -along,
+        };
+        occluder.is_two_sided() || turn * (b - a).cross(c - a).dot(to_eye) > 0.0
+    })
 }

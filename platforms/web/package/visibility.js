@@ -123,40 +123,55 @@ class Wasm {
     } catch (error) {
       // An id that is no bigint, a list that is none, or of another type than it should be.
       if (error instanceof TypeError) refuse(`${error.message} (ids are bigint, all else is numbers)`);
-      // A fault inside the library, which no argument causes.
-      if (!(error instanceof WebAssembly.RuntimeError)) throw error;
-      this.fault = `fault inside the library: ${error.message}`;
-      throw new VisibilityError("PANIC", this.fault);
+      throw error;
     } finally {
       this.used = 0;
       if (this.blockBytes > MOST_KEPT) {
         this.full.push([this.block, this.blockBytes]);
         this.block = this.blockBytes = 0;
       }
-      for (const [pointer, bytes] of this.full.splice(0)) this.exports.vis_free(pointer, bytes);
+      for (const [pointer, bytes] of this.full.splice(0)) this.free(pointer, bytes);
+    }
+  }
+
+  /** Calls a function of the module. What it throws is a fault inside the library, which no argument causes. */
+  run(name, ...parameters) {
+    try {
+      return this.exports[name](...parameters);
+    } catch (error) {
+      // A parameter that cannot be passed: the function has not begun.
+      if (error instanceof TypeError) throw error;
+      // A trap, or a stack that is full: browsers differ in its error.
+      this.fault = `fault inside the library: ${error.message}`;
+      throw new VisibilityError("PANIC", this.fault);
     }
   }
 
   /** Calls a function of the header, and throws if it returns an error. Invalidates views of memory. */
   check(name, ...parameters) {
     if (!parameters.every(isNumber)) refuse("an argument is missing, or is not a number");
-    const status = this.exports[name](...parameters);
+    const status = this.run(name, ...parameters);
     if (status === 0) return;
+    const start = this.run("vis_last_error") >>> 0;
     const bytes = this.bytes();
-    const start = this.exports.vis_last_error() >>> 0;
     throw new VisibilityError(CODES[status], decode(bytes.subarray(start, bytes.indexOf(0, start))));
   }
 
   /** Frees what a handle holds: a value of the library's, and maybe a buffer of its own. */
   release({ kind, pointer, buffer, bytes }) {
     if (this.fault !== null) return;
-    this.exports[`vis_${kind}_destroy`](pointer);
-    this.exports.vis_free(buffer, bytes);
+    this.run(`vis_${kind}_destroy`, pointer);
+    this.free(buffer, bytes);
+  }
+
+  /** Frees memory, unless the library has failed: then it may be in any state. */
+  free(pointer, bytes) {
+    if (this.fault === null) this.run("vis_free", pointer, bytes);
   }
 
   /** Allocates memory that stays until it is freed. */
   allocate(bytes) {
-    const pointer = this.exports.vis_alloc(bytes) >>> 0;
+    const pointer = this.run("vis_alloc", bytes) >>> 0;
     if (pointer === 0) throw new RangeError(`no memory for ${bytes} bytes`);
     return pointer;
   }
@@ -858,7 +873,7 @@ class Visible extends Handle {
       // The indices are read where the library writes them: in a buffer that the set keeps.
       const { held } = this;
       if (held.bytes < 4 * count) {
-        wasm.exports.vis_free(held.buffer, held.bytes);
+        wasm.free(held.buffer, held.bytes);
         held.buffer = held.bytes = 0;
         held.buffer = wasm.allocate(8 * count);
         held.bytes = 8 * count;

@@ -457,19 +457,44 @@ for (const simd128 of [false, true]) {
   });
 
   test(say("after a fault inside the library, every call says so"), async () => {
+    // Modules whose function `f` is one instruction: a trap, and a call of itself without end.
+    const functionOf = async (...instruction) => {
+      const begin = [0, 97, 115, 109, 1, 0, 0, 0, 1, 4, 1, 96, 0, 0, 3, 2, 1, 0, 7, 5, 1, 1, 102, 0, 0, 10];
+      const { length } = instruction;
+      const module = [...begin, length + 4, 1, length + 2, 0, ...instruction, 11];
+      return (await WebAssembly.instantiate(new Uint8Array(module), {})).instance.exports.f;
+    };
+    const trap = await functionOf(0);
+    const overflow = await functionOf(16, 0);
+    for (const [fault, message] of [
+      [trap, /fault inside the library: unreachable/],
+      [overflow, /fault inside the library: .*stack/],
+    ]) {
+      const handle = (await load({ simd128 })).createScene();
+      const { exports } = handle.wasm;
+      handle.wasm.exports = { ...exports, vis_scene_count: fault };
+      assert.throws(() => handle.count, refused("PANIC", message));
+      handle.wasm.exports = { ...exports, vis_scene_destroy: fault, vis_free: fault };
+      assert.throws(() => handle.count, refused("PANIC", /an earlier fault inside the library/));
+      handle.destroy();
+    }
+    for (const [name, use] of [
+      ["vis_scene_destroy", (handle) => handle.destroy()],
+      ["vis_free", (handle) => handle.destroy()],
+      ["vis_alloc", (handle) => handle.insertAll({ bounds: new Float64Array(6000) })],
+      ["vis_last_error", (handle) => handle.remove(5n)],
+    ]) {
+      const handle = (await load({ simd128 })).createScene();
+      const { exports } = handle.wasm;
+      handle.wasm.exports = { ...exports, [name]: overflow };
+      assert.throws(() => use(handle), refused("PANIC", /stack/), name);
+      assert.throws(() => handle.count, refused("PANIC", /an earlier fault/), name);
+    }
+    // The arguments of the failing call need more memory than there was: the former is not freed any more.
     const handle = (await load({ simd128 })).createScene();
-    // A module whose function `f` traps.
-    const trap = [
-      0, 97, 115, 109, 1, 0, 0, 0, 1, 4, 1, 96, 0, 0, 3, 2, 1, 0, 7, 5, 1, 1, 102, 0, 0, 10, 5, 1, 3, 0, 0,
-      11,
-    ];
-    const { instance } = await WebAssembly.instantiate(new Uint8Array(trap), {});
     const { exports } = handle.wasm;
-    handle.wasm.exports = { ...exports, vis_scene_count: instance.exports.f };
-    assert.throws(() => handle.count, refused("PANIC", /fault inside the library: unreachable/));
-    handle.wasm.exports = { ...exports, vis_scene_destroy: instance.exports.f };
-    assert.throws(() => handle.count, refused("PANIC", /an earlier fault inside the library/));
-    handle.destroy();
+    handle.wasm.exports = { ...exports, vis_scene_insert_batch: trap, vis_free: assert.fail };
+    assert.throws(() => handle.insertAll({ bounds: new Float64Array(6000) }), refused("PANIC", /unreachable/));
   });
 
   test(say("indices are read where they are, and memory does not grow with frames"), () => {

@@ -10,24 +10,36 @@ import {
   NormalBlending,
   Sphere,
 } from "three";
+import { Surface, surfaceOfOne } from "./surfaces.js";
+
+/** Returns how many instances of an `InstancedMesh` are drawn: WebGL takes the whole part, of NaN 0. */
+export function countOf({ count }) {
+  return Math.max(0, Math.trunc(count) || 0);
+}
 
 /** Whether some of a mesh's instances can be left out. If not, it is drawn whole, or hidden whole. */
 export function canLeaveOut(mesh, renderer) {
   // WebGPURenderer reads instances elsewhere.
   if (!renderer.isWebGLRenderer) return false;
   if (mesh.isBatchedMesh) return true;
-  // Other attributes of instances would have to be put in the order of the matrices, too; and what is blended
-  // keeps the order that the user has chosen.
+  // Other attributes of instances would have to be put in the order of the matrices, too.
   const { attributes } = mesh.geometry;
   return (
+    (!mesh.instanceColor || mesh.instanceColor.array) &&
     [mesh.material].flat().every(isUnordered) &&
-    !Object.values(attributes).some((a) => a.isInstancedBufferAttribute)
+    !Object.values(attributes).some(
+      (a) => a.isInstancedBufferAttribute || a.data?.isInstancedInterleavedBuffer,
+    )
   );
 }
 
 /** Whether a picture is the same in whichever order the instances of a material are drawn. */
-function isUnordered({ transparent, depthWrite, blending }) {
-  return !transparent && depthWrite && (blending === NormalBlending || blending === NoBlending);
+function isUnordered(material) {
+  if (!material) return true;
+  const { transparent, depthWrite, blending } = material;
+  const isBlended = transparent || !depthWrite || (blending !== NormalBlending && blending !== NoBlending);
+  // What is blended keeps the order that the user has chosen; a shader of the user's own may count instances.
+  return !isBlended && surfaceOfOne(material) !== Surface.NeverHidden;
 }
 
 /** What a carrier is made of: three.js reads its attributes, and draws nothing. */
@@ -67,8 +79,11 @@ export class InstanceOrder {
     const { itemSize, normalized, version } = from;
     if (copy?.from === from && copy.fromVersion === version) return copy;
     const length = this.count * itemSize;
-    if (copy?.from !== from)
+    if (copy?.from !== from) {
+      // Frees the former buffers on the graphics card.
+      this.carrier.dispose();
       copy = new InstancedBufferAttribute(from.array.slice(0, length), itemSize, normalized);
+    }
     Object.assign(copy, { from, fromVersion: version, usage: from.usage });
     this.instances.forEach((instance, place) => {
       const at = instance * itemSize;
@@ -152,15 +167,21 @@ export function leaveOutInstances(mesh, order, isCamera) {
 
 /** Makes a `BatchedMesh` leave out the instances of a list when `isCamera` holds. Returns how to end. */
 export function leaveOutOfBatch(mesh, hidden, isCamera) {
+  const texture = mesh._matricesTexture;
+  const { version } = texture;
   const end = putCallbacks(mesh, {
     onBeforeRender(renderer, scene, camera, ...rest) {
-      // The mesh decides here what it draws, from what is visible: it is made so for that long.
-      const isHiding = isCamera(camera);
-      if (isHiding) for (const instance of hidden) mesh.setVisibleAt(instance, false);
+      // Callbacks of other meshes may have changed the batch since it was culled: what has moved may be
+      // visible; what they hide or delete stays so.
+      const isCulled = isCamera(camera) && mesh._matricesTexture === texture && texture.version === version;
+      const isShown = (info) => info?.active && info.visible;
+      const left = isCulled ? hidden.filter((i) => isShown(mesh._instanceInfo[i])) : [];
       try {
+        // The mesh decides here what it draws, from what is visible: it is made so for that long.
+        for (const instance of left) mesh.setVisibleAt(instance, false);
         BatchedMesh.prototype.onBeforeRender.call(mesh, renderer, scene, camera, ...rest);
       } finally {
-        if (isHiding) for (const instance of hidden) mesh.setVisibleAt(instance, true);
+        for (const instance of left) mesh.setVisibleAt(instance, true);
       }
     },
   });

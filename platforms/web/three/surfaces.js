@@ -6,7 +6,7 @@ import { BackSide, DoubleSide, LessDepth, LessEqualDepth, Material, NoBlending, 
 export const Surface = Object.freeze({ NeverHidden: 0, Hideable: 1, Front: 2, Back: 3, Double: 4 });
 
 /** Returns the surface of one material. */
-function surfaceOfOne(material) {
+export function surfaceOfOne(material) {
   const isHideable =
     // A shader of the user's own may move vertices, or draw in front of all else.
     !material.isShaderMaterial &&
@@ -131,6 +131,8 @@ export class Shape {
     this.drawRange = { ...geometry.drawRange };
     /** Least and greatest corner. Null if the geometry cannot be read. */
     this.box = box ?? (isReadable(position) ? boxOfPoints(position, range) : null);
+    /** Greatest coordinate of a vertex, without its sign. */
+    this.reach = this.box ? Math.max(...this.box.map(Math.abs)) : 0;
     /** For skinned meshes: boxes of what each bone moves, made when first needed. */
     this.bones = undefined;
   }
@@ -245,24 +247,4 @@ export function bonesOf({ attributes: { position, skinIndex, skinWeight } }) {
     greatest = Math.max(greatest, sum);
   }
   return { boxes, least, greatest };
-}
-
-/**
- * Writes the box around a box that a matrix of 16 numbers moves, relative to an origin. `margin` is added on
- * all sides. A matrix that is not affine gives a box of NaN.
- */
-export function moveBox(out, at, box, e, origin, margin = 0) {
-  const isAffine = e[3] === 0 && e[7] === 0 && e[11] === 0 && e[15] === 1;
-  for (let i = 0; i < 3; i++) {
-    let lower = isAffine ? e[12 + i] - origin[i] - margin : NaN;
-    let upper = lower + 2 * margin;
-    for (let j = 0; j < 3; j++) {
-      const a = e[i + 4 * j] * box[j];
-      const b = e[i + 4 * j] * box[3 + j];
-      lower += Math.min(a, b);
-      upper += Math.max(a, b);
-    }
-    out[at + i] = lower;
-    out[at + 3 + i] = upper;
-  }
 }

@@ -17,7 +17,7 @@ export interface CullingOptions {
    * Whether a mesh may be hidden. `undefined` leaves it to the mesh and its material: see the README. Asked
    * each frame for each mesh. `true` is a promise that the mesh stays within the box of its geometry, and
    * that what is in front hides it: not with `depthTest: false`, `stencilWrite` or a negative
-   * `polygonOffset`.
+   * `polygonOffset`. Instances of a shader of your own are hidden all or none.
    */
   cullable?(mesh: Mesh): boolean | undefined;
   /** Greatest number of triangles of a mesh that hides others: 16384 by default. */

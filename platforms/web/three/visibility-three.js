@@ -11,24 +11,16 @@
 //   4. shadows are drawn, of all casters; then mirrors and the like, of all objects; then what was collected
 //   5. `scene.onAfterRender`
 
-import { BatchedMesh, LOD, Layers, Matrix4, Object3D, WebGPUCoordinateSystem } from "three";
+import { BatchedMesh, LOD, Layers, Matrix3, Matrix4, Object3D, WebGPUCoordinateSystem } from "three";
 import { Depth, Flag, VisibilityError, indexOf, load } from "visibility-web";
-import { InstanceOrder, canLeaveOut, leaveOutInstances, leaveOutOfBatch } from "./instances.js";
-import { Shape, Surface, Surfaces, bonesOf, moveBox, sideOf } from "./surfaces.js";
+import { EMPTY, isPlacedWell, moveBox, place, skinnedBox } from "./boxes.js";
+import { InstanceOrder, canLeaveOut, countOf, leaveOutInstances, leaveOutOfBatch } from "./instances.js";
+import { Shape, Surface, Surfaces, bonesOf, sideOf } from "./surfaces.js";
 
 /** Greatest number of clip planes of a view. */
 const MOST_CLIP_PLANES = 10;
-/**
- * An occluder is used if single precision places it to this share of its size: a pixel if it fills the
- * picture.
- */
-const PLACED_TO = 1 / 1024;
-/** Relative error of a single-precision number, with room for the few roundings of a product of matrices. */
-const ROUNDING = 2 ** -21;
 
 const matrix = new Matrix4();
-const boneMatrix = new Matrix4();
-const bounds = new Float64Array(6);
 const NO_IDS = new BigUint64Array(0);
 
 /** The layers of what is hidden: no camera shows them. What is written goes to its own layers. */
@@ -82,14 +74,17 @@ class Entry {
 class Many {
   constructor(count) {
     this.count = count;
-    /**
-     * For a `BatchedMesh`: part of its geometry, shape and layers of each instance; -1 is the part of none.
-     */
+    /** For a `BatchedMesh`: part of its geometry, shape and layers of each instance. */
     this.parts = this.shapes = this.layers = null;
     /** Indices of the instances in the library. */
     this.indices = null;
     /** For an `InstancedMesh`: its instances, those visible first, by renderer that has drawn it in part. */
-    this.orders = new WeakMap();
+    this.orders = new Map();
+  }
+
+  /** Frees what graphics cards have of it. */
+  dispose() {
+    for (const { carrier } of this.orders.values()) carrier.dispose();
   }
 }
 
@@ -118,7 +113,12 @@ export class VisibilityCulling {
   /** Point of the world that the library's coordinates are relative to. */
   #origin = null;
   #surfaces = new Surfaces();
+  /** By geometry: its shapes, by part. */
   #shapes = new WeakMap();
+  /** Shapes that have lost a last user: freed unless the same frame gives them another. */
+  #unused = new Set();
+  /** Whether planes of the renderer cut what is drawn. */
+  #isClipped = false;
   /** Entries to be added to the library, and those that have moved. */
   #added = [];
   #moved = [];
@@ -184,6 +184,7 @@ export class VisibilityCulling {
     for (const camera of [...this.#cameras.keys()]) this.removeCamera(camera);
     this.#followed?.destroy();
     this.#followed = this.#visibility = null;
+    for (const { many } of this.#entries.values()) many?.dispose();
     this.#entries.clear();
     this.#order = [];
   }
@@ -204,7 +205,10 @@ export class VisibilityCulling {
     this.#origin ??= camera.matrixWorld.elements
       .slice(12, 15)
       .map((x) => (Number.isFinite(x) ? Math.round(x) : 0));
-    if (!this.#look(tools.view, eye, renderer.clippingPlanes ?? [])) return;
+    // WebGPURenderer has no planes of its own.
+    const planes = (renderer.isWebGLRenderer && renderer.clippingPlanes) || [];
+    this.#isClipped = planes.length > 0;
+    if (!this.#look(tools.view, eye, planes)) return;
     this.#follow(camera);
     const followed = performance.now();
     const { occluders, visible } = tools.pipeline.cull(this.#followed, tools.view, tools.visible);
@@ -233,10 +237,11 @@ export class VisibilityCulling {
   }
 
   /**
-   * Sets a view to a camera of three.js. False if the camera has no view, such as one whose matrix is NaN.
+   * Sets a view to a camera of three.js. False if the camera has no view, such as one whose matrix is NaN, or
+   * one of which it is not known which surfaces it draws.
    */
   #look(view, camera, clippingPlanes) {
-    if (clippingPlanes.length > MOST_CLIP_PLANES) return false;
+    if (clippingPlanes.length > MOST_CLIP_PLANES || !drawsNearestFronts(camera)) return false;
     const [x, y, z] = this.#origin;
     matrix.multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
     const clip = Float64Array.from(matrix.elements);
@@ -281,6 +286,8 @@ export class VisibilityCulling {
       }
     }
     this.#insert();
+    for (const shape of this.#unused) if (shape.users === 0) shape.free(this.#followed);
+    this.#unused.clear();
     this.#move();
     this.#followed.maintain();
     this.#isFollowed = true;
@@ -293,7 +300,8 @@ export class VisibilityCulling {
       // A bundle records draw calls of the meshes that are visible at that time; a clipping group cuts holes
       // into occluders.
       if (object.isBundleGroup || object.isClippingGroup) return;
-      groupOrder = object.renderOrder;
+      // As the renderer does: groups that are not on its layers have no order.
+      if (object.layers.test(camera.layers)) groupOrder = object.renderOrder;
     } else if (object.isLOD && isShown && object.autoUpdate && object.layers.test(camera.layers)) {
       // As the renderer will do: only then it is known which level is drawn.
       object.update(camera);
@@ -313,18 +321,19 @@ export class VisibilityCulling {
     this.#order[this.#met++] = entry;
     entry.frame = this.#frame;
 
+    const layers = isShown ? object.layers.mask >>> 0 : 0;
     const surface = groupOrder === 0 ? this.#surfaceOf(entry) : Surface.NeverHidden;
     if (surface !== entry.surface || object.geometry !== entry.geometry || this.#isAnew(entry)) {
       this.#remove(entry);
-      entry.surface = surface;
+      // Until it is shown, its content may be written without `needsUpdate`: it is read then.
+      entry.surface = layers === 0 ? Surface.NeverHidden : surface;
       entry.geometry = object.geometry;
-      if (surface === Surface.NeverHidden || !this.#shape(entry)) return;
-      entry.layers = isShown ? object.layers.mask >>> 0 : 0;
+      if (entry.surface === Surface.NeverHidden || !this.#shape(entry)) return;
+      entry.layers = layers;
       this.#added.push(entry);
       return;
     }
     if (entry.count === 0) return;
-    const layers = isShown ? object.layers.mask >>> 0 : 0;
     if (layers !== entry.layers || entry.many?.layers) this.#setLayers(entry, layers);
     if (this.#hasMoved(entry) || object.isSkinnedMesh) this.#moved.push(entry);
     else if (entry.waits) this.#setMeshes(entry);
@@ -373,7 +382,9 @@ export class VisibilityCulling {
       object.renderOrder !== 0 ||
       geometry.morphAttributes.position !== undefined ||
       object.morphTexture ||
-      object.instanceMatrix?.isStorageInstancedBufferAttribute
+      // Matrices on the graphics card alone; instances that have bones, too.
+      (object.isInstancedMesh && !hasMatrices(object)) ||
+      (object.isSkinnedMesh && matricesOf(object))
     )
       return Surface.NeverHidden;
     let surface;
@@ -382,14 +393,14 @@ export class VisibilityCulling {
       if (entry.known?.material !== material) entry.known = this.#surfaces.of(material);
       surface = this.#surfaces.refresh(entry.known);
     }
-    // Geometries with instances of their own are drawn anywhere.
-    if (!object.frustumCulled || geometry.isInstancedBufferGeometry) surface = Surface.NeverHidden;
+    if (!object.frustumCulled || isCountedElsewhere(object)) surface = Surface.NeverHidden;
     const { cullable, occluder } = this.#options;
     if (cullable) {
       const choice = cullable(object);
       if (choice === false) return Surface.NeverHidden;
       if (choice === true) surface = Math.max(surface, Surface.Hideable);
     }
+    if (this.#isClipped && [material].flat().some(isUnclipped)) return Surface.NeverHidden;
     if (object.isSkinnedMesh) return Math.min(surface, Surface.Hideable);
     if (occluder && surface !== Surface.NeverHidden) {
       const choice = occluder(object);
@@ -406,7 +417,7 @@ export class VisibilityCulling {
       shape.frame = this.#frame;
     }
     if (many === null) return false;
-    if (object.isInstancedMesh) return object.count !== many.count;
+    if (object.isInstancedMesh) return countOf(object) !== many.count;
     const infos = object._instanceInfo;
     // A batch that was disposed of has no matrices any more.
     return (
@@ -416,16 +427,26 @@ export class VisibilityCulling {
     );
   }
 
+  /** Returns the known shapes of a geometry, by part. None is known if it has changed anywhere. */
+  #shapesOf(geometry) {
+    let shapes = this.#shapes.get(geometry);
+    if (!shapes?.get(NONE).isCurrent()) {
+      shapes = new Map([[NONE, new Shape(geometry, EMPTY)]]);
+      this.#shapes.set(geometry, shapes);
+    }
+    return shapes;
+  }
+
   /** Finds the shapes of an entry. False if its geometry cannot be read, so that it is never hidden. */
   #shape(entry) {
     const { object, geometry } = entry;
     if (object.isBatchedMesh) return this.#shapeBatch(entry);
-    let shape = this.#shapes.get(geometry);
-    if (!shape?.isCurrent()) this.#shapes.set(geometry, (shape = new Shape(geometry)));
-    entry.shape = shape;
+    const shapes = this.#shapesOf(geometry);
+    if (!shapes.has(ALL)) shapes.set(ALL, new Shape(geometry));
+    const shape = (entry.shape = shapes.get(ALL));
     if (object.isInstancedMesh) {
-      entry.many = new Many(object.count);
-      if (!(object.instanceMatrix.array?.length >= 16 * object.count)) return false;
+      entry.many = new Many(countOf(object));
+      if (object.instanceMatrix.array.length < 16 * entry.many.count) return false;
     } else if (object.isSkinnedMesh) {
       shape.bones ??= bonesOf(geometry);
       if (!shape.bones) return false;
@@ -440,7 +461,7 @@ export class VisibilityCulling {
     if (!Array.isArray(infos) || !(object._matricesTexture?.version >= 0)) return false;
     const many = (entry.many = new Many(infos.length));
     many.parts = infos.map(partOf);
-    const shapes = new Map([[-1, new Shape(geometry, EMPTY)]]);
+    const shapes = this.#shapesOf(geometry);
     for (const part of many.parts)
       if (!shapes.has(part)) shapes.set(part, new Shape(geometry, null, object.getGeometryRangeAt(part)));
     many.shapes = many.parts.map((part) => shapes.get(part));
@@ -465,8 +486,9 @@ export class VisibilityCulling {
   #remove(entry) {
     if (entry.count > 0) {
       this.#followed.removeAll(entry.ids);
-      for (const shape of shapesOf(entry)) if (--shape.users === 0) shape.free(this.#followed);
+      for (const shape of shapesOf(entry)) if (--shape.users === 0) this.#unused.add(shape);
     }
+    entry.many?.dispose();
     entry.ids = NO_IDS;
     entry.count = 0;
     entry.shape = entry.many = null;
@@ -536,21 +558,16 @@ export class VisibilityCulling {
   /** Writes the boxes of an entry. */
   #boxes(entry, out, at) {
     const { object, shape, many } = entry;
-    const world = object.matrixWorld;
-    if (object.isSkinnedMesh) skinnedBox(object, shape.bones, out, at, this.#origin);
-    else if (many === null) moveBox(out, at, shape.box, world.elements, this.#origin);
-    else {
-      // The graphics card multiplies matrices of the mesh and the instance in single precision.
-      const rounding = ROUNDING * world.getMaxScaleOnAxis();
-      for (let i = 0; i < many.count; i++, at += 6) {
-        const { box } = many.shapes?.[i] ?? shape;
-        if (box === EMPTY) out.set(EMPTY, at);
-        else {
-          object.getMatrixAt(i, matrix);
-          const [x, y, z] = [12, 13, 14].map((k) => Math.abs(matrix.elements[k]));
-          const margin = rounding * Math.max(x, y, z);
-          moveBox(out, at, box, matrix.premultiply(world).elements, this.#origin, margin);
-        }
+    if (object.isSkinnedMesh) {
+      skinnedBox(object, shape, out, at, this.#origin);
+      return;
+    }
+    for (let i = 0; i < (many?.count ?? 1); i++, at += 6) {
+      const { box } = many?.shapes?.[i] ?? shape;
+      if (box === EMPTY) out.set(EMPTY, at);
+      else {
+        const margin = place(entry, i, matrix);
+        moveBox(out, at, box, matrix.elements, this.#origin, margin);
       }
     }
   }
@@ -563,13 +580,10 @@ export class VisibilityCulling {
     if (!boxes) this.#boxes(entry, (boxes = new Float64Array(6 * count)), 0);
     for (let i = 0; i < count; i++) {
       const own = many?.shapes?.[i] ?? shape;
-      if (own.box === EMPTY || !isPlacedWell(boxes, at + 6 * i)) continue;
-      if (many) {
-        object.getMatrixAt(i, matrix);
-        // The graphics card takes the front for the back if an instance is mirrored.
-        if (surface !== Surface.Double && !(matrix.determinant() > 0)) continue;
-        matrix.premultiply(object.matrixWorld);
-      } else matrix.copy(object.matrixWorld);
+      if (own.box === EMPTY || !isPlacedWell(boxes, at + 6 * i, place(entry, i, matrix))) continue;
+      // The graphics card takes the front for the back if an instance is mirrored, beside its mesh.
+      const isMirrored = many !== null && !(matrix.determinant() * object.matrixWorld.determinant() > 0);
+      if (isMirrored && surface !== Surface.Double) continue;
       const mesh = own.mesh(this.#followed, surface, this.#options.maxOccluderTriangles);
       if (mesh === null) continue;
       for (let k = 0; k < 3; k++) matrix.elements[12 + k] -= this.#origin[k];
@@ -650,12 +664,12 @@ export class VisibilityCulling {
   }
 }
 
-/** The box of nothing: the library never hides an object that has it. */
-const EMPTY = new Float64Array([1, 1, 1, -1, -1, -1]);
+/** Parts of a geometry that are no parts of a `BatchedMesh`: nothing of it, and all. */
+const [NONE, ALL] = [-1, -2];
 
-/** Returns the part of its geometry that an instance of a `BatchedMesh` has, -1 for none. */
+/** Returns the part of its geometry that an instance of a `BatchedMesh` has. */
 function partOf({ active, geometryIndex }) {
-  return active ? geometryIndex : -1;
+  return active ? geometryIndex : NONE;
 }
 
 /** Returns the layers of an instance: none if the user has hidden it. */
@@ -673,40 +687,31 @@ function matricesOf({ instanceMatrix, _matricesTexture }) {
   return instanceMatrix ?? _matricesTexture;
 }
 
-/** Writes a box that holds a skinned mesh: a vertex is within the hull of where its bones would put it. */
-function skinnedBox(mesh, bones, out, at, origin) {
-  const { skeleton, bindMatrix, bindMatrixInverse, matrixWorld } = mesh;
-  // Nobody knows where bones are that are not there.
-  if (!(bones.boxes.length <= Math.min(skeleton?.bones.length, skeleton?.boneInverses.length))) {
-    out.fill(NaN, at, at + 6);
-    return;
-  }
-  const local = new Float64Array([Infinity, Infinity, Infinity, -Infinity, -Infinity, -Infinity]);
-  let reach = 0;
-  bones.boxes.forEach((box, i) => {
-    const bone = skeleton.bones[i];
-    boneMatrix.copy(bindMatrixInverse);
-    if (bone) boneMatrix.multiply(bone.matrixWorld);
-    boneMatrix.multiply(skeleton.boneInverses[i]).multiply(bindMatrix);
-    moveBox(bounds, 0, box, boneMatrix.elements, [0, 0, 0]);
-    for (let k = 0; k < 6; k++) {
-      // Weights whose sum is not 1 move the vertex towards the mesh's origin, or away from it.
-      const ends = [bounds[k] * bones.least, bounds[k] * bones.greatest];
-      local[k] = k < 3 ? Math.min(local[k], ...ends) : Math.max(local[k], ...ends);
-    }
-    if (bone) for (let k = 12; k < 15; k++) reach = Math.max(reach, Math.abs(bone.matrixWorld.elements[k]));
-  });
-  // The graphics card has the matrices of bones in single precision.
-  const size = Math.max(...local.map(Math.abs), reach);
-  moveBox(out, at, local, matrixWorld.elements, origin, ROUNDING * size * matrixWorld.getMaxScaleOnAxis());
+/** Whether matrices of instances can be read: not when they are on the graphics card alone. */
+function hasMatrices({ instanceMatrix }) {
+  return instanceMatrix?.array && !instanceMatrix.isStorageInstancedBufferAttribute;
 }
 
-/** Whether single precision places what is in a box well enough for an occluder. */
-function isPlacedWell(boxes, at) {
-  let [size, reach] = [0, 0];
-  for (let k = at; k < at + 3; k++) {
-    size = Math.max(size, boxes[3 + k] - boxes[k]);
-    reach = Math.max(reach, Math.abs(boxes[k]), Math.abs(boxes[3 + k]));
-  }
-  return reach * 2 ** -24 <= PLACED_TO * size;
+/** Whether a mesh is drawn at several places, or not at all, by a count that is not looked at here. */
+function isCountedElsewhere({ geometry, isInstancedMesh, count = 1 }) {
+  return geometry.isInstancedBufferGeometry || geometry.indirect || (!isInstancedMesh && count !== 1);
+}
+
+/** Whether a shader draws what planes of the renderer cut. */
+function isUnclipped(material) {
+  return material?.isShaderMaterial && !material.clipping;
+}
+
+/**
+ * Whether a camera draws the fronts of meshes, and the nearest of them: by these, occluders hide. A mirrored
+ * camera draws the backs, since three.js looks at the matrix of the mesh alone. Where the eye is beyond the near
+ * plane, depth shrinks with the distance.
+ */
+function drawsNearestFronts({ projectionMatrix, matrixWorldInverse, reversedDepth }) {
+  const e = projectionMatrix.elements;
+  // Of x, y and w: below 0 for perspectives that are not mirrored, 0 for parallel projections.
+  const picture = new Matrix3().set(e[0], e[4], e[8], e[1], e[5], e[9], e[3], e[7], e[11]).determinant();
+  const depth = projectionMatrix.determinant() * (reversedDepth ? -1 : 1);
+  const side = matrixWorldInverse.determinant();
+  return picture * side <= 0 && depth * side < 0;
 }

@@ -69,11 +69,16 @@ function castShadows(object, camera, shadowCamera, casters, uploaded, renderer) 
   for (const child of object.children) castShadows(child, camera, shadowCamera, casters, uploaded, renderer);
 }
 
-/** What each buffer of a renderer's graphics card has: by attribute, its content when it was sent. */
+/** Buffers of a graphics card: by attribute, its content when it was sent; and the meshes that have any. */
+class Buffers extends Map {
+  meshes = new Set();
+}
+
 const cards = new WeakMap();
 
-function buffersOf(renderer) {
-  if (!cards.has(renderer)) cards.set(renderer, new WeakMap());
+/** Returns what the graphics card of a renderer has, by default of that of all tests. */
+export function buffersOf(renderer = RENDERER) {
+  if (!cards.has(renderer)) cards.set(renderer, new Buffers());
   return cards.get(renderer);
 }
 
@@ -82,6 +87,15 @@ function upload(object, uploaded, renderer) {
   uploaded.set(object, true);
   if (!object.isInstancedMesh) return;
   const buffers = buffersOf(renderer);
+  if (!buffers.meshes.has(object)) {
+    buffers.meshes.add(object);
+    object.addEventListener("dispose", function free() {
+      object.removeEventListener("dispose", free);
+      buffers.meshes.delete(object);
+      buffers.delete(object.instanceMatrix);
+      buffers.delete(object.instanceColor);
+    });
+  }
   for (const attribute of [object.instanceMatrix, object.instanceColor]) {
     if (!attribute) continue;
     const buffer = buffers.get(attribute);
@@ -111,11 +125,13 @@ export class Drawn {
     if (object.isInstancedMesh) {
       const { content } = this.#buffers.get(object.instanceMatrix) ?? { content: [] };
       const keys = new Set();
-      for (let i = 0; i < object.count; i++) keys.add(keyOf(content, i));
+      // WebGL takes the whole part of a number, and draws nothing of one below 0.
+      const count = Math.trunc(object.count);
+      for (let i = 0; i < count; i++) keys.add(keyOf(content, i));
       this.#instances.set(object, keys);
       const colors = object.instanceColor && this.#buffers.get(object.instanceColor)?.content;
       if (colors)
-        for (let i = 0; i < object.count; i++)
+        for (let i = 0; i < count; i++)
           keys.add(`${keyOf(content, i)}:${[...colors.slice(3 * i, 3 * i + 3)]}`);
     } else if (object.isBatchedMesh) {
       const data = object._indirectTexture.image.data;

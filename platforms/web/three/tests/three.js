@@ -4,57 +4,21 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import * as THREE from "three";
-import { load } from "visibility-web";
 import { VisibilityCulling } from "../visibility-three.js";
 import { seenBy } from "./oracle.js";
 import { render } from "./renderer.js";
-
-const visibility = await load();
-
-/** A generator of numbers from 0 to 1, the same on every machine. */
-function randomOf(seed) {
-  let state = seed;
-  return () => {
-    state = (Math.imul(state, 1664525) + 1013904223) >>> 0;
-    return state / 2 ** 32;
-  };
-}
-
-const BOX = new THREE.BoxGeometry(1, 1, 1);
-const SPHERE = new THREE.SphereGeometry(0.5, 8, 6);
-const grey = () => new THREE.MeshBasicMaterial();
-
-function perspective({ x = 0, y = 0, z = 0, near = 0.1, far = 500, fov = 60 } = {}) {
-  const camera = new THREE.PerspectiveCamera(fov, 16 / 9, near, far);
-  camera.position.set(x, y, z);
-  return camera;
-}
-
-async function culled(scene, cameras, options) {
-  const culling = new VisibilityCulling(scene, cameras, { visibility, ...options });
-  await culling.ready;
-  return culling;
-}
-
-/** A wall across the view at z = -10, and a lamp behind it. The camera looks along -z. */
-function street({ wall = new THREE.Mesh(BOX, grey()), lamp = new THREE.Mesh(BOX, grey()) } = {}) {
-  const scene = new THREE.Scene();
-  wall.position.z = -10;
-  wall.scale.set(60, 60, 1);
-  lamp.position.z = -20;
-  scene.add(wall, lamp);
-  return { scene, wall, lamp, camera: perspective() };
-}
-
-/** Returns whether the lamp of a street is drawn, in the second frame: by then all stands still. */
-async function isLampDrawn(made, options) {
-  const { scene, lamp, camera } = made;
-  const culling = await culled(scene, camera, options);
-  render(scene, camera);
-  const { drawn } = render(scene, camera);
-  culling.dispose();
-  return drawn.has(lamp, 0);
-}
+import {
+  BOX,
+  SPHERE,
+  culled,
+  fourBoxes,
+  grey,
+  isLampDrawn,
+  perspective,
+  randomOf,
+  snake,
+  street,
+} from "./scenes.js";
 
 test("what is behind a wall, and what is beside the view, is not drawn; then all is as it was", async () => {
   const { scene, wall, lamp, camera } = street();
@@ -600,18 +564,24 @@ test("instances that move, come, go or change their part are followed", async ()
   culling.dispose();
 });
 
-test("an instance that is mirrored hides from its drawn side alone", async () => {
-  for (const [mirror, isHidden] of [
-    [1, true],
-    [-1, false],
+test("an instance that is mirrored hides from its drawn side alone, its mesh mirrored or not", async () => {
+  for (const [mesh, instance] of [
+    [1, 1],
+    [1, -1],
+    [-1, 1],
+    [-1, -1],
   ]) {
-    const place = new THREE.Matrix4().makeScale(60 * mirror, 60, 1).setPosition(0, 0, -10);
     const wall = new THREE.InstancedMesh(new THREE.PlaneGeometry(1, 1), grey(), 1);
-    wall.setMatrixAt(0, place);
+    wall.setMatrixAt(0, new THREE.Matrix4().makeScale(60 * instance, 60, 1).setPosition(0, 0, -10));
+    wall.scale.x = mesh;
     const { scene, lamp, camera } = street();
     scene.children[0].visible = false;
     scene.add(wall);
-    assert.equal(await isLampDrawn({ scene, lamp, camera }), !isHidden, `mirror ${mirror}`);
+    assert.equal(
+      await isLampDrawn({ scene, lamp, camera }),
+      instance < 0,
+      `mesh ${mesh}, instance ${instance}`,
+    );
   }
 });
 
@@ -644,16 +614,6 @@ test("a mesh of instances that three.js culls casts its shadow", async () => {
   assert.deepEqual([casters.has(boxes, 0), casters.has(boxes, 1)], [true, true]);
   culling.dispose();
 });
-
-/** Three boxes before the wall, side by side, and one behind it. */
-function fourBoxes(material = grey()) {
-  const made = street();
-  const boxes = new THREE.InstancedMesh(BOX, material, 4);
-  const put = (i, x, z) => boxes.setMatrixAt(i, new THREE.Matrix4().makeTranslation(x, 0, z));
-  for (let i = 0; i < 4; i++) put(i, 3 * i - 3, i === 0 ? -20 : -8);
-  made.scene.add(boxes);
-  return { ...made, boxes, put };
-}
 
 test("each renderer has the instances that it draws on its own graphics card", async () => {
   const { scene, wall, boxes } = fourBoxes();
@@ -968,32 +928,6 @@ function town(random) {
     pick(groups.slice(1)).visible = random() < 0.7;
   };
   return { scene, step };
-}
-
-/** A tube of bones. */
-function snake(between) {
-  const geometry = new THREE.CylinderGeometry(0.4, 0.4, 8, 6, 8);
-  const { position } = geometry.attributes;
-  const [indices, weights] = [[], []];
-  for (let i = 0; i < position.count; i++) {
-    const at = Math.min(Math.max((position.getY(i) + 4) / 2, 0), 3.99);
-    indices.push(Math.floor(at), Math.floor(at) + 1, 0, 0);
-    weights.push(1 - (at % 1), at % 1, 0, 0);
-  }
-  geometry.setAttribute("skinIndex", new THREE.Uint16BufferAttribute(indices, 4));
-  geometry.setAttribute("skinWeight", new THREE.Float32BufferAttribute(weights, 4));
-  const bones = [];
-  for (let i = 0; i < 5; i++) {
-    const bone = new THREE.Bone();
-    bone.position.y = i === 0 ? -4 : 2;
-    bones[i - 1]?.add(bone);
-    bones.push(bone);
-  }
-  const mesh = new THREE.SkinnedMesh(geometry, grey());
-  mesh.add(bones[0]);
-  mesh.bind(new THREE.Skeleton(bones));
-  mesh.rotation.y = between(0, 6);
-  return { mesh, bones };
 }
 
 const CAMERAS = {
