@@ -62,29 +62,3 @@ export function builtIn(name, lists) {
   }));
   return { model: modelOfTriangles({ counts, triangles, colors, material }), walk };
 }
-
-/** Number of cameras of a walk through a model of a file. */
-const TOUR = 48;
-
-/** A walk for a model without one: from outside in a spiral to its middle, always looking ahead and inwards. */
-export function tourOf(box, near) {
-  const [x0, y0, z0, x1, y1, z1] = box;
-  const middle = [(x0 + x1) / 2, (y0 + y1) / 2, (z0 + z1) / 2];
-  const [width, height, depth] = [x1 - x0, y1 - y0, z1 - z0];
-  const place = (part) => {
-    const angle = 0.9 + 2 * Math.PI * 1.25 * part;
-    const reach = 1 - 0.9 * part;
-    return [
-      middle[0] + 0.95 * width * reach * Math.cos(angle),
-      y0 + height * (0.4 + 0.9 * reach ** 2),
-      middle[2] + 0.95 * depth * reach * Math.sin(angle),
-    ];
-  };
-  return Array.from({ length: TOUR }, (_, key) => {
-    const eye = place(key / TOUR);
-    const ahead = place((key + 4) / TOUR);
-    const part = Math.max(0, 0.8 - key / TOUR);
-    const target = ahead.map((x, i) => x + part * (middle[i] - x));
-    return { eye, target, up: [0, 1, 0], fovY: 1.05, aspect: 1, near };
-  });
-}

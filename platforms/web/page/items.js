@@ -101,6 +101,8 @@ function batchMaterial(material) {
     Object.assign(made, { transparent: true, opacity: 0.3, depthWrite: false });
   }
   made.color?.copy(white);
+  // There is nothing for metal to mirror: it would be black.
+  if (made.metalness > 0) made.metalness = Math.min(made.metalness, 0.2);
   return made;
 }
 

@@ -50,7 +50,7 @@ export class Outlines {
         flat in float outsideness;
         out vec4 color;
         void main() {
-          color = linearToOutputTexel(vec4(mix(hidden, outside, outsideness), mix(0.55, 0.3, outsideness)));
+          color = linearToOutputTexel(vec4(mix(hidden, outside, outsideness), mix(0.4, 0.25, outsideness)));
         }`,
     });
     this.lines = new LineSegments(this.geometry, this.material);

@@ -1,7 +1,7 @@
 // Flies through a model, draws what the cullers leave, and says what that saves and whether it is right.
 
 import { load } from "../package/visibility.js";
-import { BUILT_IN, builtIn, tourOf } from "./builtin.js";
+import { BUILT_IN, builtIn } from "./builtin.js";
 import { Flyer, add } from "./camera.js";
 import { Culling, STAGES } from "./culling.js";
 import { makeModel } from "./items.js";
@@ -11,6 +11,7 @@ import { Panel } from "./panel.js";
 import { Picture } from "./picture.js";
 import { saveReport } from "./report.js";
 import { loadRecipes } from "./scene.js";
+import { walksOf } from "./walks.js";
 
 /** Keys of a walk that pass in a second. */
 const KEYS_PER_SECOND = 2;
@@ -36,9 +37,9 @@ const state = {
 };
 const toggles = { walk: !query.has("still"), freeze: false, above: false, ghosts: false, measure: true };
 /** For tests and for the curious: what the page is doing. */
-window.page = { state, toggles, goTo, chooseScene, chooseStages, toggle, openFiles, report, pickAt };
+window.page = { state, toggles, goTo, chooseScene, chooseStages, toggle, openFiles, report, pickAt, turnUpright, lookFrom, judgeWithout };
 
-const panel = new Panel({ chooseScene, chooseStages, toggle, openFiles, report });
+const panel = new Panel({ chooseScene, chooseStages, toggle, openFiles, report, turnUpright });
 let visibility, recipes, picture, judge, flyer, culling, walk;
 /** The number of the load that is going on: a later one ends the earlier. */
 let loads = 0;
@@ -93,10 +94,12 @@ async function show(name, make) {
   toggle("walk", !query.has("still"));
   chooseStages(state.stages);
   goTo(0);
+  // A person who opens a file sees it from outside first.
+  if (made.facts) goTo(walk.length - 24);
   state.loadMs = performance.now() - start;
   state.loading = false;
   panel.say("");
-  panel.sceneIs(name);
+  panel.sceneIs(name, Boolean(state.facts.files));
   await culling.makeOccluders(progress);
   if (!isCurrent()) return;
   drawnSignature = "";
@@ -112,18 +115,20 @@ function chooseScene(name) {
   });
 }
 
-function openFiles(files) {
+/** Opens files. With `zUp` their z axis points up, against the rule of glTF. */
+function openFiles(files, zUp = false) {
   if (files.length === 0) return;
   return show(files[0].name, async (progress) => {
     const { root, name, bytes, cameras } = await loadModel(files, picture.renderer, progress);
+    if (zUp) root.rotation.x -= Math.PI / 2;
     const model = await makeModel(root, progress);
     progress("Building the hierarchy");
     const box = model.box;
     const size = Math.hypot(box[3] - box[0], box[4] - box[1], box[5] - box[2]);
-    const tour = tourOf(box, Math.max(1e-4 * size, 1e-5));
+    const tour = walksOf(model.bounds, box, Math.max(1e-4 * size, 1e-5));
     const own = cameras.filter(({ isPerspectiveCamera }) => isPerspectiveCamera).map(cameraOf);
     const keys = own.map((camera) => ({ ...camera, near: tour[0].near }));
-    return { model, culling: Culling.ofModel(visibility, model), walk: [...keys, ...tour], facts: { name, bytes } };
+    return { model, culling: Culling.ofModel(visibility, model), walk: [...keys, ...tour], facts: { name, bytes, files, zUp } };
   });
 }
 
@@ -133,6 +138,12 @@ function cameraOf(camera) {
   const e = camera.matrixWorld.elements;
   const eye = [e[12], e[13], e[14]];
   return { eye, target: add(eye, [-e[8], -e[9], -e[10]]), up: [0, 1, 0], fovY: FOV_Y };
+}
+
+/** Opens the files of the present model again, with the other axis upwards. */
+function turnUpright() {
+  const { files, zUp } = state.facts;
+  if (files) openFiles(files, !zUp);
 }
 
 function chooseStages(names) {
@@ -145,7 +156,8 @@ function chooseStages(names) {
     near,
   });
   toggle("freeze", false);
-  checked.signature = drawnSignature = "";
+  checked = { ...checked, signature: "", result: null };
+  drawnSignature = "";
   times = [];
   panel.stagesAre(culling.offered, culling.chosen);
 }
@@ -255,6 +267,21 @@ function pickAt(place) {
   panel.pickedIs({ ...state.picked, triangles: picture.model.triangles[item] });
 }
 
+/** Looks from a point at another, until a person flies on. */
+function lookFrom(eye, target) {
+  still = { ...walk[0], eye, target, up: [0, 1, 0] };
+  flyer.follow(still);
+  toggle("walk", false);
+}
+
+/** What the judge says if an item of the last frame is left out: for tests that it sees mistakes. */
+function judgeWithout(item) {
+  const bits = state.seen.slice();
+  bits[item >>> 5] &= ~(1 << (item & 31));
+  drawnSignature = "";
+  return judge.compare(picture, state.camera, bits);
+}
+
 /** Makes the report of a walk and saves it as a file. */
 async function report() {
   const former = { key, still, ...toggles };
@@ -282,6 +309,7 @@ addEventListener("keydown", ({ code, target, ctrlKey, metaKey, altKey }) => {
   if (ctrlKey || metaKey || altKey || target.closest?.("select, input, dialog")) return;
   const names = { KeyP: "walk", KeyV: "above", KeyX: "ghosts", KeyF: "freeze", KeyM: "measure" };
   if (names[code]) toggle(names[code]);
+  if (code === "KeyZ") turnUpright();
   if (code === "KeyC") {
     // Frustum alone, then with each of the others.
     const sets = ["", ...culling.offered.filter((name) => name !== "frustum")];

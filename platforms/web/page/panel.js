@@ -23,6 +23,7 @@ export class Panel {
       if (target.value) act.chooseScene(target.value);
       target.blur();
     });
+    element("upright").addEventListener("click", () => act.turnUpright());
     const file = element("file");
     element("choose").addEventListener("click", () => file.click());
     file.addEventListener("change", () => {
@@ -69,7 +70,9 @@ export class Panel {
     );
   }
 
-  sceneIs(name) {
+  /** `isFile` is whether a person has opened the model. */
+  sceneIs(name, isFile) {
+    element("upright").hidden = !isFile;
     const select = element("scene");
     select.value = name;
     if (select.value !== name) select.value = "";

@@ -41,26 +41,26 @@ export class Picture {
     this.renderer.info.autoReset = false;
     this.shade = new Shade(this.renderer);
     this.scene = new Scene();
-    this.sky = new HemisphereLight("#dfeaf5", "#8a7f72", 1.5);
-    this.sun = new DirectionalLight("#fff1dc", 2.2);
+    this.sky = new HemisphereLight("#dfeaf5", "#7d7468", 1.0);
+    this.sun = new DirectionalLight("#fff1dc", 2.3);
     this.sun.castShadow = true;
     this.sun.shadow.mapSize.set(2048, 2048);
     this.sun.shadow.autoUpdate = false;
-    this.scene.add(this.sky, this.sun, this.sun.target, new AmbientLight("#ffffff", 0.25));
+    this.scene.add(this.sky, this.sun, this.sun.target, new AmbientLight("#ffffff", 0.15));
     this.camera = new PerspectiveCamera();
     this.map = new OrthographicCamera();
     this.materials = {
       glow: new MeshBasicMaterial({
         color: COLORS.hidden,
         transparent: true,
-        opacity: 0.1,
+        opacity: 0.035,
         depthTest: false,
         depthWrite: false,
         blending: AdditiveBlending,
         side: DoubleSide,
       }),
-      hidden: new MeshLambertMaterial({ color: "#8a3d1e", side: DoubleSide }),
-      outside: new MeshLambertMaterial({ color: "#2b3949", side: DoubleSide }),
+      hidden: new MeshLambertMaterial({ color: "#c25a30", side: DoubleSide }),
+      outside: new MeshLambertMaterial({ color: "#455970", side: DoubleSide }),
     };
     this.outlines = new Outlines(COLORS);
     this.lines = new LineSegments(new BufferGeometry(), new LineBasicMaterial({ color: COLORS.seen, depthTest: false }));

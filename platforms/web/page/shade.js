@@ -75,6 +75,7 @@ const COMPOSITE = `
   uniform sampler2D occlusion;
   uniform vec2 pixel;
   uniform vec3 sky;
+  uniform mat4 toWorld;
   uniform float haze;
   uniform float strength;
   out vec4 color;
@@ -95,8 +96,10 @@ const COMPOSITE = `
       lit = tone(0.8 * lit);
       lit = mix(lit, sky, haze > 0.0 ? 0.75 * (1.0 - exp(here / haze)) : 0.0);
     } else {
-      // Haze near the horizon, deeper blue above.
-      lit = mix(sky, sky * vec3(0.62, 0.76, 0.95), haze > 0.0 ? smoothstep(0.45, 1.1, at.y) : 0.0);
+      // Haze at the horizon, deeper blue above, ground below.
+      float up = haze > 0.0 ? normalize(mat3(toWorld) * placeAt(at)).y : 0.0;
+      lit = mix(sky, sky * vec3(0.55, 0.72, 0.95), smoothstep(0.0, 0.7, up));
+      lit = mix(lit, sky * vec3(0.55, 0.52, 0.46), smoothstep(0.0, -0.25, up));
     }
     color = linearToOutputTexel(vec4(lit, 1.0));
   }`;
@@ -111,6 +114,7 @@ export class Shade {
       picture: { value: null },
       occlusion: { value: null },
       unproject: { value: null },
+      toWorld: { value: null },
       pixel: { value: [0, 0] },
       reach: { value: 1 },
       scale: { value: 1 },
@@ -164,6 +168,7 @@ export class Shade {
     uniforms.picture.value = this.target.texture;
     uniforms.occlusion.value = this.halves.texture;
     uniforms.unproject.value = camera.projectionMatrixInverse;
+    uniforms.toWorld.value = camera.matrixWorld;
     uniforms.reach.value = size / 60;
     uniforms.scale.value = 0.5 * camera.projectionMatrix.elements[5];
     uniforms.haze.value = haze * size * 1.5;
