@@ -27,7 +27,7 @@ export const BUILT_IN = {
 };
 
 /** A point or direction of a scene whose z axis points up, in the axes of glTF. */
-export const yUp = ([x, y, z]) => [x, z, -y];
+const yUp = ([x, y, z]) => [x, z, -y];
 
 /** Returns the model of a scene's lists, and the cameras at the keys of its walks. */
 export function builtIn(name, lists) {

@@ -16,12 +16,12 @@ const SLICE_MS = 20;
 
 /** The cullers on offer, in the order of the pipeline: what a person reads, and the key that switches each. */
 export const STAGES = [
-  { name: "frustum", title: "Outside the view", promise: "frustum" },
-  { name: "size", title: "Smaller than a few pixels", promise: "leaves out small things: approximate" },
-  { name: "zbuffer", title: "Behind others: z-buffer", promise: "software z-buffer of occluders" },
-  { name: "ahead", title: "Behind others: sets ahead of the eye", promise: "made while you fly" },
-  { name: "portals", title: "Not through doors: portals", promise: "cells and portals" },
-  { name: "baked", title: "Not from this cell: baked set", promise: "cells that see each other" },
+  { name: "frustum", title: "Outside the view" },
+  { name: "size", title: "Smaller than a few pixels" },
+  { name: "zbuffer", title: "Behind others: z-buffer" },
+  { name: "ahead", title: "Behind others: sets ahead of the eye" },
+  { name: "portals", title: "Not through doors: portals" },
+  { name: "baked", title: "Not from this cell: baked set" },
 ];
 
 /** The model of a file in the library's scene; occluders come later. */
@@ -34,7 +34,6 @@ export class Culling {
   occluders = { made: 0, all: 0, milliseconds: 0, isDone: false };
   milliseconds = 0;
   #destroyed = false;
-  #last = null;
 
   constructor(visibility) {
     this.visibility = visibility;
@@ -56,7 +55,6 @@ export class Culling {
     culling.building = makeBuilding(visibility, lists, filled);
     const count = lists.triangleCounts.length;
     culling.occluders = { made: count, all: count, milliseconds: performance.now() - start, isDone: true };
-    culling.diagonal = 0;
     return culling;
   }
 
@@ -156,7 +154,6 @@ export class Culling {
     };
     this.chosen = STAGES.map(({ name }) => name).filter((name) => offered.includes(name));
     for (const name of this.chosen) stages[name]();
-    this.#last = null;
   }
 
   /** A place or direction of the picture in the scene's own axes. */
@@ -174,7 +171,7 @@ export class Culling {
       this.online.step(this.scene, places, AHEAD_MICROSECONDS);
     }
     const start = performance.now();
-    this.#last = this.pipeline.cull(this.scene, this.view, this.visible);
+    this.pipeline.cull(this.scene, this.view, this.visible);
     this.milliseconds = performance.now() - start;
     this.frustum.cull(this.scene, this.view, this.inView);
   }

@@ -6,12 +6,12 @@ import { Flyer, add } from "./camera.js";
 import { Culling, STAGES } from "./culling.js";
 import { makeModel } from "./items.js";
 import { Judge } from "./judge.js";
-import { loadModel } from "./load.js";
+import { ModelError, loadModel } from "./load.js";
 import { Panel } from "./panel.js";
 import { Picture } from "./picture.js";
 import { saveReport } from "./report.js";
 import { loadRecipes } from "./scene.js";
-import { walksOf } from "./walks.js";
+import { AROUND, walksOf } from "./walks.js";
 
 /** Keys of a walk that pass in a second. */
 const KEYS_PER_SECOND = 2;
@@ -93,9 +93,8 @@ async function show(name, make) {
   for (const box of ["freeze", "above", "ghosts"]) toggle(box, false);
   toggle("walk", !query.has("still"));
   chooseStages(state.stages);
-  goTo(0);
   // A person who opens a file sees it from outside first.
-  if (made.facts) goTo(walk.length - 24);
+  goTo(made.facts ? walk.length - AROUND : 0);
   state.loadMs = performance.now() - start;
   state.loading = false;
   panel.say("");
@@ -297,7 +296,7 @@ async function report() {
 
 function fail(error) {
   // A file that is no model is the person's affair; all else is the page's.
-  if (error?.constructor?.name !== "ModelError") state.errors++;
+  if (!(error instanceof ModelError)) state.errors++;
   state.message = error?.message ?? String(error);
   panel.say(state.message, true);
 }

@@ -171,7 +171,7 @@ export class Shade {
     uniforms.toWorld.value = camera.matrixWorld;
     uniforms.reach.value = size / 60;
     uniforms.scale.value = 0.5 * camera.projectionMatrix.elements[5];
-    uniforms.haze.value = haze * size * 1.5;
+    uniforms.haze.value = haze * size * 4;
     uniforms.strength.value = this.isOn && camera.isPerspectiveCamera ? 1 : 0;
     if (uniforms.strength.value > 0) {
       renderer.setRenderTarget(this.halves);

@@ -12,9 +12,10 @@ const SHELL = 0.6;
 /** Number of places that are walked through, and the least number of cells of one. */
 const MOST_PLACES = 4;
 const LEAST_CELLS = 6;
-/** Keys in each place, and keys of the way around the model. */
+/** Most keys of the walk through one place. */
 const KEYS = 24;
-const AROUND = 24;
+/** Keys of the way around the model, which are the last. */
+export const AROUND = 24;
 const FOV_Y = 1.05;
 
 /** Cells of a level that are blocked. */
