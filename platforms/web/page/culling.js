@@ -1,12 +1,16 @@
-// A model in the library: its objects and occluders, the cullers that a person has chosen, and the objects that they
-// leave for a camera.
+// A model in the library: its objects and occluders, the cullers that a person has chosen, and the objects
+// that they leave for a camera.
 
 import { BackSide, DoubleSide } from "three";
 import { Flag } from "../package/visibility.js";
 import { fillScene, makeBuilding } from "./scene.js";
 import { pause } from "./load.js";
 
-/** A mesh with more triangles hides nothing: to draw it into the z-buffer would take longer than it saves. */
+/**
+
+ * A mesh with more triangles hides nothing: to draw it into the z-buffer would take longer than it saves.
+
+ */
 const MOST_OCCLUDER_TRIANGLES = 1 << 14;
 /** Microseconds of work that sets ahead of the eye get each frame. */
 const AHEAD_MICROSECONDS = 3000;
@@ -14,7 +18,11 @@ const AHEAD_MICROSECONDS = 3000;
 const AHEAD_SECONDS = [0, 0.1, 0.2, 0.4, 0.8];
 const SLICE_MS = 20;
 
-/** The cullers on offer, in the order of the pipeline: what a person reads, and the key that switches each. */
+/**
+
+ * The cullers on offer, in the order of the pipeline: what a person reads, and the key that switches each.
+
+ */
 export const STAGES = [
   { name: "frustum", title: "Outside the view" },
   { name: "size", title: "Smaller than a few pixels" },
@@ -58,7 +66,13 @@ export class Culling {
     return culling;
   }
 
-  /** Takes a model of a file. All its objects are there when this returns; `makeOccluders` adds what hides them. */
+  /**
+
+   * Takes a model of a file. All its objects are there when this returns; `makeOccluders` adds what hides
+
+   * them.
+
+   */
   static ofModel(visibility, model) {
     const culling = new Culling(visibility);
     culling.scene = visibility.createScene();
@@ -72,8 +86,8 @@ export class Culling {
   }
 
   /**
-   * Gives objects the meshes by which they hide others, in slices between frames. Until all are there less is hidden,
-   * and nothing by mistake.
+   * Gives objects the meshes by which they hide others, in slices between frames. Until all are there less is
+   * hidden, and nothing by mistake.
    */
   async makeOccluders(progress) {
     const { model, scene, ids } = this;
@@ -112,7 +126,8 @@ export class Culling {
     const { index, attributes } = geometry;
     const triangles = index.count / 3;
     const positions = attributes.position.array;
-    if (triangles === 0 || triangles > MOST_OCCLUDER_TRIANGLES || !positions.every(Number.isFinite)) return null;
+    if (triangles === 0 || triangles > MOST_OCCLUDER_TRIANGLES || !positions.every(Number.isFinite))
+      return null;
     let indices = index.array;
     if (side === BackSide) {
       indices = indices.slice();
@@ -146,7 +161,11 @@ export class Culling {
         const cell = wide / 6;
         // The viewcell must hold the corners of the near plane, and half of it is the most.
         const margin = Math.min(cell / 2, Math.max(cell / 8, 2 * near));
-        this.online = this.visibility.createOnline({ viewcell: [cell, cell, cell], wide: [wide, wide, wide], margin });
+        this.online = this.visibility.createOnline({
+          viewcell: [cell, cell, cell],
+          wide: [wide, wide, wide],
+          margin,
+        });
         pipeline.addOnline(this.online);
       },
       portals: () => pipeline.addPortals(this.building.cells),
@@ -161,7 +180,11 @@ export class Culling {
     return this.isZUp ? [x, -z, y] : [x, y, z];
   }
 
-  /** Culls for a camera: `eye`, `target`, `up`, `fovY`, `aspect`, `near`. `velocity` is in metres per second. */
+  /**
+
+   * Culls for a camera: `eye`, `target`, `up`, `fovY`, `aspect`, `near`. `velocity` is in metres per second.
+
+   */
   cull(camera, velocity = [0, 0, 0]) {
     const { eye, target, up, fovY, aspect, near } = camera;
     const pose = { eye: this.#axes(eye), target: this.#axes(target), up: this.#axes(up) };
@@ -198,7 +221,16 @@ export class Culling {
   destroy() {
     this.#destroyed = true;
     const { cells, baked } = this.building;
-    const handles = [this.pipeline, this.frustum, this.online, cells, baked, this.visible, this.inView, this.view];
+    const handles = [
+      this.pipeline,
+      this.frustum,
+      this.online,
+      cells,
+      baked,
+      this.visible,
+      this.inView,
+      this.view,
+    ];
     for (const handle of [...handles, this.scene]) handle?.destroy();
   }
 }

@@ -1,5 +1,5 @@
-// Turns a scene graph of three.js into items: what is hidden or drawn as one. The items of materials that look alike
-// are instances of one `BatchedMesh`, so that thousands of them are a few draw calls.
+// Turns a scene graph of three.js into items: what is hidden or drawn as one. The items of materials that
+// look alike are instances of one `BatchedMesh`, so that thousands of them are a few draw calls.
 //
 // Item `i` of a model is object `i` of the library's scene. The items of a batch follow each other.
 
@@ -49,13 +49,20 @@ function asFloats(attribute, itemSize, fill) {
   return new BufferAttribute(array, itemSize);
 }
 
-/** A geometry with the attributes that its batch has, an index, and faces that a mirrored matrix keeps outwards. */
+/**
+
+ * A geometry with the attributes that its batch has, an index, and faces that a mirrored matrix keeps
+
+ * outwards.
+
+ */
 function prepared(source, names, isMirrored) {
   const geometry = new BufferGeometry();
   const { position } = source.attributes;
   for (const name of names) {
     const attribute = source.attributes[name];
-    if (attribute) geometry.setAttribute(name, asFloats(attribute, ATTRIBUTES[name], name === "color" ? 1 : 0));
+    if (attribute)
+      geometry.setAttribute(name, asFloats(attribute, ATTRIBUTES[name], name === "color" ? 1 : 0));
   }
   const count = Math.floor((source.index ?? position).count / 3) * 3;
   const index = new Uint32Array(count);
@@ -111,7 +118,8 @@ export const isSeeThrough = (material) =>
 
 /** Whether three.js moves the vertices of a mesh in ways that a box of its geometry does not hold. */
 const isDeformed = (mesh) =>
-  mesh.isSkinnedMesh || (mesh.morphTargetInfluences?.length > 0 && Object.keys(mesh.geometry.morphAttributes).length > 0);
+  mesh.isSkinnedMesh ||
+  (mesh.morphTargetInfluences?.length > 0 && Object.keys(mesh.geometry.morphAttributes).length > 0);
 
 /** Finds meshes with their parts and instances: what becomes an item. */
 function collect(root) {
@@ -189,7 +197,13 @@ export class Model {
   }
 }
 
-/** Makes items of a scene graph. `progress` gets a line of text. Throws a `ModelError` if there are no triangles. */
+/**
+
+ * Makes items of a scene graph. `progress` gets a line of text. Throws a `ModelError` if there are no
+
+ * triangles.
+
+ */
 export async function makeModel(root, progress) {
   // Around the origin, where single precision is finest, and on the ground.
   const box = new Box3().setFromObject(root);
@@ -231,7 +245,8 @@ export async function makeModel(root, progress) {
   const textures = new Set(
     model.batches.flatMap(({ mesh }) => MAPS.map((map) => mesh.material[map])).filter(Boolean),
   );
-  for (const { image } of textures) model.bytes.textures += ((image?.width ?? 0) * (image?.height ?? 0) * 16) / 3;
+  for (const { image } of textures)
+    model.bytes.textures += ((image?.width ?? 0) * (image?.height ?? 0) * 16) / 3;
   return model;
 }
 
@@ -264,7 +279,13 @@ async function addBatch(made, { material, names }, parts) {
   mesh.frustumCulled = false;
   mesh.sortObjects = mesh.material.transparent;
   mesh.castShadow = mesh.receiveShadow = !mesh.material.transparent;
-  const batch = { mesh, first: made.item, count: items, side: material.side, seeThrough: isSeeThrough(mesh.material) };
+  const batch = {
+    mesh,
+    first: made.item,
+    count: items,
+    side: material.side,
+    seeThrough: isSeeThrough(mesh.material),
+  };
   const color = new Vector4();
   const own = material.color ? material.color : white;
   for (const { part, shape } of entries) {
@@ -309,7 +330,13 @@ async function slice(made) {
   made.sliced = performance.now();
 }
 
-/** Makes a model of one material from triangles: 9 numbers each, `counts` per item, with colours of its vertices. */
+/**
+
+ * Makes a model of one material from triangles: 9 numbers each, `counts` per item, with colours of its
+
+ * vertices.
+
+ */
 export function modelOfTriangles({ counts, triangles, colors, material }) {
   const model = new Model();
   const vertices = triangles.length / 3;

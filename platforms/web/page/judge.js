@@ -1,9 +1,10 @@
-// Judges a culler by pictures: WebGL draws the number of the object that shows in each pixel, once of all objects and
-// once of those that the culler left. Where the two differ, a pixel is wrong. The culling library has no part in it.
+// Judges a culler by pictures: WebGL draws the number of the object that shows in each pixel, once of all
+// objects and once of those that the culler left. Where the two differ, a pixel is wrong. The culling library
+// has no part in it.
 //
-// Opaque objects write their number into red, green and blue. What one sees through adds a few units to alpha where
-// nothing opaque is in front of it, so that a missing pane is a wrong pixel too. Objects are drawn from the sides from
-// which the picture shows them.
+// Opaque objects write their number into red, green and blue. What one sees through adds a few units to alpha
+// where nothing opaque is in front of it, so that a missing pane is a wrong pixel too. Objects are drawn from
+// the sides from which the picture shows them.
 
 import {
   AddEquation,
@@ -114,10 +115,10 @@ export class Judge {
   }
 
   /**
-   * Compares the items whose bits are set with all of a model, for a camera as `Culling.cull` takes it. The picture has
-   * the camera's own aspect, whatever the number of pixels. `shown` are objects that show in a pixel;
-   * `wrongObjects` are those of them whose bit is not set; `surfaces` and `allSurfaces` are surfaces drawn for each
-   * pixel.
+   * Compares the items whose bits are set with all of a model, for a camera as `Culling.cull` takes it. The
+   * picture has the camera's own aspect, whatever the number of pixels. `shown` are objects that show in a
+   * pixel; `wrongObjects` are those of them whose bit is not set; `surfaces` and `allSurfaces` are surfaces
+   * drawn for each pixel.
    */
   compare(picture, camera, bits) {
     const eye = picture.look(camera);
@@ -148,7 +149,13 @@ export class Judge {
     };
   }
 
-  /** The item that shows in a pixel, by its place from 0 to 1 from left and top, of all or of those of `bits`; or -1. */
+  /**
+
+   * The item that shows in a pixel, by its place from 0 to 1 from left and top, of all or of those of
+
+   * `bits`; or -1.
+
+   */
   pick(picture, eye, [x, y], bits) {
     picture.show(bits ?? new Uint32Array(picture.shown.length).fill(0xffffffff));
     const pixels = this.#pixels(picture, eye, false);

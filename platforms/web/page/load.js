@@ -1,5 +1,6 @@
-// Reads the files that a person drops or chooses: one `.glb`, or a `.gltf` with its buffers and pictures. Returns the
-// scene graph of three.js. Decoders of Draco, meshopt and KTX2 are fetched from this host when a file needs them.
+// Reads the files that a person drops or chooses: one `.glb`, or a `.gltf` with its buffers and pictures.
+// Returns the scene graph of three.js. Decoders of Draco, meshopt and KTX2 are fetched from this host when a
+// file needs them.
 
 import { LoadingManager } from "three";
 import { DRACOLoader } from "three/addons/loaders/DRACOLoader.js";
@@ -69,14 +70,17 @@ function mentions(buffer, extension) {
 }
 
 /**
- * Loads a model. `progress` gets a line of text for the person who waits. Returns the scene graph, the cameras of the
- * file, its name and its size. Throws a `ModelError` if the files are no model, are damaged or lack a part.
+ * Loads a model. `progress` gets a line of text for the person who waits. Returns the scene graph, the
+ * cameras of the file, its name and its size. Throws a `ModelError` if the files are no model, are damaged or
+ * lack a part.
  */
 export async function loadModel(files, renderer, progress) {
   const file = findModel([...files]);
   if (!file) throw new ModelError("none of these files is a .glb or a .gltf");
   if (file.size > MOST_BYTES)
-    throw new ModelError(`${file.name} has ${megabytes(file.size)}; a browser reads ${megabytes(MOST_BYTES)} at most`);
+    throw new ModelError(
+      `${file.name} has ${megabytes(file.size)}; a browser reads ${megabytes(MOST_BYTES)} at most`,
+    );
   let told = 0;
   const buffer = await readFile(file, (at) => {
     const now = performance.now();
@@ -121,7 +125,9 @@ export async function loadModel(files, renderer, progress) {
   } catch (error) {
     if (error instanceof ModelError) throw error;
     if (missing.length > 0)
-      throw new ModelError(`${file.name} refers to ${[...new Set(missing)].join(", ")}: drop these together with it`);
+      throw new ModelError(
+        `${file.name} refers to ${[...new Set(missing)].join(", ")}: drop these together with it`,
+      );
     throw new ModelError(`${file.name} cannot be read: ${error?.message ?? error}`);
   } finally {
     for (const url of made) URL.revokeObjectURL(url);

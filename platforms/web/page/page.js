@@ -37,7 +37,20 @@ const state = {
 };
 const toggles = { walk: !query.has("still"), freeze: false, above: false, ghosts: false, measure: true };
 /** For tests and for the curious: what the page is doing. */
-window.page = { state, toggles, goTo, chooseScene, chooseStages, toggle, openFiles, report, pickAt, turnUpright, lookFrom, judgeWithout };
+window.page = {
+  state,
+  toggles,
+  goTo,
+  chooseScene,
+  chooseStages,
+  toggle,
+  openFiles,
+  report,
+  pickAt,
+  turnUpright,
+  lookFrom,
+  judgeWithout,
+};
 
 const panel = new Panel({ chooseScene, chooseStages, toggle, openFiles, report, turnUpright });
 let visibility, recipes, picture, judge, flyer, culling, walk;
@@ -127,7 +140,12 @@ function openFiles(files, zUp = false) {
     const tour = walksOf(model.bounds, box, Math.max(1e-4 * size, 1e-5));
     const own = cameras.filter(({ isPerspectiveCamera }) => isPerspectiveCamera).map(cameraOf);
     const keys = own.map((camera) => ({ ...camera, near: tour[0].near }));
-    return { model, culling: Culling.ofModel(visibility, model), walk: [...keys, ...tour], facts: { name, bytes, files, zUp } };
+    return {
+      model,
+      culling: Culling.ofModel(visibility, model),
+      walk: [...keys, ...tour],
+      facts: { name, bytes, files, zUp },
+    };
   });
 }
 
@@ -223,8 +241,19 @@ function frame(now) {
     times = [...times.slice(1 - AVERAGED), culling.milliseconds];
   }
   const culled = frozen?.camera ?? camera;
-  if (toggles.above) mapHeight = Math.max(picture.size / 100, Math.min(4 * picture.size, mapHeight * 0.9 ** flyer.takeWheel()));
-  const signature = JSON.stringify([camera, frozen !== null, toggles, culling.visible.count, mapHeight, quality]);
+  if (toggles.above)
+    mapHeight = Math.max(
+      picture.size / 100,
+      Math.min(4 * picture.size, mapHeight * 0.9 ** flyer.takeWheel()),
+    );
+  const signature = JSON.stringify([
+    camera,
+    frozen !== null,
+    toggles,
+    culling.visible.count,
+    mapHeight,
+    quality,
+  ]);
   if (signature !== drawnSignature) {
     keepPace(interval);
     drawnSignature = signature;
@@ -286,7 +315,17 @@ async function report() {
   const former = { key, still, ...toggles };
   toggle("walk", false);
   try {
-    return await saveReport({ visibility, culling, picture, judge, canvas, walk, near, state, say: panel.say });
+    return await saveReport({
+      visibility,
+      culling,
+      picture,
+      judge,
+      canvas,
+      walk,
+      near,
+      state,
+      say: panel.say,
+    });
   } finally {
     chooseStages(state.stages);
     toggle("walk", former.walk);
@@ -302,7 +341,9 @@ function fail(error) {
 }
 addEventListener("error", ({ error, message }) => fail(error ?? message));
 addEventListener("unhandledrejection", ({ reason }) => fail(reason));
-canvas.addEventListener("webglcontextlost", () => fail("the graphics card has lost the picture: load the page anew"));
+canvas.addEventListener("webglcontextlost", () =>
+  fail("the graphics card has lost the picture: load the page anew"),
+);
 
 addEventListener("keydown", ({ code, target, ctrlKey, metaKey, altKey }) => {
   if (ctrlKey || metaKey || altKey || target.closest?.("select, input, dialog")) return;

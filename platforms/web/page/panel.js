@@ -91,7 +91,11 @@ export class Panel {
     element(name)?.setAttribute("aria-pressed", on);
   }
 
-  /** Shows a message over the lower edge of the picture; an empty one is none. An error stays for 8 seconds. */
+  /**
+
+   * Shows a message over the lower edge of the picture; an empty one is none. An error stays for 8 seconds.
+
+   */
   say(text, isError = false) {
     const message = element("message");
     if (!text && message.classList.contains("error") && performance.now() < this.until) return;
@@ -148,9 +152,12 @@ export class Panel {
     if (check) {
       lines.push(`in truth  ${whole(check.shown)} solid objects show`);
       if (check.wrongObjects > 0) lines.push(`missing   ${whole(check.wrongObjects)} objects that show`);
-      lines.push(`overdraw  ${check.surfaces.toFixed(2)} of ${check.allSurfaces.toFixed(2)} surfaces a pixel`);
+      lines.push(
+        `overdraw  ${check.surfaces.toFixed(2)} of ${check.allSurfaces.toFixed(2)} surfaces a pixel`,
+      );
     }
-    if (model.loose.length > 0) lines.push(`always    ${whole(model.loose.length)} animated meshes, lines, points`);
+    if (model.loose.length > 0)
+      lines.push(`always    ${whole(model.loose.length)} animated meshes, lines, points`);
     const { geometry, textures } = model.bytes;
     const memory = [
       facts.bytes ? `file ${megabytes(facts.bytes)}` : null,
@@ -159,7 +166,9 @@ export class Panel {
       `culling ${megabytes(visibility.memory.buffer.byteLength)}`,
     ];
     lines.push(`memory    ${memory.filter(Boolean).join(", ")}`);
-    lines.push(`loaded in ${(state.loadMs / 1000).toFixed(2)} s, module ${visibility.simd128 ? "simd128" : "plain"}`);
+    lines.push(
+      `loaded in ${(state.loadMs / 1000).toFixed(2)} s, module ${visibility.simd128 ? "simd128" : "plain"}`,
+    );
     return lines;
   }
 }

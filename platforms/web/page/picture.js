@@ -1,5 +1,5 @@
-// Draws a model: what is seen in its own colours with light, shadows and ambient shade; what is hidden as a glow; from
-// above with a cut at the eye's height; and the edges of the camera's view.
+// Draws a model: what is seen in its own colours with light, shadows and ambient shade; what is hidden as a
+// glow; from above with a cut at the eye's height; and the edges of the camera's view.
 
 import {
   AdditiveBlending,
@@ -41,7 +41,7 @@ export class Picture {
     this.renderer.info.autoReset = false;
     this.shade = new Shade(this.renderer);
     this.scene = new Scene();
-    this.sky = new HemisphereLight("#dfeaf5", "#7d7468", 1.0);
+    this.sky = new HemisphereLight("#dfeaf5", "#7d7468", 1.3);
     this.sun = new DirectionalLight("#fff1dc", 2.3);
     this.sun.castShadow = true;
     this.sun.shadow.mapSize.set(2048, 2048);
@@ -63,7 +63,10 @@ export class Picture {
       outside: new MeshLambertMaterial({ color: "#455970", side: DoubleSide }),
     };
     this.outlines = new Outlines(COLORS);
-    this.lines = new LineSegments(new BufferGeometry(), new LineBasicMaterial({ color: COLORS.seen, depthTest: false }));
+    this.lines = new LineSegments(
+      new BufferGeometry(),
+      new LineBasicMaterial({ color: COLORS.seen, depthTest: false }),
+    );
     this.lines.frustumCulled = this.lines.visible = false;
     this.overlay = new Scene();
     this.overlay.add(this.lines, this.outlines.lines);
@@ -94,7 +97,14 @@ export class Picture {
     this.sun.target.position.copy(middle);
     this.sun.position.copy(middle).addScaledVector(new Vector3(0.45, 0.8, 0.35).normalize(), 2 * reach);
     const { camera } = this.sun.shadow;
-    Object.assign(camera, { left: -reach, right: reach, bottom: -reach, top: reach, near: reach / 2, far: 3.5 * reach });
+    Object.assign(camera, {
+      left: -reach,
+      right: reach,
+      bottom: -reach,
+      top: reach,
+      near: reach / 2,
+      far: 3.5 * reach,
+    });
     camera.updateProjectionMatrix();
     this.sun.shadow.normalBias = reach / 600;
     this.sun.shadow.bias = -2e-4;
@@ -110,7 +120,8 @@ export class Picture {
         let changed = (this.shown[word] ^ (bits[word] ?? 0)) >>> 0;
         if (changed === 0) continue;
         for (let item = Math.max(first, 32 * word); item < Math.min(end, 32 * word + 32); item++) {
-          if ((changed >>> (item & 31)) & 1) mesh.setVisibleAt(item - first, ((bits[word] >>> (item & 31)) & 1) === 1);
+          if ((changed >>> (item & 31)) & 1)
+            mesh.setVisibleAt(item - first, ((bits[word] >>> (item & 31)) & 1) === 1);
         }
       }
     }
@@ -184,8 +195,8 @@ export class Picture {
   }
 
   /**
-   * Draws a frame. `camera` is where one looks from, `culled` the camera that `bits` are of. `above` is the height in
-   * metres of the view from above, or 0. `ghosts` shows hidden items through those in front.
+   * Draws a frame. `camera` is where one looks from, `culled` the camera that `bits` are of. `above` is the
+   * height in metres of the view from above, or 0. `ghosts` shows hidden items through those in front.
    */
   draw(camera, bits, { culled = camera, above = 0, ghosts = false } = {}) {
     const { renderer, scene, materials } = this;
@@ -215,7 +226,10 @@ export class Picture {
       this.show(sets[HIDDEN]);
       this.#draw(eye, materials.glow);
     }
-    this.outlines.show(ghosts ? sets[HIDDEN] : null, ghosts && (above || culled !== camera) ? sets[OUTSIDE] : null);
+    this.outlines.show(
+      ghosts ? sets[HIDDEN] : null,
+      ghosts && (above || culled !== camera) ? sets[OUTSIDE] : null,
+    );
     renderer.render(this.overlay, eye);
     return { triangles, calls };
   }
@@ -233,4 +247,3 @@ export class Picture {
     this.shade.resize(width, height);
   }
 }
-

@@ -1,5 +1,5 @@
-// A report to keep: one HTML file with pictures, counts over a walk for several sets of cullers, and the lines of code
-// that do the same in an engine.
+// A report to keep: one HTML file with pictures, counts over a walk for several sets of cullers, and the
+// lines of code that do the same in an engine.
 
 import { STAGES } from "./culling.js";
 import { pause } from "./load.js";
@@ -17,7 +17,10 @@ const PASSES = 5;
 const whole = (number) => Math.round(number).toLocaleString("en");
 const mean = (list) => list.reduce((sum, number) => sum + number, 0) / (list.length || 1);
 const escaped = (text) =>
-  String(text).replace(/[&<>"]/g, (letter) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" })[letter]);
+  String(text).replace(
+    /[&<>"]/g,
+    (letter) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" })[letter],
+  );
 
 /** Counts of one set of cullers over cameras. */
 async function measure({ culling, picture, judge, say }, stages, cameras, settings, label) {
@@ -108,7 +111,10 @@ export async function makeReport(tools) {
     <td>${whole(row.wrongPixels)} of ${whole(row.pixels)}</td><td>${whole(row.wrongObjects)}</td><td>${row.promise}</td></tr>`;
   const figures = pictures
     .flat()
-    .map(([caption, url]) => `<figure><img src="${url}" alt="${caption}"><figcaption>${caption}</figcaption></figure>`);
+    .map(
+      ([caption, url]) =>
+        `<figure><img src="${url}" alt="${caption}"><figcaption>${caption}</figcaption></figure>`,
+    );
   const code = snippets(chosen, settings).map(
     ([heading, lines]) => `<h3>${escaped(heading)}</h3><pre>${escaped(lines)}</pre>`,
   );

@@ -1,8 +1,9 @@
 // Ambient shade: darkens corners and creases, from the depth of the picture alone.
 //
-// The scene is drawn into a target with depth. Of each pixel, the shader finds the place in view space and the slope of
-// the surface, and looks at points around it: the more of the hemisphere they fill, the darker. A second pass averages
-// 4 x 4 pixels where depths are alike, puts haze over what is far, and writes the canvas.
+// The scene is drawn into a target with depth. Of each pixel, the shader finds the place in view space and
+// the slope of the surface, and looks at points around it: the more of the hemisphere they fill, the darker.
+// A second pass averages 4 x 4 pixels where depths are alike, puts haze over what is far, and writes the
+// canvas.
 
 import {
   Color,

@@ -1,7 +1,8 @@
-// Walks through a model that comes without cameras: past what a person could walk past, at the height of the eyes.
+// Walks through a model that comes without cameras: past what a person could walk past, at the height of the
+// eyes.
 //
-// Boxes of objects are marked in a grid of one level. Cells that are free and have something on all four sides are
-// rooms, streets and yards; the walks lead through the largest of them, then once around the model.
+// Boxes of objects are marked in a grid of one level. Cells that are free and have something on all four
+// sides are rooms, streets and yards; the walks lead through the largest of them, then once around the model.
 
 /** Cells along the longer side of the model. */
 const GRID = 96;
@@ -27,7 +28,10 @@ function level(bounds, box, step, [columns, rows], y, clearance) {
     if (!(ay <= y + clearance && by >= y - clearance)) continue;
     if (bx - ax > SHELL * (x1 - x0) && bz - az > SHELL * (z1 - z0)) continue;
     const from = [Math.max(0, Math.floor((ax - x0) / step)), Math.max(0, Math.floor((az - z0) / step))];
-    const to = [Math.min(columns - 1, Math.floor((bx - x0) / step)), Math.min(rows - 1, Math.floor((bz - z0) / step))];
+    const to = [
+      Math.min(columns - 1, Math.floor((bx - x0) / step)),
+      Math.min(rows - 1, Math.floor((bz - z0) / step)),
+    ];
     for (let row = from[1]; row <= to[1]; row++)
       blocked.fill(1, row * columns + from[0], row * columns + Math.max(to[0], from[0] - 1) + 1);
   }
@@ -54,7 +58,11 @@ function enclosed(blocked, columns, rows) {
   return sides.map((count) => (count === 4 ? 1 : 0));
 }
 
-/** Cells in the order in which a flood from one reaches them, within `open`, and where each was reached from. */
+/**
+
+ * Cells in the order in which a flood from one reaches them, within `open`, and where each was reached from.
+
+ */
 function flood(open, columns, rows, start, reached) {
   const cells = [start];
   const from = new Map([[start, -1]]);
@@ -77,7 +85,11 @@ function flood(open, columns, rows, start, reached) {
   return { cells, from };
 }
 
-/** The longest way through a place: from the cell that is farthest from any to the one farthest from that. */
+/**
+
+ * The longest way through a place: from the cell that is farthest from any to the one farthest from that.
+
+ */
 function longestWay(open, columns, rows, place) {
   const scratch = new Uint8Array(open.length);
   const end = flood(open, columns, rows, place[0], scratch).cells.at(-1);
@@ -94,7 +106,10 @@ export function walksOf(bounds, box, near) {
   const [columns, rows] = [x1 - x0, z1 - z0].map((length) => Math.max(1, Math.ceil(length / step)));
   const height = y1 - y0;
   let best = { cells: 0, places: [] };
-  const tried = [...HEIGHTS.metres.filter((y) => y < 0.8 * height), ...HEIGHTS.shares.map((part) => part * height)];
+  const tried = [
+    ...HEIGHTS.metres.filter((y) => y < 0.8 * height),
+    ...HEIGHTS.shares.map((part) => part * height),
+  ];
   for (const above of tried) {
     const blocked = level(bounds, box, step, [columns, rows], y0 + above, Math.min(0.3, 0.05 * height));
     const open = enclosed(blocked, columns, rows);
@@ -149,7 +164,11 @@ function around([x0, y0, z0, x1, y1, z1], near) {
   const reach = 0.75 * Math.hypot(x1 - x0, y1 - y0, z1 - z0);
   return Array.from({ length: AROUND }, (_, key) => {
     const angle = 0.9 + (2 * Math.PI * key) / AROUND;
-    const eye = [middle[0] + reach * Math.cos(angle), middle[1] + 0.45 * reach, middle[2] + reach * Math.sin(angle)];
+    const eye = [
+      middle[0] + reach * Math.cos(angle),
+      middle[1] + 0.45 * reach,
+      middle[2] + reach * Math.sin(angle),
+    ];
     return camera(eye, middle, near);
   });
 }

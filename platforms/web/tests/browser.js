@@ -1,8 +1,8 @@
-// Opens the page in headless Chromium, flies through scenes and models of files, and fails if a number of visible
-// objects is not the native one, a visible object is hidden, or the page reports an error.
+// Opens the page in headless Chromium, flies through scenes and models of files, and fails if a number of
+// visible objects is not the native one, a visible object is hidden, or the page reports an error.
 //
-// Usage: node browser.js FILE FOLDER [PART], with the output of `native answers` and a folder for pictures; PART is one
-// of the functions below. Ends with status 77 where a browser is missing.
+// Usage: node browser.js FILE FOLDER [PART], with the output of `native answers` and a folder for pictures;
+// PART is one of the functions below. Ends with status 77 where a browser is missing.
 
 import assert from "node:assert/strict";
 import { mkdir, readFile, writeFile } from "node:fs/promises";
@@ -47,7 +47,11 @@ async function builtInScenes() {
     ["office", "office"],
   ]) {
     for (const simd128 of scene === "city" ? [1] : [0, 1]) {
-      const tab = await Tab.open(browser, `${server.address}?scene=${scene}&simd128=${simd128}&still&full`, WIDE);
+      const tab = await Tab.open(
+        browser,
+        `${server.address}?scene=${scene}&simd128=${simd128}&still&full`,
+        WIDE,
+      );
       // The module without SIMD is one picture; its answers are compared outside the browser.
       const frames = simd128 ? FRAMES : FRAMES.slice(0, 1);
       const names = Object.keys(STAGES).filter((name) => native.has(`${recipe} ${name} 0`));
@@ -55,7 +59,9 @@ async function builtInScenes() {
       for (const name of names) {
         for (const frame of frames) {
           const at = `${scene}, ${name}, frame ${frame}`;
-          const state = await tab.judged(`page.chooseStages(${JSON.stringify(STAGES[name])}); page.goTo(${frame})`);
+          const state = await tab.judged(
+            `page.chooseStages(${JSON.stringify(STAGES[name])}); page.goTo(${frame})`,
+          );
           assert.equal(state.visible, native.get(`${recipe} ${name} ${frame}`), at);
           assert.equal(state.check.wrongPixels, 0, `wrong pixels: ${at}`);
           assert.equal(state.check.wrongObjects, 0, `wrong objects: ${at}`);
@@ -92,7 +98,10 @@ async function files() {
     assert.equal(culled.triangles, 24, "triangles drawn");
     // The judge must see a mistake: the red box is left out.
     const wrong = await tab.page.evaluate(`page.judgeWithout(1)`);
-    assert.ok(wrong.wrongPixels > 100 && wrong.wrongObjects === 1, `a missing object is seen: ${JSON.stringify(wrong)}`);
+    assert.ok(
+      wrong.wrongPixels > 100 && wrong.wrongObjects === 1,
+      `a missing object is seen: ${JSON.stringify(wrong)}`,
+    );
     // In the middle of the picture is the wall or the red box before it.
     const { picked } = await tab.act(`page.pickAt([0.35, 0.4])`);
     assert.deepEqual([picked.name, picked.why], ["wall", "visible"]);
@@ -101,7 +110,10 @@ async function files() {
   const report = await tab.page.evaluate(`page.report()`);
   await writeFile(path("report.html"), report);
   assert.equal(report.match(/<img /g).length, 9, "pictures of the report");
-  const rows = [...report.matchAll(/<tr><td>([^<]*)<\/td><td>([\d,]+)/g)].map(([, label, count]) => [label, count]);
+  const rows = [...report.matchAll(/<tr><td>([^<]*)<\/td><td>([\d,]+)/g)].map(([, label, count]) => [
+    label,
+    count,
+  ]);
   assert.equal(rows.length, 3);
   assert.deepEqual(rows[0], ["everything", "38"]);
   assert.match(report, />0 of [\d,]+<\/td><td>0<\/td><td>conservative/);
@@ -208,7 +220,8 @@ async function phone() {
 }
 
 try {
-  for (const test of [builtInScenes, files, refusals, input, phone]) if (!part || test.name === part) await test();
+  for (const test of [builtInScenes, files, refusals, input, phone])
+    if (!part || test.name === part) await test();
   assert.deepEqual(complaints, [], "the console has no errors");
   console.log(`the page in ${await browser.version()}: as native; pictures in ${pictures}`);
 } finally {

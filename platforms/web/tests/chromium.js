@@ -21,7 +21,13 @@ async function executable() {
   for (const folder of (process.env.PATH ?? "").split(delimiter)) {
     for (const name of NAMES) {
       const path = join(folder, name);
-      if (await access(path).then(() => true, () => false)) return path;
+      if (
+        await access(path).then(
+          () => true,
+          () => false,
+        )
+      )
+        return path;
     }
   }
   // A build for machines without a desktop, from npm.
@@ -54,7 +60,8 @@ export class Tab {
     page.on("requestfailed", (request) => tab.complaints.push(`failed: ${request.url()}`));
     page.on("request", (request) => {
       const { protocol, host } = new URL(request.url());
-      if (/^http/.test(protocol) && host !== new URL(address).host) tab.complaints.push(`another host: ${host}`);
+      if (/^http/.test(protocol) && host !== new URL(address).host)
+        tab.complaints.push(`another host: ${host}`);
     });
     await page.goto(address);
     await tab.until("window.page?.state.errors > 0 || (page.state.frames > 2 && !page.state.loading)");

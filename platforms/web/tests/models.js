@@ -1,4 +1,5 @@
-// Models for tests, written byte by byte: rows of boxes with colours, some of them instances, and files that are none.
+// Models for tests, written byte by byte: rows of boxes with colours, some of them instances, and files that
+// are none.
 
 import { writeFile } from "node:fs/promises";
 
@@ -51,8 +52,8 @@ function box() {
 }
 
 /**
- * Writes a model: a wall 20 wide and 10 high at z = 0, `side` times `side` small boxes behind it, and one red box in
- * front. With `instanced` the small boxes are instances of one node. `padding` bytes are added.
+ * Writes a model: a wall 20 wide and 10 high at z = 0, `side` times `side` small boxes behind it, and one red
+ * box in front. With `instanced` the small boxes are instances of one node. `padding` bytes are added.
  */
 export async function writeWall(path, { side = 6, instanced = false, padding = 0 } = {}) {
   const { positions, indices } = box();
@@ -73,7 +74,13 @@ export async function writeWall(path, { side = 6, instanced = false, padding = 0
   const mesh = (material) => ({ primitives: [{ attributes: { POSITION: 0 }, indices: 1, material }] });
   const small = { scale: [0.4, 0.4, 0.4], mesh: 1 };
   const behind = instanced
-    ? [{ name: "small", mesh: 3, extensions: { EXT_mesh_gpu_instancing: { attributes: { TRANSLATION: 2 } } } }]
+    ? [
+        {
+          name: "small",
+          mesh: 3,
+          extensions: { EXT_mesh_gpu_instancing: { attributes: { TRANSLATION: 2 } } },
+        },
+      ]
     : places.map((translation, i) => ({ name: `small ${i}`, translation, ...small }));
   const nodes = [
     { name: "wall", mesh: 0, translation: [0, 5, 0], scale: [10, 5, 0.2] },
@@ -90,7 +97,14 @@ export async function writeWall(path, { side = 6, instanced = false, padding = 0
     meshes: [mesh(0), mesh(1), mesh(2), mesh(1)],
     materials: [paint([0.7, 0.7, 0.65]), paint([0.2, 0.4, 0.8]), paint([0.9, 0.05, 0.05])],
     accessors: [
-      { bufferView: 0, componentType: 5126, count: positions.length / 3, type: "VEC3", min: [-1, -1, -1], max: [1, 1, 1] },
+      {
+        bufferView: 0,
+        componentType: 5126,
+        count: positions.length / 3,
+        type: "VEC3",
+        min: [-1, -1, -1],
+        max: [1, 1, 1],
+      },
       { bufferView: 1, componentType: 5125, count: indices.length, type: "SCALAR" },
       { bufferView: 2, componentType: 5126, count: places.length, type: "VEC3" },
     ],
