@@ -20,7 +20,7 @@ export const BUILT_IN = {
   },
   london: {
     recipe: ["london", 12, 12],
-    title: "London, 19,917 houses",
+    title: "Streets of London",
     walls: ["#b5714f", "#c98f6b", "#a05f46", "#d9cdb8", "#bfae95", "#93705c"],
     roofs: ["#5c5f66", "#6b5a54", "#747a80"],
   },

@@ -267,6 +267,7 @@ function frame(now) {
   } else if (toggles.measure) {
     check(now, culled, state.seen);
   }
+  state.answer = culling.online?.answer;
   if (!toggles.measure) checked.result = null;
   state.check = checked.result;
   Object.assign(state, { key, frames: state.frames + 1 });

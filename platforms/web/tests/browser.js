@@ -96,6 +96,13 @@ async function files() {
     const culled = await tab.judged(`page.chooseStages(["frustum", "zbuffer"]); ${front}`);
     assert.deepEqual([culled.visible, culled.check.shown, culled.check.wrongPixels], [2, 2, 0]);
     assert.equal(culled.triangles, 24, "triangles drawn");
+    // Sets ahead of the eye hide nothing at first, and what is behind the wall once they are made.
+    await tab.act(`page.chooseStages(["frustum", "ahead"])`);
+    await tab.until(`page.state.answer === "viewcell"`);
+    const ahead = await tab.judged("");
+    assert.equal(ahead.check.wrongPixels, 0, "wrong pixels of sets ahead of the eye");
+    assert.ok(ahead.visible >= 2 && ahead.visible < 38, `sets ahead of the eye leave ${ahead.visible}`);
+    await tab.judged(`page.chooseStages(["frustum", "zbuffer"])`);
     // The judge must see a mistake: the red box is left out.
     const wrong = await tab.page.evaluate(`page.judgeWithout(1)`);
     assert.ok(
