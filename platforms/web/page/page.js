@@ -164,6 +164,7 @@ function turnUpright() {
 }
 
 function chooseStages(names) {
+  if (!culling) return;
   state.stages = names;
   culling.choose(names, {
     height: canvas.height || 720,
@@ -233,7 +234,7 @@ function frame(now) {
   const seconds = Math.min(0.1, (now - last) / 1000);
   const interval = now - last;
   last = now;
-  if (!picture.model) return;
+  if (!picture?.model) return;
   resize();
   const camera = (state.camera = moved(seconds));
   if (!frozen) {
@@ -286,6 +287,7 @@ function check(now, camera, seen) {
 
 /** Says why the object at a place of the picture, from 0 to 1 from left and top, is drawn or not. */
 function pickAt(place) {
+  if (!picture.model) return;
   const eye = toggles.above ? picture.map : picture.camera;
   const seen = toggles.above || toggles.ghosts ? null : state.seen;
   const item = judge.pick(picture, eye, place, seen);
@@ -313,6 +315,7 @@ function judgeWithout(item) {
 
 /** Makes the report of a walk and saves it as a file. */
 async function report() {
+  if (!picture?.model) return null;
   const former = { key, still, ...toggles };
   toggle("walk", false);
   try {
