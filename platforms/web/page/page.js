@@ -1,204 +1,383 @@
-// Flies through a built-in scene, draws what a culler finds visible, and says what that costs.
+// Flies through a model, draws what the cullers leave, and says what that saves and whether it is right.
 
 import { load } from "../package/visibility.js";
-import { Flyer, add, orthographic, perspective, unit, cross } from "./camera.js";
-import { Renderer } from "./renderer.js";
-import { cameras, fillScene, loadRecipes, makeBuilding, makePipeline, pipelineNames } from "./scene.js";
+import { BUILT_IN, builtIn } from "./builtin.js";
+import { Flyer, add } from "./camera.js";
+import { Culling, STAGES } from "./culling.js";
+import { makeModel } from "./items.js";
+import { Judge } from "./judge.js";
+import { ModelError, loadModel } from "./load.js";
+import { Panel } from "./panel.js";
+import { Picture } from "./picture.js";
+import { saveReport } from "./report.js";
+import { loadRecipes } from "./scene.js";
+import { AROUND, walksOf } from "./walks.js";
 
-/** Scenes on offer: recipe and sizes. */
-const SCENES = {
-  city: ["plpcity", 2, 2],
-  office: ["office", 2, 16],
-  london: ["london", 12, 12],
-};
 /** Keys of a walk that pass in a second. */
 const KEYS_PER_SECOND = 2;
 /** Frames over which times are averaged. */
 const AVERAGED = 30;
-const SKY = [0.53, 0.63, 0.71];
-const GROUND = [0.05, 0.06, 0.07];
+/** Milliseconds between two checks of the picture, at least. */
+const CHECK_MS = 300;
+/** Milliseconds of a frame from which on the picture gets coarser. */
+const SLOW_MS = 45;
+const Z_BUFFER = [512, 288];
+const FOV_Y = 1.05;
 
-const element = (id) => document.getElementById(id);
-const canvas = element("canvas");
 const query = new URLSearchParams(location.search);
-
+const canvas = document.getElementById("canvas");
 const state = {
   scene: query.get("scene") ?? "city",
-  culler: query.get("culler") ?? "z-buffer",
+  stages: (query.get("stages") ?? "frustum,zbuffer").split(","),
+  pixels: 4,
   errors: 0,
   frames: 0,
+  /** Whether a model is being loaded. */
+  loading: true,
 };
-const toggles = { walk: true, freeze: false, above: false, measure: query.has("measure") };
+const toggles = { walk: !query.has("still"), freeze: false, above: false, ghosts: false, measure: true };
 /** For tests and for the curious: what the page is doing. */
-window.page = { state, toggles, goTo, chooseScene, chooseCuller, toggle };
+window.page = {
+  state,
+  toggles,
+  goTo,
+  chooseScene,
+  chooseStages,
+  toggle,
+  openFiles,
+  report,
+  pickAt,
+  turnUpright,
+  lookFrom,
+  judgeWithout,
+};
 
-let visibility, recipes, renderer, flyer;
-/** The scene as lists, as cameras, and in the library. */
-let lists, keys, scene, pipeline, view, visible;
-/** Cells and baked set of the scene, where it has them. */
-let building = {};
+const panel = new Panel({ chooseScene, chooseStages, toggle, openFiles, report, turnUpright });
+let visibility, recipes, picture, judge, flyer, culling, walk;
+/** The number of the load that is going on: a later one ends the earlier. */
+let loads = 0;
 let key = 0;
 /** The camera of the walk; null once a person flies. */
 let still = null;
 /** Metres from the lower to the upper edge of the view from above. */
 let mapHeight = 80;
+/** Camera and bits that the pipeline is kept at. */
+let frozen = null;
+/** Near plane distance in metres. */
+let near = 0.1;
 let times = [];
+let intervals = [];
+let quality = 1;
 let last = performance.now();
+let checked = { signature: "", at: 0, cost: 0, result: null };
+let drawnSignature = "";
+
+/** Shows a model: `make` returns `model`, `culling` and `walk`, and lines of text for the panel. */
+async function show(name, make) {
+  const mine = ++loads;
+  const isCurrent = () => mine === loads;
+  const start = performance.now();
+  state.loading = true;
+  const progress = (text) => isCurrent() && panel.say(text);
+  let made;
+  try {
+    made = await make(progress);
+  } catch (error) {
+    if (!isCurrent()) return;
+    state.loading = false;
+    fail(error);
+    return;
+  }
+  if (!isCurrent()) {
+    made.culling.destroy();
+    made.model.dispose();
+    return;
+  }
+  culling?.destroy();
+  culling = made.culling;
+  walk = made.walk;
+  near = walk[0].near;
+  frozen = null;
+  picture.setModel(made.model);
+  Object.assign(state, { scene: name, objects: made.model.count, facts: made.facts ?? {} });
+  state.allTriangles = made.model.triangles.reduce((sum, count) => sum + count, 0);
+  mapHeight = picture.size / 2;
+  flyer.speed = made.speed ?? Math.max(picture.size / 25, 1e-3);
+  for (const box of ["freeze", "above", "ghosts"]) toggle(box, false);
+  toggle("walk", !query.has("still"));
+  chooseStages(state.stages);
+  // A person who opens a file sees it from outside first.
+  goTo(made.facts ? walk.length - AROUND : 0);
+  state.loadMs = performance.now() - start;
+  state.loading = false;
+  panel.say("");
+  panel.sceneIs(name, Boolean(state.facts.files));
+  await culling.makeOccluders(progress);
+  if (!isCurrent()) return;
+  drawnSignature = "";
+  checked.signature = "";
+  panel.say("");
+}
 
 function chooseScene(name) {
-  state.scene = name;
-  lists = recipes(...SCENES[name]);
-  keys = cameras(lists, 1);
-  for (const handle of [scene, ...Object.values(building)]) handle?.destroy();
-  const filled = fillScene(visibility, lists);
-  ({ scene } = filled);
-  building = makeBuilding(visibility, lists, filled);
-  renderer.setScene(lists);
-  const names = ["everything", ...pipelineNames(lists)];
-  element("culler").replaceChildren(...names.map((name) => new Option(name)));
-  chooseCuller(names.includes(state.culler) ? state.culler : "z-buffer");
-  goTo(0);
-  element("scene").value = name;
+  return show(name, async () => {
+    const lists = recipes(...BUILT_IN[name].recipe);
+    const made = builtIn(name, lists);
+    return { ...made, culling: Culling.ofLists(visibility, lists), speed: 6 };
+  });
 }
 
-function chooseCuller(name) {
-  state.culler = element("culler").value = name;
-  pipeline?.destroy();
-  pipeline = makePipeline(visibility, name, building);
+/** Opens files. With `zUp` their z axis points up, against the rule of glTF. */
+function openFiles(files, zUp = false) {
+  if (files.length === 0) return;
+  return show(files[0].name, async (progress) => {
+    const { root, name, bytes, cameras } = await loadModel(files, picture.renderer, progress);
+    if (zUp) root.rotation.x -= Math.PI / 2;
+    const model = await makeModel(root, progress);
+    progress("Building the hierarchy");
+    const box = model.box;
+    const size = Math.hypot(box[3] - box[0], box[4] - box[1], box[5] - box[2]);
+    const tour = walksOf(model.bounds, box, Math.max(1e-4 * size, 1e-5));
+    const own = cameras.filter(({ isPerspectiveCamera }) => isPerspectiveCamera).map(cameraOf);
+    const keys = own.map((camera) => ({ ...camera, near: tour[0].near }));
+    return {
+      model,
+      culling: Culling.ofModel(visibility, model),
+      walk: [...keys, ...tour],
+      facts: { name, bytes, files, zUp },
+    };
+  });
+}
+
+/** The camera of a file as the page has its own. */
+function cameraOf(camera) {
+  camera.updateWorldMatrix(true, false);
+  const e = camera.matrixWorld.elements;
+  const eye = [e[12], e[13], e[14]];
+  return { eye, target: add(eye, [-e[8], -e[9], -e[10]]), up: [0, 1, 0], fovY: FOV_Y };
+}
+
+/** Opens the files of the present model again, with the other axis upwards. */
+function turnUpright() {
+  const { files, zUp } = state.facts;
+  if (files) openFiles(files, !zUp);
+}
+
+function chooseStages(names) {
+  if (!culling) return;
+  state.stages = names;
+  culling.choose(names, {
+    height: canvas.height || 720,
+    pixels: state.pixels,
+    zBuffer: Z_BUFFER,
+    size: picture.size,
+    near,
+  });
   toggle("freeze", false);
+  checked = { ...checked, signature: "", result: null };
+  drawnSignature = "";
   times = [];
+  panel.stagesAre(culling.offered, culling.chosen);
 }
 
-/** Moves the camera to a key of the scene's walks; fractions are between keys. */
+/** Moves the camera to a key of the walk; fractions are between keys. */
 function goTo(position) {
-  key = position % keys.length;
-  const [from, to, part] = [keys[Math.floor(key)], keys[Math.floor(key) + 1], key % 1];
+  key = position % walk.length;
+  const [from, to, part] = [walk[Math.floor(key)], walk[Math.floor(key) + 1], key % 1];
   // From one walk to the next the camera jumps.
-  const near = to && Math.hypot(...add(to.eye, from.eye, -1)) < 5;
-  const between = (a, b) => (part === 0 || !near ? a : add(a, add(b, a, -1), part));
+  const isNear = to && Math.hypot(...add(to.eye, from.eye, -1)) < Math.max(5, picture.size / 5);
+  const between = (a, b) => (part === 0 || !isNear ? a : add(a, add(b, a, -1), part));
   still = { ...from, eye: between(from.eye, to?.eye), target: between(from.target, to?.target) };
   flyer.follow(still);
 }
 
 function toggle(name, on = !toggles[name]) {
   toggles[name] = on;
-  element(name).setAttribute("aria-pressed", on);
-  if (name === "freeze") {
-    state.frozen = on ? state.camera : null;
-    pipeline.freeze(on);
-  }
+  if (name === "freeze") frozen = on && state.camera ? { camera: state.camera, bits: culling.bits } : null;
+  if (name === "measure") checked.signature = "";
+  if (name === "walk" && on && !still && walk) goTo(key);
+  drawnSignature = "";
+  panel.toggled(name, on);
 }
 
 /** Returns the camera of this frame, after `seconds`. */
 function moved(seconds) {
+  const before = flyer.eye;
   if (toggles.walk) goTo(key + seconds * KEYS_PER_SECOND);
   if (!still) flyer.move(seconds, toggles.above ? 0 : flyer.takeWheel());
-  const { fovY, near } = keys[Math.floor(key)];
+  else if (seconds > 0) flyer.velocity = add(flyer.eye, before, -1).map((x) => x / seconds);
+  const { fovY } = walk[Math.floor(key)];
   return { ...(still ?? flyer.camera), fovY, near, aspect: canvas.width / canvas.height };
 }
 
-/** Returns the edges of what a camera sees, up to a distance, as line segments. */
-function edges({ eye, target, up, fovY, aspect }, distance) {
-  const ahead = unit(add(target, eye, -1));
-  const right = unit(cross(ahead, up));
-  const over = cross(right, ahead);
-  const height = Math.tan(fovY / 2);
-  const corners = [
-    [-1, -1],
-    [1, -1],
-    [1, 1],
-    [-1, 1],
-  ].map(([x, y]) => add(eye, add(add(ahead, right, x * height * aspect), over, y * height), distance));
-  return corners.flatMap((corner, i) => [...eye, ...corner, ...corner, ...corners[(i + 1) % 4]]);
+function resize() {
+  const ratio = Math.min(2, devicePixelRatio) * quality;
+  const size = [canvas.clientWidth, canvas.clientHeight].map((side) => Math.max(1, Math.round(side * ratio)));
+  if (canvas.width === size[0] && canvas.height === size[1]) return;
+  picture.resize(...size);
+  drawnSignature = "";
+  if (culling.chosen.includes("size")) chooseStages(state.stages);
+}
+
+/** Makes the picture coarser where frames take long, and drops ambient shade in the end. */
+function keepPace(interval) {
+  intervals = [...intervals.slice(-19), interval];
+  if (query.has("full") || intervals.length < 20) return;
+  if (intervals.reduce((sum, time) => sum + time, 0) / intervals.length < SLOW_MS) return;
+  if (quality > 0.6) quality *= 0.8;
+  else picture.shade.isOn = false;
+  intervals = [];
 }
 
 function frame(now) {
-  const seconds = Math.min(0.1, (now - last) / 1000);
-  last = now;
-  const ratio = Math.min(2, devicePixelRatio);
-  const size = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
-  if (canvas.width !== size[0] || canvas.height !== size[1]) [canvas.width, canvas.height] = size;
-
-  const camera = (state.camera = moved(seconds));
-  view.setPerspective(camera);
-  const start = performance.now();
-  pipeline.cull(scene, view, visible);
-  times = [...times.slice(1 - AVERAGED), performance.now() - start];
-  visible.sortByIndex(scene);
-  const { indices } = visible;
-
-  let matrix = perspective(camera);
-  if (toggles.above) {
-    // The cut is a little above the eye, so that one looks into rooms.
-    const { eye } = state.frozen ?? camera;
-    const above = {
-      eye: add(camera.eye, [0, 0, 1 + eye[2] - camera.eye[2]]),
-      target: [...camera.eye.slice(0, 2), -100],
-    };
-    const map = { ...above, up: [0, 1, 0], aspect: camera.aspect };
-    mapHeight = Math.max(10, Math.min(1000, mapHeight * 0.9 ** flyer.takeWheel()));
-    matrix = orthographic(map, mapHeight, 200);
-  }
-  renderer.begin(toggles.above ? GROUND : SKY);
-  if (toggles.above) renderer.draw("faint", matrix, renderer.all);
-  state.triangles = renderer.draw("shaded", matrix, indices);
-  if (toggles.above || state.frozen) renderer.drawLines(matrix, edges(state.frozen ?? camera, 40));
-  const judged = toggles.measure ? renderer.measure(perspective(state.frozen ?? camera), indices) : null;
-  Object.assign(state, { visible: indices.length, key, ...judged, frames: state.frames + 1 });
-  state.milliseconds = times.reduce((sum, time) => sum + time, 0) / times.length;
-  element("numbers").textContent = report(judged);
   requestAnimationFrame(frame);
+  const seconds = Math.min(0.1, (now - last) / 1000);
+  const interval = now - last;
+  last = now;
+  if (!picture?.model) return;
+  resize();
+  const camera = (state.camera = moved(seconds));
+  if (!frozen) {
+    culling.cull(camera, flyer.velocity);
+    times = [...times.slice(1 - AVERAGED), culling.milliseconds];
+  }
+  const culled = frozen?.camera ?? camera;
+  if (toggles.above)
+    mapHeight = Math.max(
+      picture.size / 100,
+      Math.min(4 * picture.size, mapHeight * 0.9 ** flyer.takeWheel()),
+    );
+  const signature = JSON.stringify([
+    camera,
+    frozen !== null,
+    toggles,
+    culling.visible.count,
+    mapHeight,
+    quality,
+  ]);
+  if (signature !== drawnSignature) {
+    keepPace(interval);
+    drawnSignature = signature;
+    const bits = frozen?.bits ?? culling.bits;
+    const options = { culled, above: toggles.above ? mapHeight : 0, ghosts: toggles.ghosts };
+    Object.assign(state, picture.draw(camera, bits, options));
+    state.seen = bits.seen;
+    state.visible = culling.visible.count;
+    state.firstPictureMs ??= performance.now();
+    if (toggles.measure) check(now, culled, bits.seen);
+  } else if (toggles.measure) {
+    check(now, culled, state.seen);
+  }
+  state.answer = culling.online?.answer;
+  if (!toggles.measure) checked.result = null;
+  state.check = checked.result;
+  Object.assign(state, { key, frames: state.frames + 1 });
+  state.milliseconds = times.reduce((sum, time) => sum + time, 0) / (times.length || 1);
+  panel.show(state, culling, picture.model, visibility);
 }
 
-function report(judged) {
-  const all = lists.triangleCounts.length;
-  const lines = [
-    `objects   ${state.visible} of ${all}`,
-    `triangles ${state.triangles} of ${lists.triangles.length / 9}`,
-    `culling   ${state.milliseconds.toFixed(3)} ms, ${visibility.simd128 ? "simd128" : "plain"}`,
-    `promise   ${pipeline.accuracy}`,
-  ];
-  if (judged) {
-    lines.push(`overdraw  ${judged.overdraw.toFixed(2)} surfaces a pixel`);
-    lines.push(`wrong     ${judged.wrongPixels} of ${judged.pixels} pixels`);
+/** Compares pictures, at most as often as leaves most of the time to other things. */
+function check(now, camera, seen) {
+  const signature = JSON.stringify([camera, culling.visible.count, culling.chosen, state.scene]);
+  if (signature === checked.signature || now - checked.at < Math.max(CHECK_MS, 8 * checked.cost)) return;
+  const start = performance.now();
+  const result = judge.compare(picture, camera, seen);
+  checked = { signature, at: now, cost: performance.now() - start, result };
+}
+
+/** Says why the object at a place of the picture, from 0 to 1 from left and top, is drawn or not. */
+function pickAt(place) {
+  if (!picture.model) return;
+  const eye = toggles.above ? picture.map : picture.camera;
+  const seen = toggles.above || toggles.ghosts ? null : state.seen;
+  const item = judge.pick(picture, eye, place, seen);
+  drawnSignature = "";
+  if (item < 0) return panel.pickedIs(null);
+  const why = culling.explain(item, frozen?.camera ?? state.camera);
+  state.picked = { item, name: picture.model.names[item], why };
+  panel.pickedIs({ ...state.picked, triangles: picture.model.triangles[item] });
+}
+
+/** Looks from a point at another, until a person flies on. */
+function lookFrom(eye, target) {
+  still = { ...walk[0], eye, target, up: [0, 1, 0] };
+  flyer.follow(still);
+  toggle("walk", false);
+}
+
+/** What the judge says if an item of the last frame is left out: for tests that it sees mistakes. */
+function judgeWithout(item) {
+  const bits = state.seen.slice();
+  bits[item >>> 5] &= ~(1 << (item & 31));
+  drawnSignature = "";
+  return judge.compare(picture, state.camera, bits);
+}
+
+/** Makes the report of a walk and saves it as a file. */
+async function report() {
+  if (!picture?.model) return null;
+  const former = { key, still, ...toggles };
+  toggle("walk", false);
+  try {
+    return await saveReport({
+      visibility,
+      culling,
+      picture,
+      judge,
+      canvas,
+      walk,
+      near,
+      state,
+      say: panel.say,
+    });
+  } finally {
+    chooseStages(state.stages);
+    toggle("walk", former.walk);
+    panel.say("");
   }
-  return lines.join("\n");
 }
 
 function fail(error) {
-  state.errors++;
-  element("numbers").textContent = error?.message ?? String(error);
+  // A file that is no model is the person's affair; all else is the page's.
+  if (!(error instanceof ModelError)) state.errors++;
+  state.message = error?.message ?? String(error);
+  panel.say(state.message, true);
 }
 addEventListener("error", ({ error, message }) => fail(error ?? message));
 addEventListener("unhandledrejection", ({ reason }) => fail(reason));
+canvas.addEventListener("webglcontextlost", () =>
+  fail("the graphics card has lost the picture: load the page anew"),
+);
+
+addEventListener("keydown", ({ code, target, ctrlKey, metaKey, altKey }) => {
+  if (ctrlKey || metaKey || altKey || target.closest?.("select, input, dialog")) return;
+  const names = { KeyP: "walk", KeyV: "above", KeyX: "ghosts", KeyF: "freeze", KeyM: "measure" };
+  if (names[code]) toggle(names[code]);
+  if (code === "KeyZ") turnUpright();
+  if (code === "KeyC") {
+    // Frustum alone, then with each of the others.
+    const sets = ["", ...culling.offered.filter((name) => name !== "frustum")];
+    const at = sets.findIndex((name) => state.stages.filter((other) => other !== "frustum").join() === name);
+    const next = sets[(at + 1) % sets.length];
+    chooseStages(["frustum", next].filter(Boolean));
+  }
+});
 
 async function start() {
   const simd128 = query.has("simd128") ? query.get("simd128") !== "0" : undefined;
-  const response = await fetch("scenes.wasm");
-  if (!response.ok)
-    throw new Error(`cannot fetch scenes.wasm: status ${response.status}. Run ./build first.`);
-  [visibility, recipes] = await Promise.all([load({ simd128 }), loadRecipes(await response.arrayBuffer())]);
-  renderer = new Renderer(canvas);
-  flyer = new Flyer(canvas, (by) => {
-    // From above, the wheel zooms.
-    if (by === "wheel" && toggles.above) return;
+  picture = new Picture(canvas);
+  judge = new Judge(picture.renderer);
+  const taken = (how) => {
+    // From above the wheel zooms, and the walk goes on.
+    if (how === "wheel" && toggles.above) return;
     still = null;
-    toggle("walk", false);
-  });
-  [view, visible] = [visibility.createView(), visibility.createVisible()];
-  element("scene").replaceChildren(...Object.keys(SCENES).map((name) => new Option(name)));
-  element("scene").onchange = ({ target }) => chooseScene(target.value);
-  element("culler").onchange = ({ target }) => chooseCuller(target.value);
-  for (const name of Object.keys(toggles)) element(name).onclick = () => toggle(name);
-  addEventListener("keydown", ({ code, repeat, ctrlKey, metaKey, target }) => {
-    if (repeat || ctrlKey || metaKey || target instanceof HTMLSelectElement) return;
-    const name = { KeyP: "walk", KeyF: "freeze", KeyV: "above", KeyM: "measure" }[code];
-    if (name) toggle(name);
-    const names = [...element("culler").options].map((option) => option.value);
-    if (code === "KeyC") chooseCuller(names[(names.indexOf(state.culler) + 1) % names.length]);
-  });
-  chooseScene(state.scene in SCENES ? state.scene : "city");
-  for (const [name, on] of Object.entries(toggles)) toggle(name, on);
-  requestAnimationFrame(frame);
+    if (toggles.walk) toggle("walk", false);
+  };
+  flyer = new Flyer(canvas, taken, pickAt);
+  panel.offer(Object.entries(BUILT_IN), STAGES);
+  const bytes = fetch("scenes.wasm").then((response) => response.arrayBuffer());
+  [visibility, recipes] = await Promise.all([load({ simd128 }), bytes.then(loadRecipes)]);
+  await chooseScene(state.scene in BUILT_IN ? state.scene : "city");
 }
+requestAnimationFrame(frame);
 start().catch(fail);

@@ -1,14 +1,16 @@
-// Opens the page in headless Chromium by way of chromedriver, flies through the scenes, and fails if a number
-// of visible objects is not the native one, a visible object is hidden, or the page reports an error.
+// Opens the page in headless Chromium, flies through scenes and models of files, and fails if a number of
+// visible objects is not the native one, a visible object is hidden, or the page reports an error.
 //
-// Usage: node browser.js FILE FOLDER, with the output of `native answers` and a folder for pictures.
+// Usage: node browser.js FILE FOLDER [PART], with the output of `native answers` and a folder for pictures;
+// PART is one of the functions below. Ends with status 77 where a browser is missing.
 
 import assert from "node:assert/strict";
-import { spawn } from "node:child_process";
 import { mkdir, readFile, writeFile } from "node:fs/promises";
+import { Tab, launch } from "./chromium.js";
+import { writeWall } from "./models.js";
 import { serve } from "./serve.js";
 
-const [answers, pictures] = process.argv.slice(2);
+const [answers, pictures, part] = process.argv.slice(2);
 /** By scene, pipeline and frame: the number of visible objects. */
 const native = new Map(
   (await readFile(answers, "utf8")).split("\n").map((line) => {
@@ -17,145 +19,219 @@ const native = new Map(
   }),
 );
 const FRAMES = [0, 40, 95];
+/** Stages of the page by the native name of the pipeline. */
+const STAGES = {
+  frustum: ["frustum"],
+  "z-buffer": ["frustum", "zbuffer"],
+  portals: ["frustum", "portals"],
+  baked: ["frustum", "baked"],
+};
+/** The picture alone is 16:9, as the native cameras are; the panel is 320 pixels wide. */
+const WIDE = { width: 640 + 320, height: 360 };
+const PHONE = { width: 390, height: 844, isMobile: true, hasTouch: true };
 
 await mkdir(pictures, { recursive: true });
-const server = await serve();
-const driver = spawn("chromedriver", ["--port=0"], { stdio: ["ignore", "pipe", "inherit"] });
-const port = await new Promise((resolve, reject) => {
-  let text = "";
-  driver.on("exit", () => reject(new Error(`chromedriver ended: ${text}`)));
-  driver.stdout.on("data", (data) => {
-    const found = (text += data).match(/successfully on port (\d+)/);
-    if (found) resolve(found[1]);
-  });
-});
-
-/** Sends a WebDriver command and returns its value. */
-async function command(method, path, body) {
-  const options = { method, body: body && JSON.stringify(body) };
-  const response = await fetch(`http://localhost:${port}/session${path}`, options);
-  const { value } = await response.json();
-  if (value?.error) throw new Error(`${path}: ${value.message}`);
-  return value;
+const browser = await launch();
+if (typeof browser === "string") {
+  console.error(browser);
+  process.exit(77);
 }
+const server = await serve();
+const save = (tab, name) => tab.picture(`${pictures}/${name}.png`);
+const complaints = [];
 
-const args = ["--headless=new", "--no-sandbox", "--enable-unsafe-swiftshader", "--use-angle=swiftshader"];
-const browser = { "goog:chromeOptions": { args }, "goog:loggingPrefs": { browser: "ALL" } };
-let session;
-try {
-  const made = await command("POST", "", { capabilities: { alwaysMatch: browser } });
-  session = `/${made.sessionId}`;
-  const run = (script, ...args) => command("POST", `${session}/execute/async`, { script, args });
-  /** Runs a statement in the page, waits for the next frame, and returns the page's state. */
-  const act = (statement) =>
-    run(`
-      const done = arguments[0];
-      ${statement};
-      const from = page.state.frames;
-      const look = () => (page.state.frames > from ? done(page.state) : requestAnimationFrame(look));
-      look();`);
-  const picture = async (name) => {
-    const data = await command("GET", `${session}/screenshot`);
-    await writeFile(`${pictures}/${name}.png`, Buffer.from(data, "base64"));
-  };
-
-  const size = { width: 1280, height: 720, deviceScaleFactor: 1, mobile: false };
-  await command("POST", `${session}/goog/cdp/execute`, {
-    cmd: "Emulation.setDeviceMetricsOverride",
-    params: size,
-  });
+/** Built-in scenes: answers as native, no wrong pixel. */
+async function builtInScenes() {
   for (const [scene, recipe] of [
     ["city", "plpcity"],
     ["office", "office"],
   ]) {
-    for (const simd128 of [0, 1]) {
-      const url = `${server.address}?scene=${scene}&simd128=${simd128}&measure`;
-      await command("POST", `${session}/url`, { url });
-      await run(`
-        const done = arguments[0];
-        const wait = () => (page?.state.frames > 2 || page?.state.errors > 0 ? done() : setTimeout(wait, 50));
-        wait();`);
+    for (const simd128 of scene === "city" ? [1] : [0, 1]) {
+      const tab = await Tab.open(
+        browser,
+        `${server.address}?scene=${scene}&simd128=${simd128}&still&full`,
+        WIDE,
+      );
       // The module without SIMD is one picture; its answers are compared outside the browser.
       const frames = simd128 ? FRAMES : FRAMES.slice(0, 1);
-      for (const name of ["frustum", "z-buffer", "portals", "baked"].filter((name) =>
-        native.has(`${recipe} ${name} 0`),
-      )) {
-        await act(`page.chooseCuller("${name}"); page.toggle("walk", false)`);
+      const names = Object.keys(STAGES).filter((name) => native.has(`${recipe} ${name} 0`));
+      assert.ok(names.length >= 2, `native answers of ${recipe}`);
+      for (const name of names) {
         for (const frame of frames) {
-          const { visible, wrongPixels } = await act(`page.goTo(${frame})`);
-          assert.equal(
-            visible,
-            native.get(`${recipe} ${name} ${frame}`),
-            `${scene}, ${name}, frame ${frame}`,
+          const at = `${scene}, ${name}, frame ${frame}`;
+          const state = await tab.judged(
+            `page.chooseStages(${JSON.stringify(STAGES[name])}); page.goTo(${frame})`,
           );
-          assert.equal(wrongPixels, 0, `wrong pixels: ${scene}, ${name}, frame ${frame}`);
+          assert.equal(state.visible, native.get(`${recipe} ${name} ${frame}`), at);
+          assert.equal(state.check.wrongPixels, 0, `wrong pixels: ${at}`);
+          assert.equal(state.check.wrongObjects, 0, `wrong objects: ${at}`);
+          assert.ok(state.check.shown > 0 && state.check.shown <= state.visible, `objects that show: ${at}`);
         }
-        if (simd128) await picture(`${scene}-${name}`);
       }
       if (simd128) {
-        await act(`page.toggle("freeze", true); page.toggle("above", true)`);
-        await picture(`${scene}-above`);
+        await save(tab, scene);
+        await tab.act(`page.toggle("ghosts", true)`);
+        await save(tab, `${scene}-hidden`);
+        await tab.act(`page.toggle("freeze", true); page.toggle("above", true)`);
+        await save(tab, `${scene}-above`);
       }
+      complaints.push(...tab.complaints);
+      await tab.page.close();
     }
   }
+}
 
-  // By keyboard: the camera moves ahead, and the walk ends.
-  const before = await act(`for (const name in page.toggles) page.toggle(name, name === "walk")`);
-  assert.ok((await act("")).key > before.key, "the walk goes on");
-  const keys = [
-    { type: "keyDown", value: "w" },
-    { type: "pause", duration: 500 },
-    { type: "keyUp", value: "w" },
-  ];
-  await command("POST", `${session}/actions`, { actions: [{ type: "key", id: "keyboard", actions: keys }] });
-  const flown = await act("");
-  // By mouse, and by a finger on the right half: the camera turns.
-  const drag = async (pointerType) => {
-    const from = await act("");
-    const actions = [
-      { type: "pointerMove", x: 900, y: 400 },
-      { type: "pointerDown", button: 0 },
-      { type: "pointerMove", x: 1000, y: 400, duration: 100 },
-      { type: "pointerUp", button: 0 },
-    ];
-    const pointer = { type: "pointer", id: pointerType, parameters: { pointerType }, actions };
-    await command("POST", `${session}/actions`, { actions: [pointer] });
-    const { camera } = await act("");
-    assert.deepEqual(camera.eye, from.camera.eye, "looking around does not move");
-    assert.notDeepEqual(camera.target, from.camera.target, `a drag by ${pointerType} turns the camera`);
-  };
-  assert.equal(await run("arguments[0](page.toggles.walk)"), false, "a key ends the walk");
+/** Models of files, from drop to picture; and files that are none. */
+async function files() {
+  const tab = await Tab.open(browser, `${server.address}?scene=office&still&full`, WIDE);
+  const path = (name) => `${pictures}/${name}`;
+  // Looks at the wall from the front: what is behind it is hidden, the red box is not.
+  const front = `page.lookFrom([0, 3, 25], [0, 3, 0])`;
+  for (const instanced of [false, true]) {
+    const bytes = await writeWall(path("wall.glb"), { instanced });
+    const opened = await tab.openFiles(path("wall.glb"));
+    assert.deepEqual([opened.message, opened.objects, opened.allTriangles], ["", 38, 38 * 12]);
+    const all = await tab.judged(`page.chooseStages(["frustum"]); ${front}`);
+    assert.deepEqual([all.visible, all.check.shown, all.check.wrongPixels], [38, 2, 0]);
+    const culled = await tab.judged(`page.chooseStages(["frustum", "zbuffer"]); ${front}`);
+    assert.deepEqual([culled.visible, culled.check.shown, culled.check.wrongPixels], [2, 2, 0]);
+    assert.equal(culled.triangles, 24, "triangles drawn");
+    // Sets ahead of the eye hide nothing at first, and what is behind the wall once they are made.
+    await tab.act(`page.chooseStages(["frustum", "ahead"])`);
+    await tab.until(`page.state.answer === "viewcell"`);
+    const ahead = await tab.judged("");
+    assert.equal(ahead.check.wrongPixels, 0, "wrong pixels of sets ahead of the eye");
+    assert.ok(ahead.visible >= 2 && ahead.visible < 38, `sets ahead of the eye leave ${ahead.visible}`);
+    await tab.judged(`page.chooseStages(["frustum", "zbuffer"])`);
+    // The judge must see a mistake: the red box is left out.
+    const wrong = await tab.page.evaluate(`page.judgeWithout(1)`);
+    assert.ok(
+      wrong.wrongPixels > 100 && wrong.wrongObjects === 1,
+      `a missing object is seen: ${JSON.stringify(wrong)}`,
+    );
+    // In the middle of the picture is the wall or the red box before it.
+    const { picked } = await tab.act(`page.pickAt([0.35, 0.4])`);
+    assert.deepEqual([picked.name, picked.why], ["wall", "visible"]);
+    await save(tab, instanced ? "wall-instanced" : "wall");
+  }
+  const report = await tab.page.evaluate(`page.report()`);
+  await writeFile(path("report.html"), report);
+  assert.equal(report.match(/<img /g).length, 9, "pictures of the report");
+  const rows = [...report.matchAll(/<tr><td>([^<]*)<\/td><td>([\d,]+)/g)].map(([, label, count]) => [
+    label,
+    count,
+  ]);
+  assert.equal(rows.length, 3);
+  assert.deepEqual(rows[0], ["everything", "38"]);
+  assert.match(report, />0 of [\d,]+<\/td><td>0<\/td><td>conservative/);
+  assert.match(report, /visibility-three/);
+  complaints.push(...tab.complaints);
+  await tab.page.close();
+}
+
+/** Files that are no model: a message, and the former model stays. */
+async function refusals() {
+  const tab = await Tab.open(browser, `${server.address}?scene=office&still&full`, WIDE);
+  const path = (name) => `${pictures}/${name}`;
+  const bytes = await writeWall(path("wall.glb"));
+  await writeFile(path("cut.glb"), bytes.subarray(0, 900));
+  await writeFile(path("text.glb"), "This is no model.");
+  await writeFile(path("other.gltf"), `{"asset":{"version":"1.0"}}`);
+  await writeFile(path("empty.glb"), "");
+  await writeFile(
+    path("lacks.gltf"),
+    `{"asset":{"version":"2.0"},"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],"buffers":[{"uri":"away.bin","byteLength":36}],` +
+      `"bufferViews":[{"buffer":0,"byteLength":36}],"accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}],` +
+      `"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}]}`,
+  );
+  for (const [name, message] of [
+    ["cut.glb", /cut off/],
+    ["text.glb", /no glTF model/],
+    ["other.gltf", /cannot be read/],
+    ["empty.glb", /is empty/],
+    ["lacks.gltf", /away\.bin/],
+  ]) {
+    const refused = await tab.openFiles(path(name));
+    assert.match(refused.message, message);
+    assert.deepEqual([refused.objects, refused.errors], [779, 0], `${name}: the former model stays`);
+  }
+  await save(tab, "refused");
+  // Only that an address is missing may be said there.
+  complaints.push(...tab.complaints.splice(0).filter((text) => !/data:,|lacks|away\.bin/.test(text)));
+  await tab.page.close();
+}
+
+/** Keys, mouse and touch. */
+async function input() {
+  const tab = await Tab.open(browser, `${server.address}?scene=office&full`, WIDE);
+  const { page } = tab;
+  const before = await tab.act();
+  assert.ok((await tab.act()).key > before.key, "the tour goes on");
+  await page.focus("#canvas");
+  await page.keyboard.down("w");
+  await tab.act();
+  await page.keyboard.up("w");
+  const flown = await tab.act();
+  assert.equal(await page.evaluate("page.toggles.walk"), false, "a key ends the tour");
   assert.notDeepEqual(flown.camera.eye, before.camera.eye, "a key moves the camera");
-  await drag("mouse");
-  await drag("touch");
+  await page.mouse.move(300, 180);
+  await page.mouse.down();
+  await page.mouse.move(400, 180, { steps: 4 });
+  await page.mouse.up();
+  const turned = await tab.act();
+  assert.deepEqual(turned.camera.eye, flown.camera.eye, "looking around does not move");
+  assert.notDeepEqual(turned.camera.target, flown.camera.target, "a drag turns the camera");
+  await page.mouse.wheel({ deltaY: -300 });
+  const wheeled = await tab.act();
+  assert.notDeepEqual(wheeled.camera.eye, turned.camera.eye, "the wheel moves the camera");
+  for (const [key, name] of Object.entries({ v: "above", x: "ghosts", f: "freeze", m: "measure" })) {
+    const was = await page.evaluate(`page.toggles.${name}`);
+    await page.keyboard.press(key);
+    assert.equal(await page.evaluate(`page.toggles.${name}`), !was, `key ${key}`);
+    await page.keyboard.press(key);
+  }
+  const { stages } = await tab.act();
+  await page.keyboard.press("c");
+  assert.notDeepEqual((await tab.act()).stages, stages, "a key takes the next culler");
+  complaints.push(...tab.complaints);
+  await page.close();
+}
 
-  // On a phone: a finger on the left half moves.
-  const phone = { width: 390, height: 844, deviceScaleFactor: 1, mobile: true };
-  await command("POST", `${session}/goog/cdp/execute`, {
-    cmd: "Emulation.setDeviceMetricsOverride",
-    params: phone,
-  });
-  const standing = await act("");
-  const push = [
-    { type: "pointerMove", x: 100, y: 700 },
-    { type: "pointerDown", button: 0 },
-    { type: "pointerMove", x: 100, y: 600, duration: 300 },
-    { type: "pointerUp", button: 0 },
-  ];
-  const finger = { type: "pointer", id: "finger", parameters: { pointerType: "touch" }, actions: push };
-  await command("POST", `${session}/actions`, { actions: [finger] });
-  const pushed = await act("");
-  assert.notDeepEqual(pushed.camera.eye, standing.camera.eye, "a finger on the left half moves the camera");
-  await picture("phone");
+/** A phone's screen and fingers. */
+async function phone() {
+  const phone = await Tab.open(browser, `${server.address}?scene=office&still&full`, PHONE);
+  const rectangle = (selector) =>
+    phone.page.$eval(selector, (element) => {
+      const { top, bottom, left, right } = element.getBoundingClientRect();
+      return { top, bottom, left, right };
+    });
+  const [picture, panel] = [await rectangle("#canvas"), await rectangle("#panel")];
+  assert.ok(panel.top >= picture.bottom - 1, "no panel is over the picture");
+  assert.ok(picture.bottom > 400 && panel.bottom <= 845 && panel.right <= 391, "both are on the screen");
+  const drag = async (x) => {
+    const from = await phone.act();
+    const touch = await phone.page.touchscreen.touchStart(x, 300);
+    await touch.move(x, 240);
+    await phone.act();
+    await touch.end();
+    return [from.camera, (await phone.act()).camera];
+  };
+  const [standing, pushed] = await drag(80);
+  assert.notDeepEqual(pushed.eye, standing.eye, "a finger on the left half moves the camera");
+  const [ahead, aside] = await drag(320);
+  assert.deepEqual(aside.eye, ahead.eye, "a finger on the right half does not move the camera");
+  assert.notDeepEqual(aside.target, ahead.target, "a finger on the right half turns the camera");
+  await save(phone, "phone");
+  complaints.push(...phone.complaints);
+  await phone.page.close();
+}
 
-  const log = await command("POST", `${session}/se/log`, { type: "browser" });
-  const complaints = log.filter(({ level, message }) => level === "SEVERE" || /error/i.test(message));
+try {
+  for (const test of [builtInScenes, files, refusals, input, phone])
+    if (!part || test.name === part) await test();
   assert.deepEqual(complaints, [], "the console has no errors");
-  assert.equal(await run("arguments[0](page.state.errors)"), 0, "the page met no error");
-  const { browserName, browserVersion } = made.capabilities;
-  console.log(`the page in ${browserName} ${browserVersion}: as native; pictures in ${pictures}`);
+  console.log(`the page in ${await browser.version()}: as native; pictures in ${pictures}`);
 } finally {
-  if (session) await command("DELETE", session).catch(() => {});
-  driver.kill();
+  await browser.close();
   server.close();
 }

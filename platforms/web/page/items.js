@@ -1,0 +1,364 @@
+// Turns a scene graph of three.js into items: what is hidden or drawn as one. The items of materials that
+// look alike are instances of one `BatchedMesh`, so that thousands of them are a few draw calls.
+//
+// Item `i` of a model is object `i` of the library's scene. The items of a batch follow each other.
+
+import {
+  BatchedMesh,
+  Box3,
+  BufferAttribute,
+  BufferGeometry,
+  Color,
+  FrontSide,
+  Matrix4,
+  MeshStandardMaterial,
+  Vector3,
+  Vector4,
+} from "three";
+import { ModelError, pause } from "./load.js";
+
+/** Greatest number of vertices of a batch: 32 to 64 MB of positions and normals. */
+const MOST_VERTICES = 1 << 21;
+/** Greatest number of items of a batch: their matrices are one texture. */
+const MOST_ITEMS = 1 << 16;
+/** Milliseconds of work between two pauses for the browser. */
+const SLICE_MS = 30;
+/** A box is enlarged by this share of its greatest coordinate: single-precision rounding of what is drawn. */
+const ROUNDING = 2 ** -20;
+const ATTRIBUTES = { position: 3, normal: 3, uv: 2, uv1: 2, color: 4 };
+const MAPS = [
+  "map",
+  "normalMap",
+  "roughnessMap",
+  "metalnessMap",
+  "aoMap",
+  "emissiveMap",
+  "alphaMap",
+  "bumpMap",
+  "lightMap",
+];
+const white = new Color(1, 1, 1);
+
+/** Attribute of a geometry as 32-bit floats, whatever the file has: quantized, normalized or interleaved. */
+function asFloats(attribute, itemSize, fill) {
+  const { count } = attribute;
+  const array = new Float32Array(count * itemSize).fill(fill);
+  const read = Math.min(itemSize, attribute.itemSize);
+  for (let k = 0; k < read; k++)
+    for (let i = 0; i < count; i++) array[i * itemSize + k] = attribute.getComponent(i, k);
+  return new BufferAttribute(array, itemSize);
+}
+
+/**
+
+ * A geometry with the attributes that its batch has, an index, and faces that a mirrored matrix keeps
+
+ * outwards.
+
+ */
+function prepared(source, names, isMirrored) {
+  const geometry = new BufferGeometry();
+  const { position } = source.attributes;
+  for (const name of names) {
+    const attribute = source.attributes[name];
+    if (attribute)
+      geometry.setAttribute(name, asFloats(attribute, ATTRIBUTES[name], name === "color" ? 1 : 0));
+  }
+  const count = Math.floor((source.index ?? position).count / 3) * 3;
+  const index = new Uint32Array(count);
+  for (let i = 0; i < count; i++) {
+    const vertex = source.index ? source.index.getX(i) : i;
+    // A damaged index draws the first vertex: nothing is read out of bounds.
+    index[i] = vertex < position.count ? vertex : 0;
+  }
+  if (isMirrored) for (let i = 0; i < count; i += 3) [index[i], index[i + 1]] = [index[i + 1], index[i]];
+  geometry.setIndex(new BufferAttribute(index, 1));
+  if (!geometry.attributes.normal) geometry.computeVertexNormals();
+  return geometry;
+}
+
+/** Text that is the same for materials that one batch can draw, apart from the colour of opaque ones. */
+function materialKey(material) {
+  if (material.type === "MeshPhysicalMaterial" && material.transmission === 0 && !material.iridescence)
+    return `physical ${material.uuid}`;
+  const round = (number) => Math.round(10 * (number ?? 0)) / 10;
+  return [
+    material.type,
+    material.side,
+    material.transparent,
+    material.alphaTest,
+    material.transparent || material.transmission > 0 ? round(material.opacity) : 1,
+    material.vertexColors,
+    material.flatShading,
+    round(material.roughness),
+    round(material.metalness),
+    material.emissive?.getHex(),
+    material.emissiveIntensity,
+    material.transmission > 0,
+    ...MAPS.map((map) => material[map]?.uuid ?? 0),
+  ].join(" ");
+}
+
+/** The material of a batch. The colour of each item is added to it. */
+function batchMaterial(material) {
+  let made = material.clone();
+  if (material.transmission > 0) {
+    // Glass is drawn as a thin veil: true transmission draws the scene twice.
+    made = new MeshStandardMaterial({ roughness: 0.1, metalness: 0, side: material.side });
+    Object.assign(made, { transparent: true, opacity: 0.3, depthWrite: false });
+  }
+  made.color?.copy(white);
+  // There is nothing for metal to mirror: it would be black.
+  if (made.metalness > 0) made.metalness = Math.min(made.metalness, 0.2);
+  return made;
+}
+
+export const isSeeThrough = (material) =>
+  material.transparent || material.alphaTest > 0 || material.alphaHash || !material.depthWrite;
+
+/** Whether three.js moves the vertices of a mesh in ways that a box of its geometry does not hold. */
+const isDeformed = (mesh) =>
+  mesh.isSkinnedMesh ||
+  (mesh.morphTargetInfluences?.length > 0 && Object.keys(mesh.geometry.morphAttributes).length > 0);
+
+/** Finds meshes with their parts and instances: what becomes an item. */
+function collect(root) {
+  const parts = [];
+  const loose = [];
+  root.traverseVisible((object) => {
+    if (object.isLine || object.isPoints || object.isSprite || (object.isMesh && isDeformed(object))) {
+      loose.push(object);
+      return;
+    }
+    const position = object.isMesh && object.geometry.attributes.position;
+    if (!position?.count) return;
+    const materials = [object.material].flat();
+    const count = object.isInstancedMesh ? object.count : 1;
+    const groups = Array.isArray(object.material) ? object.geometry.groups : [null];
+    for (const group of groups) {
+      const material = materials[group?.materialIndex ?? 0];
+      if (material) parts.push({ object, material, count, group });
+    }
+  });
+  return { parts, loose };
+}
+
+/** Writes the box of transformed vertices, as they are and enlarged for rounding, to 6 numbers at `at`. */
+function writeBounds(bounds, at, positions, { elements: e }) {
+  const box = [Infinity, Infinity, Infinity, -Infinity, -Infinity, -Infinity];
+  for (let i = 0; i < positions.length; i += 3) {
+    const [x, y, z] = [positions[i], positions[i + 1], positions[i + 2]];
+    for (let k = 0; k < 3; k++) {
+      const moved = e[k] * x + e[4 + k] * y + e[8 + k] * z + e[12 + k];
+      if (moved < box[k]) box[k] = moved;
+      if (moved > box[3 + k]) box[3 + k] = moved;
+    }
+  }
+  const margin = ROUNDING * Math.max(...box.map(Math.abs));
+  for (let k = 0; k < 6; k++) bounds[at + k] = box[k] + (k < 3 ? -margin : margin);
+}
+
+/** A model as items. See the head of this file. */
+export class Model {
+  /** Batches: `mesh`, index `first` of its first item, `count` of items, `seeThrough`, `side`. */
+  batches = [];
+  /** What is drawn whatever a culler finds: skinned and morphed meshes, lines, points. */
+  loose = [];
+  names = [];
+  /** By item: 6 numbers of its box, number of triangles, and shape and matrix of what it hides with. */
+  bounds = new Float64Array(0);
+  triangles = new Uint32Array(0);
+  shapes = [];
+  matrices = [];
+  /** Bytes of geometry for the graphics card, and of pictures. */
+  bytes = { geometry: 0, textures: 0 };
+
+  get count() {
+    return this.triangles.length;
+  }
+
+  /** Least and greatest corner of all items. */
+  get box() {
+    const box = [Infinity, Infinity, Infinity, -Infinity, -Infinity, -Infinity];
+    this.bounds.forEach((number, i) => {
+      const k = i % 6;
+      if (Number.isFinite(number)) box[k] = k < 3 ? Math.min(box[k], number) : Math.max(box[k], number);
+    });
+    return box.every(Number.isFinite) ? box : [-1, -1, -1, 1, 1, 1];
+  }
+
+  dispose() {
+    for (const { mesh } of this.batches) {
+      for (const map of MAPS) mesh.material[map]?.dispose();
+      mesh.material.dispose();
+      mesh.dispose();
+    }
+    for (const { geometry } of this.loose) geometry?.dispose();
+  }
+}
+
+/**
+
+ * Makes items of a scene graph. `progress` gets a line of text. Throws a `ModelError` if there are no
+
+ * triangles.
+
+ */
+export async function makeModel(root, progress) {
+  // Around the origin, where single precision is finest, and on the ground.
+  const box = new Box3().setFromObject(root);
+  const middle = box.getCenter(new Vector3()).setY(box.min.y);
+  if (middle.toArray().every(Number.isFinite)) root.position.sub(middle);
+  root.updateMatrixWorld(true);
+  const { parts, loose } = collect(root);
+  const kinds = new Map();
+  for (const part of parts) {
+    const { attributes } = part.object.geometry;
+    const names = Object.keys(ATTRIBUTES).filter((name) => name === "normal" || attributes[name]);
+    const key = `${materialKey(part.material)} ${names}`;
+    let kind = kinds.get(key);
+    if (!kind) kinds.set(key, (kind = { material: part.material, names, parts: [] }));
+    kind.parts.push(part);
+  }
+  const total = parts.reduce((sum, { count }) => sum + count, 0);
+  if (total === 0 && loose.length === 0) throw new ModelError("the model has no triangles");
+  const model = new Model();
+  model.loose = loose;
+  model.bounds = new Float64Array(6 * total);
+  model.triangles = new Uint32Array(total);
+  const made = { model, item: 0, sliced: performance.now(), progress, total };
+  for (const kind of kinds.values()) {
+    let chunk = [];
+    let [vertices, items] = [0, 0];
+    for (const part of kind.parts) {
+      const { count } = part.object.geometry.attributes.position;
+      if (chunk.length > 0 && (vertices + count > MOST_VERTICES || items + part.count > MOST_ITEMS)) {
+        await addBatch(made, kind, chunk);
+        [chunk, vertices, items] = [[], 0, 0];
+      }
+      chunk.push(part);
+      vertices += count;
+      items += part.count;
+    }
+    if (chunk.length > 0) await addBatch(made, kind, chunk);
+  }
+  const textures = new Set(
+    model.batches.flatMap(({ mesh }) => MAPS.map((map) => mesh.material[map])).filter(Boolean),
+  );
+  for (const { image } of textures)
+    model.bytes.textures += ((image?.width ?? 0) * (image?.height ?? 0) * 16) / 3;
+  return model;
+}
+
+/** Adds the items of parts with materials that look alike. */
+async function addBatch(made, { material, names }, parts) {
+  const { model } = made;
+  // Prepared once for all parts of the same geometry: instances share it.
+  const geometries = new Map();
+  const entries = [];
+  let [vertices, indices, items] = [0, 0, 0];
+  for (const part of parts) {
+    const { object, group } = part;
+    const isMirrored = object.matrixWorld.determinant() < 0;
+    const key = `${object.geometry.uuid} ${isMirrored} ${group?.start ?? ""}`;
+    let shape = geometries.get(key);
+    if (!shape) {
+      const source = group ? groupOf(object.geometry, group) : object.geometry;
+      const geometry = prepared(source, names, isMirrored);
+      shape = { geometry, id: -1, side: material.side, seeThrough: isSeeThrough(batchMaterial(material)) };
+      geometries.set(key, shape);
+      vertices += geometry.attributes.position.count;
+      indices += geometry.index.count;
+    }
+    entries.push({ part, shape });
+    items += part.count;
+    await slice(made);
+  }
+  const mesh = new BatchedMesh(items, Math.max(3, vertices), Math.max(3, indices), batchMaterial(material));
+  mesh.perObjectFrustumCulled = false;
+  mesh.frustumCulled = false;
+  mesh.sortObjects = mesh.material.transparent;
+  mesh.castShadow = mesh.receiveShadow = !mesh.material.transparent;
+  const batch = {
+    mesh,
+    first: made.item,
+    count: items,
+    side: material.side,
+    seeThrough: isSeeThrough(mesh.material),
+  };
+  const color = new Vector4();
+  const own = material.color ? material.color : white;
+  for (const { part, shape } of entries) {
+    const { object } = part;
+    if (shape.id < 0) shape.id = mesh.addGeometry(shape.geometry);
+    for (let instance = 0; instance < part.count; instance++) {
+      const matrix = new Matrix4();
+      if (object.isInstancedMesh) object.getMatrixAt(instance, matrix);
+      matrix.premultiply(object.matrixWorld);
+      const id = mesh.addInstance(shape.id);
+      mesh.setMatrixAt(id, matrix);
+      const { r, g, b } = part.material.color ?? own;
+      mesh.setColorAt(id, color.set(r, g, b, 1));
+      const item = made.item++;
+      writeBounds(model.bounds, 6 * item, shape.geometry.attributes.position.array, matrix);
+      model.triangles[item] = shape.geometry.index.count / 3;
+      model.names.push(object.name || object.parent?.name || `object ${item}`);
+      model.shapes.push(shape);
+      model.matrices.push(matrix);
+    }
+    await slice(made);
+  }
+  model.bytes.geometry += vertices * 4 * names.reduce((sum, name) => sum + ATTRIBUTES[name], 0) + 4 * indices;
+  model.batches.push(batch);
+}
+
+/** The part of a geometry that one of its groups draws. */
+function groupOf({ attributes, index }, { start, count }) {
+  const part = new BufferGeometry();
+  for (const name in attributes) part.setAttribute(name, attributes[name]);
+  const end = Math.min(start + count, (index ?? attributes.position).count);
+  const list = new Uint32Array(Math.max(0, end - start));
+  for (let i = 0; i < list.length; i++) list[i] = index ? index.getX(start + i) : start + i;
+  part.setIndex(new BufferAttribute(list, 1));
+  return part;
+}
+
+async function slice(made) {
+  if (performance.now() - made.sliced < SLICE_MS) return;
+  made.progress(`Sorting objects: ${made.item} of ${made.total}`);
+  await pause();
+  made.sliced = performance.now();
+}
+
+/**
+
+ * Makes a model of one material from triangles: 9 numbers each, `counts` per item, with colours of its
+
+ * vertices.
+
+ */
+export function modelOfTriangles({ counts, triangles, colors, material }) {
+  const model = new Model();
+  const vertices = triangles.length / 3;
+  const mesh = new BatchedMesh(counts.length, vertices, 3, material);
+  mesh.perObjectFrustumCulled = mesh.frustumCulled = mesh.sortObjects = false;
+  mesh.castShadow = mesh.receiveShadow = true;
+  const identity = new Matrix4();
+  model.bounds = new Float64Array(6 * counts.length);
+  model.triangles = Uint32Array.from(counts);
+  let at = 0;
+  for (let item = 0; item < counts.length; item++) {
+    const end = at + 9 * counts[item];
+    const geometry = new BufferGeometry();
+    geometry.setAttribute("position", new BufferAttribute(triangles.subarray(at, end), 3));
+    geometry.setAttribute("color", new BufferAttribute(colors.subarray(at, end), 3));
+    geometry.computeVertexNormals();
+    mesh.setMatrixAt(mesh.addInstance(mesh.addGeometry(geometry)), identity);
+    writeBounds(model.bounds, 6 * item, triangles.subarray(at, end), identity);
+    model.names.push(`object ${item}`);
+    at = end;
+  }
+  model.bytes.geometry = vertices * 36;
+  model.batches.push({ mesh, first: 0, count: counts.length, side: FrontSide, seeThrough: false });
+  return model;
+}

@@ -1,0 +1,102 @@
+// Finds a headless Chromium, and opens the page in it.
+
+import { access } from "node:fs/promises";
+import { delimiter, join } from "node:path";
+
+const NAMES = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
+const ARGUMENTS = [
+  "--no-sandbox",
+  "--use-gl=angle",
+  "--use-angle=swiftshader",
+  "--enable-unsafe-swiftshader",
+  "--ignore-gpu-blocklist",
+  "--in-process-gpu",
+  "--disable-gpu-watchdog",
+];
+/** Milliseconds for what the software renderer of a busy machine takes. */
+const PATIENCE = 120000;
+
+async function executable() {
+  if (process.env.CHROMIUM) return process.env.CHROMIUM;
+  for (const folder of (process.env.PATH ?? "").split(delimiter)) {
+    for (const name of NAMES) {
+      const path = join(folder, name);
+      if (
+        await access(path).then(
+          () => true,
+          () => false,
+        )
+      )
+        return path;
+    }
+  }
+  // A build for machines without a desktop, from npm.
+  const packed = await import("@sparticuz/chromium").catch(() => null);
+  return packed ? packed.default.executablePath() : null;
+}
+
+/** Starts Chromium; or returns what is missing, as text. */
+export async function launch() {
+  const puppeteer = await import("puppeteer-core").catch(() => null);
+  if (!puppeteer) return "puppeteer-core is not there";
+  const executablePath = await executable();
+  if (!executablePath) return "no Chromium is there";
+  const settings = { executablePath, headless: "shell", args: ARGUMENTS, protocolTimeout: PATIENCE };
+  return puppeteer.default.launch(settings);
+}
+
+/** The page in a tab, with what it complained about. */
+export class Tab {
+  complaints = [];
+
+  static async open(browser, address, viewport) {
+    const tab = new Tab();
+    const page = (tab.page = await browser.newPage());
+    await page.setViewport(viewport);
+    page.on("console", (message) => {
+      if (message.type() === "error" || /error/i.test(message.text())) tab.complaints.push(message.text());
+    });
+    page.on("pageerror", ({ message }) => tab.complaints.push(message));
+    page.on("requestfailed", (request) => tab.complaints.push(`failed: ${request.url()}`));
+    page.on("request", (request) => {
+      const { protocol, host } = new URL(request.url());
+      if (/^http/.test(protocol) && host !== new URL(address).host)
+        tab.complaints.push(`another host: ${host}`);
+    });
+    await page.goto(address);
+    await tab.until("window.page?.state.errors > 0 || (page.state.frames > 2 && !page.state.loading)");
+    return tab;
+  }
+
+  until(condition) {
+    return this.page.waitForFunction(condition, { timeout: PATIENCE });
+  }
+
+  /** Runs a statement in the page, waits until the next frames are drawn, and returns the page's state. */
+  async act(statement = "") {
+    const frames = await this.page.evaluate(`${statement}; page.state.frames`);
+    await this.until(`page.state.frames > ${frames + 1} || page.state.errors > 0`);
+    return this.page.evaluate("(({ seen, facts, ...rest }) => rest)(page.state)");
+  }
+
+  /** As `act`, and waits for the judge's answer to the picture. */
+  async judged(statement) {
+    await this.act(`${statement}; page.toggle("measure", false)`);
+    await this.act(`page.toggle("measure", true)`);
+    await this.until("page.state.check !== null");
+    return this.act();
+  }
+
+  /** Chooses files in the page's own way, and waits until they are shown or refused. */
+  async openFiles(...paths) {
+    await this.page.evaluate(`page.state.message = ""; page.state.loadMs = null`);
+    const input = await this.page.$("#file");
+    await input.uploadFile(...paths);
+    await this.until(`page.state.message || (!page.state.loading && page.state.loadMs !== null)`);
+    return this.act();
+  }
+
+  picture(path) {
+    return this.page.screenshot({ path });
+  }
+}
