@@ -48,14 +48,14 @@ impl PieceMaps {
     /// Adds to `map` the pixels that a piece of an occluder covers. `triangles` are the piece's triangles and
     /// `contour` its boundary edges, both in local coordinates of the direction and not yet cut. The two
     /// flags of a triangle or an edge say, for lateral axes x and y, whether the whole triangle or edge is on
-    /// the outer side of the window's rim, see [`Window::is_outside`].
+    /// the outer side of the window's rim, see [`Window::is_outside`]. Returns whether any pixel was added.
     pub(super) fn draw(
         &mut self,
         map: &mut RayMap,
         target: &Target<'_>,
         triangles: impl Iterator<Item = ([DVec3; 3], [bool; 2])> + Clone,
         contour: impl Iterator<Item = ([DVec3; 2], [bool; 2])>,
-    ) {
+    ) -> bool {
         let Target { window, near, rect, .. } = *target;
         let mut filled = false;
         self.inside.begin(rect);
@@ -65,18 +65,13 @@ impl PieceMaps {
                 filled |= polygon.fill(&mut self.inside, &mut self.sides, map, window, rect);
             }
         }
-        if !filled {
-            return;
+        if !filled || !self.inside.exceeds(map) {
+            return false;
         }
-        if self.inside.exceeds(map) {
-            self.contour.begin(rect);
-            let known =
-                triangles.into_iter().all(|(triangle, outside)| self.sweep_cuts(target, triangle, outside))
-                    && contour.into_iter().all(|([a, b], outside)| self.sweep_edge(target, a, b, outside));
-            if known {
-                self.inside.add_without(&self.contour, map);
-            }
-        }
+        self.contour.begin(rect);
+        let known = triangles.into_iter().all(|(triangle, outside)| self.sweep_cuts(target, triangle, outside))
+            && contour.into_iter().all(|([a, b], outside)| self.sweep_edge(target, a, b, outside));
+        known && self.inside.add_without(&self.contour, map)
     }
 
     /// Draws the edges that arise where a triangle is cut, at the depth of the projection plane and at the

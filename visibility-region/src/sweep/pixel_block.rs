@@ -43,14 +43,19 @@ impl PixelBlock {
         rows.any(|(new, old)| new.iter().zip(&old[x..]).any(|(new, old)| new & !old != 0))
     }
 
-    /// Sets in `map` the pixels that are set here and not in `contour`, a block of the same rectangle.
-    pub(super) fn add_without(&self, contour: &Self, map: &mut RayMap) {
+    /// Sets in `map` the pixels that are set here and not in `contour`, a block of the same rectangle. Returns
+    /// whether any of them was not set before.
+    pub(super) fn add_without(&self, contour: &Self, map: &mut RayMap) -> bool {
+        let mut added = 0;
         let [x, y] = self.first;
         for ((inside, contour), row) in self.rows().zip(contour.rows()).zip(map.rows_mut(y)) {
             for ((inside, contour), word) in inside.iter().zip(contour).zip(&mut row[x..]) {
-                *word |= inside & !contour;
+                let new = inside & !contour;
+                added |= new & !*word;
+                *word |= new;
             }
         }
+        added != 0
     }
 
     /// Returns the words of each row.
