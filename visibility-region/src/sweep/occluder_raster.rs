@@ -81,11 +81,11 @@ impl OccluderRaster {
             Shape::Piece { surfaces, triangles, contour } => {
                 let triangles = triangles.iter().map(|&t| {
                     let corners = &surfaces.triangles[t as usize].corners;
-                    (corners.map(|p| occluder.local(p)), window.is_outside(corners))
+                    (corners.map(|p| occluder.local(p)), Some(corners.as_slice()))
                 });
                 let contour = contour.iter().map(|&s| {
                     let ends = &surfaces.segments[s as usize];
-                    (ends.map(|p| occluder.local(p)), window.is_outside(ends))
+                    (ends.map(|p| occluder.local(p)), Some(ends.as_slice()))
                 });
                 self.maps.draw(map, &target, triangles, contour)
             }
@@ -154,13 +154,7 @@ impl OccluderRaster {
 
     /// Draws the triangles whose `facing` equals `side`, piece by piece. `side` is 1 for triangles that show
     /// their front, -1 for those that show their back. Returns whether any added pixels.
-    fn draw_chain(
-        &mut self,
-        map: &mut RayMap,
-        target: &Target<'_>,
-        mesh: &OccluderMesh,
-        side: i8,
-    ) -> bool {
+    fn draw_chain(&mut self, map: &mut RayMap, target: &Target<'_>, mesh: &OccluderMesh, side: i8) -> bool {
         let mut adds = false;
         for first in 0..self.facing.len() {
             if self.facing[first] != side {
@@ -183,10 +177,10 @@ impl OccluderRaster {
                 (0..3).filter_map(move |corner| {
                     let other = neighbour(mesh, edges[corner], t);
                     let inner = other.is_some_and(|other| facing[other as usize] == 2 * side);
-                    (!inner).then_some(([corners[corner], corners[(corner + 1) % 3]], [false; 2]))
+                    (!inner).then_some(([corners[corner], corners[(corner + 1) % 3]], None))
                 })
             });
-            adds |= self.maps.draw(map, target, piece.iter().map(|&t| (corners(t), [false; 2])), contour);
+            adds |= self.maps.draw(map, target, piece.iter().map(|&t| (corners(t), None)), contour);
         }
         adds
     }
