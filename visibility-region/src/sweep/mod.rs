@@ -161,3 +161,70 @@ impl Sweep {
         true
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::cell_extent::CellExtent;
+    use super::direction::CellBox;
+    use super::occludees::Item;
+    use super::*;
+    use visibility_core::glam::{Affine3A, DVec3, Vec3};
+    use visibility_core::pvs::Viewcell;
+    use visibility_core::scene::Triangle;
+    use visibility_core::walk::Child;
+    use visibility_core::{Aabb, OccluderMesh, Scene};
+
+    /// Sweeps a mesh along x, from a viewcell of a metre that ends at x = 0. Returns, for each plane, whether
+    /// the mesh was drawn and whether the map has pixels then.
+    fn sweep(triangles: &[Triangle], planes: &[f64]) -> Vec<(bool, bool)> {
+        let bounds = Aabb::from_arrays([200.0, -9.0, -9.0], [201.0, 9.0, 9.0]);
+        let viewcell = Viewcell::from_box(DVec3::new(-1.0, -0.5, -0.5), DVec3::new(0.0, 0.5, 0.5));
+        let extent = CellExtent::new(&viewcell, DVec3::ZERO).unwrap();
+        let direction = CellBox::new(&extent, &bounds, DVec3::AXES).unwrap().direction(0);
+        let id = Scene::new().insert(bounds);
+        let item =
+            Item { child: Child::Object(id), bounds: direction.local_box(&bounds), scene_bounds: bounds };
+        let cone = Cone::around(&direction, &[item]).unwrap();
+        let mesh = OccluderMesh::from_triangles(triangles).unwrap();
+        let local = direction.local_box(mesh.bounds());
+        let occluders = [Candidate::of_mesh(id, [local.lo.z, local.hi.z])];
+        let place = |_| Occluder::new(&direction, &mesh, &Affine3A::IDENTITY);
+        let mut sweep = Sweep::new();
+        sweep.begin();
+        let mut on = |d: f64| {
+            let window = Window::fit(&direction, d, [[-2.0 * d, 2.0 * d]; 2], [None; 2]).unwrap();
+            let mut count = 0;
+            sweep.move_to(&direction, window, &occluders, 1);
+            assert!(sweep.draw(&direction, &occluders, &cone, place, &mut { Work::UNLIMITED }, &mut count));
+            (count > 0, sweep.map.any_set())
+        };
+        planes.iter().map(|&d| on(d)).collect()
+    }
+
+    /// A quadrangle in the plane x = `x`, that faces the viewcell.
+    fn wall(x: f32, half: f32) -> [Triangle; 2] {
+        let [a, b, c, d] = [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]]
+            .map(|[y, z]| Vec3::new(x, y * half, z * half));
+        [[a, b, c], [a, c, d]]
+    }
+
+    /// The near wall is narrower than the viewcell and covers nothing. The far one is what hides.
+    #[test]
+    fn an_occluder_that_added_nothing_is_drawn_again_when_the_plane_is_far_or_behind_it() {
+        let mesh = [wall(1.5, 0.1), wall(100.0, 50.0)].concat();
+        let planes = [2.0, 2.5, 2.7, 3.0, 4.1, 4.3, 90.0, 101.0, 110.0];
+        let drawn = [true, false, false, true, false, true, true, true, false];
+        let set = [[false; 7].as_slice(), &[true; 2]].concat();
+        let expected: Vec<_> = drawn.into_iter().zip(set).collect();
+        assert_eq!(sweep(&mesh, &planes), expected, "drawn and set, on planes at {planes:?}");
+    }
+
+    #[test]
+    fn an_occluder_that_adds_pixels_is_drawn_on_the_next_plane() {
+        let at = |x: f32, y: f32| Vec3::new(x, y, -2.0);
+        let [a, b, c, d] = [at(0.5, -90.0), at(100.0, -90.0), at(100.0, 90.0), at(0.5, 90.0)];
+        let planes: Vec<f64> = (2..20).map(|i| 1.2f64.powi(i)).collect();
+        let expected = alloc::vec![(true, true); planes.len()];
+        assert_eq!(sweep(&[[a, b, c], [a, c, d]], &planes), expected, "a floor, on planes at {planes:?}");
+    }
+}
