@@ -114,9 +114,9 @@ fn sweep_cuts(contour: &mut PixelBlock, target: &Target<'_>, polygon: &Polygon, 
     })
 }
 
-/// Draws on `contour` the pixels in which any viewpoint of the cell sees a contour edge from `a` to `b`. Only the part
-/// of the edge between the near depth of `target` and the projection plane counts. `outside`: for lateral
-/// axes x and y, whether the whole edge is on the outer side of the window's rim. Returns false if a
+/// Draws on `contour` the pixels in which any viewpoint of the cell sees a contour edge from `a` to `b`. Only
+/// the part of the edge between the near depth of `target` and the projection plane counts. `outside`: for
+/// lateral axes x and y, whether the whole edge is on the outer side of the window's rim. Returns false if a
 /// projected position is too far away for its precision.
 fn sweep_edge(contour: &mut PixelBlock, target: &Target<'_>, a: DVec3, b: DVec3, outside: [bool; 2]) -> bool {
     let Target { direction, window, near, rect } = *target;

@@ -40,11 +40,6 @@ use window::Window;
 /// which it is drawn. The part of such a long piece in front of this depth was drawn on planes before.
 const CUT: f64 = 0.3;
 
-/// Least ratio of the depth of a plane to that of an earlier one, if an occluder that cuts both planes and
-/// added no pixel on the earlier one is to be drawn on the later one. What such an occluder covers, the
-/// reprojection mostly brings from plane to plane. Leaving out an occluder never hides anything by mistake.
-const AFTER_NOTHING: f64 = 1.4;
-
 /// An occluder that a sweep has reached and that is still to be drawn.
 #[derive(Clone, Copy, Debug)]
 struct Open {
@@ -65,6 +60,7 @@ pub(crate) struct Sweep {
     raster: OccluderRaster,
     /// Window of the map. `None` before the first plane of a sweep.
     window: Option<Window>,
+    /// Occluders that the sweep has reached and that are still to be drawn.
     open: Vec<Open>,
     /// Number of elements of `open`, from the first on, that have been drawn on the present plane.
     drawn: usize,
@@ -73,6 +69,8 @@ pub(crate) struct Sweep {
     kept: usize,
     /// Number of occluders that the sweep has reached: their nearest point is in front of the present plane.
     begun: usize,
+    /// [`Effort::after_nothing`] of the present sweep.
+    after_nothing: f64,
 }
 
 impl Sweep {
@@ -86,6 +84,7 @@ impl Sweep {
             drawn: 0,
             kept: 0,
             begun: 0,
+            after_nothing: 0.0,
         }
     }
 
@@ -98,16 +97,17 @@ impl Sweep {
     }
 
     /// Moves the map to the plane of `window`. Covered pixels are reprojected, and occluders that begin in
-    /// front of the plane are added to those to be drawn, until `again` planes behind them. `occluders` are
-    /// those of the whole sweep, nearest first. On the plane before, [`draw`](Self::draw) must have returned
-    /// true.
+    /// front of the plane are added to those to be drawn, until [`Effort::again`] planes behind them.
+    /// `occluders` are those of the whole sweep, nearest first. On the plane before, [`draw`](Self::draw)
+    /// must have returned true.
     pub(crate) fn move_to(
         &mut self,
         direction: &Direction,
         window: Window,
         occluders: &[Candidate],
-        again: usize,
+        effort: &Effort,
     ) {
+        self.after_nothing = effort.after_nothing;
         if let Some(before) = &self.window
             && self.map.any_set()
         {
@@ -116,7 +116,7 @@ impl Sweep {
         }
         self.window = Some(window);
         while occluders.get(self.begun).is_some_and(|c| c.begins < window.d) {
-            self.open.push(Open { index: self.begun, again, from: 0.0 });
+            self.open.push(Open { index: self.begun, again: effort.again, from: 0.0 });
             self.begun += 1;
         }
         (self.drawn, self.kept) = (0, 0);
@@ -124,8 +124,9 @@ impl Sweep {
 
     /// Draws occluders on the present plane, until all are drawn or `work` is used up. Returns whether all
     /// are drawn. An occluder that cuts the plane is left out if it has added no pixel on one that is less
-    /// than [`AFTER_NOTHING`] times nearer. `place` must return an occluder in local coordinates, given its source. Adds the number of
-    /// occluders drawn to `count`.
+    /// than [`Effort::after_nothing`] times nearer: what it covers, the reprojection mostly brings from plane
+    /// to plane, and leaving out an occluder never hides anything by mistake. `place` must return an occluder
+    /// in local coordinates, given its source. Adds the number of occluders drawn to `count`.
     pub(crate) fn draw<'a>(
         &mut self,
         direction: &Direction,
@@ -148,7 +149,7 @@ impl Sweep {
             if is_due && let Some(occluder) = place(candidate.source) {
                 let drawn = self.raster.draw(&mut self.map, direction, &window, &occluder, near, work);
                 *count += u64::from(drawn != Drawn::LeftOut);
-                from = if drawn == Drawn::Nothing { AFTER_NOTHING * window.d } else { 0.0 };
+                from = if drawn == Drawn::Nothing { self.after_nothing * window.d } else { 0.0 };
             }
             let again = again - usize::from(!is_cut);
             if again > 0 {
@@ -176,7 +177,7 @@ mod tests {
 
     /// Sweeps a mesh along x, from a viewcell of a metre that ends at x = 0. Returns, for each plane, whether
     /// the mesh was drawn and whether the map has pixels then.
-    fn sweep(triangles: &[Triangle], planes: &[f64]) -> Vec<(bool, bool)> {
+    fn sweep(triangles: &[Triangle], planes: &[f64], effort: &Effort) -> Vec<(bool, bool)> {
         let bounds = Aabb::from_arrays([200.0, -9.0, -9.0], [201.0, 9.0, 9.0]);
         let viewcell = Viewcell::from_box(DVec3::new(-1.0, -0.5, -0.5), DVec3::new(0.0, 0.5, 0.5));
         let extent = CellExtent::new(&viewcell, DVec3::ZERO).unwrap();
@@ -194,7 +195,7 @@ mod tests {
         let mut on = |d: f64| {
             let window = Window::fit(&direction, d, [[-2.0 * d, 2.0 * d]; 2], [None; 2]).unwrap();
             let mut count = 0;
-            sweep.move_to(&direction, window, &occluders, 1);
+            sweep.move_to(&direction, window, &occluders, effort);
             assert!(sweep.draw(&direction, &occluders, &cone, place, &mut { Work::UNLIMITED }, &mut count));
             (count > 0, sweep.map.any_set())
         };
@@ -214,9 +215,11 @@ mod tests {
         let mesh = [wall(1.5, 0.1), wall(100.0, 50.0)].concat();
         let planes = [2.0, 2.5, 2.7, 3.0, 4.1, 4.3, 90.0, 101.0, 110.0];
         let drawn = [true, false, false, true, false, true, true, true, false];
-        let set = [[false; 7].as_slice(), &[true; 2]].concat();
+        let set = [false, false, false, false, false, false, false, true, true];
         let expected: Vec<_> = drawn.into_iter().zip(set).collect();
-        assert_eq!(sweep(&mesh, &planes), expected, "drawn and set, on planes at {planes:?}");
+        assert_eq!(sweep(&mesh, &planes, &Effort::QUICK), expected, "drawn and set, on planes at {planes:?}");
+        let every = sweep(&mesh, &planes, &Effort::FULL);
+        assert_eq!(every, set.map(|set| (true, set)), "a sweep for bakes, on planes at {planes:?}");
     }
 
     #[test]
@@ -225,6 +228,10 @@ mod tests {
         let [a, b, c, d] = [at(0.5, -90.0), at(100.0, -90.0), at(100.0, 90.0), at(0.5, 90.0)];
         let planes: Vec<f64> = (2..20).map(|i| 1.2f64.powi(i)).collect();
         let expected = alloc::vec![(true, true); planes.len()];
-        assert_eq!(sweep(&[[a, b, c], [a, c, d]], &planes), expected, "a floor, on planes at {planes:?}");
+        assert_eq!(
+            sweep(&[[a, b, c], [a, c, d]], &planes, &Effort::QUICK),
+            expected,
+            "a floor, on planes at {planes:?}"
+        );
     }
 }

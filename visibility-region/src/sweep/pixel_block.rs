@@ -65,8 +65,8 @@ impl PixelBlock {
         rows.any(|(new, old)| new.iter().zip(&old[x..]).any(|(new, old)| new & !old != 0))
     }
 
-    /// Sets in `map` the pixels that are set here and not in `contour`, a block of the same rectangle. Returns
-    /// whether any of them was not set before.
+    /// Sets in `map` the pixels that are set here and not in `contour`, a block of the same rectangle.
+    /// Returns whether any of them was not set before.
     pub(super) fn add_without(&self, contour: &Self, map: &mut RayMap) -> bool {
         let mut added = 0;
         let [x, y] = self.first;
