@@ -196,7 +196,9 @@ mod tests {
             let window = Window::fit(&direction, d, [[-2.0 * d, 2.0 * d]; 2], [None; 2]).unwrap();
             let mut count = 0;
             sweep.move_to(&direction, window, &occluders, effort);
-            assert!(sweep.draw(&direction, &occluders, &cone, place, &mut { Work::UNLIMITED }, &mut count));
+            let mut work = Work::UNLIMITED;
+            let is_done = sweep.draw(&direction, &occluders, &cone, place, &mut work, &mut count);
+            assert!(is_done, "the plane at {d} is done with work left");
             (count > 0, sweep.map.any_set())
         };
         planes.iter().map(|&d| on(d)).collect()
