@@ -20,7 +20,12 @@ use super::pixel_block::PixelBlock;
 use super::polygon::{Polygon, Sides, cut};
 use super::ray_map::{PixelRect, RayMap, SIDE};
 use super::window::{FARTHEST_PIXEL, Window};
-use visibility_core::glam::DVec3;
+use alloc::vec::Vec;
+use visibility_core::glam::{DVec3, Vec3};
+
+/// Corners of a triangle or ends of an edge in local coordinates. Then the same points relative to the
+/// scene's origin, if they are known there without rounding.
+pub(super) type Corners<'a, const N: usize> = ([DVec3; N], Option<&'a [Vec3]>);
 
 /// Two maps on which one piece of an occluder is drawn: the inside of its triangles, and its contour.
 #[derive(Clone, Debug)]
@@ -28,6 +33,8 @@ pub(super) struct PieceMaps {
     inside: PixelBlock,
     contour: PixelBlock,
     sides: Sides,
+    /// Scratch memory: what is left of each triangle that is cut, with its flags of [`outside`].
+    cut: Vec<(Polygon, [bool; 2])>,
 }
 
 /// Data for drawing one occluder on one plane.
@@ -42,90 +49,98 @@ pub(super) struct Target<'a> {
 
 impl PieceMaps {
     pub(super) fn new() -> Self {
-        Self { inside: PixelBlock::new(), contour: PixelBlock::new(), sides: [[0.0; SIDE]; 2] }
+        Self {
+            inside: PixelBlock::new(),
+            contour: PixelBlock::new(),
+            sides: [[0.0; SIDE]; 2],
+            cut: Vec::new(),
+        }
     }
 
     /// Adds to `map` the pixels that a piece of an occluder covers. `triangles` are the piece's triangles and
-    /// `contour` its boundary edges, both in local coordinates of the direction and not yet cut. The two
-    /// flags of a triangle or an edge say, for lateral axes x and y, whether the whole triangle or edge is on
-    /// the outer side of the window's rim, see [`Window::is_outside`].
-    pub(super) fn draw(
+    /// `contour` its boundary edges, neither of them cut yet. Returns whether any pixel was added.
+    pub(super) fn draw<'a>(
         &mut self,
         map: &mut RayMap,
         target: &Target<'_>,
-        triangles: impl Iterator<Item = ([DVec3; 3], [bool; 2])> + Clone,
-        contour: impl Iterator<Item = ([DVec3; 2], [bool; 2])>,
-    ) {
+        triangles: impl Iterator<Item = Corners<'a, 3>>,
+        contour: impl Iterator<Item = Corners<'a, 2>>,
+    ) -> bool {
         let Target { window, near, rect, .. } = *target;
         let mut filled = false;
         self.inside.begin(rect);
-        for (triangle, _) in triangles.clone() {
+        self.cut.clear();
+        for (triangle, exact) in triangles {
+            let is_between = triangle.iter().all(|p| p.z > near && p.z < window.d);
+            let polygon = Polygon::cut(triangle, near, window.d);
             if triangle.iter().any(|p| p.z < window.d) && triangle.iter().any(|p| p.z > near) {
-                let polygon = Polygon::cut(triangle, near, window.d);
                 filled |= polygon.fill(&mut self.inside, &mut self.sides, map, window, rect);
             }
-        }
-        if !filled {
-            return;
-        }
-        if self.inside.exceeds(map) {
-            self.contour.begin(rect);
-            let known =
-                triangles.into_iter().all(|(triangle, outside)| self.sweep_cuts(target, triangle, outside))
-                    && contour.into_iter().all(|([a, b], outside)| self.sweep_edge(target, a, b, outside));
-            if known {
-                self.inside.add_without(&self.contour, map);
+            if !is_between && !polygon.points().is_empty() {
+                self.cut.push((polygon, outside(window, exact)));
             }
         }
-    }
-
-    /// Draws the edges that arise where a triangle is cut, at the depth of the projection plane and at the
-    /// near depth of `target`. The triangle's own edges are not drawn, so nothing is drawn of a triangle
-    /// strictly between the two depths. `outside`: for lateral axes x and y, whether the whole triangle is on
-    /// the outer side of the window's rim, see [`Window::is_outside`]. Returns false if a projected position
-    /// is too far away for its precision.
-    fn sweep_cuts(&mut self, target: &Target<'_>, triangle: [DVec3; 3], outside: [bool; 2]) -> bool {
-        let Target { window, near, .. } = *target;
-        if triangle.iter().all(|p| p.z > near && p.z < window.d) {
-            return true;
-        }
-        let polygon = Polygon::cut(triangle, near, window.d);
-        let points = polygon.points();
-        points.iter().enumerate().all(|(i, &a)| {
-            let b = points[(i + 1) % points.len()];
-            let cut = (a.z == near && b.z == near) || (a.z == window.d && b.z == window.d);
-            !cut || self.sweep_edge(target, a, b, outside)
-        })
-    }
-
-    /// Marks the pixels in which any viewpoint of the cell sees a contour edge from `a` to `b`. Only the part
-    /// of the edge between the near depth of `target` and the projection plane counts. `outside`: for lateral
-    /// axes x and y, whether the whole edge is on the outer side of the window's rim. Returns false if a
-    /// projected position is too far away for its precision.
-    fn sweep_edge(&mut self, target: &Target<'_>, a: DVec3, b: DVec3, outside: [bool; 2]) -> bool {
-        let Target { direction, window, near, rect } = *target;
-        let (mut a, mut b) = if a.z <= b.z { (a, b) } else { (b, a) };
-        if b.z < near || a.z > window.d {
-            return true;
-        }
-        if b.z > window.d {
-            b = cut(a, b, window.d);
-        }
-        if a.z < near {
-            a = cut(a, b, near);
-        }
-        let spread = |p: DVec3| -> Spread {
-            let factors = direction.beyond(p.z, window.d);
-            [0, 1].map(|lat| {
-                let range = window.widened(direction.spread(p[lat], lat, factors), lat);
-                if outside[lat] { window.clip_outwards(range, lat) } else { range }
-            })
-        };
-        let (p, q) = (spread(a), spread(b));
-        if !p.iter().chain(&q).flatten().all(|x| x.abs() < FARTHEST_PIXEL) {
+        if !filled || !self.inside.exceeds(map) {
             return false;
         }
-        draw_hull(&mut self.contour, &p, &q, rect);
-        true
+        self.contour.begin(rect);
+        let Self { contour: block, cut, .. } = self;
+        let known = cut.iter().all(|(polygon, outside)| sweep_cuts(block, target, polygon, *outside))
+            && contour
+                .into_iter()
+                .all(|([a, b], exact)| sweep_edge(block, target, a, b, outside(window, exact)));
+        known && self.inside.add_without(&self.contour, map)
     }
+}
+
+/// Returns, for lateral axes x and y, whether points are on the outer side of the window's rim, see
+/// [`Window::is_outside`]. False without exact points.
+fn outside(window: &Window, exact: Option<&[Vec3]>) -> [bool; 2] {
+    exact.map_or([false; 2], |points| window.is_outside(points))
+}
+
+/// Draws on `contour` the edges that arise where a triangle is cut, at the depth of the projection plane and
+/// at the near depth of `target`. `polygon` is what is left of the triangle. The triangle's own edges are not
+/// drawn. `outside`: for lateral axes x and y, whether the whole triangle is on the outer side of the
+/// window's rim, see [`Window::is_outside`]. Returns false if a projected position is too far away for its
+/// precision.
+fn sweep_cuts(contour: &mut PixelBlock, target: &Target<'_>, polygon: &Polygon, outside: [bool; 2]) -> bool {
+    let Target { window, near, .. } = *target;
+    let points = polygon.points();
+    points.iter().enumerate().all(|(i, &a)| {
+        let b = points[(i + 1) % points.len()];
+        let cut = (a.z == near && b.z == near) || (a.z == window.d && b.z == window.d);
+        !cut || sweep_edge(contour, target, a, b, outside)
+    })
+}
+
+/// Draws on `contour` the pixels in which any viewpoint of the cell sees a contour edge from `a` to `b`. Only
+/// the part of the edge between the near depth of `target` and the projection plane counts. `outside`: for
+/// lateral axes x and y, whether the whole edge is on the outer side of the window's rim. Returns false if a
+/// projected position is too far away for its precision.
+fn sweep_edge(contour: &mut PixelBlock, target: &Target<'_>, a: DVec3, b: DVec3, outside: [bool; 2]) -> bool {
+    let Target { direction, window, near, rect } = *target;
+    let (mut a, mut b) = if a.z <= b.z { (a, b) } else { (b, a) };
+    if b.z < near || a.z > window.d {
+        return true;
+    }
+    if b.z > window.d {
+        b = cut(a, b, window.d);
+    }
+    if a.z < near {
+        a = cut(a, b, near);
+    }
+    let spread = |p: DVec3| -> Spread {
+        let factors = direction.beyond(p.z, window.d);
+        [0, 1].map(|lat| {
+            let range = window.widened(direction.spread(p[lat], lat, factors), lat);
+            if outside[lat] { window.clip_outwards(range, lat) } else { range }
+        })
+    };
+    let (p, q) = (spread(a), spread(b));
+    if !p.iter().chain(&q).flatten().all(|x| x.abs() < FARTHEST_PIXEL) {
+        return false;
+    }
+    draw_hull(contour, &p, &q, rect);
+    true
 }

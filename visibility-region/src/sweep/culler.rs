@@ -167,7 +167,7 @@ impl ExtendedProjectionCuller {
                     let ends = [0, 1].map(|lat| cone.at(direction, d, lat));
                     let Some(window) = Window::fit(direction, d, ends, rims) else { break };
                     let place = |source| all.place(&self.pieces, direction, source);
-                    self.sweep.move_to(direction, window, occluders, left.again);
+                    self.sweep.move_to(direction, window, occluders, &left);
                     self.sweep.draw(direction, occluders, &cone, place, &mut work, &mut count);
                     each(direction, &window, &self.sweep.map);
                 }
@@ -409,7 +409,7 @@ impl ExtendedProjectionCuller {
             let ends = self.projections.iter().copied().reduce(unite);
             *window = ends.and_then(|ends| Window::fit(direction, d, ends, *rims));
             let Some(window) = *window else { return true };
-            self.sweep.move_to(direction, window, nearest.occluders(), left.again);
+            self.sweep.move_to(direction, window, nearest.occluders(), left);
             work.use_up(1, PLANE);
         }
         false

@@ -16,6 +16,9 @@ pub(crate) struct Effort {
     /// planes that cut it. Each reprojection of the map loses up to a pixel around a covered area; drawing
     /// the occluder again restores it.
     pub(crate) again: usize,
+    /// Least ratio of the distance of a plane to that of an earlier one, if an occluder that cuts both and
+    /// added no pixel on the earlier one is to be drawn on the later one. At most 1: on every plane.
+    pub(super) after_nothing: f64,
     /// Greatest number of triangles in a piece of joined surfaces. A whole floor or street could be one
     /// piece: it would begin near the cell and end far away, so it would be drawn on every plane, and its own
     /// contours would cut much of what it covers. Several smaller pieces are drawn faster and cover as much.
@@ -27,12 +30,26 @@ pub(crate) struct Effort {
 
 impl Effort {
     /// The effort for bakes, where a call may take long.
-    pub(crate) const FULL: Self =
-        Self { behind: 24, growth: 1.3, growing: 27, again: 6, max_triangles: 256, joins: true };
+    pub(crate) const FULL: Self = Self {
+        behind: 24,
+        growth: 1.3,
+        growing: 27,
+        again: 6,
+        after_nothing: 1.0,
+        max_triangles: 256,
+        joins: true,
+    };
     /// The effort for a viewcell around a moving eye. docs/online.md compares its times and results with
     /// those of `FULL`.
-    pub(crate) const QUICK: Self =
-        Self { behind: 8, growth: 1.25, growing: 60, again: 1, max_triangles: 64, joins: false };
+    pub(crate) const QUICK: Self = Self {
+        behind: 8,
+        growth: 1.25,
+        growing: 60,
+        again: 1,
+        after_nothing: 1.4,
+        max_triangles: 64,
+        joins: false,
+    };
 
     /// Returns the effort for objects that are asked [beside](super::Asked::Beside) their farthest direction,
     /// where few large occluders hide most: fewer planes.

@@ -20,15 +20,16 @@ pub(super) fn draw_hull(map: &mut PixelBlock, p: &Spread, q: &Spread, rect: Pixe
     // The right side is found as the left side of the mirror image.
     let right = Side::new([-p[0][1], p[1][0], p[1][1]], [-q[0][1], q[1][0], q[1][1]]);
     let [begin, end] = [rect.x[0] as f64, rect.x[1] as f64 + 1.0];
-    for row in first as usize..=(last as usize).min(rect.y[1]) {
-        let y = f64::from(row as i32);
+    let rows = first as i32..=(last as usize).min(rect.y[1]) as i32;
+    for (y, mut row) in rows.zip(map.rows_from(first as usize)) {
+        let y = f64::from(y);
         let band = [y.max(low), (y + 1.0).min(high)];
         let (a, b) = (left.least(band), -right.least(band));
         let a = if a > begin { a } else { begin };
         // Clamping the ends before the comparison would lose a hull within the right half of the last column.
         if a <= b && a < end {
             let b = if b < end { pixel_at(b) } else { rect.x[1] };
-            map.set_span(row, pixel_at(a), b.min(rect.x[1]));
+            row.set_span(pixel_at(a), b.min(rect.x[1]));
         }
     }
 }

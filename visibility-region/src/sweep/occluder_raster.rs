@@ -18,6 +18,17 @@ const OCCLUDER: u64 = 80;
 /// Cost of a triangle or contour edge of an occluder, without its rows of pixels, in nanoseconds of [`Work`].
 const SIDE_WORK: u64 = 80;
 
+/// Result of drawing an occluder.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Drawn {
+    /// The occluder was not drawn: it cannot cover a further pixel, or is too imprecise.
+    LeftOut,
+    /// The occluder was drawn, and covers no pixel that was not set before.
+    Nothing,
+    /// The occluder has added pixels to the map.
+    Pixels,
+}
+
 /// Scratch memory for drawing occluders.
 #[derive(Clone, Debug)]
 pub(crate) struct OccluderRaster {
@@ -42,8 +53,7 @@ impl OccluderRaster {
     }
 
     /// Adds to `map` the pixels that an occluder covers. Parts nearer than depth `near` do not count.
-    /// Subtracts the cost from `work`. Returns false if the occluder was not drawn, since it cannot cover a
-    /// further pixel or is too imprecise.
+    /// Subtracts the cost from `work`.
     pub(crate) fn draw(
         &mut self,
         map: &mut RayMap,
@@ -52,11 +62,13 @@ impl OccluderRaster {
         occluder: &Occluder<'_>,
         near: f64,
         work: &mut Work,
-    ) -> bool {
+    ) -> Drawn {
         work.use_up(1, OCCLUDER);
-        let Some(rect) = pixels_behind(&occluder.bounds, direction, window, near) else { return false };
+        let Some(rect) = pixels_behind(&occluder.bounds, direction, window, near) else {
+            return Drawn::LeftOut;
+        };
         if map.all_set(rect) || !Self::decides(direction, window, occluder, near) {
-            return false;
+            return Drawn::LeftOut;
         }
         let target = Target { direction, window, near, rect };
         let sides = match occluder.shape {
@@ -64,42 +76,45 @@ impl OccluderRaster {
             Shape::Piece { triangles, contour, .. } => triangles.len() + contour.len(),
         };
         work.use_up(sides, SIDE_WORK + 3 * (rect.y[1] - rect.y[0]) as u64 / 2);
-        match occluder.shape {
+        let adds = match occluder.shape {
             Shape::Mesh(mesh) => self.draw_mesh(map, &target, occluder, mesh),
             Shape::Piece { surfaces, triangles, contour } => {
                 let triangles = triangles.iter().map(|&t| {
                     let corners = &surfaces.triangles[t as usize].corners;
-                    (corners.map(|p| occluder.local(p)), window.is_outside(corners))
+                    (corners.map(|p| occluder.local(p)), Some(corners.as_slice()))
                 });
                 let contour = contour.iter().map(|&s| {
                     let ends = &surfaces.segments[s as usize];
-                    (ends.map(|p| occluder.local(p)), window.is_outside(ends))
+                    (ends.map(|p| occluder.local(p)), Some(ends.as_slice()))
                 });
-                self.maps.draw(map, &target, triangles, contour);
+                self.maps.draw(map, &target, triangles, contour)
             }
-        }
-        true
+        };
+        if adds { Drawn::Pixels } else { Drawn::Nothing }
     }
 
+    /// Draws a mesh as [`draw`](Self::draw) does. Returns whether it added pixels.
     fn draw_mesh(
         &mut self,
         map: &mut RayMap,
         target: &Target<'_>,
         occluder: &Occluder<'_>,
         mesh: &OccluderMesh,
-    ) {
+    ) -> bool {
+        let mut adds = false;
         self.vertices.clear();
         self.vertices.extend(mesh.positions().iter().map(|&p| occluder.local(p)));
         let (fronts, backs) = self.classify(target.direction, occluder, mesh);
         if fronts {
-            self.draw_chain(map, target, mesh, 1);
+            adds |= self.draw_chain(map, target, mesh, 1);
         }
         // Seen from outside a convex solid, everything that its back faces cover is covered by the solid: see
         // `pieces`. Backs of other closed meshes cannot be seen from outside.
         let is_solid = mesh.is_convex() && target.direction.is_outside(&occluder.bounds, occluder.error);
         if backs && (is_solid || mesh.is_two_sided() && !(fronts && mesh.is_closed())) {
-            self.draw_chain(map, target, mesh, -1);
+            adds |= self.draw_chain(map, target, mesh, -1);
         }
+        adds
     }
 
     /// Returns whether the errors of vertices, projected onto this plane, are below a quarter of [`SLACK`]
@@ -138,8 +153,9 @@ impl OccluderRaster {
     }
 
     /// Draws the triangles whose `facing` equals `side`, piece by piece. `side` is 1 for triangles that show
-    /// their front, -1 for those that show their back.
-    fn draw_chain(&mut self, map: &mut RayMap, target: &Target<'_>, mesh: &OccluderMesh, side: i8) {
+    /// their front, -1 for those that show their back. Returns whether any added pixels.
+    fn draw_chain(&mut self, map: &mut RayMap, target: &Target<'_>, mesh: &OccluderMesh, side: i8) -> bool {
+        let mut adds = false;
         for first in 0..self.facing.len() {
             if self.facing[first] != side {
                 continue;
@@ -161,11 +177,12 @@ impl OccluderRaster {
                 (0..3).filter_map(move |corner| {
                     let other = neighbour(mesh, edges[corner], t);
                     let inner = other.is_some_and(|other| facing[other as usize] == 2 * side);
-                    (!inner).then_some(([corners[corner], corners[(corner + 1) % 3]], [false; 2]))
+                    (!inner).then_some(([corners[corner], corners[(corner + 1) % 3]], None))
                 })
             });
-            self.maps.draw(map, target, piece.iter().map(|&t| (corners(t), [false; 2])), contour);
+            adds |= self.maps.draw(map, target, piece.iter().map(|&t| (corners(t), None)), contour);
         }
+        adds
     }
 
     /// Collects into `piece` the triangles with facing `side` that are connected to `first` across edges.

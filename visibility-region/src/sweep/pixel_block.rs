@@ -15,6 +15,22 @@ pub(super) struct PixelBlock {
     first: [usize; 2],
 }
 
+/// A row of a block.
+pub(super) struct BlockRow<'a> {
+    words: &'a mut [u64],
+    /// Column of the map at which the row begins.
+    left: usize,
+}
+
+impl BlockRow<'_> {
+    /// Sets the pixels of the columns `first` to `last` of the map, both included. They must be in the
+    /// block's rectangle.
+    #[inline]
+    pub(super) fn set_span(&mut self, first: usize, last: usize) {
+        set_span(self.words, first - self.left, last - self.left);
+    }
+}
+
 impl PixelBlock {
     pub(super) fn new() -> Self {
         Self { words: Vec::new(), width: 1, first: [0; 2] }
@@ -28,12 +44,18 @@ impl PixelBlock {
         self.words.resize(self.width * (rect.y[1] - rect.y[0] + 1), 0);
     }
 
-    /// Sets the pixels `first` to `last`, both included, of a row. They must be in the rectangle.
+    /// Returns the rows of the rectangle from `first` on, to be drawn on.
     #[inline]
+    pub(super) fn rows_from(&mut self, first: usize) -> impl Iterator<Item = BlockRow<'_>> {
+        let (start, left) = ((first - self.first[1]) * self.width, 64 * self.first[0]);
+        let words = self.words.get_mut(start..).unwrap_or_default();
+        words.chunks_exact_mut(self.width).map(move |words| BlockRow { words, left })
+    }
+
+    /// Sets the pixels `first` to `last`, both included, of a row. They must be in the rectangle.
+    #[cfg(test)]
     pub(super) fn set_span(&mut self, row: usize, first: usize, last: usize) {
-        let start = (row - self.first[1]) * self.width;
-        let left = 64 * self.first[0];
-        set_span(&mut self.words[start..start + self.width], first - left, last - left);
+        self.rows_from(row).next().unwrap().set_span(first, last);
     }
 
     /// Tests whether any pixel is set here but not in `map`.
@@ -44,13 +66,18 @@ impl PixelBlock {
     }
 
     /// Sets in `map` the pixels that are set here and not in `contour`, a block of the same rectangle.
-    pub(super) fn add_without(&self, contour: &Self, map: &mut RayMap) {
+    /// Returns whether any of them was not set before.
+    pub(super) fn add_without(&self, contour: &Self, map: &mut RayMap) -> bool {
+        let mut added = 0;
         let [x, y] = self.first;
         for ((inside, contour), row) in self.rows().zip(contour.rows()).zip(map.rows_mut(y)) {
             for ((inside, contour), word) in inside.iter().zip(contour).zip(&mut row[x..]) {
-                *word |= inside & !contour;
+                let new = inside & !contour;
+                added |= new & !*word;
+                *word |= new;
             }
         }
+        added != 0
     }
 
     /// Returns the words of each row.

@@ -146,6 +146,14 @@ pub(crate) struct Candidate {
     pub(crate) joins: bool,
 }
 
+#[cfg(test)]
+impl Candidate {
+    /// Makes the candidate of a mesh's first part.
+    pub(crate) fn of_mesh(id: visibility_core::ObjectId, [begins, ends]: [f64; 2]) -> Self {
+        Self { begins, ends, share: 1.0, joins: false, source: Source::Part(id, 0) }
+    }
+}
+
 /// Chooses the distances in metres of the projection planes within `range`, ascending, all less than
 /// `cone.deepest`. At most `left.behind` of them, the best of this range, are placed right behind occluders.
 /// Their number is subtracted from `left.behind`, which then limits later ranges.

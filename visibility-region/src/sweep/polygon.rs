@@ -29,6 +29,7 @@ fn rows_between([low, high]: [f64; 2], [first, last]: [usize; 2]) -> Range<usize
 }
 
 /// The part of a triangle between two depths: a convex polygon in local coordinates.
+#[derive(Clone, Debug)]
 pub(super) struct Polygon {
     points: [DVec3; 5],
     count: usize,
@@ -131,7 +132,7 @@ impl Polygon {
         let mut any = false;
         let [begin, end] = [rect.x[0] as f64, rect.x[1] as f64 + 1.0];
         let [up, down] = sides.each_ref().map(|side| &side[rows.clone()]);
-        for (row, (&up, &down)) in rows.zip(up.iter().zip(down)) {
+        for (mut row, (&up, &down)) in inside.rows_from(rows.start).zip(up.iter().zip(down)) {
             let ends = if up < down { [up, down] } else { [down, up] };
             let [left, right] = window.clip_at_rim(ends, 0);
             let left = if left > begin { left } else { begin };
@@ -139,7 +140,7 @@ impl Polygon {
             // column.
             if left <= right && left < end {
                 let right = if right < end { pixel_at(right) } else { rect.x[1] };
-                inside.set_span(row, pixel_at(left), right.min(rect.x[1]));
+                row.set_span(pixel_at(left), right.min(rect.x[1]));
                 any = true;
             }
         }

@@ -180,7 +180,10 @@ pub(super) fn set_span(row: &mut [u64], first: usize, last: usize) {
         row[a] |= begin & end;
     } else {
         row[a] |= begin;
-        row[a + 1..b].fill(u64::MAX);
+        // Most spans end in the next word. For an empty range, `fill` would be a call all the same.
+        if b - a > 1 {
+            row[a + 1..b].fill(u64::MAX);
+        }
         row[b] |= end;
     }
 }
