@@ -37,18 +37,19 @@ impl SimulatedCard {
 }
 
 impl QueryDevice for SimulatedCard {
-    fn ask(&mut self, query: u64, bounds: &Aabb) {
+    fn ask(&mut self, query: u64, boxes: &[Aabb]) {
         self.map.flush();
         self.asked += 1;
-        self.under_way.push((self.frame, query, self.map.test(bounds) != Occlusion::Hidden));
+        let passed = boxes.iter().any(|bounds| self.map.test(bounds) != Occlusion::Hidden);
+        self.under_way.push((self.frame, query, passed));
     }
 
-    fn answers(&mut self, each: &mut dyn FnMut(u64, bool)) {
+    fn answers(&mut self, each: &mut dyn FnMut(u64, u32)) {
         let (frame, latency) = (self.frame, self.latency);
         self.under_way.retain(|&(asked, query, passed)| {
             let due = frame >= asked + latency;
             if due {
-                each(query, passed);
+                each(query, u32::from(passed));
             }
             !due
         });
@@ -141,11 +142,11 @@ fn a_device_that_loses_queries_is_asked_again() {
         asked: Vec<u64>,
     }
     impl QueryDevice for Deaf {
-        fn ask(&mut self, query: u64, _: &Aabb) {
+        fn ask(&mut self, query: u64, _: &[Aabb]) {
             self.asked.push(query);
         }
 
-        fn answers(&mut self, _: &mut dyn FnMut(u64, bool)) {}
+        fn answers(&mut self, _: &mut dyn FnMut(u64, u32)) {}
     }
     let mut map = HardwareQueries::new(Deaf { asked: Vec::new() }, LateAnswers::Visible);
     let far = Aabb::from_arrays([20.0, 0.0, 0.0], [21.0, 1.0, 1.0]);
@@ -179,12 +180,12 @@ fn a_moving_camera_loses_nothing_unless_old_answers_are_trusted() {
 struct HidesAll(Vec<u64>);
 
 impl QueryDevice for HidesAll {
-    fn ask(&mut self, query: u64, _: &Aabb) {
+    fn ask(&mut self, query: u64, _: &[Aabb]) {
         self.0.push(query);
     }
 
-    fn answers(&mut self, each: &mut dyn FnMut(u64, bool)) {
-        self.0.drain(..).for_each(|query| each(query, false));
+    fn answers(&mut self, each: &mut dyn FnMut(u64, u32)) {
+        self.0.drain(..).for_each(|query| each(query, 0));
     }
 
     fn draw(&mut self, _: &OccluderMesh, _: &Affine3A) {}
