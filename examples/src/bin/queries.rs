@@ -68,7 +68,7 @@ fn main_with(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             judged.push(buffer.draw(view, world.origin(), world.items())?.clone());
         }
         let mut table = Table::new();
-        table.load_preset(presets::ASCII_MARKDOWN);
+        table.load_style(presets::ASCII_MARKDOWN);
         let head = ["", "in the frustum", "seen", "drawn", "missing", "wrong pixels", "queries", "boxes"];
         table.set_header([name.as_str()].into_iter().chain(head[1..].iter().copied()));
         for (mode_name, mode) in modes {

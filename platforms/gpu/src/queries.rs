@@ -194,7 +194,7 @@ impl Batch {
         }
         let bytes = self.queries.len() as u64 * 8;
         if let Ok(view) = self.read_back.slice(..bytes).get_mapped_range() {
-            for (&(query, _), samples) in self.queries.iter().zip(view.as_chunks().0) {
+            for (&(query, _), samples) in self.queries.iter().zip(view.as_chunks::<8>().0) {
                 each(query, u64::from_le_bytes(*samples).try_into().unwrap_or(u32::MAX));
             }
         }

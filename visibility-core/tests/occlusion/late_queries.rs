@@ -290,8 +290,8 @@ fn boxes_that_the_near_plane_or_a_clip_plane_cuts_are_never_hidden() {
     }
 }
 
-/// A device that hides all boxes forgets those that have moved on. A query's slot is the lower half of its
-/// number.
+/// Boxes that move each frame are new boxes without answers, and their queries take few slots. A query's slot is
+/// the lower half of its number.
 #[test]
 fn boxes_that_move_each_frame_take_few_slots() {
     for (is_still, late, slots) in [

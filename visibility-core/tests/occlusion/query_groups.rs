@@ -158,3 +158,73 @@ fn a_look_ahead_withholds_and_the_next_look_decides() {
         assert_eq!(cull(&mut culler, &scene, &next), 1, "a frame without a look ahead");
     }
 }
+
+/// A device that hides all boxes of the queries that the test lets it answer.
+#[derive(Default)]
+struct OnDemand {
+    asked: Vec<u64>,
+    answered: Vec<u64>,
+}
+
+impl QueryDevice for OnDemand {
+    fn ask(&mut self, query: u64, _: &[Aabb]) {
+        self.asked.push(query);
+    }
+
+    fn answers(&mut self, each: &mut dyn FnMut(u64, u32)) {
+        self.answered.drain(..).for_each(|query| each(query, 0));
+    }
+}
+
+/// Begins a frame that looks along x, and tests a box.
+fn test_one(map: &mut HardwareQueries<OnDemand>, bounds: &Aabb) -> Occlusion {
+    map.begin(&along_x(), DVec3::ZERO);
+    map.flush();
+    map.test_mut(bounds)
+}
+
+#[test]
+fn answers_to_queries_of_before_do_not_count() {
+    let bounds = Aabb::from_arrays([20.0, 0.0, 0.0], [21.0, 1.0, 1.0]);
+    let late = LateAnswers::Trusted { frames: 1000 };
+    // Each case ends what the first query was about. The first answer must then not count, the second must.
+    let ends: [(&str, fn(&mut HardwareQueries<OnDemand>, &Aabb)); 2] = [
+        ("the map is reset", |map, _| map.reset()),
+        ("the query is lost, and its number's slot has another", |map, bounds| {
+            while map.device_mut().asked.len() < 2 {
+                test_one(map, bounds);
+            }
+        }),
+    ];
+    for (name, end) in ends {
+        let mut map = HardwareQueries::new(OnDemand::default(), late);
+        assert_eq!(test_one(&mut map, &bounds), Occlusion::Visible, "{name}: without an answer");
+        end(&mut map, &bounds);
+        let first = map.device_mut().asked[0];
+        map.device_mut().answered.push(first);
+        assert_eq!(test_one(&mut map, &bounds), Occlusion::Visible, "{name}: the first answer");
+        let second = map.device_mut().asked[1];
+        map.device_mut().answered.push(second);
+        assert_eq!(test_one(&mut map, &bounds), Occlusion::Hidden, "{name}: the second answer");
+    }
+}
+
+#[test]
+fn boxes_that_are_not_tested_are_forgotten() {
+    let bounds = Aabb::from_arrays([20.0, 0.0, 0.0], [21.0, 1.0, 1.0]);
+    let other = Aabb::from_arrays([30.0, 0.0, 0.0], [31.0, 1.0, 1.0]);
+    for (idle, expected) in [(7, Occlusion::Hidden), (8, Occlusion::Visible), (30, Occlusion::Visible)] {
+        let mut map = HardwareQueries::new(OnDemand::default(), LateAnswers::Trusted { frames: 1000 });
+        for frame in 0..3 {
+            test_one(&mut map, &bounds);
+            let asked = map.device_mut().asked.clone();
+            map.device_mut().answered.push(asked[asked.len() - 1]);
+            assert!(asked.len() > frame, "a query each frame: {asked:?}");
+        }
+        // The answer to the last query arrives in the first idle frame.
+        for _ in 0..idle {
+            test_one(&mut map, &other);
+        }
+        assert_eq!(test_one(&mut map, &bounds), expected, "after {idle} frames without a test");
+    }
+}
