@@ -1,8 +1,8 @@
 //! A graphics card in software, for occlusion queries: a depth buffer with one sample in the middle of each
 //! pixel, and answers that arrive some frames late.
 //!
-//! Boxes are tested by intersecting them with the ray through each sample. Boxes count as slightly larger than
-//! they are, so that an object on the face of its box passes.
+//! Boxes are tested by intersecting them with the ray through each sample. Boxes count as slightly larger
+//! than they are, so that an object on the face of its box passes.
 
 use glam::{DMat4, DVec3, DVec4, Vec3};
 use visibility_core::occlusion::QueryDevice;

@@ -67,7 +67,8 @@ pub fn successive_views(
             let here = position;
             let ends = [here.floor(), here.floor() + 1.0].map(|key| walk.at(key));
             let [Some(a), Some(b)] = ends else { return here };
-            // Where both keys have the same eye, or the step is longer than a leg, the next frame is at a key.
+            // Where both keys have the same eye, or the step is longer than a leg, the next frame is at a
+            // key.
             let ahead = here + step / a.eye.distance(b.eye);
             position = if ahead < here.floor() + 1.0 { ahead } else { here.floor() + 1.0 };
             here

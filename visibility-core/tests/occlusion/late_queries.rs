@@ -176,7 +176,8 @@ fn a_moving_camera_loses_nothing_unless_old_answers_are_trusted() {
     assert!(sum(&trusting) < sum(&safe), "and that is what it gains");
 }
 
-/// As [`by_queries`], with a number of looks ahead at each frame, and answers that arrive before the next look.
+/// As [`by_queries`], with a number of looks ahead at each frame, and answers that arrive before the next
+/// look.
 fn by_looks(looks_ahead: usize, eyes: &[DVec3]) -> Vec<(usize, bool)> {
     let Street { scene, .. } = street();
     let map = HardwareQueries::new(SimulatedCard::new(0), LateAnswers::Visible);
@@ -215,8 +216,8 @@ fn looks_ahead_cull_under_a_moving_camera_and_lose_nothing() {
 }
 
 /// Two walls, one farther away than the other, that meet in the picture of one eye hide any box behind them,
-/// however large. From an eye beside, a point in all of these boxes shows through the gap between the walls. So
-/// an answer for one eye proves nothing for another.
+/// however large. From an eye beside, a point in all of these boxes shows through the gap between the walls.
+/// So an answer for one eye proves nothing for another.
 #[test]
 fn an_answer_for_one_eye_proves_nothing_for_another() {
     const NEAR_END: f32 = 0.2;
@@ -227,7 +228,8 @@ fn an_answer_for_one_eye_proves_nothing_for_another() {
     };
     let walls = [wall(10.0, [-400.0, NEAR_END]), wall(20.0, [FAR_END, 800.0])];
     let (here, beside, point) = (DVec3::ZERO, DVec3::Y, DVec3::new(40.0, -2.0, 0.0));
-    // A segment to the point is free if it passes the near wall above its end, and the far wall below its end.
+    // A segment to the point is free if it passes the near wall above its end, and the far wall below its
+    // end.
     let sees = |eye: DVec3| {
         let y_at = |x: f64| eye.y + (point.y - eye.y) * (x - eye.x) / (point.x - eye.x);
         y_at(10.0) > f64::from(NEAR_END) && y_at(20.0) < f64::from(FAR_END)
@@ -290,8 +292,8 @@ fn boxes_that_the_near_plane_or_a_clip_plane_cuts_are_never_hidden() {
     }
 }
 
-/// Boxes that move each frame are new boxes without answers, and their queries take few slots. A query's slot is
-/// the lower half of its number.
+/// Boxes that move each frame are new boxes without answers, and their queries take few slots. A query's slot
+/// is the lower half of its number.
 #[test]
 fn boxes_that_move_each_frame_take_few_slots() {
     for (is_still, late, slots) in [

@@ -41,8 +41,8 @@ impl QueryDevice for Counting {
     }
 }
 
-/// Returns a scene of `count` boxes before the camera that looks along x, in one block of the hierarchy: box `i`
-/// begins at y = i / 8.
+/// Returns a scene of `count` boxes before the camera that looks along x, in one block of the hierarchy: box
+/// `i` begins at y = i / 8.
 fn row(count: usize) -> Scene {
     let mut scene = Scene::new();
     scene.insert_batch((0..count).map(|i| {

@@ -2,17 +2,17 @@
 //!
 //! Scheduling follows Mattausch, Bittner and Wimmer, "CHC++: Coherent Hierarchical Culling Revisited", 2008:
 //!
-//! - *Multiqueries*: one query asks about a group of siblings that were hidden or are new. If no sample passes,
-//!   all of them are hidden. If samples pass, the query tells nothing about any one of them, and the next
-//!   queries ask about the halves of the group. Boxes that are found hidden join groups of twice the size again.
-//!   The paper asks about each box of the group alone, and sizes groups by an estimate of how long boxes stay
-//!   hidden; by that rule as many objects were hidden, with 1.3 to 1.5 times as many queries.
+//! - *Multiqueries*: one query asks about a group of siblings that were hidden or are new. If no sample
+//!   passes, all of them are hidden. If samples pass, the query tells nothing about any one of them, and the
+//!   next queries ask about the halves of the group. Boxes that are found hidden join groups of twice the
+//!   size again. The paper asks about each box of the group alone, and sizes groups by an estimate of how
+//!   long boxes stay hidden; by that rule as many objects were hidden, with 1.3 to 1.5 times as many queries.
 //! - *Tight bounds*: a group of all children stands for a node whose own box is visible though none of its
 //!   children is. The paper tests such a proxy in place of the box.
 //! - *Random reuse*: a visible box is asked about again after a random number of frames, which spreads the
 //!   queries about visible boxes over the frames.
 
-use super::QueryDevice;
+use super::device::QueryDevice;
 use crate::Aabb;
 use crate::random::Random;
 use alloc::vec::Vec;
@@ -25,8 +25,8 @@ const MAX_FRAMES_UNDER_WAY: u64 = 64;
 /// on. The node above it may have been hidden, or visible as a whole, meanwhile.
 const MAX_IDLE_FRAMES: u64 = 8;
 
-/// Greatest number of boxes in a query. When a box comes into view, its whole group may count as visible for a
-/// frame: larger groups take fewer queries and report more.
+/// Greatest number of boxes in a query. When a box comes into view, its whole group may count as visible for
+/// a frame: larger groups take fewer queries and report more.
 const MAX_GROUP: usize = 16;
 
 /// Greatest number of frames from an answer that a box is visible to the next query about the box.
@@ -155,9 +155,9 @@ impl<D: QueryDevice> Boxes<D> {
     }
 
     /// Returns the newest answer about a box relative to the scene's origin. `None` without an answer. Notes
-    /// the box for the next [`ask`](Self::ask), unless a query is under way or the answer need not be renewed.
-    /// `frame` is the number of the present frame. Hidden answers for frame `renewed` and later ones are not
-    /// renewed.
+    /// the box for the next [`ask`](Self::ask), unless a query is under way or the answer need not be
+    /// renewed. `frame` is the number of the present frame. Hidden answers for frame `renewed` and later ones
+    /// are not renewed.
     pub(super) fn answer(&mut self, bounds: &Aabb, frame: u64, renewed: u64) -> Option<Answer> {
         let bits = key(bounds);
         let Self { indices, questions, free_questions, pending, .. } = self;
@@ -193,8 +193,8 @@ impl<D: QueryDevice> Boxes<D> {
         question.answer
     }
 
-    /// Issues queries in frame `frame` about the boxes noted since the last call, which should be siblings, in
-    /// their order.
+    /// Issues queries in frame `frame` about the boxes noted since the last call, which should be siblings,
+    /// in their order.
     pub(super) fn ask(&mut self, frame: u64) {
         let mut pending = core::mem::take(&mut self.pending);
         let mut most = MAX_GROUP;
