@@ -194,8 +194,9 @@ impl Batch {
         }
         let bytes = self.queries.len() as u64 * 8;
         if let Ok(view) = self.read_back.slice(..bytes).get_mapped_range() {
-            for (&(query, _), samples) in self.queries.iter().zip(view.as_chunks::<8>().0) {
-                each(query, u64::from_le_bytes(*samples).try_into().unwrap_or(u32::MAX));
+            for (&(query, _), samples) in self.queries.iter().zip(view.chunks_exact(8)) {
+                // WebGPU promises no count, only that it is 0 where no sample passed.
+                each(query, if samples == [0; 8] { 0 } else { u32::MAX });
             }
         }
         self.read_back.unmap();
