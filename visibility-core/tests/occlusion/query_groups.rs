@@ -6,17 +6,20 @@ use visibility_core::occlusion::{HardwareQueries, LateAnswers, Occlusion, QueryD
 use visibility_core::{Aabb, Accuracy, OcclusionCuller, OcclusionMap, Scene, VisibleSet};
 use visibility_core::{Culler, View};
 
+/// Number of samples of a box that pass.
+type Samples = fn(&Aabb) -> u32;
+
 /// Device that answers each query at the next chance: so many samples of each box pass.
 struct Counting {
     /// Number of passed samples of a box.
-    samples: fn(&Aabb) -> u32,
+    samples: Samples,
     under_way: Vec<(u64, u32)>,
     /// Boxes of each query, in a list for each call of `answers` since the first.
     asked: Vec<Vec<Vec<Aabb>>>,
 }
 
 impl Counting {
-    fn new(samples: fn(&Aabb) -> u32) -> Self {
+    fn new(samples: Samples) -> Self {
         Self { samples, under_way: Vec::new(), asked: Vec::new() }
     }
 
@@ -60,7 +63,7 @@ fn cull(culler: &mut OcclusionCuller<HardwareQueries<Counting>>, scene: &Scene, 
     visible.count(scene)
 }
 
-fn culler(samples: fn(&Aabb) -> u32, late: LateAnswers) -> OcclusionCuller<HardwareQueries<Counting>> {
+fn culler(samples: Samples, late: LateAnswers) -> OcclusionCuller<HardwareQueries<Counting>> {
     OcclusionCuller::new(HardwareQueries::new(Counting::new(samples), late)).with_price(0)
 }
 
@@ -143,7 +146,7 @@ fn a_look_ahead_withholds_and_the_next_look_decides() {
     let other = super::view_from(DVec3::Y, DVec3::Y + DVec3::X);
     // For each box: whether samples pass; whether the frame ends with another view; objects left by the look
     // ahead and by the end of the frame.
-    let cases: [(fn(&Aabb) -> u32, bool, [usize; 2]); 3] =
+    let cases: [(Samples, bool, [usize; 2]); 3] =
         [(|_| 0, false, [0, 0]), (|_| 1, false, [0, 1]), (|_| 0, true, [0, 1])];
     for (samples, is_elsewhere, expected) in cases {
         let scene = row(1);
@@ -185,10 +188,12 @@ fn test_one(map: &mut HardwareQueries<OnDemand>, bounds: &Aabb) -> Occlusion {
 
 #[test]
 fn answers_to_queries_of_before_do_not_count() {
+    type End = fn(&mut HardwareQueries<OnDemand>, &Aabb);
+
     let bounds = Aabb::from_arrays([20.0, 0.0, 0.0], [21.0, 1.0, 1.0]);
     let late = LateAnswers::Trusted { frames: 1000 };
     // Each case ends what the first query was about. The first answer must then not count, the second must.
-    let ends: [(&str, fn(&mut HardwareQueries<OnDemand>, &Aabb)); 2] = [
+    let ends: [(&str, End); 2] = [
         ("the map is reset", |map, _| map.reset()),
         ("the query is lost, and its number's slot has another", |map, bounds| {
             while map.device_mut().asked.len() < 2 {
