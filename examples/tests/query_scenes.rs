@@ -1,5 +1,5 @@
-//! Tests of hardware queries on whole scenes under a moving camera, over a simulated card. An item buffer that
-//! shares no code with the card judges.
+//! Tests of hardware queries on whole scenes under a moving camera, over a simulated card. An item buffer
+//! that shares no code with the card judges.
 
 use crate::shared_scenes::scene;
 use visibility_core::occlusion::LateAnswers;
