@@ -27,13 +27,14 @@ fn totals(source: SceneSource, step: f64) -> [Totals; 4] {
         .map(|mode| run(&world, &walks, &judged, mode))
 }
 
-/// Panics if a conservative mode misses an object, or looks ahead leave more than a share of the objects.
-fn check(name: &str, [none, one, two, trusted]: [Totals; 4], most: f64) {
+/// Panics if a conservative mode misses an object, or if too many objects are left. Without a look ahead, the
+/// first half of the frames does not suffice until each group with a visible box is down to this box.
+fn check(name: &str, [none, one, two, trusted]: [Totals; 4]) {
     for (looks, totals) in [none, one, two].into_iter().enumerate() {
         assert_eq!((totals.missing, totals.wrong_pixels), (0, 0), "{name}: missing, {looks} looks ahead");
     }
     assert_eq!(none.drawn, none.in_frustum, "{name}: nothing is hidden by answers for other views");
-    for (what, totals) in [("one look ahead", one), ("two", two), ("trusted", trusted)] {
+    for (what, totals, most) in [("one look ahead", one, 0.3), ("two", two, 0.3), ("trusted", trusted, 0.5)] {
         let share = totals.drawn as f64 / totals.in_frustum as f64;
         assert!(totals.seen > 0 && share < most, "{name}, {what}: {share} of the objects in view are drawn");
         assert!(2 * totals.queries < totals.boxes, "{name}, {what}: boxes share queries: {totals:?}");
@@ -43,7 +44,7 @@ fn check(name: &str, [none, one, two, trusted]: [Totals; 4], most: f64) {
 #[test]
 fn looks_ahead_cull_built_in_scenes_and_miss_nothing() {
     for recipe in ["town:2", "office:2,4"] {
-        check(recipe, totals(built_in(recipe).unwrap(), 0.2), 0.3);
+        check(recipe, totals(built_in(recipe).unwrap(), 0.2));
     }
 }
 
@@ -51,6 +52,6 @@ fn looks_ahead_cull_built_in_scenes_and_miss_nothing() {
 #[cfg_attr(not(reference_scenes), ignore = "the reference scenes are not beside the checkout")]
 fn looks_ahead_cull_stored_scenes_and_miss_nothing() {
     for name in ["oa_dm2", "denhaag"] {
-        check(name, totals(scene(name), 0.1), 0.3);
+        check(name, totals(scene(name), 0.1));
     }
 }
