@@ -6,7 +6,9 @@
 //!   passes, all of them are hidden. If samples pass, the query tells nothing about any one of them, and the
 //!   next queries ask about the halves of the group. Boxes that are found hidden join groups of twice the
 //!   size again. The paper asks about each box of the group alone, and sizes groups by an estimate of how
-//!   long boxes stay hidden; by that rule as many objects were hidden, with 1.3 to 1.5 times as many queries.
+//!   long boxes stay hidden. On three stored scenes, its rule took 1.3 to 1.5 times as many queries. Trusted
+//!   answers then missed 15 to 36 % fewer objects and drew 2 to 10 % more; with a look ahead, 15 % fewer to
+//!   2 % more were drawn.
 //! - *Tight bounds*: a group of all children stands for a node whose own box is visible though none of its
 //!   children is. The paper tests such a proxy in place of the box.
 //! - *Random reuse*: a visible box is asked about again after a random number of frames, which spreads the
