@@ -25,6 +25,7 @@ pub mod plp;
 pub mod print;
 pub mod progress;
 pub mod pvs;
+pub mod queries;
 pub mod reading;
 pub mod recipes;
 pub mod region;

@@ -27,6 +27,7 @@ mod plan_scenes;
 mod plp_scenes;
 mod program_arguments;
 mod pvs_lines;
+mod query_scenes;
 mod recipes;
 mod reference_scenes;
 mod region_memory;

@@ -168,8 +168,8 @@ fn object_space() {
 struct Silent;
 
 impl QueryDevice for Silent {
-    fn ask(&mut self, _: u64, _: &Aabb) {}
-    fn answers(&mut self, _: &mut dyn FnMut(u64, bool)) {}
+    fn ask(&mut self, _: u64, _: &[Aabb]) {}
+    fn answers(&mut self, _: &mut dyn FnMut(u64, u32)) {}
 }
 
 #[test]

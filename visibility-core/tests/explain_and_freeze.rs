@@ -100,11 +100,11 @@ fn a_frozen_pipeline_culls_for_the_view_that_it_was_frozen_at() {
 struct Counter(usize);
 
 impl QueryDevice for Counter {
-    fn ask(&mut self, _: u64, _: &Aabb) {
+    fn ask(&mut self, _: u64, _: &[Aabb]) {
         self.0 += 1;
     }
 
-    fn answers(&mut self, _: &mut dyn FnMut(u64, bool)) {}
+    fn answers(&mut self, _: &mut dyn FnMut(u64, u32)) {}
 }
 
 #[test]

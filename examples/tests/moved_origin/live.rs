@@ -72,12 +72,13 @@ impl LateDevice {
 }
 
 impl QueryDevice for LateDevice {
-    fn ask(&mut self, query: u64, bounds: &Aabb) {
-        self.asked.push((query, self.map.test(bounds) != Occlusion::Hidden));
+    fn ask(&mut self, query: u64, boxes: &[Aabb]) {
+        let passed = boxes.iter().any(|bounds| self.map.test(bounds) != Occlusion::Hidden);
+        self.asked.push((query, passed));
     }
 
-    fn answers(&mut self, each: &mut dyn FnMut(u64, bool)) {
-        self.asked.drain(..).for_each(|(query, passed)| each(query, passed));
+    fn answers(&mut self, each: &mut dyn FnMut(u64, u32)) {
+        self.asked.drain(..).for_each(|(query, passed)| each(query, u32::from(passed)));
     }
 
     fn draw(&mut self, occluder: &OccluderMesh, transform: &glam::Affine3A) {

@@ -36,8 +36,9 @@ pub struct CardQueries {
     bindings: wgpu::BindGroup,
     /// Number of the present frame, which counts calls of [`QueryDevice::answers`].
     frame: u64,
-    /// Ids of the present frame's queries; their boxes are in `boxes`.
-    asked: Vec<u64>,
+    /// Queries of the present frame: the number of each, and how many of `boxes` it is about. The boxes of a
+    /// query follow those of the query before.
+    asked: Vec<(u64, u32)>,
     boxes: Vec<Aabb>,
     /// Batches of queries that the card has not answered yet, in the order of their frames.
     under_way: VecDeque<Batch>,
@@ -48,7 +49,8 @@ pub struct CardQueries {
 /// Queries sent to the card together.
 #[derive(Debug)]
 struct Batch {
-    queries: Vec<u64>,
+    /// Number of each query, and how many boxes it is about.
+    queries: Vec<(u64, u32)>,
     frame: u64,
     set: wgpu::QuerySet,
     resolved: wgpu::Buffer,
@@ -110,12 +112,16 @@ impl CardQueries {
         let boxes = std::mem::take(&mut self.boxes);
         let asked = std::mem::take(&mut self.asked);
         let most = wgpu::QUERY_SET_MAX_QUERIES as usize;
-        for (queries, boxes) in asked.chunks(most).zip(boxes.chunks(most)) {
+        let mut rest = &boxes[..];
+        for queries in asked.chunks(most) {
             let mut batch = self.idle.pop().unwrap_or_else(|| Batch::new(&self.gpu));
             batch.queries.clear();
             batch.queries.extend(queries);
             batch.frame = self.frame;
-            self.send(&mut batch, boxes, target);
+            let count: usize = queries.iter().map(|&(_, count)| count as usize).sum();
+            let (own, others) = rest.split_at(count);
+            rest = others;
+            self.send(&mut batch, own, target);
             self.under_way.push_back(batch);
         }
         // The memory of these lists is reused.
@@ -125,7 +131,7 @@ impl CardQueries {
     }
 
     fn send(&self, batch: &mut Batch, boxes: &[Aabb], target: &Target) {
-        let count = boxes.len() as u32;
+        let count = batch.queries.len() as u32;
         let corners: Vec<[f32; 6]> = boxes.iter().map(|b| bytemuck::cast([b.min, b.max])).collect();
         let buffer = self.gpu.buffer("boxes", &corners, BufferUsages::VERTEX);
         self.gpu.submit(|encoder| {
@@ -143,10 +149,12 @@ impl CardQueries {
             pass.set_pipeline(&self.pipeline);
             pass.set_bind_group(0, &self.bindings, &[]);
             pass.set_vertex_buffer(0, buffer.slice(..));
-            for query in 0..count {
+            let mut first = 0;
+            for (query, &(_, boxes)) in (0..).zip(&batch.queries) {
                 pass.begin_occlusion_query(query);
-                pass.draw(0..36, query..query + 1);
+                pass.draw(0..36, first..first + boxes);
                 pass.end_occlusion_query();
+                first += boxes;
             }
             drop(pass);
             encoder.resolve_query_set(&batch.set, 0..count, &batch.resolved, 0);
@@ -180,14 +188,15 @@ impl Batch {
     }
 
     /// Delivers the answers of a batch that has arrived. A query that the card lost has no answer.
-    fn hand_over(&self, each: &mut dyn FnMut(u64, bool)) {
+    fn hand_over(&self, each: &mut dyn FnMut(u64, u32)) {
         if self.arrived.get() != Some(&true) {
             return;
         }
         let bytes = self.queries.len() as u64 * 8;
         if let Ok(view) = self.read_back.slice(..bytes).get_mapped_range() {
-            for (&query, samples) in self.queries.iter().zip(view.chunks_exact(8)) {
-                each(query, samples != [0; 8]);
+            for (&(query, _), samples) in self.queries.iter().zip(view.chunks_exact(8)) {
+                // WebGPU promises no count, only that it is 0 where no sample passed.
+                each(query, if samples == [0; 8] { 0 } else { u32::MAX });
             }
         }
         self.read_back.unmap();
@@ -195,12 +204,12 @@ impl Batch {
 }
 
 impl QueryDevice for CardQueries {
-    fn ask(&mut self, query: u64, bounds: &Aabb) {
-        self.asked.push(query);
-        self.boxes.push(*bounds);
+    fn ask(&mut self, query: u64, boxes: &[Aabb]) {
+        self.asked.push((query, boxes.len() as u32));
+        self.boxes.extend_from_slice(boxes);
     }
 
-    fn answers(&mut self, each: &mut dyn FnMut(u64, bool)) {
+    fn answers(&mut self, each: &mut dyn FnMut(u64, u32)) {
         self.frame += 1;
         // Runs callbacks for answers that have arrived. On an error the device is lost, and no answers
         // arrive.

@@ -2,6 +2,7 @@
 
 mod cost;
 mod late_queries;
+mod query_groups;
 
 use visibility_core::geometry::Plane;
 use visibility_core::glam::{Affine3A, DVec3, Quat, Vec3};

@@ -1,0 +1,314 @@
+//! Hardware occlusion queries of the engine as an occlusion map. The graphics card answers some frames late.
+//!
+//! The graphics card compares boxes with the depth buffer that it has drawn (Cohen-Or, Chrysanthou, Silva and
+//! Durand, "A Survey of Visibility for Walkthrough Applications", 2003, sections 6.4 and 6.5: the HP
+//! occlusion-culling test, and Meissner et al.). Waiting for each answer would stall the card, so answers are
+//! collected when they arrive. `boxes.rs` decides which boxes are asked about, and together with which
+//! others.
+//!
+//! # Late answers
+//! An answer for one view proves nothing in another, however near:
+//!
+//! - The eye has moved. Two walls, one farther away than the other, that meet in the picture of the first eye
+//!   hide everything behind both, of any size, while the least step of the eye opens a gap between them
+//!   through which all of it shows. A third wall, seen edge-on, may close that gap and leaves the first depth
+//!   buffer as it is, so that no enlargement of boxes, and no bound on the step, tells from the depths which
+//!   case holds.
+//! - The camera has turned about its eye. The other picture has other samples, and what falls between samples
+//!   of the first may cover one of the second. (A map that used such answers missed .07 objects a frame,
+//!   on average over two scenes.)
+//!
+//! So a moving camera culls without errors only by answers for the present view.
+//! [`HardwareQueries::look_ahead`] gets these: answers for earlier views decide what is drawn *first*, not
+//! what is drawn.
+
+mod boxes;
+mod device;
+
+pub use self::device::QueryDevice;
+
+use self::boxes::{Answer, Boxes};
+use super::{OccluderMesh, Occlusion, Occlusion64, OcclusionMap};
+use crate::binary_format::Fingerprint;
+use crate::{
+    Aabb, Accuracy, View,
+    scene::Boxes64,
+    view::{ViewPlane, ViewPlanes},
+};
+use glam::{Affine3A, DVec3};
+
+/// Policy for query answers that refer to an earlier frame: whether they may hide boxes.
+///
+/// ```
+/// use visibility_core::{occlusion::LateAnswers, Accuracy};
+/// assert_eq!(LateAnswers::Visible.accuracy(), Accuracy::Conservative);
+/// assert_eq!(LateAnswers::Trusted { frames: 2 }.accuracy(), Accuracy::Approximate);
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum LateAnswers {
+    /// An answer is used only if view and occluders are the same as when its query was issued; otherwise the
+    /// box counts as visible. Nothing visible is ever hidden. A still camera culls every hidden box. A moving
+    /// camera culls nothing, since answers arrive at least one frame late, unless the engine
+    /// [looks ahead](HardwareQueries::look_ahead).
+    Visible,
+    /// Answers for a frame at most `frames` frames old are used. An object that comes into view may appear
+    /// late by that number of frames.
+    Trusted {
+        /// Greatest age of a used answer, in frames.
+        frames: u32,
+    },
+}
+
+impl LateAnswers {
+    /// Returns the accuracy of a map with this policy, if the device samples at least as finely as the
+    /// picture and no [samples](HardwareQueries::with_max_samples) are disregarded.
+    pub const fn accuracy(self) -> Accuracy {
+        match self {
+            Self::Visible => Accuracy::Conservative,
+            Self::Trusted { .. } => Accuracy::Approximate,
+        }
+    }
+}
+
+/// An occlusion map over hardware queries, in which boxes count as visible until the device has answered.
+///
+/// Boxes are identified by their exact coordinates: a box that has moved counts as a new box without an
+/// answer, and so does every box once the scene's origin has moved. A box that falls between the samples of
+/// the device counts as hidden, so the map is only as accurate as the resolution of the device.
+///
+/// ```
+/// use visibility_core::{occlusion::{HardwareQueries, LateAnswers}, OcclusionCuller};
+/// # struct Silent;
+/// # impl visibility_core::occlusion::QueryDevice for Silent {
+/// #     fn ask(&mut self, _: u64, _: &[visibility_core::Aabb]) {}
+/// #     fn answers(&mut self, _: &mut dyn FnMut(u64, u32)) {}
+/// # }
+/// # let device = Silent;
+/// let culler = OcclusionCuller::new(HardwareQueries::new(device, LateAnswers::Visible));
+/// # let _ = culler;
+/// ```
+#[derive(Debug)]
+pub struct HardwareQueries<D> {
+    late: LateAnswers,
+    /// Number of frames begun so far, which is also the number of the present frame. All looks at a frame
+    /// share its number.
+    frame: u64,
+    /// Number of the frame in which view or occluders last changed: they have been the same from that frame
+    /// on.
+    since: u64,
+    view: Option<View>,
+    /// Origin of the scene, to which the boxes of `boxes` are relative; NaN before the first
+    /// frame.
+    origin: DVec3,
+    near: Option<ViewPlane>,
+    /// Clip planes of the view. `None` if `f64` cannot represent one of them.
+    clip_planes: Option<ViewPlanes>,
+    /// Hashes of the occluders added in the present frame and in the frame before.
+    drawn: [Fingerprint; 2],
+    /// Whether the present look at the frame is a look ahead.
+    is_ahead: bool,
+    /// Whether the next look will be a look ahead.
+    is_next_ahead: bool,
+    boxes: Boxes<D>,
+}
+
+impl<D: QueryDevice> HardwareQueries<D> {
+    /// Makes a map over a device without any answers, with a policy for answers that arrive late.
+    pub fn new(device: D, late: LateAnswers) -> Self {
+        Self {
+            late,
+            frame: 0,
+            since: 0,
+            view: None,
+            origin: DVec3::NAN,
+            near: None,
+            clip_planes: None,
+            drawn: [Fingerprint::new(); 2],
+            is_ahead: false,
+            is_next_ahead: false,
+            boxes: Boxes::new(device),
+        }
+    }
+
+    /// Returns the query device that the map asks.
+    pub fn device_mut(&mut self) -> &mut D {
+        &mut self.boxes.device
+    }
+
+    /// Sets the number of samples up to which a query counts as hidden. 0 by default. A greater number hides
+    /// objects of which little shows, and makes the map [approximate](Accuracy::Approximate): each query may
+    /// lose as many pixels. It needs a device that counts samples.
+    #[must_use]
+    pub fn with_max_samples(mut self, samples: u32) -> Self {
+        self.boxes.max_samples = samples;
+        self
+    }
+
+    /// Makes the next cull a look ahead at its frame: the cull leaves the objects to draw first. These are
+    /// all objects but those whose newest answer was hidden, whatever its view and age, and new ones. The map
+    /// asks about both, and the device compares them with what has been drawn. A later cull with the same
+    /// view that is no look ahead ends the frame. It leaves what remains to be drawn, and hides by answers
+    /// for this view alone under [`LateAnswers::Visible`].
+    ///
+    /// In between, the engine draws what the look ahead left, and waits for the answers. The scene must not
+    /// change between the looks at a frame. Where a node or a group of boxes comes into view, all objects in
+    /// it count as visible for that frame. A second look ahead asks about each part of these.
+    ///
+    /// ```
+    /// # use visibility_core::{Aabb, Culler, FrustumCuller, ObjectId, Pose, Scene, View, VisibleSet};
+    /// # use visibility_core::glam::DVec3;
+    /// # use visibility_core::{OcclusionCuller, occlusion::{HardwareQueries, LateAnswers, QueryDevice}};
+    /// # struct Card;
+    /// # impl QueryDevice for Card {
+    /// #     fn ask(&mut self, _: u64, _: &[Aabb]) {}
+    /// #     fn answers(&mut self, _: &mut dyn FnMut(u64, u32)) {}
+    /// # }
+    /// # impl Card { fn wait(&mut self) {} }
+    /// fn frame(
+    ///     culler: &mut OcclusionCuller<HardwareQueries<Card>>, scene: &Scene, view: &View,
+    ///     visible: &mut VisibleSet, mut draw_once: impl FnMut(ObjectId),
+    /// ) {
+    ///     for is_ahead in [true, false] {
+    ///         if is_ahead {
+    ///             culler.map_mut().look_ahead();
+    ///         }
+    ///         visible.fill(scene, view);
+    ///         FrustumCuller::new().cull(scene, view, visible);
+    ///         culler.cull(scene, view, visible);
+    ///         visible.iter(scene).for_each(&mut draw_once); // but for what the frame has drawn
+    ///         culler.map_mut().device_mut().wait();
+    ///     }
+    /// }
+    /// # let mut culler = OcclusionCuller::new(HardwareQueries::new(Card, LateAnswers::Visible));
+    /// # let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 9.0);
+    /// # frame(&mut culler, &Scene::new(), &view.unwrap(), &mut VisibleSet::new(), |_| {});
+    /// ```
+    pub fn look_ahead(&mut self) {
+        self.is_next_ahead = true;
+    }
+
+    /// Tells the map that the depth buffer will differ from the frame before for reasons that the map cannot
+    /// see, such as occluders drawn by the engine. To be called before [`begin`](OcclusionMap::begin).
+    /// Answers for earlier frames are then no longer used under [`LateAnswers::Visible`].
+    /// [`LateAnswers::Trusted`] is not affected.
+    pub fn invalidate(&mut self) {
+        self.view = None;
+    }
+
+    /// Returns the result for a box that needs no query: visible if it is not finite, partially visible if it
+    /// reaches the near plane or a clip plane. `None` for all other boxes.
+    fn decided(&self, bounds: &Aabb) -> Option<Occlusion> {
+        if !bounds.is_finite() {
+            return Some(Occlusion::Visible);
+        }
+        // A plane that crosses the box clips it when it is drawn. The remaining part may be hidden by walls
+        // that do not hide the whole box.
+        let is_whole = |plane: &ViewPlane| plane.contains_box(bounds);
+        let unclipped = self.near.is_some_and(|near| is_whole(&near))
+            && self.clip_planes.is_some_and(|planes| planes.as_slice().iter().all(is_whole));
+        (!unclipped).then_some(Occlusion::Partial)
+    }
+
+    /// Returns the result of a test in the present frame, given the newest answer about the box. Visible for
+    /// `None`, a box without an answer.
+    fn judge(&self, answer: Option<Answer>) -> Occlusion {
+        match answer {
+            // Whatever was seen in an earlier frame is worth a look inside.
+            Some(answer) if !answer.is_hidden => Occlusion::Partial,
+            Some(answer) if answer.frame >= self.first_that_counts() => Occlusion::Hidden,
+            // To be asked about before it is drawn.
+            _ if self.is_ahead => Occlusion::Hidden,
+            // Unanswered boxes count as wholly visible, so that no queries are issued for the boxes inside.
+            _ => Occlusion::Visible,
+        }
+    }
+
+    /// Tests a box by the answers that the map has, and notes the box for the next query if one is due.
+    fn note(&mut self, bounds: &Aabb) -> Occlusion {
+        // Trusted answers are always renewed, since `invalidate` need not be called for them.
+        let renewed = if self.late == LateAnswers::Visible { self.since } else { self.frame };
+        self.decided(bounds).unwrap_or_else(|| {
+            let answer = self.boxes.answer(bounds, self.frame, renewed);
+            self.judge(answer)
+        })
+    }
+
+    /// Returns the number of the first frame whose answers may be used in the present frame.
+    fn first_that_counts(&self) -> u64 {
+        match self.late {
+            LateAnswers::Visible => self.since,
+            LateAnswers::Trusted { frames } => self.frame.saturating_sub(u64::from(frames)),
+        }
+    }
+}
+
+impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
+    fn name(&self) -> &str {
+        "hardware queries"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        if self.boxes.max_samples > 0 { Accuracy::Approximate } else { self.late.accuracy() }
+    }
+
+    fn answers_at_once(&self) -> bool {
+        false
+    }
+
+    fn begin(&mut self, view: &View, origin: DVec3) {
+        // A look ahead is followed by another look at the same frame, unless something has changed.
+        let is_same_frame = self.is_ahead && self.view == Some(*view) && self.origin == origin;
+        self.frame += u64::from(!is_same_frame);
+        self.is_ahead = core::mem::take(&mut self.is_next_ahead);
+        self.drawn = [Fingerprint::new(), self.drawn[0]];
+        if self.origin != origin {
+            // The origin has moved, so boxes of equal coordinates are now other boxes.
+            self.reset();
+            self.origin = origin;
+        }
+        if self.view != Some(*view) {
+            self.view = Some(*view);
+            self.since = self.frame;
+        }
+        self.near = view.near_plane(origin);
+        let planes = view.clip_planes_from(origin);
+        self.clip_planes = (planes.as_slice().len() == view.clip_planes().len()).then_some(planes);
+        self.boxes.listen(self.frame);
+    }
+
+    fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
+        let numbers = transform.to_cols_array().map(f32::to_bits).into_iter();
+        let hash = numbers.fold(self.drawn[0], Fingerprint::with);
+        self.drawn[0] = hash.with_u64(occluder.fingerprint().value());
+        self.boxes.device.draw(occluder, transform);
+    }
+
+    fn flush(&mut self) {
+        if self.drawn[0] != self.drawn[1] {
+            self.since = self.frame;
+        }
+    }
+
+    /// Tests a box by the answers that the map has. Issues no query, unlike
+    /// [`test_mut`](OcclusionMap::test_mut).
+    fn test(&self, bounds: &Aabb) -> Occlusion {
+        self.decided(bounds).unwrap_or_else(|| self.judge(self.boxes.known(bounds)))
+    }
+
+    fn test_mut(&mut self, bounds: &Aabb) -> Occlusion {
+        let answer = self.note(bounds);
+        self.boxes.ask(self.frame);
+        answer
+    }
+
+    fn test_64_mut(&mut self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
+        let answer = Occlusion64::of_each(candidates, |lane| self.note(&boxes.get(lane)));
+        self.boxes.ask(self.frame);
+        answer
+    }
+
+    fn reset(&mut self) {
+        self.view = None;
+        self.boxes.reset();
+    }
+}
