@@ -142,12 +142,19 @@ impl Level {
             let is_free = [DVec3::ZERO, side, -side]
                 .iter()
                 .all(|&side| self.is_free(self.places[from] + side, to + side + ahead));
-            if is_free && self.is_free(self.places[from], self.places[from] + side) {
+            let is_free = is_free && self.is_free(self.places[from], self.places[from] + side);
+            let person = self.person(to);
+            if is_free && self.is_in_cells(&person) {
                 self.ways[from].push(self.places.len());
                 self.ways.push(vec![from]);
                 self.places.push(to);
             }
         }
+    }
+
+    /// Returns whether a mover is in the cells. One that is not counts as seeing and seen by all.
+    fn is_in_cells(&mut self, reach: &Reach) -> bool {
+        self.cells.cells_of(reach, &mut Vec::new())
     }
 
     /// Returns the box of a person at a place. `eye` is the position of the person's eyes.
