@@ -31,9 +31,9 @@ fn objects(transfers: &[Transfer]) -> Vec<ObjectId> {
     transfers.iter().map(|transfer| transfer.object).collect()
 }
 
-/// Returns a scene of posts, the first at x = 10 and each of the others 10 m farther than the one before: the
+/// Returns a scene of slabs, the first at x = 10 and each of the others 10 m farther than the one before: the
 /// nearer, the more important, from places below x = 9.
-fn posts(count: usize) -> (Scene, Vec<ObjectId>) {
+fn slabs(count: usize) -> (Scene, Vec<ObjectId>) {
     let mut scene = Scene::new();
     let at = |i: usize| 10.0 * (i + 1) as f32;
     let ids = scene.insert_batch((0..count).map(|i| Aabb::from_arrays([at(i), 0.0, 0.0], [at(i) + 1.0; 3])));
@@ -45,7 +45,7 @@ fn random_updates_keep_to_budget_and_limit_and_never_drop_what_may_be_visible() 
     let mut random = Random(3);
     let (mut dropped, mut spared, mut late) = (0, 0, 0);
     for round in 0..40 {
-        let (mut scene, mut ids) = posts(60);
+        let (mut scene, mut ids) = slabs(60);
         let sizes: Vec<u64> = ids.iter().map(|_| 1 + random.below(50) as u64).collect();
         let limit = 300 + random.below(600) as u64;
         let mut residency = Residency::new(limit);
@@ -94,25 +94,28 @@ fn random_updates_keep_to_budget_and_limit_and_never_drop_what_may_be_visible() 
 
 #[test]
 fn loads_come_by_place_and_then_by_importance() {
-    let (scene, ids) = posts(6);
+    let (mut scene, ids) = slabs(6);
+    // On the other side, as near as the fifth, and larger.
+    let behind = scene.insert(Aabb::from_arrays([-150.0, 0.0, 0.0], [-50.0, 100.0, 100.0]));
     let mut sets = Given::default();
     sets.0.insert(0, vec![ids[0], ids[1], ids[2], ids[5]]);
-    sets.0.insert(1, vec![ids[0], ids[3], ids[4], ids[5]]);
+    sets.0.insert(1, vec![ids[0], ids[3], ids[4], ids[5], behind]);
     let mut residency = Residency::new(100);
     let mut update = |budget| {
         residency.update(&scene, &mut sets, &[place(0.0), place(1.0)], |_| 10, budget);
         (objects(residency.loads()), residency.is_complete())
     };
     assert_eq!(update(0), (vec![], false), "no budget");
-    assert_eq!(update(5), (vec![ids[3]], false), "the nearest that is seen now, 5 bytes over the budget");
+    assert_eq!(update(5), (vec![behind], false), "the largest that is seen now, 5 bytes over the budget");
     assert_eq!(update(5), (vec![], false), "the debt is paid");
-    assert_eq!(update(25), (vec![ids[4], ids[1], ids[2]], true), "then what is seen next, 5 bytes over");
+    assert_eq!(update(25), (vec![ids[3], ids[4], ids[1]], true), "then the others, and what is seen next");
+    assert_eq!(update(10), (vec![ids[2]], true), "5 bytes of debt, and 5 over");
     assert_eq!(update(100), (vec![], true), "what is hidden from both places stays out");
 }
 
 #[test]
 fn what_is_hidden_from_all_places_is_dropped_first_and_what_may_be_visible_never() {
-    let (mut scene, ids) = posts(7);
+    let (mut scene, ids) = slabs(7);
     let mut sets = Given::default();
     sets.0.insert(0, vec![]);
     let mut residency = Residency::new(40);
@@ -135,8 +138,9 @@ fn what_is_hidden_from_all_places_is_dropped_first_and_what_may_be_visible_never
     residency.update(&scene, &mut sets, &places, |_| 10, 1000);
     assert_eq!(objects(residency.drops()), [ids[3]], "all may be needed next: the least important goes");
     assert_eq!((objects(residency.loads()), residency.is_complete()), (vec![ids[6]], true), "all seen now");
-    // What is seen next is loaded, but drops nothing that may be needed at an unknown place before.
-    sets.0.insert(2, ids[3..].to_vec());
+    // What is seen next is loaded, but drops nothing that may be needed at an unknown place before: 0, which
+    // is hidden from the other places.
+    sets.0.insert(2, [&ids[..1], &ids[3..]].concat());
     let later = [place(0.0), place(1.0), place(2.0)];
     residency.update(&scene, &mut sets, &later, |_| 10, 1000);
     assert_eq!((residency.loads(), residency.drops()), (&[][..], &[][..]), "1 and 2 find no room");
@@ -145,11 +149,14 @@ fn what_is_hidden_from_all_places_is_dropped_first_and_what_may_be_visible_never
     assert_eq!(objects(residency.drops()), [ids[0]], "removed objects are dropped without places too");
     residency.update(&scene, &mut sets, &later, |_| 10, 1000);
     assert_eq!(objects(residency.loads()), [ids[1]], "there is room for one");
+    sets.0.insert(1, ids.clone());
+    residency.update(&scene, &mut sets, &later, |_| 10, 1000);
+    assert_eq!((residency.loads(), residency.drops()), (&[][..], &[][..]), "2 is not needed sooner than 1");
 }
 
 #[test]
 fn objects_that_are_never_culled_or_do_not_fit_hold_up_nothing() {
-    let (mut scene, ids) = posts(3);
+    let (mut scene, ids) = slabs(3);
     let never =
         scene.insert(Object { never_cull: true, ..Object::new(Aabb::from_arrays([90.0; 3], [91.0; 3])) });
     let mut sets = Given::default();
@@ -234,6 +241,41 @@ fn a_baked_set_knows_nothing_after_its_occluder_has_changed_or_for_improper_boxe
     assert!(!PvsCuller::new(&sets).write_hidden(&scene.clone(), min, max, &mut hidden), "another scene");
     scene.set_bounds(scene.id_at(0).unwrap(), Aabb::from_arrays([98.0; 3], [99.0; 3])).unwrap();
     assert!(!culler.write_hidden(&scene, min, max, &mut hidden), "an occluder moved, {other}");
+}
+
+#[test]
+fn a_baked_set_knows_nothing_if_an_occluder_may_be_absent() {
+    let (mut scene, _, _) = baked(&mut Random(1));
+    let wall = scene.id_at(0).unwrap();
+    scene.set_layers(wall, 0).unwrap();
+    let pvs = Pvs::new(PvsTargets::Objects, 1, &[vec![]; 1], |_| []).unwrap();
+    let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
+    let sets = ScenePvs::new(&scene, pvs, Viewcells::new([cell]), [(scene.id_at(1).unwrap(), 0)]);
+    let is_known = |sets: &ScenePvs| {
+        PvsCuller::new(sets).write_hidden(&scene, DVec3::ZERO, DVec3::ONE, &mut Bits::EMPTY)
+    };
+    assert!(is_known(&sets), "no occluder");
+    assert!(!is_known(&sets.with_occluders(&scene, [wall])), "an occluder that no view shows");
+}
+
+#[test]
+fn a_box_sees_what_a_viewcell_in_its_middle_sees() {
+    let mut scene = Scene::new();
+    let far = scene.insert(Aabb::from_arrays([90.0; 3], [91.0; 3]));
+    let cells = (0..27).map(|i| {
+        let min = DVec3::new(f64::from(i % 3), f64::from(i / 3 % 3), f64::from(i / 9));
+        Viewcell::from_box(min, min + 1.0)
+    });
+    let rows: Vec<Vec<u32>> = (0..27).map(|i| if i == 13 { vec![0] } else { vec![] }).collect();
+    let pvs = Pvs::new(PvsTargets::Objects, 1, &rows, |_| []).unwrap();
+    let sets = ScenePvs::new(&scene, pvs, Viewcells::new(cells), [(far, 0)]);
+    let is_hidden = |min: f64, max: f64| {
+        let mut hidden = Bits::EMPTY;
+        let [min, max] = [min, max].map(DVec3::splat);
+        assert!(PvsCuller::new(&sets).write_hidden(&scene, min, max, &mut hidden), "from {min} to {max}");
+        hidden.contains(far.index())
+    };
+    assert_eq!([is_hidden(0.1, 0.9), is_hidden(0.5, 2.5)], [true, false], "a corner, and around the middle");
 }
 
 #[test]
