@@ -118,8 +118,10 @@ fn stream(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
         match sets {
             Some(sets) => within(arguments, &world, &mut PvsCuller::new(sets), &mut residency, |_, _| ()),
             None => {
-                let size = on_axes([0.6, 0.6, 0.6], world.source.up);
-                let wide = on_axes([4.0, 4.0, 1.2], world.source.up);
+                // Viewcells hold the box from which lines of sight begin, and some of the way.
+                let side = (4.0 * reach(&world)).max(0.6);
+                let size = on_axes([side, side, side], world.source.up);
+                let wide = on_axes([6.0 * side, 6.0 * side, 2.0 * side], world.source.up);
                 let mut online = OnlinePvs::new(size, wide)?.with_margin(reach(&world));
                 within(arguments, &world, &mut online, &mut residency, |online, places| {
                     online.step(&world.scene, places, arguments.work);
