@@ -132,8 +132,8 @@ fn stream(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Returns the eye of a frame in metres, and its velocity in metres a second. The first frame of a walk has no
-/// velocity.
+/// Returns the eye of a frame in metres, and its velocity in metres a second. The first frame of a walk has
+/// no velocity.
 fn motion(world: &World, frame: usize) -> (DVec3, DVec3) {
     let (pose, walk) = &world.poses[frame];
     let before = frame.checked_sub(1).map(|before| &world.poses[before]);

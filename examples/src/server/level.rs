@@ -182,8 +182,8 @@ impl Level {
     }
 
     /// Returns a random point of a mover within its reach, such that the step from the middle of the body to
-    /// a point of the body, and from there to the result, is unobstructed and ends in the cells: movers do not
-    /// leave a building by its windows.
+    /// a point of the body, and from there to the result, is unobstructed and ends in the cells: movers do
+    /// not leave a building by its windows.
     pub fn point_of(&mut self, reach: &Reach, random: &mut Random) -> DVec3 {
         let middle = (reach.min + reach.max) * 0.5;
         let mut point = middle;

@@ -125,11 +125,11 @@ impl Residency {
     /// `places` are boxes in world space, each given by its minimum and its maximum in metres. `size` gives
     /// the bytes of an object that is to be loaded. All updates are for the same scene.
     ///
-    /// Loads take up to `budget` bytes in the order of their urgency. The last one may exceed the budget; what
-    /// it takes more is subtracted from the next budgets, so that objects of any size are loaded. An object
-    /// larger than the limit of the memory is left out. The first object for which nothing more may be dropped
-    /// ends the loads. Objects that were removed from the scene are always dropped. Without places nothing
-    /// else is loaded or dropped.
+    /// Loads take up to `budget` bytes in the order of their urgency. The last one may exceed the budget;
+    /// what it takes more is subtracted from the next budgets, so that objects of any size are loaded. An
+    /// object larger than the limit of the memory is left out. The first object for which nothing more may be
+    /// dropped ends the loads. Objects that were removed from the scene are always dropped. Without places
+    /// nothing else is loaded or dropped.
     pub fn update(
         &mut self,
         scene: &Scene,
