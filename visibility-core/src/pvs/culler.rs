@@ -457,8 +457,8 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
 impl<S: Borrow<ScenePvs>> HiddenSets for PvsCuller<S> {
     /// Takes the union of the rows of all viewcells that the box touches. The answer is not known where
     /// [`cull`](Culler::cull) hides nothing in every view, and if viewcells do not cover the sides of the
-    /// box: a line of sight from a gap inside leaves the box through a side, or ends at an object in the box, and
-    /// objects in the box are not hidden. Frames are not affected.
+    /// box: a line of sight from a gap inside leaves the box through a side, or ends at an object in the box,
+    /// and objects in the box are not hidden. Frames are not affected.
     fn write_hidden(&mut self, scene: &Scene, min: DVec3, max: DVec3, hidden: &mut Bits) -> bool {
         self.follow(scene);
         let shared = self.shared.borrow();
